@@ -34,6 +34,7 @@ _LONGEST_TURN, _TURNING = 30, 2.5  # of a rotation in place: images, at most; de
 _CHECKED = 4  # parts with a floor that are needed to test whether a reconstruction has one scale
 _OTHER_SCALE, _OTHER_SHARE = 0.06, 0.15  # deviation of the log scale; allowed share of parts beyond it
 _SAME_HEIGHT, _SAME_UP, _SAME_WALL = 0.06, 3.0, 3.0  # largest differences across a turn: logarithm, degrees, degrees
+_STILL = 0.2  # camera heights: largest distance from the end of a piece of a camera that turns there, for it to be kept
 _SHARED = 15  # points shared with another image, at least, for an image of a turn to be kept
 _DEPTH = 2.0  # camera heights: usual distance of points
 _SLIP = 0.1  # usual drift of the log scale from part to part; the floor is more accurate
@@ -122,15 +123,16 @@ def held_together(model: pycolmap.Reconstruction, pieces: Sequence[Sequence[int]
     """Merges the firm `pieces` of an upright reconstruction if the camera only rotated between them.
 
     Two pieces are merged if the height above the floor, the vertical, and the walls agree on both sides. The images of
-    the turn are kept if they share points with those before or after. The largest piece comes first."""
-    own = sorted((list(p) for p in pieces if len(p) >= _LEAST), key=lambda p: p[0])
+    the turn are kept if they share points with those before or after. A turn at the beginning or end of a piece is also
+    kept: its scale is uncertain, but its camera hardly moves. The largest piece comes first."""
+    own = [list(p) for p in pieces if len(p) >= _LEAST]
     rest = [list(p) for p in pieces if len(p) < _LEAST]
-    joined: list[list[int]] = []
-    for piece in own:
-        if joined and joined[-1][-1] < piece[0] and _is_held(model, joined[-1], piece, folder):
-            joined[-1] = joined[-1] + piece
-        else:
-            joined.append(piece)
+    runs = _runs(own)
+    merged = list(range(len(own)))  # the group of each piece
+    for (one, before), (other, after) in zip(runs, runs[1:]):
+        if merged[one] != merged[other] and _is_held(model, before, after, folder):
+            merged = [merged[one] if m == merged[other] else m for m in merged]
+    joined = [sorted(n for p, m in zip(own, merged) if m == group for n in p) for group in sorted(set(merged))]
     shared = shared_points(observations_of(model))
     index = {int(n): k for k, n in enumerate(sorted(model.reg_image_ids()))}
     for group in joined:
@@ -139,7 +141,57 @@ def held_together(model: pycolmap.Reconstruction, pieces: Sequence[Sequence[int]
             if shared[np.ix_([index[n] for n in one], inside)].max() >= _SHARED:
                 group.extend(one)
                 rest.remove(one)
+        for towards in (-1, 1):
+            turn = _turn_next_to(model, group, towards, {n for p in rest for n in p}, shared, index)
+            group.extend(turn)
+            rest = [left for p in rest if (left := [n for n in p if n not in turn])]
     return sorted((sorted(p) for p in [*joined, *rest]), key=len, reverse=True)
+
+
+def _runs(pieces: Sequence[Sequence[int]]) -> list[tuple[int, list[int]]]:
+    """The images of `pieces` in order of time, split where the next image belongs to another piece: the index of the
+    piece, and the images. A camera that comes back returns to an earlier piece. Short runs are left out."""
+    piece = {n: k for k, own in enumerate(pieces) for n in own}
+    runs: list[tuple[int, list[int]]] = []
+    for n in sorted(piece):
+        if runs and runs[-1][0] == piece[n]:
+            runs[-1][1].append(n)
+        else:
+            runs.append((piece[n], [n]))
+    return [(k, run) for k, run in runs if len(run) >= _LEAST]
+
+
+def _turn_next_to(
+    model: pycolmap.Reconstruction,
+    group: Sequence[int],
+    towards: int,
+    loose: set[int],
+    shared: NDArray[np.int64],
+    index: dict[int, int],
+) -> list[int]:
+    """The images before (`towards` -1) or after (1) a group in which the camera rotates in place, one after the other.
+    Images that share too few points with those are left out.
+
+    `loose` are the images of no firm piece. `shared` (I, I) are the points that two images share, with a row
+    for each image number in `index`."""
+    edge = min(group) if towards < 0 else max(group)
+    turn: list[int] = []
+    turned, before = 0.0, model.images[edge].cam_from_world().rotation.matrix()
+    at = center_of(model.images[edge].cam_from_world())
+    for n in range(edge + towards, edge + towards * (_LONGEST_TURN + 1), towards):
+        if n not in loose or abs(n - (turn[-1] if turn else edge)) > _MISSING + 1:
+            break
+        after = model.images[n].cam_from_world().rotation.matrix()
+        turned, before = turned + rotation_angle(after @ before.T), after
+        inside = [index[k] for k in (*group, *turn)]
+        if (
+            turned < _ON_SPOT * abs(n - edge)
+            or np.linalg.norm(center_of(model.images[n].cam_from_world()) - at) > _STILL
+        ):
+            break
+        if shared[index[n], inside].max() >= _SHARED:
+            turn.append(n)
+    return turn
 
 
 def _is_held(model: pycolmap.Reconstruction, before: list[int], after: list[int], folder: Path) -> bool:

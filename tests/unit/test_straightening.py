@@ -10,6 +10,7 @@ import pytest
 from known_reconstruction import center_of, facing, pose, reconstruction, seen_from, turned
 from numpy.typing import NDArray
 
+from nvsim.poses import straightening
 from nvsim.poses.pieces import names_in
 from nvsim.poses.straightening import contradicts_floor, held_together, leveled, straightened
 
@@ -132,6 +133,50 @@ def test_pieces_are_one_only_if_the_building_is_the_same_on_both_sides(tmp_path:
     before, after = list(range(1, LEG + 1)), list(range(LEG + TURN + 1, 2 * LEG + TURN + 1))
     # Nothing is known of walls without images, so nothing is joined.
     assert held_together(model, [before, after], tmp_path) == [before, after]
+
+
+def common_cloud(legs: int) -> pycolmap.Reconstruction:
+    """The true walk, with points that all of its images may see."""
+    true = true_walk(legs)
+    rng = np.random.default_rng(1)
+    points = np.concatenate([center_of(p) + rng.uniform(-5, 5, (60, 3)) for p in true.values()])
+    shown, places = seen_from(true, points, 7.0)
+    return reconstruction(true, points, shown, places)
+
+
+@pytest.mark.parametrize("same", [True, False])
+def test_a_camera_that_comes_back_may_have_two_pieces_that_alternate(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, same: bool
+) -> None:
+    """Loops join the first leg to the third, so that the second leg lies between the images of one piece."""
+    compared: list[tuple[int, int]] = []
+
+    def is_held(model: object, before: list[int], after: list[int], folder: Path) -> bool:
+        compared.append((before[-1], after[0]))
+        return same
+
+    monkeypatch.setattr(straightening, "_is_held", is_held)
+    model = common_cloud(3)
+    legs = [list(range(first, last + 1)) for first, last in stages(3)[::2]]
+    turns = [[n] for first, last in stages(3)[1::2] for n in range(first, last + 1)]
+    found = held_together(model, [legs[0] + legs[2], legs[1], *turns], tmp_path)
+    assert compared[0] == (legs[0][-1], legs[1][0])
+    if same:
+        assert found == [list(range(1, 3 * LEG + 2 * TURN + 1))]
+    else:
+        assert compared[1:] == [(legs[1][-1], legs[2][0])]
+        assert all(not {legs[0][3], legs[1][3]} <= set(piece) for piece in found)
+
+
+def test_a_turn_at_the_end_of_a_piece_is_kept_and_a_walk_is_not(tmp_path: Path) -> None:
+    model = common_cloud(2)
+    (_, last), (_, turned_last), (walk, end) = stages(2)
+    piece, loose = list(range(1, last + 1)), [[n] for n in range(last + 1, end + 1)]
+    found = held_together(model, [piece, *loose], tmp_path)
+    assert set(range(1, turned_last + 1)) <= set(found[0])
+    assert max(found[0]) <= walk  # the walk after the turn has an unknown scale
+    straight_on = held_together(model, [piece[: LEG // 2], *[[n] for n in piece[LEG // 2 :]]], tmp_path)
+    assert straight_on[0] == piece[: LEG // 2]
 
 
 def test_a_stretch_of_another_scale_contradicts_the_floor() -> None:
