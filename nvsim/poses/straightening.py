@@ -34,7 +34,7 @@ _LONGEST_TURN, _TURNING = 30, 2.5  # of a rotation in place: images, at most; de
 _CHECKED = 4  # parts with a floor that are needed to test whether a reconstruction has one scale
 _OTHER_SCALE, _OTHER_SHARE = 0.06, 0.15  # deviation of the log scale; allowed share of parts beyond it
 _SAME_HEIGHT, _SAME_UP, _SAME_WALL = 0.06, 3.0, 3.0  # largest differences across a turn: logarithm, degrees, degrees
-_STILL = 0.2  # camera heights: largest distance from the end of a piece of a camera that turns there, for it to be kept
+_STILL = 0.1  # camera heights: largest distance from the end of a piece of a camera that turns there, for it to be kept
 _SHARED = 15  # points shared with another image, at least, for an image of a turn to be kept
 _DEPTH = 2.0  # camera heights: usual distance of points
 _SLIP = 0.1  # usual drift of the log scale from part to part; the floor is more accurate
@@ -137,10 +137,10 @@ def held_together(model: pycolmap.Reconstruction, pieces: Sequence[Sequence[int]
     index = {int(n): k for k, n in enumerate(sorted(model.reg_image_ids()))}
     for group in joined:
         inside = [index[n] for n in group]
-        for one in [p for p in rest if group[0] < p[0] and p[-1] < group[-1]]:
-            if shared[np.ix_([index[n] for n in one], inside)].max() >= _SHARED:
-                group.extend(one)
-                rest.remove(one)
+        for small in [p for p in rest if group[0] < p[0] and p[-1] < group[-1]]:
+            if shared[np.ix_([index[n] for n in small], inside)].max() >= _SHARED:
+                group.extend(small)
+                rest.remove(small)
         for towards in (-1, 1):
             turn = _turn_next_to(model, group, towards, {n for p in rest for n in p}, shared, index)
             group.extend(turn)
