@@ -12,8 +12,6 @@ from pathlib import Path
 
 import numpy as np
 
-from app.drawing.painter import Renderer
-from app.state.loading import Contents
 from nvsim.capture.types import Alignment, Capture, Frame
 from nvsim.geometry.camera import Camera, look
 from nvsim.geometry.lens import Lens
@@ -22,6 +20,8 @@ from nvsim.occupancy.types import FREE, OCCUPIED, UNKNOWN, OccupancyMap
 from nvsim.project.jobs.commands import JobRecord
 from nvsim.render.backends import RenderOutput
 from nvsim.submaps.split import Submap
+from nvsim_app.drawing.painter import Renderer
+from nvsim_app.state.loading import Contents
 
 WIDTH, DEPTH, HEIGHT, EYE = 14.0, 9.0, 2.8, 1.5
 # Boxes that stand in the room: low corner, high corner, colour.

@@ -29,11 +29,11 @@ from PySide6.QtWidgets import (
     QWidget,
 )
 
-from app.look.labels import MarkedLabel
-from app.panels.help import HelpWindow
-from app.state.loading import Contents
 from nvsim.graph.types import NavGraph, edge
 from nvsim.project.jobs.commands import JobRecord
+from nvsim_app.look.labels import MarkedLabel
+from nvsim_app.panels.help import HelpWindow
+from nvsim_app.state.loading import Contents
 
 EVIL = "EVIL"  # stands in every text from outside
 LONGEST = 2100  # characters of anything that is shown

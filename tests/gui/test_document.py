@@ -9,9 +9,9 @@ import demo_room
 import numpy as np
 from pytestqt.qtbot import QtBot
 
-from app.state.document import Document, Selection
-from app.state.graph_arrays import GraphArrays, TrajectoryArrays
-from app.state.loading import Contents
+from nvsim_app.state.document import Document, Selection
+from nvsim_app.state.graph_arrays import GraphArrays, TrajectoryArrays
+from nvsim_app.state.loading import Contents
 
 
 def test_only_the_parts_that_changed_are_announced(qtbot: QtBot, document: Document) -> None:

@@ -12,14 +12,14 @@ from PySide6.QtCore import Qt
 from PySide6.QtWidgets import QApplication
 from pytestqt.qtbot import QtBot
 
-import app.jobs.queue
-from app.jobs.queue import JobHandle, JobQueue
-from app.panels.jobs import JobPanel
-from app.state.document import Document
+import nvsim_app.jobs.queue
 from nvsim.events import Log, Progress
 from nvsim.project.jobs import worker_lock
 from nvsim.project.jobs.files import STATUS, WISH, JobStatus, encode_status, event_line
 from nvsim.project.jobs.joblist import JobList
+from nvsim_app.jobs.queue import JobHandle, JobQueue
+from nvsim_app.panels.jobs import JobPanel
+from nvsim_app.state.document import Document
 
 TITLES = ("Train", "Build the map", "Evaluate the graph")
 
@@ -69,7 +69,7 @@ def pipeline(tmp_path: Path, qtbot: QtBot, monkeypatch: pytest.MonkeyPatch) -> I
     panel = JobPanel(Document(), queue)
     qtbot.addWidget(panel)
     made = Pipeline(queue, panel)
-    monkeypatch.setattr(app.jobs.queue, "start_worker", lambda root, number, threads: made.started.append(number))
+    monkeypatch.setattr(nvsim_app.jobs.queue, "start_worker", lambda root, number, threads: made.started.append(number))
     queue.follow(jobs.root)
     made.set(1, "running")
     panel.resize(1300, 240)

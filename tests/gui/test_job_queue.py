@@ -12,16 +12,16 @@ import psutil
 import pytest
 from pytestqt.qtbot import QtBot
 
-from app.jobs.history import MOST_POINTS, MOST_WORKERS, JobReport, Series
-from app.jobs.queue import JobHandle, JobQueue
-from app.panels.jobs import JobPanel
-from app.state.document import Document
 from nvsim.events import Event, Failed, Log, Metric, Progress, Worker
 from nvsim.project import ledger
 from nvsim.project.jobs.files import STATUS, encode_status, event_line
 from nvsim.project.jobs.joblist import JobList, JobStatus, State, Wish
 from nvsim.project.jobs.worker_lock import is_held
 from nvsim.project.project import Project
+from nvsim_app.jobs.history import MOST_POINTS, MOST_WORKERS, JobReport, Series
+from nvsim_app.jobs.queue import JobHandle, JobQueue
+from nvsim_app.panels.jobs import JobPanel
+from nvsim_app.state.document import Document
 
 SECONDS = 60_000
 
@@ -88,7 +88,7 @@ def test_heavy_jobs_wait_for_each_other_and_the_worker_hands_on_by_itself(
 
 def test_a_job_outlives_the_process_that_ordered_it(qtbot: QtBot, project: Path) -> None:
     program = (
-        "import sys\nfrom app.jobs.queue import JobQueue\nfrom PySide6.QtCore import QCoreApplication\n"
+        "import sys\nfrom nvsim_app.jobs.queue import JobQueue\nfrom PySide6.QtCore import QCoreApplication\n"
         "from pathlib import Path\napp = QCoreApplication([])\nqueue = JobQueue()\nproject = Path(sys.argv[1])\n"
         "queue.follow(project)\n"
         "queue.start('submaps', ['--project', str(project), '--count', '2'], project, 'Cut')\n"

@@ -10,21 +10,21 @@ import pytest
 from PySide6.QtCore import QPointF, Qt
 from pytestqt.qtbot import QtBot
 
-from app.painting import cameras
-from app.panels.form import KnownLength, words_of
-from app.session import Session
-from app.state.document import Document
-from app.state.loading import prepared
-from app.views.graph_surface import SceneSurface
-from app.wiring.importing import ReimportPart, _config_of, options_of, without_option
-from app.wiring.modes import ModePart
-from app.wiring.panels import MapPart
-from app.wiring.window import MainWindow
 from nvsim.capture.store import save_capture
 from nvsim.capture.types import Cloud
 from nvsim.cli.main import main
 from nvsim.project.config import CaptureConfig
 from nvsim.project.project import Project
+from nvsim_app.painting import cameras
+from nvsim_app.panels.form import KnownLength, words_of
+from nvsim_app.session import Session
+from nvsim_app.state.document import Document
+from nvsim_app.state.loading import prepared
+from nvsim_app.views.graph_surface import SceneSurface
+from nvsim_app.wiring.importing import ReimportPart, _config_of, options_of, without_option
+from nvsim_app.wiring.modes import ModePart
+from nvsim_app.wiring.panels import MapPart
+from nvsim_app.wiring.window import MainWindow
 from tests.unit import textured_room
 
 SECONDS = 120_000

@@ -14,14 +14,14 @@ from PySide6.QtCore import QSettings
 from PySide6.QtWidgets import QApplication
 from pytestqt.qtbot import QtBot
 
-from app.session import Session
-from app.state.loading import Contents, ProjectReader
-from app.state.watcher import FileReader, ProjectWatcher
 from nvsim.cli.main import main
 from nvsim.errors import InputError
 from nvsim.graph.operations import apply
 from nvsim.project.layout import Layout
 from nvsim.project.project import Project
+from nvsim_app.session import Session
+from nvsim_app.state.loading import Contents, ProjectReader
+from nvsim_app.state.watcher import FileReader, ProjectWatcher
 
 
 @pytest.fixture

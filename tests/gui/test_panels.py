@@ -12,16 +12,16 @@ from PySide6.QtCore import Qt
 from PySide6.QtGui import QFontMetricsF
 from pytestqt.qtbot import QtBot
 
-from app.look.notices import Notices
-from app.panels.details import DetailsPanel
-from app.panels.job_plots import StepAxis
-from app.panels.jobs import JobModel, JobPanel, duration
-from app.panels.log import LogPanel
-from app.panels.stages import EmptyState
-from app.panels.submaps import SubmapModel, SubmapPanel
-from app.state.document import Document
-from app.state.loading import Contents
 from nvsim.graph.selection import GraphSelection
+from nvsim_app.look.notices import Notices
+from nvsim_app.panels.details import DetailsPanel
+from nvsim_app.panels.job_plots import StepAxis
+from nvsim_app.panels.jobs import JobModel, JobPanel, duration
+from nvsim_app.panels.log import LogPanel
+from nvsim_app.panels.stages import EmptyState
+from nvsim_app.panels.submaps import SubmapModel, SubmapPanel
+from nvsim_app.state.document import Document
+from nvsim_app.state.loading import Contents
 
 
 @pytest.mark.parametrize("kind", [SubmapModel, JobModel])

@@ -10,10 +10,10 @@ import demo_room
 import pytest
 from PySide6.QtWidgets import QApplication
 
-from app.state.document import Document
-from app.state.loading import Contents
-from app.wiring.frames import FramePart
-from app.wiring.window import MainWindow
+from nvsim_app.state.document import Document
+from nvsim_app.state.loading import Contents
+from nvsim_app.wiring.frames import FramePart
+from nvsim_app.wiring.window import MainWindow
 
 FRAME = 50
 PROJECT = Path("demo.nvsim")

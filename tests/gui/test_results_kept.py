@@ -9,15 +9,15 @@ import pytest
 import tiny_capture
 from pytestqt.qtbot import QtBot
 
-from app.forms.form import CommandForm
-from app.panels.stages import EarlierResults
-from app.panels.submaps import model_words
-from app.session import Session
-from app.state.loading import Contents
-from app.wiring.jobs import JobsPart
 from nvsim.project.earlier_results import what_is_replaced
 from nvsim.project.jobs.commands import JobRecord
 from nvsim.project.project import Project
+from nvsim_app.forms.form import CommandForm
+from nvsim_app.panels.stages import EarlierResults
+from nvsim_app.panels.submaps import model_words
+from nvsim_app.session import Session
+from nvsim_app.state.loading import Contents
+from nvsim_app.wiring.jobs import JobsPart
 
 SECONDS = 240_000  # milliseconds, the first kernels included
 STEPS = 20

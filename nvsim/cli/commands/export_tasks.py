@@ -69,7 +69,7 @@ class ExportTasks:
     asking: Inline[AskingOptions] = field(default_factory=AskingOptions)
     looking: Inline[Looking] = field(default_factory=Looking)
     prompt: Path | None = None
-    """File with the prompt for the model at --endpoint. Default: resources/prompts/instructions.txt."""
+    """File with the prompt for the model at --endpoint. Default: nvsim_resources/prompts/instructions.txt."""
     json: bool = False
     """Print the written files as JSON."""
 

@@ -103,13 +103,13 @@ def _project() -> list[Seed]:
 
 def _contents(path: Path) -> object:
     """Reads everything that the window and the commands read from a database."""
-    from app.state.loading import ProjectReader
     from nvsim.graph.findings import check_graph
     from nvsim.project import ledger
     from nvsim.project.floor_heights import floor_of
     from nvsim.project.graph import context_of, thresholds_of
     from nvsim.project.project import Project
     from nvsim.project.stages import imported
+    from nvsim_app.state.loading import ProjectReader
 
     with Project.open(path) as project:
         project.jobs(), project.results(), project.submaps(), project.graph(), project.scene()
@@ -178,8 +178,8 @@ def _jobs() -> list[Seed]:
 
 def _listed(path: Path) -> object:
     """Lists jobs as the window does, without acting on them."""
-    from app.state.results import result_of_job
     from nvsim.project.jobs.joblist import JobList
+    from nvsim_app.state.results import result_of_job
 
     jobs = JobList(path)
     return [(j, result_of_job(j)) for j in jobs.jobs()], jobs.ran()
@@ -193,8 +193,8 @@ def _events() -> list[Seed]:
 
 def _heard(path: Path) -> object:
     """Follows a job as the window does: every event goes to its log, its curves, and its progress."""
-    from app.jobs.history import JobReport
     from nvsim.project.jobs.files import EventFile
+    from nvsim_app.jobs.history import JobReport
 
     file, history = EventFile(path), JobReport()
     while file.behind:
