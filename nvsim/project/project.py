@@ -22,7 +22,6 @@ from nvsim.files.opening import refuse_links_out
 from nvsim.files.reading import reading
 from nvsim.files.tables import NAME, NUMBER, TEXT, Kind, Row
 from nvsim.graph.types import NavGraph
-from nvsim.project.jobs.commands import JobRecord, read_jobs
 from nvsim.project.layout import ADDED, CLOUD, Layout
 from nvsim.project.state import cuts, database, graph_table, results
 from nvsim.project.state.results import StageResults
@@ -312,10 +311,6 @@ class Project:
         if truth is not None:
             return truth.is_file()
         return self.layout.occupancy.is_file() or self.layout.support.is_file()
-
-    def jobs(self) -> list[JobRecord]:
-        """The newest commands that run or ran on the project, newest first, see `read_jobs`."""
-        return read_jobs(self.connection, self._database, self.layout.lock)
 
     def results(self) -> dict[str, dict[str, Any]]:
         """Name of an evaluation -> its figures. Raises InputError if the database is damaged."""

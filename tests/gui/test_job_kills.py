@@ -149,7 +149,7 @@ def test_when_worker_and_window_die_together_the_next_window_offers_the_job(
     assert isinstance(panel, JobPanel)
     qtbot.waitUntil(panel.offer.isVisible)
     qtbot.mouseClick(panel.offer.go_on, Qt.MouseButton.LeftButton)
-    (handle,) = session.window.jobs.handles
+    handle = session.window.jobs.handles[-1]
     qtbot.waitUntil(lambda: handle.state in ("running", "done"), timeout=int(1000 * SECONDS))
     session.window.jobs.cancel(handle)
     qtbot.waitUntil(lambda: handle.state in ("cancelled", "done"), timeout=int(1000 * SECONDS))
@@ -186,7 +186,7 @@ def test_a_paused_training_frees_the_project_and_survives_the_window(
     qtbot.addWidget(again.window)
     again.window.show()
     again.open(project)
-    (waiting,) = again.window.jobs.handles
+    waiting = again.window.jobs.handles[-1]
     assert waiting.state == "paused"
     again.window.jobs.resume(waiting)
     qtbot.waitUntil(lambda: waiting.state == "done", timeout=int(1000 * SECONDS))

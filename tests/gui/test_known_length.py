@@ -70,7 +70,7 @@ def test_two_clicks_on_the_map_and_the_true_length_set_the_scale(qtbot: QtBot, s
     qtbot.mouseClick(dialog.apply, LEFT)
     qtbot.waitUntil(lambda: document.contents.capture.alignment.scale == pytest.approx(1.0, rel=1e-3), timeout=SECONDS)
     assert document.trajectory.positions[[0, 6]] == pytest.approx(2 * ends, rel=1e-3)
-    (job,) = window.jobs.handles
+    job = window.jobs.handles[-1]
     assert list(job.job.order.arguments[3:]) == [
         "--scale",
         job.job.order.arguments[4],
@@ -93,7 +93,7 @@ def test_a_frame_is_left_out_of_a_project(qtbot: QtBot, session: Session, projec
     qtbot.waitUntil(lambda: len(document.contents.capture.frames) == 11, timeout=SECONDS)
     assert name not in {frame.name for frame in document.contents.capture.frames}
     assert document.contents.capture.alignment.scale == 0.5
-    (job,) = window.jobs.handles
+    job = window.jobs.handles[-1]
     qtbot.waitUntil(lambda: job.state == "done", timeout=SECONDS)
 
 

@@ -59,7 +59,7 @@ def test_a_selected_frame_is_selected_again_until_the_user_clears_it(
     assert (frames(window).shown.frame == FRAME) == in_the_centre
 
     document.select()
-    document.set_contents(replace(contents, jobs=()))  # as jobs go on
+    document.set_contents(replace(contents, training={0: 5}))  # as jobs go on
     document.set_contents(contents)
     assert not document.selection
     window.close()

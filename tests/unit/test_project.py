@@ -10,7 +10,6 @@ from nvsim.errors import InputError
 from nvsim.graph.types import NavGraph, Viewpoint, edge
 from nvsim.project import ledger
 from nvsim.project.config import CaptureConfig, held_out
-from nvsim.project.jobs.commands import JobJournal
 from nvsim.project.project import Project
 
 
@@ -104,13 +103,6 @@ def test_a_stage_is_current_only_for_the_inputs_it_finished_with(project):
     assert ledger.is_current(project, "train", key, 3)
     assert not ledger.is_current(project, "train", "other", 3)
     assert not ledger.begin(project, "train", "other", 3)
-
-
-def test_a_job_whose_process_is_gone_reads_as_interrupted(project):
-    JobJournal(project.connection, "train", lambda event: None)
-    assert project.jobs()[0].state == "running"
-    project.connection.execute("UPDATE jobs SET pid = 999999999")
-    assert project.jobs()[0].state == "interrupted"
 
 
 def test_every_eighth_frame_is_held_out():

@@ -16,6 +16,7 @@ from nvsim.cli.worker import check_order, start_worker
 from nvsim.errors import InputError
 from nvsim.files.opening import is_folder
 from nvsim.project.jobs.files import EventFile
+from nvsim.project.jobs.joblist import STOPPED as AGAIN
 from nvsim.project.jobs.joblist import Job, JobList, State, Wish
 from nvsim.project.layout import Layout
 from nvsim_app.jobs.history import JobReport
@@ -24,7 +25,6 @@ HASTY, LIVELY, CALM = 60, 250, 1000  # milliseconds between two polls: if events
 BYTES_A_LOOK = 48 << 10  # maximum bytes of events per poll, about 3 ms of parsing
 PATIENCE = 15.0  # seconds until a job that does not end on request is killed
 STOPPED: tuple[State, ...] = ("paused", "cancelled")  # by the user, before the end
-AGAIN: tuple[State, ...] = ("paused", "interrupted", "failed", "cancelled")  # can be continued
 ELSEWHERE = "it was ordered elsewhere; inspect it first"
 ORDERED_ELSEWHERE = "This job came with the project from another user; it runs only if you order it again here."
 
@@ -139,7 +139,6 @@ class JobQueue(QObject):
         self._jobs: JobList | None = None
         self.handles: list[JobHandle] = []  # in the order of their creation
         self._watched: set[int] = set()
-        self.ran: dict[int, float] = {}  # see JobList.ran
         self.threads = 0  # maximum number of threads of a job, 0 for all cores
         self._timer = QTimer(self, interval=CALM)
         self._timer.timeout.connect(self._look)
@@ -160,7 +159,7 @@ class JobQueue(QObject):
         if root is not None:
             self._timer.start(CALM)
             self._look()
-            waiting = [h for h in self.handles if h.state in ("interrupted", "paused", "queued")]
+            waiting = [h for h in self.handles if h.job.resumable and h.state in ("interrupted", "paused", "queued")]
             if waiting and not self.running:
                 self.found.emit(waiting)
             foreign = [h for h in self.handles if h.state == "foreign"]
@@ -237,11 +236,13 @@ class JobQueue(QObject):
         it, so these come first."""
         if not handle.ours:
             return ELSEWHERE
+        if not handle.job.resumable:
+            return "it was started in a terminal; run it there again"
         if handle.state in AGAIN:
             return ""
         if handle.state != "queued":
             return f"it is {handle.state}"
-        before = [h for h in self.handles if h.ours and h.number < handle.number and h.job.order.heavy]
+        before = [h for h in self.handles if h.job.resumable and h.number < handle.number and h.job.order.heavy]
         if not handle.job.order.heavy:
             return ""
         if self.busy:
@@ -321,13 +322,14 @@ class JobQueue(QObject):
         waiting = any(h.state in ("running", "queued") for h in handles)
         self._timer.setInterval(HASTY if heard_from is not None and heard_from.behind else LIVELY if waiting else CALM)
         if changed:
-            self.ran = self._jobs.ran()
             self.changed.emit()
         if heard_from is not None:
             self.progressed.emit()
         for handle in ended:
             handle.wish = None
             self.ended.emit(handle)
+            if handle.job.order.folder and handle.state == "done":
+                self.begin_waiting()  # after a command in a terminal no worker does
 
     def _hear(self) -> JobHandle | None:
         """Reads some events of one job, running jobs first. Returns the job, None if there are no events."""

@@ -15,7 +15,7 @@ from nvsim_app.look import colors, lengths
 from nvsim_app.look.labels import Label, MarkedLabel, Value
 from nvsim_app.look.plain_text import marked, plain
 from nvsim_app.look.theme import type_font
-from nvsim_app.panels.submaps import model_words
+from nvsim_app.panels.submaps import model_words, trains
 from nvsim_app.state.directions import Direction, directions, way_between
 from nvsim_app.state.document import Document
 from nvsim_app.state.graph_details import marks_of, of_edge, of_pair, of_several, photographed_of, verdicts
@@ -173,7 +173,7 @@ class DetailsPanel(QScrollArea):
             submap = next(s for s in contents.submaps if s.index == selection.submap)
             info = contents.model_info.get(submap.index)
             facts = {"Frames": str(len(submap.core)), "Shared frames": str(len(submap.frames) - len(submap.core))}
-            facts["Model"] = model_words(contents, submap.index)
+            facts["Model"] = model_words(contents, submap.index, trains(self._document))
             facts |= {_plain(k): _figure(v) for k, v in (info or {}).items() if isinstance(v, str | int | float)}
             self._show(f"Submap {submap.index}", facts, ())
             if info is None:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Hashable
 from dataclasses import dataclass
 
 from PySide6.QtCore import QRect, Qt, Signal
@@ -20,8 +19,7 @@ from PySide6.QtWidgets import (
 )
 
 from nvsim.errors import InputError
-from nvsim.project.jobs.commands import JobRecord
-from nvsim.project.jobs.files import Ran, State
+from nvsim.project.jobs.files import State
 from nvsim.project.jobs.joblist import Job
 from nvsim_app.forms.fields import command_line
 from nvsim_app.jobs.queue import JobHandle, JobQueue
@@ -30,7 +28,6 @@ from nvsim_app.look.labels import InkLabel, Label
 from nvsim_app.look.plain_text import tip
 from nvsim_app.look.table import Column, Index, TableModel, table
 from nvsim_app.look.widgets import DialogButtons
-from nvsim_app.state.document import Document
 
 _STATE_TEXTS = {
     "running": "running",
@@ -71,18 +68,11 @@ def clock(at: float | None) -> str:
 
 @dataclass(frozen=True)
 class Row:
-    """One row of the table.
+    """One row of the table. handle: its key, which stays the same while the project is open."""
 
-    key      the handle, which stays the same while the project is open
-    ordered  time of the order, seconds since the epoch
-    handle   None for a job that was started in a terminal
-    """
-
-    key: Hashable
-    ordered: float
-    handle: JobHandle | None
+    handle: JobHandle
     title: str
-    state: State | Ran
+    state: State
     share: float
     rate: float | None
     left: float | None
@@ -91,12 +81,10 @@ class Row:
     note: str
 
     @staticmethod
-    def of_handle(handle: JobHandle) -> Row:
+    def of(handle: JobHandle) -> Row:
         running, status, history = handle.running, handle.job.status, handle.history
         share = 1.0 if handle.state == "done" else 0.0 if handle.state == "foreign" else history.share
         return Row(
-            handle,
-            handle.job.order.ordered,
             handle,
             handle.title,
             handle.state,
@@ -107,15 +95,6 @@ class Row:
             handle.worked if handle.worked else None,
             handle.message,
         )
-
-    @staticmethod
-    def of_record(record: JobRecord) -> Row:
-        took = (record.finished or time.time()) - record.started
-        known = record.finished or record.state == "running"
-        return Row(
-            record.id, record.started, None, record.stage, record.state, record.progress, None, None,
-            record.started, took if known else None, record.message,
-        )  # fmt: skip
 
 
 def _rate(rate: float | None) -> str:
@@ -144,35 +123,21 @@ class JobModel(TableModel[Row]):
 
     rowsReplaced = Signal()
 
-    def __init__(self, document: Document, queue: JobQueue | None = None, parent: QWidget | None = None) -> None:
-        super().__init__(COLUMNS, parent, key=lambda row: row.key, about=lambda row: row.note, in_place=True)
-        self._document, self._queue = document, queue
+    def __init__(self, queue: JobQueue, parent: QWidget | None = None) -> None:
+        super().__init__(COLUMNS, parent, key=lambda row: row.handle, about=lambda row: row.note, in_place=True)
+        self._queue = queue
         self.replacing = False
         """Whether rows are being added or removed."""
-        document.contentsChanged.connect(self._on_contents)
-        if queue is not None:
-            queue.changed.connect(self.refresh)
-            queue.progressed.connect(self.refresh)
+        queue.changed.connect(self.refresh)
+        queue.progressed.connect(self.refresh)
         self.refresh()
-
-    def _on_contents(self, parts: frozenset[str]) -> None:
-        if "jobs" in parts:
-            self.refresh()
 
     def refresh(self) -> None:
         """Updates the rows."""
-        handles = [] if self._queue is None else self._queue.handles
-        ran = {} if self._queue is None else self._queue.ran
-        rows = [Row.of_handle(h) for h in handles]
-        rows += [
-            Row.of_record(r)
-            for r in self._document.contents.jobs
-            if not (r.pid in ran and r.started >= ran[r.pid] - 1.0)
-        ]
-        before, self.replacing = [row.key for row in self.rows], True
-        self.show(sorted(rows, key=lambda row: row.ordered))
+        before, self.replacing = [row.handle for row in self.rows], True
+        self.show([Row.of(handle) for handle in sorted(self._queue.handles, key=lambda h: h.job.order.ordered)])
         self.replacing = False
-        if before != [row.key for row in self.rows]:
+        if before != [row.handle for row in self.rows]:
             self.rowsReplaced.emit()
 
 

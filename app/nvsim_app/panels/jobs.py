@@ -3,7 +3,7 @@ workers of the running or selected job."""
 
 from __future__ import annotations
 
-from collections.abc import Hashable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from functools import partial
 
 from PySide6.QtCore import Qt, QUrl, Signal
@@ -20,7 +20,6 @@ from nvsim_app.panels.job_plots import JobPlots
 from nvsim_app.panels.job_table import BUTTONS, PROGRESS, ImportedJobDialog, JobModel, JobWorkers, ProgressBar, duration
 from nvsim_app.panels.log import JobLog
 from nvsim_app.panels.training_images import JobPreview
-from nvsim_app.state.document import Document
 from nvsim_app.state.reasons import TRAININGS
 
 __all__ = ["JobModel", "JobPanel", "duration"]
@@ -157,10 +156,10 @@ class JobPanel(QWidget):
     againWanted = Signal(object)
     largeWanted = Signal(object)
 
-    def __init__(self, document: Document, queue: JobQueue | None = None, parent: QWidget | None = None) -> None:
+    def __init__(self, queue: JobQueue, parent: QWidget | None = None) -> None:
         super().__init__(parent)
-        self.queue = queue or JobQueue(self)
-        self.model = JobModel(document, queue, self)
+        self.queue = queue
+        self.model = JobModel(queue, self)
         self.offer = Offer(self.queue, self)
         self.table = table(self.model, self, "Jobs")
         self._shape_table()
@@ -180,10 +179,10 @@ class JobPanel(QWidget):
         self.large.setToolTip(tip("Show the curves and images in a separate window, also beside those of another run"))
         self.large.clicked.connect(self._on_large)
         self.tabs.setCornerWidget(self.large)
-        self._chosen: Hashable = None  # key of the row whose details are shown
+        self._chosen: JobHandle | None = None  # whose details are shown
         self._held = False  # the user selected it; otherwise the running job is shown
         self._following = False  # the panel itself changes the selection
-        self._buttons: dict[Hashable, JobButtons] = {}  # key of a row -> its buttons
+        self._buttons: dict[JobHandle, JobButtons] = {}
         left = QWidget(self)
         column = QVBoxLayout(left)
         column.setContentsMargins(0, 0, 0, 0)
@@ -221,7 +220,7 @@ class JobPanel(QWidget):
     @property
     def handle(self) -> JobHandle | None:
         """The job whose details are shown."""
-        return next((row.handle for row in self.model.rows if row.key == self._chosen), None)
+        return self._chosen if self._chosen in [row.handle for row in self.model.rows] else None
 
     def buttons_of(self, handle: JobHandle) -> JobButtons:
         """The buttons in the row of this job. Raises KeyError if it has none."""
@@ -232,9 +231,9 @@ class JobPanel(QWidget):
         self._select(handle)
         self._held = True
 
-    def _select(self, key: Hashable) -> None:
+    def _select(self, key: JobHandle) -> None:
         self._following = True
-        keys = [row.key for row in self.model.rows]
+        keys = [row.handle for row in self.model.rows]
         if key in keys:
             self.table.selectRow(keys.index(key))
             self.table.scrollTo(self.model.index(keys.index(key), 0))
@@ -248,7 +247,7 @@ class JobPanel(QWidget):
         row = self.model.row(place) if 0 <= place < self.model.rowCount() else None
         if not self._following:
             self._held = row is not None and row.state != "running"
-        key = None if row is None else row.key
+        key = None if row is None else row.handle
         if key == self._chosen:
             return
         self._chosen = key
@@ -264,26 +263,24 @@ class JobPanel(QWidget):
         """Makes the buttons of new rows. Other rows keep theirs, so that a pressed button stays under the mouse."""
         before, self._buttons = self._buttons, {}
         for place, row in enumerate(self.model.rows):
-            if row.handle is None:
-                continue
-            buttons = before.get(row.key)
+            buttons = before.get(row.handle)
             if buttons is None:
                 buttons = JobButtons(self.table)
                 buttons.done.connect(partial(self._do, row.handle.number))
                 self.table.setIndexWidget(self.model.index(place, BUTTONS), buttons)
-            self._buttons[row.key] = buttons
+            self._buttons[row.handle] = buttons
         self._follow()
         self._show_buttons()
 
     def _follow(self) -> None:
         """Selects the running job, unless the user selected another one. Without a running job, the selection stays."""
         rows = self.model.rows
-        keys = [row.key for row in rows]
+        keys = [row.handle for row in rows]
         self._held = self._held and self._chosen in keys
-        running = next((row.key for row in rows if row.state == "running"), None)
+        running = next((row.handle for row in rows if row.state == "running"), None)
         if not self._held and running is not None:
             self._select(running)
-        elif self._chosen in keys:
+        elif self._chosen is not None and self._chosen in keys:
             self._select(self._chosen)
         elif keys:
             self._select(keys[-1])
@@ -312,7 +309,6 @@ class JobPanel(QWidget):
         verb = "" if self.handle is None else self.handle.job.order.verb
         self.large.setVisible(verb in TRAININGS)
         for key, buttons in self._buttons.items():
-            assert isinstance(key, JobHandle)  # only these rows have buttons
             buttons.show_reasons(self._reasons(key))
             buttons.take_focus(key == self._chosen)
 

@@ -49,10 +49,12 @@ class SubmapModel(TableModel[Row]):
         super().__init__(COLUMNS, parent, key=lambda row: row.index)
         self._document = document
         document.contentsChanged.connect(self._on_contents)
+        if document.jobs is not None:
+            document.jobs.changed.connect(self._refresh)
         self._refresh()
 
     def _on_contents(self, parts: frozenset[str]) -> None:
-        if parts & {"submaps", "model_info", "stages", "training", "jobs"}:
+        if parts & {"submaps", "model_info", "stages", "training"}:
             self._refresh()
 
     def _refresh(self) -> None:
@@ -60,7 +62,7 @@ class SubmapModel(TableModel[Row]):
         for submap in contents.submaps:
             info, core = contents.model_info.get(submap.index, {}), len(submap.core)
             psnr = info.get("psnr", info.get("training_psnr"))
-            words = model_words(contents, submap.index)
+            words = model_words(contents, submap.index, trains(self._document))
             rows.append(Row(submap.index, core, len(submap.frames) - core, psnr, info.get("gaussians"), words))
         self.show(rows)
 
@@ -106,8 +108,14 @@ class SubmapPanel(QWidget):
 _TRAINS = ("train", "run", "demo")
 
 
-def model_words(contents: Contents, submap: int) -> str:
-    """The state of a submap's model, for example "trained, 2000 steps · training, step 430"."""
+def trains(document: Document) -> bool:
+    """Whether a job trains the models of the project."""
+    return document.jobs is not None and any(h.job.order.verb in _TRAINS for h in document.jobs.running)
+
+
+def model_words(contents: Contents, submap: int, training: bool) -> str:
+    """The state of a submap's model, for example "trained, 2000 steps · training, step 430". training: whether a job
+    trains models."""
     info, step = contents.model_info.get(submap), contents.training.get(submap)
     if "train" in contents.former:
         words = "models of the previous submaps are shown"
@@ -118,5 +126,4 @@ def model_words(contents: Contents, submap: int) -> str:
         words = "not trained" if step is None else "shown during training"
     if step is None:
         return words
-    trains = any(job.state == "running" and job.stage in _TRAINS for job in contents.jobs)
-    return f"{words} · {'training' if trains else 'unfinished training'}, step {step}"
+    return f"{words} · {'training' if training else 'unfinished training'}, step {step}"

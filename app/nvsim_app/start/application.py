@@ -262,7 +262,7 @@ def _shoot_when_settled(app: QApplication, session: Session, path: Path, seconds
 
     def look() -> None:
         scene, contents = session.window.scene, session.document.contents
-        read = contents.jobs or contents.capture is not None or contents.path is None or clock.elapsed() > 3000
+        read = contents.capture is not None or contents.path is None or clock.elapsed() > 3000
         wants = contents.scene_stamp is not None and not session.window.notice_area.texts
         picture = scene.picture
         sharp = picture is not None and not picture.request.moving and not scene.drawing

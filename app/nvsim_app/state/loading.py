@@ -28,12 +28,11 @@ from nvsim_app.state.graph_files import GraphFile, ProjectGraph
 from nvsim_app.state.side_work import start_reading
 
 if TYPE_CHECKING:
-    from nvsim.project.jobs.commands import JobRecord
     from nvsim.project.project import Project
     from nvsim.reconstruction.report import PosesReport
 
 CONTENT_PARTS = (
-    "capture", "submaps", "graph", "occupancy", "context", "jobs", "scene_stamp", "outline", "model_info", "stages",
+    "capture", "submaps", "graph", "occupancy", "context", "scene_stamp", "outline", "model_info", "stages",
     "results", "training", "cloud", "growing", "poses",
 )  # fmt: skip
 
@@ -72,7 +71,6 @@ class Contents:
     submaps: tuple[Submap, ...] = ()
     graph: NavGraph | None = None
     occupancy: OccupancyMap | None = None
-    jobs: tuple[JobRecord, ...] = ()
     scene_stamp: Hashable | None = None
     model_info: dict[int, dict[str, object]] = field(default_factory=dict)
     stages: frozenset[StageName] = frozenset()
@@ -211,13 +209,9 @@ class ProjectReader:
             self._contents = replace(self._contents, growing=growing, poses=poses)
             yield self._contents
         revision = project.revision()
-        if revision != self._revision:
-            self._contents = replace(self._contents, jobs=tuple(project.jobs()))
-            yield self._contents
         if revision == self._revision and models == self._stamps.get("scene_stamp"):
             return
         self._revision = revision
-        # The results change when a stage ends or is restored; while it runs, only the row of the job changes.
         states = project.stage_results()
         stages = tuple(states.results.items())
         capture, depth = _file_stamp(project.layout.imported / "capture.json"), states.depth

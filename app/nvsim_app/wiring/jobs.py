@@ -64,7 +64,7 @@ class JobsPart(Part):
 
     def docks(self) -> tuple[Dock, ...]:
         w = self.context
-        self.panel = JobPanel(w.document, w.jobs)
+        self.panel = JobPanel(w.jobs)
         self.panel.againWanted.connect(self._open_again)
         w.jobs.heard.connect(self._on_heard)
         w.jobs.ended.connect(self._on_ended)
@@ -219,12 +219,12 @@ class JobsPart(Part):
         elif state == "failed":
             notices.error(f"{handle.title} failed: {handle.message or 'see its messages'}", about=about)
         elif state == "interrupted":
-            words = f"{handle.title} was interrupted. {handle.message} You can continue it in the Jobs panel."
-            notices.warning(words, about=about)
-            self.panel.offer.show_jobs([handle])
+            words = " You can continue it in the Jobs panel." if handle.job.resumable else ""
+            notices.warning(f"{handle.title} was interrupted. {handle.message}{words}", about=about)
+            self.panel.offer.show_jobs([handle] if handle.job.resumable else [])
         waiting = [h for h in self.context.jobs.handles if h.state == "queued" and h.job.order.heavy]
         if state in ("failed", "interrupted") and waiting and not self.context.jobs.busy:
-            held = [handle, *waiting] if state == "interrupted" else waiting
+            held = [handle, *waiting] if state == "interrupted" and handle.job.resumable else waiting
             self.panel.offer.show_jobs(held)
         self.context.window.refreshWanted.emit()
 

@@ -207,8 +207,6 @@ class MainWindow(QMainWindow):
         self.jobs.follow(self.document.project)
 
     def _on_contents(self, parts: frozenset[str]) -> None:
-        if parts == {"jobs"}:
-            return
         contents = self.document.contents
         missing = contents.missing
         nothing = len(self.document.extent) == 0

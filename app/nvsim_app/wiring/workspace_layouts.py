@@ -253,8 +253,6 @@ class WorkspacePart(Part):
             self._soon.start()
 
     def _on_contents(self, parts: frozenset[str]) -> None:
-        if parts == {"jobs"}:
-            return
         if self._reading:
             self._soon.start()
         else:

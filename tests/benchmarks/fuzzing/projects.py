@@ -31,13 +31,11 @@ def project_with_walk() -> Files:
 
     from nvsim.depth.cloud_file import write_cloud
     from nvsim.depth.fusion import FusedCloud
-    from nvsim.events import Done, Log, Progress
     from nvsim.graph.types import NavGraph
     from nvsim.mapping.config import MappingConfig
     from nvsim.project import ledger
     from nvsim.project.config import CaptureConfig
     from nvsim.project.graph import recorded
-    from nvsim.project.jobs.commands import JobJournal
     from nvsim.project.layout import ADDED, CLOUD
     from nvsim.project.project import Project
     from nvsim.project.stages import imported
@@ -65,11 +63,6 @@ def project_with_walk() -> Files:
             for stage in ("submaps", "floors", "train", "map"):
                 ledger.begin(project, stage, f"key of {stage}")
                 ledger.finish(project, stage, 1.5, recorded(MappingConfig()) if stage == "map" else {"psnr": 20.0})
-            for state in ("done", "failed", "running"):
-                journal = JobJournal(project.connection, "map", lambda event: None)
-                for event in (Progress("map", 1, 3), Log("x", "map"), Done("map", "well", {})):
-                    journal(event)
-                journal.end(state, "words")
         database = root / "project.db"
         connection = sqlite3.connect(database)
         connection.execute("PRAGMA wal_checkpoint(TRUNCATE)")
@@ -112,7 +105,7 @@ def _contents(path: Path) -> object:
     from nvsim_app.state.loading import ProjectReader
 
     with Project.open(path) as project:
-        project.jobs(), project.results(), project.submaps(), project.graph(), project.scene()
+        project.results(), project.submaps(), project.graph(), project.scene()
         project.scan_name, thresholds_of(project), imported.capture_config(project)
         for stage in STAGES:
             ledger.record(project, stage)
@@ -131,11 +124,9 @@ def _contents(path: Path) -> object:
 def _written(path: Path) -> object:
     """Writes to a project as a command does."""
     from nvsim.project import ledger
-    from nvsim.project.jobs.commands import JobJournal
     from nvsim.project.project import Project
 
     with Project.open(path, writable=True) as project:
-        JobJournal(project.connection, "map", lambda event: None).end("done")
         ledger.begin(project, "map", "another")
         ledger.finish(project, "map", 1.0, {})
         project.set_graph(row())
@@ -182,7 +173,7 @@ def _listed(path: Path) -> object:
     from nvsim_app.state.results import result_of_job
 
     jobs = JobList(path)
-    return [(j, result_of_job(j)) for j in jobs.jobs()], jobs.ran()
+    return [(j, result_of_job(j)) for j in jobs.jobs()]
 
 
 def _events() -> list[Seed]:
