@@ -114,7 +114,6 @@ def test_a_cell_of_a_wrong_type_is_named(house: Path, statement: str) -> None:
         (f"INSERT INTO results VALUES ('graph', 0, '{'[' * 99999}')", lambda p: p.results()),
         ("INSERT INTO submap_frames VALUES (0, 99, 1)", lambda p: p.submaps()),
         ("INSERT INTO submap_frames VALUES ('a', 'b', 'c')", lambda p: p.submaps()),
-        ("INSERT INTO meta VALUES ('k', x'00')", lambda p: p.meta("k")),
         (
             "INSERT INTO stage_parts VALUES ('in use', 's', 0, 'k', 9e999, 0, '{}', '', '', '')",
             lambda p: p.stage_results(),

@@ -71,8 +71,8 @@ def test_a_kill_between_creation_and_schema_leaves_a_project_that_opens(tmp_path
     root.mkdir()
     sqlite3.connect(root / "project.db").close()
     with Project.create_or_open(root) as project:
-        project.set_meta("a", "b")
-        assert project.meta("a") == "b"
+        project.set_result("graph", {"nodes": 2})
+        assert project.results() == {"graph": {"nodes": 2}}
 
 
 def test_a_graph_comes_back_in_order(project):
@@ -88,9 +88,9 @@ def test_a_graph_comes_back_in_order(project):
 
 def test_a_transaction_is_all_or_nothing(project):
     with pytest.raises(RuntimeError), project.transaction() as c:
-        c.execute("INSERT INTO meta VALUES ('half', 'done')")
+        c.execute("INSERT INTO results VALUES ('half', 0, '{}')")
         raise RuntimeError
-    assert project.meta("half") is None
+    assert project.results() == {}
 
 
 def test_a_stage_is_current_only_for_the_inputs_it_finished_with(project):

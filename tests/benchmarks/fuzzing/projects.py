@@ -53,7 +53,6 @@ def project_with_walk() -> Files:
             graph: NavGraph = row()
             project.set_graph(graph)
             project.set_result("views", {"psnr": 27.5, "rows": [{"submap": 0, "ssim": 0.8}]})
-            project.set_meta("scan_name", "row")
             ledger.begin(project, "depth", "key of depth")
             one = np.ones((1, 3), np.float32)
             fused = FusedCloud(one, one.astype(np.uint8), one, np.ones(1, np.uint16))
