@@ -80,18 +80,7 @@ class ExportTasks:
         from nvsim.dataset.tasks import STAGE, TaskOptions, make_tasks
         from nvsim.events import Done, silent
 
-        options = TaskOptions(
-            self.unseen,
-            self.instructions,
-            self.landmarks,
-            self.register,
-            self.vlnce,
-            self.streamvln,
-            self.amounts,
-            self.bounds,
-            self.rxr,
-            self.goals,
-        )
+        options = TaskOptions.of(self)
         if self.asked.endpoint is not None:
             _check_endpoint(self)
         graphs, clouds = _graphs(self)
