@@ -16,12 +16,12 @@ from PySide6.QtGui import QMouseEvent
 from PySide6.QtTest import QTest
 from PySide6.QtWidgets import QApplication, QDockWidget
 
-from app.painting.cameras import ViewPose
-from app.wiring.checking import ComparePart
 from nvsim.cli.main import main as nvsim
 from nvsim.graph.selection import GraphSelection
 from nvsim.graph.types import NavGraph
 from nvsim.occupancy.paths import segment_is_free
+from nvsim_app.painting.cameras import ViewPose
+from nvsim_app.wiring.checking import ComparePart
 
 SIZE = (1172, 700)
 SHIFT = Qt.KeyboardModifier.ShiftModifier

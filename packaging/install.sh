@@ -10,4 +10,4 @@ shift
 # Compiling every module of every package takes longer than unpacking them; Python compiles those that are used.
 "$venv/bin/python" -m pip install --quiet --disable-pip-version-check --no-compile -c "$here/constraints.txt" "$@"
 # Else the first window would move in jerks for half a minute. Without it the window does it by itself.
-"$venv/bin/python" -P -m app.drawing.compilation || echo "The window will compile what it draws with." >&2
+"$venv/bin/python" -P -m nvsim_app.drawing.compilation || echo "The window will compile what it draws with." >&2

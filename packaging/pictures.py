@@ -21,17 +21,17 @@ from PySide6.QtCore import QSettings, Qt
 from PySide6.QtGui import QImage
 from PySide6.QtWidgets import QApplication, QDockWidget
 
-from app.agent.state import AgentState
-from app.look import theme
-from app.panels.jobs import JobPanel
-from app.panels.results import ResultPanel
-from app.session import Session
-from app.start.application import make_application
-from app.thresholds.calibration_panel import CalibrationPanel
-from app.wiring.agent import AgentPart
-from app.wiring.frames import FramePart
-from app.wiring.inspector import InspectorPart
-from app.wiring.jobs import JobsPart
+from nvsim_app.agent.state import AgentState
+from nvsim_app.look import theme
+from nvsim_app.panels.jobs import JobPanel
+from nvsim_app.panels.results import ResultPanel
+from nvsim_app.session import Session
+from nvsim_app.start.application import make_application
+from nvsim_app.thresholds.calibration_panel import CalibrationPanel
+from nvsim_app.wiring.agent import AgentPart
+from nvsim_app.wiring.frames import FramePart
+from nvsim_app.wiring.inspector import InspectorPart
+from nvsim_app.wiring.jobs import JobsPart
 
 SIZE = (1280, 780)
 STEP = 5  # of 256 to which colours are rounded: what an eye does not see, and half of the bytes

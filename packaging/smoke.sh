@@ -15,11 +15,12 @@ bin="$work/venv/bin"
 rm -r "$work/sources"
 cd "$work"
 "$bin/python" - <<'PYTHON'
-import importlib.resources, pathlib, nvsim, app, resources
-for package in (nvsim, app, resources):
+import importlib.metadata, pathlib, nvsim, nvsim_app, nvsim_resources
+for package in (nvsim, nvsim_app, nvsim_resources):
     assert "site-packages" in package.__file__, package.__file__
-files = [p.name for p in importlib.resources.files("resources").iterdir()]
-assert len(files) > 1, files
+files = [str(path) for path in importlib.metadata.files("nvsim")]
+assert all(path.startswith(("nvsim", "../../../bin/nvsim")) for path in files), files
+assert "nvsim_resources/models/moge-2.toml" in files and not any("docs/" in path for path in files), files
 from nvsim.building import BuildingConfig, generate
 generate(pathlib.Path("building"), BuildingConfig(size="small", width=160, height=120, step=0.8, turn=30.0))
 PYTHON

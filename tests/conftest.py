@@ -111,7 +111,7 @@ def ray_head() -> Iterator[str]:
         patch.setenv("RAY_AUTH_MODE", "token")
         patch.setenv("RAY_AUTH_TOKEN", secrets.token_hex(32))
         patch.setenv("RAY_USAGE_STATS_ENABLED", "0")
-        paths = os.pathsep.join(map(str, (REPOSITORY, REPOSITORY / "tests" / "pipeline")))
+        paths = os.pathsep.join([*filter(None, sys.path), str(REPOSITORY / "tests" / "pipeline")])
         command = [sys.executable, "-m", "ray.scripts.scripts", "start", "--head", f"--port={port}", "--num-cpus=2",
                    "--include-dashboard=false", "--object-store-memory=100000000", "--block",
                    f"--temp-dir={short}"]  # fmt: skip

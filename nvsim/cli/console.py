@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import sys
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
 
@@ -15,6 +15,7 @@ from nvsim.plain_text import printable
 
 _heard_by: Listener | None = None
 _verb = ""  # the running command
+_arguments: tuple[str, ...] = ()  # its arguments
 _stage = ""  # the stage of the last event
 _terminal: _Terminal | None = None  # the progress display on the screen
 
@@ -30,10 +31,20 @@ def heard_by(listen: Listener) -> Iterator[None]:
         _heard_by = None
 
 
-def advise(verb: str) -> None:
+def advise(verb: str, arguments: Sequence[str] = ()) -> None:
     """Sets the command for whose options messages are renamed, see `nvsim.cli.advice`."""
-    global _verb, _stage
-    _verb, _stage = verb, ""
+    global _verb, _arguments, _stage
+    _verb, _arguments, _stage = verb, tuple(arguments), ""
+
+
+def command() -> tuple[str, tuple[str, ...]] | None:
+    """Verb and arguments of the running command; None if the library is called directly."""
+    return (_verb, _arguments) if _verb else None
+
+
+def heard() -> bool:
+    """Whether the events of this process go to another listener, see `heard_by`."""
+    return _heard_by is not None
 
 
 def in_words(text: str, stage: str = "") -> str:

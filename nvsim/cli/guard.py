@@ -32,7 +32,7 @@ def guarded(verb: str, command: type[Command], argv: list[str]) -> int:
     signal.signal(signal.SIGTERM, _stop)
     signal.signal(signal.SIGINT, _stop)
     as_json = "--json" in argv
-    advise(verb)
+    advise(verb, argv)
     try:
         code = parse(command, argv, verb).run()
         sys.stdout.flush()

@@ -1,15 +1,17 @@
-"""The session of a command on a project: the writer's lock, the job's row, and the listener."""
+"""The session of a command on a project: the writer's lock, the job that records it, and the listener."""
 
 from __future__ import annotations
 
+import os
+import time
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import closing, contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from nvsim.cli.console import listening
+from nvsim.cli import console
 from nvsim.errors import InputError
-from nvsim.events import Listener
+from nvsim.events import Event, Listener, Log
 
 if TYPE_CHECKING:
     from nvsim.project.project import Project
@@ -17,25 +19,55 @@ if TYPE_CHECKING:
 
 @contextmanager
 def working(path: Path, verb: str, as_json: bool, create: bool = False) -> Iterator[tuple[Project, Listener]]:
-    """Opens the project for writing and keeps a row for the job until the block ends. Raises InputError if the project
-    cannot be opened."""
-    from nvsim.project.jobs.commands import JobJournal
+    """Opens the project for writing, and records the command as a job until the block ends. Raises InputError if the
+    project cannot be opened."""
     from nvsim.project.project import Project
 
     project = Project.create_or_open(path) if create else Project.open(path, writable=True)
-    with project, listening(as_json) as listen:
-        journal = JobJournal(project.connection, verb, listen)
+    with project, console.listening(as_json) as listen, _recorded(project, verb, listen) as hear:
         try:
             _refuse_without_images(project, verb)
-            yield project, journal
-        except Exception as error:
-            journal.end("failed", str(error))
+            yield project, hear
+        except Exception:
             project.discard_if_new()
             raise
-        except BaseException:
-            journal.end("stopped", "stopped by request")
+
+
+@contextmanager
+def _recorded(project: Project, verb: str, listen: Listener) -> Iterator[Listener]:
+    """Keeps the job folder of this command. The worker of a job of the window has one already."""
+    if console.heard():
+        yield listen
+        return
+    from nvsim.project.jobs.files import EventWriter
+    from nvsim.project.jobs.joblist import JobList, Order
+    from nvsim.project.layout import Layout
+    from nvsim.project.work import WORK
+
+    verb, arguments = console.command() or (verb, ())
+    row = WORK.get(verb)
+    title, heavy = (f"nvsim {verb}", True) if row is None else (row.title, row.heavy)
+    jobs = JobList(project.root)
+    job = jobs.begin(Order(verb, arguments, title, heavy, time.time(), os.getcwd()))
+    with closing(EventWriter(job.events)) as record:
+
+        def hear(event: Event) -> None:
+            record(event)
+            listen(event)
+
+        record(Log("Started." if job.status.worked == 0 else "Continued."))
+        try:
+            yield hear
+        except Exception as error:
+            if Layout(project.root).database.exists():
+                jobs.finish(job, 2, str(error))
+            else:
+                jobs.discard(job)  # a refused import leaves no files
             raise
-        journal.end("done")
+        except BaseException:
+            jobs.finish(job, 130, "")
+            raise
+        jobs.finish(job, 0, record.message)
 
 
 def _refuse_without_images(project: Project, verb: str) -> None:

@@ -39,8 +39,8 @@ def offer(project: Path, wanted: bool) -> int:
 
 def open_window(arguments: list[str]) -> int:
     """Runs the window until it is closed; returns its exit code."""
-    # -P: do not import a folder called app from the current folder.
-    return subprocess.call([sys.executable, "-P", "-m", "app", *arguments])
+    # -P: do not import packages from the current folder.
+    return subprocess.call([sys.executable, "-P", "-m", "nvsim_app", *arguments])
 
 
 def measured_by_window(arguments: Sequence[str], environment: Mapping[str, str] | None = None) -> dict[str, Any]:
@@ -51,7 +51,11 @@ def measured_by_window(arguments: Sequence[str], environment: Mapping[str, str] 
         if not has_display():
             environment["QT_QPA_PLATFORM"] = "offscreen"
     result = subprocess.run(
-        [sys.executable, "-P", "-m", "app", *arguments], env=environment, capture_output=True, text=True, check=False
+        [sys.executable, "-P", "-m", "nvsim_app", *arguments],
+        env=environment,
+        capture_output=True,
+        text=True,
+        check=False,
     )
     if result.returncode != 0:
         last = (result.stderr.strip().splitlines() or ["no message"])[-1]

@@ -15,18 +15,17 @@ import os
 import signal
 import subprocess
 import sys
-import time
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
 from nvsim.cli.terminal import say
 from nvsim.errors import InputError, shown
-from nvsim.events import Done, Event, Failed, Log
+from nvsim.events import Failed, Log
 from nvsim.files.atomic import as_input_error
 from nvsim.files.opening import own_file, read_end
 from nvsim.kernel_threads import limit
-from nvsim.project.jobs.files import event_line
+from nvsim.project.jobs.files import EventWriter
 from nvsim.project.jobs.joblist import Job, JobList
 from nvsim.project.work import WORK
 
@@ -136,38 +135,27 @@ def _run(jobs: JobList, job: Job) -> tuple[int, str]:
     try:
         _redirect(1, job.output)
         _redirect(2, job.messages)
-        events = own_file(job.events, os.O_WRONLY | os.O_CREAT | os.O_APPEND)
+        hear = EventWriter(job.events)
     except OSError as error:
         return 2, str(as_input_error(Path(error.filename or job.folder), error))
-    message = ""
-
-    with os.fdopen(events, "ab", buffering=0) as file:
-
-        def write(event: Event) -> None:
-            with contextlib.suppress(OSError):  # if the disk is full, the command itself reports it
-                file.write(event_line(event, time.time()).encode())
-
-        def hear(event: Event) -> None:
-            nonlocal message
-            if isinstance(event, Failed):
-                message = event.message
-            elif isinstance(event, Done) or (isinstance(event, Log) and event.stage):
-                message = event.summary if isinstance(event, Done) else event.text
-            write(event)
-
-        hear(Log("Started." if job.status.worked == 0 else "Continued."))
-        try:
-            check_order(jobs.root, job.order.verb, job.order.arguments)
-            with heard_by(hear):
-                code = command([*job.order.verb.split(), *job.order.arguments])
-        except InputError as error:
-            code, message = 2, str(error)
-            write(Failed(job.order.verb, message, code))
-        except SystemExit as stop:  # an invalid option, which the parser reported on stderr
-            code = stop.code if isinstance(stop.code, int) else 2
-            if code:
-                write(Failed(job.order.verb, "an option is invalid; see its messages", code))
-                message = "An option is invalid; see the log."
+    hear(Log("Started." if job.status.worked == 0 else "Continued."))
+    try:
+        if job.order.folder:
+            os.chdir(job.order.folder)
+        check_order(jobs.root, job.order.verb, job.order.arguments)
+        with heard_by(hear):
+            code = command([*job.order.verb.split(), *job.order.arguments])
+    except InputError as error:
+        code = 2
+        hear(Failed(job.order.verb, str(error), code))
+    except OSError as error:  # the folder of the order is gone
+        code = 2
+        hear(Failed(job.order.verb, str(as_input_error(Path(job.order.folder), error)), code))
+    except SystemExit as stop:  # an invalid option, which the parser reported on stderr
+        code = stop.code if isinstance(stop.code, int) else 2
+        if code:
+            hear(Failed(job.order.verb, "An option is invalid; see the log.", code))
+    message = hear.message
     return code, message or (_last_words(job.output) if code == 0 else "")
 
 

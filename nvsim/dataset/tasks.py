@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import asdict, dataclass, field, replace
+from dataclasses import asdict, dataclass, field, fields, replace
 from pathlib import Path
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
@@ -59,6 +59,11 @@ class TaskOptions:
     bounds: Bounds = field(default_factory=Bounds)
     rxr: bool = False
     goals: bool = False
+
+    @classmethod
+    def of(cls, command: Any) -> TaskOptions:
+        """The options of a command that has them under the same names."""
+        return cls(**{option.name: getattr(command, option.name) for option in fields(cls)})
 
     @property
     def strips(self) -> bool:

@@ -11,12 +11,12 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-import resources
+import nvsim_resources
 from nvsim.endpoint.request import Part
 from nvsim.errors import InputError
 from nvsim.files.opening import read_text
 
-FOLDER = Path(resources.__file__).parent / "prompts"
+FOLDER = Path(nvsim_resources.__file__).parent / "prompts"
 _SECTION = re.compile(r"\[([a-z ]+)\]\s*")
 _PLACE = re.compile(r"\$(?:(\$)|([a-z_]+)|\{([a-z_]+)\}|())")
 _LARGEST = 1 << 20  # bytes

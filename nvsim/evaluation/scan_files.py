@@ -22,6 +22,7 @@ from nvsim.files.opening import is_regular, read_bytes
 from nvsim.geometry.camera import Camera, Intrinsics, look
 from nvsim.geometry.directions import HEIGHT, NAMES, WIDTH, face_axes
 from nvsim.geometry.floor_surface import FloorSurface
+from nvsim.geometry.rotation import rotation_angle
 from nvsim.graph.connectivity import SUFFIX, cut_off, read_connectivity, read_scans
 from nvsim.graph.types import NavGraph
 from nvsim.r2r.observations.export import GRAPH, PLANS, UNSEEN
@@ -238,7 +239,7 @@ def _turn(rays: NDArray[np.float64], seen: NDArray[np.float64]) -> float:
     """Degrees of the rotation that best maps `rays` (N, 3) to `seen` (N, 3) (Kabsch 1976)."""
     u, _, v = np.linalg.svd(rays.T @ seen)
     u[:, -1] *= np.sign(np.linalg.det(u @ v))
-    return math.degrees(math.acos(min(1.0, (np.trace(u @ v) - 1) / 2)))
+    return rotation_angle(u @ v)
 
 
 def _angles(a: NDArray[np.float64], b: NDArray[np.float64]) -> NDArray[np.float64]:

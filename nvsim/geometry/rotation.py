@@ -20,6 +20,11 @@ def matrix_from_quaternion(quaternion: ArrayLike) -> NDArray[np.float64]:
     return np.stack([np.stack(row, axis=-1) for row in rows], axis=-2)
 
 
+def rotation_angle(rotation: NDArray[np.floating]) -> float:
+    """Angle of a rotation (3, 3), degrees."""
+    return float(np.degrees(np.arccos(np.clip((np.trace(rotation) - 1) / 2, -1, 1))))
+
+
 def is_rigid(pose: NDArray[np.float64]) -> bool:
     """Whether a (4, 4) matrix is a finite rotation (determinant +1) and translation with last row 0 0 0 1."""
     if pose.shape != (4, 4) or not np.isfinite(pose).all():

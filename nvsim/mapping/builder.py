@@ -52,18 +52,13 @@ class BuildResult:
     graph     the navigation graph
     report    JSON values: viewpoints, edges, components, component_sizes, starts, rendered_viewpoints, rendered_views,
               seconds in total and search_seconds before settling, viewpoints_per_s, decisions (word -> count),
-              walk_uncovered (positions without a viewpoint), detours (removed edges), isolated_removed, limited,
-              stopped
+              walk_uncovered (positions without a viewpoint), led_around (removed edges), isolated_removed, limited
     measured  all evidence, as a graph without viewpoints; includes evidence of viewpoints that `graph` does not have
     """
 
     graph: NavGraph
     report: dict[str, Any]
     measured: NavGraph
-
-
-def _never() -> bool:
-    return False
 
 
 def build_map(
@@ -79,7 +74,6 @@ def build_map(
     remembered: NavGraph | None = None,
     scanned: bool = True,
     listen: Listener = silent,
-    should_stop: Callable[[], bool] = _never,
     keep: Callable[[NavGraph], None] | None = None,
 ) -> BuildResult:
     """Build the navigation graph of the camera positions `trajectory` (N, 3), meters, world. The search begins at
@@ -118,7 +112,7 @@ def build_map(
         if keep is not None:
             keep(measured())
 
-    explorer = _Explorer(search, walk, config, listen, should_stop, keep_evidence)
+    explorer = _Explorer(search, walk, config, listen, keep_evidence)
     if start is not None or config.starts == "one":
         explorer.begin(walk.places[0] if start is None else start)
     if config.starts == "cover":
@@ -130,12 +124,12 @@ def build_map(
         if in_one_room:
             explorer.begin_beside()
     draft, searched = search.draft, time.monotonic()
-    if config.settle and not should_stop():
-        Settling(survey, should_stop, explorer.settling).run()
+    if config.settle:
+        Settling(survey, explorer.settling).run()
     detours = 0
     if config.around and not scanned:
         detours = _cut_detours(draft, TrajectoryDetour(walk, config.around), survey)
-    if not draft.viewpoints and not should_stop():
+    if not draft.viewpoints:
         raise NoViewpointFound(explain_no_viewpoint(search.refusals, config))
     uncovered = [p for p in walk.places if not explorer.is_covered(p)]
     alone = [id for id in draft.viewpoints if not draft.joined(id)] if len(draft.viewpoints) > 1 else []
@@ -143,14 +137,13 @@ def build_map(
     for id in isolated:
         draft.remove(id)
     graph = keep_edits(draft.graph(), previous)
-    if not should_stop():
-        explorer.finish()
+    explorer.finish()
     seconds = time.monotonic() - started
     words: dict[str, int] = {}
     for evidence in graph.evidence.values():
         words[evidence.decision] = words.get(evidence.decision, 0) + 1
     groups = components(graph)
-    disconnection = "" if should_stop() else explain_disconnected_parts(groups, survey, support)
+    disconnection = explain_disconnected_parts(groups, survey, support)
     report = {
         "viewpoints": len(graph.viewpoints),
         "edges": len(graph.edges),
@@ -167,11 +160,10 @@ def build_map(
         "led_around": detours,
         "isolated_removed": len(isolated),
         "limited": search.limited,
-        "stopped": should_stop(),
     }
     _say(report, len(walk.places), disconnection, config, listen)
     sentence = explain_small_graph(report, np.array(uncovered), len(walk.places))
-    if sentence and not should_stop():
+    if sentence:
         listen(Warning(sentence, STAGE))
     return BuildResult(graph, report, measured())
 
@@ -231,11 +223,10 @@ class _Explorer:
         walk: Walk,
         config: MappingConfig,
         listen: Listener,
-        should_stop: Callable[[], bool],
         keep: Callable[[], None],
     ) -> None:
         self._search, self._walk, self._config = search, walk, config
-        self._listen, self._should_stop = listen, should_stop
+        self._listen = listen
         self._tried: set[int] = set()
         self._reach = config.cover_distance
         self._covered = Covered(walk.places, search.draft, config.cover_distance, self.is_covered)
@@ -245,7 +236,7 @@ class _Explorer:
     def begin(self, place: NDArray[np.floating]) -> None:
         """Start at one position (3,), on the trajectory or beside it."""
         if self._search.start(place):
-            self._search.run(self._should_stop, self.progress)
+            self._search.run(self.progress)
             self.progress()
 
     def cover(self) -> None:
@@ -254,15 +245,13 @@ class _Explorer:
         # Stable sort: of equal clearances, the earliest position comes first. The order is fixed, so one pass visits
         # every position.
         for place in np.argsort(-np.round(self._walk.clearance, 6), kind="stable"):
-            if self._should_stop():
-                return
             if not self.is_covered(self._walk.places[place]):
                 self._start(int(place))
 
     def bridge(self) -> None:
         """Start searches in gaps, where the graph does not follow the trajectory."""
         progress = True
-        while progress and not self._should_stop():
+        while progress:
             progress = False
             for i in self._gaps():
                 for k in [i + d for n in range(_TRIES) for d in (-n, n + 1)]:
@@ -281,8 +270,6 @@ class _Explorer:
     def begin_beside(self) -> None:
         """Start on the known floor beside the trajectory."""
         for place in self._walk.beside(self._config.half_width, _BESIDE):
-            if self._should_stop():
-                return
             self.begin(place)
 
     def cover_closely(self) -> None:
@@ -325,7 +312,7 @@ class _Explorer:
         if not self._search.start(self._walk.places[place]):
             self._covered.give_up(place)
             return False
-        self._search.run(self._should_stop, self.progress)
+        self._search.run(self.progress)
         self.progress()
         return True
 

@@ -147,7 +147,7 @@ def _name_of(path: Path) -> str:
 
 
 def bundled() -> list[Model]:
-    """The models that come with NVSim. Their descriptions are in `resources/models/bundled`."""
+    """The models that come with NVSim. Their descriptions are in `nvsim_resources/models/bundled`."""
     found = []
     for name, role in _OURS.items():
         path = FOLDER / BUNDLED / f"{role}.toml"

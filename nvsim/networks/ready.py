@@ -11,7 +11,7 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
-import resources
+import nvsim_resources
 from nvsim.errors import InputError, shown
 from nvsim.files.opening import read_text
 from nvsim.networks.binding import bind, words
@@ -20,7 +20,7 @@ from nvsim.networks.onnx_session import Node, Signature
 from nvsim.networks.parsing import description_in
 from nvsim.networks.toml_table import LARGEST, Table, parsed
 
-FOLDER = Path(resources.__file__).parent / "models"
+FOLDER = Path(nvsim_resources.__file__).parent / "models"
 _AGAIN = "save it as UTF-8"
 
 

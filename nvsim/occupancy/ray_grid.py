@@ -136,17 +136,6 @@ class RayGrid:
         self._settle(count)
         return hidden
 
-    def log_odds_at(self, places: Float64) -> NDArray[np.float32]:
-        """(N,) float32 log-odds of the voxels at `places` (N, 3), meters, world; 0 if unknown, NaN outside the band."""
-        at = np.floor(self._in_voxels(places)).astype(np.int64)
-        rows, columns = self._base.shape
-        inside = (at[:, 0] >= 0) & (at[:, 0] < columns) & (at[:, 1] >= 0) & (at[:, 1] < rows)
-        c, r = np.where(inside, at[:, 0], 0), np.where(inside, at[:, 1], 0)
-        k = at[:, 2] - self._base[r, c]
-        inside &= (k >= 0) & (k < self.band)
-        found = self._log_odds[np.where(inside, (r * columns + c) * self.layers + k, 0)]
-        return np.where(inside, found, np.float32(np.nan))
-
     def flat(self) -> OccupancyMap:
         """The 2D map of the voxels, cropped to the known cells.
 

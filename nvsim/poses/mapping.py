@@ -9,6 +9,7 @@ import numpy as np
 import pycolmap
 from numpy.typing import NDArray
 
+from nvsim.geometry.rotation import rotation_angle
 from nvsim.poses.match_database import Pair
 from nvsim.poses.two_views import TwoViews
 
@@ -18,11 +19,6 @@ _PARALLAX = 1.0  # degrees between two rays of a point, at least
 _FEWEST_OF_VIEWS = 5  # matches of two views of panoramas, at least; they agree with those of all views
 _CONVERGED = 1e-5  # relative decrease of the cost; at zero, adjustment takes twice as long and moves cameras by 0.006 %
 _ASTRAY = 4.0  # pixels: points with a larger reprojection error are removed
-
-
-def rotation_angle(rotation: np.ndarray) -> float:
-    """Angle of a rotation (3, 3), degrees."""
-    return float(np.degrees(np.arccos(np.clip((np.trace(rotation) - 1) / 2, -1, 1))))
 
 
 def consistent_pairs(found: Mapping[Pair, TwoViews]) -> dict[Pair, TwoViews]:

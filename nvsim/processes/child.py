@@ -145,7 +145,6 @@ class _Process:
         finally:
             theirs.close()
             os.close(life)
-        _started.add(self)
 
     @property
     def running(self) -> bool:
@@ -224,20 +223,10 @@ class _Process:
         self._process.wait()
         self._connection.close()
         os.close(self._life)
-        _started.discard(self)
 
 
 _idle: dict[Worker[Any, Any], _Process] = {}
 _idle_lock = threading.Lock()
-_started: weakref.WeakSet[_Process] = weakref.WeakSet()
-
-
-def end_all() -> None:
-    """Ends every child of this process."""
-    with _idle_lock:
-        _idle.clear()
-    for process in list(_started):
-        process.end()
 
 
 def _forget() -> None:

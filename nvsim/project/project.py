@@ -22,7 +22,6 @@ from nvsim.files.opening import refuse_links_out
 from nvsim.files.reading import reading
 from nvsim.files.tables import NAME, NUMBER, TEXT, Kind, Row
 from nvsim.graph.types import NavGraph
-from nvsim.project.jobs.commands import JobRecord, read_jobs
 from nvsim.project.layout import ADDED, CLOUD, Layout
 from nvsim.project.state import cuts, database, graph_table, results
 from nvsim.project.state.results import StageResults
@@ -313,10 +312,6 @@ class Project:
             return truth.is_file()
         return self.layout.occupancy.is_file() or self.layout.support.is_file()
 
-    def jobs(self) -> list[JobRecord]:
-        """The newest commands that run or ran on the project, newest first, see `read_jobs`."""
-        return read_jobs(self.connection, self._database, self.layout.lock)
-
     def results(self) -> dict[str, dict[str, Any]]:
         """Name of an evaluation -> its figures. Raises InputError if the database is damaged."""
         found = {}
@@ -339,27 +334,13 @@ class Project:
         """The floor mask in use of a frame: the user's correction, or the mask of the floors stage."""
         return self.layout.mask_in_use(self.need_capture().frames[frame].name, frame)
 
-    def meta(self, key: str) -> str | None:
-        rows = self.read("meta", {"value": TEXT}, "WHERE key = ?", (key,))
-        return rows[0][0] if rows else None
-
     @property
     def scan_name(self) -> str:
-        """The R2R scan id of the project: the stored one, or the letters and digits of the folder's name, because
-        agents split keys at underscores. Raises InputError if agents cannot read the stored id."""
-        from nvsim.graph.connectivity import check_scan_id
-
-        chosen = self.meta("scan_name")
-        if chosen:
-            check_scan_id(chosen)
-            return chosen
+        """The R2R scan id of the project: the letters and digits of the folder's name, because agents split keys at
+        underscores."""
         return "".join(c for c in self.layout.root.stem if c.isascii() and c.isalnum()) or "scan"
 
     # Committing -------------------------------------------------------------------------------------------------
-
-    def set_meta(self, key: str, value: str) -> None:
-        with self.transaction() as c:
-            c.execute("INSERT OR REPLACE INTO meta VALUES (?, ?)", (key, value))
 
     def set_stage_results(self, value: StageResults) -> None:
         with self.transaction() as c:

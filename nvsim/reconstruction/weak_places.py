@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from nvsim.footage.extraction import ExtractedFrames
+from nvsim.geometry.rotation import rotation_angle
 from nvsim.reconstruction.report import WeakPlace
 
 _LEAST = 8  # frames of a piece; frames of smaller pieces count as frames without a pose
@@ -103,7 +104,7 @@ class _Tracks:
         left = self._focal * float(np.median(np.linalg.norm(after - before @ rotation.T, axis=1)))
         if left > _STAYED * moved:
             return 0.0
-        return float(np.degrees(np.arccos(np.clip((np.trace(rotation) - 1) / 2, -1, 1))))
+        return rotation_angle(rotation)
 
 
 def _cause(frames: ExtractedFrames, tracks: _Tracks, first: int, last: int) -> Cause:

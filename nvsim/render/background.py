@@ -160,12 +160,3 @@ def paint_background(model: SubmapModel, camera: Camera, transmittance: Float32,
             transmittance,
             rgb,
         )
-
-
-def render_background(model: SubmapModel, camera: Camera) -> Float32:
-    """(H, W, 3) float32, not clamped: the background of the model without Gaussians; zeros if it has neither background
-    nor texture."""
-    k = camera.intrinsics
-    rgb = np.zeros((k.height, k.width, 3), np.float32)
-    paint_background(model, camera, np.ones((k.height, k.width), np.float32), rgb)
-    return rgb

@@ -14,7 +14,7 @@ from typing import Any
 
 from mkdocs.structure.files import File, Files
 
-sys.path[:0] = [str(Path(__file__).resolve().parent), str(Path(__file__).resolve().parents[2])]
+sys.path.insert(0, str(Path(__file__).resolve().parent))
 
 from command_options import options_page, wrong_options  # noqa: E402
 from python_page import python_page  # noqa: E402
@@ -46,7 +46,7 @@ def on_files(files: Files, config: Any) -> Files:
         "changelog.md": _from_root("CHANGELOG.md"),
         "security.md": _from_root("SECURITY.md"),
         **{f"examples/{path.name}": path.read_text() for path in sorted((ROOT / "examples").glob("*.py"))},
-        "models/bundled/card.md": (ROOT / "resources/models/bundled/card.md").read_text(),
+        "models/bundled/card.md": (ROOT / "resources/nvsim_resources/models/bundled/card.md").read_text(),
         "licenses.md": (ROOT / "resources/licenses/README.md").read_text(),
         "LICENSE": (ROOT / "LICENSE").read_text(),
         "CITATION.cff": (ROOT / "CITATION.cff").read_text(),

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-from app.actions import MENUS
-from app.panels.preferences import PREFERENCES, Preference
-from app.wiring import actions
+from nvsim_app.actions import MENUS
+from nvsim_app.panels.preferences import PREFERENCES, Preference
+from nvsim_app.wiring import actions
 
 
 def window_page() -> str:

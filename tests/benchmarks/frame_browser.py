@@ -21,18 +21,18 @@ from PySide6.QtCore import QPoint, Qt  # noqa: E402
 from PySide6.QtTest import QTest  # noqa: E402
 from PySide6.QtWidgets import QApplication  # noqa: E402
 
-from app.frames import pictures  # noqa: E402
-from app.frames.canvas import Canvas  # noqa: E402
-from app.frames.correction import Correction  # noqa: E402
-from app.frames.layers import standard_layers  # noqa: E402
-from app.frames.link import FrameLink  # noqa: E402
-from app.frames.tools import Brush  # noqa: E402
-from app.frames.worker import thumbnail_path  # noqa: E402
-from app.panels.frames import FramePanel  # noqa: E402
-from app.state.document import Document  # noqa: E402
-from app.state.loading import Contents  # noqa: E402
 from nvsim.perception.regions import grow_region  # noqa: E402
 from nvsim.project.layout import Layout  # noqa: E402
+from nvsim_app.frames import pictures  # noqa: E402
+from nvsim_app.frames.canvas import Canvas  # noqa: E402
+from nvsim_app.frames.correction import Correction  # noqa: E402
+from nvsim_app.frames.layers import standard_layers  # noqa: E402
+from nvsim_app.frames.link import FrameLink  # noqa: E402
+from nvsim_app.frames.tools import Brush  # noqa: E402
+from nvsim_app.frames.worker import thumbnail_path  # noqa: E402
+from nvsim_app.panels.frames import FramePanel  # noqa: E402
+from nvsim_app.state.document import Document  # noqa: E402
+from nvsim_app.state.loading import Contents  # noqa: E402
 from tests.benchmarks.harness import times  # noqa: E402
 
 LEFT, NONE = Qt.MouseButton.LeftButton, Qt.KeyboardModifier.NoModifier

@@ -169,8 +169,8 @@ def trial(folder: Path, honest: Path, name: str, window: bool) -> list[Outcome]:
         if window:
             child = [sys.executable, str(HERE), "--window", str(made.root)]
             found.append(made.run("a window, Run everything", child, WINDOW_SECONDS))
-            real = [sys.executable, "-P", "-m", "app", str(made.root), "--seconds", "4"]
-            found.append(made.run("python -m app", real, WINDOW_SECONDS))
+            real = [sys.executable, "-P", "-m", "nvsim_app", str(made.root), "--seconds", "4"]
+            found.append(made.run("python -m nvsim_app", real, WINDOW_SECONDS))
         return found
     finally:
         made.close()
@@ -181,11 +181,11 @@ def play_window(root: Path) -> int:
     from PySide6.QtCore import QSettings
     from PySide6.QtTest import QTest
 
-    from app.panels.jobs import JobPanel
-    from app.session import Session
-    from app.start.application import make_application
     from nvsim.errors import InputError
     from nvsim.project.path_kind import check_openable
+    from nvsim_app.panels.jobs import JobPanel
+    from nvsim_app.session import Session
+    from nvsim_app.start.application import make_application
 
     settings = QSettings(str(root.parent / "window.ini"), QSettings.Format.IniFormat)
     application = make_application("dark", settings)

@@ -8,11 +8,11 @@ from pathlib import Path
 
 from harness import report, times
 
-from app.jobs.history import JobReport
-from app.jobs.queue import BYTES_A_LOOK
 from nvsim.events import Metric, Progress
 from nvsim.project.jobs.files import EventFile, event_line
 from nvsim.project.jobs.joblist import JobList
+from nvsim_app.jobs.history import JobReport
+from nvsim_app.jobs.queue import BYTES_A_LOOK
 
 EVENTS, JOBS = 20_000, 40
 

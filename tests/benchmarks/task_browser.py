@@ -22,16 +22,16 @@ from PySide6.QtCore import QSettings, Qt  # noqa: E402
 from PySide6.QtTest import QTest  # noqa: E402
 from PySide6.QtWidgets import QApplication  # noqa: E402
 
-from app.look.notices import Notices  # noqa: E402
-from app.state.document import Document  # noqa: E402
-from app.wiring.tasks import TaskPart  # noqa: E402
-from app.wiring.window import MainWindow  # noqa: E402
 from nvsim.graph.types import NavGraph  # noqa: E402
 from nvsim.r2r.metrics.submission import write_submission  # noqa: E402
 from nvsim.r2r.tasks.task import (
     Task,  # noqa: E402
     write_tasks,  # noqa: E402
 )
+from nvsim_app.look.notices import Notices  # noqa: E402
+from nvsim_app.state.document import Document  # noqa: E402
+from nvsim_app.wiring.tasks import TaskPart  # noqa: E402
+from nvsim_app.wiring.window import MainWindow  # noqa: E402
 from tests.benchmarks.frame_browser import timed  # noqa: E402
 
 PATHS = 4667

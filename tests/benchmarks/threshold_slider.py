@@ -16,12 +16,12 @@ from pathlib import Path
 from PySide6.QtCore import QSettings
 from PySide6.QtWidgets import QApplication
 
-from app.look.notices import Notices
-from app.start.application import make_application
-from app.state.document import Document
-from app.state.loading import Contents
-from app.wiring.thresholds import ThresholdPart
-from app.wiring.window import MainWindow
+from nvsim_app.look.notices import Notices
+from nvsim_app.start.application import make_application
+from nvsim_app.state.document import Document
+from nvsim_app.state.loading import Contents
+from nvsim_app.wiring.thresholds import ThresholdPart
+from nvsim_app.wiring.window import MainWindow
 from tests.benchmarks.harness import report, times
 from tests.benchmarks.redecide import field
 

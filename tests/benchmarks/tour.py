@@ -207,7 +207,7 @@ class Tour:
     # Two rooms that are not joined ------------------------------------------------------------------------------
 
     def joins(self) -> None:
-        from app.state.directions import way_between
+        from nvsim_app.state.directions import way_between
 
         hand, gui, document = self.hand, self.hand.gui, self.document
         self.open(self.demo)
@@ -280,8 +280,8 @@ class Tour:
     # A training, and a frame that it did not see ---------------------------------------------------------------
 
     def watches(self) -> None:
-        from app.wiring.frames import FramePart
-        from app.wiring.jobs import TrainingPart
+        from nvsim_app.wiring.frames import FramePart
+        from nvsim_app.wiring.jobs import TrainingPart
 
         hand, gui = self.hand, self.hand.gui
         self.open(self.demo)
@@ -371,8 +371,8 @@ TASKS: dict[str, Callable[[Tour], None]] = {"join": Tour.joins, "clean": Tour.cl
 
 def inside(given: argparse.Namespace) -> None:
     """Performs all tasks in one window on the current display, and prints a line of JSON for each."""
-    from app.session import Session
-    from app.start.application import make_application
+    from nvsim_app.session import Session
+    from nvsim_app.start.application import make_application
 
     given.out.mkdir(parents=True, exist_ok=True)
     with tempfile.TemporaryDirectory(prefix="nvsim-tour-") as folder:

@@ -16,19 +16,19 @@ from PySide6.QtCore import QPoint, QSettings, Qt, QTimer
 from PySide6.QtTest import QTest
 from PySide6.QtWidgets import QApplication
 
-from app.benchmarks.window import Probe
-from app.forms.form import CommandForm
-from app.inspector.panel import InspectorPanel
-from app.panels.frames import FramePanel
-from app.panels.jobs import JobPanel
-from app.panels.new_project import NewProjectDialog
-from app.panels.results import ResultPanel
-from app.panels.stages import StageBar
-from app.session import Session
-from app.start.application import make_application
-from app.thresholds.panel import ThresholdPanel
-from app.wiring.frames import FramePart
-from app.wiring.inspector import InspectorPart
+from nvsim_app.benchmarks.window import Probe
+from nvsim_app.forms.form import CommandForm
+from nvsim_app.inspector.panel import InspectorPanel
+from nvsim_app.panels.frames import FramePanel
+from nvsim_app.panels.jobs import JobPanel
+from nvsim_app.panels.new_project import NewProjectDialog
+from nvsim_app.panels.results import ResultPanel
+from nvsim_app.panels.stages import StageBar
+from nvsim_app.session import Session
+from nvsim_app.start.application import make_application
+from nvsim_app.thresholds.panel import ThresholdPanel
+from nvsim_app.wiring.frames import FramePart
+from nvsim_app.wiring.inspector import InspectorPart
 
 SECONDS = 150.0
 LEFT = Qt.MouseButton.LeftButton

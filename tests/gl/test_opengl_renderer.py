@@ -161,8 +161,8 @@ def test_a_released_renderer_leaves_no_thread_and_says_so_when_used(opengl: None
 
 def test_the_window_shows_the_same_whoever_draws(opengl: None) -> None:
     """Also splats without a background, which lie over a neutral one."""
-    from app.drawing.painter import Models, Painter
-    from app.drawing.renderer_choice import CPU, OPENGL
+    from nvsim_app.drawing.painter import Models, Painter
+    from nvsim_app.drawing.renderer_choice import CPU, OPENGL
 
     for model in (MODELS["stairs and ramp"], SubmapModel(room(300), None, None, FloorSurface.flat(0.0))):
         painter = Painter(Models(lambda camera, model=model: (0, model)))

@@ -29,7 +29,7 @@ def start(display: str, tmp_path: Path, *arguments: str) -> subprocess.Completed
         "XDG_CONFIG_HOME": str(tmp_path / "config"),
     }
     return subprocess.run(
-        [sys.executable, "-m", "app", *arguments],
+        [sys.executable, "-m", "nvsim_app", *arguments],
         cwd=ROOT, env=environment, capture_output=True, text=True, timeout=240, check=False,
     )  # fmt: skip
 

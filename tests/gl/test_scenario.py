@@ -24,7 +24,6 @@ def test_a_person_gets_from_a_capture_to_an_exported_graph_without_a_terminal(di
         **os.environ,
         "DISPLAY": display,
         "QT_QPA_PLATFORM": "xcb",
-        "PYTHONPATH": str(HERE.parents[1]),
     }
     done = subprocess.run(
         [sys.executable, str(HERE / "scenario_window.py"), str(capture), str(tmp_path)],

@@ -18,10 +18,10 @@ from PySide6.QtCore import QCoreApplication, QEvent, QSettings  # noqa: E402
 from PySide6.QtWidgets import QApplication  # noqa: E402
 from pytestqt.qtbot import QtBot  # noqa: E402
 
-from app.look.notices import Notices  # noqa: E402
-from app.session import Session  # noqa: E402
-from app.state.document import Document  # noqa: E402
-from app.wiring.window import MainWindow  # noqa: E402
+from nvsim_app.look.notices import Notices  # noqa: E402
+from nvsim_app.session import Session  # noqa: E402
+from nvsim_app.state.document import Document  # noqa: E402
+from nvsim_app.wiring.window import MainWindow  # noqa: E402
 
 
 @pytest.fixture

@@ -12,16 +12,15 @@ from pathlib import Path
 
 import numpy as np
 
-from app.drawing.painter import Renderer
-from app.state.loading import Contents
 from nvsim.capture.types import Alignment, Capture, Frame
 from nvsim.geometry.camera import Camera, look
 from nvsim.geometry.lens import Lens
 from nvsim.graph.types import Evidence, NavGraph, Viewpoint, edge
 from nvsim.occupancy.types import FREE, OCCUPIED, UNKNOWN, OccupancyMap
-from nvsim.project.jobs.commands import JobRecord
 from nvsim.render.backends import RenderOutput
 from nvsim.submaps.split import Submap
+from nvsim_app.drawing.painter import Renderer
+from nvsim_app.state.loading import Contents
 
 WIDTH, DEPTH, HEIGHT, EYE = 14.0, 9.0, 2.8, 1.5
 # Boxes that stand in the room: low corner, high corner, colour.
@@ -118,17 +117,6 @@ def _blocked(a: tuple[float, float], b: tuple[float, float], margin: float) -> b
     return any(bool(occupied(x + dx, y + dy).any()) for dx, dy in around)
 
 
-def jobs() -> tuple[JobRecord, ...]:
-    now = time.time()
-    return (
-        JobRecord(5, "map", "running", 0.42, now - 64, None, "viewpoint 31 of 74"),
-        JobRecord(4, "train", "done", 1.0, now - 900, now - 128, "4 submaps, 27.9 dB on held-out frames"),
-        JobRecord(3, "train", "interrupted", 0.31, now - 2000, None, "submap 1"),
-        JobRecord(2, "floors", "done", 1.0, now - 2200, now - 2140, "120 masks"),
-        JobRecord(1, "import", "failed", 0.1, now - 2400, now - 2399, "cloud.ply ends after 12 of 80,000 points"),
-    )
-
-
 @cache
 def _parts() -> tuple[Capture, tuple[Submap, ...], NavGraph, OccupancyMap]:
     walk = capture()
@@ -142,7 +130,7 @@ def contents(path: Path | None = None, scene: bool = True) -> Contents:
         i: {"psnr": 27.1 + 0.6 * i, "gaussians": 61_000 + 7_431 * i} for i in range(3)
     }
     stages = frozenset({"import", "submaps", "depth", "floors", "train", "map"})
-    return Contents(path, walk, parts, nav, plan, jobs(), "models" if scene else None, info if scene else {}, stages)
+    return Contents(path, walk, parts, nav, plan, "models" if scene else None, info if scene else {}, stages)
 
 
 @dataclass(frozen=True)

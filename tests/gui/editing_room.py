@@ -7,9 +7,9 @@ from PySide6.QtCore import QPoint, QPointF, Qt
 from PySide6.QtTest import QTest
 from PySide6.QtWidgets import QApplication
 
-from app.state.document import Document
-from app.views.graph_surface import GraphSurface
-from app.wiring.window import MainWindow
+from nvsim_app.state.document import Document
+from nvsim_app.views.graph_surface import GraphSurface
+from nvsim_app.wiring.window import MainWindow
 
 LEFT = Qt.MouseButton.LeftButton
 NONE = Qt.KeyboardModifier.NoModifier

@@ -29,11 +29,10 @@ from PySide6.QtWidgets import (
     QWidget,
 )
 
-from app.look.labels import MarkedLabel
-from app.panels.help import HelpWindow
-from app.state.loading import Contents
 from nvsim.graph.types import NavGraph, edge
-from nvsim.project.jobs.commands import JobRecord
+from nvsim_app.look.labels import MarkedLabel
+from nvsim_app.panels.help import HelpWindow
+from nvsim_app.state.loading import Contents
 
 EVIL = "EVIL"  # stands in every text from outside
 LONGEST = 2100  # characters of anything that is shown
@@ -94,16 +93,11 @@ def contents(fifo: Path, project: Path) -> Contents:
         for i, f in enumerate(room.capture.frames)
     )
     info = {i: {"psnr": 30.0, text(fifo): text(fifo, long=True), "scene": text(fifo)} for i in range(3)}
-    records = tuple(
-        JobRecord(i, text(fifo), state, 0.5, 1.7e9, None, text(fifo, long=i == 1))
-        for i, state in enumerate(("running", "failed", text(fifo)))
-    )
     return replace(
         room,
         capture=replace(room.capture, frames=frames, format=text(fifo)),
         graph=graph_of(fifo, room.graph),
         model_info=info,
-        jobs=records,
     )
 
 

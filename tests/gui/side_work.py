@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from app.processes.serving import Requests
+from nvsim_app.processes.serving import Requests
 
 
 def until_asked(requests: Requests, source: object) -> None:

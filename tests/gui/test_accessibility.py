@@ -25,17 +25,17 @@ from PySide6.QtWidgets import (
 from pytestqt.qtbot import QtBot
 from test_window import contrast
 
-from app.forms.fields import Settings
-from app.forms.form import CommandForm
-from app.look import colors, theme
-from app.painting.primitives import disc
-from app.panels.help import open_help
-from app.state.document import Document
-from app.state.graph_coloring import coloring
-from app.wiring.appearance import FocusPart, PreferencePart
-from app.wiring.display import _LINES
-from app.wiring.window import MainWindow
 from nvsim.figures import SHAPES
+from nvsim_app.forms.fields import Settings
+from nvsim_app.forms.form import CommandForm
+from nvsim_app.look import colors, theme
+from nvsim_app.painting.primitives import disc
+from nvsim_app.panels.help import open_help
+from nvsim_app.state.document import Document
+from nvsim_app.state.graph_coloring import coloring
+from nvsim_app.wiring.appearance import FocusPart, PreferencePart
+from nvsim_app.wiring.display import _LINES
+from nvsim_app.wiring.window import MainWindow
 
 TAB = Qt.FocusPolicy.TabFocus
 _INNER = (QTabBar, QTabWidget, QScrollBar, QLabel)
@@ -165,7 +165,7 @@ def test_every_text_is_read_at_four_and_a_half_to_one(name: str) -> None:
 
 
 def test_texts_follow_the_theme(window: MainWindow) -> None:
-    from app.panels.tables import TablePanel
+    from nvsim_app.panels.tables import TablePanel
 
     tables = window.panels["tables"]
     assert isinstance(tables, TablePanel)

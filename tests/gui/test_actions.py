@@ -10,12 +10,12 @@ from PySide6.QtGui import QPalette
 from PySide6.QtWidgets import QDialog
 from pytestqt.qtbot import QtBot
 
-from app.look.icons import icon
-from app.state.document import Document
-from app.state.loading import Contents
-from app.views.navigation import FLIGHTS
-from app.wiring import actions
-from app.wiring.window import MainWindow
+from nvsim_app.look.icons import icon
+from nvsim_app.state.document import Document
+from nvsim_app.state.loading import Contents
+from nvsim_app.views.navigation import FLIGHTS
+from nvsim_app.wiring import actions
+from nvsim_app.wiring.window import MainWindow
 
 
 def test_ids_and_shortcuts_are_unique_and_no_letter_is_one_that_flies() -> None:
@@ -51,12 +51,12 @@ def test_actions_follow_the_document(window: MainWindow, document: Document) -> 
 
 
 def test_every_enabled_action_runs(window: MainWindow, document: Document, qtbot: QtBot, monkeypatch) -> None:
-    monkeypatch.setattr("app.wiring.files.QFileDialog.getExistingDirectory", lambda *a: "")
-    monkeypatch.setattr("app.wiring.files.QFileDialog.getSaveFileName", lambda *a: ("", ""))
-    monkeypatch.setattr("app.wiring.files.QFileDialog.getOpenFileName", lambda *a: ("", ""))
-    monkeypatch.setattr("app.wiring.camera_path.QFileDialog.getSaveFileName", lambda *a: ("", ""))
-    monkeypatch.setattr("app.wiring.camera_path.QFileDialog.getExistingDirectory", lambda *a: "")
-    monkeypatch.setattr("app.wiring.new_project.QFileDialog.getSaveFileName", lambda *a: ("", ""))
+    monkeypatch.setattr("nvsim_app.wiring.files.QFileDialog.getExistingDirectory", lambda *a: "")
+    monkeypatch.setattr("nvsim_app.wiring.files.QFileDialog.getSaveFileName", lambda *a: ("", ""))
+    monkeypatch.setattr("nvsim_app.wiring.files.QFileDialog.getOpenFileName", lambda *a: ("", ""))
+    monkeypatch.setattr("nvsim_app.wiring.camera_path.QFileDialog.getSaveFileName", lambda *a: ("", ""))
+    monkeypatch.setattr("nvsim_app.wiring.camera_path.QFileDialog.getExistingDirectory", lambda *a: "")
+    monkeypatch.setattr("nvsim_app.wiring.new_project.QFileDialog.getSaveFileName", lambda *a: ("", ""))
     monkeypatch.setattr(window.jobs, "start", lambda *a: ordered.append(a[0]) or window)
     ordered: list[str] = []
     for entry in actions():
@@ -89,7 +89,7 @@ def test_every_enabled_action_runs(window: MainWindow, document: Document, qtbot
         dialog.reject()
     for child in window.findChildren(type(window.notice_area)):
         child.hide()
-    from app.panels.help import HelpWindow
+    from nvsim_app.panels.help import HelpWindow
 
     pages = window.findChildren(HelpWindow)
     assert len(pages) == 1, "one window shows all pages"

@@ -11,12 +11,12 @@ from PySide6.QtWidgets import QWidget
 from pytestqt.modeltest import ModelTester
 from pytestqt.qtbot import QtBot
 
-from app.look.table import TableModel
-from app.panels.deferred_refresh import DeferredRefresh
-from app.panels.history import HistoryModel
-from app.panels.tables import edge_columns
-from app.state.document import Document
 from nvsim.graph.quantities import quantity
+from nvsim_app.look.table import TableModel
+from nvsim_app.panels.deferred_refresh import DeferredRefresh
+from nvsim_app.panels.history import HistoryModel
+from nvsim_app.panels.tables import edge_columns
+from nvsim_app.state.document import Document
 
 
 @pytest.fixture

@@ -20,20 +20,20 @@ from PySide6.QtTest import QTest
 from PySide6.QtWidgets import QApplication, QDockWidget, QWidget
 from pytestqt.qtbot import QtBot
 
-from app.agent.state import AgentState
-from app.processes.child import RESTARTS
-from app.state import edit_commands
-from app.state.document import Document
-from app.state.opened_files import GraphSource
-from app.wiring.agent import AgentPart
-from app.wiring.inspector import InspectorPart
-from app.wiring.window import MainWindow
 from nvsim.geometry.directions import VFOV
 from nvsim.graph.connectivity import write_connectivity
 from nvsim.graph.selection import GraphSelection
 from nvsim.perception.support import FloorSupport
 from nvsim.project.layout import Layout
 from nvsim.r2r.simulator import Simulator
+from nvsim_app.agent.state import AgentState
+from nvsim_app.processes.child import RESTARTS
+from nvsim_app.state import edit_commands
+from nvsim_app.state.document import Document
+from nvsim_app.state.opened_files import GraphSource
+from nvsim_app.wiring.agent import AgentPart
+from nvsim_app.wiring.inspector import InspectorPart
+from nvsim_app.wiring.window import MainWindow
 
 K = Qt.Key
 PATIENCE = 60_000  # milliseconds; the first image of a machine compiles what draws it

@@ -7,10 +7,10 @@ from pathlib import Path
 from types import SimpleNamespace
 from typing import Any, cast
 
-from app.forms.fields import arguments_of, fields_of
-from app.jobs.history import JobReport
-from app.panels.job_plots import JobPlots
 from nvsim.events import Metric
+from nvsim_app.forms.fields import arguments_of, fields_of
+from nvsim_app.jobs.history import JobReport
+from nvsim_app.panels.job_plots import JobPlots
 
 
 def test_loss_and_success_of_an_agent_are_drawn_alone(qtbot: Any) -> None:

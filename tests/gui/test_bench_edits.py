@@ -8,11 +8,11 @@ import pytest
 from PySide6.QtCore import QSettings
 from PySide6.QtWidgets import QApplication
 
-from app.benchmarks import graphs
-from app.wiring.window import MainWindow
 from nvsim.benchmarks import graph
 from nvsim.cli.commands import bench_window
 from nvsim.cli.main import main
+from nvsim_app.benchmarks import graphs
+from nvsim_app.wiring.window import MainWindow
 
 
 def test_edits_are_painted_and_the_lists_follow(

@@ -9,12 +9,12 @@ from editing_room import Hand
 from PySide6.QtCore import QEvent, Qt
 from PySide6.QtWidgets import QApplication
 
-from app.modes.adding import AddEdgeMode
-from app.panels.details import DetailsPanel
-from app.state.directions import way_between
-from app.state.document import Document
-from app.wiring.window import MainWindow
 from nvsim.graph.selection import GraphSelection
+from nvsim_app.modes.adding import AddEdgeMode
+from nvsim_app.panels.details import DetailsPanel
+from nvsim_app.state.directions import way_between
+from nvsim_app.state.document import Document
+from nvsim_app.wiring.window import MainWindow
 
 
 def across_the_shelf(document: Document) -> tuple[str, str]:
@@ -52,7 +52,7 @@ def test_the_line_that_is_drawn_says_it_as_well(
     window.actions_table["mode_add_edge"].trigger()
     hand = Hand(window, window.modes.canvases[1].surface)
     said: list[str] = []
-    monkeypatch.setattr("app.modes.adding.label", lambda painter, point, text, ink="": said.append(text))
+    monkeypatch.setattr("nvsim_app.modes.adding.label", lambda painter, point, text, ink="": said.append(text))
     hand.hover(hand.foot(document.graph_arrays.index[b]))
     window.modes.canvases[1].grab()
     found = way_between(document, a, b)
@@ -72,7 +72,7 @@ def test_what_is_said_at_the_cursor_goes_when_the_cursor_leaves(
     hand = Hand(window, canvas.surface)
     said: list[str] = []
     module = "measure" if mode == "measure" else "adding"
-    monkeypatch.setattr(f"app.modes.{module}.label", lambda painter, point, text, ink="": said.append(text))
+    monkeypatch.setattr(f"nvsim_app.modes.{module}.label", lambda painter, point, text, ink="": said.append(text))
     hand.hover(hand.foot(0))
     canvas.grab()
     assert said

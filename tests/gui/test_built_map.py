@@ -11,8 +11,6 @@ import demo_room
 import numpy as np
 import pytest
 
-from app.state.loading import Contents, ProjectReader
-from app.state.side_work import start_reading
 from nvsim.capture.store import save_capture
 from nvsim.capture.types import Cloud
 from nvsim.cli.main import main
@@ -20,6 +18,8 @@ from nvsim.occupancy.read import read_map
 from nvsim.occupancy.types import compare_maps
 from nvsim.project.occupancy_maps import occupancy_of
 from nvsim.project.project import Project
+from nvsim_app.state.loading import Contents, ProjectReader
+from nvsim_app.state.side_work import start_reading
 
 
 @pytest.fixture

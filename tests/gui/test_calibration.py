@@ -11,15 +11,15 @@ import demo_project
 import pytest
 from pytestqt.qtbot import QtBot
 
-from app.processes.child import Child
-from app.session import Session
-from app.state.side_work import CALIBRATION, Asked
-from app.wiring.thresholds import CalibratePart, ThresholdPart
 from nvsim.errors import InputError
 from nvsim.evaluation.calibration import calibrate
 from nvsim.mapping.config import MappingConfig
 from nvsim.occupancy.read import read_map
 from nvsim.project.project import Project
+from nvsim_app.processes.child import Child
+from nvsim_app.session import Session
+from nvsim_app.state.side_work import CALIBRATION, Asked
+from nvsim_app.wiring.thresholds import CalibratePart, ThresholdPart
 
 WANT = 0.5
 """The demo room has few ways."""

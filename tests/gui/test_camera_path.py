@@ -11,11 +11,11 @@ import pytest
 from PySide6.QtGui import QImage
 from pytestqt.qtbot import QtBot
 
-from app.painting.cameras import ViewPose
-from app.state.document import Document
-from app.wiring.camera_path import CameraPathPart
-from app.wiring.window import MainWindow
 from nvsim.geometry.camera_path import read_camera_path
+from nvsim_app.painting.cameras import ViewPose
+from nvsim_app.state.document import Document
+from nvsim_app.wiring.camera_path import CameraPathPart
+from nvsim_app.wiring.window import MainWindow
 
 
 @pytest.fixture

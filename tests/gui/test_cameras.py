@@ -9,9 +9,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from app.painting import cameras
-from app.painting.cameras import ViewPose
 from nvsim.geometry.camera import Camera, Intrinsics, look
+from nvsim_app.painting import cameras
+from nvsim_app.painting.cameras import ViewPose
 
 poses = st.builds(
     ViewPose,

@@ -9,8 +9,8 @@ from collections.abc import Callable, Iterator
 import pytest
 from pytestqt.qtbot import QtBot
 
-from app.start import application
-from app.start.application import Collecting
+from nvsim_app.start import application
+from nvsim_app.start.application import Collecting
 
 
 class Knot:

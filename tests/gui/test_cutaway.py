@@ -9,10 +9,10 @@ import demo_room
 import numpy as np
 import pytest
 
-from app.drawing.cutaway import CUT, REACH, Cutaway, floor_colors
 from nvsim.geometry.floor_surface import FloorSurface
 from nvsim.project.project import Project
 from nvsim.splats.types import FloorTexture, SubmapModel
+from nvsim_app.drawing.cutaway import CUT, REACH, Cutaway, floor_colors
 
 
 @pytest.fixture

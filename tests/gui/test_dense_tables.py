@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pytestqt.qtbot import QtBot
 
-from app.look.table import Column, TableModel, TableView, table
+from nvsim_app.look.table import Column, TableModel, TableView, table
 
 
 def shown(qtbot: QtBot, dense: bool) -> TableView:

@@ -11,14 +11,14 @@ from PySide6.QtCore import QPointF, Qt
 from PySide6.QtTest import QTest
 from PySide6.QtWidgets import QApplication
 
-from app.modes.mode import Pointer
-from app.painting import cameras
-from app.state.document import Document
-from app.state.loading import Contents
-from app.wiring.modes import ContextPart
-from app.wiring.proposing import ProposePart
-from app.wiring.window import MainWindow
 from nvsim.graph.selection import GraphSelection
+from nvsim_app.modes.mode import Pointer
+from nvsim_app.painting import cameras
+from nvsim_app.state.document import Document
+from nvsim_app.state.loading import Contents
+from nvsim_app.wiring.modes import ContextPart
+from nvsim_app.wiring.proposing import ProposePart
+from nvsim_app.wiring.window import MainWindow
 
 
 @pytest.fixture

@@ -12,18 +12,18 @@ import demo_room
 import pytest
 from pytestqt.qtbot import QtBot
 
-from app.state import edit_commands
-from app.state.document import Document
-from app.state.graph_files import ProjectGraph
-from app.state.loading import Contents
-from app.state.side_work import evidence_task
-from app.wiring.editing import EditPart
-from app.wiring.window import MainWindow
 from nvsim.graph.scripts import script
 from nvsim.graph.selection import GraphSelection
 from nvsim.graph.store import decode_graph, encode_graph
 from nvsim.graph.types import NavGraph
 from nvsim.project.project import Project
+from nvsim_app.state import edit_commands
+from nvsim_app.state.document import Document
+from nvsim_app.state.graph_files import ProjectGraph
+from nvsim_app.state.loading import Contents
+from nvsim_app.state.side_work import evidence_task
+from nvsim_app.wiring.editing import EditPart
+from nvsim_app.wiring.window import MainWindow
 
 Opened = Callable[[], Document]
 
@@ -202,7 +202,7 @@ def test_walls_of_the_map_stop_the_eyes_of_an_edit() -> None:
     import demo_room
     import numpy as np
 
-    from app.state.editing import _see_each_other
+    from nvsim_app.state.editing import _see_each_other
 
     starts = np.array([[1.0, 3.7, 1.5], [1.0, 1.0, 1.5]])
     ends = np.array([[6.0, 3.7, 1.5], [2.0, 1.0, 1.5]])  # through the table; across the open floor
@@ -212,11 +212,11 @@ def test_walls_of_the_map_stop_the_eyes_of_an_edit() -> None:
 def test_a_large_graph_is_looked_at_while_the_person_goes_on(
     document: Document, qtbot: QtBot, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    import app.state.checking
+    import nvsim_app.state.checking
 
     whole = dict(document.editing.findings)
-    monkeypatch.setattr(app.state.checking, "LARGE", 0)
-    monkeypatch.setattr(app.state.checking, "SLICE", 0.0)
+    monkeypatch.setattr(nvsim_app.state.checking, "LARGE", 0)
+    monkeypatch.setattr(nvsim_app.state.checking, "SLICE", 0.0)
     with qtbot.waitSignal(document.editing.findingsChanged, timeout=5000):
         document.editing.checking.look()
         assert not document.editing.findings  # not before all was looked at

@@ -13,23 +13,23 @@ from PySide6.QtWidgets import QApplication, QWidget
 from pytestqt.modeltest import ModelTester
 from pytestqt.qtbot import QtBot
 
-from app.look import colors
-from app.painting.picking import NEAR
-from app.panels.comparison import ComparePanel
-from app.panels.form import Form
-from app.panels.histogram import HistogramPanel
-from app.panels.history import HistoryPanel
-from app.panels.tables import TablePanel
-from app.panels.validation import ValidationPanel
-from app.state import edit_commands
-from app.state.directions import way_between
-from app.state.document import Document
-from app.wiring.checking import CheckPart
-from app.wiring.window import MainWindow
 from nvsim.graph.connectivity import write_connectivity
 from nvsim.graph.findings import Finding
 from nvsim.graph.selection import GraphSelection, selection
 from nvsim.mapping.evidence.new_viewpoints import NewViewpointEvidence
+from nvsim_app.look import colors
+from nvsim_app.painting.picking import NEAR
+from nvsim_app.panels.comparison import ComparePanel
+from nvsim_app.panels.form import Form
+from nvsim_app.panels.histogram import HistogramPanel
+from nvsim_app.panels.history import HistoryPanel
+from nvsim_app.panels.tables import TablePanel
+from nvsim_app.panels.validation import ValidationPanel
+from nvsim_app.state import edit_commands
+from nvsim_app.state.directions import way_between
+from nvsim_app.state.document import Document
+from nvsim_app.wiring.checking import CheckPart
+from nvsim_app.wiring.window import MainWindow
 
 
 def cut_off(document: Document, row: int = 0) -> str:
@@ -163,7 +163,7 @@ def test_the_obstacle_of_a_finding_is_marked_in_both_views(
     a, b = (document.graph_arrays.feet[document.graph_arrays.index[id]] for id in key)
     found = way_between(document, *key)
     blocked = replace(found, blocked=0.25 * float(np.linalg.norm((b - a)[:2])))
-    monkeypatch.setattr("app.state.directions.way_between", lambda document, a, b: blocked)
+    monkeypatch.setattr("nvsim_app.state.directions.way_between", lambda document, a, b: blocked)
     validation.renew()
     part = window.part(CheckPart)
     shots = {canvas: _shot(canvas.surface.widget) for canvas in window.modes.canvases}
@@ -430,8 +430,8 @@ def test_a_panel_behind_another_tab_waits_until_it_comes_to_the_front(
 
 
 def test_a_single_proposed_edge_is_taken_by_the_right_button(window: MainWindow, document: Document) -> None:
-    from app.modes.mode import Pointer
-    from app.wiring.modes import ContextPart
+    from nvsim_app.modes.mode import Pointer
+    from nvsim_app.wiring.modes import ContextPart
 
     part = next(p for p in window.parts if type(p).__name__ == "ProposePart")
     context = window.part(ContextPart)

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from app.state.document import Document
 from nvsim.occupancy.types import FREE
+from nvsim_app.state.document import Document
 
 
 def test_connecting_what_sees_each_other_adds_no_edge_through_the_furniture(document: Document) -> None:

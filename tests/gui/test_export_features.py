@@ -14,14 +14,14 @@ from demo_project import write_project
 from PySide6.QtCore import Qt
 from pytestqt.qtbot import QtBot
 
-from app.forms.form import CommandForm
-from app.jobs.history import folder_of
-from app.panels.scan_estimate import FeatureMakersPanel
-from app.session import Session
 from nvsim.graph.connectivity import write_connectivity
 from nvsim.project.jobs.joblist import JobList
 from nvsim.project.project import Project
 from nvsim.r2r.features.layouts import LAYOUTS
+from nvsim_app.forms.form import CommandForm
+from nvsim_app.jobs.history import folder_of
+from nvsim_app.panels.scan_estimate import FeatureMakersPanel
+from nvsim_app.session import Session
 
 SECONDS = 120_000
 

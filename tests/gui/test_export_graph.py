@@ -10,10 +10,10 @@ from pathlib import Path
 import networkx as nx
 import pytest
 
-from app.state.document import Document
-from app.wiring.display import ColoringPart
-from app.wiring.exporting import ExportPart, figure
-from app.wiring.window import MainWindow
+from nvsim_app.state.document import Document
+from nvsim_app.wiring.display import ColoringPart
+from nvsim_app.wiring.exporting import ExportPart, figure
+from nvsim_app.wiring.window import MainWindow
 
 SVG = "{http://www.w3.org/2000/svg}"
 

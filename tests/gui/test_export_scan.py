@@ -16,19 +16,19 @@ from PySide6.QtCore import QObject, Qt, QUrl, Slot
 from PySide6.QtGui import QDesktopServices
 from pytestqt.qtbot import QtBot
 
-from app.forms.form import CommandForm
-from app.jobs.queue import JobHandle
-from app.look.labels import Label
-from app.panels.jobs import JobPanel
-from app.panels.scan_estimate import ScanEstimatePanel, estimate_of
-from app.session import Session
-from app.state.document import Document
-from app.wiring.exporting import ExportPart
-from app.wiring.window import MainWindow
 from nvsim.graph.store import same_graph
 from nvsim.project.jobs.joblist import JobList
 from nvsim.project.project import Project
 from nvsim.r2r.observations.layout import ScanPlaces
+from nvsim_app.forms.form import CommandForm
+from nvsim_app.jobs.queue import JobHandle
+from nvsim_app.look.labels import Label
+from nvsim_app.panels.jobs import JobPanel
+from nvsim_app.panels.scan_estimate import ScanEstimatePanel, estimate_of
+from nvsim_app.session import Session
+from nvsim_app.state.document import Document
+from nvsim_app.wiring.exporting import ExportPart
+from nvsim_app.wiring.window import MainWindow
 
 SECONDS = 120_000
 

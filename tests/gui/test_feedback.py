@@ -6,10 +6,10 @@ import pytest
 from PySide6.QtCore import Qt
 from PySide6.QtTest import QTest
 
-from app.state.document import Document
-from app.wiring.editing import past
-from app.wiring.window import MainWindow
 from nvsim.graph.selection import GraphSelection
+from nvsim_app.state.document import Document
+from nvsim_app.wiring.editing import past
+from nvsim_app.wiring.window import MainWindow
 
 
 def said(window: MainWindow) -> str:

@@ -12,16 +12,16 @@ from hypothesis import strategies as st
 from PySide6.QtWidgets import QApplication
 from pytestqt.qtbot import QtBot
 
-from app.panels.validation import ValidationPanel
-from app.state.document import Document
-from app.state.loading import Contents, ProjectReader
-from app.state.opened_files import GraphSource
 from nvsim.cli.graph_target import one_source
 from nvsim.cli.main import main
 from nvsim.graph.connectivity import write_connectivity
 from nvsim.graph.findings import check_graph
 from nvsim.graph.types import NavGraph, Viewpoint, edge
 from nvsim.project.project import Project
+from nvsim_app.panels.validation import ValidationPanel
+from nvsim_app.state.document import Document
+from nvsim_app.state.loading import Contents, ProjectReader
+from nvsim_app.state.opened_files import GraphSource
 
 IDS = [f"{i:032x}" for i in range(8)]
 

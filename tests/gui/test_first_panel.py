@@ -7,14 +7,14 @@ from collections.abc import Callable
 import pytest
 from PySide6.QtWidgets import QLabel
 
-from app.state.document import Document
-from app.wiring import window as window_module
-from app.wiring.part import Dock, Part
-from app.wiring.window import MainWindow
 from nvsim.graph import operation_table
 from nvsim.graph.arguments import Argument
 from nvsim.graph.edits import set_height
 from nvsim.graph.offers import Needs, Offer
+from nvsim_app.state.document import Document
+from nvsim_app.wiring import window as window_module
+from nvsim_app.wiring.part import Dock, Part
+from nvsim_app.wiring.window import MainWindow
 
 
 class CountPanel(QLabel):

@@ -13,16 +13,16 @@ from PySide6.QtCore import QPointF, Qt
 from PySide6.QtWidgets import QApplication, QTabBar
 from pytestqt.qtbot import QtBot
 
-from app.session import Session
-from app.wiring.exporting import ExportPart
-from app.wiring.files import ForeignPart
-from app.wiring.inspector import InspectorPart
-from app.wiring.new_project import NewProjectPart
-from app.wiring.window import MainWindow
 from nvsim.errors import InputError
 from nvsim.graph.connectivity import write_connectivity
 from nvsim.graph.journal import sidecar
 from nvsim.project.path_kind import check_openable
+from nvsim_app.session import Session
+from nvsim_app.wiring.exporting import ExportPart
+from nvsim_app.wiring.files import ForeignPart
+from nvsim_app.wiring.inspector import InspectorPart
+from nvsim_app.wiring.new_project import NewProjectPart
+from nvsim_app.wiring.window import MainWindow
 
 
 @pytest.fixture
@@ -100,7 +100,7 @@ def test_save_as_goes_on_in_a_copy_and_leaves_the_file_as_it_was(
     action = session.window.actions_table["save_as"]
     assert action.isEnabled() and action.shortcut().toString() == "Ctrl+Shift+S"
     count = without_an_edge(session)
-    monkeypatch.setattr("app.wiring.files.QFileDialog.getSaveFileName", lambda *_: (str(copy), ""))
+    monkeypatch.setattr("nvsim_app.wiring.files.QFileDialog.getSaveFileName", lambda *_: (str(copy), ""))
     action.trigger()
     qtbot.waitUntil(lambda: session.document.path == copy and session.document.graph is not None, timeout=10_000)
     assert len(session.document.graph.edges) == count and not session.document.editing.dirty

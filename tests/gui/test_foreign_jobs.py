@@ -11,15 +11,15 @@ from demo_project import write_project
 from PySide6.QtCore import Qt
 from pytestqt.qtbot import QtBot
 
-from app.forms.fields import Settings
-from app.jobs.queue import JobQueue
-from app.panels.job_table import ImportedJobDialog
-from app.panels.jobs import JobPanel
-from app.session import Session
 from nvsim.errors import InputError
 from nvsim.events import Preview
 from nvsim.project.jobs.files import event_line
 from nvsim.project.jobs.joblist import JobList
+from nvsim_app.forms.fields import Settings
+from nvsim_app.jobs.queue import JobQueue
+from nvsim_app.panels.job_table import ImportedJobDialog
+from nvsim_app.panels.jobs import JobPanel
+from nvsim_app.session import Session
 
 SECONDS = 60_000
 

@@ -13,12 +13,12 @@ from PySide6.QtGui import QGuiApplication
 from PySide6.QtWidgets import QPushButton
 from pytestqt.qtbot import QtBot
 
-from app.forms.fields import Field, Settings, arguments_of, fields_of, paper_values, presets_of, unit_of, validate
-from app.forms.form import CommandForm
-from app.forms.rows import number_text
 from nvsim.cli.arguments import parse
 from nvsim.cli.options import command_of, field_docs
 from nvsim.training.config import TrainingConfig, preset
+from nvsim_app.forms.fields import Field, Settings, arguments_of, fields_of, paper_values, presets_of, unit_of, validate
+from nvsim_app.forms.form import CommandForm
+from nvsim_app.forms.rows import number_text
 
 PROJECT = Path("house.nvsim")
 VERBS = (

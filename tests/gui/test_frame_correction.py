@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from app.frames.correction import Box, Correction, Prompt, changed, paint, surfaces
+from nvsim_app.frames.correction import Box, Correction, Prompt, changed, paint, surfaces
 
 SHAPE = (60, 80)
 

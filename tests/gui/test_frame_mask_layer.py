@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 from PySide6.QtGui import QColor, QImage, QPainter
 
-from app.frames import pictures
-from app.layers.capture import FrameMaskLayer, turned
 from nvsim.geometry.camera import Camera, Intrinsics, look
+from nvsim_app.frames import pictures
+from nvsim_app.layers.capture import FrameMaskLayer, turned
 
 FRAME = Camera(Intrinsics(320, 240, 250.0, 245.0, 150.0, 130.0), look(np.array([1.0, 2.0, 1.5]), 0.4, -0.2))
 

@@ -19,16 +19,6 @@ from PySide6.QtWidgets import QApplication
 from pytestqt.qtbot import QtBot
 from test_frame_panel import opened_document
 
-from app.frames import pictures
-from app.frames.browser import FrameBrowser
-from app.frames.canvas import MODES
-from app.frames.frame_data import read_matter
-from app.frames.link import FrameLink
-from app.frames.panes import Zoom, panes
-from app.painting.tones import ALPHA, CONFIRMED, DEPTH
-from app.state.document import Document
-from app.wiring.frames import FramePart
-from app.wiring.window import MainWindow
 from nvsim.capture.store import save_capture
 from nvsim.capture.types import Cloud, MaskFile
 from nvsim.depth.files import write_depth
@@ -37,6 +27,16 @@ from nvsim.project import ledger
 from nvsim.project.project import Project, layout_of
 from nvsim.project.stages.submap_training import training_views
 from nvsim.training.config import TrainingConfig
+from nvsim_app.frames import pictures
+from nvsim_app.frames.browser import FrameBrowser
+from nvsim_app.frames.canvas import MODES
+from nvsim_app.frames.frame_data import read_matter
+from nvsim_app.frames.link import FrameLink
+from nvsim_app.frames.panes import Zoom, panes
+from nvsim_app.painting.tones import ALPHA, CONFIRMED, DEPTH
+from nvsim_app.state.document import Document
+from nvsim_app.wiring.frames import FramePart
+from nvsim_app.wiring.window import MainWindow
 
 LEFT, RIGHT, NONE, SHIFT = (
     Qt.MouseButton.LeftButton,
@@ -554,8 +554,8 @@ def test_a_step_of_the_brush_takes_under_ten_milliseconds_on_a_large_image(opene
     """Painting, tinting and showing one step, as measured; the limit here leaves room for a busy machine."""
     window, browser = opened
     with_tool(opened, "brush")
-    from app.frames.frame_data import FrameData
     from nvsim.project.layout import Layout
+    from nvsim_app.frames.frame_data import FrameData
 
     frame = browser.matter.frame
     image = np.random.default_rng(0).integers(0, 255, (1440, 1920, 3), np.uint8)

@@ -17,18 +17,18 @@ from PySide6.QtCore import Qt
 from PySide6.QtGui import QImage
 from pytestqt.qtbot import QtBot
 
-from app.frames.link import FrameLink
-from app.frames.model import CORRECTED_ROLE, COVERAGE_ROLE, COVERAGES, SCORE_ROLE, SUBMAP_ROLE, frame_words
-from app.frames.state import Score, Scores, newest_scores
-from app.frames.worker import thumbnail_path
-from app.panels.frames import FramePanel
-from app.state.document import Document
-from app.state.loading import Contents, ProjectReader
-from app.state.results import Result, tables_of
 from nvsim.capture.store import save_capture
 from nvsim.project.corrections import save_correction
 from nvsim.project.layout import Layout
 from nvsim.project.project import Project
+from nvsim_app.frames.link import FrameLink
+from nvsim_app.frames.model import CORRECTED_ROLE, COVERAGE_ROLE, COVERAGES, SCORE_ROLE, SUBMAP_ROLE, frame_words
+from nvsim_app.frames.state import Score, Scores, newest_scores
+from nvsim_app.frames.worker import thumbnail_path
+from nvsim_app.panels.frames import FramePanel
+from nvsim_app.state.document import Document
+from nvsim_app.state.loading import Contents, ProjectReader
+from nvsim_app.state.results import Result, tables_of
 
 
 def with_images(folder: Path, frames: int) -> Path:

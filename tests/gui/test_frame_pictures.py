@@ -7,11 +7,12 @@ import numpy as np
 import pytest
 from PySide6.QtGui import QColor
 
-from app.drawing.painter import Painter
-from app.drawing.render_child import Picture, Request, _answer
-from app.frames import pictures
-from app.frames.correction import Box
-from app.painting.tones import (
+from nvsim.render.backends import RenderOutput
+from nvsim_app.drawing.painter import Painter
+from nvsim_app.drawing.render_child import Picture, Request, _answer
+from nvsim_app.frames import pictures
+from nvsim_app.frames.correction import Box
+from nvsim_app.painting.tones import (
     ALPHA,
     CONFIRMED,
     DEPTH,
@@ -23,7 +24,6 @@ from app.painting.tones import (
     picture,
     ramp,
 )
-from nvsim.render.backends import RenderOutput
 
 RNG = np.random.default_rng(5)
 

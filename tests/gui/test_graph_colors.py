@@ -8,14 +8,14 @@ import numpy as np
 import pytest
 from PySide6.QtGui import QColor
 
-from app.state.document import Document
-from app.state.graph_coloring import coloring
-from app.wiring.display import ColoringPart
-from app.wiring.window import MainWindow
 from nvsim.benchmarks.graph import random_graph
 from nvsim.graph import edits
 from nvsim.graph.edits import EditError
 from nvsim.graph.paths import components
+from nvsim_app.state.document import Document
+from nvsim_app.state.graph_coloring import coloring
+from nvsim_app.wiring.display import ColoringPart
+from nvsim_app.wiring.window import MainWindow
 
 
 def test_the_groups_are_those_of_the_quantities(document: Document) -> None:

@@ -7,14 +7,14 @@ import pytest
 from PySide6.QtCore import QPointF
 from PySide6.QtWidgets import QApplication
 
-from app.painting import cameras
-from app.state.document import Document
-from app.state.graph_arrays import GraphArrays
-from app.views.graph_surface import GraphSurface, MapSurface, SceneSurface
-from app.wiring.window import MainWindow
 from nvsim.graph.difference import difference
 from nvsim.graph.edits import add_edge, add_viewpoint, move_viewpoint, remove_edge, remove_viewpoints
 from nvsim.graph.types import NavGraph, Viewpoint
+from nvsim_app.painting import cameras
+from nvsim_app.state.document import Document
+from nvsim_app.state.graph_arrays import GraphArrays
+from nvsim_app.views.graph_surface import GraphSurface, MapSurface, SceneSurface
+from nvsim_app.wiring.window import MainWindow
 
 
 @pytest.fixture(params=["map", "scene"])

@@ -13,12 +13,12 @@ from PySide6.QtTest import QTest
 from PySide6.QtWidgets import QApplication
 from pytestqt.qtbot import QtBot
 
-from app.painting.cameras import overview
-from app.state.document import Document
-from app.wiring.new_project import NewProjectPart
-from app.wiring.panels import MapPart
-from app.wiring.window import MainWindow
 from nvsim.graph.selection import GraphSelection
+from nvsim_app.painting.cameras import overview
+from nvsim_app.state.document import Document
+from nvsim_app.wiring.new_project import NewProjectPart
+from nvsim_app.wiring.panels import MapPart
+from nvsim_app.wiring.window import MainWindow
 
 
 @pytest.fixture

@@ -14,17 +14,17 @@ from PySide6.QtGui import QMouseEvent
 from PySide6.QtWidgets import QApplication, QDockWidget
 from pytestqt.qtbot import QtBot
 
-from app.drawing.panorama_child import PanoramaDrawing, PanoramaRequest
-from app.inspector.layers import before_the_eye
-from app.inspector.panoramas import Panoramas
-from app.inspector.state import angles, met
-from app.painting.cameras import ViewPose
-from app.state.directions import directions
-from app.state.document import Document
-from app.wiring.inspector import InspectorPart
-from app.wiring.window import MainWindow
 from nvsim.geometry.camera import Camera, Intrinsics, look
 from nvsim.mapping.config import MappingConfig
+from nvsim_app.drawing.panorama_child import PanoramaDrawing, PanoramaRequest
+from nvsim_app.inspector.layers import before_the_eye
+from nvsim_app.inspector.panoramas import Panoramas
+from nvsim_app.inspector.state import angles, met
+from nvsim_app.painting.cameras import ViewPose
+from nvsim_app.state.directions import directions
+from nvsim_app.state.document import Document
+from nvsim_app.wiring.inspector import InspectorPart
+from nvsim_app.wiring.window import MainWindow
 
 
 def part_of(window: MainWindow) -> InspectorPart:

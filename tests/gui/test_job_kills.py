@@ -20,12 +20,12 @@ from PySide6.QtCore import QSettings, Qt
 from PySide6.QtWidgets import QToolButton
 from pytestqt.qtbot import QtBot
 
-from app.panels.jobs import JobPanel
-from app.processes.child import RESTARTS
-from app.session import Session
 from nvsim.project.jobs.files import EventFile
 from nvsim.project.jobs.joblist import Job, JobList
 from nvsim.project.jobs.worker_lock import is_held
+from nvsim_app.panels.jobs import JobPanel
+from nvsim_app.processes.child import RESTARTS
+from nvsim_app.session import Session
 
 CHILD = Path(__file__).with_name("window_child.py")
 SECONDS = 120.0
@@ -114,7 +114,7 @@ def test_a_training_outlives_the_window_that_is_killed(project: Path, start_wind
 def test_a_killed_worker_is_offered_again_and_goes_on_from_its_checkpoint(
     project: Path, qtbot: QtBot, session: Session
 ) -> None:
-    from app.wiring.jobs import JobsPart
+    from nvsim_app.wiring.jobs import JobsPart
 
     session.open(project)
     part = session.window.part(JobsPart)
@@ -149,7 +149,7 @@ def test_when_worker_and_window_die_together_the_next_window_offers_the_job(
     assert isinstance(panel, JobPanel)
     qtbot.waitUntil(panel.offer.isVisible)
     qtbot.mouseClick(panel.offer.go_on, Qt.MouseButton.LeftButton)
-    (handle,) = session.window.jobs.handles
+    handle = session.window.jobs.handles[-1]
     qtbot.waitUntil(lambda: handle.state in ("running", "done"), timeout=int(1000 * SECONDS))
     session.window.jobs.cancel(handle)
     qtbot.waitUntil(lambda: handle.state in ("cancelled", "done"), timeout=int(1000 * SECONDS))
@@ -158,8 +158,8 @@ def test_when_worker_and_window_die_together_the_next_window_offers_the_job(
 def test_a_paused_training_frees_the_project_and_survives_the_window(
     project: Path, qtbot: QtBot, settings: QSettings
 ) -> None:
-    from app.wiring.jobs import JobsPart
     from nvsim.project.project import Project
+    from nvsim_app.wiring.jobs import JobsPart
 
     session = Session(settings)
     qtbot.addWidget(session.window)
@@ -186,7 +186,7 @@ def test_a_paused_training_frees_the_project_and_survives_the_window(
     qtbot.addWidget(again.window)
     again.window.show()
     again.open(project)
-    (waiting,) = again.window.jobs.handles
+    waiting = again.window.jobs.handles[-1]
     assert waiting.state == "paused"
     again.window.jobs.resume(waiting)
     qtbot.waitUntil(lambda: waiting.state == "done", timeout=int(1000 * SECONDS))

@@ -12,14 +12,13 @@ from PySide6.QtCore import Qt
 from PySide6.QtWidgets import QApplication
 from pytestqt.qtbot import QtBot
 
-import app.jobs.queue
-from app.jobs.queue import JobHandle, JobQueue
-from app.panels.jobs import JobPanel
-from app.state.document import Document
+import nvsim_app.jobs.queue
 from nvsim.events import Log, Progress
 from nvsim.project.jobs import worker_lock
 from nvsim.project.jobs.files import STATUS, WISH, JobStatus, encode_status, event_line
 from nvsim.project.jobs.joblist import JobList
+from nvsim_app.jobs.queue import JobHandle, JobQueue
+from nvsim_app.panels.jobs import JobPanel
 
 TITLES = ("Train", "Build the map", "Evaluate the graph")
 
@@ -66,10 +65,10 @@ def pipeline(tmp_path: Path, qtbot: QtBot, monkeypatch: pytest.MonkeyPatch) -> I
         job = jobs.add(verb, ["--project", str(jobs.root)], title)
         job.events.write_text(event_line(Log("Started."), 0.0) + event_line(Progress(verb, 1, 4, "a part"), 1.0))
     queue = JobQueue()
-    panel = JobPanel(Document(), queue)
+    panel = JobPanel(queue)
     qtbot.addWidget(panel)
     made = Pipeline(queue, panel)
-    monkeypatch.setattr(app.jobs.queue, "start_worker", lambda root, number, threads: made.started.append(number))
+    monkeypatch.setattr(nvsim_app.jobs.queue, "start_worker", lambda root, number, threads: made.started.append(number))
     queue.follow(jobs.root)
     made.set(1, "running")
     panel.resize(1300, 240)
@@ -80,6 +79,16 @@ def pipeline(tmp_path: Path, qtbot: QtBot, monkeypatch: pytest.MonkeyPatch) -> I
     for handle in queue.handles:
         worker_lock.release(handle.job.folder)
     queue.follow(None)
+
+
+def test_rows_are_updated_in_place_while_a_job_runs(pipeline: Pipeline, qtbot: QtBot) -> None:
+    model, events = pipeline.panel.model, pipeline.handle(1).job.events
+    assert model.index(0, 2).data() == "25 %"
+    events.write_text(events.read_text() + event_line(Progress("train", 2, 4, "a part"), 2.0))
+    with qtbot.waitSignal(model.dataChanged), qtbot.assertNotEmitted(model.modelReset):
+        pipeline.queue._look()
+    assert model.index(0, 2).data() == "50 %"
+    pipeline.panel.grab()  # paints the progress bars
 
 
 def test_jobs_stand_in_the_order_in_which_they_run(pipeline: Pipeline) -> None:

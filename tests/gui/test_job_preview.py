@@ -6,7 +6,7 @@ from PySide6.QtCore import QRectF
 from PySide6.QtGui import QColor, QImage, QPainter
 from pytestqt.qtbot import QtBot
 
-from app.panels.training_images import JobPreview
+from nvsim_app.panels.training_images import JobPreview
 
 
 def _named_quarters(widget: JobPreview, width: int, height: int) -> list[bool]:

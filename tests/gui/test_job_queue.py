@@ -12,16 +12,15 @@ import psutil
 import pytest
 from pytestqt.qtbot import QtBot
 
-from app.jobs.history import MOST_POINTS, MOST_WORKERS, JobReport, Series
-from app.jobs.queue import JobHandle, JobQueue
-from app.panels.jobs import JobPanel
-from app.state.document import Document
 from nvsim.events import Event, Failed, Log, Metric, Progress, Worker
 from nvsim.project import ledger
 from nvsim.project.jobs.files import STATUS, encode_status, event_line
 from nvsim.project.jobs.joblist import JobList, JobStatus, State, Wish
 from nvsim.project.jobs.worker_lock import is_held
 from nvsim.project.project import Project
+from nvsim_app.jobs.history import MOST_POINTS, MOST_WORKERS, JobReport, Series
+from nvsim_app.jobs.queue import JobHandle, JobQueue
+from nvsim_app.panels.jobs import JobPanel
 
 SECONDS = 60_000
 
@@ -88,7 +87,7 @@ def test_heavy_jobs_wait_for_each_other_and_the_worker_hands_on_by_itself(
 
 def test_a_job_outlives_the_process_that_ordered_it(qtbot: QtBot, project: Path) -> None:
     program = (
-        "import sys\nfrom app.jobs.queue import JobQueue\nfrom PySide6.QtCore import QCoreApplication\n"
+        "import sys\nfrom nvsim_app.jobs.queue import JobQueue\nfrom PySide6.QtCore import QCoreApplication\n"
         "from pathlib import Path\napp = QCoreApplication([])\nqueue = JobQueue()\nproject = Path(sys.argv[1])\n"
         "queue.follow(project)\n"
         "queue.start('submaps', ['--project', str(project), '--count', '2'], project, 'Cut')\n"
@@ -119,8 +118,7 @@ def test_a_job_that_was_stopped_shows_how_far_it_came_and_where(qtbot: QtBot, pr
     steps = Progress("train", 300, 1200, "submap 0, step 300")
     job.events.write_text(event_line(Log("Started."), 0.0) + event_line(steps, 1.0))
     jobs.ask(job.number, wish)
-    document = Document()
-    panel = JobPanel(document, queue := JobQueue())
+    panel = JobPanel(queue := JobQueue())
     qtbot.addWidget(panel)
     queue.follow(project)
     qtbot.waitUntil(lambda: panel.model.rows[0].share == 0.25, timeout=SECONDS)
@@ -139,7 +137,7 @@ def test_a_job_that_nobody_looked_at_shows_how_far_it_came_too(qtbot: QtBot, pro
     job = jobs.add("train", ["--project", str(project)], "Train")
     job.events.write_text(event_line(Log("Started."), 0.0) + event_line(Progress("train", 3, 4, "submap 0"), 1.0))
     (job.folder / STATUS).write_text(encode_status(JobStatus(state, message="The disk is full.")))
-    panel = JobPanel(Document(), queue := JobQueue())
+    panel = JobPanel(queue := JobQueue())
     qtbot.addWidget(panel)
     other = jobs.add("map", ["--project", str(project)], "Map")  # the newest, whose details are shown
     queue.follow(project)
@@ -203,7 +201,7 @@ def test_the_workers_of_a_job_on_a_cluster_are_shown_with_their_pieces(qtbot: Qt
     ]
     afar.events.write_text("".join(event_line(event, 1000.0) for event in told))
     queue = JobQueue()
-    panel = JobPanel(Document(), queue)
+    panel = JobPanel(queue)
     qtbot.addWidget(panel)
     panel.resize(900, 240)
     panel.show()

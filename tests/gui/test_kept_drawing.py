@@ -13,14 +13,14 @@ from PySide6.QtCore import QPointF, QRectF
 from PySide6.QtGui import QImage, QPainter
 from pytestqt.qtbot import QtBot
 
-from app.benchmarks.graphs import random_edit
-from app.layers.graph import GraphLayer
-from app.painting import cameras
-from app.painting.graph_ink import DrawingCache
-from app.state.document import Document
-from app.state.loading import Contents
-from app.views.map_view import MapView
 from nvsim.benchmarks.graph import random_graph
+from nvsim_app.benchmarks.graphs import random_edit
+from nvsim_app.layers.graph import GraphLayer
+from nvsim_app.painting import cameras
+from nvsim_app.painting.graph_ink import DrawingCache
+from nvsim_app.state.document import Document
+from nvsim_app.state.loading import Contents
+from nvsim_app.views.map_view import MapView
 
 SIZE = (500, 400)
 

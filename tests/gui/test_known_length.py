@@ -10,21 +10,21 @@ import pytest
 from PySide6.QtCore import QPointF, Qt
 from pytestqt.qtbot import QtBot
 
-from app.painting import cameras
-from app.panels.form import KnownLength, words_of
-from app.session import Session
-from app.state.document import Document
-from app.state.loading import prepared
-from app.views.graph_surface import SceneSurface
-from app.wiring.importing import ReimportPart, _config_of, options_of, without_option
-from app.wiring.modes import ModePart
-from app.wiring.panels import MapPart
-from app.wiring.window import MainWindow
 from nvsim.capture.store import save_capture
 from nvsim.capture.types import Cloud
 from nvsim.cli.main import main
 from nvsim.project.config import CaptureConfig
 from nvsim.project.project import Project
+from nvsim_app.painting import cameras
+from nvsim_app.panels.form import KnownLength, words_of
+from nvsim_app.session import Session
+from nvsim_app.state.document import Document
+from nvsim_app.state.loading import prepared
+from nvsim_app.views.graph_surface import SceneSurface
+from nvsim_app.wiring.importing import ReimportPart, _config_of, options_of, without_option
+from nvsim_app.wiring.modes import ModePart
+from nvsim_app.wiring.panels import MapPart
+from nvsim_app.wiring.window import MainWindow
 from tests.unit import textured_room
 
 SECONDS = 120_000
@@ -70,7 +70,7 @@ def test_two_clicks_on_the_map_and_the_true_length_set_the_scale(qtbot: QtBot, s
     qtbot.mouseClick(dialog.apply, LEFT)
     qtbot.waitUntil(lambda: document.contents.capture.alignment.scale == pytest.approx(1.0, rel=1e-3), timeout=SECONDS)
     assert document.trajectory.positions[[0, 6]] == pytest.approx(2 * ends, rel=1e-3)
-    (job,) = window.jobs.handles
+    job = window.jobs.handles[-1]
     assert list(job.job.order.arguments[3:]) == [
         "--scale",
         job.job.order.arguments[4],
@@ -93,7 +93,7 @@ def test_a_frame_is_left_out_of_a_project(qtbot: QtBot, session: Session, projec
     qtbot.waitUntil(lambda: len(document.contents.capture.frames) == 11, timeout=SECONDS)
     assert name not in {frame.name for frame in document.contents.capture.frames}
     assert document.contents.capture.alignment.scale == 0.5
-    (job,) = window.jobs.handles
+    job = window.jobs.handles[-1]
     qtbot.waitUntil(lambda: job.state == "done", timeout=SECONDS)
 
 

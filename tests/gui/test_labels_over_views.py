@@ -7,7 +7,7 @@ from PySide6.QtCore import QPointF, QRectF
 from PySide6.QtGui import QImage, QPainter
 from PySide6.QtWidgets import QApplication
 
-from app.modes.mode import label_box
+from nvsim_app.modes.mode import label_box
 
 SENTENCE = (
     "No edge: the corridor is blocked by a desk, alpha 0.98 at 1.2 m, threshold 0.50; move the viewpoint or force it."

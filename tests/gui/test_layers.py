@@ -17,20 +17,20 @@ from PySide6.QtTest import QTest
 from PySide6.QtWidgets import QApplication
 from pytestqt.qtbot import QtBot
 
-from app.layers import labels
-from app.layers.capture import draw_dots, frustum
-from app.layers.floor import floor_places
-from app.layers.layer import Layer
-from app.look.notices import Notices
-from app.painting.cameras import ViewPose, overview
-from app.painting.dots import Dots
-from app.painting.primitives import chip
-from app.state.document import Document
-from app.state.loading import Contents
-from app.views.overlays import Overlays
-from app.wiring.window import MainWindow
 from nvsim.capture.types import Cloud
 from nvsim.geometry.camera import Camera
+from nvsim_app.layers import labels
+from nvsim_app.layers.capture import draw_dots, frustum
+from nvsim_app.layers.floor import floor_places
+from nvsim_app.layers.layer import Layer
+from nvsim_app.look.notices import Notices
+from nvsim_app.painting.cameras import ViewPose, overview
+from nvsim_app.painting.dots import Dots
+from nvsim_app.painting.primitives import chip
+from nvsim_app.state.document import Document
+from nvsim_app.state.loading import Contents
+from nvsim_app.views.overlays import Overlays
+from nvsim_app.wiring.window import MainWindow
 
 
 class Flood(Layer):

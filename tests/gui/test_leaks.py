@@ -15,10 +15,10 @@ from PySide6.QtCore import QCoreApplication, QEvent, QObject, QSettings, QTimer
 from PySide6.QtWidgets import QApplication
 from pytestqt.qtbot import QtBot
 
-from app.session import Session
-from app.start.application import Collecting
 from nvsim.capture.types import Capture
 from nvsim.graph.types import NavGraph
+from nvsim_app.session import Session
+from nvsim_app.start.application import Collecting
 
 PATIENCE = 120_000  # milliseconds
 TIMES = 3

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import sqlite3
 from pathlib import Path
 
 import demo_project
@@ -14,14 +13,14 @@ from PySide6.QtCore import QSettings
 from PySide6.QtWidgets import QApplication
 from pytestqt.qtbot import QtBot
 
-from app.session import Session
-from app.state.loading import Contents, ProjectReader
-from app.state.watcher import FileReader, ProjectWatcher
 from nvsim.cli.main import main
 from nvsim.errors import InputError
 from nvsim.graph.operations import apply
 from nvsim.project.layout import Layout
 from nvsim.project.project import Project
+from nvsim_app.session import Session
+from nvsim_app.state.loading import Contents, ProjectReader
+from nvsim_app.state.watcher import FileReader, ProjectWatcher
 
 
 @pytest.fixture
@@ -53,10 +52,10 @@ def test_nothing_is_read_twice_and_only_what_changed_is_read_again(project: Path
     reader = ProjectReader(project)
     before = last(reader)
     assert last(reader) is None
-    with Project.open(project, writable=True) as writer, writer.transaction() as c:
-        c.execute("INSERT INTO jobs (stage, pid, state, started, updated) VALUES ('map', 1, 'done', 0, 0)")
+    with Project.open(project, writable=True) as writer:
+        writer.set_result("graph", {"nodes": 2})
     after = last(reader)
-    assert after is not None and len(after.jobs) == 1
+    assert after is not None and after.results.keys() == {"graph"}
     assert after.capture is before.capture and after.graph is before.graph and after.occupancy is before.occupancy
     reader.close()
 
@@ -83,10 +82,8 @@ def test_the_watcher_tells_the_window_what_another_process_commits(project: Path
     try:
         qtbot.waitUntil(lambda: bool(read) and read[-1].occupancy is not None, timeout=10_000)
         with Project.open(project, writable=True) as writer:
-            writer.set_meta("note", "x")
-            with writer.transaction() as c:
-                c.execute("INSERT INTO jobs (stage, pid, state, started, updated) VALUES ('map', 1, 'done', 0, 0)")
-        qtbot.waitUntil(lambda: len(read[-1].jobs) == 1, timeout=5000)
+            writer.set_result("graph", {"nodes": 2})
+        qtbot.waitUntil(lambda: "graph" in read[-1].results, timeout=5000)
     finally:
         watcher.stop()
 
@@ -155,12 +152,11 @@ def test_a_reader_never_locks_the_writer_out(project: Path) -> None:
     updates = reader.updates()
     next(updates)
     with Project.open(project, writable=True) as writer:
-        writer.set_meta("scan", "renamed")
+        writer.set_result("graph", {"nodes": 2})
     updates.close()
     reader.close()
-    connection = sqlite3.connect(project / "project.db")
-    assert connection.execute("SELECT value FROM meta WHERE key = 'scan'").fetchone() == ("renamed",)
-    connection.close()
+    with Project.open(project) as read:
+        assert read.results() == {"graph": {"nodes": 2}}
 
 
 def write_floor(project: Path, submap: int, height: float) -> None:

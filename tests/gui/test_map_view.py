@@ -12,14 +12,14 @@ from PySide6.QtGui import QColor
 from PySide6.QtWidgets import QApplication
 from pytestqt.qtbot import QtBot
 
-from app.look import colors, theme
-from app.painting.cameras import ViewPose
-from app.state.document import Document
-from app.state.loading import Contents
-from app.views.map_view import MapView
-from app.wiring.panels import MapPart
-from app.wiring.window import MainWindow
 from nvsim.occupancy.types import OCCUPIED
+from nvsim_app.look import colors, theme
+from nvsim_app.painting.cameras import ViewPose
+from nvsim_app.state.document import Document
+from nvsim_app.state.loading import Contents
+from nvsim_app.views.map_view import MapView
+from nvsim_app.wiring.panels import MapPart
+from nvsim_app.wiring.window import MainWindow
 
 
 @pytest.fixture

@@ -9,9 +9,9 @@ import pytest
 from PySide6.QtWidgets import QFileDialog
 from pytestqt.qtbot import QtBot
 
-from app.panels.models import ModelsWindow
-from app.state.document import Document
-from app.wiring.panels import ModelsPart
+from nvsim_app.panels.models import ModelsWindow
+from nvsim_app.state.document import Document
+from nvsim_app.wiring.panels import ModelsPart
 
 
 @pytest.fixture

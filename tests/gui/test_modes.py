@@ -9,9 +9,9 @@ from PySide6.QtCore import Qt
 from PySide6.QtTest import QTest
 from PySide6.QtWidgets import QApplication
 
-from app.painting import cameras
-from app.wiring.modes import ContextPart
-from app.wiring.window import MainWindow
+from nvsim_app.painting import cameras
+from nvsim_app.wiring.modes import ContextPart
+from nvsim_app.wiring.window import MainWindow
 
 
 @pytest.fixture(params=["map", "scene"])
@@ -84,7 +84,7 @@ def test_escape_gives_a_drag_up(hand: Hand) -> None:
     before, foot = hand.document.graph, hand.foot(6).copy()
     hand.click(foot)
     mode = hand.window.modes.current
-    from app.modes.mode import Pointer
+    from nvsim_app.modes.mode import Pointer
 
     start = Pointer(hand.surface, hand.pixel(foot).toPointF())
     assert mode.takes_drag(start)

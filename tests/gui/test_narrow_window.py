@@ -12,13 +12,13 @@ from PySide6.QtCore import Qt
 from PySide6.QtWidgets import QDialog, QLabel, QPushButton, QWidget
 from pytestqt.qtbot import QtBot
 
-from app.look.labels import WrappingRow
-from app.panels.details import DetailsPanel
-from app.panels.help import open_help
-from app.state.document import Document
-from app.wiring.window import MainWindow
-from app.wiring.workspace_layouts import WORKSPACE_LAYOUTS
 from nvsim.graph.selection import GraphSelection
+from nvsim_app.look.labels import WrappingRow
+from nvsim_app.panels.details import DetailsPanel
+from nvsim_app.panels.help import open_help
+from nvsim_app.state.document import Document
+from nvsim_app.wiring.window import MainWindow
+from nvsim_app.wiring.workspace_layouts import WORKSPACE_LAYOUTS
 
 
 def test_the_window_fits_half_of_a_screen_of_1920_pixels(window: MainWindow) -> None:
@@ -75,10 +75,10 @@ def test_at_twice_the_size_everything_fits_a_screen_of_1920_by_1080(tmp_path: Pa
     program = (
         "import sys; sys.path.insert(0, sys.argv[1]); from pathlib import Path\n"
         "from PySide6.QtCore import QSettings; from PySide6.QtWidgets import QApplication, QDialog\n"
-        "from app.start.application import make_application\n"
+        "from nvsim_app.start.application import make_application\n"
         "settings = QSettings(sys.argv[2], QSettings.Format.IniFormat); app = make_application('dark', settings)\n"
-        "import demo_room; from app.look.notices import Notices; from app.state.document import Document\n"
-        "from app.wiring.window import MainWindow\n"
+        "import demo_room; from nvsim_app.look.notices import Notices; from nvsim_app.state.document import Document\n"
+        "from nvsim_app.wiring.window import MainWindow\n"
         "document = Document(); window = MainWindow(document, settings, Notices()); window.show()\n"
         "document.set_contents(demo_room.contents(Path('demo.nvsim')))\n"
         "document.select(viewpoint=document.graph_arrays.ids[0])\n"
@@ -111,7 +111,7 @@ def test_at_twice_the_size_everything_fits_a_screen_of_1920_by_1080(tmp_path: Pa
 def test_the_first_window_fits_its_screen(window: MainWindow) -> None:
     room = window.screen().availableSize()
     assert window.width() < room.width() and window.height() < room.height()
-    from app.wiring import window as module
+    from nvsim_app.wiring import window as module
 
     assert window.size() == module._SIZE.boundedTo(room - module._RIM)
 

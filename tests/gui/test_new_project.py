@@ -15,13 +15,13 @@ from PySide6.QtGui import QDragEnterEvent, QDropEvent
 from PySide6.QtWidgets import QApplication
 from pytestqt.qtbot import QtBot
 
-from app.jobs.queries import CheckResult, result_of
-from app.panels.new_project import NewProject, NewProjectDialog
-from app.panels.stages import StageBar
-from app.session import Session
-from app.wiring.new_project import NewProjectPart
 from nvsim.capture.findings import SCALE_UNKNOWN, Kind
 from nvsim.errors import InputError
+from nvsim_app.jobs.queries import CheckResult, result_of
+from nvsim_app.panels.new_project import NewProject, NewProjectDialog
+from nvsim_app.panels.stages import StageBar
+from nvsim_app.session import Session
+from nvsim_app.wiring.new_project import NewProjectPart
 
 SECONDS = 120_000
 
@@ -157,7 +157,7 @@ def test_no_import_starts_if_the_names_of_skipped_frames_cannot_be_stored(
     def refuse(*_: object) -> None:
         raise InputError("The disk is full.")
 
-    monkeypatch.setattr("app.wiring.new_project.write_names", refuse)
+    monkeypatch.setattr("nvsim_app.wiring.new_project.write_names", refuse)
     notices: list[str] = []
     session.notices.added.connect(lambda notice: notices.append(notice.text))
     part = part_of(session)

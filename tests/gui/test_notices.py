@@ -9,8 +9,8 @@ import pytest
 from PySide6.QtWidgets import QToolButton, QWidget
 from pytestqt.qtbot import QtBot
 
-from app.look.notices import MOST_SHOWN, NoticeArea, Notices, install_excepthook
 from nvsim.errors import InputError
+from nvsim_app.look.notices import MOST_SHOWN, NoticeArea, Notices, install_excepthook
 
 
 @pytest.fixture
@@ -25,7 +25,7 @@ def area(qtbot: QtBot) -> NoticeArea:
 
 def test_a_notice_appears_and_is_closed_by_its_button(area: NoticeArea, qtbot: QtBot) -> None:
     area.parent_to_keep.show()
-    from app.look.notices import Notice
+    from nvsim_app.look.notices import Notice
 
     area.show_notice(Notice("error", "The disk is full."))
     assert area.isVisible() and area.texts == ["The disk is full."]
@@ -35,7 +35,7 @@ def test_a_notice_appears_and_is_closed_by_its_button(area: NoticeArea, qtbot: Q
 
 
 def test_repeated_notices_are_counted_not_stacked(area: NoticeArea) -> None:
-    from app.look.notices import Notice
+    from nvsim_app.look.notices import Notice
 
     for _ in range(5):
         area.show_notice(Notice("warning", "Again."))
@@ -46,7 +46,7 @@ def test_repeated_notices_are_counted_not_stacked(area: NoticeArea) -> None:
 
 
 def test_a_full_screen_lets_go_of_news_before_errors(area: NoticeArea) -> None:
-    from app.look.notices import Notice
+    from nvsim_app.look.notices import Notice
 
     area.show_notice(Notice("error", "The disk is full."))
     for i in range(2 * MOST_SHOWN):
@@ -58,7 +58,7 @@ def test_a_notice_stays_while_the_pointer_rests_on_it(area: NoticeArea, qtbot: Q
     from PySide6.QtCore import QEvent, QPointF
     from PySide6.QtGui import QEnterEvent
 
-    from app.look.notices import SECONDS, Notice
+    from nvsim_app.look.notices import SECONDS, Notice
 
     monkeypatch.setitem(SECONDS, "info", 0.05)
     area.show_notice(Notice("info", "Saved."))
@@ -71,7 +71,7 @@ def test_a_notice_stays_while_the_pointer_rests_on_it(area: NoticeArea, qtbot: Q
 
 
 def test_what_has_details_leads_to_the_log(area: NoticeArea, qtbot: QtBot) -> None:
-    from app.look.notices import Notice
+    from nvsim_app.look.notices import Notice
 
     area.show_notice(Notice("error", "Odd.", "Traceback"))
     with qtbot.waitSignal(area.detailsWanted, timeout=20_000) as heard:
@@ -101,7 +101,7 @@ def test_uncaught_errors_become_notices_and_the_hooks_go_back(qapp, capsys) -> N
 
 
 def test_an_error_expires_and_its_success_replaces_it(area: NoticeArea, qtbot: QtBot, monkeypatch) -> None:
-    from app.look.notices import SECONDS, Notice
+    from nvsim_app.look.notices import SECONDS, Notice
 
     area.show_notice(Notice("error", "Cannot write map.png.", about="save"))
     area.show_notice(Notice("error", "The map failed.", about="job map"))
@@ -117,8 +117,8 @@ def test_an_error_expires_and_its_success_replaces_it(area: NoticeArea, qtbot: Q
 def test_messages_about_a_file_and_what_is_under_the_cursor_end_with_it(window, document) -> None:
     from pathlib import Path
 
-    from app.state.loading import Contents
-    from app.wiring.panels import MapPart
+    from nvsim_app.state.loading import Contents
+    from nvsim_app.wiring.panels import MapPart
 
     plan, id = window.part(MapPart).view, document.graph_arrays.ids[0]
     window.notices.error("The graph is broken.")

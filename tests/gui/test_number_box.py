@@ -10,10 +10,10 @@ from PySide6.QtCore import Qt
 from PySide6.QtWidgets import QApplication, QLineEdit, QVBoxLayout, QWidget
 from pytestqt.qtbot import QtBot
 
-import app
-from app.look.widgets import NumberBox
-from app.wiring.thresholds import ThresholdPart
-from app.wiring.window import MainWindow
+import nvsim_app
+from nvsim_app.look.widgets import NumberBox
+from nvsim_app.wiring.thresholds import ThresholdPart
+from nvsim_app.wiring.window import MainWindow
 
 
 def type_into(qtbot: QtBot, box: NumberBox, text: str) -> None:
@@ -61,6 +61,6 @@ def test_a_number_is_committed_when_the_focus_leaves(qtbot: QtBot) -> None:
 
 
 def test_all_number_fields_are_of_this_class() -> None:
-    folder = Path(app.__file__).parent
+    folder = Path(nvsim_app.__file__).parent
     files = [path for path in folder.rglob("*.py") if re.search("Q(Double)?SpinBox", path.read_text())]
     assert [path.name for path in files] == ["widgets.py"]

@@ -8,11 +8,11 @@ import demo_project
 import numpy as np
 import pytest
 
-from app.state.loading import ProjectReader
-from app.state.side_work import start_reading
 from nvsim.errors import InputError
 from nvsim.project.occupancy_maps import occupancy_of
 from nvsim.project.project import Project
+from nvsim_app.state.loading import ProjectReader
+from nvsim_app.state.side_work import start_reading
 
 
 @pytest.fixture

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from app.drawing.picture_feed import SMALLEST, Pacing
+from nvsim_app.drawing.picture_feed import SMALLEST, Pacing
 
 
 def settle(

@@ -6,11 +6,11 @@ import pytest
 from PySide6.QtCore import Qt
 from pytestqt.qtbot import QtBot
 
-from app.palette.entries import Entry, fit
-from app.state.document import Document
-from app.wiring import actions
-from app.wiring.appearance import PalettePart
-from app.wiring.window import MainWindow
+from nvsim_app.palette.entries import Entry, fit
+from nvsim_app.state.document import Document
+from nvsim_app.wiring import actions
+from nvsim_app.wiring.appearance import PalettePart
+from nvsim_app.wiring.window import MainWindow
 
 
 @pytest.fixture

@@ -5,30 +5,28 @@ from __future__ import annotations
 from dataclasses import replace
 from pathlib import Path
 
-import demo_room
 import numpy as np
 import pytest
 from PySide6.QtCore import Qt
 from PySide6.QtGui import QFontMetricsF
 from pytestqt.qtbot import QtBot
 
-from app.look.notices import Notices
-from app.panels.details import DetailsPanel
-from app.panels.job_plots import StepAxis
-from app.panels.jobs import JobModel, JobPanel, duration
-from app.panels.log import LogPanel
-from app.panels.stages import EmptyState
-from app.panels.submaps import SubmapModel, SubmapPanel
-from app.state.document import Document
-from app.state.loading import Contents
 from nvsim.graph.selection import GraphSelection
+from nvsim_app.look.notices import Notices
+from nvsim_app.panels.details import DetailsPanel
+from nvsim_app.panels.job_plots import StepAxis
+from nvsim_app.panels.jobs import duration
+from nvsim_app.panels.log import LogPanel
+from nvsim_app.panels.stages import EmptyState
+from nvsim_app.panels.submaps import SubmapModel, SubmapPanel
+from nvsim_app.state.document import Document
+from nvsim_app.state.loading import Contents
 
 
-@pytest.mark.parametrize("kind", [SubmapModel, JobModel])
-def test_models_keep_qts_rules_while_the_document_changes(kind, qtmodeltester, document: Document) -> None:
-    model = kind(document)
+def test_the_model_keeps_qts_rules_while_the_document_changes(qtmodeltester, document: Document) -> None:
+    model = SubmapModel(document)
     qtmodeltester.check(model)
-    document.set_contents(replace(document.contents, jobs=demo_room.jobs()[1:], submaps=document.contents.submaps[:2]))
+    document.set_contents(replace(document.contents, submaps=document.contents.submaps[:2]))
     qtmodeltester.check(model)
     document.set_contents(Contents(Path("empty.nvsim")))
     qtmodeltester.check(model)
@@ -50,17 +48,6 @@ def test_a_submap_is_selected_in_both_directions(document: Document, qtbot: QtBo
     assert panel.table.selectionModel().selectedRows()[0].row() == 0
     document.select(frame=5)
     assert not panel.table.selectionModel().selectedRows()
-
-
-def test_jobs_are_renewed_in_place_while_they_run(document: Document, qtbot: QtBot) -> None:
-    panel = JobPanel(document)
-    qtbot.addWidget(panel)
-    first, *rest = document.contents.jobs
-    with qtbot.waitSignal(panel.model.dataChanged), qtbot.assertNotEmitted(panel.model.modelReset):
-        document.set_contents(replace(document.contents, jobs=(replace(first, progress=0.5), *rest)))
-    assert panel.model.index(len(rest), 2).data() == "50 %"
-    assert panel.model.index(2, 1).data() == "interrupted"
-    panel.grab()  # the progress bars are painted by our own delegate
 
 
 @pytest.mark.parametrize("pixels", [40, 90, 400])

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from app.painting.cameras import ViewPose
-from app.painting.picking import nearest_point, projected_segments
+from nvsim_app.painting.cameras import ViewPose
+from nvsim_app.painting.picking import nearest_point, projected_segments
 
 CAMERA = ViewPose((0, 0, 0)).camera(800, 600)  # looks along +y
 

@@ -16,23 +16,23 @@ from PySide6.QtGui import QTextDocument
 from PySide6.QtWidgets import QApplication, QLabel, QToolTip, QWidget
 from pytestqt.qtbot import QtBot
 
-from app.look.labels import Label, MarkedLabel
-from app.look.plain_text import caption, lines, marked, plain, tip, title
-from app.modes.mode import Pointer
-from app.panels.help import HelpWindow
-from app.panels.results import ResultPanel
-from app.panels.validation import ValidationPanel
-from app.state.document import Document
-from app.state.results import Result, Table
-from app.wiring.checking import ComparePart
-from app.wiring.files import RecentPart
-from app.wiring.frames import FramePart
-from app.wiring.modes import ContextPart
-from app.wiring.window import MainWindow
 from nvsim.events import Failed, Log, Progress
 from nvsim.graph.selection import GraphSelection
 from nvsim.project.jobs.joblist import JobList, JobStatus
 from nvsim.project.project import Project
+from nvsim_app.look.labels import Label, MarkedLabel
+from nvsim_app.look.plain_text import caption, lines, marked, plain, tip, title
+from nvsim_app.modes.mode import Pointer
+from nvsim_app.panels.help import HelpWindow
+from nvsim_app.panels.results import ResultPanel
+from nvsim_app.panels.validation import ValidationPanel
+from nvsim_app.state.document import Document
+from nvsim_app.state.results import Result, Table
+from nvsim_app.wiring.checking import ComparePart
+from nvsim_app.wiring.files import RecentPart
+from nvsim_app.wiring.frames import FramePart
+from nvsim_app.wiring.modes import ContextPart
+from nvsim_app.wiring.window import MainWindow
 
 ANY = st.text(st.characters(exclude_categories=()), max_size=300)
 

@@ -12,17 +12,17 @@ from PySide6.QtGui import QKeySequence
 from PySide6.QtTest import QTest
 from PySide6.QtWidgets import QApplication, QDoubleSpinBox
 
-from app.look import lengths, theme
-from app.look.labels import Value
-from app.panels.preferences import FIXED, OF, PREFERENCES, Preferences
-from app.panels.tables import TablePanel
-from app.state.document import Document
-from app.views.navigation import Hands, flying
-from app.wiring.appearance import PreferencePart
-from app.wiring.editing import AutosavePart
-from app.wiring.panels import MapPart
-from app.wiring.window import MainWindow
 from nvsim import kernel_threads
+from nvsim_app.look import lengths, theme
+from nvsim_app.look.labels import Value
+from nvsim_app.panels.preferences import FIXED, OF, PREFERENCES, Preferences
+from nvsim_app.panels.tables import TablePanel
+from nvsim_app.state.document import Document
+from nvsim_app.views.navigation import Hands, flying
+from nvsim_app.wiring.appearance import PreferencePart
+from nvsim_app.wiring.editing import AutosavePart
+from nvsim_app.wiring.panels import MapPart
+from nvsim_app.wiring.window import MainWindow
 
 
 @pytest.fixture(autouse=True)
@@ -110,7 +110,7 @@ def _drag(window: MainWindow, button: Qt.MouseButton) -> None:
 def test_the_graph_is_saved_by_itself_where_that_is_wanted(window: MainWindow, document: Document, monkeypatch) -> None:
     saved: list[bool] = []
     monkeypatch.setattr(document.editing, "save", lambda: saved.append(True))
-    monkeypatch.setattr("app.wiring.editing.can_save", lambda d: None if d.editing.dirty else "nothing")
+    monkeypatch.setattr("nvsim_app.wiring.editing.can_save", lambda d: None if d.editing.dirty else "nothing")
     timer = window.part(AutosavePart).timer
     document.editing.run("remove_edges", {"pairs": [list(next(iter(document.graph.edges)))]})
     assert not timer.isActive()

@@ -9,10 +9,10 @@ from PySide6.QtCore import QSettings
 from PySide6.QtWidgets import QWidget
 from pytestqt.qtbot import QtBot
 
-from app.processes.child import Program
-from app.session import Session
-from app.start import application
-from app.start.application import WORDS, Preparing
+from nvsim_app.processes.child import Program
+from nvsim_app.session import Session
+from nvsim_app.start import application
+from nvsim_app.start.application import WORDS, Preparing
 
 BUSY = Program(side_work.until_asked, "busy", "It fails")
 

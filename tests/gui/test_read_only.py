@@ -26,8 +26,8 @@ _LOOK = """
 import json, sys
 from pathlib import Path
 from PySide6.QtCore import QCoreApplication
-from app.state.document import Document
-from app.state.loading import ProjectReader
+from nvsim_app.state.document import Document
+from nvsim_app.state.loading import ProjectReader
 from nvsim.errors import InputError
 from nvsim.project.project import Project
 
@@ -141,9 +141,9 @@ def test_what_a_killed_writer_committed_is_seen_where_nothing_can_be_written(
 @pytest.mark.parametrize("history", [False, True])
 def test_a_project_on_a_full_disk_can_be_looked_at(project: Path, history: bool) -> None:
     if history:
-        from app.state.graph_files import ProjectGraph
         from nvsim.graph.journal import Journal
         from nvsim.graph.operations import perform
+        from nvsim_app.state.graph_files import ProjectGraph
 
         with Project.open(project) as opened:
             graph = opened.need_graph()
@@ -174,9 +174,9 @@ def test_a_snapshot_follows_what_others_write_later(project: Path, monkeypatch: 
     first = opened.revision()
     assert isinstance(opened.connection, databases.Snapshot) and opened.revision() == first
     with Project.open(project, writable=True) as writer:
-        writer.set_meta("told", "later")
+        writer.set_result("graph", {"nodes": 2})
     assert opened.revision() != first
-    assert opened.meta("told") == "later" and not isinstance(opened.connection, databases.Snapshot)
+    assert opened.results() and not isinstance(opened.connection, databases.Snapshot)
     opened.close()
 
 

@@ -11,12 +11,12 @@ import psutil
 import pytest
 from pytestqt.qtbot import QtBot
 
-from app.benchmarks.window import Probe
-from app.drawing.painter import Renderer
-from app.drawing.picture_feed import RenderLink
-from app.drawing.render_child import Picture, Request
-from app.painting.cameras import ViewPose
 from nvsim.errors import InputError
+from nvsim_app.benchmarks.window import Probe
+from nvsim_app.drawing.painter import Renderer
+from nvsim_app.drawing.picture_feed import RenderLink
+from nvsim_app.drawing.render_child import Picture, Request
+from nvsim_app.painting.cameras import ViewPose
 
 POSE = ViewPose((7.0, 4.5, 1.5), 0.4)
 

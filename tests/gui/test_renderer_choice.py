@@ -12,17 +12,17 @@ import pytest
 from PySide6.QtCore import QSettings
 from pytestqt.qtbot import QtBot
 
-from app.drawing.painter import NEUTRAL, Models, Painter, Remark
-from app.drawing.picture_feed import RenderLink
-from app.drawing.render_child import ProjectSource, Request
-from app.drawing.renderer_choice import AUTOMATIC, CPU, OPENGL, ROUNDS, Choice
-from app.painting.cameras import ViewPose
-from app.state.document import Document
-from app.wiring.window import MainWindow
 from nvsim.errors import InputError
 from nvsim.geometry.camera import Camera
 from nvsim.geometry.floor_surface import FloorSurface
 from nvsim.splats.types import Gaussians, SubmapModel
+from nvsim_app.drawing.painter import NEUTRAL, Models, Painter, Remark
+from nvsim_app.drawing.picture_feed import RenderLink
+from nvsim_app.drawing.render_child import ProjectSource, Request
+from nvsim_app.drawing.renderer_choice import AUTOMATIC, CPU, OPENGL, ROUNDS, Choice
+from nvsim_app.painting.cameras import ViewPose
+from nvsim_app.state.document import Document
+from nvsim_app.wiring.window import MainWindow
 
 CAMERA = ViewPose((7.0, 4.5, 1.5), 0.4).camera(80, 60)
 MODEL = SubmapModel(demo_project.gaussians(300), None, demo_project.floor_texture(), FloorSurface.flat(0.0))

@@ -10,10 +10,10 @@ import demo_room
 import pytest
 from PySide6.QtWidgets import QApplication
 
-from app.state.document import Document
-from app.state.loading import Contents
-from app.wiring.frames import FramePart
-from app.wiring.window import MainWindow
+from nvsim_app.state.document import Document
+from nvsim_app.state.loading import Contents
+from nvsim_app.wiring.frames import FramePart
+from nvsim_app.wiring.window import MainWindow
 
 FRAME = 50
 PROJECT = Path("demo.nvsim")
@@ -59,7 +59,7 @@ def test_a_selected_frame_is_selected_again_until_the_user_clears_it(
     assert (frames(window).shown.frame == FRAME) == in_the_centre
 
     document.select()
-    document.set_contents(replace(contents, jobs=()))  # as jobs go on
+    document.set_contents(replace(contents, training={0: 5}))  # as jobs go on
     document.set_contents(contents)
     assert not document.selection
     window.close()

@@ -10,10 +10,10 @@ from PySide6.QtCore import Qt
 from PySide6.QtGui import QGuiApplication
 from pytestqt.qtbot import QtBot
 
-from app.look.notices import Notices
-from app.panels.results import ResultModel, ResultPanel
-from app.state.results import SUMMARY, Result, result_of_job, stored_result, tables_of, value_words, words_of
 from nvsim.project.jobs.joblist import JobList
+from nvsim_app.look.notices import Notices
+from nvsim_app.panels.results import ResultModel, ResultPanel
+from nvsim_app.state.results import SUMMARY, Result, result_of_job, stored_result, tables_of, value_words, words_of
 
 FIGURES = {
     "psnr": 20.5,
@@ -71,10 +71,14 @@ def test_the_panel_shows_copies_and_saves(qtbot: QtBot, tmp_path: Path, monkeypa
     assert panel.model.rowCount() == 2 and panel.columns.currentText() == "PSNR"
     qtbot.mouseClick(panel.copy, Qt.MouseButton.LeftButton)
     assert QGuiApplication.clipboard().text().splitlines()[2] == "9\t21.5\tc"
-    monkeypatch.setattr("app.panels.results.QFileDialog.getSaveFileName", lambda *a: (str(tmp_path / "out.csv"), ""))
+    monkeypatch.setattr(
+        "nvsim_app.panels.results.QFileDialog.getSaveFileName", lambda *a: (str(tmp_path / "out.csv"), "")
+    )
     qtbot.mouseClick(panel.save, Qt.MouseButton.LeftButton)
     assert (tmp_path / "out.csv").read_text().startswith("frame,PSNR,name")
-    monkeypatch.setattr("app.panels.results.QFileDialog.getSaveFileName", lambda *a: (str(tmp_path / "plot.png"), ""))
+    monkeypatch.setattr(
+        "nvsim_app.panels.results.QFileDialog.getSaveFileName", lambda *a: (str(tmp_path / "plot.png"), "")
+    )
     qtbot.mouseClick(panel.save_plot, Qt.MouseButton.LeftButton)
     assert (tmp_path / "plot.png").stat().st_size > 500
     with qtbot.waitSignal(panel.frameWanted) as wanted:

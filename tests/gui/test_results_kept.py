@@ -9,15 +9,14 @@ import pytest
 import tiny_capture
 from pytestqt.qtbot import QtBot
 
-from app.forms.form import CommandForm
-from app.panels.stages import EarlierResults
-from app.panels.submaps import model_words
-from app.session import Session
-from app.state.loading import Contents
-from app.wiring.jobs import JobsPart
 from nvsim.project.earlier_results import what_is_replaced
-from nvsim.project.jobs.commands import JobRecord
 from nvsim.project.project import Project
+from nvsim_app.forms.form import CommandForm
+from nvsim_app.panels.stages import EarlierResults
+from nvsim_app.panels.submaps import model_words, trains
+from nvsim_app.session import Session
+from nvsim_app.state.loading import Contents
+from nvsim_app.wiring.jobs import JobsPart
 
 SECONDS = 240_000  # milliseconds, the first kernels included
 STEPS = 20
@@ -54,12 +53,17 @@ def test_a_cancelled_training_leaves_the_trained_model_in_the_view(
     form.reject()
 
     scene, blank = session.window.scene, []
+
+    def words() -> str:
+        return model_words(document.contents, 0, trains(document))
+
     scene.feed.changed.connect(lambda: blank.append(scene.picture is None))
     handle = part.run_stage("train")
     assert handle is not None
     qtbot.waitUntil(lambda: 0 in document.contents.training, timeout=SECONDS)
     qtbot.waitUntil(
-        lambda: f"trained, {STEPS} steps · training, step" in model_words(document.contents, 0), timeout=SECONDS
+        lambda: f"trained, {STEPS} steps · training, step" in words(),
+        timeout=SECONDS,
     )
     assert scene.picture is not None and not any(blank), "a training that starts leaves the view as it is"
     assert session.window.centre.currentWidget() is scene
@@ -70,7 +74,7 @@ def test_a_cancelled_training_leaves_the_trained_model_in_the_view(
     row = next(r for r in part.panel.model.rows if r.handle is handle)
     assert 0 < row.share < 1 and row.note.startswith("Stopped at "), "it says how far it came"
     session.window.refreshWanted.emit()
-    qtbot.waitUntil(lambda: "unfinished training" in model_words(document.contents, 0), timeout=SECONDS)
+    qtbot.waitUntil(lambda: "unfinished training" in words(), timeout=SECONDS)
     assert document.contents.model_info[0]["steps"] == STEPS and not document.contents.live
     qtbot.waitUntil(lambda: session.window.scene.link.ready, timeout=SECONDS)
     assert not any("train this submap again" in text for text in session.window.notice_area.texts)
@@ -98,10 +102,8 @@ def test_an_earlier_result_comes_back_from_the_jobs_menu(trained: Path, qtbot: Q
 
 def test_the_words_name_the_model_that_is_shown() -> None:
     done = Contents(model_info={0: {"steps": 2000}}, training={0: 430})
-    assert model_words(done, 0) == "trained, 2000 steps · unfinished training, step 430"
-    assert model_words(done, 1) == "not trained"
-    job = JobRecord(1, "train", "running", 0.2, 0.0, None, "")
-    running = Contents(model_info={0: {"steps": 2000}}, training={0: 430}, jobs=(job,))
-    assert model_words(running, 0) == "trained, 2000 steps · training, step 430"
+    assert model_words(done, 0, False) == "trained, 2000 steps · unfinished training, step 430"
+    assert model_words(done, 1, False) == "not trained"
+    assert model_words(done, 0, True) == "trained, 2000 steps · training, step 430"
     former = Contents(former=frozenset({"train"}))
-    assert model_words(former, 2) == "models of the previous submaps are shown"
+    assert model_words(former, 2, False) == "models of the previous submaps are shown"

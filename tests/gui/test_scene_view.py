@@ -12,13 +12,13 @@ from PySide6.QtGui import QColor, QMouseEvent, QWheelEvent
 from PySide6.QtWidgets import QApplication
 from pytestqt.qtbot import QtBot
 
-from app.look import colors
-from app.painting.cameras import ViewPose, overview, seen_from_frame
-from app.state.document import Document
-from app.state.loading import Contents
-from app.state.on_floor import trajectory_on_floor
-from app.views.scene_view import SceneView
-from app.wiring.window import MainWindow
+from nvsim_app.look import colors
+from nvsim_app.painting.cameras import ViewPose, overview, seen_from_frame
+from nvsim_app.state.document import Document
+from nvsim_app.state.loading import Contents
+from nvsim_app.state.on_floor import trajectory_on_floor
+from nvsim_app.views.scene_view import SceneView
+from nvsim_app.wiring.window import MainWindow
 
 
 @pytest.fixture

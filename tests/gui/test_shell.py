@@ -16,17 +16,17 @@ from PySide6.QtGui import QGuiApplication, QTextDocument
 from PySide6.QtWidgets import QApplication
 from pytestqt.qtbot import QtBot
 
-from app.painting.cameras import ViewPose
-from app.panels.about import AboutWindow, facts, version_of
-from app.panels.help import DOCS, HelpWindow, find, open_help, pages
-from app.session import Session
-from app.start.application import left_open
-from app.state.document import Document, Selection
-from app.state.view_state_store import Left, decode, encode
-from app.state.view_states import ViewState, ViewStates, changes
-from app.wiring.camera_path import CameraPathPart
-from app.wiring.views import ViewsPart
-from app.wiring.window import MainWindow
+from nvsim_app.painting.cameras import ViewPose
+from nvsim_app.panels.about import AboutWindow, facts, version_of
+from nvsim_app.panels.help import DOCS, HelpWindow, find, open_help, pages
+from nvsim_app.session import Session
+from nvsim_app.start.application import left_open
+from nvsim_app.state.document import Document, Selection
+from nvsim_app.state.view_state_store import Left, decode, encode
+from nvsim_app.state.view_states import ViewState, ViewStates, changes
+from nvsim_app.wiring.camera_path import CameraPathPart
+from nvsim_app.wiring.views import ViewsPart
+from nvsim_app.wiring.window import MainWindow
 
 POSE = ViewPose((3.0, 4.0, 1.6), 1.1, -0.2, 2.0, 1.0)
 

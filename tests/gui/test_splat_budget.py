@@ -7,11 +7,11 @@ from dataclasses import replace
 
 import numpy as np
 
-from app.drawing.renderer_choice import SplatBudget, covering_most
 from nvsim.benchmarks.random_room import random_room
 from nvsim.geometry.floor_surface import FloorSurface
 from nvsim.splats.appearance import LinearAppearance
 from nvsim.splats.types import Embedding, SubmapModel
+from nvsim_app.drawing.renderer_choice import SplatBudget, covering_most
 
 
 def model(count: int = 500) -> SubmapModel:

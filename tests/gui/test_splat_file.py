@@ -10,15 +10,15 @@ import pytest
 from PySide6.QtCore import QSettings
 from pytestqt.qtbot import QtBot
 
-from app.session import Session
-from app.state.document import Document
-from app.state.opened_files import SplatFile, outline_of
-from app.state.reasons import with_graph, with_scene, with_splat_file
 from nvsim.errors import InputError
 from nvsim.geometry.camera import Camera, Intrinsics, look
 from nvsim.splats.formats.choice import write_splats
 from nvsim.splats.turning import UPS, upright
 from nvsim.splats.types import Gaussians
+from nvsim_app.session import Session
+from nvsim_app.state.document import Document
+from nvsim_app.state.opened_files import SplatFile, outline_of
+from nvsim_app.state.reasons import with_graph, with_scene, with_splat_file
 
 
 def pole(count: int = 400) -> Gaussians:
@@ -114,7 +114,7 @@ def test_window_says_how_many_gaussians_are_left_out(settings: QSettings, qtbot:
 
 
 def test_window_says_where_the_image_of_a_moved_map_was_found(tmp_path: Path) -> None:
-    from app.state.opened_files import GraphSource
+    from nvsim_app.state.opened_files import GraphSource
 
     (tmp_path / "s_connectivity.json").write_text("[]")
     (tmp_path / "map.yaml").write_text("image: /home/ann/map.pgm\nresolution: 0.1\norigin: [0, 0, 0]\n")

@@ -6,7 +6,7 @@ import pytest
 from PySide6.QtWidgets import QWidget
 from pytestqt.qtbot import QtBot
 
-from app.panels.stages import StageBar
+from nvsim_app.panels.stages import StageBar
 
 
 @pytest.mark.parametrize("width", [1000, 560, 320, 240])

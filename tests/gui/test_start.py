@@ -11,7 +11,7 @@ from pathlib import Path
 import demo_project
 import pytest
 
-from app.start.main import _ALWAYS, _XCB, obstacle
+from nvsim_app.start.main import _ALWAYS, _XCB, obstacle
 
 ROOT = Path(__file__).resolve().parents[2]
 
@@ -30,25 +30,25 @@ def settings_home(tmp_path: Path) -> dict[str, str]:
 
 
 def test_a_missing_project_is_one_sentence_and_code_2(tmp_path: Path) -> None:
-    done = start("-m", "app", "--project", str(tmp_path / "nothing.nvsim"))
+    done = start("-m", "nvsim_app", "--project", str(tmp_path / "nothing.nvsim"))
     assert done.returncode == 2
     assert done.stderr.count("\n") == 1 and "nothing.nvsim" in done.stderr and "Traceback" not in done.stderr
 
 
 def test_a_folder_that_is_no_project_is_one_sentence_and_code_2(tmp_path: Path) -> None:
     (tmp_path / "project.db").write_bytes(b"not a database at all, but long enough to be taken for one" * 40)
-    done = start("-m", "app", str(tmp_path))
+    done = start("-m", "nvsim_app", str(tmp_path))
     assert done.returncode == 2
     assert done.stderr.count("\n") == 1 and "Traceback" not in done.stderr
 
 
 def test_without_a_display_it_says_so_and_does_not_abort() -> None:
-    done = start("-m", "app", environment={})
+    done = start("-m", "nvsim_app", environment={})
     assert done.returncode == 2 and "no display" in done.stderr and done.stderr.count("\n") == 1
 
 
 def test_a_display_that_does_not_answer_is_named() -> None:
-    done = start("-m", "app", environment={"DISPLAY": ":987", "QT_QPA_PLATFORM": "xcb"})
+    done = start("-m", "nvsim_app", environment={"DISPLAY": ":987", "QT_QPA_PLATFORM": "xcb"})
     assert done.returncode == 2 and ":987" in done.stderr and done.stderr.count("\n") == 1
 
 
@@ -70,10 +70,10 @@ def test_the_window_imports_nothing_that_takes_long_until_it_is_usable_nor_when_
     project = demo_project.write_project(tmp_path / "demo.nvsim", count=500, models=0)
     settings = f"QSettings({str(tmp_path / 'settings.ini')!r}, QSettings.Format.IniFormat)"
     program = (
-        "import sys, subprocess, threading, time; import app.start.main, app.start.application\n"
+        "import sys, subprocess, threading, time; import nvsim_app.start.main, nvsim_app.start.application\n"
         "from pathlib import Path; from PySide6.QtCore import QSettings, QTimer\n"
-        f"qt = app.start.application.make_application('dark', {settings})\n"
-        "from app.session import Session\n"
+        f"qt = nvsim_app.start.application.make_application('dark', {settings})\n"
+        "from nvsim_app.session import Session\n"
         "started = []; begin = subprocess.Popen.__init__\n"
         "subprocess.Popen.__init__ = lambda self, *a, **k: (started.append(a), begin(self, *a, **k))[1]\n"
         "def heavy():\n"
@@ -92,7 +92,7 @@ def test_the_window_imports_nothing_that_takes_long_until_it_is_usable_nor_when_
 
 def test_a_project_opens_and_measures_itself(tmp_path: Path, settings_home: dict[str, str]) -> None:
     project = demo_project.write_project(tmp_path / "demo.nvsim", count=2000, models=0)
-    done = start("-m", "app", "--project", str(project), "--bench", environment=settings_home)
+    done = start("-m", "nvsim_app", "--project", str(project), "--bench", environment=settings_home)
     assert done.returncode == 0, done.stderr
     figures = json.loads(done.stdout.splitlines()[-1])
     assert set(figures) >= {"start_s", "gap_p99_ms", "gap_max_ms", "fps_moving", "sharp_ms", "rss_mb"}
@@ -102,21 +102,21 @@ def test_a_project_opens_and_measures_itself(tmp_path: Path, settings_home: dict
 def test_a_screenshot_is_written_and_the_window_closes(tmp_path: Path, settings_home: dict[str, str]) -> None:
     project = demo_project.write_project(tmp_path / "demo.nvsim", count=2000, models=1)
     picture = tmp_path / "window.png"
-    done = start("-m", "app", str(project), "--screenshot", str(picture), environment=settings_home)
+    done = start("-m", "nvsim_app", str(project), "--screenshot", str(picture), environment=settings_home)
     assert done.returncode == 0, done.stderr
     assert picture.stat().st_size > 20_000
 
 
 def test_a_screenshot_that_cannot_be_written_is_code_2(tmp_path: Path, settings_home: dict[str, str]) -> None:
     picture = tmp_path / "missing" / "window.png"
-    done = start("-m", "app", "--screenshot", str(picture), "--seconds", "1", environment=settings_home)
+    done = start("-m", "nvsim_app", "--screenshot", str(picture), "--seconds", "1", environment=settings_home)
     assert done.returncode == 2 and "Cannot write" in done.stderr
 
 
 def test_none_and_true_survive_many_calls_of_qt() -> None:
     """PySide6 6.12 does not count the references to them that it hands out."""
     program = (
-        "import app; from PySide6.QtCore import QObject, QTimer, Signal\n"
+        "import nvsim_app; from PySide6.QtCore import QObject, QTimer, Signal\n"
         "class S(QObject):\n    s = Signal()\n"
         "o, t = S(), QTimer()\nfor _ in range(200000): o.s.emit(); t.setInterval(5)\nprint(None, True)"
     )
@@ -127,7 +127,7 @@ def test_none_and_true_survive_many_calls_of_qt() -> None:
 def test_the_memory_for_models_is_remembered_until_it_is_given_back(tmp_path: Path) -> None:
     from PySide6.QtCore import QSettings
 
-    from app.panels.preferences import Preferences, memory_budget
+    from nvsim_app.panels.preferences import Preferences, memory_budget
 
     settings = QSettings(str(tmp_path / "window.ini"), QSettings.Format.IniFormat)
     preferences = Preferences(settings)

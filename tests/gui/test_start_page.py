@@ -18,17 +18,17 @@ from PySide6.QtCore import QSettings, Qt
 from PySide6.QtWidgets import QMenu, QToolBar
 from pytestqt.qtbot import QtBot
 
-from app.panels.new_project import NewProjectDialog
-from app.panels.open_dialog import OpenDialog
-from app.session import Session
-from app.state.folder_listing import FolderLook
-from app.state.recent_projects import MOST, RecentProjects
-from app.state.side_work import LAST_VIEW, look_at
-from app.wiring.files import FilePart, RecentPart
 from nvsim.errors import InputError
 from nvsim.graph.connectivity import write_connectivity
 from nvsim.project.layout import Layout
 from nvsim.project.project import Project
+from nvsim_app.panels.new_project import NewProjectDialog
+from nvsim_app.panels.open_dialog import OpenDialog
+from nvsim_app.session import Session
+from nvsim_app.state.folder_listing import FolderLook
+from nvsim_app.state.recent_projects import MOST, RecentProjects
+from nvsim_app.state.side_work import LAST_VIEW, look_at
+from nvsim_app.wiring.files import FilePart, RecentPart
 
 SECONDS = 60_000
 

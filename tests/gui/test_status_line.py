@@ -5,8 +5,8 @@ from __future__ import annotations
 from PySide6.QtWidgets import QDialog, QDialogButtonBox, QVBoxLayout
 from pytestqt.qtbot import QtBot
 
-from app.look.labels import Label
-from app.look.widgets import DialogButtons, StatusLine
+from nvsim_app.look.labels import Label
+from nvsim_app.look.widgets import DialogButtons, StatusLine
 
 
 def test_a_long_message_ends_before_the_permanent_text(qtbot: QtBot) -> None:

@@ -9,14 +9,14 @@ import pytest
 from editing_room import Hand
 from PySide6.QtWidgets import QApplication
 
-from app.layers.graph import behind_walls
-from app.painting import cameras
-from app.painting.cameras import ViewPose
-from app.state.document import Document
-from app.wiring.display import StoreyPart
-from app.wiring.window import MainWindow
 from nvsim.graph.edits import copy_by, move_viewpoints
 from nvsim.occupancy.types import FREE, OCCUPIED
+from nvsim_app.layers.graph import behind_walls
+from nvsim_app.painting import cameras
+from nvsim_app.painting.cameras import ViewPose
+from nvsim_app.state.document import Document
+from nvsim_app.wiring.display import StoreyPart
+from nvsim_app.wiring.window import MainWindow
 
 UP = 3.0
 

@@ -7,15 +7,15 @@ from pathlib import Path
 from PySide6.QtCore import Qt
 from pytestqt.qtbot import QtBot
 
-from app.jobs.queue import JobHandle
-from app.wiring.panels import MapPart
-from app.wiring.tasks import TaskPart
-from app.wiring.window import MainWindow
 from nvsim.project.jobs.files import Order
 from nvsim.project.jobs.joblist import Job, JobList, JobStatus
 from nvsim.r2r.metrics.submission import write_submission
 from nvsim.r2r.reviewing import Review, read_review
 from nvsim.r2r.tasks.task import Task, read_tasks, write_tasks
+from nvsim_app.jobs.queue import JobHandle
+from nvsim_app.wiring.panels import MapPart
+from nvsim_app.wiring.tasks import TaskPart
+from nvsim_app.wiring.window import MainWindow
 
 
 def test_tasks_are_judged_rewritten_and_flagged(window: MainWindow, qtbot: QtBot, tmp_path: Path) -> None:

@@ -6,11 +6,11 @@ import demo_room
 import numpy as np
 import pytest
 
-from app.drawing.painter import CELL, Territory, _by_kernels
-from app.look import colors
-from app.painting.cameras import ViewPose
 from nvsim.geometry.floor_surface import FloorSurface
 from nvsim.splats.types import SubmapModel
+from nvsim_app.drawing.painter import CELL, Territory, _by_kernels
+from nvsim_app.look import colors
+from nvsim_app.painting.cameras import ViewPose
 
 
 @pytest.fixture(scope="module")

@@ -11,10 +11,10 @@ from PySide6.QtCore import Qt
 from PySide6.QtTest import QTest
 from PySide6.QtWidgets import QApplication, QWidget
 
-from app.state.document import Document
-from app.wiring.editing import EditPart
-from app.wiring.window import MainWindow
 from nvsim.graph.selection import GraphSelection
+from nvsim_app.state.document import Document
+from nvsim_app.wiring.editing import EditPart
+from nvsim_app.wiring.window import MainWindow
 
 CTRL = Qt.KeyboardModifier.ControlModifier
 CTRL_SHIFT = CTRL | Qt.KeyboardModifier.ShiftModifier

@@ -9,13 +9,13 @@ from PySide6.QtCore import QSettings
 from PySide6.QtWidgets import QApplication
 from pytestqt.qtbot import QtBot
 
-from app.state.document import Document
-from app.thresholds.slider import FIXED, changed, preset, thresholds
-from app.thresholds.threshold_preview import ends
-from app.wiring.inspector import InspectorPart
-from app.wiring.thresholds import ThresholdPart
-from app.wiring.window import MainWindow
 from nvsim.mapping.config import MappingConfig
+from nvsim_app.state.document import Document
+from nvsim_app.thresholds.slider import FIXED, changed, preset, thresholds
+from nvsim_app.thresholds.threshold_preview import ends
+from nvsim_app.wiring.inspector import InspectorPart
+from nvsim_app.wiring.thresholds import ThresholdPart
+from nvsim_app.wiring.window import MainWindow
 
 
 @pytest.fixture

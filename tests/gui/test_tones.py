@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from app.painting.tones import CHANNELS, DEPTH_RANGE, picture, ramp
 from nvsim.render.backends import RenderOutput
+from nvsim_app.painting.tones import CHANNELS, DEPTH_RANGE, picture, ramp
 
 
 def view() -> RenderOutput:

@@ -11,20 +11,20 @@ import pytest
 from PySide6.QtCore import QSettings, Qt
 from pytestqt.qtbot import QtBot
 
-from app.jobs.history import JobReport
-from app.jobs.queue import JobQueue
-from app.look.notices import Notices
-from app.panels.job_plots import smoothed
-from app.panels.training_images import JobPreview
-from app.panels.training_window import TrainingWindow
-from app.state.document import Document
-from app.state.loading import Contents
-from app.wiring.jobs import JobsPart, TrainingPart
-from app.wiring.window import MainWindow
 from nvsim.events import Event, Metric, Preview, Progress
 from nvsim.project.jobs.files import event_line
 from nvsim.project.jobs.joblist import JobList
 from nvsim.project.project import Project
+from nvsim_app.jobs.history import JobReport
+from nvsim_app.jobs.queue import JobQueue
+from nvsim_app.look.notices import Notices
+from nvsim_app.panels.job_plots import smoothed
+from nvsim_app.panels.training_images import JobPreview
+from nvsim_app.panels.training_window import TrainingWindow
+from nvsim_app.state.document import Document
+from nvsim_app.state.loading import Contents
+from nvsim_app.wiring.jobs import JobsPart, TrainingPart
+from nvsim_app.wiring.window import MainWindow
 
 PHOTO, ALPHA, BACKGROUND = 30, 90, 150  # grey levels of what stays the same in the images
 

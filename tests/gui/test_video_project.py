@@ -14,23 +14,23 @@ from PySide6.QtGui import QColor, QImage
 from PySide6.QtWidgets import QWidget
 from pytestqt.qtbot import QtBot
 
-from app.jobs.queries import result_of
-from app.look.colors import submap_color
-from app.painting import cameras
-from app.panels.details import DetailsPanel
-from app.panels.new_project import NewProjectDialog
-from app.session import Session
-from app.state.document import Document
-from app.state.folder_listing import FolderLook
-from app.state.recent_projects import place_for
-from app.wiring.new_project import NewProjectPart
-from app.wiring.panels import MapPart
-from app.wiring.window import MainWindow
 from nvsim.capture.findings import SCALE_ASSUMED, SCALE_IN_HEIGHTS
 from nvsim.project.config import CaptureConfig
 from nvsim.project.layout import Layout
 from nvsim.project.project import Project
 from nvsim.reconstruction.report import PosesReport, WeakPlace, write_report
+from nvsim_app.jobs.queries import result_of
+from nvsim_app.look.colors import submap_color
+from nvsim_app.painting import cameras
+from nvsim_app.panels.details import DetailsPanel
+from nvsim_app.panels.new_project import NewProjectDialog
+from nvsim_app.session import Session
+from nvsim_app.state.document import Document
+from nvsim_app.state.folder_listing import FolderLook
+from nvsim_app.state.recent_projects import place_for
+from nvsim_app.wiring.new_project import NewProjectPart
+from nvsim_app.wiring.panels import MapPart
+from nvsim_app.wiring.window import MainWindow
 
 SECONDS = 120_000
 REPORT = PosesReport(
@@ -181,7 +181,9 @@ def test_a_piece_of_the_video_is_chosen_in_the_details(
 ) -> None:
     ordered: list[tuple] = []
     monkeypatch.setattr(window.jobs, "start", lambda *job: ordered.append(job))
-    monkeypatch.setattr("app.wiring.importing._config_of", lambda project: CaptureConfig(scale=2.0, camera_height=1.4))
+    monkeypatch.setattr(
+        "nvsim_app.wiring.importing._config_of", lambda project: CaptureConfig(scale=2.0, camera_height=1.4)
+    )
     panel = window.panels["details"]
     assert panel.pieces.isHidden()
     names = tuple(frame.name for frame in document.contents.capture.frames)

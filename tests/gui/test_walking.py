@@ -11,11 +11,11 @@ import pytest
 from PySide6.QtCore import Qt
 from pytestqt.qtbot import QtBot
 
-from app.painting.cameras import ViewPose, walked
-from app.state.document import Document
-from app.state.on_floor import Ground
-from app.wiring.window import MainWindow
 from nvsim.graph.types import NavGraph
+from nvsim_app.painting.cameras import ViewPose, walked
+from nvsim_app.state.document import Document
+from nvsim_app.state.on_floor import Ground
+from nvsim_app.wiring.window import MainWindow
 
 
 def test_a_step_ahead_follows_the_heading_and_not_the_eyes() -> None:

@@ -9,13 +9,13 @@ from demo_project import write_project
 from demo_room import RoomSource
 from pytestqt.qtbot import QtBot
 
-from app.drawing import warming
-from app.drawing.painter import Painter
-from app.drawing.picture_feed import COMPILING, LOADING, PictureFeed, RenderLink
-from app.drawing.render_child import ProjectSource
-from app.drawing.warming import Warming
-from app.inspector.panoramas import Panoramas
-from app.painting.cameras import ViewPose
+from nvsim_app.drawing import warming
+from nvsim_app.drawing.painter import Painter
+from nvsim_app.drawing.picture_feed import COMPILING, LOADING, PictureFeed, RenderLink
+from nvsim_app.drawing.render_child import ProjectSource
+from nvsim_app.drawing.warming import Warming
+from nvsim_app.inspector.panoramas import Panoramas
+from nvsim_app.painting.cameras import ViewPose
 
 
 @pytest.fixture(scope="module")
@@ -48,9 +48,9 @@ def test_a_source_that_draws_by_itself_has_nothing_to_compile() -> None:
 
 
 def test_whoever_waits_for_a_compilation_hears_why(qtbot: QtBot, tmp_path: Path, monkeypatch) -> None:
-    monkeypatch.setattr("app.drawing.picture_feed.PATIENCE", 10)
+    monkeypatch.setattr("nvsim_app.drawing.picture_feed.PATIENCE", 10)
     compiled = [False]
-    monkeypatch.setattr("app.drawing.picture_feed.compiled_since", lambda begun: compiled[0])
+    monkeypatch.setattr("nvsim_app.drawing.picture_feed.compiled_since", lambda begun: compiled[0])
     feed = PictureFeed(lambda: (64, 48), lambda: ViewPose((0.0, 0.0, 1.0)))
     feed.show(RoomSource(burn=0.3))
     assert feed.note == LOADING
@@ -63,8 +63,8 @@ def test_whoever_waits_for_a_compilation_hears_why(qtbot: QtBot, tmp_path: Path,
 
 
 def test_a_first_panorama_that_takes_long_says_why(qtbot: QtBot, monkeypatch) -> None:
-    monkeypatch.setattr("app.inspector.panoramas.PATIENCE", 10)
-    monkeypatch.setattr("app.inspector.panoramas.compiled_since", lambda asked: True)
+    monkeypatch.setattr("nvsim_app.inspector.panoramas.PATIENCE", 10)
+    monkeypatch.setattr("nvsim_app.inspector.panoramas.compiled_since", lambda asked: True)
     panoramas = Panoramas(RenderLink())
     with qtbot.waitSignal(panoramas.arrived, timeout=20_000):
         panoramas.want((1.0, 2.0, 3.0))

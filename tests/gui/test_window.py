@@ -13,13 +13,13 @@ from PySide6.QtCore import QSettings, Qt
 from PySide6.QtWidgets import QApplication, QDockWidget, QTabBar, QToolBar
 from pytestqt.qtbot import QtBot
 
-from app.drawing.render_child import Trouble
-from app.look import theme
-from app.look.notices import Notices
-from app.panels.stages import StageBar
-from app.state.document import Document
-from app.state.loading import Contents
-from app.wiring.window import MainWindow
+from nvsim_app.drawing.render_child import Trouble
+from nvsim_app.look import theme
+from nvsim_app.look.notices import Notices
+from nvsim_app.panels.stages import StageBar
+from nvsim_app.state.document import Document
+from nvsim_app.state.loading import Contents
+from nvsim_app.wiring.window import MainWindow
 
 
 def test_an_empty_project_says_what_to_run(make_window: Callable[[Document], MainWindow], qapp) -> None:

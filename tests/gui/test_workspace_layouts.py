@@ -12,14 +12,14 @@ from PySide6.QtCore import QSettings, Qt
 from PySide6.QtWidgets import QApplication, QMenu, QTabBar
 from pytestqt.qtbot import QtBot
 
-from app.look.notices import Notices
-from app.palette.entries import commands, fitting
-from app.session import Session
-from app.state.document import Document
-from app.state.loading import Contents
-from app.wiring.window import MainWindow
-from app.wiring.workspace_layouts import WORKSPACE_LAYOUTS, WorkspacePart
 from nvsim.graph.connectivity import write_connectivity
+from nvsim_app.look.notices import Notices
+from nvsim_app.palette.entries import commands, fitting
+from nvsim_app.session import Session
+from nvsim_app.state.document import Document
+from nvsim_app.state.loading import Contents
+from nvsim_app.wiring.window import MainWindow
+from nvsim_app.wiring.workspace_layouts import WORKSPACE_LAYOUTS, WorkspacePart
 
 MakeWindow = Callable[[Document], MainWindow]
 

@@ -7,9 +7,9 @@ from pathlib import Path
 
 from PySide6.QtCore import QSettings
 
-from app.session import Session
-from app.start.application import make_application
-from app.wiring.jobs import JobsPart
+from nvsim_app.session import Session
+from nvsim_app.start.application import make_application
+from nvsim_app.wiring.jobs import JobsPart
 
 if __name__ == "__main__":
     project, verb = Path(sys.argv[1]), sys.argv[2]

@@ -14,7 +14,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from app.state.loading import Contents, ProjectReader
 from nvsim.building import BuildingConfig, generate
 from nvsim.cli.main import main
 from nvsim.depth.cloud_file import read_cloud_file
@@ -31,6 +30,7 @@ from nvsim.project.state.results import first_stale
 from nvsim.project.work import StageName
 from nvsim.submaps.split import SubmapConfig
 from nvsim.training.config import ScanlessConfig, TrainingConfig
+from nvsim_app.state.loading import Contents, ProjectReader
 
 SMALL = ["--longest-side", "128", "--planes", "64"]
 CONFIG = DepthConfig(longest_side=128, planes=64)

@@ -7,12 +7,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from app.state.loading import ProjectReader
-from app.state.reasons import enabled
 from nvsim.cli.main import main
 from nvsim.graph.paths import components
 from nvsim.project.project import Project
 from nvsim.splats.formats.choice import read_splats, write_splats
+from nvsim_app.state.loading import ProjectReader
+from nvsim_app.state.reasons import enabled
 from tests.unit.splat_rooms import any_rotation, moved, rectangle, two_rooms
 
 SCALE = 1.7

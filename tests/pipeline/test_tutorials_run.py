@@ -49,7 +49,7 @@ def blocks(name: str) -> Iterator[tuple[str, str, str]]:
         yield block[1], block[2], page[: block.start()].rstrip().rpartition("\n\n")[2]
 
 
-def run(name: str, folder: Path, window: str = "-m app --screenshot window.png") -> str:
+def run(name: str, folder: Path, window: str = "-m nvsim_app --screenshot window.png") -> str:
     """Runs all blocks of a tutorial in `folder`, and returns what they print. `window` replaces `nvsim app`."""
     (folder / "functions.sh").write_text(FUNCTIONS)
     environment = {
@@ -57,7 +57,6 @@ def run(name: str, folder: Path, window: str = "-m app --screenshot window.png")
         "BASH_ENV": str(folder / "functions.sh"),
         "PATH": os.pathsep.join([str(Path(sys.executable).parent), os.environ["PATH"]]),
         "PYTHON": sys.executable,
-        "PYTHONPATH": str(ROOT),
         "QT_QPA_PLATFORM": "offscreen",
         "XDG_CONFIG_HOME": str(folder / "settings"),
         "WINDOW": window,

@@ -22,10 +22,10 @@ from PySide6.QtWidgets import QApplication
 sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "gui"))
 from editing_room import CTRL, SHIFT, Hand  # noqa: E402
 
-from app.session import Session  # noqa: E402
-from app.start.application import make_application  # noqa: E402
-from app.wiring.proposing import ProposePart  # noqa: E402
 from nvsim.project.stages.measured import unmeasured  # noqa: E402
+from nvsim_app.session import Session  # noqa: E402
+from nvsim_app.start.application import make_application  # noqa: E402
+from nvsim_app.wiring.proposing import ProposePart  # noqa: E402
 
 KEY = Qt.Key
 ALT = Qt.KeyboardModifier.AltModifier

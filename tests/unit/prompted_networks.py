@@ -24,7 +24,7 @@ _FEATURES = {
 
 
 def pair(folder: Path, form: str) -> tuple[Path, Path]:
-    """The encoder and the decoder of a form of resources/models, without their description."""
+    """The encoder and the decoder of a form of resources/nvsim_resources/models, without their description."""
     folder.mkdir(exist_ok=True)
     return encoder(folder / "encoder.onnx", form), decoder(folder / "decoder.onnx", form)
 

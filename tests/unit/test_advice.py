@@ -21,7 +21,7 @@ ROOT = Path(__file__).parents[2]
 OTHERS = {
     *("--head", "--generate"),  # of Ray and of openssl, in nvsim/cluster/connecting.py
     *("--version", "--tyro-"),  # of nvsim itself, and of the parser
-    *("--bench", "--bench-edits", "--theme", "--screenshot", "--renderer"),  # of python -m app
+    *("--bench", "--bench-edits", "--theme", "--screenshot", "--renderer"),  # of python -m nvsim_app
 }
 
 
@@ -39,7 +39,7 @@ def literals(path: Path) -> Iterator[tuple[int, str]]:
 MENTIONED = sorted(
     {
         (f"{path.relative_to(ROOT)}:{line}", option)
-        for package in ("nvsim", "app")
+        for package in ("nvsim", "app/nvsim_app")
         for path in (ROOT / package).rglob("*.py")
         if path.name != "agent_files.py"  # has command lines of agents
         for line, text in literals(path)

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-import resources
+import nvsim_resources
 from nvsim.benchmarks.perception import measure
 from nvsim.building.config import BuildingConfig
 from nvsim.building.rendering import View, render
@@ -26,7 +26,7 @@ from nvsim.perception.normals_network import NormalsNetwork, installed_normals
 from nvsim.perception.semantic_network import SemanticNetwork
 from nvsim.project.stages.mapped import check_normals
 
-FOLDER = Path(resources.__file__).parent / "models" / "bundled"
+FOLDER = Path(nvsim_resources.__file__).parent / "models" / "bundled"
 Seen = list[tuple[Camera, np.ndarray, View]]
 
 

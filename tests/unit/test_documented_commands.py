@@ -16,7 +16,7 @@ ROOT = Path(__file__).parents[2]
 DOCS = ROOT / "resources" / "docs"
 TUTORIALS = sorted((DOCS / "tutorials").glob("*.md"))
 HOW_TO = sorted((DOCS / "how-to").glob("*.md"))
-HELP = sorted((ROOT / "resources" / "help").glob("*.md"))
+HELP = sorted((ROOT / "resources" / "nvsim_resources" / "help").glob("*.md"))
 PAGES = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", *sorted(DOCS.glob("*.md")), *HOW_TO, *TUTORIALS, *HELP]
 
 

@@ -11,9 +11,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from app.state.directions import directions
-from app.state.graph_arrays import GraphArrays
-from app.thresholds.slider import thresholds
 from nvsim.capture import formats
 from nvsim.capture.findings import Findings
 from nvsim.capture.raw import RawCapture
@@ -31,6 +28,9 @@ from nvsim.mapping.criteria import decide
 from nvsim.mapping.evidence.rethreshold import Rethresholder
 from nvsim.mapping.explanation.explain import against, explain, margin
 from nvsim.project.project import Project
+from nvsim_app.state.directions import directions
+from nvsim_app.state.graph_arrays import GraphArrays
+from nvsim_app.thresholds.slider import thresholds
 
 ROOT = Path(__file__).parents[2]
 
@@ -137,8 +137,8 @@ def test_an_edge_criterion_does_not_change_the_papers_map(monkeypatch: pytest.Mo
 
 def test_a_criterion_in_two_files_is_in_the_commands_and_in_the_window(tmp_path: Path) -> None:
     (tmp_path / "nvsim" / "mapping").mkdir(parents=True)
-    for name in ("app", "resources"):
-        (tmp_path / name).symlink_to(ROOT / name)
+    for path in (ROOT / "app" / "nvsim_app", ROOT / "resources" / "nvsim_resources"):
+        (tmp_path / path.name).symlink_to(path)
     for folder in ("nvsim", "nvsim/mapping"):
         for path in (ROOT / folder).iterdir():
             if not (tmp_path / folder / path.name).exists() and path.name != "__pycache__":
@@ -156,10 +156,10 @@ def test_a_criterion_in_two_files_is_in_the_commands_and_in_the_window(tmp_path:
     script = """
 from pathlib import Path
 from PySide6.QtWidgets import QApplication
-from app.forms.fields import fields_of
-from app.state.document import Document
-from app.thresholds.panel import ThresholdPanel
-from app.thresholds.threshold_preview import ThresholdPreview
+from nvsim_app.forms.fields import fields_of
+from nvsim_app.state.document import Document
+from nvsim_app.thresholds.panel import ThresholdPanel
+from nvsim_app.thresholds.threshold_preview import ThresholdPreview
 from nvsim.cli.main import main
 application = QApplication([])
 document = Document()

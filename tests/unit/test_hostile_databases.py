@@ -109,14 +109,11 @@ def test_a_cell_of_a_wrong_type_is_named(house: Path, statement: str) -> None:
 @pytest.mark.parametrize(
     ("statement", "read"),
     [
-        ("INSERT INTO jobs VALUES (1, 's', 'x', 'running', 0, 0, NULL, 0, 0, '')", lambda p: p.jobs()),
-        ("INSERT INTO jobs VALUES (1, 's', 5, 'running', 9e999, 0, NULL, 0, 0, '')", lambda p: p.jobs()),
         ("INSERT INTO results VALUES ('graph', 0, '[1]')", lambda p: p.results()),
         ("INSERT INTO results VALUES ('graph', 0, '{')", lambda p: p.results()),
         (f"INSERT INTO results VALUES ('graph', 0, '{'[' * 99999}')", lambda p: p.results()),
         ("INSERT INTO submap_frames VALUES (0, 99, 1)", lambda p: p.submaps()),
         ("INSERT INTO submap_frames VALUES ('a', 'b', 'c')", lambda p: p.submaps()),
-        ("INSERT INTO meta VALUES ('k', x'00')", lambda p: p.meta("k")),
         (
             "INSERT INTO stage_parts VALUES ('in use', 's', 0, 'k', 9e999, 0, '{}', '', '', '')",
             lambda p: p.stage_results(),
@@ -194,7 +191,6 @@ def test_damaged_pages_are_a_sentence(house: Path) -> None:
         (house / "project.db").write_bytes(whole[:start] + os.urandom(500) + whole[start + 500 :])
         with contextlib.suppress(InputError), Project.open(house) as project:
             project.graph()
-            project.jobs()
     (house / "project.db").write_bytes(whole[:5000])
     with pytest.raises(InputError, match="damaged"), Project.open(house) as project:
         project.graph()

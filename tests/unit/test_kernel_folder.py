@@ -94,8 +94,8 @@ def _without_power() -> None:
 def test_a_read_only_package_and_home_can_be_used(tmp_path: Path) -> None:
     package, home = tmp_path / "site", tmp_path / "home"
     ignored = shutil.ignore_patterns("__pycache__")
-    for name in ("nvsim", "resources"):
-        shutil.copytree(REPOSITORY / name, package / name, ignore=ignored)
+    for source in (REPOSITORY / "nvsim", REPOSITORY / "resources" / "nvsim_resources"):
+        shutil.copytree(source, package / source.name, ignore=ignored)
     home.mkdir()
     subprocess.run(["chmod", "-R", "a-w", str(package), str(home)], check=True)
     code = (
@@ -124,11 +124,11 @@ def test_a_read_only_package_and_home_can_be_used(tmp_path: Path) -> None:
         subprocess.run(["chmod", "-R", "u+w", str(package), str(home)], check=True)
 
 
-@pytest.mark.parametrize("name", ["app", "resources", "numpy", "tyro", "json"])
+@pytest.mark.parametrize("name", ["nvsim_app", "nvsim_resources", "numpy", "tyro", "json"])
 def test_python_m_nvsim_imports_nothing_from_the_current_folder(tmp_path: Path, name: str) -> None:
     (tmp_path / f"{name}.py").write_text("print('dropped in')\n")
     (tmp_path / "models").mkdir()
-    environment = {**os.environ, "PYTHONPATH": str(REPOSITORY), "NVSIM_MODELS": str(tmp_path / "models")}
+    environment = {**os.environ, "NVSIM_MODELS": str(tmp_path / "models")}
     done = subprocess.run(
         [sys.executable, "-m", "nvsim", "models"],
         cwd=tmp_path,

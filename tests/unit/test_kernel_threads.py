@@ -19,7 +19,7 @@ def told(program: str, **environment: str) -> str:
     return result.stdout.strip()
 
 
-@pytest.mark.parametrize("first", ["nvsim", "numba", "nvsim.render.model", "app"])
+@pytest.mark.parametrize("first", ["nvsim", "numba", "nvsim.render.model", "nvsim_app"])
 def test_openmp_comes_before_tbb_whatever_is_imported_first(first: str) -> None:
     program = f"import {first}, nvsim.geometry, numba; print(*numba.config.THREADING_LAYER_PRIORITY)"
     assert told(program) == "omp workqueue tbb"

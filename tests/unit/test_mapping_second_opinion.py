@@ -10,8 +10,6 @@ import pytest
 from columns import Columns, fill, flat_floor, room
 from numpy.typing import NDArray
 
-from app.state.directions import directions
-from app.state.graph_arrays import GraphArrays
 from nvsim.geometry.camera import Camera
 from nvsim.graph.edits import add_edge
 from nvsim.graph.quantities import clearness
@@ -28,6 +26,8 @@ from nvsim.mapping.explanation.explain import against, explain, margin
 from nvsim.occupancy.types import OCCUPIED
 from nvsim.render.backends import RenderOutput
 from nvsim.splats.types import Gaussians
+from nvsim_app.state.directions import directions
+from nvsim_app.state.graph_arrays import GraphArrays
 
 CONFIG = MappingConfig(view_size=96, settle=False, jitter=0.0)
 ROOM = room(9, 6)

@@ -10,9 +10,6 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from app.state.directions import compass, directions
-from app.state.graph_arrays import GraphArrays
-from app.thresholds.slider import thresholds
 from nvsim.graph.types import Evidence, NavGraph, SecondOpinion, Viewpoint, edge
 from nvsim.mapping.config import MappingConfig
 from nvsim.mapping.corridor import CELLS, DEPTH, NEAR, WIDTH, Corridor
@@ -21,6 +18,9 @@ from nvsim.mapping.evidence.evidence_stack import EvidenceStack, words
 from nvsim.mapping.evidence.opinions import opinions
 from nvsim.mapping.explanation.explain import against, explain, margin
 from nvsim.mapping.families import FAMILIES
+from nvsim_app.state.directions import compass, directions
+from nvsim_app.state.graph_arrays import GraphArrays
+from nvsim_app.thresholds.slider import thresholds
 
 CORRIDOR = Corridor((0.0, 0.0), (0.0, 2.5))
 A, B = "a" * 32, "b" * 32

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 
-from app.drawing.painter import Models, Painter
-from app.drawing.panorama_child import PanoramaDrawing, PanoramaRequest
 from nvsim.geometry.floor_surface import FloorSurface
 from nvsim.render.panorama import render_equirectangular
 from nvsim.splats.types import Gaussians, SubmapModel
+from nvsim_app.drawing.painter import Models, Painter
+from nvsim_app.drawing.panorama_child import PanoramaDrawing, PanoramaRequest
 
 WIDTH = 256
 

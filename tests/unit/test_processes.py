@@ -17,7 +17,14 @@ import pytest
 from obedient_child import Obedient
 
 from nvsim.errors import InputError
-from nvsim.processes.child import Child, Limits, end_all
+from nvsim.processes import child as processes
+from nvsim.processes.child import Child, Limits
+
+
+def end_all() -> None:
+    """Ends every child of this process that waits."""
+    while processes._idle:
+        processes._idle.popitem()[1].end()
 
 
 @pytest.fixture

@@ -10,7 +10,6 @@ from nvsim.errors import InputError
 from nvsim.graph.types import NavGraph, Viewpoint, edge
 from nvsim.project import ledger
 from nvsim.project.config import CaptureConfig, held_out
-from nvsim.project.jobs.commands import JobJournal
 from nvsim.project.project import Project
 
 
@@ -72,8 +71,8 @@ def test_a_kill_between_creation_and_schema_leaves_a_project_that_opens(tmp_path
     root.mkdir()
     sqlite3.connect(root / "project.db").close()
     with Project.create_or_open(root) as project:
-        project.set_meta("a", "b")
-        assert project.meta("a") == "b"
+        project.set_result("graph", {"nodes": 2})
+        assert project.results() == {"graph": {"nodes": 2}}
 
 
 def test_a_graph_comes_back_in_order(project):
@@ -89,9 +88,9 @@ def test_a_graph_comes_back_in_order(project):
 
 def test_a_transaction_is_all_or_nothing(project):
     with pytest.raises(RuntimeError), project.transaction() as c:
-        c.execute("INSERT INTO meta VALUES ('half', 'done')")
+        c.execute("INSERT INTO results VALUES ('half', 0, '{}')")
         raise RuntimeError
-    assert project.meta("half") is None
+    assert project.results() == {}
 
 
 def test_a_stage_is_current_only_for_the_inputs_it_finished_with(project):
@@ -104,13 +103,6 @@ def test_a_stage_is_current_only_for_the_inputs_it_finished_with(project):
     assert ledger.is_current(project, "train", key, 3)
     assert not ledger.is_current(project, "train", "other", 3)
     assert not ledger.begin(project, "train", "other", 3)
-
-
-def test_a_job_whose_process_is_gone_reads_as_interrupted(project):
-    JobJournal(project.connection, "train", lambda event: None)
-    assert project.jobs()[0].state == "running"
-    project.connection.execute("UPDATE jobs SET pid = 999999999")
-    assert project.jobs()[0].state == "interrupted"
 
 
 def test_every_eighth_frame_is_held_out():

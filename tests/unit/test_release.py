@@ -62,7 +62,10 @@ def test_the_metadata_of_a_release_name_its_addresses(release: ModuleType, proje
 def test_every_bundled_file_has_a_license(project: dict[str, Any]) -> None:
     page = (ROOT / "resources/licenses/README.md").read_text()
     rows = re.findall(r"^\| `resources/([^`]+)`.*\| ([\w.-]+) \|$", page, re.MULTILINE)
-    bundled = {path.name for path in (ROOT / "resources").iterdir() if path.is_dir() and path.name != "__pycache__"}
-    assert {place.split("/")[0] for place, _ in rows} == bundled
+    resources = ROOT / "resources"
+    folders = [path for path in (*resources.iterdir(), *(resources / "nvsim_resources").iterdir()) if path.is_dir()]
+    bundled = {str(path.relative_to(resources)) for path in folders if not path.is_symlink()}
+    named = {"/".join(place.split("/")[: 1 + place.startswith("nvsim_resources/")]) for place, _ in rows}
+    assert named == {place for place in bundled if place != "nvsim_resources" and not place.endswith("__pycache__")}
     assert {name for _, name in rows} == set(project["license"].split(" AND ")) == {"MIT", "Apache-2.0"}
     assert len((ROOT / "resources/licenses/Apache-2.0.txt").read_text().splitlines()) > 170

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from painted_background import render_background
 
 from nvsim.geometry.camera import Camera, Intrinsics, look
 from nvsim.geometry.directions import cube, ring
 from nvsim.geometry.floor_surface import FloorSurface
-from nvsim.render.background import render_background
 from nvsim.render.model import render_gaussians, render_model
 from nvsim.splats.harmonics import basis
 from nvsim.splats.types import Background, FloorTexture, Gaussians, SubmapModel

@@ -11,11 +11,11 @@ from pathlib import Path
 import psutil
 import pytest
 
-from app.processes.child import Child, Program
-from app.processes.serving import Ended, Requests
 from nvsim.errors import InputError
+from nvsim_app.processes.child import Child, Program
+from nvsim_app.processes.serving import Ended, Requests
 
-APP = Path(__file__).parents[2] / "app"
+APP = Path(__file__).parents[2] / "app" / "nvsim_app"
 STARTERS = {"subprocess", "multiprocessing", "QProcess", "Popen", "pty"}
 
 

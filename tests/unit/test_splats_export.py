@@ -8,12 +8,12 @@ import struct
 import cv2
 import numpy as np
 import pytest
+from painted_background import render_background
 from test_splats_formats import CAMERA, wall
 
 from nvsim.geometry.camera import Camera
 from nvsim.geometry.floor_surface import FloorSurface
 from nvsim.geometry.rotation import matrix_from_quaternion, quaternion_from_matrix
-from nvsim.render.background import render_background
 from nvsim.render.model import render_gaussians
 from nvsim.splats.floor_mesh import floor_mesh
 from nvsim.splats.formats.glb import write_glb

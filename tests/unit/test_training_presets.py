@@ -6,12 +6,12 @@ from dataclasses import replace
 
 import pytest
 
-from app.forms.fields import fields_of
 from nvsim.cli.commands.run import Run
 from nvsim.cli.commands.stages import Train
 from nvsim.project.stages import trained
 from nvsim.training.config import PRESETS, TrainingConfig, at_paper_scale, preset
 from nvsim.training.strategies.config import DensifyConfig
+from nvsim_app.forms.fields import fields_of
 
 
 @pytest.mark.parametrize("name", PRESETS)

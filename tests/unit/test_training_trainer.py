@@ -10,11 +10,11 @@ import cv2
 import numba
 import numpy as np
 import pytest
+from painted_background import render_background
 
 from nvsim.benchmarks.train import measure
 from nvsim.errors import InputError
 from nvsim.events import Event, Metric, Preview, Progress, Warning
-from nvsim.render.background import render_background
 from nvsim.render.model import render_model
 from nvsim.splats.types import SubmapModel
 from nvsim.training import trainer

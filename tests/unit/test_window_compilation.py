@@ -10,19 +10,19 @@ from pathlib import Path
 import numba
 import pytest
 
-from app.drawing import compilation
 from nvsim import kernel_folder
 from nvsim.render import kernel_cache
+from nvsim_app.drawing import compilation
 
 AFTERWARDS = """
 import sys
 from pathlib import Path
 import numpy as np
 from numba.core.dispatcher import Dispatcher
-from app.drawing.compilation import draw_in_small
-from app.drawing.painter import Models, Painter
-from app.drawing.warming import Warming
-from app.painting.tones import CHANNELS
+from nvsim_app.drawing.compilation import draw_in_small
+from nvsim_app.drawing.painter import Models, Painter
+from nvsim_app.drawing.warming import Warming
+from nvsim_app.painting.tones import CHANNELS
 from nvsim.benchmarks.random_room import random_room
 from nvsim.geometry.camera import Camera, Intrinsics
 from nvsim.geometry.floor_surface import FloorSurface

@@ -1,4 +1,4 @@
-"""The window has one type scale and one grid, in app/look/theme.py."""
+"""The window has one type scale and one grid, in app/nvsim_app/look/theme.py."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import ast
 from collections.abc import Iterator
 from pathlib import Path
 
-APP = Path(__file__).parents[2] / "app"
+APP = Path(__file__).parents[2] / "app" / "nvsim_app"
 TYPE = frozenset({"setPointSize", "setPointSizeF", "setPixelSize", "setBold", "setWeight"})
 PLACES = frozenset({"setContentsMargins", "setSpacing", "setHorizontalSpacing", "setVerticalSpacing"})
 GRID = frozenset({0, 4, 8, 16, 24})

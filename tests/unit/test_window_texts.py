@@ -10,7 +10,7 @@ import pytest
 
 import nvsim
 
-APP = Path(nvsim.__file__).parents[1] / "app"
+APP = Path(nvsim.__file__).parents[1] / "app" / "nvsim_app"
 READERS = {  # what takes a text for markup, and the files that may use it
     "QLabel": {"look/labels.py"},
     "QTextBrowser": {"panels/help.py"},
@@ -48,7 +48,7 @@ def _slips(source: str, name: str) -> list[str]:
     for node in ast.walk(ast.parse(source)):
         word = node.attr if isinstance(node, ast.Attribute) else node.id if isinstance(node, ast.Name) else ""
         if word in READERS and name not in READERS[word]:
-            found.append(f"{name}:{node.lineno}: {word}; use Label, tip or marked of app/look/plain_text.py")
+            found.append(f"{name}:{node.lineno}: {word}; use Label, tip or marked of app/nvsim_app/look/plain_text.py")
         if isinstance(node, ast.Call) and isinstance(node.func, ast.Attribute):
             called = node.func.attr
             if called in ("setToolTip", "setWhatsThis", "setTabToolTip", "setTabWhatsThis") and not _own(node.args[-1]):

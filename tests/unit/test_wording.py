@@ -9,9 +9,9 @@ from pathlib import Path
 
 import pytest
 
-from app.look.plain_text import in_window, marked, tip
+from nvsim_app.look.plain_text import in_window, marked, tip
 
-APP = Path(__file__).parents[2] / "app"
+APP = Path(__file__).parents[2] / "app" / "nvsim_app"
 PRINTED = ("__main__.py", "look/plain_text.py", "start/main.py")
 """Files with text for a terminal, and the rules of the wording."""
 COMMAND = re.compile(r"`nvsim |\bnvsim [a-z]+ |(^|[\s(`])--[a-z]")

@@ -110,7 +110,7 @@ def _begin_anew(kernels: Kernels, environment: dict[str, str], cache: Path) -> d
     if kernels == "none":
         return {}
     begin = time.perf_counter()
-    command = [sys.executable, "-P", "-m", "app.drawing.compilation"]
+    command = [sys.executable, "-P", "-m", "nvsim_app.drawing.compilation"]
     if subprocess.run(command, env=environment, stdout=subprocess.DEVNULL, check=False).returncode != 0:
         raise InputError("The kernels could not be compiled ahead; see the message before this one for the reason.")
     return {"compile_s": round(time.perf_counter() - begin, 1)}

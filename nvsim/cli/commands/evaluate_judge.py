@@ -52,7 +52,7 @@ class EvaluateJudge:
     """Price of a million output tokens, one for each judge."""
     asking: Inline[AskingOptions] = field(default_factory=AskingOptions)
     prompt: Path | None = None
-    """File with the prompt for the judges. Default: resources/prompts/judge.txt."""
+    """File with the prompt for the judges. Default: nvsim_resources/prompts/judge.txt."""
     seen: int = 5
     """Number of views per submap that its models were trained on."""
     novel: int = 20

@@ -188,24 +188,12 @@ class ExportDataset(ProjectArguments):
         from nvsim.dataset.tasks import TaskOptions
         from nvsim.r2r.observations.layout import ScanSettings
 
-        tasks = TaskOptions(
-            self.unseen,
-            self.instructions,
-            self.landmarks,
-            self.register,
-            self.vlnce,
-            self.streamvln,
-            self.amounts,
-            self.bounds,
-            self.rxr,
-            self.goals,
-        )
         options = DatasetOptions(
             ScanSettings(size=self.size, views=self.views),
             self.stub,
             self.features,
             self.projection,
-            tasks,
+            TaskOptions.of(self),
             self.force,
             self.backend,
             tuple(dict.fromkeys(self.for_)),

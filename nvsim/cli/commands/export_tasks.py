@@ -69,7 +69,7 @@ class ExportTasks:
     asking: Inline[AskingOptions] = field(default_factory=AskingOptions)
     looking: Inline[Looking] = field(default_factory=Looking)
     prompt: Path | None = None
-    """File with the prompt for the model at --endpoint. Default: resources/prompts/instructions.txt."""
+    """File with the prompt for the model at --endpoint. Default: nvsim_resources/prompts/instructions.txt."""
     json: bool = False
     """Print the written files as JSON."""
 
@@ -80,18 +80,7 @@ class ExportTasks:
         from nvsim.dataset.tasks import STAGE, TaskOptions, make_tasks
         from nvsim.events import Done, silent
 
-        options = TaskOptions(
-            self.unseen,
-            self.instructions,
-            self.landmarks,
-            self.register,
-            self.vlnce,
-            self.streamvln,
-            self.amounts,
-            self.bounds,
-            self.rxr,
-            self.goals,
-        )
+        options = TaskOptions.of(self)
         if self.asked.endpoint is not None:
             _check_endpoint(self)
         graphs, clouds = _graphs(self)

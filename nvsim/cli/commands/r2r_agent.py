@@ -46,7 +46,7 @@ class R2RAgent:
     looking: Inline[Looking] = field(default_factory=Looking)
     rules: Inline[Rules] = field(default_factory=Rules)
     prompt: Path | None = None
-    """File with the prompt of mapgpt. Default: resources/prompts/mapgpt.txt."""
+    """File with the prompt of mapgpt. Default: nvsim_resources/prompts/mapgpt.txt."""
     json: bool = False
     """Print the written files as JSON."""
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -51,7 +51,6 @@ def measure_new_viewpoints(
     *,
     traversed: TraversedFloor | None = None,
     listen: Listener = silent,
-    should_stop: Callable[[], bool] = lambda: False,
 ) -> NewViewpointEvidence:
     """Render the eight directions of each viewpoint, and measure the corridors to and from the viewpoints around it.
     `traversed` is as in `Measurements`.
@@ -68,8 +67,6 @@ def measure_new_viewpoints(
     submaps: dict[str, int] = {}
     decisions: dict[tuple[str, str], list[str]] = {}
     for done, id in enumerate(wanted):
-        if should_stop():
-            break
         listen(Progress(STAGE, done, len(wanted), f"viewpoint {done + 1} of {len(wanted)}"))
         viewpoint = graph.viewpoints[id]
         lattice.begin(id, viewpoint.position[:2])

@@ -64,9 +64,9 @@ class Search:
         self._step_out(viewpoint)
         return True
 
-    def run(self, should_stop: Callable[[], bool], progress: Callable[[], None]) -> None:
+    def run(self, progress: Callable[[], None]) -> None:
         """Expand viewpoints until none is waiting."""
-        while self._queue and not should_stop():
+        while self._queue:
             viewpoint = self.draft.viewpoints.get(self._queue.popleft())
             if viewpoint is not None and self._arrive(viewpoint):
                 self._step_out(viewpoint)

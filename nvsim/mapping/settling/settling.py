@@ -125,23 +125,20 @@ _LEAST = 0.025  # meters of extra room that one edge of a filling viewpoint must
 class Settling:
     """Rearranges the graph of a survey in place."""
 
-    def __init__(self, survey: Survey, should_stop: Callable[[], bool], progress: Callable[[], None]) -> None:
+    def __init__(self, survey: Survey, progress: Callable[[], None]) -> None:
         self._survey, self._draft, self._config = survey, survey.draft, survey.config
-        self._should_stop, self._progress = should_stop, progress
+        self._progress = progress
         self._ways = Ways(survey.draft)
         self._in_line: dict[tuple[str, str], bool] = {}
 
     def run(self) -> None:
-        """Thin, join, restore connections, fill and shorten. If it is stopped before filling, the edges of the search
-        remain."""
+        """Thin, join, restore connections, fill and shorten."""
         edges = self._draft.edges()
         stands_for = self._thin()
         kept = [id for id, by in stands_for.items() if id == by]
         self._ways.add(kept)
         self._join(kept, kept)
         self._restore(edges, stands_for)
-        if self._should_stop():
-            return
         self._part()
         self._forget()
         self._fill()
@@ -174,8 +171,6 @@ class Settling:
         order = sorted(pairs, key=lambda pair: (length[pair], pair))
         for stretch, spare in ((self._config.stretch, _SPARE), *_NARROW):
             for a, b in order:
-                if self._should_stop():
-                    return
                 self._progress()
                 most = stretch * length[a, b]
                 ends = self._draft.viewpoints[a], self._draft.viewpoints[b]
@@ -190,8 +185,6 @@ class Settling:
         step. A place where an agent can take a step, even a short one, then keeps it.
         """
         for a, b in edges:
-            if self._should_stop():
-                return
             ends = stands_for[a], stands_for[b]
             was = sum(self._ways.apart(*pair) for pair in ((ends[0], a), (a, b), (b, ends[1])))
             alone = ends[0] == ends[1] and not self._ways.around(ends[0]) and self._ways.apart(a, b) >= _STEP
@@ -227,8 +220,6 @@ class Settling:
         if len(self._draft.viewpoints) >= self._config.max_viewpoints:
             return
         for viewpoint, seen in Filling(self._survey).found():
-            if self._should_stop():
-                return
             if not any(self._is_open(viewpoint, other, _LEAST) for other in seen):
                 self._draft.remove(viewpoint.id)
                 continue
@@ -243,7 +234,7 @@ class Settling:
             self._join(new, self._ways)
 
         for _ in Shortcuts(self._survey, self._ways, self._is_open, join).make():
-            if self._should_stop() or len(self._draft.viewpoints) >= self._config.max_viewpoints:
+            if len(self._draft.viewpoints) >= self._config.max_viewpoints:
                 return
             self._progress()
 

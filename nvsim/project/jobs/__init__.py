@@ -1,1 +1,1 @@
-"""The jobs of a project: orders, the queue, and the record of commands that ran."""
+"""The jobs of a project: orders, the queue, and the record of commands in terminals."""

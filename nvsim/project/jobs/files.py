@@ -16,17 +16,17 @@ import math
 import os
 import secrets
 import stat
+import time
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import Any, Literal, get_args
+from typing import Any, Literal
 
 from nvsim.errors import InputError, shown
-from nvsim.events import Event, from_data, to_json
+from nvsim.events import Done, Event, Failed, Log, from_data, to_json
 from nvsim.files.atomic import as_input_error
-from nvsim.files.opening import open_regular, read_regular
+from nvsim.files.opening import open_regular, own_file, read_regular
 from nvsim.files.user_folders import xdg_folder
-from nvsim.project.work import WORK
 
 _SIZE = 32  # bytes of the secret
 
@@ -104,9 +104,6 @@ def _made(path: Path) -> bytes:
 
 State = Literal["queued", "running", "paused", "done", "failed", "cancelled", "interrupted", "foreign"]
 Wish = Literal["pause", "cancel"]
-Ran = Literal["running", "done", "failed", "stopped", "interrupted"]
-"""State of a command that was run in a terminal, which has no queue and cannot be paused."""
-RAN: tuple[Ran, ...] = get_args(Ran)
 STATES: tuple[State, ...] = ("queued", "running", "paused", "done", "failed", "cancelled", "interrupted")
 """The states in files; "foreign" is not stored, because it depends on the user."""
 STATE_AFTER_REQUEST: dict[Wish, State] = {"pause": "paused", "cancel": "cancelled"}
@@ -129,6 +126,7 @@ class Order:
     title    name of the job for the user
     heavy    wait until no other heavy job runs on the project
     ordered  seconds since the epoch
+    folder   the current folder of a command in a terminal, to which its paths are relative; "" for orders of the window
     """
 
     verb: str
@@ -136,6 +134,7 @@ class Order:
     title: str
     heavy: bool = True
     ordered: float = 0.0
+    folder: str = ""
 
 
 def encode_order(root: Path, number: int, order: Order) -> str:
@@ -151,8 +150,8 @@ def read_order(root: Path, number: int, folder: Path) -> tuple[Order, bool]:
         data = json.loads(read_regular(folder / _ORDER, _MOST_ORDER))
     except RecursionError as error:
         raise ValueError("it is nested too deeply") from error
-    order = _order(data)
-    return order, order.verb in WORK and is_proven(root, _WHAT, [number, asdict(order)], data.get("proof"))
+    order, said = _order(data), {name: value for name, value in data.items() if name != "proof"}
+    return order, is_proven(root, _WHAT, [number, said], data.get("proof"))
 
 
 def order_path(folder: Path) -> Path:
@@ -160,14 +159,16 @@ def order_path(folder: Path) -> Path:
 
 
 def _order(data: Any) -> Order:
-    if not isinstance(data, Mapping) or set(data) - {"proof"} != {"verb", "arguments", "title", "heavy", "ordered"}:
+    fields = {"verb", "arguments", "title", "heavy", "ordered"}
+    if not isinstance(data, Mapping) or set(data) - {"proof", "folder"} != fields:
         raise ValueError("it does not have the fields of an order")
     verb, arguments, title, heavy = (data[name] for name in ("verb", "arguments", "title", "heavy"))
-    if not isinstance(arguments, list) or not all(isinstance(text, str) for text in (verb, title, *arguments)):
+    folder = data.get("folder", "")
+    if not isinstance(arguments, list) or not all(isinstance(text, str) for text in (verb, title, folder, *arguments)):
         raise ValueError("a text field is not text")
     if not isinstance(heavy, bool):
         raise ValueError("heavy is neither true nor false")
-    return Order(verb, tuple(arguments), title, heavy, number_in(data["ordered"]))
+    return Order(verb, tuple(arguments), title, heavy, number_in(data["ordered"]), folder)
 
 
 def number_in(value: Any) -> float:
@@ -246,6 +247,26 @@ def event_of_line(line: str | bytes) -> tuple[float, Event]:
     if any(isinstance(value, int) and abs(value) >= 1 << 63 for value in data.values()):
         raise ValueError("a number that is too large for a job")
     return float(data.pop("at")), from_data(data)
+
+
+class EventWriter:
+    """A listener that appends events to the file at `path`. message: the last sentence about the work. Raises OSError
+    if the file cannot be opened."""
+
+    def __init__(self, path: Path) -> None:
+        self.message = ""
+        self._file = os.fdopen(own_file(path, os.O_WRONLY | os.O_CREAT | os.O_APPEND), "ab", buffering=0)
+
+    def __call__(self, event: Event) -> None:
+        if isinstance(event, Failed):
+            self.message = event.message
+        elif isinstance(event, Done) or (isinstance(event, Log) and event.stage):
+            self.message = event.summary if isinstance(event, Done) else event.text
+        with contextlib.suppress(OSError):  # if the disk is full, the command itself reports it
+            self._file.write(event_line(event, time.time()).encode())
+
+    def close(self) -> None:
+        self._file.close()
 
 
 class EventFile:

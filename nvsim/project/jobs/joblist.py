@@ -1,7 +1,8 @@
 """The jobs of a project, each a folder under logs/jobs with its order, status, events, and output.
 
 All data is in files. A job therefore continues after the window that ordered it closes, and a window that starts later
-finds it. `nvsim.cli.worker` runs each job in a separate process. Pausing and canceling send this process a signal. The
+finds it. `nvsim.cli.worker` runs each job of the window in a separate process, and a command in a terminal records
+itself as a job. Pausing and canceling send this process a signal. The
 process then stores its work in a checkpoint and releases its memory and the project's writer lock.
 """
 
@@ -10,19 +11,19 @@ from __future__ import annotations
 import contextlib
 import fcntl
 import itertools
-import math
+import json
 import os
 import shutil
 import signal
 import time
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
 
 from nvsim.errors import InputError
 from nvsim.files.atomic import as_input_error, make_folder, write_text
-from nvsim.files.opening import is_folder, open_regular, read_end
+from nvsim.files.opening import is_folder, open_regular
 from nvsim.project.jobs import worker_lock
 from nvsim.project.jobs.files import (
     STATE_AFTER_REQUEST,
@@ -44,13 +45,14 @@ from nvsim.project.work import WORK
 
 __all__ = ["Job", "JobList", "Order", "JobStatus", "State", "Wish"]
 
+STOPPED: tuple[State, ...] = ("paused", "interrupted", "failed", "cancelled")
+"""The states of jobs that can be continued."""
 KEPT = 60  # finished jobs whose folders are kept
 _MOST_JOBS = 500  # the newest jobs, which are the only ones read
 _MOST_FOLDERS = 20_000
-_MOST_RAN = 1 << 16  # bytes
 _DIGITS = 9
+_LOCK = ".lock"
 _ROOM = 1 << 20  # bytes; a disk with less free space counts as full
-_RAN = "ran.txt"
 
 
 @dataclass(frozen=True)
@@ -68,13 +70,18 @@ class Job:
     ours: bool = True
 
     @property
+    def resumable(self) -> bool:
+        """Whether the window may run it: this user ordered it, and its command is one of the window."""
+        return self.ours and self.order.verb in WORK
+
+    @property
     def events(self) -> Path:
         """JSON lines: events, each with its time of sending ("at", seconds since the epoch)."""
         return self.folder / "events.jsonl"
 
     @property
     def output(self) -> Path:
-        """The output of the job on stdout, which is its result."""
+        """The output of the job on stdout, which is its result. Missing for a command in a terminal."""
         return self.folder / "output.txt"
 
     @property
@@ -150,20 +157,6 @@ class JobList:
         state: State = "interrupted" if wish is None else STATE_AFTER_REQUEST[wish]
         return replace(status, state=state, finished=finished, message=message, worked=worked)
 
-    def ran(self) -> dict[int, float]:
-        """Process id -> start time in seconds since the epoch, for each run of a job, including removed jobs. Each of
-        these runs also has a row in the project's own record of commands (`Project.jobs`)."""
-        try:
-            lines = read_end(self.folder / _RAN, _MOST_RAN).decode("ascii", "replace").splitlines()
-        except OSError:
-            return {}
-        found = {}
-        for pid, _, started in (line.partition(" ") for line in lines):
-            with contextlib.suppress(ValueError):
-                if math.isfinite(at := float(started)):
-                    found[int(pid[:20])] = at
-        return found
-
     # Ordering ---------------------------------------------------------------------------------------------------
 
     def add(self, verb: str, arguments: Sequence[str], title: str, heavy: bool = True) -> Job:
@@ -174,14 +167,20 @@ class JobList:
         self._make_folder()
         with self._locked():
             self._prune()
-            number = max(self._numbers(), default=0) + 1
-            if number >= 10**_DIGITS:
-                raise InputError(f"{self.folder} has a job with the number {number - 1}; remove that folder.")
-            order = Order(verb, tuple(arguments), title, heavy, time.time())
-            text = encode_order(self.root, number, order)
-            folder = make_folder(self.folder / f"{number:06d}")
-            write_text(order_path(folder), text)
-        return Job(number, folder, order, JobStatus())
+            return self._store(Order(verb, tuple(arguments), title, heavy, time.time()), JobStatus())
+
+    def begin(self, order: Order) -> Job:
+        """Records a command that this process runs, until `finish`. A command that was stopped before its end, and
+        runs again, continues its job. Raises InputError if the disk reports an error."""
+        self._make_folder()
+        with self._locked():
+            self._prune()
+            for job in self.jobs():
+                same = replace(job.order, ordered=order.ordered) == order
+                if same and job.ours and job.status.state in STOPPED and not worker_lock.is_held(job.folder):
+                    (job.folder / WISH).unlink(missing_ok=True)
+                    return self._take(job)
+            return self._take(self._store(order))
 
     def again(self, number: int) -> None:
         """Puts a job that does not run back into the queue, to continue its work. Raises InputError if the job was
@@ -190,6 +189,8 @@ class JobList:
             job = self._need(number)
             if not job.ours:
                 raise InputError(f"“{job.order.title}” was ordered elsewhere; check what it does and order it again.")
+            if not job.resumable:
+                raise InputError(f"`nvsim {job.order.verb}` cannot be a job; run it in a terminal.")
             if job.status.state in ("queued", "running"):
                 return
             try:
@@ -208,7 +209,7 @@ class JobList:
             if job.ours or job.status.state == "running":
                 return
             self._orders.pop(job.number, None)
-            order = replace(job.order, ordered=time.time())
+            order = replace(job.order, ordered=time.time(), folder="")
             text = encode_order(self.root, job.number, order)
             try:
                 shutil.rmtree(job.folder)  # including all other files in it
@@ -252,20 +253,8 @@ class JobList:
                 wanted = job.order.heavy if number is None else job.number == number
                 if not wanted or not job.ours or job.status.state != "queued" or (job.order.heavy and busy):
                     continue
-                try:
-                    worker_lock.acquire(job.folder)
-                except BlockingIOError:
-                    continue  # processes that the previous run started are still working
-                except OSError as error:
-                    raise as_input_error(job.folder, error) from error
-                try:
-                    taken = JobStatus("running", os.getpid(), time.time(), worked=job.status.worked)
-                    self._write(job, taken)
-                    with open(open_regular(self.folder / _RAN, os.O_WRONLY | os.O_APPEND | os.O_CREAT), "a") as file:
-                        file.write(f"{taken.pid} {taken.started}\n")
-                except OSError as error:
-                    raise as_input_error(self.folder / _RAN, error) from error
-                return replace(job, status=taken)
+                with contextlib.suppress(BlockingIOError):  # processes of the previous run are still working
+                    return self._take(job)
         return None
 
     def finish(self, job: Job, code: int, message: str) -> JobStatus:
@@ -276,7 +265,7 @@ class JobList:
             state = "done"
         elif code == 130:
             state = "interrupted" if wish is None else STATE_AFTER_REQUEST[wish]
-            message = "Another program asked it to stop." if wish is None else ""
+            message = "It was asked to stop from outside the window." if wish is None else ""
         now = time.time()
         worked = job.status.worked + max(0.0, now - (job.status.started or now))
         status = replace(job.status, state=state, finished=now, worked=worked, code=code, message=message)
@@ -284,7 +273,45 @@ class JobList:
         worker_lock.release(job.folder)
         return status
 
+    def discard(self, job: Job) -> None:
+        """Removes the job of this process, and the folders of the list if they are empty then."""
+        worker_lock.release(job.folder)
+        shutil.rmtree(job.folder, ignore_errors=True)
+        if not self._numbers():
+            with contextlib.suppress(OSError):
+                (self.folder / _LOCK).unlink(missing_ok=True)
+                self.folder.rmdir()
+                self.folder.parent.rmdir()
+                self.root.rmdir()
+
     # Inside -----------------------------------------------------------------------------------------------------
+
+    def _store(self, order: Order, status: JobStatus | None = None) -> Job:
+        """A new job. Without a status the process runs it itself, so it needs no proof if the secret is missing."""
+        number = max(self._numbers(), default=0) + 1
+        if number >= 10**_DIGITS:
+            raise InputError(f"{self.folder} has a job with the number {number - 1}; remove that folder.")
+        try:
+            text = encode_order(self.root, number, order)
+        except InputError:
+            if status is not None:
+                raise
+            text = json.dumps(asdict(order))
+        folder = make_folder(self.folder / f"{number:06d}")
+        write_text(order_path(folder), text)
+        return Job(number, folder, order, status or JobStatus())
+
+    def _take(self, job: Job) -> Job:
+        """Assigns a job to this process. Raises InputError, and BlockingIOError if another process runs it."""
+        try:
+            worker_lock.acquire(job.folder)
+            taken = JobStatus("running", os.getpid(), time.time(), worked=job.status.worked)
+            self._write(job, taken)
+        except BlockingIOError:
+            raise
+        except OSError as error:
+            raise as_input_error(job.folder, error) from error
+        return replace(job, status=taken)
 
     def _need(self, number: int) -> Job:
         job = self.job(number)
@@ -312,7 +339,7 @@ class JobList:
         """Lets one process at a time change the list; held for milliseconds. Raises InputError if the disk reports an
         error."""
         self._make_folder()
-        path = self.folder / ".lock"
+        path = self.folder / _LOCK
         try:
             descriptor = open_regular(path, os.O_RDWR | os.O_CREAT)
         except OSError as error:

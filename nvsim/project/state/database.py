@@ -18,7 +18,7 @@ from nvsim.files.tables import COUNT, NUMBER, TEXT, check_schema, harden
 from nvsim.project.state.results import Part, Result, Slot, StageResults, Unfinished, trusted, write
 from nvsim.project.work import STAGES
 
-VERSION = 4
+VERSION = 5
 
 _SCHEMA = """
 CREATE TABLE meta (key TEXT PRIMARY KEY, value TEXT NOT NULL);
@@ -69,6 +69,8 @@ DROP TABLE stages;
 DELETE FROM meta WHERE key IN ('places', 'generation', 'capture_config', 'batch train') OR key LIKE 'previous %'
     OR key LIKE 'next %' OR key LIKE 'work %';
 """,
+    # Commands are recorded as jobs in logs/jobs.
+    5: "DROP TABLE jobs;",
 }
 """Version -> statements that update a database of the previous version. A new database runs all of them."""
 

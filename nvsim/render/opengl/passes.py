@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-import resources
+import nvsim_resources
 from nvsim.geometry.camera import Camera
 from nvsim.geometry.floor_surface import FloorSurface
 from nvsim.render.backends import Float32
@@ -24,7 +24,7 @@ from nvsim.splats.types import FloorTexture, SubmapModel
 if TYPE_CHECKING:
     import moderngl
 
-FOLDER = Path(resources.__file__).parent / "shaders"
+FOLDER = Path(nvsim_resources.__file__).parent / "shaders"
 
 
 def source(name: str, defines: dict[str, str] | None = None) -> str:

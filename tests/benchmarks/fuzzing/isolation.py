@@ -237,11 +237,11 @@ def _want_of_memory(error: BaseException) -> str | None:
 
 def _place_of(error: BaseException) -> str:
     frames = traceback.extract_tb(error.__traceback__)
-    ours = [f for f in frames if "/nvsim/" in f.filename or "/app/" in f.filename]
+    ours = [f for f in frames if "/nvsim/" in f.filename or "/nvsim_app/" in f.filename]
     if not ours:
         return ""
     last = ours[-1]
-    at = max(last.filename.rfind("/nvsim/"), last.filename.rfind("/app/"))
+    at = max(last.filename.rfind("/nvsim/"), last.filename.rfind("/nvsim_app/"))
     return f"{last.filename[at + 1 :]}:{last.lineno}"
 
 

@@ -52,10 +52,10 @@ def _files() -> list[Seed]:
 
 def _everything(path: Path) -> object:
     """Reads everything that the window shows of a project, in one process."""
-    from app.state.loading import ProjectReader
     from nvsim.project.floor_heights import floor_of
     from nvsim.project.project import Project
     from nvsim.splats import files
+    from nvsim_app.state.loading import ProjectReader
 
     files._verified.clear()
     with Project.open(path) as project:
@@ -84,10 +84,10 @@ def _frame(path: Path) -> object:
     """Reads the page of a frame. The images moved together with the project."""
     from dataclasses import replace
 
-    from app.frames.frame_data import read_matter
     from nvsim.capture.images import read_image
     from nvsim.project.layout import Layout
     from nvsim.project.project import Project
+    from nvsim_app.frames.frame_data import read_matter
 
     with Project.open(path) as project:
         capture = project.need_capture()
@@ -103,8 +103,8 @@ def _thumbnails(path: Path) -> object:
     from dataclasses import replace
     from multiprocessing import Pipe
 
-    from app.frames.worker import Failed, Worker
-    from app.processes.serving import Requests
+    from nvsim_app.frames.worker import Failed, Worker
+    from nvsim_app.processes.serving import Requests
 
     said: list[object] = []
     requests = Requests(Pipe()[0])
@@ -196,7 +196,7 @@ def _true(path: Path) -> object:
 
 
 def _recent() -> list[Seed]:
-    from app.state.side_work import LAST_VIEW
+    from nvsim_app.state.side_work import LAST_VIEW
 
     picture = cv2.imencode(".png", np.full((24, 32, 3), 99, np.uint8))[1].tobytes()
     files = {**project_with_walk(), f"cache/{LAST_VIEW}": picture, "cache/thumbnails/000001.jpg": picture}
@@ -204,6 +204,6 @@ def _recent() -> list[Seed]:
 
 
 def _recently(path: Path) -> object:
-    from app.state.side_work import look_at
+    from nvsim_app.state.side_work import look_at
 
     return look_at(path)

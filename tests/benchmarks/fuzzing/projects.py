@@ -31,13 +31,11 @@ def project_with_walk() -> Files:
 
     from nvsim.depth.cloud_file import write_cloud
     from nvsim.depth.fusion import FusedCloud
-    from nvsim.events import Done, Log, Progress
     from nvsim.graph.types import NavGraph
     from nvsim.mapping.config import MappingConfig
     from nvsim.project import ledger
     from nvsim.project.config import CaptureConfig
     from nvsim.project.graph import recorded
-    from nvsim.project.jobs.commands import JobJournal
     from nvsim.project.layout import ADDED, CLOUD
     from nvsim.project.project import Project
     from nvsim.project.stages import imported
@@ -55,7 +53,6 @@ def project_with_walk() -> Files:
             graph: NavGraph = row()
             project.set_graph(graph)
             project.set_result("views", {"psnr": 27.5, "rows": [{"submap": 0, "ssim": 0.8}]})
-            project.set_meta("scan_name", "row")
             ledger.begin(project, "depth", "key of depth")
             one = np.ones((1, 3), np.float32)
             fused = FusedCloud(one, one.astype(np.uint8), one, np.ones(1, np.uint16))
@@ -65,11 +62,6 @@ def project_with_walk() -> Files:
             for stage in ("submaps", "floors", "train", "map"):
                 ledger.begin(project, stage, f"key of {stage}")
                 ledger.finish(project, stage, 1.5, recorded(MappingConfig()) if stage == "map" else {"psnr": 20.0})
-            for state in ("done", "failed", "running"):
-                journal = JobJournal(project.connection, "map", lambda event: None)
-                for event in (Progress("map", 1, 3), Log("x", "map"), Done("map", "well", {})):
-                    journal(event)
-                journal.end(state, "words")
         database = root / "project.db"
         connection = sqlite3.connect(database)
         connection.execute("PRAGMA wal_checkpoint(TRUNCATE)")
@@ -103,16 +95,16 @@ def _project() -> list[Seed]:
 
 def _contents(path: Path) -> object:
     """Reads everything that the window and the commands read from a database."""
-    from app.state.loading import ProjectReader
     from nvsim.graph.findings import check_graph
     from nvsim.project import ledger
     from nvsim.project.floor_heights import floor_of
     from nvsim.project.graph import context_of, thresholds_of
     from nvsim.project.project import Project
     from nvsim.project.stages import imported
+    from nvsim_app.state.loading import ProjectReader
 
     with Project.open(path) as project:
-        project.jobs(), project.results(), project.submaps(), project.graph(), project.scene()
+        project.results(), project.submaps(), project.graph(), project.scene()
         project.scan_name, thresholds_of(project), imported.capture_config(project)
         for stage in STAGES:
             ledger.record(project, stage)
@@ -131,11 +123,9 @@ def _contents(path: Path) -> object:
 def _written(path: Path) -> object:
     """Writes to a project as a command does."""
     from nvsim.project import ledger
-    from nvsim.project.jobs.commands import JobJournal
     from nvsim.project.project import Project
 
     with Project.open(path, writable=True) as project:
-        JobJournal(project.connection, "map", lambda event: None).end("done")
         ledger.begin(project, "map", "another")
         ledger.finish(project, "map", 1.0, {})
         project.set_graph(row())
@@ -178,11 +168,11 @@ def _jobs() -> list[Seed]:
 
 def _listed(path: Path) -> object:
     """Lists jobs as the window does, without acting on them."""
-    from app.state.results import result_of_job
     from nvsim.project.jobs.joblist import JobList
+    from nvsim_app.state.results import result_of_job
 
     jobs = JobList(path)
-    return [(j, result_of_job(j)) for j in jobs.jobs()], jobs.ran()
+    return [(j, result_of_job(j)) for j in jobs.jobs()]
 
 
 def _events() -> list[Seed]:
@@ -193,8 +183,8 @@ def _events() -> list[Seed]:
 
 def _heard(path: Path) -> object:
     """Follows a job as the window does: every event goes to its log, its curves, and its progress."""
-    from app.jobs.history import JobReport
     from nvsim.project.jobs.files import EventFile
+    from nvsim_app.jobs.history import JobReport
 
     file, history = EventFile(path), JobReport()
     while file.behind:

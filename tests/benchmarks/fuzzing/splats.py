@@ -26,7 +26,7 @@ def readers() -> list[Reader]:
 
 
 def _read(path: Path) -> object:
-    from app.state.opened_files import SplatFile
+    from nvsim_app.state.opened_files import SplatFile
 
     file = SplatFile.of(path)
     return file.contents()

@@ -22,9 +22,9 @@ def readers() -> list[Reader]:
 
 
 def _views() -> list[Seed]:
-    from app.painting.cameras import ViewPose
-    from app.state.document import Selection
-    from app.state.view_state_store import Left, encode
+    from nvsim_app.painting.cameras import ViewPose
+    from nvsim_app.state.document import Selection
+    from nvsim_app.state.view_state_store import Left, encode
 
     pose = ViewPose((1.0, 2.0, 1.5))
     text = encode(Left(pose, "rgb", Selection(viewpoint="v1"), 3, (0, 0, 5, 5), (0.1, 0.2, 1.0), (pose, pose)))
@@ -32,21 +32,21 @@ def _views() -> list[Seed]:
 
 
 def _decode_view(path: Path) -> object:
-    from app.state.view_state_store import decode, encode
+    from nvsim_app.state.view_state_store import decode, encode
 
     left = decode(content(path).decode("utf-8", "replace"))
     return left and encode(left)
 
 
 def _options() -> list[Seed]:
-    from app.forms.fields import FILE
+    from nvsim_app.forms.fields import FILE
 
     text = b'{"train": {"steps": 100, "preset": "paper", "seed": 3}, "map": {"config.tau_dist": 0.5, "x": [1]}}'
     return [Seed({FILE: text}, FILE, "", "json")]
 
 
 def _options_of(path: Path) -> object:
-    from app.forms.fields import Settings
+    from nvsim_app.forms.fields import Settings
 
     settings = Settings(path)
     return [settings.arguments(verb) for verb in ("train", "map")]
@@ -59,7 +59,7 @@ def _results() -> list[Seed]:
 
 
 def _result(path: Path) -> object:
-    from app.jobs.queries import result_of
+    from nvsim_app.jobs.queries import result_of
 
     return result_of(content(path).decode("utf-8", "replace")).sentence
 
@@ -73,8 +73,8 @@ def _settings() -> list[Seed]:
 def _preferences(path: Path) -> object:
     from PySide6.QtCore import QSettings
 
-    from app.panels.preferences import PREFERENCES, Preferences, memory_budget
-    from app.start.application import check_settings
+    from nvsim_app.panels.preferences import PREFERENCES, Preferences, memory_budget
+    from nvsim_app.start.application import check_settings
 
     check_settings(path)
     preferences = Preferences(QSettings(str(path), QSettings.Format.IniFormat))
@@ -90,7 +90,7 @@ def _previews() -> list[Seed]:
 
 
 def _preview(path: Path) -> object:
-    from app.panels.training_images import read_picture
+    from nvsim_app.panels.training_images import read_picture
 
     return read_picture(path).size()
 
@@ -106,8 +106,8 @@ def _graphs() -> list[Seed]:
 
 
 def _compared(path: Path) -> object:
-    from app.panels.comparison import Compared, read_graph
     from fuzzing.graphs import row
+    from nvsim_app.panels.comparison import Compared, read_graph
 
     return Compared.of("other", row(), read_graph(path)).comparison.deviations
 
@@ -125,8 +125,8 @@ def _paths() -> list[Seed]:
 
 def _kinds(path: Path) -> object:
     """Examines a path as the window does before it opens it."""
-    from app.state.folder_listing import FolderLook
     from nvsim.project.path_kind import check_openable, path_kind, sentence_about
+    from nvsim_app.state.folder_listing import FolderLook
 
     sentence_about(path, path_kind(path))
     FolderLook(path.parent).result()

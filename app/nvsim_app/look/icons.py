@@ -1,0 +1,65 @@
+"""Line icons in the text color of the palette, and images of the window that are saved as files."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from PySide6.QtCore import QByteArray, QRectF, Qt
+from PySide6.QtGui import QColor, QIcon, QImage, QPainter, QPalette, QPixmap
+from PySide6.QtSvg import QSvgRenderer
+
+import nvsim_resources
+from nvsim.errors import InputError
+from nvsim.files import atomic
+
+FOLDER = Path(nvsim_resources.__file__).parent / "icons"
+_SIZES = (16, 20, 24, 32, 48)
+
+
+def icon(name: str, palette: QPalette) -> QIcon:
+    """The icon `name` in the colors of `palette`, normal and disabled.
+
+    Raises FileNotFoundError for an unknown name.
+    """
+    source = (FOLDER / f"{name}.svg").read_text(encoding="utf-8")
+    result = QIcon()
+    for mode, group in (
+        (QIcon.Mode.Normal, QPalette.ColorGroup.Active),
+        (QIcon.Mode.Disabled, QPalette.ColorGroup.Disabled),
+    ):
+        color = palette.color(group, QPalette.ColorRole.ButtonText)
+        for size in _SIZES:
+            result.addPixmap(_drawn(source, color, size), mode)
+    return result
+
+
+def _drawn(source: str, color: QColor, size: int) -> QPixmap:
+    renderer = QSvgRenderer(QByteArray(source.replace("currentColor", color.name()).encode()))
+    pixmap = QPixmap(size, size)
+    pixmap.fill(Qt.GlobalColor.transparent)
+    painter = QPainter(pixmap)
+    renderer.render(painter, QRectF(0, 0, size, size))
+    painter.end()
+    return pixmap
+
+
+def swatch(color: str, size: int = 12) -> QPixmap:
+    """A rounded square of one color with sides of `size` pixels, for lists."""
+    pixmap = QPixmap(2 * size, 2 * size)
+    pixmap.setDevicePixelRatio(2.0)
+    pixmap.fill(Qt.GlobalColor.transparent)
+    painter = QPainter(pixmap)
+    painter.setRenderHint(QPainter.RenderHint.Antialiasing)
+    painter.setPen(Qt.PenStyle.NoPen)
+    painter.setBrush(QColor(color))
+    painter.drawRoundedRect(QRectF(0, 0, size, size), 3, 3)
+    painter.end()
+    return pixmap
+
+
+def save_image(image: QImage | QPixmap, path: Path) -> None:
+    """Writes an image in the format of the file extension. Raises InputError if Qt does not support the format, or if
+    the file cannot be written."""
+    with atomic.replacing(path) as temporary:
+        if not image.save(str(temporary)):
+            raise InputError(f"Cannot write {path}; choose a writable folder and a name ending in .png.")

@@ -1,0 +1,244 @@
+"""Small widgets that all parts of the window share: buttons of dialogs, fields of numbers, panels that scroll, the
+status bar, and frames around widgets."""
+
+from __future__ import annotations
+
+from PySide6.QtCore import QEvent, QObject, QRect, QRectF, QSize, Qt
+from PySide6.QtGui import QIcon, QPainter, QPaintEvent, QPen, QRegion, QShowEvent, QValidator, QWheelEvent
+from PySide6.QtWidgets import (
+    QAbstractButton,
+    QAbstractSlider,
+    QAbstractSpinBox,
+    QApplication,
+    QComboBox,
+    QDialogButtonBox,
+    QDoubleSpinBox,
+    QFrame,
+    QLineEdit,
+    QMainWindow,
+    QMenuBar,
+    QScrollArea,
+    QStatusBar,
+    QTabBar,
+    QWidget,
+)
+from shiboken6 import isValid
+
+from nvsim_app.look.labels import Label
+from nvsim_app.look.plain_text import tip
+from nvsim_app.look.theme import GRID, type_font
+
+
+class DialogButtons(QDialogButtonBox):
+    """Buttons with text only. The style would add a red cross to Cancel alone."""
+
+    def showEvent(self, event: QShowEvent) -> None:
+        for button in self.buttons():
+            button.setIcon(QIcon())
+        super().showEvent(event)
+
+
+def bring_up(window: QWidget) -> None:
+    """Shows a non-modal window and gives it the keyboard focus, so that Esc closes it and Tab moves through it."""
+    window.show()
+    window.raise_()
+    window.activateWindow()
+    if window.focusWidget() is None:
+        window.setFocus()
+        window.focusNextPrevChild(True)
+
+
+LEAST = 96  # maximum of the minimum height, pixels
+
+
+class Scrolling(QScrollArea):
+    """A scroll area around `inner`. Scroll bars appear if `inner` needs more space than available."""
+
+    def __init__(self, inner: QWidget, parent: QWidget | None = None) -> None:
+        super().__init__(parent)
+        self.setWidgetResizable(True)
+        self.setFrameShape(QFrame.Shape.NoFrame)
+        self.setFocusPolicy(Qt.FocusPolicy.NoFocus)  # Tab moves to the widgets in it
+        self._inner = inner
+        self.setWidget(inner)
+        inner.installEventFilter(self)
+
+    def minimumSizeHint(self) -> QSize:
+        least = self._inner.minimumSizeHint()
+        return QSize(least.width(), min(LEAST, least.height()))
+
+    def sizeHint(self) -> QSize:
+        return self._inner.sizeHint()
+
+    def eventFilter(self, watched: QObject, event: QEvent) -> bool:
+        if event.type() == QEvent.Type.LayoutRequest:
+            self.updateGeometry()
+        return super().eventFilter(watched, event)
+
+
+_DIRECT = Qt.FindChildOption.FindDirectChildrenOnly
+
+
+class StatusLine(QStatusBar):
+    """A status bar that elides a long message before the permanent widgets, and shows all of it as a tooltip."""
+
+    def __init__(self, parent: QWidget | None = None) -> None:
+        super().__init__(parent)
+        self.messageChanged.connect(lambda words: self.setToolTip(tip(words)))
+
+    def paintEvent(self, event: QPaintEvent) -> None:
+        words = self.currentMessage()
+        if not words:
+            super().paintEvent(event)
+            return
+        shown = [w for w in self.findChildren(QWidget, options=_DIRECT) if w.isVisible()]
+        right = min([w.x() for w in shown if w.x() > GRID], default=self.width())
+        painter = QPainter(self)
+        painter.setPen(self.palette().windowText().color())
+        box = self.rect().adjusted(GRID, 0, right - GRID - self.width(), 0)
+        text = painter.fontMetrics().elidedText(words, Qt.TextElideMode.ElideRight, box.width())
+        painter.drawText(box, Qt.AlignmentFlag.AlignVCenter | Qt.AlignmentFlag.AlignLeft, text)
+
+
+_FRAME = 4.0  # pixels
+
+
+class DropTarget(QWidget):
+    """Covers `window` with a colored frame and a sentence, and ignores the mouse."""
+
+    def __init__(self, window: QWidget) -> None:
+        super().__init__(window)
+        self.words = ""
+        self.setAttribute(Qt.WidgetAttribute.WA_TransparentForMouseEvents)
+        window.installEventFilter(self)
+        self.hide()
+
+    def show_words(self, words: str) -> None:
+        """Shows the frame with a sentence; "" hides it."""
+        self.words = words
+        self.setGeometry(0, 0, self.window().width(), self.window().height())
+        self.setVisible(bool(words))
+        self.raise_()
+        self.update()
+
+    def eventFilter(self, watched: QObject, event: QEvent) -> bool:
+        if event.type() == QEvent.Type.Resize and self.isVisible():
+            self.setGeometry(0, 0, self.window().width(), self.window().height())
+        return False
+
+    def paintEvent(self, event: QPaintEvent) -> None:
+        painter = QPainter(self)
+        painter.setRenderHint(QPainter.RenderHint.Antialiasing)
+        accent = self.palette().accent().color()
+        edge = _FRAME / 2
+        painter.setPen(QPen(accent, _FRAME))
+        painter.drawRoundedRect(QRectF(self.rect()).adjusted(edge, edge, -edge, -edge), 6, 6)
+        painter.setFont(type_font("large"))
+        box = painter.fontMetrics().boundingRect(self.rect(), Qt.AlignmentFlag.AlignCenter, self.words)
+        box.adjust(-20, -12, 20, 12)
+        painter.setBrush(self.palette().toolTipBase())
+        painter.drawRoundedRect(box, 6, 6)
+        painter.setPen(self.palette().toolTipText().color())
+        painter.drawText(box, Qt.AlignmentFlag.AlignCenter, self.words)
+
+
+class NumberBox(QDoubleSpinBox):
+    """A number with steps. `valueChanged` is emitted on Enter, when the focus leaves, and for steps, but not while the
+    user types. The decimal sign is a point or a comma. The wheel scrolls the page, not the number.
+
+    suffix  unit after the number
+    """
+
+    def __init__(
+        self,
+        name: str,
+        low: float,
+        high: float,
+        value: float,
+        decimals: int = 2,
+        step: float = 1.0,
+        suffix: str = "",
+        parent: QWidget | None = None,
+    ) -> None:
+        super().__init__(parent)
+        self.setAccessibleName(name)
+        self.setKeyboardTracking(False)
+        self.setDecimals(decimals)
+        self.setRange(low, high)
+        self.setSingleStep(step)
+        self.setSuffix(suffix)
+        self.setValue(value)
+
+    def validate(self, text: str, place: int) -> tuple[QValidator.State, str, int]:
+        """Accepts a comma as the decimal sign."""
+        return super().validate(self._with_own_sign(text), place)
+
+    def valueFromText(self, text: str) -> float:
+        return super().valueFromText(self._with_own_sign(text))
+
+    def _with_own_sign(self, text: str) -> str:
+        own = self.locale().decimalPoint()
+        return text.replace("," if own == "." else ".", own)
+
+    def wheelEvent(self, event: QWheelEvent) -> None:
+        event.ignore()
+
+
+_RING = 2  # pixels
+_OWN = (
+    QAbstractButton, QAbstractSlider, QAbstractSpinBox, QComboBox, Label, QLineEdit, QMenuBar, QTabBar
+)  # fmt: skip
+"""Widgets whose focus the style draws."""
+
+
+class FocusRing(QWidget):
+    """An overlay of `window` that ignores the mouse and covers only the border of the focused widget."""
+
+    def __init__(self, window: QMainWindow) -> None:
+        super().__init__(window)
+        self.setObjectName("focusRing")
+        self.setAttribute(Qt.WidgetAttribute.WA_TransparentForMouseEvents)
+        self.around: QWidget | None = None
+        self.hide()
+        app = QApplication.instance()
+        assert isinstance(app, QApplication)
+        app.focusChanged.connect(self._on_focus)
+
+    def _on_focus(self, _: QWidget | None, now: QWidget | None) -> None:
+        if self.around is not None and isValid(self.around):
+            self.around.removeEventFilter(self)
+            self.around.destroyed.disconnect(self._forget)
+        self.around = now if now is not None and now.window() is self.window() and not isinstance(now, _OWN) else None
+        if self.around is not None:
+            self.around.installEventFilter(self)
+            self.around.destroyed.connect(self._forget)
+        self._place()
+
+    def _forget(self) -> None:
+        self.around = None
+        self.hide()
+
+    def eventFilter(self, watched: QObject, event: QEvent) -> bool:
+        if event.type() in (QEvent.Type.Resize, QEvent.Type.Move, QEvent.Type.Show, QEvent.Type.Hide):
+            self._place()
+        return False
+
+    def _place(self) -> None:
+        widget = self.around
+        if widget is None or not widget.isVisible():
+            self.hide()
+            return
+        seen, above = QRect(widget.mapTo(self.window(), widget.rect().topLeft()), widget.size()), widget.parentWidget()
+        while above is not None and above is not self.window():  # a scroll area may show only a part
+            seen &= QRect(above.mapTo(self.window(), above.rect().topLeft()), above.size())
+            above = above.parentWidget()
+        self.setGeometry(seen)
+        inner = self.rect().adjusted(_RING, _RING, -_RING, -_RING)
+        self.setMask(QRegion(self.rect()) - QRegion(inner))
+        self.show()
+        self.raise_()
+
+    def paintEvent(self, event: QPaintEvent) -> None:
+        painter = QPainter(self)
+        painter.fillRect(self.rect(), self.palette().link())
+        painter.end()

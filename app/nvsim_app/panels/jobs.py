@@ -1,0 +1,361 @@
+"""The jobs of the project in the order in which they run, each with its buttons; and the curves, images, messages, and
+workers of the running or selected job."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from functools import partial
+
+from PySide6.QtCore import Qt, QUrl, Signal
+from PySide6.QtGui import QAction, QDesktopServices, QGuiApplication, QPalette
+from PySide6.QtWidgets import QHBoxLayout, QMenu, QPushButton, QSplitter, QTabWidget, QToolButton, QVBoxLayout, QWidget
+
+from nvsim_app.forms.fields import command_line
+from nvsim_app.jobs.history import folder_of
+from nvsim_app.jobs.queue import AGAIN, ELSEWHERE, JobHandle, JobQueue
+from nvsim_app.look.labels import Hint, Label
+from nvsim_app.look.plain_text import plain, tip
+from nvsim_app.look.table import table
+from nvsim_app.panels.job_plots import JobPlots
+from nvsim_app.panels.job_table import BUTTONS, PROGRESS, ImportedJobDialog, JobModel, JobWorkers, ProgressBar, duration
+from nvsim_app.panels.log import JobLog
+from nvsim_app.panels.training_images import JobPreview
+from nvsim_app.state.reasons import TRAININGS
+
+__all__ = ["JobModel", "JobPanel", "duration"]
+COMMANDS = {
+    "pause": ("Pause", "Stop at the last checkpoint and free the memory; continue at any time, also in another window"),
+    "resume": ("Continue", "Run the job again; finished work is not repeated"),
+    "cancel": ("Cancel", "End the job; its finished results stay in the project"),
+    "inspect": (
+        "Inspect…",
+        "Show the exact command of a job that came with the project, to order it here or remove it",
+    ),
+    "settings": ("Settings…", "Show the settings of the job, change them, and run it again"),
+    "folder": ("Show folder", "Open the output folder of the job in the file manager"),
+    "copy": ("Copy command", "Copy the equivalent terminal command"),
+    "remove": ("Remove", "Remove the job from this list; its results stay in the project"),
+}
+"""The commands of a job: name -> text, tooltip."""
+IN_ROW = ("pause", "resume", "cancel", "inspect")  # have a button if they are available; the others are in a menu
+
+
+class Offer(QWidget):
+    """A line above the table that offers to continue the jobs that wait for the user."""
+
+    def __init__(self, queue: JobQueue, parent: QWidget | None = None) -> None:
+        super().__init__(parent)
+        self._queue = queue
+        self._handles: list[JobHandle] = []
+        self.setAutoFillBackground(True)
+        self.setBackgroundRole(QPalette.ColorRole.ToolTipBase)
+        self.words = Label(self)
+        self.words.setWordWrap(True)
+        self.go_on = QPushButton("Continue", self)
+        self.go_on.clicked.connect(self._go_on)
+        self.later = QPushButton("Not now", self)
+        self.later.clicked.connect(self.hide)
+        row = QHBoxLayout(self)
+        row.setContentsMargins(8, 4, 8, 4)
+        row.addWidget(self.words, 1)
+        row.addWidget(self.go_on)
+        row.addWidget(self.later)
+        self.hide()
+
+    def show_jobs(self, handles: Sequence[JobHandle]) -> None:
+        """Offers to continue these jobs."""
+        self._handles = list(handles)
+        self.words.setText(waiting_words(handles))
+        self.setVisible(bool(handles))
+
+    def check(self) -> None:
+        """Hides the offer if none of its jobs waits or the queue is busy."""
+        self._handles = [h for h in self._handles if h in self._queue.handles and h.state not in ("running", "done")]
+        if not self._handles or self._queue.busy:
+            self.hide()
+
+    def _go_on(self) -> None:
+        stopped = [handle for handle in self._handles if handle.state in AGAIN]
+        if stopped:
+            self._queue.resume(*stopped)
+        else:
+            self._queue.begin_waiting()
+        self.hide()
+
+
+def waiting_words(handles: Sequence[JobHandle]) -> str:
+    """One sentence about the jobs that wait for the user."""
+    words = {"interrupted": "was interrupted", "paused": "is paused", "queued": "waits", "failed": "failed"}
+    named = [f"“{plain(h.title)}” {words.get(h.state, h.state)}" for h in handles[:3]]
+    more = f" and {len(handles) - 3} more wait" if len(handles) > 3 else ""
+    return f"{', '.join(named)}{more}. Finished work is kept."
+
+
+class JobButtons(QWidget):
+    """The buttons in the row of one job. They act on the job with this number, whichever row is selected.
+
+    done(name): a command of COMMANDS was chosen.
+    """
+
+    done = Signal(str)
+
+    def __init__(self, parent: QWidget | None = None) -> None:
+        super().__init__(parent)
+        row = QHBoxLayout(self)
+        row.setContentsMargins(4, 0, 4, 0)
+        row.setSpacing(4)
+        self.commands: dict[str, QAction] = {}
+        self.buttons: dict[str, QToolButton] = {}
+        self.more = QToolButton(self)
+        self.more.setText("⋯")
+        self.more.setAutoRaise(True)
+        self.more.setPopupMode(QToolButton.ToolButtonPopupMode.InstantPopup)
+        self.more.setToolTip("Other commands for this job")
+        self.more.setAccessibleName("Other commands")
+        menu = QMenu(self.more)
+        menu.setToolTipsVisible(True)
+        self.more.setMenu(menu)
+        for name, (text, _) in COMMANDS.items():
+            action = self.commands[name] = QAction(text, self)
+            action.triggered.connect(partial(self._on_triggered, name))
+            if name not in IN_ROW:
+                menu.addAction(action)
+                continue
+            button = self.buttons[name] = QToolButton(self)
+            button.setDefaultAction(action)
+            row.addWidget(button)
+        row.addWidget(self.more)
+        row.addStretch(1)
+
+    def _on_triggered(self, name: str, _: bool = False) -> None:
+        self.done.emit(name)
+
+    def show_reasons(self, reasons: Mapping[str, str]) -> None:
+        """Enables the commands. `reasons` says for each one why it is unavailable, "" if it is available."""
+        for name, action in self.commands.items():
+            reason = reasons[name]
+            action.setEnabled(not reason)
+            action.setToolTip(tip(COMMANDS[name][1] + (f"\nUnavailable: {reason}." if reason else "")))
+        for name, button in self.buttons.items():
+            button.setVisible(not reasons[name])
+
+    def take_focus(self, wanted: bool) -> None:
+        """Lets Tab reach the buttons; only those of the selected row, so that Tab leaves the table soon."""
+        policy = Qt.FocusPolicy.TabFocus if wanted else Qt.FocusPolicy.NoFocus
+        for button in (*self.buttons.values(), self.more):
+            button.setFocusPolicy(policy)
+
+
+class JobPanel(QWidget):
+    """The table of jobs and the details of the selected one.
+
+    againWanted(JobHandle): change the settings of a job and run it again. largeWanted(JobHandle): open the training
+    window of a job.
+    """
+
+    againWanted = Signal(object)
+    largeWanted = Signal(object)
+
+    def __init__(self, queue: JobQueue, parent: QWidget | None = None) -> None:
+        super().__init__(parent)
+        self.queue = queue
+        self.model = JobModel(queue, self)
+        self.offer = Offer(self.queue, self)
+        self.table = table(self.model, self, "Jobs")
+        self._shape_table()
+        self.hint = Hint(self.table, self._missing).follow(self.table)
+        self.plots, self.preview, self.log = JobPlots(self), JobPreview(self), JobLog(self)
+        self.tabs = QTabWidget(self)
+        self.tabs.setDocumentMode(True)
+        for widget, title in ((self.plots, "Curves"), (self.preview, "Preview"), (self.log, "Messages")):
+            self.tabs.addTab(widget, title)
+        self.workers = JobWorkers(self)
+        self._workers_tab = self.tabs.addTab(self.workers, "Workers")
+        self.tabs.setTabVisible(self._workers_tab, False)
+        self.tabs.currentChanged.connect(lambda _: self._refresh_shown())
+        self.large = QToolButton(self)
+        self.large.setText("Enlarge…")
+        self.large.setAutoRaise(True)
+        self.large.setToolTip(tip("Show the curves and images in a separate window, also beside those of another run"))
+        self.large.clicked.connect(self._on_large)
+        self.tabs.setCornerWidget(self.large)
+        self._chosen: JobHandle | None = None  # whose details are shown
+        self._held = False  # the user selected it; otherwise the running job is shown
+        self._following = False  # the panel itself changes the selection
+        self._buttons: dict[JobHandle, JobButtons] = {}
+        left = QWidget(self)
+        column = QVBoxLayout(left)
+        column.setContentsMargins(0, 0, 0, 0)
+        column.setSpacing(0)
+        column.addWidget(self.offer)
+        column.addWidget(self.table, 1)
+        self.splitter = QSplitter(Qt.Orientation.Horizontal, self)
+        self.splitter.addWidget(left)
+        self.splitter.addWidget(self.tabs)
+        self.splitter.setStretchFactor(0, 3)
+        self.splitter.setStretchFactor(1, 2)
+        self.splitter.setSizes([600, 400])
+        layout = QVBoxLayout(self)
+        layout.setContentsMargins(0, 0, 0, 0)
+        layout.addWidget(self.splitter)
+        self.table.selectionModel().currentRowChanged.connect(lambda *_: self._on_chosen())
+        self.model.rowsReplaced.connect(self._on_rows)
+        self.queue.changed.connect(self._on_changed)
+        self.queue.progressed.connect(self._refresh_shown)
+        self.queue.found.connect(self.offer.show_jobs)
+        self._on_rows()
+
+    def _missing(self) -> str:
+        return "" if self.model.rowCount() else "Jobs and their progress appear here.\nStart them from the Jobs menu."
+
+    def _shape_table(self) -> None:
+        self.table.setItemDelegateForColumn(PROGRESS, ProgressBar(self.table))
+        self.table.verticalHeader().setDefaultSectionSize(28)
+        self.table.setTextElideMode(Qt.TextElideMode.ElideRight)
+        self.table.setWordWrap(False)
+        self.table.setMinimumWidth(260)
+
+    # Selected job -----------------------------------------------------------------------------------------------
+
+    @property
+    def handle(self) -> JobHandle | None:
+        """The job whose details are shown."""
+        return self._chosen if self._chosen in [row.handle for row in self.model.rows] else None
+
+    def buttons_of(self, handle: JobHandle) -> JobButtons:
+        """The buttons in the row of this job. Raises KeyError if it has none."""
+        return self._buttons[handle]
+
+    def choose(self, handle: JobHandle) -> None:
+        """Selects the row of this job, until the user selects another one."""
+        self._select(handle)
+        self._held = True
+
+    def _select(self, key: JobHandle) -> None:
+        self._following = True
+        keys = [row.handle for row in self.model.rows]
+        if key in keys:
+            self.table.selectRow(keys.index(key))
+            self.table.scrollTo(self.model.index(keys.index(key), 0))
+            self._on_chosen()  # the current row may be the right one already, after others were removed
+        self._following = False
+
+    def _on_chosen(self) -> None:
+        if self.model.replacing:
+            return  # Qt selects another row while the selected one is removed
+        place = self.table.currentIndex().row()
+        row = self.model.row(place) if 0 <= place < self.model.rowCount() else None
+        if not self._following:
+            self._held = row is not None and row.state != "running"
+        key = None if row is None else row.handle
+        if key == self._chosen:
+            return
+        self._chosen = key
+        handle = self.handle
+        if handle is not None:
+            self.queue.watch(handle)
+        for part in (self.plots, self.preview, self.log, self.workers):
+            part.show_job(handle)
+        self._show_workers()
+        self._show_buttons()
+
+    def _on_rows(self) -> None:
+        """Makes the buttons of new rows. Other rows keep theirs, so that a pressed button stays under the mouse."""
+        before, self._buttons = self._buttons, {}
+        for place, row in enumerate(self.model.rows):
+            buttons = before.get(row.handle)
+            if buttons is None:
+                buttons = JobButtons(self.table)
+                buttons.done.connect(partial(self._do, row.handle.number))
+                self.table.setIndexWidget(self.model.index(place, BUTTONS), buttons)
+            self._buttons[row.handle] = buttons
+        self._follow()
+        self._show_buttons()
+
+    def _follow(self) -> None:
+        """Selects the running job, unless the user selected another one. Without a running job, the selection stays."""
+        rows = self.model.rows
+        keys = [row.handle for row in rows]
+        self._held = self._held and self._chosen in keys
+        running = next((row.handle for row in rows if row.state == "running"), None)
+        if not self._held and running is not None:
+            self._select(running)
+        elif self._chosen is not None and self._chosen in keys:
+            self._select(self._chosen)
+        elif keys:
+            self._select(keys[-1])
+        else:
+            self._on_chosen()
+
+    def _on_changed(self) -> None:
+        self.offer.check()
+        self._follow()
+        self._show_buttons()
+        self._refresh_shown()
+
+    def _refresh_shown(self) -> None:
+        self.plots.refresh()
+        self.preview.refresh()
+        self.log.refresh()
+        self.workers.refresh()
+        self._show_workers()
+
+    def _show_workers(self) -> None:
+        """Shows the tab of workers only for jobs that run on a cluster."""
+        if self.tabs.isTabVisible(self._workers_tab) != self.workers.any:
+            self.tabs.setTabVisible(self._workers_tab, self.workers.any)
+
+    def _show_buttons(self) -> None:
+        verb = "" if self.handle is None else self.handle.job.order.verb
+        self.large.setVisible(verb in TRAININGS)
+        for key, buttons in self._buttons.items():
+            buttons.show_reasons(self._reasons(key))
+            buttons.take_focus(key == self._chosen)
+
+    def _reasons(self, handle: JobHandle) -> dict[str, str]:
+        """Command -> why it is unavailable for this job, "" if it is available."""
+        state = handle.state
+        asked = handle.wish is not None and handle.running
+        return {
+            "pause": "" if state in ("running", "queued") and not asked else _is(state),
+            "resume": self.queue.why_not_resume(handle),
+            "cancel": "" if state in ("running", "queued", "paused", "interrupted") else _is(state),
+            "inspect": "it was ordered here" if handle.ours else "",
+            "settings": "it is running" if state in ("running", "queued") else "",
+            "folder": "" if folder_of(handle.job) else "it wrote no folder",
+            "copy": "",
+            "remove": "it is running" if state == "running" else "",
+        }
+
+    # Commands of a row ------------------------------------------------------------------------------------------
+
+    def _do(self, number: int, name: str) -> None:
+        """Runs a command of COMMANDS on the job with this number."""
+        handle = self.queue.handle(number)
+        if handle is None:
+            return
+        order = handle.job.order
+        if name == "pause":
+            self.queue.pause(handle)
+        elif name == "resume":
+            self.queue.resume(handle)
+        elif name == "cancel":
+            self.queue.cancel(handle)
+        elif name == "inspect":
+            ImportedJobDialog(self.queue, handle.job, self).open()
+        elif name == "settings":
+            self.againWanted.emit(handle)
+        elif name == "folder" and (folder := folder_of(handle.job)) is not None:
+            QDesktopServices.openUrl(QUrl.fromLocalFile(str(folder)))
+        elif name == "copy":
+            QGuiApplication.clipboard().setText(command_line(order.verb, order.arguments))
+        elif name == "remove":
+            self.queue.forget(handle)
+
+    def _on_large(self) -> None:
+        if self.handle is not None:
+            self.largeWanted.emit(self.handle)
+
+
+def _is(state: str) -> str:
+    return ELSEWHERE if state == "foreign" else f"it is {state}"

@@ -1,0 +1,415 @@
+"""The dialog that creates a project from captures: their paths, the results of the data check, and the project path."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from PySide6.QtCore import Qt, QTemporaryDir, QTimer, Signal
+from PySide6.QtGui import QCloseEvent, QPalette
+from PySide6.QtWidgets import (
+    QDialog,
+    QDialogButtonBox,
+    QFileDialog,
+    QGridLayout,
+    QLineEdit,
+    QProgressBar,
+    QPushButton,
+    QVBoxLayout,
+    QWidget,
+)
+
+from nvsim.capture import formats
+from nvsim.capture.left_out import FROM_FILE, write_names
+from nvsim.capture.multi_capture import SUFFIX, write_list
+from nvsim.errors import InputError
+from nvsim.files.user_folders import home
+from nvsim.project.config import CaptureConfig
+from nvsim_app.forms.fields import Field, fields_of
+from nvsim_app.forms.rows import Editor, LineEditor, editor_of
+from nvsim_app.jobs.queries import CaptureCheck, CheckResult
+from nvsim_app.look.labels import InkLabel, Label
+from nvsim_app.look.plain_text import tip
+from nvsim_app.look.theme import type_font
+from nvsim_app.look.widgets import DialogButtons
+from nvsim_app.panels.capture_check import CaptureFixes, CaptureSummary, FindingTree
+from nvsim_app.state.recent_projects import place_for, problem_with
+
+BETWEEN = "; "  # separates several captures in the line
+TYPING = 500  # milliseconds after the last change until the check starts
+
+
+@dataclass(frozen=True)
+class NewProject:
+    """The choices of the user.
+
+    captures   captures in one world; usually one
+    options    flags of `nvsim import`
+    everything whether the other stages run too
+    left_out   names of the frames that are not imported
+    """
+
+    captures: tuple[Path, ...]
+    project: Path
+    options: tuple[str, ...]
+    everything: bool
+    left_out: tuple[str, ...] = ()
+
+
+class NewProjectDialog(QDialog):
+    """Checks captures and starts their import. chosen(NewProject): the user started it.
+
+    project     existing project to import into
+    beside      captures that the project already has; the new ones are added to them and checked together with them
+    understood  settings of the import of those captures, which also apply to the new ones
+    """
+
+    chosen = Signal(object)
+
+    def __init__(
+        self,
+        captures: Sequence[Path] = (),
+        project: Path | None = None,
+        parent: QWidget | None = None,
+        beside: Sequence[Path] = (),
+        understood: CaptureConfig | None = None,
+    ) -> None:
+        super().__init__(parent)
+        title = (
+            "Add a capture"
+            if beside
+            else "New project from a capture or video"
+            if project is None
+            else "Import a capture"
+        )
+        self.setWindowTitle(title)
+        self._beside = list(beside)
+        self.setAttribute(Qt.WidgetAttribute.WA_DeleteOnClose)
+        self._fixed = project
+        self._named = project is not None  # the user selected the path of the project
+        self._images = "" if understood is None else understood.images  # the image folder
+        self.left_out: tuple[str, ...] = ()
+        self.result_shown: CheckResult | None = None
+        self._scratch = QTemporaryDir()  # holds the list of several captures during their check
+        self.check = CaptureCheck(self)
+        self.check.finished.connect(self.show_result)
+        self.check.failed.connect(self._on_failed)
+        self._due = QTimer(self, singleShot=True, interval=TYPING)
+        self._due.timeout.connect(self._start_check)
+        self._options = {f.path.rpartition(".")[2]: f for f in fields_of("import")}
+        self._build()
+        if project is not None:
+            self.project.setText(str(project))
+        for name, editor in self._editors().items():
+            if understood is not None:
+                editor.show_value(getattr(understood, name))
+                editor.setEnabled(False)
+        if captures:
+            self.set_captures(captures)
+        self.resize(940, 620)
+        self._show_state()
+
+    def _build(self) -> None:
+        self.capture = QLineEdit(self)
+        self.capture.setAccessibleName("Capture")
+        self.capture.setPlaceholderText(f"{formats.names()}, or a video: a folder or a file")
+        folder, file = QPushButton("Folder…", self), QPushButton("File…", self)
+        another = QPushButton("Add…", self)
+        another.setToolTip("Add another capture of the building, in the same world and unit")
+        another.clicked.connect(self._browse_another)
+        folder.clicked.connect(self._browse_folder)
+        file.clicked.connect(self._browse_file)
+        self.project = QLineEdit(self)
+        self.project.setAccessibleName("Project")
+        self.project.setReadOnly(self._fixed is not None)
+        place = QPushButton("Browse…", self)
+        place.setEnabled(self._fixed is None)
+        place.clicked.connect(self._browse_project)
+        self.camera_height = self._line("camera_height")
+        self.scale = self._line("scale")
+        self.hold_out = self._line("hold_out")
+        self.model = self._line("model")
+        self.poses = self._editor("poses")
+        self.axes = self._editor("axes")
+        grid = QGridLayout()
+        grid.addWidget(Label("Capture", self), 0, 0)
+        grid.addWidget(self.capture, 0, 1)
+        grid.addWidget(folder, 0, 2)
+        grid.addWidget(file, 0, 3)
+        grid.addWidget(another, 0, 4)
+        grid.addWidget(Label("Project", self), 1, 0)
+        grid.addWidget(self.project, 1, 1)
+        grid.addWidget(place, 1, 2, 1, 3)
+        asked: tuple[tuple[str, Editor], ...]
+        asked = ("Camera height", self.camera_height), ("Scale", self.scale), ("Held out", self.hold_out)
+        asked += ("Axes", self.axes), ("Poses", self.poses), ("Model", self.model)
+        self._model_row: list[QWidget] = []
+        for row, (words, editor) in enumerate(asked, start=2):
+            name = Label(words, self)
+            name.setToolTip(tip(editor.field.flag))
+            help = Label(editor.field.help, self)
+            help.setForegroundRole(QPalette.ColorRole.PlaceholderText)
+            help.setWordWrap(True)
+            inner = QGridLayout()
+            inner.setContentsMargins(0, 0, 0, 0)
+            inner.addWidget(editor, 0, 0)
+            inner.addWidget(help, 0, 1)
+            inner.setColumnStretch(1, 1)
+            grid.addWidget(name, row, 0)
+            grid.addLayout(inner, row, 1, 1, 4)
+            if editor is self.model:
+                self._model_row = [name, editor, help]
+        grid.setColumnStretch(1, 1)
+        self.verdict = Label(self)
+        self.verdict.setFont(type_font(bold=True))
+        self.verdict.setWordWrap(True)
+        self.busy = QProgressBar(self)
+        self.busy.setAccessibleName("Progress of the check")
+        self.busy.setRange(0, 0)
+        self.busy.setMaximumHeight(6)
+        self.busy.setTextVisible(False)
+        policy = self.busy.sizePolicy()
+        policy.setRetainSizeWhenHidden(True)
+        self.busy.setSizePolicy(policy)
+        self.findings = FindingTree(self)
+        self.findings.itemSelectionChanged.connect(self._show_state)
+        self.summary = CaptureSummary(self)
+        self.mending = CaptureFixes(self)
+        self.mending.leaveOutWanted.connect(self._leave_out)
+        self.mending.takeBackWanted.connect(lambda: self._take(()))
+        self.mending.folderWanted.connect(self._browse_images)
+        self.mending.scaleWanted.connect(self._ask_height)
+        self.mending.axesWanted.connect(self._read_as)
+        self.problem = InkLabel("blocked", self)
+        self.problem.setWordWrap(True)
+        buttons = DialogButtons(self)
+        verb = "Add" if self._beside else "Import"
+        self.run_button = buttons.addButton(f"{verb} and run everything", QDialogButtonBox.ButtonRole.AcceptRole)
+        self.import_button = buttons.addButton(f"{verb} only", QDialogButtonBox.ButtonRole.ActionRole)
+        buttons.addButton(QDialogButtonBox.StandardButton.Cancel)
+        self.run_button.clicked.connect(lambda: self._choose(everything=True))
+        self.import_button.clicked.connect(lambda: self._choose(everything=False))
+        buttons.rejected.connect(self.reject)
+        layout = QVBoxLayout(self)
+        layout.addLayout(grid)
+        layout.addWidget(self.verdict)
+        layout.addWidget(self.busy)
+        found = QGridLayout()
+        found.setColumnStretch(0, 1)
+        found.addWidget(self.findings, 0, 0)
+        found.addWidget(self.mending, 1, 0)
+        found.addWidget(self.summary, 0, 1, 2, 1)
+        self.summary.setFixedWidth(250)
+        layout.addLayout(found, 1)
+        layout.addWidget(self.problem)
+        layout.addWidget(buttons)
+        self.capture.textChanged.connect(self._on_capture)
+        self.project.textEdited.connect(self._on_named)
+        self.project.textChanged.connect(lambda _: self._show_state())
+
+    def _editor(self, name: str) -> Editor:
+        field: Field = self._options[name]
+        editor = editor_of(field, self)
+        editor.show_value(field.default)
+        editor.changed.connect(self._on_option)
+        return editor
+
+    # Captures and options ---------------------------------------------------------------------------------------
+
+    def set_captures(self, paths: Sequence[Path]) -> None:
+        """Sets the captures and starts their check."""
+        self.capture.setText(BETWEEN.join(str(p) for p in paths))
+
+    def captures(self) -> list[Path]:
+        """The captures in the line, in order."""
+        words = [word.strip() for word in self.capture.text().split(BETWEEN.strip())]
+        return [Path(word).expanduser().absolute() for word in words if word]
+
+    def _on_capture(self, text: str) -> None:
+        captures = self.captures()
+        if not self._named and captures:
+            self.project.setText(str(place_for(captures[0])))
+        self.result_shown, self.left_out = None, ()
+        if not self._beside:
+            self._images = ""
+            self.model.line.clear()
+        self._due.start()
+        self._show_state()
+
+    def _on_named(self, _: str) -> None:
+        self._named = True
+
+    def _on_option(self) -> None:
+        self._due.start()
+        self._show_state()
+
+    def _values(self) -> dict[str, float | int | None]:
+        """The values of the options. Raises ValueError with a message for the user."""
+        return {name: editor.value() for name, editor in self._editors().items()}
+
+    def _line(self, name: str) -> LineEditor:
+        editor = self._editor(name)
+        assert isinstance(editor, LineEditor)
+        return editor
+
+    def _editors(self) -> dict[str, Editor]:
+        lines = {"camera_height": self.camera_height, "scale": self.scale, "hold_out": self.hold_out}
+        return {**lines, "axes": self.axes, "model": self.model, "poses": self.poses}
+
+    def _start_check(self) -> None:
+        captures = self.captures()
+        if not captures:
+            return
+        captures = [*self._beside, *captures]
+        try:
+            values = self._values()
+        except ValueError:
+            return
+        source = captures[0]
+        if len(captures) > 1:
+            source = Path(self._scratch.path()) / f"together{SUFFIX}"
+            try:
+                write_list(captures, source)
+            except InputError as error:
+                self._on_failed(str(error))
+                return
+        leave_out = Path(self._scratch.path()) / "left_out.txt"
+        try:
+            write_names(self.left_out, leave_out)
+        except InputError as error:
+            self._on_failed(str(error))
+            return
+        listed = f"{FROM_FILE}{leave_out}" if self.left_out else ""
+        model = self.model.line.text().strip() if len(captures) == 1 else ""
+        asked = values["scale"], values["camera_height"], listed, self._images, str(values["axes"]), model
+        self.check.start(source, *asked)
+        self._show_state()
+
+    # Check ------------------------------------------------------------------------------------------------------
+
+    def show_result(self, result: CheckResult) -> None:
+        """Shows the result of the check."""
+        self.result_shown = result
+        self.findings.show_result(result)
+        self.summary.show_summary(result.summary, len(result.bad_frames), len(self.left_out), result.videos)
+        self._show_state()
+
+    def _on_failed(self, sentence: str) -> None:
+        self.findings.clear()
+        self.summary.show_summary(None)
+        self._show_state()
+        self.verdict.setText(sentence)
+
+    # Fixes ------------------------------------------------------------------------------------------------------
+
+    def _leave_out(self, names: tuple[str, ...]) -> None:
+        self._take((*self.left_out, *names))
+
+    def _take(self, names: tuple[str, ...]) -> None:
+        """Leaves out exactly these frames, and checks again."""
+        self.left_out = tuple(dict.fromkeys(names))
+        self._start_check()
+
+    def _browse_images(self) -> None:
+        chosen = QFileDialog.getExistingDirectory(self, "Select the folder of the images", self._start())
+        if chosen:
+            self.look_in(chosen)
+
+    def look_in(self, folder: str) -> None:
+        """Checks again with the images of this folder."""
+        self._images = folder
+        self._start_check()
+
+    def _read_as(self, axes: str) -> None:
+        """Reads the poses in this axis convention, and checks again."""
+        self.axes.show_value(axes)
+        self._on_option()
+
+    def _ask_height(self) -> None:
+        self.camera_height.line.setFocus()
+        self.camera_height.line.selectAll()
+
+    def _show_state(self) -> None:
+        result = self.result_shown
+        self.busy.setVisible(self.check.running)
+        chooses_model = len(self.captures()) == 1 and not self._beside
+        chooses_model &= bool(self.model.line.text().strip()) or (result is not None and result.has_models)
+        for widget in self._model_row:
+            widget.setVisible(chooses_model)
+        if self.check.running or self._due.isActive():
+            self.verdict.setText("Checking the capture: every image, pose and point…")
+        elif result is not None:
+            mended = " The buttons below the list can fix this." if result.refused and result.mendable else ""
+            self.verdict.setText(f"{result.sentence}{mended}")
+        elif not self.capture.text().strip():
+            self.verdict.setText(
+                "Select a capture or a video, or drop one on the window. NVSim checks it before the import starts."
+            )
+        problem = self._problem()
+        self.problem.setText(problem)
+        checking = self.check.running or self._due.isActive()
+        self.mending.offer(None if checking else result, self.findings.chosen, len(self.left_out), not self._beside)
+        ready = result is not None and not result.refused and not result.wants_scale and not problem and not checking
+        self.run_button.setEnabled(ready)
+        self.import_button.setEnabled(ready)
+
+    def _problem(self) -> str:
+        try:
+            self._values()
+        except ValueError as error:
+            return str(error)
+        text = self.project.text().strip()
+        return problem_with(Path(text).expanduser()) if text and self._fixed is None else ""
+
+    # Choosing ---------------------------------------------------------------------------------------------------
+
+    def _choose(self, everything: bool) -> None:
+        values = self._values()
+        options: list[str] = []
+        for name, value in values.items():
+            field = self._options[name]
+            if value != field.default and (name != "model" or len(self.captures()) == 1):
+                options += [field.flag, str(value)]
+        if self._images and not self._beside:
+            options += [self._options["images"].flag, self._images]
+        project = Path(self.project.text().strip()).expanduser().absolute()
+        self.chosen.emit(NewProject(tuple(self.captures()), project, tuple(options), everything, self.left_out))
+        self.accept()
+
+    def _browse_folder(self) -> None:
+        chosen = QFileDialog.getExistingDirectory(self, "Select the folder of the capture", self._start())
+        if chosen:
+            self.set_captures([Path(chosen)])
+
+    def _browse_another(self) -> None:
+        chosen = QFileDialog.getExistingDirectory(self, "Select another capture in the same world", self._start())
+        if chosen:
+            self.set_captures([*self.captures(), Path(chosen)])
+
+    def _browse_file(self) -> None:
+        chosen, _ = QFileDialog.getOpenFileName(
+            self, "Select a file of the capture", self._start(), f"Captures: {formats.names()} (*)"
+        )
+        if chosen:
+            self.set_captures([Path(chosen)])
+
+    def _browse_project(self) -> None:
+        chosen, _ = QFileDialog.getSaveFileName(self, "New project", self.project.text(), "Projects (*.nvsim)")
+        if chosen:
+            self._named = True
+            self.project.setText(chosen if chosen.endswith(".nvsim") else f"{chosen}.nvsim")
+
+    def _start(self) -> str:
+        captures = self.captures()
+        return str(captures[-1].parent if captures else home())
+
+    def done(self, code: int) -> None:
+        self._due.stop()
+        self.check.stop()
+        super().done(code)
+
+    def closeEvent(self, event: QCloseEvent) -> None:
+        self._due.stop()
+        self.check.stop()
+        super().closeEvent(event)

@@ -1,0 +1,244 @@
+"""The results of evaluations: tables and plots that can be copied and saved."""
+
+from __future__ import annotations
+
+import time
+from operator import itemgetter
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pyqtgraph
+from PySide6.QtCore import QModelIndex, Qt, Signal
+from PySide6.QtGui import QGuiApplication, QKeySequence, QShortcut
+from PySide6.QtWidgets import (
+    QComboBox,
+    QFileDialog,
+    QHBoxLayout,
+    QListWidget,
+    QListWidgetItem,
+    QPushButton,
+    QSplitter,
+    QVBoxLayout,
+    QWidget,
+)
+
+from nvsim.errors import InputError
+from nvsim_app.look import colors
+from nvsim_app.look.icons import save_image
+from nvsim_app.look.labels import Label
+from nvsim_app.look.notices import Notices
+from nvsim_app.look.plain_text import CAPTION, plain
+from nvsim_app.look.table import Column, TableModel
+from nvsim_app.look.table import table as quiet_table
+from nvsim_app.look.theme import Plot
+from nvsim_app.state.results import Result, Table, save_table, value_words, words_of
+
+_FEW = 12  # rows whose names fit beside horizontal bars
+
+
+class ResultModel(TableModel[tuple[Any, ...]]):
+    """The cells of one table."""
+
+    def __init__(self, parent: QWidget | None = None) -> None:
+        super().__init__((), parent)
+        self.table = Table("", (), ())
+
+    def show_table(self, table: Table) -> None:
+        self.table = table
+        self.show(table.rows, [_column(table, place) for place in range(len(table.columns))])
+
+
+def _column(table: Table, place: int) -> Column[tuple[Any, ...]]:
+    def exact(row: tuple[Any, ...]) -> str:
+        return repr(row[place]) if isinstance(row[place], float) else ""
+
+    number = any(isinstance(row[place], int | float) for row in table.rows)
+    title = plain(words_of(table.columns[place]), CAPTION)
+    return Column(title, itemgetter(place), value_words, about=exact, number=number)
+
+
+class ResultPanel(QWidget):
+    """Shows evaluation results. frameWanted(int) and submapWanted(int): a row about one was double-clicked."""
+
+    frameWanted = Signal(int)
+    submapWanted = Signal(int)
+
+    def __init__(self, notices: Notices, parent: QWidget | None = None) -> None:
+        super().__init__(parent)
+        self._notices = notices
+        self.results: list[Result] = []
+        self.list = QListWidget(self)
+        self.list.setAccessibleName("Evaluations")
+        self.list.setFrameShape(QListWidget.Shape.NoFrame)
+        self.list.setSpacing(4)
+        self.list.setHorizontalScrollBarPolicy(Qt.ScrollBarPolicy.ScrollBarAlwaysOff)
+        self.list.currentRowChanged.connect(self._on_result)
+        self.tables = QComboBox(self)
+        self.tables.setAccessibleName("Table")
+        self.tables.currentIndexChanged.connect(self._on_table)
+        self.columns = QComboBox(self)
+        self.columns.setAccessibleName("Column that is plotted")
+        self.columns.currentIndexChanged.connect(lambda _: self._draw())
+        self.copy = QPushButton("Copy", self)
+        self.copy.setToolTip("Copy the table with tabs, for a spreadsheet (Ctrl+C)")
+        self.copy.clicked.connect(self._copy)
+        self.save = QPushButton("Save CSV…", self)
+        self.save.clicked.connect(self._choose_csv)
+        self.save_plot = QPushButton("Save plot…", self)
+        self.save_plot.clicked.connect(self._choose_plot)
+        self.model = ResultModel(self)
+        self.view = quiet_table(self.model, self)
+        self.view.setAccessibleName("Figures")
+        self.view.doubleClicked.connect(self._on_double_clicked)
+        QShortcut(QKeySequence.StandardKey.Copy, self.view, self._copy, context=Qt.ShortcutContext.WidgetShortcut)
+        self.plot = Plot("Plot of the figures", self)
+        self.plot.setMouseEnabled(x=True, y=True)
+        self.plot.showGrid(y=True, alpha=0.15)
+        self.plot.setMinimumWidth(160)
+        self.empty = Label("Results appear here. Jobs > Evaluate computes them.", self)
+        self.empty.setForegroundRole(self.empty.palette().ColorRole.PlaceholderText)
+        self.empty.setContentsMargins(8, 8, 8, 8)
+        bar = QHBoxLayout()
+        bar.setContentsMargins(4, 4, 4, 4)
+        bar.addWidget(self.tables)
+        bar.addWidget(self.copy)
+        bar.addWidget(self.save)
+        bar.addStretch(1)
+        middle = QWidget(self)
+        column = QVBoxLayout(middle)
+        column.setContentsMargins(0, 0, 0, 0)
+        column.setSpacing(0)
+        column.addLayout(bar)
+        column.addWidget(self.view, 1)
+        above = QHBoxLayout()
+        above.setContentsMargins(4, 4, 4, 4)
+        above.addWidget(self.columns)
+        above.addWidget(self.save_plot)
+        above.addStretch(1)
+        self._right = right = QWidget(self)
+        beside = QVBoxLayout(right)
+        beside.setContentsMargins(0, 0, 0, 0)
+        beside.setSpacing(0)
+        beside.addLayout(above)
+        beside.addWidget(self.plot, 1)
+        self.splitter = QSplitter(Qt.Orientation.Horizontal, self)
+        for widget, stretch in ((self.list, 1), (middle, 3), (right, 2)):
+            self.splitter.addWidget(widget)
+            self.splitter.setStretchFactor(self.splitter.count() - 1, stretch)
+        self.splitter.setSizes([190, 420, 330])
+        layout = QVBoxLayout(self)
+        layout.setContentsMargins(0, 0, 0, 0)
+        layout.addWidget(self.empty)
+        layout.addWidget(self.splitter, 1)
+        self.show_results([])
+
+    # Showing ----------------------------------------------------------------------------------------------------
+
+    def show_results(self, results: list[Result]) -> None:
+        """Lists the results, newest first. A new result is shown at once."""
+        results = sorted(results, key=lambda r: -r.at)
+        if [(r.key, r.at) for r in results] == [(r.key, r.at) for r in self.results] and results:
+            return
+        row = self.list.currentRow()
+        chosen = self.results[row].key if 0 <= row < len(self.results) else ""
+        newest = bool(results) and results[0].key not in {r.key for r in self.results}
+        self.results = results
+        self.list.blockSignals(True)
+        self.list.clear()
+        for result in results:
+            when = time.strftime("%d %b %H:%M", time.localtime(result.at)) if result.at else ""
+            item = QListWidgetItem(f"{plain(result.title)}\n{when}" if when else plain(result.title))
+            self.list.addItem(item)
+        self.list.blockSignals(False)
+        self.empty.setVisible(not results)
+        self.splitter.setVisible(bool(results))
+        keys = [r.key for r in results]
+        if results:
+            self.list.setCurrentRow(0 if newest or chosen not in keys else keys.index(chosen))
+
+    @property
+    def table(self) -> Table:
+        """The displayed table."""
+        return self.model.table
+
+    def _on_result(self, row: int) -> None:
+        tables = self.results[row].tables if 0 <= row < len(self.results) else ()
+        former = self.tables.currentText()
+        self.tables.blockSignals(True)
+        self.tables.clear()
+        self.tables.addItems([plain(t.title, CAPTION) for t in tables])
+        self.tables.setCurrentText(former)
+        self.tables.blockSignals(False)
+        self._on_table(self.tables.currentIndex())
+
+    def _on_table(self, index: int) -> None:
+        row = self.list.currentRow()
+        tables = self.results[row].tables if 0 <= row < len(self.results) else ()
+        self.model.show_table(tables[index] if 0 <= index < len(tables) else Table("", (), ()))
+        former = self.columns.currentText()
+        self.columns.blockSignals(True)
+        self.columns.clear()
+        self.columns.addItems([plain(words_of(self.table.columns[i]), CAPTION) for i in self.table.plotted])
+        self.columns.setCurrentText(former)
+        self.columns.blockSignals(False)
+        self._draw()
+
+    def _draw(self) -> None:
+        self.plot.clear()
+        plotted, chosen = self.table.plotted, self.columns.currentIndex()
+        shown = 0 <= chosen < len(plotted)
+        for widget in (self.columns, self.save_plot):
+            widget.setVisible(shown)
+        self._right.setVisible(shown)  # otherwise the table has the space
+        if not shown:
+            return
+        values = np.array(self.table.numbers(plotted[chosen]))
+        known = np.flatnonzero(np.isfinite(values))
+        names = [str(row[0]) for row in self.table.rows]
+        few = len(values) <= _FEW
+        if few:  # horizontal bars leave room for their names
+            bars = pyqtgraph.BarGraphItem(x0=0.0, width=values[known], y=known, height=0.7, brush=colors.NODE, pen=None)
+            self.plot.addItem(bars)
+        elif len(values) <= 60:
+            bars = pyqtgraph.BarGraphItem(x=known, height=values[known], width=0.7, brush=colors.NODE, pen=None)
+            self.plot.addItem(bars)
+        else:
+            self.plot.plot(known, values[known], pen=pyqtgraph.mkPen(colors.NODE, width=1.5))
+        self.plot.getPlotItem().invertY(few)  # in the order of the table
+        step = 1 if few else max(1, len(names) // 8)
+        ticks = [[(i, plain(names[i], 22)) for i in range(0, len(names), step)]]
+        self.plot.getAxis("left").setTicks(ticks if few else None)
+        self.plot.getAxis("bottom").setTicks(None if few else ticks)
+        self.plot.show_title(self.columns.currentText())
+        self.plot.autoRange()
+
+    # Export -----------------------------------------------------------------------------------------------------
+
+    def _copy(self) -> None:
+        QGuiApplication.clipboard().setText(self.table.separated("\t"))
+
+    def _choose_csv(self) -> None:
+        name, _ = QFileDialog.getSaveFileName(self, "Save table", f"{self.table.title}.csv", "CSV (*.csv)")
+        if name:
+            try:
+                save_table(self.table, Path(name))
+                self._notices.info(f"Saved {name}.", about="save")
+            except InputError as error:
+                self._notices.error(str(error), about="save")
+
+    def _choose_plot(self) -> None:
+        name, _ = QFileDialog.getSaveFileName(self, "Save plot", f"{self.columns.currentText()}.png", "PNG (*.png)")
+        if name:
+            try:
+                save_image(self.plot.grab(), Path(name))
+                self._notices.info(f"Saved {name}.", about="save")
+            except InputError as error:
+                self._notices.error(str(error), about="save")
+
+    def _on_double_clicked(self, index: QModelIndex) -> None:
+        row = dict(zip(self.table.columns, self.table.rows[index.row()], strict=True))
+        if isinstance(row.get("frame"), int):
+            self.frameWanted.emit(row["frame"])
+        elif str(row.get("submap", "")).isdigit():
+            self.submapWanted.emit(int(row["submap"]))

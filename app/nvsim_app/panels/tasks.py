@@ -1,0 +1,369 @@
+"""The tasks of a scan: a list with filters and keys, and the instructions of the selected task."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+from PySide6.QtCore import QEvent, Qt, QTimer, Signal
+from PySide6.QtGui import QKeyEvent
+from PySide6.QtWidgets import (
+    QComboBox,
+    QHBoxLayout,
+    QLineEdit,
+    QMenu,
+    QPlainTextEdit,
+    QPushButton,
+    QSlider,
+    QToolButton,
+    QVBoxLayout,
+    QWidget,
+)
+
+from nvsim.r2r.reviewing import Entry, Episode, Key, Review
+from nvsim_app.look import colors, lengths
+from nvsim_app.look.labels import Label
+from nvsim_app.look.plain_text import tip
+from nvsim_app.look.table import Column, TableModel, TableView, dress_table
+from nvsim_app.look.theme import GRID
+
+_KEYS = {Qt.Key.Key_A: "accepted", Qt.Key.Key_R: "rejected"}
+_WALK = 600  # milliseconds per step while the path is walked
+_PAUSE = 1500  # milliseconds without a key press until typed text is stored
+_READABLE = 160  # minimum width of the column of instructions, pixels
+_EPISODE = (5, 6)  # columns of the results of an agent
+_DIGITS = range(Qt.Key.Key_0, Qt.Key.Key_9 + 1)
+_TAKEN = {*_KEYS, *_DIGITS, *(getattr(Qt.Key, f"Key_{name}") for name in ("E", "Return", "Left", "Right", "Space"))}
+
+
+class TaskModel(TableModel[Entry]):
+    """One row for each task that passes the filters."""
+
+    def __init__(self) -> None:
+        columns: tuple[Column[Entry], ...] = (
+            Column("Split", lambda entry: entry.split.removeprefix("R2R_"), width=80, optional=True),
+            Column("Path", lambda entry: entry.task.path_id, number=True, width=48),
+            Column("Edges", lambda entry: len(entry.task.path) - 1, number=True, width=56, optional=True),
+            Column("Meters", lambda entry: entry.task.distance, _tenths, number=True, width=64,
+                   optional=True),
+            Column("State", self._state, width=72, ink=self._ink),
+            Column("NE", lambda entry: None if (did := self.episode(entry)) is None else did.ne, _tenths, number=True,
+                   width=48),
+            Column("SPL", lambda entry: None if (did := self.episode(entry)) is None else did.spl,
+                   lambda spl: "" if spl is None else f"{spl:.2f}", number=True, width=48),
+            Column("Instruction", self._instruction, width=_READABLE),
+        )  # fmt: skip
+        super().__init__(columns, about=self._fault)
+        self.review = Review()
+        self.faults: Mapping[Key, str] = {}
+        self._episodes: Mapping[str, Episode] = {}
+        self._worst: dict[Key, Episode | None] = {}
+
+    @property
+    def episodes(self) -> Mapping[str, Episode]:
+        return self._episodes
+
+    @episodes.setter
+    def episodes(self, found: Mapping[str, Episode]) -> None:
+        self._episodes, self._worst = found, {}
+
+    def episode(self, entry: Entry, which: int = 0) -> Episode | None:
+        """The episode of instruction `which`, counted from 1; 0 selects the worst episode of the task."""
+        if which or not self.episodes:
+            return self.episodes.get("".join(entry.task.instr_ids[which - 1 : which]))
+        if entry.key not in self._worst:
+            found = [self.episodes[id] for id in entry.task.instr_ids if id in self.episodes]
+            self._worst[entry.key] = max(found, key=lambda e: (e.ne, -e.spl), default=None)
+        return self._worst[entry.key]
+
+    def _fault(self, entry: Entry) -> str:
+        fault = self.faults.get(entry.key, "")
+        return f"Broken: {fault}" if fault else ""
+
+    def _state(self, entry: Entry) -> str:
+        verdict = self.review[entry.key]
+        edited = " *" if verdict.instructions is not None else ""
+        return "broken" if self.faults.get(entry.key) else f"{verdict.state}{edited}"
+
+    def _ink(self, entry: Entry) -> str:
+        bad = self.faults.get(entry.key) or self.review[entry.key].state == "rejected"
+        return colors.text("blocked" if bad else "open")
+
+    def _instruction(self, entry: Entry) -> str:
+        texts = self.review.reviewed(entry.key, entry.task).instructions
+        return texts[0] if texts else ""
+
+
+def _tenths(value: float | None) -> str:
+    return "" if value is None else f"{value:.1f}"
+
+
+def _is_ours(event: QKeyEvent) -> bool:
+    return event.key() in _TAKEN and event.modifiers() == Qt.KeyboardModifier.NoModifier
+
+
+class _Table(TableView):
+    """The list of tasks, with its own keys."""
+
+    pressed_key = Signal(int)
+
+    def event(self, event: QEvent) -> bool:
+        if event.type() == QEvent.Type.ShortcutOverride and isinstance(event, QKeyEvent) and _is_ours(event):
+            event.accept()  # the keys of the list override those of the window
+            return True
+        return super().event(event)
+
+    def keyPressEvent(self, event: QKeyEvent) -> None:
+        if _is_ours(event):
+            self.pressed_key.emit(event.key())
+        else:
+            super().keyPressEvent(event)
+
+
+class TaskPanel(QWidget):
+    """The list of tasks, and an editor for their instructions.
+
+    opened(), picked(), played(), undone(), exported(): a button was clicked. chosen(): another task, or none, was
+    selected. judged(state), written(texts): about the selected task. stepped(int): the step of the path or trajectory
+    to go to. visited(): show the whole path.
+    """
+
+    opened, picked, played, undone, exported, chosen, visited = (Signal() for _ in range(7))
+    judged, written, stepped = Signal(str), Signal(list), Signal(int)
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.setObjectName("taskPanel")
+        self.model, self.entries = TaskModel(), tuple[Entry, ...]()
+        self._lower: dict[Key, str] = {}  # instructions in lower case, for the filter
+        self.text, self.split, self.state, self.order = QLineEdit(), QComboBox(), QComboBox(), QComboBox()
+        self.text.setAccessibleName("Filter by words or path id")
+        for choice, name in ((self.split, "Split"), (self.state, "State"), (self.order, "Order")):
+            choice.setAccessibleName(name)
+        self.text.setPlaceholderText("Filter by words or path id")
+        self.which = QComboBox()
+        self.which.setAccessibleName("Trajectory")
+        self.which.setToolTip(tip("Instruction whose trajectory is drawn and walked; 0 to 9 in the list select it"))
+        self.state.addItems(["every state", "unread", "accepted", "rejected", "edited", "broken"])
+        self.order.addItems(["in file order", "worst first"])
+        self.split.addItem("every split")
+        self.table = _Table()
+        self.table.setModel(self.model)
+        dress_table(self.table, "Tasks")
+        self.table.setWordWrap(True)
+        # Two lines of the instruction; the editor shows all of it.
+        self.table.verticalHeader().setDefaultSectionSize(2 * self.table.fontMetrics().lineSpacing() + GRID)
+        self.table.setMinimumHeight(60)
+        for column in _EPISODE:
+            self.table.hideColumn(column)
+        self.words = Label("Open a folder of task files, such as R2R_train.json.")
+        self.words.setWordWrap(True)
+        self.editor = QPlainTextEdit()
+        self.editor.setAccessibleName("Instructions of the task")
+        self.editor.setTabChangesFocus(True)
+        self.editor.setPlaceholderText("One instruction per line")
+        self.editor.setFixedHeight(48)
+        self.slider = QSlider(Qt.Orientation.Horizontal)
+        self.slider.setAccessibleName("Position on the path")
+        self.slider.setMinimumWidth(40)
+        box = QVBoxLayout(self)
+        box.setContentsMargins(8, 8, 8, 8)
+        self.files = QToolButton()
+        self.files.setText("Tasks")
+        self.files.setToolTip(tip("Open tasks or trajectories, export the accepted tasks, undo the last verdict"))
+        self.files.setPopupMode(QToolButton.ToolButtonPopupMode.InstantPopup)
+        menu = QMenu(self.files)
+        for text, signal in (("Open folder…", self.opened), ("Open files…", self.picked),
+                             ("Open trajectories…", self.played), ("Undo", self.undone),
+                             ("Export accepted", self.exported)):  # fmt: skip
+            menu.addAction(text).triggered.connect(lambda _=False, signal=signal: signal.emit())
+        self.files.setMenu(menu)
+        for choice in (self.split, self.state, self.order, self.which):
+            choice.setSizeAdjustPolicy(QComboBox.SizeAdjustPolicy.AdjustToMinimumContentsLengthWithIcon)
+            choice.setMinimumContentsLength(3)
+        box.addLayout(_row((self.files, 0), (self.text, 1)))
+        box.addLayout(_row((self.split, 1), (self.state, 1), (self.order, 1)))
+        self.walk = QPushButton("Walk")
+        self.walk.setCheckable(True)
+        self.walk.setToolTip(tip("Walk the path, or the trajectory, one viewpoint at a time (Space in the list)"))
+        for widget in (self.table, self.words, self.editor):
+            box.addWidget(widget, 1 if widget is self.table else 0)
+        box.addLayout(_row((self.walk, 0), (self.slider, 1), (self.which, 1)))
+        self.text.textChanged.connect(self.refilter)
+        for choice in (self.split, self.state, self.order):
+            choice.currentIndexChanged.connect(self.refilter)
+        self.table.selectionModel().currentRowChanged.connect(lambda *_: self._on_row())
+        self.table.pressed_key.connect(self._on_key)
+        self.slider.valueChanged.connect(self.stepped)
+        self._pace = QTimer(self, interval=_WALK)
+        self._pace.timeout.connect(self._go_on)
+        self.walk.toggled.connect(self._walk)
+        self.which.currentIndexChanged.connect(self._on_which)
+        self._typed = QTimer(self, singleShot=True, interval=_PAUSE)
+        self._typed.timeout.connect(self.keep)
+        self.editor.textChanged.connect(self._typed.start)
+
+    @property
+    def current(self) -> Entry | None:
+        row = self.table.currentIndex().row()
+        return self.model.row(row) if 0 <= row < self.model.rowCount() else None
+
+    @property
+    def shown(self) -> Episode | None:
+        """The agent's episode for the selected instruction of the selected task."""
+        entry = self.current
+        return None if entry is None else self.model.episode(entry, max(0, self.which.currentIndex()))
+
+    def show_entries(self, entries: tuple[Entry, ...], review: Review) -> None:
+        self.entries, self.model.review = entries, review
+        self._lower = {e.key: "\n".join(e.task.instructions).lower() for e in entries}
+        self.split.blockSignals(True)
+        self.split.clear()
+        self.split.addItems(["every split", *sorted({e.split for e in entries})])
+        self.split.blockSignals(False)
+        self.refilter()
+
+    def refilter(self, _: object = None) -> None:
+        """Lists the tasks that pass the filters. Keeps the selected task if it is among them."""
+        before, model = self.current, self.model
+        for column in _EPISODE:
+            self.table.setColumnHidden(column, not model.episodes)
+        self.table.fit()
+        words, split, wanted = self.text.text().lower(), self.split.currentText(), self.state.currentText()
+        split = split if self.split.currentIndex() > 0 else ""
+        rows = [e for e in self.entries if self._passes(e, words, split, wanted)]
+        if self.order.currentIndex() == 1:
+            rows.sort(key=lambda e: -d.ne if (d := model.episode(e)) else 1.0)
+        if rows == model.rows and before is not None:  # keep typed text and the step
+            self.table.viewport().update()
+            self._steps()
+            self.say()
+            self.chosen.emit()
+            return
+        model.show(rows)
+        if rows:
+            self.table.selectRow(rows.index(before) if before in rows else 0)
+        else:
+            self._on_row()
+
+    def refresh(self) -> None:
+        """Updates the list after states, faults, or episodes changed."""
+        if self.state.currentIndex() or self.order.currentIndex():
+            self.refilter()
+        else:
+            self.table.viewport().update()
+        self.say()
+
+    def _passes(self, entry: Entry, words: str, split: str, wanted: str) -> bool:
+        if split and entry.split != split:
+            return False
+        verdict = self.model.review[entry.key]
+        states = {"every state": True, "unread": not verdict.state, "edited": verdict.instructions is not None}
+        if wanted == "broken":
+            states[wanted] = bool(self.model.faults.get(entry.key))
+        if not states.get(wanted, wanted == verdict.state):
+            return False
+        if not words or str(entry.task.path_id) == words:
+            return True
+        return words in (self._lower[entry.key] if verdict.instructions is None else self._rewritten(entry))
+
+    def _rewritten(self, entry: Entry) -> str:
+        return "\n".join(self.model.review.reviewed(entry.key, entry.task).instructions).lower()
+
+    def _on_row(self) -> None:
+        self.keep()
+        self.edited = self.current
+        self.walk.setChecked(False)
+        self._list_instructions()
+        self.fill()
+        self._steps(0)
+        self.say()
+        self.chosen.emit()
+
+    def fill(self) -> None:
+        """Shows the stored instructions of the selected task in the editor."""
+        entry = self.edited
+        texts = () if entry is None else self.model.review.reviewed(entry.key, entry.task).instructions
+        self.editor.setPlainText("\n".join(texts))
+        self.editor.document().setModified(False)
+
+    def _steps(self, at: int | None = None) -> None:
+        """Sets the range of the slider to the trajectory or the path, and its value to `at`; None keeps the value."""
+        entry, did = self.current, self.shown
+        self.slider.blockSignals(True)
+        self.slider.setRange(0, len(did.poses if did else entry.task.path) - 1 if entry else 0)
+        self.slider.setValue(self.slider.value() if at is None else at)
+        self.slider.blockSignals(False)
+
+    def _list_instructions(self) -> None:
+        """Lists the worst instruction of the task and each one. Keeps the selected number if it exists."""
+        count = 0 if self.current is None else len(self.current.task.instr_ids)
+        before = self.which.currentIndex()
+        self.which.blockSignals(True)
+        self.which.clear()
+        self.which.addItems(["worst instruction", *(f"instruction {k + 1}" for k in range(count))])
+        self.which.setCurrentIndex(before if 0 <= before <= count else 0)
+        self.which.blockSignals(False)
+
+    def _on_which(self) -> None:
+        self._steps(0)
+        self.say()
+        self.chosen.emit()
+
+    def _walk(self, on: bool) -> None:
+        """Starts at the current step, or at the first step if the walk had ended."""
+        if on and self.slider.value() == self.slider.maximum():
+            self.slider.setValue(0)
+        if on:
+            self._pace.start()
+        else:
+            self._pace.stop()
+
+    def _go_on(self) -> None:
+        self.slider.setValue(self.slider.value() + 1)
+        if self.slider.value() >= self.slider.maximum():
+            self.walk.setChecked(False)
+
+    edited: Entry | None = None  # the task whose instructions are in the editor
+
+    def keep(self) -> None:
+        """Emits the typed instructions if they changed."""
+        if self.edited is not None and self.editor.document().isModified():
+            self.editor.document().setModified(False)
+            self.written.emit([t.strip() for t in self.editor.toPlainText().splitlines() if t.strip()])
+
+    def say(self) -> None:
+        """Shows a summary of the selected task."""
+        entry = self.current
+        if entry is None:
+            return
+        fault, did, which = self.model.faults.get(entry.key, ""), self.shown, self.which.currentIndex()
+        parts = [f"{self.model.rowCount():,} of {len(self.entries):,} tasks", f"Broken: {fault}" if fault else ""]
+        if did is not None:
+            whose = f"Instruction {which}: " if which > 0 else ""
+            outcome = "success" if did.success else "failure"
+            parts.append(f"{whose}{outcome}, NE {lengths.length(did.ne)}, SPL {did.spl:.2f}")
+        self.words.setText(". ".join(p for p in parts if p) + ".")
+
+    def _on_key(self, key: int) -> None:
+        if key == Qt.Key.Key_E:
+            self.editor.setFocus()
+        elif key == Qt.Key.Key_Return:
+            self.visited.emit()
+        elif key == Qt.Key.Key_Space:
+            self.walk.toggle()
+        elif key in _DIGITS:
+            if key - _DIGITS[0] < self.which.count():
+                self.which.setCurrentIndex(key - _DIGITS[0])
+        elif key in (Qt.Key.Key_Left, Qt.Key.Key_Right):
+            self.slider.setValue(self.slider.value() + (1 if key == Qt.Key.Key_Right else -1))
+        else:
+            self.judged.emit(_KEYS[Qt.Key(key)])
+
+
+def _row(*widgets: tuple[QWidget, int]) -> QHBoxLayout:
+    """A row of widgets with their stretch factors."""
+    row = QHBoxLayout()
+    row.setSpacing(GRID)
+    for widget, stretch in widgets:
+        row.addWidget(widget, stretch)
+    return row

@@ -1,0 +1,416 @@
+"""The findings about the graph by kind, updated after every edit. Users can zoom to a finding, fix it or all of its
+kind with one click, or ignore it permanently with a reason."""
+
+from __future__ import annotations
+
+from collections import Counter
+from dataclasses import dataclass
+from functools import partial
+from typing import Any
+
+from PySide6.QtCore import QAbstractItemModel, QModelIndex, QPersistentModelIndex, Qt, Signal
+from PySide6.QtGui import QColor
+from PySide6.QtWidgets import (
+    QCheckBox,
+    QHBoxLayout,
+    QLineEdit,
+    QMenu,
+    QPushButton,
+    QToolButton,
+    QTreeView,
+    QVBoxLayout,
+    QWidget,
+)
+
+from nvsim.graph.findings import SEVERITIES, Finding, Fix
+from nvsim.graph.history import counted
+from nvsim.graph.paths import parted_by
+from nvsim.graph.selection import GraphSelection
+from nvsim_app.look import colors
+from nvsim_app.look.labels import Label, WrappedRows, WrappingRow
+from nvsim_app.look.plain_text import SENTENCE, caption, plain, tip
+from nvsim_app.panels.deferred_refresh import DeferredRefresh
+from nvsim_app.state.document import Document
+
+_Index = QModelIndex | QPersistentModelIndex
+_ROOT = QModelIndex()
+_INKS = {"error": "blocked", "warning": "warning", "notice": "quiet"}
+_RANK = {severity: rank for rank, severity in enumerate(SEVERITIES)}
+_TITLES = {
+    "scan": "The name of the scan", "empty": "No included viewpoint", "id": "Identifiers that cannot be saved",
+    "isolated": "Viewpoints without an edge", "island": "Groups that cannot be reached",
+    "duplicate": "Viewpoints at almost one position", "detour": "Detours", "obstacle": "Viewpoints in obstacles",
+    "floor": "Viewpoints off the floor", "panorama": "Viewpoints without a panorama",
+    "photographed": "Viewpoints with few photographs", "moved": "Viewpoints away from their images",
+    "occupied": "Edges through obstacles", "evidence": "Edges that contradict the evidence",
+    "glass": "Edges that may cross glass", "long": "Long edges", "short": "Short edges", "steep": "Steep edges",
+    "one_way": "One-way edges", "self": "Entries that list themselves", "length": "Entries of a wrong length",
+}  # fmt: skip
+"""Kind of findings -> heading of its group."""
+_FEW = 100  # findings of a group that is expanded at first
+SETTLE = 60  # milliseconds
+
+
+def selection_of(finding: Finding) -> GraphSelection:
+    """The edges of a finding, or its viewpoints if it has no edges."""
+    return GraphSelection(frozenset() if finding.edges else frozenset(finding.viewpoints), frozenset(finding.edges))
+
+
+@dataclass
+class Group:
+    """The findings of one kind and severity."""
+
+    kind: str
+    severity: str
+    findings: list[Finding]
+
+    @property
+    def title(self) -> str:
+        return _TITLES.get(self.kind, self.kind)
+
+
+class FindingModel(QAbstractItemModel):
+    """The findings that pass the filter, grouped by kind, most severe first.
+
+    The internal id of an index is 0 for a group, and otherwise the row of its group plus 1.
+    """
+
+    def __init__(self, document: Document, parent: QWidget | None = None) -> None:
+        super().__init__(parent)
+        self._document = document
+        self.groups: list[Group] = []
+        self.severities = frozenset(SEVERITIES)
+        self.text = ""
+        self.with_ignored = False
+
+    @property
+    def rows(self) -> list[Finding]:
+        """The findings in the order in which they are shown."""
+        return [finding for group in self.groups for finding in group.findings]
+
+    def renew(self) -> None:
+        self.beginResetModel()
+        editing = self._document.editing
+        ignored = {} if editing.graph is None else editing.graph.ignored
+        wanted = self.text.casefold()
+        found: dict[tuple[int, str], Group] = {}
+        for f in editing.findings.values():
+            if (
+                f.severity in self.severities
+                and (self.with_ignored or not ignored or not f.ignored_by(ignored))
+                and (not wanted or wanted in f"{f.message} {f.kind} {_TITLES.get(f.kind, '')}".casefold())
+            ):
+                group = found.setdefault((_RANK[f.severity], f.kind), Group(f.kind, f.severity, []))
+                group.findings.append(f)
+        self.groups = [found[key] for key in sorted(found)]
+        self.endResetModel()
+
+    def index_of(self, key: str) -> QModelIndex:
+        """The index of the finding with this key; an invalid one if it is not shown."""
+        for row, group in enumerate(self.groups):
+            for place, finding in enumerate(group.findings):
+                if finding.key == key:
+                    return self.createIndex(place, 0, row + 1)
+        return QModelIndex()
+
+    def group_at(self, index: _Index) -> Group | None:
+        """The group of an index; None for the root."""
+        if not index.isValid():
+            return None
+        row = index.row() if index.internalId() == 0 else index.internalId() - 1
+        return self.groups[row] if row < len(self.groups) else None
+
+    def finding_at(self, index: _Index) -> Finding | None:
+        """The finding of an index; None for the root and for a group."""
+        group = self.group_at(index)
+        inside = group is not None and index.internalId() > 0 and index.row() < len(group.findings)
+        return group.findings[index.row()] if group is not None and inside else None
+
+    def index(self, row: int, column: int, parent: _Index = _ROOT) -> QModelIndex:
+        if column != 0 or not 0 <= row < self.rowCount(parent):
+            return QModelIndex()
+        return self.createIndex(row, 0, parent.row() + 1 if parent.isValid() else 0)
+
+    def parent(self, index: _Index) -> QModelIndex:  # type: ignore[override]
+        id = index.internalId() if index.isValid() else 0
+        return self.createIndex(id - 1, 0, 0) if id else QModelIndex()
+
+    def rowCount(self, parent: _Index = _ROOT) -> int:
+        if not parent.isValid():
+            return len(self.groups)
+        return len(self.groups[parent.row()].findings) if parent.internalId() == 0 else 0
+
+    def columnCount(self, parent: _Index = _ROOT) -> int:
+        return 1
+
+    def data(self, index: _Index, role: int = Qt.ItemDataRole.DisplayRole) -> Any:
+        group, finding = self.group_at(index), self.finding_at(index)
+        if group is None:
+            return None
+        if finding is None:
+            if role == Qt.ItemDataRole.ForegroundRole:
+                return QColor(colors.text(_INKS[group.severity]))
+            return f"{group.title} ({len(group.findings):,})" if role == Qt.ItemDataRole.DisplayRole else None
+        graph = self._document.graph
+        by = None if graph is None else finding.ignored_by(graph.ignored)
+        reason = None if graph is None or by is None else graph.ignored[by]
+        if role == Qt.ItemDataRole.ForegroundRole:
+            return None if reason is None else QColor(colors.text("quiet"))
+        if role == Qt.ItemDataRole.ToolTipRole:
+            fixes = "\n".join(f"Fix: {fix.text}" for fix in finding.fixes)
+            ignored = "" if reason is None else f"\nIgnored: {reason}"
+            return tip(f"{finding.message}{ignored}\n{fixes}".strip())
+        return plain(finding.message, SENTENCE) if role == Qt.ItemDataRole.DisplayRole else None
+
+
+class ValidationPanel(QWidget):
+    """The list of findings. activated(GraphSelection): a finding was double-clicked."""
+
+    activated = Signal(object)
+
+    def __init__(self, document: Document, parent: QWidget | None = None) -> None:
+        super().__init__(parent)
+        self._document = document
+        self.model = FindingModel(document, self)
+        self.text = QLineEdit(self)
+        self.text.setAccessibleName("Filter by words or ids")
+        self.text.setPlaceholderText("Filter by words or ids")
+        self.text.setClearButtonEnabled(True)
+        self.text.textChanged.connect(self._on_filter)
+        self.boxes = {severity: QCheckBox(self) for severity in SEVERITIES}
+        self.ignored = QCheckBox("ignored", self)
+        self.ignored.setToolTip("Show ignored findings too, with the reason")
+        top = WrappingRow()
+        for box in self.boxes.values():
+            box.setChecked(True)
+            box.toggled.connect(self._on_filter)
+            top.addWidget(box)
+        self.ignored.toggled.connect(self._on_filter)
+        top.addWidget(self.ignored)
+        self.tree = QTreeView(self)
+        self.tree.setAccessibleName("Findings")
+        self.tree.setModel(self.model)
+        self.tree.setHeaderHidden(True)
+        self.tree.setWordWrap(True)
+        self.tree.setIndentation(12)
+        self.tree.setFrameShape(QTreeView.Shape.NoFrame)
+        self.tree.setItemDelegate(WrappedRows(self.tree))
+        self.tree.header().sectionResized.connect(self.tree.scheduleDelayedItemsLayout)
+        self.tree.collapsed.connect(lambda index: self._on_expanded(index, False))
+        self.tree.expanded.connect(lambda index: self._on_expanded(index, True))
+        self._expanded: dict[str, bool] = {}  # kind -> whether the user expanded or collapsed it
+        self.sentence = Label(self)
+        self.sentence.setWordWrap(True)
+        self.sentence.setTextInteractionFlags(Qt.TextInteractionFlag.TextSelectableByMouse)
+        self.sentence.hide()
+        self.tree.selectionModel().currentChanged.connect(self._on_row)
+        self.tree.doubleClicked.connect(self._on_double_click)
+        self.fix = QToolButton(self)
+        self.fix.setText("Fix")
+        self.fix.setToolButtonStyle(Qt.ToolButtonStyle.ToolButtonTextOnly)
+        self.fix.setPopupMode(QToolButton.ToolButtonPopupMode.MenuButtonPopup)
+        self.fix.clicked.connect(self.apply_first_fix)
+        self.reason = QLineEdit(self)
+        self.reason.setAccessibleName("Reason to ignore it")
+        self.reason.setPlaceholderText("Reason to ignore it permanently")
+        self.reason.textChanged.connect(self._enable)
+        self.reason.returnPressed.connect(self.ignore)
+        self.ignore_button = QPushButton("Ignore", self)
+        self.ignore_button.clicked.connect(self.ignore)
+        bottom = QHBoxLayout()
+        bottom.addWidget(self.reason, 1)
+        bottom.addWidget(self.ignore_button)
+        self.kind_button = QPushButton("Ignore kind", self)
+        self.kind_button.clicked.connect(self.ignore_kind)
+        bottom.addWidget(self.kind_button)
+        self.clean = Label("No problems found.", self)
+        self.clean.setAlignment(Qt.AlignmentFlag.AlignCenter)
+        self.clean.setForegroundRole(self.clean.palette().ColorRole.PlaceholderText)
+        layout = QVBoxLayout(self)
+        layout.setContentsMargins(4, 4, 4, 4)
+        layout.setSpacing(4)
+        layout.addLayout(top)
+        layout.addWidget(self.text)
+        layout.addWidget(self.tree, 1)
+        layout.addWidget(self.clean, 1)
+        layout.addWidget(self.sentence)
+        layout.addWidget(self.fix)
+        layout.addLayout(bottom)
+        self._soon = DeferredRefresh(self, self.renew, SETTLE)
+        document.editing.findingsChanged.connect(self._soon.mark)
+        self.renew()
+
+    def _on_expanded(self, index: QModelIndex, expanded: bool) -> None:
+        group = self.model.group_at(index)
+        if group is not None:
+            self._expanded[group.kind] = expanded
+
+    @property
+    def current(self) -> Finding | None:
+        """The selected finding; None if a group or nothing is selected."""
+        return self.model.finding_at(self.tree.currentIndex())
+
+    @property
+    def group(self) -> Group | None:
+        """The selected group, or the group of the selected finding."""
+        return self.model.group_at(self.tree.currentIndex())
+
+    def choose(self, finding: Finding) -> None:
+        """Selects a finding."""
+        self.tree.setCurrentIndex(self.model.index_of(finding.key))
+
+    def renew(self) -> None:
+        """Updates the list."""
+        kept, kind = self.current, self.group
+        found = list(self._document.editing.findings.values())
+        ignored = {} if self._document.graph is None else self._document.graph.ignored
+        counts = Counter(f.severity for f in found if not ignored or not f.ignored_by(ignored))
+        complete = self._document.editing.checking.complete
+        for severity, box in self.boxes.items():
+            box.setText(counted(counts[severity], severity) if complete else f"{severity}s")
+        self.model.renew()
+        self.tree.setVisible(bool(self.model.groups))
+        self.clean.setVisible(not self.model.groups)
+        nothing = "No problems found." if complete else "Checking…"
+        self.clean.setText("No finding matches the filter." if found else nothing)
+        at = QModelIndex() if kept is None else self.model.index_of(kept.key)
+        blocked = self.tree.blockSignals(True)
+        for row, group in enumerate(self.model.groups):
+            index = self.model.index(row, 0)
+            self.tree.setExpanded(index, self._expanded.get(group.kind, len(group.findings) <= _FEW))
+            if kept is None and kind is not None and (kind.kind, kind.severity) == (group.kind, group.severity):
+                at = index
+        self.tree.blockSignals(blocked)
+        if at.isValid():
+            self.tree.selectionModel().blockSignals(True)
+            self.tree.setCurrentIndex(at)
+            self.tree.selectionModel().blockSignals(False)
+        self._enable()
+
+    def step(self) -> Finding | None:
+        """Selects the next finding, or the first after the last one. Returns it; None if the list is empty."""
+        self.renew()
+        found, current = self.model.rows, self.current
+        if not found:
+            return None
+        keys = [finding.key for finding in found]
+        self.choose(found[0 if current is None else (keys.index(current.key) + 1) % len(found)])
+        return self.current
+
+    def apply_first_fix(self) -> None:
+        """Fixes the selected finding, or all findings of the selected group."""
+        finding = self.current
+        if finding is None:
+            self.fix_all(0)
+        elif finding.fixes:
+            self._apply(finding.fixes[0])
+
+    def fix_all(self, number: int) -> None:
+        """Applies the fix with this number to all findings of the selected kind, as one step. Fixes that become
+        impossible on the way are skipped."""
+        group = self.group
+        fixes = [] if group is None else _fixes(group, number)
+        if group is not None and fixes:
+            text = f"Fix {counted(len(fixes), 'finding')}: {fixes[0].text[0].lower()}{fixes[0].text[1:]}"
+            operations = [(fix.operation, fix.arguments) for fix in fixes]
+            self._document.editing.run_all(operations, text, skips=True)
+
+    def ignore(self) -> None:
+        """Ignores the current finding permanently. If it is already ignored, shows it again."""
+        finding, graph = self.current, self._document.graph
+        if finding is None or graph is None:
+            return
+        by = finding.ignored_by(graph.ignored)
+        if by is not None:
+            self._document.editing.heed(by)
+        elif self.reason.text().strip():
+            self._document.editing.ignore_finding(finding, self.reason.text().strip())
+            self.reason.clear()
+
+    def ignore_kind(self) -> None:
+        """Ignores every finding of the current one's kind in this graph, with the entered reason."""
+        group, reason = self.group, self.reason.text().strip()
+        if group is not None and reason:
+            self._document.editing.ignore(group.findings[0].kind_key, reason)
+            self.reason.clear()
+
+    def _apply(self, fix: Fix) -> None:
+        self._document.editing.run(fix.operation, fix.arguments)
+
+    def _parting(self, fixes: tuple[Fix, ...]) -> str:
+        """The effect of removing the edge, as a sentence that follows the finding."""
+        graph = self._document.graph
+        pairs: list[list[str]] = next((fix.arguments["pairs"] for fix in fixes if fix.operation == "remove_edges"), [])
+        keys = [(str(a), str(b)) for a, b in pairs]
+        if graph is None or len(keys) != 1 or keys[0] not in graph.edges:
+            return ""
+        lost = parted_by(graph, keys[0])
+        return f" Removing it disconnects {counted(lost, 'viewpoint')} from the others." if lost else ""
+
+    def _on_filter(self) -> None:
+        self.model.severities = frozenset(s for s, box in self.boxes.items() if box.isChecked())
+        self.model.text, self.model.with_ignored = self.text.text().strip(), self.ignored.isChecked()
+        self.renew()
+
+    def _on_row(self, _: object = None) -> None:
+        """Selects what the selected finding, or all findings of the selected group, are about."""
+        finding, group = self.current, self.group
+        if group is not None:
+            chosen = [selection_of(each) for each in ([finding] if finding is not None else group.findings)]
+            viewpoints, edges = (each.viewpoints for each in chosen), (each.edges for each in chosen)
+            self._document.editing.select(GraphSelection(frozenset().union(*viewpoints), frozenset().union(*edges)))
+        self._enable()
+
+    def _on_double_click(self) -> None:
+        finding = self.current
+        if finding is not None:
+            self.activated.emit(selection_of(finding))
+
+    def _enable(self, _: str = "") -> None:
+        finding, graph, editing = self.current, self._document.graph, self._document.editing
+        fixes = () if finding is None else finding.fixes
+        group = self.group
+        effect = self._parting(fixes).strip()
+        self.sentence.setText(effect)
+        self.sentence.setVisible(bool(effect))
+        ignored = finding is not None and graph is not None and bool(finding.ignored_by(graph.ignored))
+        alike = [] if group is None else [_fixes(group, number) for number in range(len(group.findings[0].fixes))]
+        texts = [(f"Fix all {len(each):,}: {each[0].text}", number) for number, each in enumerate(alike) if each]
+        words = f"Fix: {fixes[0].text}" if fixes else texts[0][0] if texts and finding is None else "Fix"
+        self.fix.setEnabled(words != "Fix" and editing.writable)
+        self.fix.setText(caption(words))
+        nothing = "Select a finding" if group is None else "There is no automatic fix; look at the place"
+        self.fix.setToolTip(tip(nothing if words == "Fix" else words))
+        menu = QMenu(self.fix)
+        for fix in fixes:
+            menu.addAction(caption(fix.text), partial(self._apply, fix))
+        menu.addSeparator()
+        for text, number in texts:
+            menu.addAction(caption(text), partial(self.fix_all, number))
+        old = self.fix.menu()
+        self.fix.setMenu(menu if len(menu.actions()) > 1 else None)  # type: ignore[arg-type]
+        if old is not None:
+            old.deleteLater()
+        self.reason.setEnabled(group is not None and not ignored and editing.writable)
+        self.ignore_button.setText("Show again" if ignored else "Ignore")
+        self.ignore_button.setEnabled(
+            finding is not None and editing.writable and (ignored or bool(self.reason.text().strip()))
+        )
+        reason = bool(self.reason.text().strip())
+        self.kind_button.setEnabled(group is not None and editing.writable and reason and not ignored)
+        kind = "" if group is None else f" of the kind “{group.title}”"
+        self.kind_button.setToolTip(tip(f"Ignore every finding{kind} in this graph, with the entered reason"))
+        self.ignore_button.setToolTip(
+            "Show it among the findings again"
+            if ignored
+            else "Enter the reason on the left; the finding stays ignored in this project"
+        )
+
+
+def _fixes(group: Group, number: int) -> list[Fix]:
+    """The fixes with this number of all findings of a group, as far as they do the same."""
+    first = group.findings[0].fixes
+    if number >= len(first):
+        return []
+    found = [finding.fixes[number] for finding in group.findings if number < len(finding.fixes)]
+    return [fix for fix in found if fix.operation == first[number].operation]

@@ -1,0 +1,136 @@
+"""One run of a side process, and the thread that starts it and reads its messages. Does not use Qt."""
+
+from __future__ import annotations
+
+import multiprocessing
+import threading
+from collections.abc import Callable
+from dataclasses import dataclass
+from multiprocessing.process import BaseProcess
+from typing import Any
+
+from nvsim.errors import InputError
+from nvsim_app.processes.serving import Ended, Requests, serve
+
+RESTARTS = 2  # maximum number of restarts of a process that answers requests
+_LEAVING = 5.0  # seconds in which a process must end after its last message
+
+
+@dataclass(frozen=True)
+class Program:
+    """What a side process runs.
+
+    work      a module-level function that gets the requests of the window and the source. It returns the result of the
+              process. A process that answers requests never returns, because `requests.take` ends it. Any: the source
+    name      the name of the process and of its thread
+    cannot    the beginning of the sentence if the work fails
+    then      what the user can do if the process cannot be started
+    stopped   the sentence if the process crashes and is not started again
+    restarts  how often a process that crashed is started again
+    nice      the lower priority of the process; the window has priority
+    memory    bytes that the work may use, None for no limit. Only Linux enforces it
+    """
+
+    work: Callable[[Requests, Any], object]
+    name: str
+    cannot: str
+    then: str = "close other programs"
+    stopped: str = ""
+    restarts: int = 0
+    nice: int = 5
+    memory: int | None = None
+
+
+class Child:
+    """A process that runs `program` on `source`, which must be picklable. It starts at once, in a thread, because that
+    takes about 70 ms.
+
+    `heard` is called in the reading thread with this object and each message of `serving`. The last one is Ended,
+    unless `kill` was called.
+    """
+
+    def __init__(
+        self, program: Program, source: object, heard: Callable[[Child, object], object] = lambda child, message: None
+    ) -> None:
+        self._program, self._source, self._heard = program, source, heard
+        # Spawn, because a fork of a process with threads and a window is not safe.
+        self._context = multiprocessing.get_context("spawn")
+        self._connection, self._theirs = self._context.Pipe()
+        self._process: BaseProcess | None = None
+        self._killed = False
+        self._ended: Ended | None = None
+        self._thread = threading.Thread(target=self._run, name=f"{program.name} link", daemon=True)
+        self._thread.start()
+
+    @property
+    def process_id(self) -> int | None:
+        """None before the start and after the end."""
+        process = self._process
+        return None if process is None else process.pid
+
+    def send(self, number: int, request: object) -> None:
+        """Sends a request that can be pickled. Raises OSError if the process has ended."""
+        self._connection.send((number, request))
+
+    def result(self) -> Any:
+        """Waits for the result of the work. None after `kill`. Raises InputError with the reason if the work failed."""
+        self._thread.join()
+        if self._killed or self._ended is None:
+            return None
+        if self._ended.sentence:
+            raise InputError(self._ended.sentence)
+        return self._ended.value
+
+    def kill(self) -> None:
+        """Ends the process without waiting for its end. Can be called from any thread, and more than once."""
+        self._killed = True
+        process = self._process
+        if process is not None:
+            process.kill()
+
+    def end(self) -> None:
+        """Ends the process, and returns after it has ended."""
+        self.kill()
+        self._thread.join()
+        self._connection.close()
+
+    def _run(self) -> None:
+        program = self._program
+        arguments = (program.work, self._source, program.cannot, program.nice, program.memory, self._theirs)
+        process = self._context.Process(target=serve, args=arguments, name=f"nvsim {program.name}", daemon=True)
+        try:
+            process.start()
+        except Exception as error:  # no process can be started, or the source cannot be pickled
+            self._end_with(Ended(sentence=f"{program.cannot}: {error}; {program.then}."))
+            return
+        finally:
+            self._theirs.close()
+        self._process = process
+        if self._killed:
+            process.kill()
+        try:
+            self._read()
+            process.join(_LEAVING)
+        finally:
+            process.kill()
+            process.join()
+            self._process = None
+        if self._ended is None:
+            words = program.stopped or f"{program.cannot}: its process ended with code {process.exitcode}."
+            self._end_with(Ended(sentence=words, crashed=True))
+
+    def _read(self) -> None:
+        try:
+            while self._ended is None:
+                message = self._connection.recv()
+                if isinstance(message, Ended):
+                    self._end_with(message)
+                else:
+                    self._heard(self, message)
+        except (EOFError, OSError):
+            pass
+
+    def _end_with(self, ended: Ended) -> None:
+        self._ended = ended
+        if not self._killed:
+            self._heard(self, ended)

@@ -1,0 +1,296 @@
+"""The 3D view: images of the reconstruction from the rendering process, with overlays.
+
+While the camera moves, the images are smaller to reach the frame rate. When it rests, an image at full size follows.
+The overlays use the camera of the displayed image, so that both always match.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from PySide6.QtCore import QPointF, QRectF, Qt, Signal
+from PySide6.QtGui import QFocusEvent, QKeyEvent, QMouseEvent, QPainter, QPaintEvent, QResizeEvent, QWheelEvent
+from PySide6.QtWidgets import QSizePolicy, QWidget
+
+from nvsim.geometry.camera import Camera
+from nvsim_app.drawing.picture_feed import PictureFeed
+from nvsim_app.drawing.render_child import Picture, RenderSource
+from nvsim_app.look.theme import GRID
+from nvsim_app.painting.cameras import ViewPose
+from nvsim_app.painting.legend import legend_box, paint_legend
+from nvsim_app.painting.tones import OF_CHANNEL, Scale
+from nvsim_app.state.document import Document
+from nvsim_app.state.loading import CONTENT_PARTS
+from nvsim_app.views.graph_surface import SceneSurface
+from nvsim_app.views.navigation import Navigation
+from nvsim_app.views.overlays import Overlays, paint_ground, paint_status
+from nvsim_app.views.places import Places
+
+
+class SceneView(QWidget):
+    """The 3D view widget.
+
+    poseChanged(ViewPose)
+    pictureShown(Picture)   an image was painted
+    troubled(Trouble)       an error of the rendering process
+    remarked(Remark)        a message of the rendering process for the log
+    hovered(str or None)    the cursor is over another viewpoint
+    """
+
+    poseChanged = Signal(object)
+    pictureShown = Signal(object)
+    troubled = Signal(object)
+    remarked = Signal(object)
+    hovered = Signal(object)
+
+    def __init__(self, document: Document, parent: QWidget | None = None) -> None:
+        super().__init__(parent)
+        self.setObjectName("sceneView")
+        self.setAccessibleName("3D view")
+        self.setFocusPolicy(Qt.FocusPolicy.StrongFocus)
+        self.setMouseTracking(True)
+        self.setAttribute(Qt.WidgetAttribute.WA_OpaquePaintEvent)
+        self.setSizePolicy(QSizePolicy.Policy.Expanding, QSizePolicy.Policy.Expanding)
+        self.setMinimumSize(320, 200)
+        self._document = document
+        self.overlays = Overlays(document, self)
+        self.overlays.changed.connect(self.update)
+        self.surface = SceneSurface(self, document)
+        self.navigation = Navigation(self)
+        self.places = Places(document, self.navigation, lambda: self.width() / max(1, self.height()))
+        self.feed = PictureFeed(self._device_size, lambda: self.pose, self)
+        self.link = self.feed.link
+        self.hint = ""  # a note about missing results of the project
+        self._painted: Picture | None = None  # the last painted image
+        self._camera_of: object = None
+        self._overlay_camera = self.navigation.pose.camera(1, 1)
+        self._placed: ViewPose | None = self.pose  # the pose that the program, not the user, set last
+        self.navigation.moved.connect(self._on_moved)
+        self.feed.changed.connect(self.update)
+        self.feed.troubled.connect(self.troubled)
+        self.feed.remarked.connect(self.remarked)
+        document.projectChanged.connect(self._on_project)
+        document.contentsChanged.connect(self._on_contents)
+        document.graphChanged.connect(self.update)
+        document.selectionChanged.connect(self.update)
+        document.unitsChanged.connect(self.update)
+        self._on_contents(frozenset(CONTENT_PARTS))
+
+    # Interface -------------------------------------------------------------------------------------------------
+
+    @property
+    def pose(self) -> ViewPose:
+        return self.navigation.pose
+
+    @property
+    def picture(self) -> Picture | None:
+        """The displayed image."""
+        return self.feed.picture
+
+    @property
+    def drawing(self) -> bool:
+        """Whether an image is being rendered or will be requested soon."""
+        return self.feed.drawing
+
+    @property
+    def channel(self) -> str:
+        """The displayed channel, one of tones.CHANNELS."""
+        return self.feed.channel
+
+    @property
+    def renderer(self) -> str:
+        """The renderer, one of renderer_choice.PREFERENCES."""
+        return self.feed.renderer
+
+    @property
+    def budget(self) -> int:
+        """Maximum number of rendered Gaussians, 0 for all."""
+        return self.feed.budget
+
+    @property
+    def note(self) -> str:
+        """The note that says why there is no image yet."""
+        return self.feed.note
+
+    def show_source(self, source: RenderSource | None) -> None:
+        """Shows this reconstruction; None shows only the overlays."""
+        self.feed.show(source)
+
+    def set_channel(self, channel: str) -> None:
+        self.feed.channel = channel
+        self.feed.ask_sharp()
+
+    def set_renderer(self, renderer: str) -> None:
+        self.feed.renderer = renderer
+        self.feed.ask_sharp()
+
+    def set_budget(self, budget: int) -> None:
+        """Limits the number of rendered Gaussians to those that cover most area; 0 renders all."""
+        self.feed.budget = budget
+        self.feed.ask_sharp()
+
+    # These are methods of the widget, because Qt removes connections to methods of a deleted widget.
+
+    def home(self) -> None:
+        self.places.home()
+
+    def look_over(self) -> None:
+        self.places.look_over()
+
+    def look_from_above(self) -> None:
+        self.places.look_from_above()
+
+    def focus_on_selection(self) -> None:
+        self.places.focus_on_selection()
+
+    def snap_to_frame(self, index: int) -> None:
+        self.places.snap_to_frame(index)
+
+    def go_to_position(self, position: np.ndarray, heading: float | None = None) -> None:
+        """Moves the camera to `position` ((3,) meters, world) with elevation 0. `heading` in radians; by default it
+        does not change."""
+        self.places.go_to_position(position, heading)
+
+    def stay_at(self, pose: ViewPose) -> None:
+        """Moves the camera to `pose`, and keeps it when more of the project is loaded."""
+        self._placed = None
+        self.navigation.set_pose(pose)
+
+    def show_hovered(self, viewpoint: str | None) -> None:
+        """Highlights the viewpoint under the cursor of this view or of the map."""
+        if viewpoint != self.overlays.graph.hovered:
+            self.overlays.graph.hovered = viewpoint
+            self.update()
+
+    def release(self) -> None:
+        """Ends the rendering process. The view must not be used afterwards."""
+        self.navigation.stop()
+        self.feed.release()
+
+    def _device_size(self) -> tuple[int, int]:
+        ratio = self.devicePixelRatioF()
+        return max(1, round(self.width() * ratio)), max(1, round(self.height() * ratio))
+
+    def _on_moved(self) -> None:
+        self.poseChanged.emit(self.pose)
+        if not self.feed.follow():
+            self.update()
+
+    def _on_project(self) -> None:
+        self._placed = self.pose
+
+    def _on_contents(self, parts: frozenset[str]) -> None:
+        if len(self._document.extent) and self.pose == self._placed:
+            self._placed = self.places.first
+            self.navigation.set_pose(self._placed)
+        self.update()
+
+    # Painting --------------------------------------------------------------------------------------------------
+
+    @property
+    def overlay_camera(self) -> Camera:
+        """The camera of the displayed image, in logical pixels."""
+        width, height = max(1, self.width()), max(1, self.height())
+        picture = self.feed.picture
+        key = (self.pose if picture is None else picture.request, width, height)
+        if self._camera_of != key:
+            # Use the same camera object for the same image, because layers cache results for it.
+            self._camera_of = key
+            if picture is None:
+                self._overlay_camera = self.pose.camera(width, height)
+            else:
+                self._overlay_camera = picture.request.camera.scaled(width, height)
+        return self._overlay_camera
+
+    def paintEvent(self, event: QPaintEvent) -> None:
+        painter = QPainter(self)
+        image, picture = self.feed.image, self.feed.picture
+        if image is not None:
+            painter.setRenderHint(QPainter.RenderHint.SmoothPixmapTransform)
+            painter.drawImage(QRectF(self.rect()), image)
+        else:
+            paint_ground(painter, self.size(), self.palette())
+        self.overlays.grid.bare = image is None
+        self.overlays.paint(painter, self.overlay_camera, picture is not None and picture.request.moving)
+        paint_status(painter, self.size(), self.pose, picture, self.note or self.hint)
+        if picture is not None and (scale := OF_CHANNEL.get(picture.request.channel)) is not None:
+            paint_legend(painter, scale, self._legend_corner(scale))
+        painter.end()
+        if picture is not self._painted:
+            self._painted = picture
+            if picture is not None:
+                self.pictureShown.emit(picture)
+
+    def _legend_corner(self, scale: Scale) -> QPointF:
+        """The lower left corner of the legend, which is at the upper left of the view."""
+        return QPointF(GRID, GRID + legend_box(scale, QPointF()).height())
+
+    # Events ----------------------------------------------------------------------------------------------------
+
+    def resizeEvent(self, event: QResizeEvent) -> None:
+        self.feed.resize()
+        super().resizeEvent(event)
+
+    def mousePressEvent(self, event: QMouseEvent) -> None:
+        self.navigation.press(event)
+
+    def mouseMoveEvent(self, event: QMouseEvent) -> None:
+        if event.buttons():
+            self.navigation.drag(event)
+            return
+        hovered = self.pick_viewpoint(event.position())
+        if hovered != self.overlays.graph.hovered:
+            self.setCursor(Qt.CursorShape.PointingHandCursor if hovered else Qt.CursorShape.ArrowCursor)
+            self.show_hovered(hovered)
+            self.hovered.emit(hovered)
+
+    def mouseReleaseEvent(self, event: QMouseEvent) -> None:
+        if self.navigation.release() and event.button() == Qt.MouseButton.LeftButton:
+            self._click(event.position())
+
+    def mouseDoubleClickEvent(self, event: QMouseEvent) -> None:
+        if event.button() != Qt.MouseButton.LeftButton:
+            return
+        viewpoint = self.pick_viewpoint(event.position())
+        if viewpoint is not None:
+            arrays = self._document.graph_arrays
+            self.places.go_to_position(arrays.positions[arrays.index[viewpoint]])
+            return
+        frame = self.pick_frame(event.position())
+        if frame is not None:
+            self._document.select(frame=frame)
+            self.places.snap_to_frame(frame)
+            return
+        point = self.surface.pick_point(event.position()) or self.surface.floor_point(event.position())
+        if point is not None:
+            self.places.focus_on_point(np.array(point))
+
+    def _click(self, position: QPointF) -> None:
+        viewpoint = self.pick_viewpoint(position)
+        if viewpoint is not None:
+            self._document.select(viewpoint=viewpoint)
+            return
+        frame = self.pick_frame(position)
+        self._document.select(frame=frame)
+
+    def pick_viewpoint(self, point: QPointF) -> str | None:
+        """The id of the displayed viewpoint under a pixel, None if there is none."""
+        return self.surface.pick_viewpoint(point)
+
+    def pick_frame(self, point: QPointF) -> int | None:
+        """The index of the displayed frame under a pixel, None if there is none."""
+        return self.surface.pick_frame(point)
+
+    def wheelEvent(self, event: QWheelEvent) -> None:
+        self.navigation.wheel(event)
+
+    def keyPressEvent(self, event: QKeyEvent) -> None:
+        if not self.navigation.key(event, down=True):
+            super().keyPressEvent(event)
+
+    def keyReleaseEvent(self, event: QKeyEvent) -> None:
+        if not self.navigation.key(event, down=False):
+            super().keyReleaseEvent(event)
+
+    def focusOutEvent(self, event: QFocusEvent) -> None:
+        self.navigation.let_go()
+        super().focusOutEvent(event)

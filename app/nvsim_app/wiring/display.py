@@ -1,0 +1,292 @@
+"""What the views show of the graph: its colors by a property, and one of its storeys."""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Callable, Mapping
+from functools import partial
+
+import numpy as np
+from numpy.typing import NDArray
+from PySide6.QtCore import QPointF, QRectF, QSettings, Qt
+from PySide6.QtGui import QColor, QPainter, QPen, QPixmap
+from PySide6.QtWidgets import QComboBox
+
+from nvsim.figures import SHAPES
+from nvsim.graph.edits import EditError
+from nvsim_app.actions import Action
+from nvsim_app.look import colors, lengths
+from nvsim_app.painting.graph_ink import LARGE, SMOOTH_LINES, DrawingCache
+from nvsim_app.painting.picking import NEAR
+from nvsim_app.painting.primitives import Primitives, disc
+from nvsim_app.state.document import Document
+from nvsim_app.state.graph_arrays import GraphArrays, extremes
+from nvsim_app.state.graph_coloring import Coloring, Group, coloring
+from nvsim_app.state.reasons import Reason, with_graph, with_occupancy
+from nvsim_app.views.graph_surface import GraphSurface
+from nvsim_app.wiring.panels import MapPart
+from nvsim_app.wiring.part import Part, WindowContext
+
+MOST_ROWS = 9  # of the legend
+_LINES = (
+    Qt.PenStyle.SolidLine,
+    Qt.PenStyle.DashLine,
+    Qt.PenStyle.DotLine,
+    Qt.PenStyle.DashDotLine,
+    Qt.PenStyle.DashDotDotLine,
+)
+_WAYS = {
+    "": ("One colo&r", "Draw the graph in one color"),
+    "storey": ("Color by s&torey", "One color for each storey"),
+    "component": ("Color by com&ponent", "One color for each connected component"),
+    "degree": ("Color by nei&ghbors", "Number of neighbors of each viewpoint"),
+    "evidence": ("Color by &evidence", "Distance of the evidence of each edge from the thresholds"),
+    "photographed": ("Color by p&hotographed share", "Share of the directions around each viewpoint that images show"),
+    "reviewed": ("Color by re&view", "Reviewed and unreviewed viewpoints and edges"),
+    "validity": ("Color by &validity", "Whether viewpoints and edges are over free cells of the occupancy map"),
+    "origin_submap": ("Color by subm&ap", "Submap whose model renders each viewpoint"),
+}
+
+
+def _enabled(by: str) -> Callable[[Document], Reason]:
+    if by == "validity":
+        return lambda document: with_graph(document) or with_occupancy(document)
+    return with_graph
+
+
+class ColoringPart(Part):
+    """Colors the graph and draws the legend."""
+
+    ACTIONS = tuple(
+        Action(f"color_{by or 'plain'}", text, tip, "&View", 6, check="off" if by else "on", group="coloring",
+               enabled=_enabled(by))
+        for by, (text, tip) in _WAYS.items()
+    )  # fmt: skip
+
+    def __init__(self, context: WindowContext) -> None:
+        super().__init__(context)
+        self.by = ""
+        self._of: tuple[object, ...] = ()
+        self._coloring: Coloring | None = None
+        self._rows: tuple[GraphArrays, Coloring, NDArray[np.int64], NDArray[np.int64]] | None = None
+        self._primitives = Primitives()
+        self._sprites: dict[tuple[str, str], QPixmap] = {}
+        self._kept: dict[GraphSurface, DrawingCache] = {}
+        context.modes.beneath.append(self.paint)
+
+    def handlers(self) -> Mapping[str, Callable[..., object]]:
+        return {f"color_{by or 'plain'}": partial(self._choose, by) for by in _WAYS}
+
+    def restore(self, settings: QSettings) -> None:
+        by = str(settings.value("graph_colors", ""))
+        if by in _WAYS:
+            self.context.window.actions_table[f"color_{by or 'plain'}"].setChecked(True)
+            self.by = by
+
+    def _choose(self, by: str, _: bool = False) -> None:
+        self.by = by
+        self._kept.clear()
+        self.context.settings.setValue("graph_colors", by)
+        self.context.modes.refresh()
+
+    @property
+    def coloring(self) -> Coloring | None:
+        """The current coloring; None for one color. It is computed once for each graph."""
+        document = self.context.document
+        if not self.by:
+            return None
+        key = self.by, document.graph, document.contents.occupancy, document.contents.thresholds
+        if len(self._of) != len(key) or any(a is not b for a, b in zip(self._of, key, strict=True)):
+            self._of = key
+            try:
+                self._coloring = coloring(document, self.by.removeprefix("origin_"))
+            except EditError:
+                self._coloring = None  # the coloring needs a map, and the project has none
+        return self._coloring
+
+    def paint(self, painter: QPainter, surface: GraphSurface) -> None:
+        found, arrays = self.coloring, self.context.document.shown_arrays
+        if found is None or not arrays.ids or not surface.shows_graph:
+            return
+        if self._rows is None or self._rows[0] is not arrays or self._rows[1] is not found:
+            self._rows = arrays, found, *_groups(arrays, found)
+        if len(arrays.edges) > LARGE:
+            low, high = extremes(arrays.feet)
+            corners = np.array(list(itertools.product(*zip(low, high, strict=True))))
+            # The projections of eight corners identify the camera pose.
+            place = tuple(np.column_stack(surface.project(corners)).ravel().tolist()), float(surface.disc_radii().max())
+            if surface not in self._kept:
+                self._kept[surface] = DrawingCache(surface.widget, surface.widget.update)
+            size = surface.widget.size()
+            draw = partial(self._draw, surface)
+            self._kept[surface].paint(painter, size.width(), size.height(), place, draw, self._rows)
+        else:
+            self._draw(surface, painter)
+        self._paint_legend(painter, found)
+
+    def _draw(self, surface: GraphSurface, painter: QPainter, within: QRectF | None = None) -> None:
+        assert self._rows is not None
+        arrays, found, viewpoints, edges = self._rows
+        ends = arrays.feet[arrays.edges]
+        lines, index, _ = surface.segments(ends[:, 0], ends[:, 1])
+        pixels, depths = surface.project(arrays.feet)
+        radii = surface.disc_radii()
+        seen = depths > NEAR
+        for number, group in enumerate(found.groups):
+            # Dashed lines are slow, and with thousands of lines the dashes cannot be seen.
+            painter.setPen(QPen(QColor(group.color), 2.4, _LINES[0] if len(lines) > SMOOTH_LINES else _line(group)))
+            self._primitives.draw_lines(painter, lines[edges[index] == number])
+        for number, group in enumerate(found.groups):
+            rows = np.flatnonzero((viewpoints == number) & seen)
+            rows = rows[np.argsort(-depths[rows], kind="stable")]
+            self._primitives.draw_sprites(painter, pixels[rows], radii[rows] / 12, self._sprite(group))
+
+    def _sprite(self, group: Group) -> QPixmap:
+        key = group.color, SHAPES[group.mark % len(SHAPES)]
+        if key not in self._sprites:
+            self._sprites[key] = disc(group.color, "#11151a", shape=key[1])
+        return self._sprites[key]
+
+    def _paint_legend(self, painter: QPainter, found: Coloring) -> None:
+        """Draws the legend at the lower left, with the number of items of each group."""
+        rows = [(g, int(n)) for g, n in zip(found.groups, found.counts, strict=True) if n]
+        more = len(rows) - MOST_ROWS
+        lines = [f"{group.words}  ({count:,})" for group, count in rows[:MOST_ROWS]]
+        lines += [f"and {more} more"] if more > 0 else []
+        metrics, view = painter.fontMetrics(), painter.viewport()
+        step = metrics.height() + 2
+        width = max(metrics.horizontalAdvance(line) for line in [found.title, *lines]) + 46
+        height = step * (len(lines) + 1) + 10
+        box = QRectF(8, view.height() - height - 34, width, height)
+        painter.setPen(Qt.PenStyle.NoPen)
+        painter.setBrush(QColor(16, 20, 26, 205))
+        painter.drawRoundedRect(box, 5, 5)
+        painter.setPen(QColor("#f2f5f8"))
+        painter.drawText(QPointF(box.left() + 8, box.top() + step - 2), found.title)
+        for number, line in enumerate(lines, 1):
+            y = box.top() + step * (number + 1) - 2
+            if number <= len(rows[:MOST_ROWS]):
+                group = rows[number - 1][0]
+                painter.setPen(QPen(QColor(group.color), 2.4, _line(group)))
+                painter.drawLine(QPointF(box.left() + 6, y - 4), QPointF(box.left() + 34, y - 4))
+                places, scales = np.array([[box.left() + 20, y - 4]]), np.full((1, 2), 5.0 / 12)
+                self._primitives.draw_sprites(painter, places, scales, self._sprite(group))
+            painter.setPen(QColor("#f2f5f8"))
+            painter.drawText(QPointF(box.left() + 40, y), line)
+
+
+def _line(group: Group) -> Qt.PenStyle:
+    return _LINES[group.mark % len(_LINES)]
+
+
+def _groups(arrays: GraphArrays, found: Coloring) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """The group of each viewpoint (N,) and of each edge (M,), int64; -1 for none."""
+    viewpoints = np.array([found.viewpoints.get(id, -1) for id in arrays.ids], np.int64)
+    keys = (arrays.edge_key(row) for row in range(len(arrays.edges)))
+    edges = np.array([found.edges.get((min(key), max(key)), -1) for key in keys], np.int64)
+    return viewpoints, edges
+
+
+_EDGE = 8  # pixels from the corner of the map
+_FAINT, _RADIUS = 0.55, 3.0  # opacity, and ring radius in pixels, of hidden storeys
+
+
+def with_storeys(document: Document) -> Reason:
+    return with_graph(document) or (None if len(document.storeys.found) > 1 else "all viewpoints are on one storey")
+
+
+class StoreyPart(Part):
+    """Shows one storey or all. Clicks, areas, and Select all apply to visible storeys only."""
+
+    ACTIONS = (
+        Action("storey_up", "Storey &above", "Show only the next higher storey of the graph, in the map and in 3D",
+               "&View", 5, "Alt+PgUp", enabled=with_storeys),
+        Action("storey_down", "Storey &below", "Show only the next lower storey of the graph", "&View", 5, "Alt+PgDown",
+               enabled=with_storeys),
+        Action("storey_others", "&Fade other storeys", "Draw the other storeys faintly, beside the visible one",
+               "&View", 5, check="on", enabled=with_storeys),
+        Action("fade_hidden", "Fade items behind &walls",
+               "Draw items faintly in 3D if the occupancy map has walls before them", "&View", 5, check="on",
+               enabled=lambda document: with_graph(document) or with_occupancy(document)),
+        Action("storey_all", "All sto&reys", "Show all storeys of the graph", "&View", 5, "Alt+Home",
+               enabled=with_storeys),
+    )  # fmt: skip
+
+    def __init__(self, context: WindowContext) -> None:
+        super().__init__(context)
+        self._storeys = context.document.storeys
+        self.choice = QComboBox(context.window)
+        self.choice.setToolTip("Visible storey of the graph (Alt+PgUp, Alt+PgDown)")
+        self.choice.setAccessibleName("Storey")
+        self.choice.activated.connect(self._choose)
+        self.choice.hide()
+        self._primitives = Primitives()
+        self._ring = disc(colors.TRAJECTORY, "#20252b", shape="ring")
+
+    def handlers(self) -> Mapping[str, Callable[..., object]]:
+        return {
+            "storey_up": lambda: self._storeys.step(1),
+            "storey_down": lambda: self._storeys.step(-1),
+            "storey_all": lambda: self._storeys.choose(None),
+            "storey_others": self._fade_others,
+            "fade_hidden": self._fade_hidden,
+        }
+
+    def restore(self, settings: QSettings) -> None:
+        plan = self.context.part(MapPart).view
+        self.choice.setParent(plan)
+        self.choice.move(_EDGE, _EDGE)
+        self._storeys.changed.connect(self._show)
+        self.context.document.unitsChanged.connect(self._show)
+        self._storeys.changed.connect(self.context.scene.update)
+        self._storeys.changed.connect(plan.graph.update)
+        self.context.modes.beneath.insert(0, self.paint)
+        table = self.context.window.actions_table
+        for id in ("storey_others", "fade_hidden"):
+            table[id].setChecked(settings.value(id, "true") in (True, "true"))
+        self._show()
+
+    def _fade_others(self, on: bool) -> None:
+        self.context.settings.setValue("storey_others", on)
+        self._storeys.fade_others(on)
+
+    def _fade_hidden(self, on: bool) -> None:
+        self.context.settings.setValue("fade_hidden", on)
+        self.context.scene.overlays.graph.fades_hidden = on
+        self.context.scene.update()
+
+    def paint(self, painter: QPainter, surface: GraphSurface) -> None:
+        """Draws the other storeys with thin dotted lines and small rings."""
+        arrays = self._storeys.others(self.context.document.graph_arrays)
+        if not arrays.ids or not surface.shows_graph:
+            return
+        ends = arrays.feet[arrays.edges]
+        lines, _, _ = surface.segments(ends[:, 0], ends[:, 1])
+        pixels, depths = surface.project(arrays.feet)
+        painter.save()
+        painter.setOpacity(_FAINT)
+        many = len(lines) > SMOOTH_LINES
+        painter.setRenderHint(QPainter.RenderHint.Antialiasing, not many)
+        style = Qt.PenStyle.SolidLine if many else Qt.PenStyle.DotLine
+        painter.setPen(QPen(QColor(colors.TRAJECTORY), 1.0, style))
+        self._primitives.draw_lines(painter, lines)
+        seen = np.flatnonzero(depths > NEAR)
+        scales = np.full((len(seen), 2), _RADIUS / 12)
+        self._primitives.draw_sprites(painter, pixels[seen], scales, self._ring)
+        painter.restore()
+
+    def _choose(self, row: int) -> None:
+        self._storeys.choose(None if row == 0 else len(self._storeys.found) - row)
+
+    def _show(self) -> None:
+        found = self._storeys.found
+        self.choice.clear()
+        self.choice.addItem("All storeys")
+        # As in an elevator, the highest storey is first.
+        for number, storey in reversed(list(enumerate(found, 1))):
+            self.choice.addItem(f"Storey {number}, {lengths.length(storey.floor, 1)}, {storey.count:,} viewpoints")
+        self.choice.setCurrentIndex(0 if self._storeys.chosen is None else len(found) - self._storeys.chosen)
+        self.choice.setVisible(len(found) > 1)
+        self.choice.adjustSize()
+        self.choice.raise_()
+        self.context.window.actions_table.refresh()

@@ -1,0 +1,195 @@
+"""The frames of the capture: their list, and a page that compares a frame with its render and corrects its floor
+mask."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+
+from PySide6.QtCore import QSettings
+
+from nvsim_app.actions import Action
+from nvsim_app.frames.browser import TOOLS, FrameBrowser
+from nvsim_app.frames.canvas import MODES
+from nvsim_app.frames.link import FrameLink
+from nvsim_app.frames.state import FrameState, newest_scores
+from nvsim_app.painting.tones import CHANNELS
+from nvsim_app.panels.frames import FramePanel
+from nvsim_app.panels.help import open_help
+from nvsim_app.state.reasons import with_frame, with_masks, with_page, with_trajectory
+from nvsim_app.state.results import Result
+from nvsim_app.state.view_states import PageState
+from nvsim_app.wiring.panels import ResultPart
+from nvsim_app.wiring.part import Dock, Part, WindowContext
+
+_MENU = "F&rame"
+_MODES = {
+    "photo": ("&Photo", "Show only the photo of the frame"),
+    "render": ("&Render", "Show only the render from the frame's camera"),
+    "wipe": ("&Wipe", "Photo on the left of a line that can be dragged, render on the right"),
+    "blink": ("&Blink", "Alternate between photo and render"),
+    "difference": ("&Difference", "Show the difference between render and photo; bright means large"),
+    "beside": ("&Side by side", "Show photo and render side by side, at one zoom"),
+}
+_SHORT = {
+    "leave_frame": "‹ 3D view",
+    "frame_beside": "Compare",
+    "mask_brush": "Brush",
+    "mask_points": "Points",
+    "mask_undo": "Undo",
+    "mask_redo": "Redo",
+    "mask_revert": "Revert",
+    "mask_candidate": "Hybrid",
+}
+"""Labels of the buttons on the page."""
+
+
+class FramePart(Part):
+    """Shows the list of frames and the frame page, and corrects masks."""
+
+    ACTIONS = (
+        Action("open_frame", "&Compare with render", "Show the selected frame beside the render from its camera", _MENU,
+               shortcut="Shift+F", icon="compare", toolbar=True, enabled=with_frame),
+        Action("leave_frame", "Back to the &3D view", "Close the frame, like Esc", _MENU, enabled=with_page),
+        *(
+            Action(f"frame_{mode}", _MODES[mode][0], _MODES[mode][1], _MENU, 1, f"Ctrl+{number}",
+                   check="on" if mode == "wipe" else "off", group="frame_mode", enabled=with_frame)
+            for number, mode in enumerate(MODES, 1)
+        ),
+        Action("mask_brush", "Correct with &brush", "Paint floor in the mask or erase it; training uses the result",
+               _MENU, 2, "Ctrl+B", check="off", enabled=with_masks),
+        Action("mask_points", "Correct with p&oints",
+               "Click surfaces that are floor; right-click surfaces that are not", _MENU, 2, "Ctrl+Shift+B",
+               check="off", enabled=with_masks),
+        Action("mask_undo", "&Undo correction", "Undo the last change of the mask (Ctrl+Z)", _MENU, 3,
+               enabled=with_masks),
+        Action("mask_redo", "Re&do correction", "Redo the undone change of the mask (Ctrl+Y)", _MENU, 3,
+               enabled=with_masks),
+        Action("mask_revert", "Re&vert mask", "Restore the mask of the floors stage", _MENU, 3, enabled=with_masks),
+        Action("mask_candidate", "Use &hybrid mask",
+               "Use the mask grown from prompts, the last step of the hybrid segmentation, as the floor mask", _MENU, 3,
+               enabled=with_masks),
+        Action("help_frames", "Frames and &masks",
+               "How frames are compared with renders, and how their floor masks are corrected", "&Help", 1),
+    )  # fmt: skip
+
+    def __init__(self, context: WindowContext) -> None:
+        super().__init__(context)
+        document = context.document
+        self._link = FrameLink(self)
+        self.state = FrameState(document, self._link, self)
+        self.panel = FramePanel(document, self._link, self.state)
+        self.browser = FrameBrowser(document, context.scene, self.state, context.notices, self)
+        self.panel.opened.connect(self.browser.open)
+        context.window.centre.addWidget(self.browser.page)
+        self.browser.opened.connect(lambda: context.window.show_page(self.browser.page))
+        self.browser.left.connect(self._leave)
+        self.browser.taken.connect(self._tell_page)
+        context.window.centre.currentChanged.connect(self._tell_page)
+        self.browser.toolChanged.connect(self._show_tool)
+
+    def docks(self) -> tuple[Dock, ...]:
+        return (
+            Dock("frames", "Frames", self.panel, "left", height=350, needs=with_trajectory,
+                 workspaces=("explore", "train", "compare")),
+        )  # fmt: skip
+
+    def handlers(self) -> Mapping[str, Callable[..., object]]:
+        corrector = self.browser.corrector
+        handlers: dict[str, Callable[..., object]] = {
+            "open_frame": self._open,
+            "leave_frame": self._leave,
+            "help_frames": lambda: open_help("frames", self.context.window),
+            "mask_undo": corrector.undo,
+            "mask_redo": corrector.redo,
+            "mask_revert": corrector.revert,
+            "mask_candidate": lambda: corrector.take_candidate("prompted"),
+        }
+        for mode in MODES:
+            handlers[f"frame_{mode}"] = lambda _=False, m=mode: self._compare(m)
+        for tool in TOOLS:
+            handlers[f"mask_{tool}"] = lambda on, t=tool: self._take_tool(t, on)
+        return handlers
+
+    def restore(self, settings: QSettings) -> None:
+        table = self.context.window.actions_table
+        for name, words in _SHORT.items():
+            table[name].setIconText(words)
+        self.browser.page.fill(
+            [table["leave_frame"]],
+            [table[f"frame_{mode}"] for mode in MODES],
+            [
+                *(table[f"mask_{tool}"] for tool in TOOLS),
+                None,
+                *(table[f"mask_{name}"] for name in ("undo", "redo", "revert", "candidate")),
+            ],
+        )
+        self.context.part(ResultPart).gathered.connect(self._on_results)
+        for channel in CHANNELS:
+            table[channel].triggered.connect(self.browser.render.soon)
+        self.browser.page.layers.remember(str(settings.value("frame/layers", "")))
+        mode = settings.value("frame/mode", "wipe")
+        if mode in MODES:
+            table[f"frame_{mode}"].setChecked(True)
+            self.browser.page.show_mode(str(mode))
+
+    def store(self, settings: QSettings) -> None:
+        settings.setValue("frame/mode", self.browser.page.canvas.mode)
+        settings.setValue("frame/layers", self.browser.page.layers.state)
+        self.browser.release()
+        self._link.open(None)
+
+    # State of the page ------------------------------------------------------------------------------------------
+
+    @property
+    def shown(self) -> PageState:
+        """The open frame, and how frames are compared."""
+        browser, page = self.browser, self.browser.page
+        is_open = self.context.window.centre.currentWidget() is page
+        layers = {layer.name: (layer.shown, round(layer.opacity, 2)) for layer in browser.layers}
+        return PageState(browser.index if is_open else None, page.canvas.mode, layers)
+
+    def show(self, state: PageState) -> None:
+        """Restores a state that `shown` returned."""
+        page = self.browser.page
+        self.context.window.actions_table[f"frame_{state.mode}"].setChecked(True)
+        page.show_mode(state.mode)
+        for name, (on, opacity) in state.layers.items():
+            page.layers.boxes[name].setChecked(on)
+            page.layers.sliders[name].setValue(round(100 * opacity))
+        now = self.shown.frame
+        if state.frame is not None and state.frame != now:
+            self.browser.open(state.frame)
+        elif state.frame is None and now is not None:
+            self._leave()
+
+    def _on_results(self, results: list[Result]) -> None:
+        self.state.show_scores(newest_scores(results))
+
+    def _open(self) -> None:
+        frame = self.context.document.frame_at_hand
+        if frame is not None:
+            self.browser.open(frame)
+
+    def _tell_page(self, _: int = 0) -> None:
+        is_open = self.context.window.centre.currentWidget() is self.browser.page
+        self.context.document.set_page_frame(self.browser.index if is_open else None)
+
+    def _leave(self) -> None:
+        self.browser.corrector.flush()
+        self.context.window.show_page(None)
+        self.context.scene.setFocus()
+
+    def _compare(self, mode: str) -> None:
+        self.browser.page.show_mode(mode)
+        if not self.browser.is_open:
+            self._open()
+
+    def _take_tool(self, tool: str, on: bool) -> None:
+        if on and not self.browser.is_open:
+            self._open()
+        if on or self.browser.tool == tool:
+            self.browser.set_tool(tool if on else "")
+
+    def _show_tool(self, tool: str) -> None:
+        for name in TOOLS:
+            self.context.window.actions_table[f"mask_{name}"].setChecked(name == tool)

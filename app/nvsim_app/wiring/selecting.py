@@ -1,0 +1,129 @@
+"""Commands that select in the graph, the tables, the histogram, and the history."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+
+import numpy as np
+
+from nvsim.graph import selection as selecting
+from nvsim.graph.edits import EditError
+from nvsim.graph.offers import Needs
+from nvsim.graph.selection import GraphSelection
+from nvsim.graph.types import NavGraph
+from nvsim_app.actions import Action
+from nvsim_app.painting.cameras import along, focused
+from nvsim_app.panels.histogram import HistogramPanel
+from nvsim_app.panels.history import HistoryPanel
+from nvsim_app.panels.tables import TablePanel
+from nvsim_app.state.reasons import with_chosen, with_editing
+from nvsim_app.wiring.panels import MapPart
+from nvsim_app.wiring.part import Dock, Part, WindowContext
+
+_CHOSEN = with_chosen(Needs("things"), changes=False)
+
+
+class SelectPart(Part):
+    """Selects viewpoints and edges, and shows the selection."""
+
+    ACTIONS = (
+        Action("select_all", "Select &all", "Select every viewpoint and edge", "&Edit", 5, "Ctrl+A",
+               enabled=with_editing),
+        Action("select_none", "Select n&one", "Clear the selection", "&Edit", 5, "Ctrl+Shift+A", enabled=_CHOSEN),
+        Action("invert", "In&vert selection", "Select everything that is not selected", "&Edit", 5, "Ctrl+I",
+               enabled=with_editing),
+        Action("grow", "&Grow selection", "Add the neighbors of the selection", "&Edit", 5, "Ctrl++", enabled=_CHOSEN),
+        Action("component", "Select &component", "Select everything that can be reached from the selection", "&Edit", 5,
+               "Ctrl+Shift+K", enabled=_CHOSEN),
+        Action("path", "Select pat&h between", "Select the shortest path of two viewpoints", "&Edit", 5, "Ctrl+Alt+P",
+               enabled=with_chosen(Needs("viewpoints", 2, 2), changes=False)),
+        Action("select_expression", "Select by e&xpression…", "For example: degree > 4 and not reviewed", "&Edit", 5,
+               "Ctrl+F", enabled=with_editing),
+        Action("select_range", "Select by &range…", "Select a range of a histogram: length, degree, evidence…", "&Edit",
+               5, enabled=with_editing),
+        Action("zoom_to", "&Zoom to selection", "Show the selection of the graph in the 3D view and on the map",
+               "&Edit", 6, "Z", enabled=_CHOSEN),
+    )  # fmt: skip
+
+    def __init__(self, context: WindowContext) -> None:
+        super().__init__(context)
+        document = context.document
+        self._editing = document.editing
+        self.tables = TablePanel(document)
+        self.histogram = HistogramPanel(document)
+        self.history = HistoryPanel(document)
+        self.tables.activated.connect(self.show_selection)
+        self.tables.filter.returnPressed.connect(self._leave_expression)
+
+    def docks(self) -> tuple[Dock, ...]:
+        return (
+            Dock("tables", "Viewpoints and edges", self.tables, "bottom", "jobs", needs=with_editing,
+                 workspaces=("edit", "compare")),
+            Dock("histogram", "Histogram", self.histogram, "bottom", "jobs", needs=with_editing, workspaces=("edit",)),
+            Dock("history", "History", self.history, "left", "frames", needs=with_editing, workspaces=("edit",)),
+        )  # fmt: skip
+
+    def handlers(self) -> Mapping[str, Callable[..., object]]:
+        return {
+            "select_all": lambda: self._select(lambda graph, _: self._shown(selecting.everything(graph))),
+            "select_none": lambda: self._editing.select(GraphSelection()),
+            "invert": lambda: self._select(lambda graph, chosen: self._shown(selecting.inverted(graph, chosen))),
+            "grow": lambda: self._select(selecting.grown),
+            "component": lambda: self._select(self._component),
+            "path": self._path,
+            "select_expression": self._ask_expression,
+            "select_range": lambda: self.context.window.show_dock("histogram"),
+            "zoom_to": lambda: self.show_selection(self._editing.selection),
+        }
+
+    def _select(self, how: Callable[[NavGraph, GraphSelection], GraphSelection]) -> None:
+        graph = self._editing.graph
+        if graph is None:
+            return
+        try:
+            self._editing.select(how(graph, self._editing.selection))
+        except EditError as error:
+            self._editing.refuse(str(error))
+
+    def _ask_expression(self) -> None:
+        self.context.window.show_dock("tables")
+        self.tables.filter.setFocus()
+        self.tables.filter.selectAll()
+
+    def _leave_expression(self) -> None:
+        """Gives the keys to the view after Enter has selected, so that they act on the selection."""
+        if self.tables.filter.text().strip() and self.tables.trouble.isHidden():
+            self.context.scene.setFocus()
+
+    def _shown(self, chosen: GraphSelection) -> GraphSelection:
+        """Removes items on hidden storeys, because users cannot see what would happen to them."""
+        index = self.context.document.shown_arrays.index
+        edges = frozenset((a, b) for a, b in chosen.edges if a in index and b in index)
+        return GraphSelection(chosen.viewpoints & index.keys(), edges)
+
+    def _path(self) -> None:
+        self._select(lambda graph, chosen: selecting.path_between(graph, *sorted(chosen.viewpoints)))
+
+    @staticmethod
+    def _component(graph: NavGraph, chosen: GraphSelection) -> GraphSelection:
+        return selecting.component(graph, chosen.viewpoints.union(*chosen.edges))
+
+    def show_selection(self, chosen: GraphSelection) -> None:
+        """Selects items, and shows them in the 3D view and in the center of the map."""
+        self._editing.select(chosen)
+        arrays = self.context.document.graph_arrays
+        ends = [id for key in chosen.edges for id in key]
+        rows = arrays.viewpoint_rows([*chosen.viewpoints, *ends])
+        if not len(rows):
+            return
+        places = arrays.feet[rows]
+        middle, size = (places.min(axis=0) + places.max(axis=0)) / 2, float(np.ptp(places, axis=0).max())
+        scene = self.context.scene
+        if len(rows) == 2 and len(chosen.edges) == 1 and self.context.document.contents.scene_stamp is not None:
+            # Between walls, only a view along the edge is free of obstacles.
+            pose = along(scene.pose, arrays.positions[rows], arrays.feet[rows])
+        else:
+            pose = focused(scene.pose, middle + [0.0, 0.0, 0.6], max(3.0, 1.4 * size))
+        scene.navigation.go_to(pose)
+        plan = self.context.part(MapPart).view
+        plan.centre_on(float(middle[0]), float(middle[1]), max(4.0, 1.3 * size))
