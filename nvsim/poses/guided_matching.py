@@ -12,8 +12,9 @@ import numpy as np
 import pycolmap
 from numpy.typing import NDArray
 
+from nvsim.geometry.rotation import rotation_angle
 from nvsim.poses.features import most_alike, roots
-from nvsim.poses.mapping import poses_of, rotation_angle
+from nvsim.poses.mapping import poses_of
 from nvsim.poses.match_database import Keypoints, Pair
 from nvsim.poses.threads import thread_pool
 from nvsim.poses.two_views import TwoViews, relative_pose

@@ -14,8 +14,8 @@ import numpy as np
 import pycolmap
 from numpy.typing import NDArray
 
+from nvsim.geometry.rotation import rotation_angle
 from nvsim.poses.features import alike
-from nvsim.poses.mapping import rotation_angle
 from nvsim.poses.match_database import Keypoints, Pair
 from nvsim.poses.pose_graph import PART, median_depth
 from nvsim.poses.threads import thread_pool

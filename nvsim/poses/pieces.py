@@ -9,8 +9,9 @@ import numpy as np
 import pycolmap
 from numpy.typing import NDArray
 
+from nvsim.geometry.rotation import rotation_angle
 from nvsim.poses.firmness import firm_pieces
-from nvsim.poses.mapping import keep_only, rotation_angle
+from nvsim.poses.mapping import keep_only
 
 _BRIDGE, _TURNED = 3, 25.0  # images in a row that may be removed; degrees from the image before to the image after
 

@@ -16,6 +16,7 @@ import pycolmap
 from numpy.typing import NDArray
 
 from nvsim.errors import InputError
+from nvsim.geometry.rotation import rotation_angle
 from nvsim.poses.features import Features, alike
 from nvsim.poses.firmness import Observations, observations_of, scale_deviation
 from nvsim.poses.from_images import FoundPoses, ProgressCallback, features_of_all
@@ -26,7 +27,6 @@ from nvsim.poses.mapping import (
     consistent_pairs,
     global_mapping,
     keep_only,
-    rotation_angle,
     without_bad_points,
 )
 from nvsim.poses.match_database import Pair, keypoints_of, known_camera, write_database, write_geometries

@@ -18,9 +18,10 @@ from numpy.typing import NDArray
 from scipy.ndimage import median_filter
 from scipy.spatial.transform import Rotation
 
+from nvsim.geometry.rotation import rotation_angle
 from nvsim.poses.building_frame import camera_height, level_axes, up_of, wall_direction
 from nvsim.poses.firmness import Observations, firm_pieces, observations_of, shared_points
-from nvsim.poses.mapping import center_of, rotation_angle
+from nvsim.poses.mapping import center_of
 from nvsim.poses.pose_graph import FIRM, LOOSE, Anchors, no_anchors, no_loops, solve, transform_pose
 
 _LENGTH = 12  # images of a part
