@@ -7,7 +7,7 @@ from functools import cache
 
 import numpy as np
 import pytest
-from splat_rooms import any_rotation, box, joined, moved, rectangle, stair_house, table, two_rooms
+from splat_rooms import any_rotation, box, joined, moved, rectangle, stair_house, table, two_rooms, without
 
 from nvsim.errors import InputError
 from nvsim.scene_import.cleaning import floaters, outside
@@ -46,6 +46,25 @@ def test_the_walls_of_two_storeys_are_not_taken_for_floors():
 def test_a_scene_that_is_upside_down_for_its_format_is_turned_by_its_furniture():
     scene = align_scene("room.ply", two_rooms(), "-z")
     assert scene.rotation @ [0, 0, 1] == pytest.approx([0, 0, 1], abs=1e-6)
+
+
+def test_a_bright_ceiling_shows_which_side_of_empty_rooms_is_up():
+    room = without(two_rooms(), (0.5, 0.1, 0.02), (7.95, 4.9, 1.0))  # without furniture
+    room.sh[room.means[:, 2] > 2.6] = 1.2
+    for seed in range(3):
+        rotation = any_rotation(seed)
+        scene = align_scene("room.ply", moved(room, rotation, 1.0), "-y", scale=1.0)
+        assert (scene.rotation.T @ [0.0, 0.0, 1.0]) @ rotation[:, 2] > 0.999
+        assert not scene.doubts
+
+
+def test_lintels_of_many_doors_do_not_turn_a_room_upside_down():
+    lintels = [rectangle((x, 1.0, 2.0), (0, 3.0, 0), (0, 0, 0.69), 0.03) for x in np.arange(0.3, 3.8, 0.2)]
+    for seed in range(3):
+        rotation = any_rotation(seed)
+        house = moved(joined(two_rooms(), *lintels), rotation, 1.0)
+        scene = align_scene("room.ply", house, "-y", scale=1.0)
+        assert (scene.rotation.T @ [0.0, 0.0, 1.0]) @ rotation[:, 2] > 0.999
 
 
 def test_the_user_can_name_the_up_axis():
