@@ -93,7 +93,12 @@ def align_scene(
             notes.append(
                 f"The rooms are {height:.2f} units high, so a unit is taken as a meter (--scale changes that)."
             )
-        elif height is not None:
+        elif height is None:
+            doubts.append(
+                f"{name}: no ceiling shows the height of the rooms, so a unit is taken as a meter; if this is wrong, "
+                "import again with --scale and the meters per unit."
+            )
+        else:
             doubts.append(
                 f"{name}: the rooms are {height:.3g} units high, so its unit is unknown. A ceiling height of "
                 f"{CEILING_HEIGHT} m is assumed, which is uncertain by about 15 %; import again with --scale "

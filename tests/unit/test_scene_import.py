@@ -80,6 +80,13 @@ def test_rooms_of_usual_height_are_metric_and_others_get_a_suggestion():
     assert "--scale" in scene.doubts[0]
 
 
+def test_an_assumed_unit_is_said_if_no_ceiling_shows_the_scale():
+    room = without(two_rooms(), (2.0, -0.1, 2.6), (8.2, 5.1, 2.8))  # a quarter of the ceiling remains
+    scene = align_scene("room.ply", room, "-y", up="z")
+    assert scene.scale == 1.0 and not scene.scale_known
+    assert any("--scale" in doubt and "meter" in doubt for doubt in scene.doubts)
+
+
 def test_places_are_on_free_floor_inside():
     terrace = rectangle((8.2, 0, 0), (6, 0, 0), (0, 5, 0))
     scene = align_scene("room.ply", joined(two_rooms(), terrace), "-y", up="z")
@@ -89,6 +96,14 @@ def test_places_are_on_free_floor_inside():
     assert not ((x > 0.9) & (x < 2.3) & (y > 2.9) & (y < 3.9)).any()  # the table
     assert not ((x > 6.4) & (y < 2.3)).any()  # the bed
     assert (x < 4).any() and (x > 4.1).any()
+
+
+def test_floor_under_a_ceiling_that_is_hardly_shown_is_known_if_walls_enclose_it():
+    room = without(two_rooms(), (1.5, -0.1, 2.6), (8.2, 5.1, 2.8))  # a fifth of the ceiling remains
+    scene = align_scene("room.ply", joined(room, rectangle((8.2, 0, 0), (6, 0, 0), (0, 5, 0))), "-y", up="z", scale=1.0)
+    (level,) = scene.storeys.levels
+    assert level.area == pytest.approx(8.1 * 5, rel=0.1)
+    assert level.places[:, 0].max() < 7.9 and (level.places[:, 0] > 4.1).any()
 
 
 def test_every_stacked_storey_and_its_stair_are_found():
@@ -102,6 +117,19 @@ def test_every_stacked_storey_and_its_stair_are_found():
     steps = path[(path[:, 2] > 0.3) & (path[:, 2] < 2.6)]
     assert len(steps) > 8 and (np.abs(steps[:, 0] - 4.85) < 0.4).all()  # within the width of the stair
     assert np.abs(steps[:, 2] - (steps[:, 1] - 0.8 + 0.13) * 3 / (16 * 0.26)).max() < 0.15
+
+
+@pytest.mark.parametrize("missing", [(0,), (7,)])
+def test_a_stair_is_found_across_treads_that_the_splats_do_not_show(missing):
+    house, tread, rise = stair_house(), 0.26, 3.0 / 16
+    for k in missing:
+        low = (4.2, 0.8 + k * tread - 0.01, k * rise + 0.05)
+        house = without(house, low, (5.5, 0.8 + (k + 1) * tread + 0.01, (k + 1) * rise + 0.03))
+    surface = points_of(house)
+    path = find_stairs(surface, *find_storeys(house, surface).levels)
+    assert len(path) and path[0, 2] < 0.1 and path[-1, 2] > 2.9
+    steps = path[(path[:, 2] > 0.8) & (path[:, 2] < 2.2)]
+    assert (np.abs(steps[:, 0] - 4.85) < 0.56).all()  # within the width of the stair
 
 
 def test_storeys_without_a_stair_are_not_joined():
