@@ -18,7 +18,8 @@ from nvsim.splats.types import Gaussians
 
 _LINKS = ((0.24, 0.25, 0.1), (0.45, 0.5, 0.15), (0.5, 0.8, 0.2))
 """Meters that one step climbs, and between surfaces that it connects, seen from above, at most; and side of the cells
-in which points are one surface. Later rows cross treads that the splats do not show. They are used if the earlier fail."""
+in which points are one surface. Later rows cross treads that the splats do not show, and are used if the earlier fail.
+"""
 _OFF_FLOOR, _SHARE = 0.3, 0.7  # treads are more meters above the lower floor, and below this share of the rise
 _AROUND = 2.0  # meters around treads in which the floors belong to the search
 _LANDING = 0.7  # meters of floor before and behind the stairs that belong to the path

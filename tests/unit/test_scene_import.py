@@ -156,7 +156,11 @@ def _far() -> Gaussians:
     return replace(room, means=room.means + np.float32(1e5))
 
 
-@pytest.mark.parametrize("scene", [_tiny_box, _garden, _walls_only, _far])
+def _without_floor() -> Gaussians:
+    return without(two_rooms(), (-1, -1, -0.05), (9, 6, 0.05))  # the bed is the largest level surface to stand on
+
+
+@pytest.mark.parametrize("scene", [_tiny_box, _garden, _walls_only, _far, _without_floor, Gaussians.empty])
 def test_scenes_that_are_no_interior_are_refused_with_one_sentence(scene):
     with pytest.raises(InputError, match=r"^room\.ply ") as raised:
         align_scene("room.ply", scene(), "-y", up="z", scale=1.0)
