@@ -32,10 +32,11 @@ from nvsim.project.config import CaptureConfig, RunConfig
 from nvsim.project.project import Project
 from nvsim.project.stages.imported_splats import imported_storeys
 from nvsim.scene_import.parts import chosen
+from nvsim.splats.floor_mesh import floor_gaussians
 from nvsim.splats.formats.choice import SUFFIXES, Format, write_splats
 from nvsim.splats.turning import turned
-from nvsim.splats.types import Gaussians
-from tests.unit.splat_rooms import any_rotation, joined, two_rooms
+from nvsim.splats.types import Gaussians, joined
+from tests.unit.splat_rooms import any_rotation, two_rooms
 
 SCALE = 0.37
 
@@ -49,7 +50,9 @@ def one_splat(project: Project) -> Gaussians:
     owner = np.repeat([s.index for s in submaps], [len(s.positions) for s in submaps])
     parts = []
     for submap in submaps:
-        model = scene.model(submap.index).baked()
+        submap_model = scene.model(submap.index)
+        model, floor = submap_model.baked(), floor_gaussians(submap_model)
+        model = model if floor is None else joined(model, floor)
         parts.append(chosen(model, owner[tree.query(model.means)[1]] == submap.index))
     return joined(*parts)
 
