@@ -109,6 +109,7 @@ def _evened(path: NDArray[np.float64]) -> NDArray[np.float64]:
 
 _OVERLAP = 2.0  # meters above and below a storey that belong to its model, for views of stairs
 _BESIDE = 6.0  # meters around a stair that belong to its model
+_NOSES = 0.1  # meters from the mean slope of a stair to the edges of its treads, which are no obstacles
 _OFF = 0.3  # meters from the height of a storey at which a place is on a stair
 
 
@@ -152,7 +153,7 @@ def divide(
             rows[k] += [i for i in own if places[i, 2] - height <= floors[k] + _OFF]
             rows[k + 1] += [i for i in own if places[i, 2] - height >= floors[k + 1] - _OFF]
             if steps:
-                slope = stair_floor(places[own], height)
+                slope = stair_floor(places[own], height - _NOSES)
                 near = _is_near(gaussians, stairs[k], floors[k] - _OVERLAP, floors[k + 1] + _OVERLAP)
                 parts.append(Part((k, k + 1), tuple(steps), slope, chosen(gaussians, near)))
     return tuple(

@@ -71,7 +71,7 @@ def floor_gaussians(model: SubmapModel) -> Gaussians | None:
     return Gaussians(
         np.column_stack([xy, model.floor.height_at(xy)]).astype(np.float32),
         np.tile(flat, (count, 1)),
-        np.tile(np.float32([1, 0, 0, 0]), (count, 1)),
+        np.tile(np.array([1, 0, 0, 0], np.float32), (count, 1)),
         np.full(count, 5.0, np.float32),
         sh,
     )
