@@ -31,6 +31,11 @@ _FLOOR, _BODY, _WALL = (-0.12, 0.08), (0.12, 1.5), (1.0, 1.9)  # slabs above the
 _COVERED, _BLOCKED = 0.5, 0.3
 _BRIDGED = 1.0  # meters: widest half hole in a ceiling, such as a skylight
 _ENCLOSED = 0.6  # share of directions in which a wall is, inside a building
+_ROOFED = 0.6  # share of enclosed floor with a ceiling above; with less, the splats do not show the ceilings
+_LEAST_FLOOR = (
+    0.2  # share of the area under ceilings and between walls that is floor; with less, it is a table or a bed
+)
+_ENCLOSED_ALONE = 0.85  # as _ENCLOSED, if the splats do not show the ceilings
 _SEEN = 20.0  # meters to such a wall
 _DIRECTIONS, _WALL_CELL = 24, 4  # cells of SPACING
 _ROOM = 1.0  # square meters of the smallest free area
@@ -205,7 +210,15 @@ def known_floor(
     cover, body, wall, ceiling = slab_cover(_chosen(gaussians, near), grid, floor, slabs)
     roofed = ndimage.binary_closing(np.pad(ceiling > _COVERED, 40), _disc(round(_BRIDGED / SPACING / 4)), iterations=4)
     known = ndimage.binary_closing(np.pad(cover > _COVERED, 40), _disc(3))[40:-40, 40:-40]
-    known &= roofed[40:-40, 40:-40] & (_enclosure(wall > _COVERED) >= _ENCLOSED)
+    enclosure, roofed = _enclosure(wall > _COVERED), roofed[40:-40, 40:-40]
+    inside = roofed & (enclosure >= _ENCLOSED)
+    if (known & inside).sum() < _LEAST_FLOOR * inside.sum():
+        known[:] = False
+    enclosed = known & (enclosure >= _ENCLOSED)
+    if (enclosed & roofed).sum() >= _ROOFED * enclosed.sum():
+        known = enclosed & roofed
+    else:
+        known &= enclosure >= _ENCLOSED_ALONE
     known = ndimage.binary_opening(known, _disc(2))
     return grid, known, known & (body < _BLOCKED)
 

@@ -16,9 +16,10 @@ from nvsim.scene_import.levels import Level, Storeys, standing_points
 from nvsim.scene_import.surface_points import SurfacePoints
 from nvsim.splats.types import Gaussians
 
-_STEP = 0.24  # meters that one step climbs, at most
-_STRIDE = 0.25  # meters between surfaces that a step connects, seen from above
-_CELL = (0.1, 0.1, 0.05)  # meters, in which points are one surface
+_LINKS = ((0.24, 0.25, 0.1), (0.45, 0.5, 0.15), (0.5, 0.8, 0.2))
+"""Meters that one step climbs, and between surfaces that it connects, seen from above, at most; and side of the cells
+in which points are one surface. Later rows cross treads that the splats do not show, and are used if the earlier fail.
+"""
 _OFF_FLOOR, _SHARE = 0.3, 0.7  # treads are more meters above the lower floor, and below this share of the rise
 _AROUND = 2.0  # meters around treads in which the floors belong to the search
 _LANDING = 0.7  # meters of floor before and behind the stairs that belong to the path
@@ -29,8 +30,6 @@ _NARROW = 8.0  # cost of a path at the edge of the treads, relative to its middl
 
 def find_stairs(surface: SurfacePoints, lower: Level, upper: Level) -> NDArray[np.float64]:
     """(N, 3) meters: floor places along the stairs from the lower to the upper storey; (0, 3) if there are none."""
-    from scipy.sparse import coo_matrix
-    from scipy.sparse.csgraph import dijkstra
     from scipy.spatial import cKDTree
 
     none = np.zeros((0, 3))
@@ -42,21 +41,37 @@ def find_stairs(surface: SurfacePoints, lower: Level, upper: Level) -> NDArray[n
         return none
     near, _ = cKDTree(points[between][:, :2]).query(points[:, :2], distance_upper_bound=_AROUND)
     points = points[near < _AROUND]
-    cells = np.floor(points / _CELL).astype(np.int64)
+    for step, stride, cell in _LINKS:
+        path = _climb(points, lower, upper, top, np.array([stride, stride, step]), cell)
+        if len(path):
+            return path
+    return none
+
+
+def _climb(
+    points: NDArray[np.float64], lower: Level, upper: Level, top: float, link: NDArray[np.float64], cell: float
+) -> NDArray[np.float64]:
+    """(N, 3) the path over `points` (N, 3) from the lower to the upper storey, whose links are at most as long as
+    `link` (3,) along each axis; (0, 3) if there is none. Treads are below `top`. All in meters."""
+    from scipy.sparse import coo_matrix
+    from scipy.sparse.csgraph import dijkstra
+    from scipy.spatial import cKDTree
+
+    none = np.zeros((0, 3))
+    cells = np.floor(points / (cell, cell, cell / 2)).astype(np.int64)
     _, first = np.unique(cells, axis=0, return_index=True)
     nodes = points[np.sort(first)]
-    pairs = cKDTree(nodes / (_STRIDE, _STRIDE, _STEP)).query_pairs(1.0, p=np.inf, output_type="ndarray")
-    if not len(pairs):
+    treads = (nodes[:, 2] > lower.height + _OFF_FLOOR) & (nodes[:, 2] < top)
+    pairs = cKDTree(nodes / link).query_pairs(1.0, p=np.inf, output_type="ndarray")
+    if not len(pairs) or not treads.any():
         return none
     apart = np.linalg.norm(np.diff(nodes[pairs], axis=1)[:, 0], axis=1)
-    wide = nodes / (2 * _STRIDE, 2 * _STRIDE, 2 * _STEP)
+    apart *= np.maximum(1.0, apart / _LINKS[0][1])  # over many treads rather than across a gap
+    wide = nodes / (2 * link)
     around = cKDTree(wide).query_ball_point(wide, 1.0, p=np.inf, return_length=True).astype(np.float64)
     around /= np.percentile(around, 90)
     cost = apart * (1 + _NARROW * np.clip(1 - around[pairs].min(axis=1), 0, 1))
     graph = coo_matrix((cost, (pairs[:, 0], pairs[:, 1])), shape=(len(nodes), len(nodes))).tocsr()
-    treads = (nodes[:, 2] > lower.height + _OFF_FLOOR) & (nodes[:, 2] < top)
-    if not treads.any():
-        return none
     off, _ = cKDTree(nodes[treads][:, :2]).query(nodes[:, :2])
     starts, ends = (
         np.flatnonzero((np.abs(nodes[:, 2] - level.height) < 0.1) & (off > _LANDING) & _is_free(level, nodes))
@@ -94,6 +109,7 @@ def _evened(path: NDArray[np.float64]) -> NDArray[np.float64]:
 
 _OVERLAP = 2.0  # meters above and below a storey that belong to its model, for views of stairs
 _BESIDE = 6.0  # meters around a stair that belong to its model
+_NOSES = 0.1  # meters from the mean slope of a stair to the edges of its treads, which are no obstacles
 _OFF = 0.3  # meters from the height of a storey at which a place is on a stair
 
 
@@ -137,7 +153,7 @@ def divide(
             rows[k] += [i for i in own if places[i, 2] - height <= floors[k] + _OFF]
             rows[k + 1] += [i for i in own if places[i, 2] - height >= floors[k + 1] - _OFF]
             if steps:
-                slope = stair_floor(places[own], height)
+                slope = stair_floor(places[own], height - _NOSES)
                 near = _is_near(gaussians, stairs[k], floors[k] - _OVERLAP, floors[k + 1] + _OVERLAP)
                 parts.append(Part((k, k + 1), tuple(steps), slope, chosen(gaussians, near)))
     return tuple(

@@ -21,12 +21,14 @@ _METRIC = (2.1, 4.6)  # units: rooms this high have meters as unit
 _CELLS = 250  # along the longest side of a scene, for the up direction
 _CELL = 0.05  # meters, for the storeys
 _COARSE = 5000  # a coordinate must be finer than the extent of the scene by this factor
+_LEAST = 500  # Gaussians of a building
 _MISSING = {
     "floor": "has no floor: no horizontal surface has room to stand above; choose a splat of the inside of a building"
     ", or name its up axis with --up",
     "ceiling": "has no ceiling above its floor, so it shows an object or the outside of a building; NVSim needs the "
     "inside of a building. Name its up axis with --up if it is upside down",
-    "room": "has no free floor that walls enclose; NVSim needs the inside of a building with room to stand",
+    "room": "has no free floor that walls enclose and a ceiling covers; NVSim needs the inside of a building with room "
+    "to stand",
 }
 
 
@@ -72,6 +74,11 @@ def align_scene(
     """
     if scale is not None and not (np.isfinite(scale) and 0 < scale < 1e6):
         raise InputError(f"--scale {scale:g} is not a positive number of meters; give one like 1.2.")
+    if len(gaussians) < _LEAST:
+        raise InputError(
+            f"{name} has {len(gaussians)} Gaussians, which are too few for a building; choose a splat of the inside of "
+            "a building."
+        )
     low, high = core_of(gaussians.means)
     _refuse_far(name, low, high)
     surface = surface_points(gaussians, float((high - low).max()) / _CELLS)
@@ -93,7 +100,12 @@ def align_scene(
             notes.append(
                 f"The rooms are {height:.2f} units high, so a unit is taken as a meter (--scale changes that)."
             )
-        elif height is not None:
+        elif height is None:
+            doubts.append(
+                f"{name}: no ceiling shows the height of the rooms, so a unit is taken as a meter; if this is wrong, "
+                "import again with --scale and the meters per unit."
+            )
+        else:
             doubts.append(
                 f"{name}: the rooms are {height:.3g} units high, so its unit is unknown. A ceiling height of "
                 f"{CEILING_HEIGHT} m is assumed, which is uncertain by about 15 %; import again with --scale "

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from nvsim.geometry.rotation import matrix_from_quaternion
+from nvsim.splats.harmonics import DC
 from nvsim.splats.types import Gaussians
 
 COUNT = 600_000
@@ -21,11 +22,13 @@ class SurfacePoints:
     """points   (N, 3) float64, in the unit of the Gaussians, at most one per cell
     normals  (N, 3) float64 unit vectors of either sign; 0 for Gaussians that are not flat
     cell     side of the cells, in the unit of the Gaussians
+    bright   (N,) float32 mean of red, green, and blue, 0 is black and 1 is white
     """
 
     points: NDArray[np.float64]
     normals: NDArray[np.float64]
     cell: float
+    bright: NDArray[np.float32]
 
 
 def core_of(means: NDArray[np.floating]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
@@ -47,7 +50,7 @@ def surface_points(gaussians: Gaussians, cell: float, count: int = COUNT) -> Sur
     used &= ((g.means > low) & (g.means < high)).all(axis=1)
     rows = np.flatnonzero(used)
     if not len(rows):
-        return SurfacePoints(np.zeros((0, 3)), np.zeros((0, 3)), cell)
+        return SurfacePoints(np.zeros((0, 3)), np.zeros((0, 3)), cell, np.zeros(0, np.float32))
     area = order[rows, 2] * np.maximum(order[rows, 1], 0.1 * order[rows, 2]) + (0.3 * cell) ** 2
     ends = np.cumsum(area)
     steps = (np.arange(count) + random.random(count)) * (ends[-1] / count)
@@ -60,4 +63,5 @@ def surface_points(gaussians: Gaussians, cell: float, count: int = COUNT) -> Sur
     normals[order[rows, 0] > _FLAT * order[rows, 1]] = 0.0
     keys = np.floor((points - low) / cell).astype(np.int64)
     first = np.sort(np.unique(keys @ np.array([1, 1 << 20, 1 << 40]), return_index=True)[1])
-    return SurfacePoints(points[first], normals[first], cell)
+    bright = np.clip(0.5 + DC * g.sh[rows[first], 0].mean(axis=1), 0, 1)
+    return SurfacePoints(points[first], normals[first], cell, bright.astype(np.float32))

@@ -1,5 +1,5 @@
-"""Find the up direction of a scene from its horizontal surfaces: floors and ceilings are the largest planes, and
-tables, beds and seats are nearer to the floor than to the ceiling."""
+"""Find the up direction of a scene from its horizontal surfaces: floors and ceilings are the largest planes. Tables,
+beds and seats are nearer to the floor than to the ceiling, and ceilings are usually brighter than floors."""
 
 from __future__ import annotations
 
@@ -16,11 +16,14 @@ _APART = np.cos(np.radians(30.0))  # between candidates
 _DIRECTIONS = 1500
 _GIVEN = np.cos(np.radians(20.0))  # largest angle between a given axis and the up direction
 _SNAP = 0.5  # degrees from an axis of the file within which the axis is used
-_BAND = (0.06, 0.47)  # of the height of a storey: tables, beds and seats are there, rarely anything below a ceiling
+_BAND = (0.1, 0.45)  # of the height of a storey: tables, beds and seats are there, rarely anything below a ceiling
+_PLANE = 0.04  # of the height of a storey: largest distance of the points of its floor and ceiling
 _HEIGHTS, _WALL = 16, 8  # heights of a column; number of full ones that make it a wall
 _LARGE, _STOREY = 0.3, 0.6  # share of the largest plane, and of the largest gap between planes
 _FEW = 100  # points that make a plane
-_SURE = 1.4  # ratio of surfaces near the floor to those near the ceiling that decides the sign
+_RATIO = 1.4  # of the surfaces near the floor to those near the ceiling that decides the sign
+_BRIGHTER = 0.12  # difference of brightness between ceiling and floor that decides the sign
+_FLAT_ON_TOP = np.cos(np.radians(25.0))  # least share of the up direction in the normals of furniture
 
 
 @dataclass(frozen=True)
@@ -53,9 +56,9 @@ def find_up(
     up, share = refined[best], planes[best].score
     if given is not None:
         return UpDirection(_snapped(up), True, share)
-    ratio = planes[best].furniture_ratio()
-    sure = ratio > _SURE or ratio < 1 / _SURE
-    sign = 1.0 if ratio > _SURE else -1.0 if sure else (1.0 if up @ convention >= 0 else -1.0)
+    evidence = planes[best].evidence_of_up(surface, up)
+    sure = abs(evidence) > 1.0
+    sign = np.sign(evidence if sure else up @ convention) or 1.0
     return UpDirection(_snapped(sign * up), sure, share)
 
 
@@ -129,17 +132,29 @@ class _Planes:
                 levels.append(z)
         return sorted(levels)
 
-    def furniture_ratio(self) -> float:
-        """How much more is in the lower half of the storeys than in the upper half, if the axis points up."""
+    def evidence_of_up(self, surface: SurfacePoints, axis: NDArray[np.float64]) -> float:
+        """How surely the axis points up: above 1 surely, below -1 surely down. It is the sum of two measures:
+        horizontal surfaces in the lower half of the storeys, relative to the upper half, and the brightness of the
+        ceilings, relative to the floors. Walls do not count, because lintels of doors are below the ceiling."""
         levels = self.levels()
         gaps = np.diff(levels)
-        below = above = 0.005 * len(self.heights)  # points that noise may add
+        level = (np.abs(surface.normals @ axis) > _FLAT_ON_TOP)[self.open]
+        bright, flat = surface.bright[self.open], self.heights[level]
+        below = above = 0.0005 * self.total  # points that noise may add
+        floors, ceilings = list[NDArray[np.float32]](), list[NDArray[np.float32]]()
         for floor, gap in zip(levels[:-1], gaps, strict=True):
             if gap >= _STOREY * gaps.max():
-                at = (self.heights - floor) / gap
+                at = (flat - floor) / gap
                 below += float(((at > _BAND[0]) & (at < _BAND[1])).sum())
                 above += float(((at > 1 - _BAND[1]) & (at < 1 - _BAND[0])).sum())
-        return below / above
+                at = (self.heights - floor) / gap
+                near = max(_PLANE, self.size / gap)
+                floors.append(bright[np.abs(at) < near])
+                ceilings.append(bright[np.abs(at - 1) < near])
+        if not floors:
+            return 0.0
+        brighter = float(np.concatenate(ceilings).mean() - np.concatenate(floors).mean())
+        return float(np.log(below / above) / np.log(_RATIO)) + brighter / _BRIGHTER
 
 
 def _candidates(normals: NDArray[np.float64]) -> list[NDArray[np.float64]]:

@@ -1,5 +1,5 @@
-"""Export the floor of a submap model as a textured mesh for programs without a background model. The color that a
-person nearby would see at each point is baked into the texture."""
+"""Export the floor of a submap model as a textured mesh, or as Gaussians, for programs without a background model. The
+color that a person nearby would see at each point is baked."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from nvsim.geometry.floor_surface import FloorSurface
 from nvsim.splats import harmonics
-from nvsim.splats.types import SubmapModel
+from nvsim.splats.types import Gaussians, SubmapModel
 
 EYE_HEIGHT = 1.5
 """Height in meters above the floor of the eyes for which colors are baked..."""
@@ -23,6 +23,9 @@ SHADE_SPACING = 0.5
 """Meters between the points at which the background network is evaluated. Colors between them are interpolated."""
 LARGEST_CELL = 0.5
 """Meters: largest side of the mesh's rectangles if the floor is not flat."""
+
+GAUSSIAN_SPACING = 0.05
+"""Meters between the Gaussians of a floor."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -49,6 +52,29 @@ def floor_mesh(model: SubmapModel) -> FloorMesh | None:
     low, high = np.array(model.texture.low), np.array(model.texture.high)
     vertices, uvs, triangles = _surface(model.floor, low, high)
     return FloorMesh(vertices, uvs, triangles, _picture(model, low, high))
+
+
+def floor_gaussians(model: SubmapModel) -> Gaussians | None:
+    """The known floor below the texture of `model` as flat opaque Gaussians in world x, y, z up, meters, with as many
+    coefficients of color as those of the model. None if the model has no texture."""
+    if model.texture is None or not model.texture.levels:
+        return None
+    low, high = np.array(model.texture.low), np.array(model.texture.high)
+    columns, rows = np.maximum(np.round((high - low) / GAUSSIAN_SPACING).astype(np.int64), 1)
+    image = cv2.resize(_picture(model, low, high), (int(columns), int(rows)), interpolation=cv2.INTER_AREA)
+    row, column = np.nonzero(image[..., 3] > 127)
+    xy = low + (np.stack([column, row], axis=1) + 0.5) * (high - low) / (columns, rows)
+    count = len(xy)
+    sh = np.zeros((count, model.gaussians.sh.shape[1], 3), np.float32)
+    sh[:, 0] = (image[row, column, :3] / 255 - 0.5) / harmonics.DC
+    flat = np.log([0.6 * GAUSSIAN_SPACING, 0.6 * GAUSSIAN_SPACING, 0.002]).astype(np.float32)
+    return Gaussians(
+        np.column_stack([xy, model.floor.height_at(xy)]).astype(np.float32),
+        np.tile(flat, (count, 1)),
+        np.tile(np.array([1, 0, 0, 0], np.float32), (count, 1)),
+        np.full(count, 5.0, np.float32),
+        sh,
+    )
 
 
 def _surface(

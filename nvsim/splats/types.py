@@ -9,7 +9,7 @@ training camera.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field, fields, replace
 from typing import Protocol
 
 import numpy as np
@@ -95,6 +95,12 @@ class Gaussians:
             return np.zeros(shape, np.float32)
 
         return Gaussians(zeros(0, 3), zeros(0, 3), zeros(0, 4), zeros(0), zeros(0, (sh_degree + 1) ** 2, 3))
+
+
+def joined(*parts: Gaussians) -> Gaussians:
+    """The Gaussians of all `parts`, which have equally many coefficients of color."""
+    names = [one.name for one in fields(Gaussians)]
+    return Gaussians(*(np.concatenate([getattr(part, name) for part in parts]) for name in names))
 
 
 @dataclass(eq=False)

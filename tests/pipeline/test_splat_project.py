@@ -13,7 +13,7 @@ from nvsim.project.project import Project
 from nvsim.splats.formats.choice import read_splats, write_splats
 from nvsim_app.state.loading import ProjectReader
 from nvsim_app.state.reasons import enabled
-from tests.unit.splat_rooms import any_rotation, moved, rectangle, two_rooms
+from tests.unit.splat_rooms import any_rotation, moved, rectangle, stair_house, two_rooms
 
 SCALE = 1.7
 
@@ -49,6 +49,17 @@ def test_the_graph_joins_both_rooms_and_avoids_furniture(project: Path) -> None:
         assert not ((line[:, 0] > 0.9) & (line[:, 0] < 2.3) & (line[:, 1] > 2.9) & (line[:, 1] < 3.9)).any()
         through = line[np.abs(line[:, 0] - 4.05) < 0.1]
         assert ((through[:, 1] > 2.2) & (through[:, 1] < 2.8)).all()  # only through the doorway
+
+
+def test_viewpoints_on_a_stair_are_joined(tmp_path: Path) -> None:
+    write_splats(tmp_path / "house.ply", stair_house(), False, "ply")
+    house = tmp_path / "house.nvsim"
+    assert main(["run", str(tmp_path / "house.ply"), "--project", str(house), "--scale", "1"]) == 0
+    with Project.open(house) as opened:
+        graph = opened.need_graph()
+    heights = {id: v.position[2] for id, v in graph.viewpoints.items()}
+    assert any(abs(z - 1.5) < 0.05 for z in heights.values()) and any(abs(z - 4.5) < 0.05 for z in heights.values())
+    assert max(abs(heights[a] - heights[b]) for a, b in graph.edges) > 1.0
 
 
 def test_a_second_run_finds_everything_up_to_date(project: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -7,7 +7,7 @@ from functools import cache
 
 import numpy as np
 import pytest
-from splat_rooms import any_rotation, box, joined, moved, rectangle, stair_house, table, two_rooms
+from splat_rooms import any_rotation, box, joined, moved, rectangle, stair_house, table, two_rooms, without
 
 from nvsim.errors import InputError
 from nvsim.scene_import.cleaning import floaters, outside
@@ -48,6 +48,25 @@ def test_a_scene_that_is_upside_down_for_its_format_is_turned_by_its_furniture()
     assert scene.rotation @ [0, 0, 1] == pytest.approx([0, 0, 1], abs=1e-6)
 
 
+def test_a_bright_ceiling_shows_which_side_of_empty_rooms_is_up():
+    room = without(two_rooms(), (0.5, 0.1, 0.02), (7.95, 4.9, 1.0))  # without furniture
+    room.sh[room.means[:, 2] > 2.6] = 1.2
+    for seed in range(3):
+        rotation = any_rotation(seed)
+        scene = align_scene("room.ply", moved(room, rotation, 1.0), "-y", scale=1.0)
+        assert (scene.rotation.T @ [0.0, 0.0, 1.0]) @ rotation[:, 2] > 0.999
+        assert not scene.doubts
+
+
+def test_lintels_of_many_doors_do_not_turn_a_room_upside_down():
+    lintels = [rectangle((x, 1.0, 2.0), (0, 3.0, 0), (0, 0, 0.69), 0.03) for x in np.arange(0.3, 3.8, 0.2)]
+    for seed in range(3):
+        rotation = any_rotation(seed)
+        house = moved(joined(two_rooms(), *lintels), rotation, 1.0)
+        scene = align_scene("room.ply", house, "-y", scale=1.0)
+        assert (scene.rotation.T @ [0.0, 0.0, 1.0]) @ rotation[:, 2] > 0.999
+
+
 def test_the_user_can_name_the_up_axis():
     scene = align_scene("room.ply", two_rooms(), "-y", up="-z")
     assert scene.rotation @ [0, 0, -1] == pytest.approx([0, 0, 1], abs=1e-6)
@@ -61,6 +80,13 @@ def test_rooms_of_usual_height_are_metric_and_others_get_a_suggestion():
     assert "--scale" in scene.doubts[0]
 
 
+def test_an_assumed_unit_is_said_if_no_ceiling_shows_the_scale():
+    room = without(two_rooms(), (2.0, -0.1, 2.6), (8.2, 5.1, 2.8))  # a quarter of the ceiling remains
+    scene = align_scene("room.ply", room, "-y", up="z")
+    assert scene.scale == 1.0 and not scene.scale_known
+    assert any("--scale" in doubt and "meter" in doubt for doubt in scene.doubts)
+
+
 def test_places_are_on_free_floor_inside():
     terrace = rectangle((8.2, 0, 0), (6, 0, 0), (0, 5, 0))
     scene = align_scene("room.ply", joined(two_rooms(), terrace), "-y", up="z")
@@ -70,6 +96,14 @@ def test_places_are_on_free_floor_inside():
     assert not ((x > 0.9) & (x < 2.3) & (y > 2.9) & (y < 3.9)).any()  # the table
     assert not ((x > 6.4) & (y < 2.3)).any()  # the bed
     assert (x < 4).any() and (x > 4.1).any()
+
+
+def test_floor_under_a_ceiling_that_is_hardly_shown_is_known_if_walls_enclose_it():
+    room = without(two_rooms(), (1.5, -0.1, 2.6), (8.2, 5.1, 2.8))  # a fifth of the ceiling remains
+    scene = align_scene("room.ply", joined(room, rectangle((8.2, 0, 0), (6, 0, 0), (0, 5, 0))), "-y", up="z", scale=1.0)
+    (level,) = scene.storeys.levels
+    assert level.area == pytest.approx(8.1 * 5, rel=0.1)
+    assert level.places[:, 0].max() < 7.9 and (level.places[:, 0] > 4.1).any()
 
 
 def test_every_stacked_storey_and_its_stair_are_found():
@@ -83,6 +117,19 @@ def test_every_stacked_storey_and_its_stair_are_found():
     steps = path[(path[:, 2] > 0.3) & (path[:, 2] < 2.6)]
     assert len(steps) > 8 and (np.abs(steps[:, 0] - 4.85) < 0.4).all()  # within the width of the stair
     assert np.abs(steps[:, 2] - (steps[:, 1] - 0.8 + 0.13) * 3 / (16 * 0.26)).max() < 0.15
+
+
+@pytest.mark.parametrize("missing", [(0,), (7,)])
+def test_a_stair_is_found_across_treads_that_the_splats_do_not_show(missing):
+    house, tread, rise = stair_house(), 0.26, 3.0 / 16
+    for k in missing:
+        low = (4.2, 0.8 + k * tread - 0.01, k * rise + 0.05)
+        house = without(house, low, (5.5, 0.8 + (k + 1) * tread + 0.01, (k + 1) * rise + 0.03))
+    surface = points_of(house)
+    path = find_stairs(surface, *find_storeys(house, surface).levels)
+    assert len(path) and path[0, 2] < 0.1 and path[-1, 2] > 2.9
+    steps = path[(path[:, 2] > 0.8) & (path[:, 2] < 2.2)]
+    assert (np.abs(steps[:, 0] - 4.85) < 0.56).all()  # within the width of the stair
 
 
 def test_storeys_without_a_stair_are_not_joined():
@@ -109,7 +156,11 @@ def _far() -> Gaussians:
     return replace(room, means=room.means + np.float32(1e5))
 
 
-@pytest.mark.parametrize("scene", [_tiny_box, _garden, _walls_only, _far])
+def _without_floor() -> Gaussians:
+    return without(two_rooms(), (-1, -1, -0.05), (9, 6, 0.05))  # the bed is the largest level surface to stand on
+
+
+@pytest.mark.parametrize("scene", [_tiny_box, _garden, _walls_only, _far, _without_floor, Gaussians.empty])
 def test_scenes_that_are_no_interior_are_refused_with_one_sentence(scene):
     with pytest.raises(InputError, match=r"^room\.ply ") as raised:
         align_scene("room.ply", scene(), "-y", up="z", scale=1.0)

@@ -15,7 +15,7 @@ from nvsim.geometry.camera import Camera
 from nvsim.geometry.floor_surface import FloorSurface
 from nvsim.geometry.rotation import matrix_from_quaternion, quaternion_from_matrix
 from nvsim.render.model import render_gaussians
-from nvsim.splats.floor_mesh import floor_mesh
+from nvsim.splats.floor_mesh import floor_gaussians, floor_mesh
 from nvsim.splats.formats.glb import write_glb
 from nvsim.splats.formats.gsply_formats import flipped
 from nvsim.splats.turning import turned
@@ -92,8 +92,28 @@ def test_the_picture_is_what_the_renderer_paints_on_the_floor():
         assert texel[3] == (0 if (x, y) == (1.0, -1.0) else 255)
 
 
+def test_gaussians_of_the_floor_are_on_its_known_part_in_its_colors():
+    model = ramp_model()
+    found = floor_gaussians(model)
+    x, y, z = found.means.T
+    assert len(found) == pytest.approx(12.0 / 0.05**2, rel=0.01)  # three of four quarters are known
+    assert not ((x > 0) & (y < 0)).any()
+    np.testing.assert_allclose(z, model.floor.height_at(found.means[:, :2]), atol=1e-6)
+    seen = render_gaussians(found, Camera(CAMERA.intrinsics, looking_down())).rgb
+    painted = render_background(model, Camera(CAMERA.intrinsics, looking_down()))
+    for row, column in ((18, 30), (18, 66), (54, 30)):
+        np.testing.assert_allclose(seen[row, column], painted[row, column], atol=0.06)
+
+
+def looking_down():
+    pose = np.eye(4)
+    pose[:3, :3], pose[:3, 3] = np.diag([1.0, -1.0, -1.0]), (0.0, 0.0, 2.5)  # north up
+    return pose
+
+
 def test_a_model_without_texture_has_no_surface():
-    assert floor_mesh(SubmapModel(Gaussians.empty(), None, None, FloorSurface.flat(0.0))) is None
+    bare = SubmapModel(Gaussians.empty(), None, None, FloorSurface.flat(0.0))
+    assert floor_mesh(bare) is None and floor_gaussians(bare) is None
 
 
 def test_the_file_is_glb_as_its_specification_says(tmp_path):

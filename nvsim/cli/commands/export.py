@@ -259,6 +259,9 @@ class ExportSplats(ProjectArguments):
     """ply: exact, for every viewer. compressed-ply: SuperSplat's, at most a quarter of the size. spz: a tenth."""
     frame: Literal["aligned", "capture"] = "aligned"
     """The frame of the coordinates: the aligned frame (upright and metric), or the capture's own."""
+    floor: Literal["mesh", "gaussians"] = "mesh"
+    """mesh: the floor as a glTF file beside the splats. gaussians: the floor as flat Gaussians in the splat file, for
+    viewers without meshes."""
 
     def run(self) -> int:
 
@@ -266,7 +269,7 @@ class ExportSplats(ProjectArguments):
         from nvsim.project.stages.exported import export_splats
 
         with Project.open(self.project) as project, listening(False) as listen:
-            written = export_splats(project, self.out, self.format, self.submaps, self.frame, listen)
+            written = export_splats(project, self.out, self.format, self.submaps, self.frame, listen, self.floor)
         if self.json:
             say(as_json({"written": [str(p) for p in written]}))
         else:

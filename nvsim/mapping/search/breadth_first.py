@@ -45,10 +45,10 @@ class Search:
     def start(self, position: NDArray[np.floating]) -> bool:
         """Add a viewpoint on the trajectory at `position` (3,), meters, and join it to those around it. Returns False
         if there is no room, if a viewpoint is there already, or if the graph is full."""
-        id = self.draft.id_at(position)
+        viewpoint = self._survey.viewpoint(position, "start")
+        id = viewpoint.id  # near a stair, its storey may differ from that of `position`
         if id in self.draft.viewpoints or id in self._refused or self._is_full():
             return False
-        viewpoint = self._survey.viewpoint(position, "start")
         self._lattice.begin(id, viewpoint.position[:2])
         around = self._survey.around(viewpoint)
         if self._config.standing and not can_stand(around, self._config):

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 
@@ -15,10 +15,11 @@ from nvsim.files import atomic
 from nvsim.project.occupancy_maps import occupancy_of
 from nvsim.project.project import Project
 from nvsim.project.work import lacks
-from nvsim.splats.floor_mesh import FloorMesh, floor_mesh
+from nvsim.splats.floor_mesh import FloorMesh, floor_gaussians, floor_mesh
 from nvsim.splats.formats.choice import SUFFIXES, Format, write_splats
 from nvsim.splats.formats.glb import write_glb
 from nvsim.splats.turning import turned
+from nvsim.splats.types import joined
 
 
 def export_r2r(project: Project, out: Path, scan: str | None, frame: str, force: bool = False) -> Path:
@@ -57,6 +58,7 @@ def export_r2r(project: Project, out: Path, scan: str | None, frame: str, force:
 
 
 STAGE = "export"
+FloorForm = Literal["mesh", "gaussians"]
 
 
 def export_splats(
@@ -66,9 +68,10 @@ def export_splats(
     only: tuple[int, ...] = (),
     frame: str = "aligned",
     listen: Listener = silent,
+    floor_as: FloorForm = "mesh",
 ) -> list[Path]:
     """Writes `submap_NNN` with the suffix of the format, `submap_NNN_floor.glb` if the model has a floor texture, and
-    splats.json. Returns the written paths.
+    splats.json. Returns the written paths. With `floor_as` "gaussians", the floor is in the splat file instead.
 
     If colors depend on the camera's position, the files have the colors as seen from the mean position of the submap's
     cameras. `frame` "capture" undoes the alignment, but not the origin of far coordinates. The 32-bit numbers of splat
@@ -96,7 +99,11 @@ def export_splats(
         former = project.is_former("train")
         places = submap.positions if former else capture.positions[list(submap.frames)]
         middle = np.mean(places, axis=0)
-        gaussians, mesh = model.gaussians_at(middle), floor_mesh(model)
+        gaussians, mesh = model.gaussians_at(middle), None
+        if floor_as == "mesh":
+            mesh = floor_mesh(model)
+        elif (known := floor_gaussians(model)) is not None:
+            gaussians = joined(gaussians, known)
         if moved:
             gaussians = turned(gaussians, back, shrink)
             mesh = None if mesh is None else _moved(mesh, back, shrink)

@@ -29,7 +29,7 @@ FORMAT = "splats"
 CAMERA_HEIGHT = 1.5
 """Meters of the viewpoints above the floor, if the user gives no height."""
 _HEIGHTS = (0.2, 2.0)
-_VERSION = 1  # increased when equal files give another result
+_VERSION = 2  # increased when equal files give another result
 
 
 def is_splats(source: Path) -> bool:
