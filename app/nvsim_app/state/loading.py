@@ -172,12 +172,14 @@ class ProjectReader:
 
     def __init__(self, path: Path) -> None:
         """Raises InputError if there is no project, or if a newer version of NVSim wrote it."""
+        from nvsim.project.jobs.joblist import JobList
         from nvsim.project.project import Project
 
         self._project: Project = Project.open(path)
+        self._jobs = JobList(path)
         self._contents = Contents(path, graph_file=ProjectGraph(path))
         self._stamps: dict[str, Hashable] = {}
-        self._revision: int | None = None
+        self._revision: Hashable = None
         self._child: Child | None = None
         self._interrupted = False
         self._live: dict[Path, tuple[tuple[int, int] | None, int]] = {}  # model file -> its time stamp and step
@@ -208,7 +210,7 @@ class ProjectReader:
         if growing is not self._contents.growing or poses is not self._contents.poses:
             self._contents = replace(self._contents, growing=growing, poses=poses)
             yield self._contents
-        revision = project.revision()
+        revision = project.revision(), self._jobs.stamp()  # some commands write files of the project alone
         if revision == self._revision and models == self._stamps.get("scene_stamp"):
             return
         self._revision = revision

@@ -122,6 +122,14 @@ class JobList:
             status = replace(status, state="foreign", message="")
         return Job(number, folder, order, status, ours)
 
+    def stamp(self) -> tuple[tuple[int, int], ...]:
+        """Changes when a job begins or ends: the numbers of the jobs, and the times at which their status changed."""
+        found = []
+        for number in self._numbers()[-_MOST_JOBS:]:
+            with contextlib.suppress(OSError):
+                found.append((number, os.lstat(self.folder / f"{number:06d}" / STATUS).st_mtime_ns))
+        return tuple(found)
+
     def _order(self, number: int, folder: Path) -> tuple[Order, bool]:
         """The order of a job and whether it is ours, read again only if the file has changed."""
         found = os.lstat(order_path(folder))
