@@ -20,7 +20,8 @@ for package in (nvsim, nvsim_app, nvsim_resources):
     assert "site-packages" in package.__file__, package.__file__
 files = [str(path) for path in importlib.metadata.files("nvsim")]
 assert all(path.startswith(("nvsim", "../../../bin/nvsim")) for path in files), files
-assert "nvsim_resources/models/moge-2.toml" in files and not any("docs/" in path for path in files), files
+assert "nvsim_resources/models/moge-2.toml" in files and "nvsim_resources/docs/window.md" in files, files
+assert all("docs/window" in path for path in files if "docs/" in path), files  # the help shows only this page
 from nvsim.building import BuildingConfig, generate
 generate(pathlib.Path("building"), BuildingConfig(size="small", width=160, height=120, step=0.8, turn=30.0))
 PYTHON
