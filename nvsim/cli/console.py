@@ -42,7 +42,7 @@ def command() -> tuple[str, tuple[str, ...]] | None:
     return (_verb, _arguments) if _verb else None
 
 
-def heard() -> bool:
+def forwards_events() -> bool:
     """Whether the events of this process go to another listener, see `heard_by`."""
     return _heard_by is not None
 

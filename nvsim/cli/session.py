@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 from nvsim.cli import console
 from nvsim.errors import InputError
 from nvsim.events import Event, Listener, Log
+from nvsim.files.atomic import as_input_error
 
 if TYPE_CHECKING:
     from nvsim.project.project import Project
@@ -36,7 +37,7 @@ def working(path: Path, verb: str, as_json: bool, create: bool = False) -> Itera
 @contextmanager
 def _recorded(project: Project, verb: str, listen: Listener) -> Iterator[Listener]:
     """Keeps the job folder of this command. The worker of a job of the window has one already."""
-    if console.heard():
+    if console.forwards_events():
         yield listen
         return
     from nvsim.project.jobs.files import EventWriter
@@ -49,7 +50,11 @@ def _recorded(project: Project, verb: str, listen: Listener) -> Iterator[Listene
     title, heavy = (f"nvsim {verb}", True) if row is None else (row.title, row.heavy)
     jobs = JobList(project.root)
     job = jobs.begin(Order(verb, arguments, title, heavy, time.time(), os.getcwd()))
-    with closing(EventWriter(job.events)) as record:
+    try:
+        record = EventWriter(job.events)
+    except OSError as error:
+        raise as_input_error(job.events, error) from error
+    with closing(record):
 
         def hear(event: Event) -> None:
             record(event)

@@ -32,9 +32,7 @@ _COVERED, _BLOCKED = 0.5, 0.3
 _BRIDGED = 1.0  # meters: widest half hole in a ceiling, such as a skylight
 _ENCLOSED = 0.6  # share of directions in which a wall is, inside a building
 _ROOFED = 0.6  # share of enclosed floor with a ceiling above; with less, the splats do not show the ceilings
-_LEAST_FLOOR = (
-    0.2  # share of the area under ceilings and between walls that is floor; with less, it is a table or a bed
-)
+_LEAST_FLOOR = 0.2  # share of the area under ceilings and between walls that a floor covers; tables and beds cover less
 _ENCLOSED_ALONE = 0.85  # as _ENCLOSED, if the splats do not show the ceilings
 _SEEN = 20.0  # meters to such a wall
 _DIRECTIONS, _WALL_CELL = 24, 4  # cells of SPACING

@@ -98,7 +98,7 @@ class Gaussians:
 
 
 def joined(*parts: Gaussians) -> Gaussians:
-    """The Gaussians of all `parts`, which have equally many coefficients of color."""
+    """The Gaussians of all `parts`, one after the other. All parts have equally many coefficients of color."""
     names = [one.name for one in fields(Gaussians)]
     return Gaussians(*(np.concatenate([getattr(part, name) for part in parts]) for name in names))
 

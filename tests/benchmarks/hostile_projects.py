@@ -63,7 +63,6 @@ def foreign_process(root: Path, bait: Bait) -> None:
         )
         (folder / "worker.lock").touch()
         (folder / "wish").write_text("cancel")
-    _sql(root / "project.db", f"INSERT INTO jobs VALUES (1, 'train', {bait.pid}, 'running', 1e9, 1e9, NULL, 1, 2, '')")
 
 
 def smuggling_history(root: Path, bait: Bait) -> None:
@@ -86,9 +85,8 @@ ENDLESS = "WITH RECURSIVE n(i) AS (SELECT 1 UNION ALL SELECT i + 1 FROM n) SELEC
 
 
 def views(root: Path, bait: Bait) -> None:
-    columns = "i AS id, '' AS stage, 1 AS pid, '' AS state, 0.0 AS started, 0.0 AS updated, 0.0 AS finished"
-    _sql(root / "project.db", "DROP TABLE jobs",
-         f"CREATE VIEW jobs AS {ENDLESS.format(columns + ', 0 AS done, 0 AS total, 0 AS message')}")  # fmt: skip
+    columns = "i AS name, 0.0 AS created, '' AS figures"
+    _sql(root / "project.db", "DROP TABLE results", f"CREATE VIEW results AS {ENDLESS.format(columns)}")
 
 
 def views_in_history(root: Path, bait: Bait) -> None:
@@ -97,7 +95,7 @@ def views_in_history(root: Path, bait: Bait) -> None:
 
 
 def triggers(root: Path, bait: Bait) -> None:
-    _sql(root / "project.db", "CREATE TRIGGER t AFTER INSERT ON jobs BEGIN DELETE FROM viewpoints; END")
+    _sql(root / "project.db", "CREATE TRIGGER t AFTER INSERT ON results BEGIN DELETE FROM viewpoints; END")
 
 
 def damaged_pages(root: Path, bait: Bait) -> None:
@@ -149,7 +147,7 @@ def markup(root: Path, bait: Bait) -> None:
     (folder / "messages.txt").write_text(text)
     _sql(root / "project.db", f"UPDATE viewpoints SET id = '{text}' WHERE seq = 0", "DELETE FROM edges",
          "DELETE FROM evidence", f"UPDATE viewpoints SET origin = '{text}'",
-         f"INSERT INTO jobs VALUES (9, '{text}', 1, 'failed', 1e9, 1e9, 1e9, 1, 2, '{text}')")  # fmt: skip
+         f"INSERT INTO results VALUES ('{text}', 1e9, '{text}')")  # fmt: skip
 
 
 def pipes(root: Path, bait: Bait) -> None:

@@ -2,8 +2,8 @@
 
 All data is in files. A job therefore continues after the window that ordered it closes, and a window that starts later
 finds it. `nvsim.cli.worker` runs each job of the window in a separate process, and a command in a terminal records
-itself as a job. Pausing and canceling send this process a signal. The
-process then stores its work in a checkpoint and releases its memory and the project's writer lock.
+itself as a job. Pausing and canceling send the process of the job a signal. The process then stores its work in a
+checkpoint and releases its memory and the project's writer lock.
 """
 
 from __future__ import annotations

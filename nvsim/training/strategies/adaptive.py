@@ -12,10 +12,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from nvsim.geometry.floor_surface import FloorSurface
-from nvsim.splats.types import Gaussians
+from nvsim.splats.types import Gaussians, joined
 from nvsim.training.strategies.capped import neediest
 from nvsim.training.strategies.config import DensifyConfig
-from nvsim.training.strategies.division import find_removable, joined, logit, split, taken
+from nvsim.training.strategies.division import find_removable, logit, split, taken
 from nvsim.training.strategies.types import Float32, Model, Refinement, mean_gradient
 
 

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from nvsim.geometry.floor_surface import FloorSurface
 from nvsim.geometry.rotation import matrix_from_quaternion
-from nvsim.splats.types import Gaussians
+from nvsim.splats.types import Gaussians, joined
 
 APART = 0.5
 """Distance of the halves of `divide` from the center, in standard deviations."""
@@ -21,12 +21,6 @@ def taken(gaussians: Gaussians, chosen: Indices) -> Gaussians:
     """Copies of the Gaussians `chosen` (D,)."""
     g = gaussians
     return Gaussians(g.means[chosen], g.log_scales[chosen], g.quats[chosen], g.opacity_logits[chosen], g.sh[chosen])
-
-
-def joined(first: Gaussians, second: Gaussians) -> Gaussians:
-    """The Gaussians of both, those of `first` before those of `second`."""
-    names = ("means", "log_scales", "quats", "opacity_logits", "sh")
-    return Gaussians(*(np.concatenate([getattr(first, n), getattr(second, n)]) for n in names))
 
 
 def logit(opacity: NDArray[np.floating]) -> NDArray[np.float32]:

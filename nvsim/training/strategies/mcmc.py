@@ -13,9 +13,9 @@ from scipy.special import comb
 
 from nvsim.geometry.floor_surface import FloorSurface
 from nvsim.geometry.rotation import matrix_from_quaternion
-from nvsim.splats.types import Gaussians
+from nvsim.splats.types import Gaussians, joined
 from nvsim.training.strategies.config import DensifyConfig
-from nvsim.training.strategies.division import find_removable, joined, logit, opacities, taken
+from nvsim.training.strategies.division import find_removable, logit, opacities, taken
 from nvsim.training.strategies.types import Model, Refinement
 
 GATE, STEEPNESS = 0.005, 100.0
