@@ -329,7 +329,7 @@ class JobQueue(QObject):
             handle.wish = None
             self.ended.emit(handle)
             if handle.job.order.folder and handle.state == "done":
-                self.begin_waiting()  # after a command in a terminal no worker does
+                self.begin_waiting()  # a command in a terminal starts no next job
 
     def _hear(self) -> JobHandle | None:
         """Reads some events of one job, running jobs first. Returns the job, None if there are no events."""
