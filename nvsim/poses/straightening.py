@@ -186,7 +186,7 @@ def _turn_next_to(
         turned, before = turned + rotation_angle(after @ before.T), after
         inside = [index[k] for k in (*group, *turn)]
         if (
-            turned < _ON_SPOT * abs(n - edge)
+            turned < _ON_SPOT * (abs(n - edge) - 1)  # a single step may be smaller
             or np.linalg.norm(center_of(model.images[n].cam_from_world()) - at) > _STILL
         ):
             break

@@ -1,9 +1,10 @@
 """Render a hand-held video of the built-in building with its true camera poses.
 
-python tests/benchmarks/hand_held.py FOLDER --scene corridor|house|loop|floors [--frames N] [--seed N]
+python tests/benchmarks/hand_held.py FOLDER --scene corridor|house|loop|floors|kitchen [--frames N] [--seed N]
     [--rounds N] [--people] [--readout SECONDS] [--size 640x480]
 
-`--rounds N` goes around the loop N times. With `--people`, a person walks in front of the camera for 8 of every 20
+The kitchen is filmed from the aisle around the block in its middle, looking down at the furniture; the floor is seldom
+in view. `--rounds N` goes around the loop or the kitchen N times. With `--people`, a person walks in front of the camera for 8 of every 20
 seconds. Writes FOLDER/video.mp4, FOLDER/truth/poses.txt (frame number, then the
 row-major camera-to-world matrix with OpenCV axes) and FOLDER/truth/camera.txt (a COLMAP camera). A pose belongs to the
 middle of the exposure of the middle row. Every pixel is the mean of rays spread over the pixel and the exposure, so
@@ -25,6 +26,7 @@ from gait import Motion, carry
 from harness import report
 from numba import njit, prange
 from numpy.typing import NDArray
+from rooms import KINDS, make_room
 
 from nvsim.building import BuildingConfig, baking
 from nvsim.building.baking import Painters, Textures, bake
@@ -50,7 +52,7 @@ _BRIGHT = 0.5  # target mean of the automatic exposure
 @dataclass(frozen=True)
 class Arguments:
     folder: tyro.conf.Positional[Path]
-    scene: Literal["corridor", "house", "loop", "floors"] = "corridor"
+    scene: Literal["corridor", "house", "loop", "floors", "kitchen"] = "corridor"
     frames: int | None = None
     seed: int = 3
     rounds: int = 1
@@ -98,6 +100,10 @@ def built(name: str, seed: int, rounds: int = 1) -> tuple[Scene, Textures]:
         if rounds > 1:
             start, *around, end = scene.plan.stops
             scene = replace(scene, path=climbed(path((start, *around * rounds, end)), None))
+    elif name == "kitchen":
+        scene = make_room(len(KINDS) * seed).scene
+        scene = replace(scene, path=around_the_middle(scene, rounds))
+        painters = Painters(face=detailed_face)
     else:
         scene = make_scene(BuildingConfig(seed=seed, size="small", people=False, storeys=2 if name == "floors" else 1))
         painters = Painters(face=detailed_face)
@@ -105,6 +111,20 @@ def built(name: str, seed: int, rounds: int = 1) -> tuple[Scene, Textures]:
             stops = scene.plan.stops
             scene = replace(scene, path=climbed(path((*stops, *stops[-2::-1])), None))  # forth and back
     return scene, bake(scene.storeys, list(scene.boxes), scene.solids, np.random.default_rng([seed, 2]), painters)
+
+
+def around_the_middle(scene: Scene, rounds: int) -> NDArray[np.float64]:
+    """(N, 5) the route of `scene` there and back, `rounds` times, as `carry` expects it. The camera looks down at the
+    middle of the room and, for a third of the way, at what stands along the walls."""
+    ring = scene.path[:, :2]
+    ring = np.concatenate([ring, ring[-2:0:-1]] * rounds)
+    along = np.append(0, np.cumsum(np.linalg.norm(np.diff(ring, axis=0), axis=1)))
+    at = np.arange(0, along[-1], 0.02)
+    x, y = (np.interp(at, along, ring[:, i]) for i in (0, 1))
+    middle = scene.plan.extent.centre
+    outward = np.clip(3 * np.sin(2 * np.pi * at / 9) - 1.5, 0, 1)
+    heading = np.unwrap(np.arctan2(middle[0] - x, middle[1] - y)) + np.pi * outward
+    return np.column_stack([x, y, heading, np.zeros(len(at)), np.full(len(at), np.radians(-28))])
 
 
 def write_truth(folder: Path, motion: Motion, lens: Intrinsics, count: int) -> None:

@@ -19,8 +19,9 @@ TIMES = np.arange(200.0)
 LEG, TURN = 26, 15  # images of a straight leg, and of a turn on the spot by a quarter
 
 
-def true_walk(legs: int = 2) -> dict[int, pycolmap.Rigid3d]:
-    """Straight legs with turns on the spot between them; the camera sways and looks a little down."""
+def true_walk(legs: int = 2, ease: float = 1.0) -> dict[int, pycolmap.Rigid3d]:
+    """Straight legs with turns on the spot between them; the camera sways and looks a little down. The turns begin
+    slowly if `ease` is above 1."""
     poses: dict[int, pycolmap.Rigid3d] = {}
     place, yaw = np.array([0.0, 0.0]), 0.0
     for leg in range(legs):
@@ -31,7 +32,7 @@ def true_walk(legs: int = 2) -> dict[int, pycolmap.Rigid3d]:
             height = HIGH * (1 + 0.01 * np.sin(2.1 * k))
             poses[len(poses) + 1] = pose(facing(ahead), np.array([*place, height]))
         for k in range(TURN if leg + 1 < legs else 0):
-            now = yaw + np.pi / 2 * (k + 1) / (TURN + 1)
+            now = yaw + np.pi / 2 * ((k + 1) / (TURN + 1)) ** ease
             poses[len(poses) + 1] = pose(facing(np.array([np.cos(now), np.sin(now), -0.35])), np.array([*place, HIGH]))
         yaw += np.pi / 2
     return poses
@@ -135,9 +136,9 @@ def test_pieces_are_one_only_if_the_building_is_the_same_on_both_sides(tmp_path:
     assert held_together(model, [before, after], tmp_path) == [before, after]
 
 
-def common_cloud(legs: int) -> pycolmap.Reconstruction:
+def common_cloud(legs: int, ease: float = 1.0) -> pycolmap.Reconstruction:
     """The true walk, with points that all of its images may see."""
-    true = true_walk(legs)
+    true = true_walk(legs, ease)
     rng = np.random.default_rng(1)
     points = np.concatenate([center_of(p) + rng.uniform(-5, 5, (60, 3)) for p in true.values()])
     shown, places = seen_from(true, points, 7.0)
@@ -168,8 +169,9 @@ def test_a_camera_that_comes_back_may_have_two_pieces_that_alternate(
         assert all(not {legs[0][3], legs[1][3]} <= set(piece) for piece in found)
 
 
-def test_a_turn_at_the_end_of_a_piece_is_kept_and_a_walk_is_not(tmp_path: Path) -> None:
-    model = common_cloud(2)
+@pytest.mark.parametrize("ease", [1.0, 1.4])  # 1.4: the camera turns by 2 degrees first, later by 8
+def test_a_turn_at_the_end_of_a_piece_is_kept_and_a_walk_is_not(tmp_path: Path, ease: float) -> None:
+    model = common_cloud(2, ease)
     (_, last), (_, turned_last), (walk, end) = stages(2)
     piece, loose = list(range(1, last + 1)), [[n] for n in range(last + 1, end + 1)]
     found = held_together(model, [piece, *loose], tmp_path)
