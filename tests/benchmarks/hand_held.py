@@ -4,11 +4,11 @@ python tests/benchmarks/hand_held.py FOLDER --scene corridor|house|loop|floors|k
     [--rounds N] [--people] [--readout SECONDS] [--size 640x480]
 
 The kitchen is filmed from the aisle around the block in its middle, looking down at the furniture; the floor is seldom
-in view. `--rounds N` goes around the loop or the kitchen N times. With `--people`, a person walks in front of the camera for 8 of every 20
-seconds. Writes FOLDER/video.mp4, FOLDER/truth/poses.txt (frame number, then the
-row-major camera-to-world matrix with OpenCV axes) and FOLDER/truth/camera.txt (a COLMAP camera). A pose belongs to the
-middle of the exposure of the middle row. Every pixel is the mean of rays spread over the pixel and the exposure, so
-that the video has motion blur and, with a readout above 0, a rolling shutter.
+in view. `--rounds N` goes around the loop or the kitchen N times. With `--people`, a person walks in front of the
+camera for 8 of every 20 seconds. Writes FOLDER/video.mp4, FOLDER/truth/poses.txt (frame number, then the row-major
+camera-to-world matrix with OpenCV axes) and FOLDER/truth/camera.txt (a COLMAP camera). A pose belongs to the middle of
+the exposure of the middle row. Every pixel is the mean of rays spread over the pixel and the exposure, so that the
+video has motion blur and, with a readout above 0, a rolling shutter.
 """
 
 from __future__ import annotations
