@@ -27,9 +27,11 @@ from nvsim.poses.loops import close_loops
 from nvsim.poses.mapping import (
     adjust_all,
     consistent_pairs,
+    contradicted_rotations,
     global_mapping,
     poses_of,
     triangulated,
+    with_rotation,
     without_bad_points,
 )
 from nvsim.poses.match_database import (
@@ -167,6 +169,9 @@ def _finished(models: list[pycolmap.Reconstruction], inputs: _Inputs, placed: Pl
             write_geometries(inputs.path, inputs.views | guided_pairs(model, inputs.keypoints, inputs.views))
             model = _adjusted(poses_of(model), dict(model.cameras.items()), inputs, False)
             pieces = firm_pieces(model, images.times)
+    if images.ordered:
+        astray = contradicted_rotations(poses_of(model), inputs.views).keys()
+        pieces = [kept for piece in pieces if (kept := [n for n in piece if n not in astray])]
     separate = separated(model, pieces, models, images.times)
     if model.num_reg_images() >= _CENTERED:
         adjust_all(model, True, poses_of(model) if held else None, _LOOSELY if loops else _HELD)
@@ -194,7 +199,8 @@ def _straight(
     write_geometries(inputs.path, inputs.views)
     base = _adjusted(poses, dict(models[0].cameras.items()), inputs, True)
     model, loops = _closed(*_joined(base, models, inputs), inputs, True)
-    pieces = held_together(model, firm_pieces(model, inputs.images.times, _LOOSE), inputs.images.folder)
+    firm = firm_pieces(model, inputs.images.times, _LOOSE)
+    pieces = held_together(model, firm, inputs.images.folder, inputs.views)
     return model, loops, pieces
 
 
@@ -253,6 +259,9 @@ def _adjusted(
 ) -> pycolmap.Reconstruction:
     """Triangulates and adjusts the images at `poses`, world to camera by image number. If `held`, their unit is the
     camera height and the adjustment holds the cameras near these poses."""
+    if inputs.images.ordered:
+        turned = contradicted_rotations(poses, inputs.views)
+        poses = {**poses, **{n: with_rotation(poses[n], rotation) for n, rotation in turned.items()}}
     model = triangulated(poses, cameras, inputs.path, inputs.images.folder, inputs.folder / "triangulated")
     for astray in (8.0, 4.0):
         adjust_all(without_bad_points(model, astray), False, poses if held else None, _HELD)

@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 import pycolmap
 from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
 
 from nvsim.geometry.rotation import rotation_angle
 from nvsim.poses.match_database import Pair
@@ -15,6 +16,8 @@ from nvsim.poses.two_views import TwoViews
 
 _CERTAIN = 30  # matches of frames that are not next to each other and whose rotation cannot be checked, at least
 _DRIFT, _STEP = 1.5, 0.5  # degrees: allowed difference of a pair from the chained rotations, fixed and per frame
+_NEAR = 3  # images of a video between two whose rotations are compared, at most
+_ALIKE, _CONTRADICTED = 2.0, 5.0  # degrees: of predictions that agree; of a rotation that contradicts them
 _PARALLAX = 1.0  # degrees between two rays of a point, at least
 _FEWEST_OF_VIEWS = 5  # matches of two views of panoramas, at least; they agree with those of all views
 _CONVERGED = 1e-5  # relative decrease of the cost; at zero, adjustment takes twice as long and moves cameras by 0.006 %
@@ -44,6 +47,34 @@ def consistent_pairs(found: Mapping[Pair, TwoViews]) -> dict[Pair, TwoViews]:
                 continue
         kept[i, j] = views
     return kept
+
+
+def contradicted_rotations(
+    poses: Mapping[int, pycolmap.Rigid3d], found: Mapping[Pair, TwoViews]
+) -> dict[int, NDArray[np.float64]]:
+    """The rotations (3, 3), world to camera, of the images of a video whose rotation contradicts most of the relative
+    poses `found` of images near them, by image number. `poses` are world to camera.
+
+    Where a camera rotates in place, few points have a parallax. Adjustment then leaves single images up to 20 degrees
+    off."""
+    predicted: dict[int, list[tuple[int, NDArray[np.float64]]]] = {}
+    for (i, j), views in found.items():
+        one, other = poses.get(i + 1), poses.get(j + 1)
+        if one is not None and other is not None and j - i <= _NEAR:
+            predicted.setdefault(j + 1, []).append((len(views.matches), views.rotation @ one.rotation.matrix()))
+            predicted.setdefault(i + 1, []).append((len(views.matches), views.rotation.T @ other.rotation.matrix()))
+    contradicted = {}
+    for number, all_of_it in predicted.items():
+        weights, rotations = np.array([w for w, _ in all_of_it]), np.array([r for _, r in all_of_it])
+        cosines = (np.einsum("aij,bij->ab", rotations, rotations) - 1) / 2
+        alike = cosines > np.cos(np.radians(_ALIKE))
+        most = alike[int(np.argmax(alike @ weights))]
+        if most.sum() < 2 or weights[most].sum() <= weights.sum() / 2:
+            continue
+        mean = Rotation.from_matrix(np.average(rotations[most], axis=0, weights=weights[most])).as_matrix()
+        if rotation_angle(mean @ poses[number].rotation.matrix().T) > _CONTRADICTED:
+            contradicted[number] = mean
+    return contradicted
 
 
 def global_mapping(
@@ -153,6 +184,11 @@ def adjust_all(
 def center_of(pose: pycolmap.Rigid3d) -> NDArray[np.float64]:
     """Camera center (3,) of a pose, world to camera."""
     return np.asarray(-pose.rotation.matrix().T @ pose.translation)
+
+
+def with_rotation(pose: pycolmap.Rigid3d, rotation: NDArray[np.float64]) -> pycolmap.Rigid3d:
+    """The pose, world to camera, with another rotation (3, 3) about the camera center."""
+    return pycolmap.Rigid3d(pycolmap.Rotation3d(rotation), -rotation @ center_of(pose))
 
 
 def _keep_rig(options: pycolmap.BundleAdjustmentOptions) -> None:

@@ -8,7 +8,7 @@ after.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -21,8 +21,9 @@ from scipy.spatial.transform import Rotation
 from nvsim.geometry.rotation import rotation_angle
 from nvsim.poses.building_frame import camera_height, level_axes, up_of, wall_direction
 from nvsim.poses.firmness import Observations, firm_pieces, observations_of, shared_points
-from nvsim.poses.mapping import center_of
+from nvsim.poses.mapping import center_of, poses_of
 from nvsim.poses.pose_graph import FIRM, LOOSE, Anchors, no_anchors, no_loops, solve, transform_pose
+from nvsim.poses.two_views import TwoViews
 
 _LENGTH = 12  # images of a part
 _LEAST = 8  # images of a piece with a scale of its own, at least
@@ -35,7 +36,7 @@ _LONGEST_TURN, _TURNING = 30, 2.5  # of a rotation in place: images, at most; de
 _CHECKED = 4  # parts with a floor that are needed to test whether a reconstruction has one scale
 _OTHER_SCALE, _OTHER_SHARE = 0.06, 0.15  # deviation of the log scale; allowed share of parts beyond it
 _SAME_HEIGHT, _SAME_UP, _SAME_WALL = 0.06, 3.0, 3.0  # largest differences across a turn: logarithm, degrees, degrees
-_STILL = 0.1  # camera heights: largest distance from the end of a piece of a camera that turns there, for it to be kept
+_STILL, _SAME_TURN = 0.1, 3.0  # camera heights, degrees: largest differences of two poses of an image of a turn
 _SHARED = 15  # points shared with another image, at least, for an image of a turn to be kept
 _DEPTH = 2.0  # camera heights: usual distance of points
 _SLIP = 0.1  # usual drift of the log scale from part to part; the floor is more accurate
@@ -120,12 +121,18 @@ def contradicts_floor(model: pycolmap.Reconstruction) -> bool:
     return bool(((off > _OTHER_SCALE) & (off < _SLIPPED)).mean() > _OTHER_SHARE)
 
 
-def held_together(model: pycolmap.Reconstruction, pieces: Sequence[Sequence[int]], folder: Path) -> list[list[int]]:
+def held_together(
+    model: pycolmap.Reconstruction,
+    pieces: Sequence[Sequence[int]],
+    folder: Path,
+    views: Mapping[tuple[int, int], TwoViews],
+) -> list[list[int]]:
     """Merges the firm `pieces` of an upright reconstruction if the camera only rotated between them.
 
     Two pieces are merged if the height above the floor, the vertical, and the walls agree on both sides. The images of
     the turn are kept if they share points with those before or after. A turn at the beginning or end of a piece is also
-    kept: its scale is uncertain, but its camera hardly moves. The largest piece comes first."""
+    kept. In it, the camera hardly moves, so its images may have no points: these images get their poses, in place, from
+    the relative poses `views` of pairs of images, by index. The largest piece comes first."""
     own = [list(p) for p in pieces if len(p) >= _LEAST]
     rest = [list(p) for p in pieces if len(p) < _LEAST]
     runs = _runs(own)
@@ -143,7 +150,12 @@ def held_together(model: pycolmap.Reconstruction, pieces: Sequence[Sequence[int]
                 group.extend(small)
                 rest.remove(small)
         for towards in (-1, 1):
-            turn = _turn_next_to(model, group, towards, {n for p in rest for n in p}, shared, index)
+            turn = _turn_next_to(poses_of(model), group, towards, {n for p in rest for n in p}, views)
+            inside = [index[n] for n in (*group, *turn)]
+            for n, pose in turn.items():
+                is_sure = shared[index[n], [k for k in inside if k != index[n]]].max() >= _SHARED
+                if not (is_sure and _is_same(model.images[n].cam_from_world(), pose)):
+                    _move(model, n, pose)
             group.extend(turn)
             rest = [left for p in rest if (left := [n for n in p if n not in turn])]
     return sorted((sorted(p) for p in [*joined, *rest]), key=len, reverse=True)
@@ -163,36 +175,44 @@ def _runs(pieces: Sequence[Sequence[int]]) -> list[tuple[int, list[int]]]:
 
 
 def _turn_next_to(
-    model: pycolmap.Reconstruction,
-    group: Sequence[int],
-    towards: int,
-    loose: set[int],
-    shared: NDArray[np.int64],
-    index: dict[int, int],
-) -> list[int]:
-    """The images before (`towards` -1) or after (1) a group in which the camera rotates in place, one after the other.
-    Images that share too few points with those are left out.
+    poses: Poses, group: Sequence[int], towards: int, loose: set[int], views: Mapping[tuple[int, int], TwoViews]
+) -> Poses:
+    """The images before (`towards` -1) or after (1) a group in which the camera rotates in place, with their poses: the
+    rotations follow from image to image, and the centers stay.
 
-    `loose` are the images of no firm piece. `shared` (I, I) are the points that two images share, with a row
-    for each image number in `index`."""
+    `loose` are the images of no firm piece. `views` are relative poses of pairs of images, by index. Most of them must
+    show a rotation without a translation."""
     edge = min(group) if towards < 0 else max(group)
-    turn: list[int] = []
-    turned, before = 0.0, model.images[edge].cam_from_world().rotation.matrix()
-    at = center_of(model.images[edge].cam_from_world())
+    turn, at, turned, last = {edge: poses[edge]}, center_of(poses[edge]), 0.0, edge
     for n in range(edge + towards, edge + towards * (_LONGEST_TURN + 1), towards):
-        if n not in loose or abs(n - (turn[-1] if turn else edge)) > _MISSING + 1:
+        near = [k for k in turn if abs(k - n) <= _MISSING + 1]
+        pairs = {k: p for k in near if (p := views.get((min(k, n) - 1, max(k, n) - 1))) is not None}
+        if n not in loose or not pairs or sum(p.turned for p in pairs.values()) <= len(pairs) / 2:
             break
-        after = model.images[n].cam_from_world().rotation.matrix()
-        turned, before = turned + rotation_angle(after @ before.T), after
-        inside = [index[k] for k in (*group, *turn)]
-        if (
-            turned < _ON_SPOT * (abs(n - edge) - 1)  # a single step may be smaller
-            or np.linalg.norm(center_of(model.images[n].cam_from_world()) - at) > _STILL
-        ):
+        onward = [(p.rotation if k < n else p.rotation.T) @ turn[k].rotation.matrix() for k, p in pairs.items()]
+        mean = np.average(onward, axis=0, weights=[len(p.matches) for p in pairs.values()])
+        rotation = Rotation.from_matrix(mean).as_matrix()  # the nearest rotation
+        turned += rotation_angle(rotation @ turn[last].rotation.matrix().T)
+        if turned < _ON_SPOT * (abs(n - edge) - 1):  # a single step may be smaller
             break
-        if shared[index[n], inside].max() >= _SHARED:
-            turn.append(n)
+        turn[n], last = pycolmap.Rigid3d(pycolmap.Rotation3d(rotation), -rotation @ at), n
+    del turn[edge]
     return turn
+
+
+def _is_same(one: pycolmap.Rigid3d, other: pycolmap.Rigid3d) -> bool:
+    """Whether two poses of an image of a turn are equal within their errors."""
+    angle = rotation_angle(one.rotation.matrix() @ other.rotation.matrix().T)
+    return angle < _SAME_TURN and float(np.linalg.norm(center_of(one) - center_of(other))) < _STILL
+
+
+def _move(model: pycolmap.Reconstruction, number: int, pose: pycolmap.Rigid3d) -> None:
+    """Gives an image another pose, world to camera, and removes its observations."""
+    image = model.images[number]
+    for k in [k for k, point in enumerate(image.points2D) if point.has_point3D()]:
+        if model.images[number].points2D[k].has_point3D():  # else removed together with its point
+            model.delete_observation(number, k)
+    model.frames[image.frame_id].rig_from_world = pose
 
 
 def _is_held(model: pycolmap.Reconstruction, before: list[int], after: list[int], folder: Path) -> bool:

@@ -6,6 +6,7 @@ from collections.abc import Iterator
 
 import cv2
 import numpy as np
+import pycolmap
 import pytest
 from known_reconstruction import angle_between, turned
 from numpy.typing import NDArray
@@ -13,7 +14,7 @@ from numpy.typing import NDArray
 from nvsim.poses.features import NOTHING, Features
 from nvsim.poses.focal_length import USUAL, estimate_focal_length
 from nvsim.poses.image_pairs import image_descriptors, neighbor_pairs, similar_pairs
-from nvsim.poses.mapping import consistent_pairs, rotation_angle
+from nvsim.poses.mapping import center_of, consistent_pairs, contradicted_rotations, rotation_angle, with_rotation
 from nvsim.poses.match_database import Pair
 from nvsim.poses.two_views import TwoViews, from_matches
 
@@ -152,6 +153,23 @@ def test_a_missing_step_is_bridged_by_the_pair_around_it() -> None:
 def test_a_pair_that_nothing_can_check_needs_many_matches() -> None:
     found = {(3, 8): wrong(turning_video()[3, 8], 0, matches=200), (4, 9): wrong(turning_video()[4, 9], 0, matches=20)}
     assert set(consistent_pairs(found)) == {(3, 8)}
+
+
+@pytest.mark.parametrize("off", [0.0, 15.0])
+def test_a_rotation_that_contradicts_the_pairs_around_it_is_found(off: float) -> None:
+    found = turning_video()
+    rotations = [np.eye(3)]
+    while (len(rotations) - 1, len(rotations)) in found:
+        rotations.append(found[len(rotations) - 1, len(rotations)].rotation @ rotations[-1])
+    poses = {n + 1: pycolmap.Rigid3d(pycolmap.Rotation3d(r), np.array([n, 0, 0.0])) for n, r in enumerate(rotations)}
+    place = center_of(poses[6])
+    right = poses[6].rotation.matrix()
+    poses[6] = with_rotation(poses[6], turned(off, (1, 0, 1)) @ right)
+    assert center_of(poses[6]) == pytest.approx(place)
+    found[4, 5] = wrong(found[4, 5], 20)  # one wrong pair does not matter
+    contradicted = contradicted_rotations(poses, found)
+    assert set(contradicted) == ({6} if off else set())
+    assert not off or angle_between(contradicted[6], right) < 0.1
 
 
 def test_the_angle_of_a_rotation_is_in_degrees() -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -10,9 +11,11 @@ import pytest
 from known_reconstruction import center_of, facing, pose, reconstruction, seen_from, turned
 from numpy.typing import NDArray
 
+from nvsim.geometry.rotation import rotation_angle
 from nvsim.poses import straightening
 from nvsim.poses.pieces import names_in
 from nvsim.poses.straightening import contradicts_floor, held_together, leveled, straightened
+from nvsim.poses.two_views import TwoViews, from_matches
 
 HIGH, STEP = 1.5, 0.4  # meters
 TIMES = np.arange(200.0)
@@ -133,7 +136,7 @@ def test_pieces_are_one_only_if_the_building_is_the_same_on_both_sides(tmp_path:
     model = slipped(true, [1.0, 1.0, 1.0], np.eye(3))
     before, after = list(range(1, LEG + 1)), list(range(LEG + TURN + 1, 2 * LEG + TURN + 1))
     # Nothing is known of walls without images, so nothing is joined.
-    assert held_together(model, [before, after], tmp_path) == [before, after]
+    assert held_together(model, [before, after], tmp_path, {}) == [before, after]
 
 
 def common_cloud(legs: int, ease: float = 1.0) -> pycolmap.Reconstruction:
@@ -160,7 +163,7 @@ def test_a_camera_that_comes_back_may_have_two_pieces_that_alternate(
     model = common_cloud(3)
     legs = [list(range(first, last + 1)) for first, last in stages(3)[::2]]
     turns = [[n] for first, last in stages(3)[1::2] for n in range(first, last + 1)]
-    found = held_together(model, [legs[0] + legs[2], legs[1], *turns], tmp_path)
+    found = held_together(model, [legs[0] + legs[2], legs[1], *turns], tmp_path, {})
     assert compared[0] == (legs[0][-1], legs[1][0])
     if same:
         assert found == [list(range(1, 3 * LEG + 2 * TURN + 1))]
@@ -169,16 +172,37 @@ def test_a_camera_that_comes_back_may_have_two_pieces_that_alternate(
         assert all(not {legs[0][3], legs[1][3]} <= set(piece) for piece in found)
 
 
+def pairs_of(true: dict[int, pycolmap.Rigid3d]) -> dict[tuple[int, int], TwoViews]:
+    """The relative poses of each image and the next three, by index. They have an error of 0.2 degrees."""
+    rng = np.random.default_rng(2)
+    found = {}
+    for i, one in true.items():
+        for j in range(i + 1, min(i + 4, max(true) + 1)):
+            relative = true[j].rotation.matrix() @ one.rotation.matrix().T @ turned(0.2, rng.normal(size=3))
+            still = bool(np.linalg.norm(center_of(one) - center_of(true[j])) < STEP / 4)
+            pair = from_matches(np.zeros((100, 2), np.uint32))
+            found[i - 1, j - 1] = replace(pair, rotation=relative, turned=still)
+    return found
+
+
 @pytest.mark.parametrize("ease", [1.0, 1.4])  # 1.4: the camera turns by 2 degrees first, later by 8
-def test_a_turn_at_the_end_of_a_piece_is_kept_and_a_walk_is_not(tmp_path: Path, ease: float) -> None:
+@pytest.mark.parametrize("away", [0.0, 2.0])  # meters by which the images of the turn are displaced
+def test_a_turn_at_the_end_of_a_piece_is_kept_and_a_walk_is_not(tmp_path: Path, ease: float, away: float) -> None:
+    true = true_walk(2, ease)
     model = common_cloud(2, ease)
-    (_, last), (_, turned_last), (walk, end) = stages(2)
+    (_, last), (turn, turned_last), (_, end) = stages(2)
+    for n in range(turn, turned_last + 1) if away else ():
+        place = center_of(true[n]) + away
+        model.frames[model.images[n].frame_id].rig_from_world = pose(true[n].rotation.matrix(), place)
     piece, loose = list(range(1, last + 1)), [[n] for n in range(last + 1, end + 1)]
-    found = held_together(model, [piece, *loose], tmp_path)
-    assert set(range(1, turned_last + 1)) <= set(found[0])
-    assert max(found[0]) <= walk  # the walk after the turn has an unknown scale
-    straight_on = held_together(model, [piece[: LEG // 2], *[[n] for n in piece[LEG // 2 :]]], tmp_path)
-    assert straight_on[0] == piece[: LEG // 2]
+    found = held_together(model, [piece, *loose], tmp_path, pairs_of(true))
+    assert found[0] == list(range(1, turned_last + 1))  # the walk after the turn has an unknown scale
+    for n in found[0]:
+        one = model.images[n].cam_from_world()
+        assert np.linalg.norm(center_of(one) - center_of(true[n])) < STEP
+        assert rotation_angle(one.rotation.matrix() @ true[n].rotation.matrix().T) < 1.5 or not away
+    half = held_together(model, [piece[: LEG // 2], *[[n] for n in piece[LEG // 2 :]]], tmp_path, pairs_of(true))
+    assert half[0] == piece[: LEG // 2]
 
 
 def test_a_stretch_of_another_scale_contradicts_the_floor() -> None:
