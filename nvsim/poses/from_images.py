@@ -28,6 +28,7 @@ from nvsim.poses.mapping import (
     adjust_all,
     consistent_pairs,
     contradicted_rotations,
+    correct_rotations,
     global_mapping,
     poses_of,
     triangulated,
@@ -153,6 +154,8 @@ def _finished(models: list[pycolmap.Reconstruction], inputs: _Inputs, placed: Pl
     model, loops, held = models[0], list[Pair](), False
     images = inputs.images
     if images.ordered:
+        for found in models:
+            correct_rotations(found, inputs.views)
         model, loops = _closed(*_joined(None, models, inputs), inputs, False)
         pieces = firm_pieces(model, images.times)
         bent = contradicts_floor(model)

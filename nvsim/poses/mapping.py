@@ -17,7 +17,7 @@ from nvsim.poses.two_views import TwoViews
 _CERTAIN = 30  # matches of frames that are not next to each other and whose rotation cannot be checked, at least
 _DRIFT, _STEP = 1.5, 0.5  # degrees: allowed difference of a pair from the chained rotations, fixed and per frame
 _NEAR = 3  # images of a video between two whose rotations are compared, at most
-_ALIKE, _CONTRADICTED = 2.0, 5.0  # degrees: of predictions that agree; of a rotation that contradicts them
+_CONTRADICTED = 5.0  # degrees between two rotations of an image that contradict each other
 _PARALLAX = 1.0  # degrees between two rays of a point, at least
 _FEWEST_OF_VIEWS = 5  # matches of two views of panoramas, at least; they agree with those of all views
 _CONVERGED = 1e-5  # relative decrease of the cost; at zero, adjustment takes twice as long and moves cameras by 0.006 %
@@ -52,29 +52,56 @@ def consistent_pairs(found: Mapping[Pair, TwoViews]) -> dict[Pair, TwoViews]:
 def contradicted_rotations(
     poses: Mapping[int, pycolmap.Rigid3d], found: Mapping[Pair, TwoViews]
 ) -> dict[int, NDArray[np.float64]]:
-    """The rotations (3, 3), world to camera, of the images of a video whose rotation contradicts most of the relative
-    poses `found` of images near them, by image number. `poses` are world to camera.
+    """Rotations (3, 3), world to camera, of the images of a video whose rotation contradicts the relative poses `found`
+    of images near them, by image number. `poses` are world to camera.
 
-    Where a camera rotates in place, few points have a parallax. Adjustment then leaves single images up to 20 degrees
-    off."""
-    predicted: dict[int, list[tuple[int, NDArray[np.float64]]]] = {}
+    Where a camera rotates in place, few points have a parallax, and mapping and adjustment leave images there with any
+    rotation. The images that agree with most of their pairs keep their rotations. Those of the others follow from them,
+    from image to image."""
+    pairs: dict[int, list[tuple[int, int, NDArray[np.float64]]]] = {n: [] for n in poses}
     for (i, j), views in found.items():
-        one, other = poses.get(i + 1), poses.get(j + 1)
-        if one is not None and other is not None and j - i <= _NEAR:
-            predicted.setdefault(j + 1, []).append((len(views.matches), views.rotation @ one.rotation.matrix()))
-            predicted.setdefault(i + 1, []).append((len(views.matches), views.rotation.T @ other.rotation.matrix()))
-    contradicted = {}
-    for number, all_of_it in predicted.items():
-        weights, rotations = np.array([w for w, _ in all_of_it]), np.array([r for _, r in all_of_it])
-        cosines = (np.einsum("aij,bij->ab", rotations, rotations) - 1) / 2
-        alike = cosines > np.cos(np.radians(_ALIKE))
-        most = alike[int(np.argmax(alike @ weights))]
-        if most.sum() < 2 or weights[most].sum() <= weights.sum() / 2:
-            continue
-        mean = Rotation.from_matrix(np.average(rotations[most], axis=0, weights=weights[most])).as_matrix()
-        if rotation_angle(mean @ poses[number].rotation.matrix().T) > _CONTRADICTED:
-            contradicted[number] = mean
-    return contradicted
+        if j - i <= _NEAR and i + 1 in poses and j + 1 in poses:
+            pairs[j + 1].append((i + 1, len(views.matches), views.rotation))
+            pairs[i + 1].append((j + 1, len(views.matches), views.rotation.T))
+    rotations = {n: pose.rotation.matrix() for n, pose in poses.items()}
+
+    def is_near(one: NDArray[np.float64], other: NDArray[np.float64]) -> bool:
+        return rotation_angle(one @ other.T) < _CONTRADICTED
+
+    sure: set[int] = set()
+    for n, own in pairs.items():
+        agreeing = sum(w for k, w, onward in own if is_near(onward @ rotations[k], rotations[n]))
+        if agreeing >= 0.5 * sum(w for _, w, _ in own):
+            sure.add(n)
+    contradicted: dict[int, NDArray[np.float64]] = {}
+    while True:
+        support = {n: sum(w for k, w, _ in own if k in sure) for n, own in pairs.items() if n not in sure}
+        if not support or not max(support.values()):
+            return contradicted
+        n = max(support, key=lambda n: support[n])
+        known = [(w, onward @ rotations[k]) for k, w, onward in pairs[n] if k in sure]
+        best = max((r for _, r in known), key=lambda r: sum(w for w, other in known if is_near(r, other)))
+        near = [(w, other) for w, other in known if is_near(best, other)]
+        mean = np.average([r for _, r in near], axis=0, weights=[w for w, _ in near])
+        rotation = Rotation.from_matrix(mean).as_matrix()  # the nearest rotation
+        if not is_near(rotation, rotations[n]):
+            contradicted[n] = rotation
+        rotations[n] = rotation
+        sure.add(n)
+
+
+def correct_rotations(model: pycolmap.Reconstruction, found: Mapping[Pair, TwoViews]) -> None:
+    """Corrects, in place, the rotations that contradict the relative poses `found` of the images of a video."""
+    for number, rotation in contradicted_rotations(poses_of(model), found).items():
+        move_image(model, number, with_rotation(model.images[number].cam_from_world(), rotation))
+
+
+def move_image(model: pycolmap.Reconstruction, number: int, pose: pycolmap.Rigid3d) -> None:
+    """Gives an image another pose, world to camera, and removes its observations, in place."""
+    for k in range(len(model.images[number].points2D)):
+        if model.images[number].points2D[k].has_point3D():  # else removed together with its point
+            model.delete_observation(number, k)
+    model.frames[model.images[number].frame_id].rig_from_world = pose
 
 
 def global_mapping(

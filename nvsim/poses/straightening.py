@@ -21,7 +21,7 @@ from scipy.spatial.transform import Rotation
 from nvsim.geometry.rotation import rotation_angle
 from nvsim.poses.building_frame import camera_height, level_axes, up_of, wall_direction
 from nvsim.poses.firmness import Observations, firm_pieces, observations_of, shared_points
-from nvsim.poses.mapping import center_of, poses_of
+from nvsim.poses.mapping import center_of, move_image, poses_of
 from nvsim.poses.pose_graph import FIRM, LOOSE, Anchors, no_anchors, no_loops, solve, transform_pose
 from nvsim.poses.two_views import TwoViews
 
@@ -155,7 +155,7 @@ def held_together(
             for n, pose in turn.items():
                 is_sure = shared[index[n], [k for k in inside if k != index[n]]].max() >= _SHARED
                 if not (is_sure and _is_same(model.images[n].cam_from_world(), pose)):
-                    _move(model, n, pose)
+                    move_image(model, n, pose)
             group.extend(turn)
             rest = [left for p in rest if (left := [n for n in p if n not in turn])]
     return sorted((sorted(p) for p in [*joined, *rest]), key=len, reverse=True)
@@ -204,15 +204,6 @@ def _is_same(one: pycolmap.Rigid3d, other: pycolmap.Rigid3d) -> bool:
     """Whether two poses of an image of a turn are equal within their errors."""
     angle = rotation_angle(one.rotation.matrix() @ other.rotation.matrix().T)
     return angle < _SAME_TURN and float(np.linalg.norm(center_of(one) - center_of(other))) < _STILL
-
-
-def _move(model: pycolmap.Reconstruction, number: int, pose: pycolmap.Rigid3d) -> None:
-    """Gives an image another pose, world to camera, and removes its observations."""
-    image = model.images[number]
-    for k in [k for k, point in enumerate(image.points2D) if point.has_point3D()]:
-        if model.images[number].points2D[k].has_point3D():  # else removed together with its point
-            model.delete_observation(number, k)
-    model.frames[image.frame_id].rig_from_world = pose
 
 
 def _is_held(model: pycolmap.Reconstruction, before: list[int], after: list[int], folder: Path) -> bool:
