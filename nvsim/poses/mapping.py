@@ -17,7 +17,7 @@ from nvsim.poses.two_views import TwoViews
 _CERTAIN = 30  # matches of frames that are not next to each other and whose rotation cannot be checked, at least
 _DRIFT, _STEP = 1.5, 0.5  # degrees: allowed difference of a pair from the chained rotations, fixed and per frame
 _NEAR = 3  # images of a video between two whose rotations are compared, at most
-_CONTRADICTED = 5.0  # degrees between two rotations of an image that contradict each other
+_CONTRADICTED = 3.0  # degrees between two rotations of an image that contradict each other
 _PARALLAX = 1.0  # degrees between two rays of a point, at least
 _FEWEST_OF_VIEWS = 5  # matches of two views of panoramas, at least; they agree with those of all views
 _CONVERGED = 1e-5  # relative decrease of the cost; at zero, adjustment takes twice as long and moves cameras by 0.006 %

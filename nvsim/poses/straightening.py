@@ -29,14 +29,16 @@ _LENGTH = 12  # images of a part
 _LEAST = 8  # images of a piece with a scale of its own, at least
 _LINED = 4  # images of a part in which lines are detected
 _LAST = 3  # steps from which the speed of the camera is estimated
+_NEAR = 4  # images of a turn between two whose rotations are compared, at most
 _MISSING = 3  # images between two reconstructions over which the rotation is extrapolated, at most
 _ON_SPOT = 4.0  # degrees between two chosen frames of a camera that rotates in place
 _SLIPPED = 0.4  # logarithm of the scale: parts of one piece do not differ by more
-_LONGEST_TURN, _TURNING = 30, 2.5  # of a rotation in place: images, at most; degrees per image, at least
+_LONGEST_TURN, _TURNING = 45, 2.5  # of a rotation in place: images, at most; degrees per image, at least
 _CHECKED = 4  # parts with a floor that are needed to test whether a reconstruction has one scale
 _OTHER_SCALE, _OTHER_SHARE = 0.06, 0.15  # deviation of the log scale; allowed share of parts beyond it
 _SAME_HEIGHT, _SAME_UP, _SAME_WALL = 0.06, 3.0, 3.0  # largest differences across a turn: logarithm, degrees, degrees
 _STILL, _SAME_TURN = 0.1, 3.0  # camera heights, degrees: largest differences of two poses of an image of a turn
+_KNOWN, _REACH = 30, 0.5  # points of a piece that an image beside it sees, at least; camera heights to it, at most
 _SHARED = 15  # points shared with another image, at least, for an image of a turn to be kept
 _DEPTH = 2.0  # camera heights: usual distance of points
 _SLIP = 0.1  # usual drift of the log scale from part to part; the floor is more accurate
@@ -130,9 +132,10 @@ def held_together(
     """Merges the firm `pieces` of an upright reconstruction if the camera only rotated between them.
 
     Two pieces are merged if the height above the floor, the vertical, and the walls agree on both sides. The images of
-    the turn are kept if they share points with those before or after. A turn at the beginning or end of a piece is also
-    kept. In it, the camera hardly moves, so its images may have no points: these images get their poses, in place, from
-    the relative poses `views` of pairs of images, by index. The largest piece comes first."""
+    the turn are kept if they share points with those before or after. Images next to those of a piece are also kept if
+    they see points of the piece or continue it by a turn in place. In a turn, few points have a parallax, so its images
+    get their poses, in place, from the relative poses `views` of pairs of images, by index. The largest piece comes
+    first."""
     own = [list(p) for p in pieces if len(p) >= _LEAST]
     rest = [list(p) for p in pieces if len(p) < _LEAST]
     runs = _runs(own)
@@ -141,24 +144,49 @@ def held_together(
         if merged[one] != merged[other] and _is_held(model, before, after, folder):
             merged = [merged[one] if m == merged[other] else m for m in merged]
     joined = [sorted(n for p, m in zip(own, merged) if m == group for n in p) for group in sorted(set(merged))]
-    shared = shared_points(observations_of(model))
-    index = {int(n): k for k, n in enumerate(sorted(model.reg_image_ids()))}
+    seen = observations_of(model)
+    shared = shared_points(seen)
+    index = {int(n): k for k, n in enumerate(seen.numbers)}
     for group in joined:
         inside = [index[n] for n in group]
         for small in [p for p in rest if group[0] < p[0] and p[-1] < group[-1]]:
             if shared[np.ix_([index[n] for n in small], inside)].max() >= _SHARED:
                 group.extend(small)
                 rest.remove(small)
-        for towards in (-1, 1):
-            turn = _turn_next_to(poses_of(model), group, towards, {n for p in rest for n in p}, views)
+        loose = {n for p in rest for n in p}
+        group.extend(_seeing(poses_of(model), seen, group, loose))
+        for end, towards in _ends(group):
+            turn = _turn_next_to(poses_of(model), set(group), end, towards, loose - set(group), views)
             inside = [index[n] for n in (*group, *turn)]
             for n, pose in turn.items():
                 is_sure = shared[index[n], [k for k in inside if k != index[n]]].max() >= _SHARED
                 if not (is_sure and _is_same(model.images[n].cam_from_world(), pose)):
                     move_image(model, n, pose)
             group.extend(turn)
-            rest = [left for p in rest if (left := [n for n in p if n not in turn])]
+        rest = [left for p in rest if (left := [n for n in p if n not in group])]
     return sorted((sorted(p) for p in [*joined, *rest]), key=len, reverse=True)
+
+
+def _ends(group: Sequence[int]) -> list[tuple[int, int]]:
+    """The images of a group before (-1) or after (1) which an image of another group comes, and this direction."""
+    return [(n, towards) for n in sorted(group) for towards in (-1, 1) if n + towards not in group]
+
+
+def _seeing(poses: Poses, seen: Observations, group: Sequence[int], loose: set[int]) -> list[int]:
+    """The `loose` images next to those of a group that see many of its points from a place near it. Their poses are as
+    exact as those points, although the images beyond them may have another scale."""
+    inside = np.isin(seen.numbers, group)
+    own = np.bincount(seen.point[inside[seen.image]], minlength=len(seen.places)) >= 2
+    known = dict(zip(seen.numbers.tolist(), np.bincount(seen.image[own[seen.point]], minlength=len(inside))))
+    found: list[int] = []
+    for end, towards in _ends(group):
+        n = end + towards
+        while n in loose and n not in found and known[n] >= _KNOWN:
+            if np.linalg.norm(center_of(poses[n]) - center_of(poses[end])) > _REACH:
+                break
+            found.append(n)
+            n += towards
+    return found
 
 
 def _runs(pieces: Sequence[Sequence[int]]) -> list[tuple[int, list[int]]]:
@@ -175,28 +203,32 @@ def _runs(pieces: Sequence[Sequence[int]]) -> list[tuple[int, list[int]]]:
 
 
 def _turn_next_to(
-    poses: Poses, group: Sequence[int], towards: int, loose: set[int], views: Mapping[tuple[int, int], TwoViews]
+    poses: Poses,
+    group: set[int],
+    end: int,
+    towards: int,
+    loose: set[int],
+    views: Mapping[tuple[int, int], TwoViews],
 ) -> Poses:
-    """The images before (`towards` -1) or after (1) a group in which the camera rotates in place, with their poses: the
-    rotations follow from image to image, and the centers stay.
+    """The images before (`towards` -1) or after (1) the image `end` of a group in which the camera rotates in place,
+    with their poses: the rotations follow from image to image, and the centers stay.
 
-    `loose` are the images of no firm piece. `views` are relative poses of pairs of images, by index. Most of them must
-    show a rotation without a translation."""
-    edge = min(group) if towards < 0 else max(group)
-    turn, at, turned, last = {edge: poses[edge]}, center_of(poses[edge]), 0.0, edge
-    for n in range(edge + towards, edge + towards * (_LONGEST_TURN + 1), towards):
-        near = [k for k in turn if abs(k - n) <= _MISSING + 1]
+    `loose` are the images of no firm piece. `views` are relative poses of pairs of images, by index. Most of those in
+    the turn must show a rotation without a translation."""
+    turn, at, turned, before = Poses(), center_of(poses[end]), 0.0, poses[end].rotation.matrix()
+    for n in range(end + towards, end + towards * (_LONGEST_TURN + 1), towards):
+        near = {k: (turn.get(k) or poses[k]).rotation.matrix() for k in group | turn.keys() if abs(k - n) <= _NEAR}
         pairs = {k: p for k in near if (p := views.get((min(k, n) - 1, max(k, n) - 1))) is not None}
-        if n not in loose or not pairs or sum(p.turned for p in pairs.values()) <= len(pairs) / 2:
+        in_turn = [p.turned for k, p in pairs.items() if k in turn or k == end]
+        if n not in loose or sum(in_turn) <= len(in_turn) / 2:
             break
-        onward = [(p.rotation if k < n else p.rotation.T) @ turn[k].rotation.matrix() for k, p in pairs.items()]
+        onward = [(p.rotation if k < n else p.rotation.T) @ near[k] for k, p in pairs.items()]
         mean = np.average(onward, axis=0, weights=[len(p.matches) for p in pairs.values()])
         rotation = Rotation.from_matrix(mean).as_matrix()  # the nearest rotation
-        turned += rotation_angle(rotation @ turn[last].rotation.matrix().T)
-        if turned < _ON_SPOT * (abs(n - edge) - 1):  # a single step may be smaller
+        turned, before = turned + rotation_angle(rotation @ before.T), rotation
+        if turned < _ON_SPOT * (abs(n - end) - 1):  # a single step may be smaller
             break
-        turn[n], last = pycolmap.Rigid3d(pycolmap.Rotation3d(rotation), -rotation @ at), n
-    del turn[edge]
+        turn[n] = pycolmap.Rigid3d(pycolmap.Rotation3d(rotation), -rotation @ at)
     return turn
 
 

@@ -190,19 +190,34 @@ def pairs_of(true: dict[int, pycolmap.Rigid3d]) -> dict[tuple[int, int], TwoView
 def test_a_turn_at_the_end_of_a_piece_is_kept_and_a_walk_is_not(tmp_path: Path, ease: float, away: float) -> None:
     true = true_walk(2, ease)
     model = common_cloud(2, ease)
-    (_, last), (turn, turned_last), (_, end) = stages(2)
+    (_, last), (turn, turned_last), (walk, end) = stages(2)
     for n in range(turn, turned_last + 1) if away else ():
         place = center_of(true[n]) + away
         model.frames[model.images[n].frame_id].rig_from_world = pose(true[n].rotation.matrix(), place)
     piece, loose = list(range(1, last + 1)), [[n] for n in range(last + 1, end + 1)]
     found = held_together(model, [piece, *loose], tmp_path, pairs_of(true))
-    assert found[0] == list(range(1, turned_last + 1))  # the walk after the turn has an unknown scale
+    assert found[0][:turned_last] == list(range(1, turned_last + 1))
+    assert max(found[0]) <= walk  # beyond, the walk has an unknown scale
     for n in found[0]:
         one = model.images[n].cam_from_world()
         assert np.linalg.norm(center_of(one) - center_of(true[n])) < STEP
         assert rotation_angle(one.rotation.matrix() @ true[n].rotation.matrix().T) < 1.5 or not away
     half = held_together(model, [piece[: LEG // 2], *[[n] for n in piece[LEG // 2 :]]], tmp_path, pairs_of(true))
-    assert half[0] == piece[: LEG // 2]
+    assert half[0] == piece[: LEG // 2 + 1]  # one more step, from which the points of the piece are seen
+
+
+def test_an_image_beside_a_piece_is_kept_if_it_sees_points_of_the_piece(tmp_path: Path) -> None:
+    true = true_walk(2)
+    model = slipped(true, [1.0, 1.0, 1.0], np.eye(3))  # each leg has its own points
+    (_, last), _, (walk, end) = stages(2)
+    piece, loose = list(range(1, last + 1)), [[n] for n in range(last + 1, end + 1)]
+    assert held_together(model, [piece, *loose], tmp_path, {})[0] == piece
+    half = last - 10
+    found = held_together(
+        model, [piece[:half], *[[n] for n in (*piece[half:], *range(last + 1, end + 1))]], tmp_path, {}
+    )
+    assert found[0] == piece[: half + 1]
+    assert walk not in found[0]
 
 
 def test_a_stretch_of_another_scale_contradicts_the_floor() -> None:
