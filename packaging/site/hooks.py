@@ -29,7 +29,7 @@ HISTORY = ("changelog.md", "decisions/")
 GALLERY = (
     *("window", "window-inspector", "window-frame", "window-agent", "window-training"),
     *("editing-false-edge", "editing-proposed", "editing-compare", "editing-foreign"),
-    *("panorama", "floor-masks", "agent-walk"),
+    *("panorama", "floor-masks", "floor-masks-clip", "agent-walk"),
 )
 """Names of the pictures and clips in the gallery, without suffix."""
 
