@@ -1,4 +1,4 @@
-"""Makes a panorama, pictures of floor masks, and a clip of an agent's walk for resources/docs from a demo project:
+"""Makes a panorama, pictures of floor masks, and two clips for resources/docs from a demo project:
 
 python packaging/clips.py demo.nvsim [--out resources/docs]
 """
@@ -27,6 +27,7 @@ FRAMES_PER_SECOND = 12
 SPEED, TURN = 1.1, 60.0  # meters and degrees in a second
 LENGTH = (9.0, 14.0)  # meters of the path of the clip
 MASKED = (40, 110, 190, 330)  # frames whose masks are shown
+CLIP_OF_MASKS = range(342, 392)  # frames of the clip of masks
 FLOOR = np.array((0.16, 0.62, 0.56))  # color of the masks
 
 
@@ -42,15 +43,28 @@ def panorama(project: Project, scene: SceneModel, path: Path) -> None:
 
 def floor_masks(project: Project, path: Path) -> None:
     """Writes frames with their floor masks, side by side."""
-    shown = []
-    frames = project.need_capture().frames
-    for number in MASKED:
-        index = min(number, len(frames) - 1)
-        image = Image.open(frames[index].image_path).convert("RGB").resize((360, 270))
-        mask = Image.open(project.mask_path(index)).convert("L").resize((360, 270))
-        color, inside = np.asarray(image) / 255, np.asarray(mask)[..., None] > 127
-        shown.append(np.where(inside, 0.45 * color + 0.55 * FLOOR, color))
+    last = len(project.need_capture().frames) - 1
+    shown = [_masked(project, min(number, last)) for number in MASKED]
     _image(np.concatenate(shown, axis=1)).save(path, quality=85)
+
+
+def floor_mask_clip(project: Project, path: Path) -> None:
+    """Writes a clip of consecutive frames with their floor masks."""
+    last = len(project.need_capture().frames) - 1
+    _save_clip([_image(_masked(project, min(i, last))) for i in CLIP_OF_MASKS], path, 250)
+
+
+def _masked(project: Project, index: int) -> NDArray[np.float64]:
+    """(270, 360, 3) color of a frame, 0 to 1, with its floor mask in green."""
+    image = Image.open(project.need_capture().frames[index].image_path).convert("RGB").resize((360, 270))
+    mask = Image.open(project.mask_path(index)).convert("L").resize((360, 270))
+    color, inside = np.asarray(image) / 255, np.asarray(mask)[..., None] > 127
+    return np.where(inside, 0.45 * color + 0.55 * FLOOR, color)
+
+
+def _save_clip(images: list[Image.Image], path: Path, duration: int) -> None:
+    """Writes a WebP that repeats. `duration` of a frame in milliseconds."""
+    images[0].save(path, save_all=True, append_images=images[1:], duration=duration, loop=0, quality=60)
 
 
 def agents_walk(project: Project, scene: SceneModel, path: Path) -> None:
@@ -61,9 +75,7 @@ def agents_walk(project: Project, scene: SceneModel, path: Path) -> None:
         _, view = nvsim.render_scene(scene, nvsim.Camera(lens, nvsim.camera_pose(position, heading=heading)))
         assert view.rgb is not None
         images.append(_image(view.rgb))
-    images[0].save(
-        path, save_all=True, append_images=images[1:], duration=round(1000 / FRAMES_PER_SECOND), loop=0, quality=60
-    )
+    _save_clip(images, path, round(1000 / FRAMES_PER_SECOND))
 
 
 def _route(project: Project) -> NDArray[np.float64]:
@@ -126,6 +138,7 @@ def main() -> None:
             raise SystemExit(f"{given.project} has no trained models.")
         panorama(project, scene, given.out / "panorama.jpg")
         floor_masks(project, given.out / "floor-masks.jpg")
+        floor_mask_clip(project, given.out / "floor-masks-clip.webp")
         agents_walk(project, scene, given.out / "agent-walk.webp")
 
 

@@ -1,6 +1,6 @@
 """Takes the pictures of the editor in resources/docs, on a copy of a project that `nvsim demo` made:
 
-xvfb-run -a -s "-screen 0 1600x1000x24" python packaging/editing_pictures.py demo.nvsim [--out resources/docs]
+xvfb-run -a -s "-screen 0 2600x1600x24" python packaging/editing_pictures.py demo.nvsim [--out resources/docs]
 """
 
 from __future__ import annotations
@@ -22,6 +22,7 @@ from nvsim.graph.types import NavGraph
 from nvsim.occupancy.paths import segment_is_free
 from nvsim_app.painting.cameras import ViewPose
 from nvsim_app.wiring.checking import ComparePart
+from nvsim_app.wiring.inspector import InspectorPart
 
 SIZE = (1172, 700)
 SHIFT = Qt.KeyboardModifier.ShiftModifier
@@ -98,7 +99,7 @@ def shoot(camera: Camera) -> None:
     editor.until(lambda: window.scene.picture is not None)
 
     editor.only("map", "validation")
-    editor.docks(map=230)
+    editor.docks(map=190)
     table["next_review"].trigger()
     editor.take("editing-review")
 
@@ -106,7 +107,7 @@ def shoot(camera: Camera) -> None:
     assert graph is not None and occupancy is not None
     ids = sorted(graph.viewpoints)
     centre = np.mean([place(graph, id) for id in ids], axis=0)
-    pairs = [(a, b) for i, a in enumerate(ids) for b in ids[:i] if math.dist(place(graph, a), place(graph, b)) < 3]
+    pairs = [(a, b) for i, a in enumerate(ids) for b in ids[:i] if 2 < math.dist(place(graph, a), place(graph, b)) < 3]
     blocked = [p for p in pairs if not segment_is_free(occupancy, *(place(graph, id)[:2] for id in p))]
     inmost = min(blocked, key=lambda p: sum(math.dist(place(graph, id), centre) for id in p))
     assert editing.run("add_edges", {"pairs": [list(inmost)]})
@@ -170,6 +171,8 @@ def shoot(camera: Camera) -> None:
     document.select(viewpoint=door)
     document.storeys.choose(0)
     table["overview"].trigger()
+    panoramas = window.part(InspectorPart).panoramas
+    editor.until(lambda: panoramas.current is not None and not panoramas.drawing)
     editor.take("editing-foreign")
 
 

@@ -61,7 +61,7 @@ def measure(
     of it counts in the following parts. Raises InputError if the device is missing.
     """
     config = replace(preset(preset_name), gaussian_cap=gaussians, sh_degree=sh_degree, device=device)
-    place = choice.card(device)
+    place = choice.gpu_name(device)
     if place == "cuda":
         torch.cuda.reset_peak_memory_stats()
     views, floor = across(width, height), FloorSurface.flat(0.0)

@@ -43,7 +43,7 @@ class Attempt:
         if isinstance(message, Progress) and message.done > self._done:
             self._done, self._further = message.done, True
 
-    def lost(self, for_memory: bool, most_bytes: int) -> str:
+    def prepare_restart(self, for_memory: bool, most_bytes: int) -> str:
         """Prepares the piece to restart, and returns a message about the loss.
 
         for_memory  the worker ran out of memory
@@ -143,7 +143,7 @@ class RayPool:
                             del running[stream]
                             if attempt.worker:
                                 yield piece, Worker(piece.stage, attempt.worker, piece.part, piece.words, "lost")
-                            sentence = attempt.lost(kind == "memory", self._most_bytes())
+                            sentence = attempt.prepare_restart(kind == "memory", self._most_bytes())
                             yield piece, Warning(sentence, piece.stage)
                             attempt.worker = ""
                             waiting.appendleft(attempt)

@@ -26,8 +26,8 @@ from nvsim.evaluation.ablation_runs import (
     finished,
     forget,
     preset_rows,
+    progress_of_run,
     run_of,
-    within,
 )
 from nvsim.evaluation.comparison import Shown, Tile
 from nvsim.evaluation.scores import Distance, Image, Scores, mean_scores, score
@@ -213,7 +213,9 @@ def evaluate_ablation(
         shown += [(submap.index, picture) for picture in bench.pictures]
         views = SharedViews(project, submap)
         for run in (r for r in distinct.values() if r.submap.index == submap.index):
-            model = finished(project, run, views.of(run), within(listen, STAGE, before, total, titles[run.folder]))
+            model = finished(
+                project, run, views.of(run), progress_of_run(listen, STAGE, before, total, titles[run.folder])
+            )
             before += run.config.steps if run in todo else 0
             scored[run.folder] = bench.score(model)
     result = {}

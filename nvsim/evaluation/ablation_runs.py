@@ -219,7 +219,7 @@ class SharedViews:
         return read
 
 
-def within(listen: Listener, stage: str, before: int, total: int, name: str) -> Listener:
+def progress_of_run(listen: Listener, stage: str, before: int, total: int, name: str) -> Listener:
     """A listener that converts the progress of one run to that of all runs, of whose steps `before` are finished."""
 
     def pass_on(event: Event) -> None:

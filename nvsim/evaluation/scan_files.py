@@ -106,7 +106,7 @@ class ScanFiles:
                 raise InputError(f"{self.places.depth(id)} has faces of another size than {self.size}.")
 
         def views() -> None:
-            for path in self.places.sweep(id) if self.settings.get("views") else ():
+            for path in self.places.view_paths(id) if self.settings.get("views") else ():
                 decode(path, (WIDTH, HEIGHT))
 
         def faces() -> None:

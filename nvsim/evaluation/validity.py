@@ -20,7 +20,7 @@ from typing import Any
 
 from nvsim import __version__
 from nvsim.errors import InputError
-from nvsim.evaluation.ablation_runs import Budget, Row, Run, SharedViews, finished, preset_rows, run_of, within
+from nvsim.evaluation.ablation_runs import Budget, Row, Run, SharedViews, finished, preset_rows, progress_of_run, run_of
 from nvsim.evaluation.graph import evaluate_graph
 from nvsim.events import Listener, Log
 from nvsim.files import atomic
@@ -255,7 +255,7 @@ def _trained(project: Project, rows: Sequence[Row], seed: int, listen: Listener)
             run = runs[row][i]
             if not run.is_done:
                 title = f"{row.title}, submap {submap.index}"
-                finished(project, run, views.of(run), within(listen, STAGE, before, total, title))
+                finished(project, run, views.of(run), progress_of_run(listen, STAGE, before, total, title))
                 before += run.config.steps
     return runs, len(todo)
 

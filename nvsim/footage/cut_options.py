@@ -76,7 +76,7 @@ def refuse_unless_cut(footage: Footage, options: CutOptions) -> None:
         raise InputError(f"The videos in {footage.source} are the views of a 360 degree rig already; omit --views.")
 
 
-def refuse_replaced(options: CutOptions | None, folder: Path) -> None:
+def refuse_mask_in_output(options: CutOptions | None, folder: Path) -> None:
     """Raises InputError if the mask is in the mask folder of the capture `folder`, which is replaced."""
     if options is not None and options.mask is not None and (folder / MASKS).absolute() in options.mask.parents:
         raise InputError(f"{options.mask} is in a mask folder that is replaced; copy it elsewhere and use the copy.")

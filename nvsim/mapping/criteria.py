@@ -189,7 +189,7 @@ def can_stand(around: Iterable[Evidence], config: MappingConfig) -> bool:
 
 
 def _stands(around: list[Evidence], config: MappingConfig) -> bool:
-    if not around or footing(around, config)[1] < config.support:
+    if not around or floor_below(around, config)[1] < config.support:
         return False
     for criterion in standing(config):
         beneath = np.concatenate([criterion.plane_of(evidence)[under(evidence, config)] for evidence in around])
@@ -206,7 +206,7 @@ def standing(config: MappingConfig) -> tuple[Criterion, ...]:
     return tuple(c for c in CRITERIA if c.family in families and c.over == over and c.asked(config))
 
 
-def footing(around: Iterable[Evidence], config: MappingConfig) -> tuple[float, float]:
+def floor_below(around: Iterable[Evidence], config: MappingConfig) -> tuple[float, float]:
     """Return the mean alpha of the floor under a viewpoint, and the known share of this floor, 0 to 1. Returns (1, 0)
     without evidence."""
     alpha, support = [], []

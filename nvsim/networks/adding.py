@@ -78,7 +78,7 @@ def _form(networks: Sequence[Path], wanted: str) -> tuple[str, dict[str, Path]]:
         of = f"the form {wanted}" if wanted else f"none of the forms {', '.join(ready())}"
         raise InputError(
             f"{names} fit{'s' if len(networks) == 1 else ''} {of}; describe the model in a TOML beside "
-            f"{'it' if len(networks) == 1 else 'them'} (resources/docs/networks.md) and add both."
+            f"{'it' if len(networks) == 1 else 'them'} (documentation page 'Networks that you install') and add both."
         )
     return forms[0]
 

@@ -39,8 +39,8 @@ def bind(tensors: Sequence[Tensor], nodes: Sequence[Node], path: Path, inputs: b
         if named is not None:
             if _exactness(tensor, named) is None:
                 raise InputError(
-                    f"{path}: {named.name} is {words([named])}, but the description says {_said(tensor)}; correct the "
-                    "description, or export the file again."
+                    f"{path}: {named.name} is {describe_nodes([named])}, but the description says {_said(tensor)}; "
+                    "correct the description, or export the file again."
                 )
             found[i] = named
     while True:
@@ -52,11 +52,14 @@ def bind(tensors: Sequence[Tensor], nodes: Sequence[Node], path: Path, inputs: b
     for i, tensor in enumerate(tensors):
         if wanted(i) and not tensor.optional:
             raise InputError(
-                f"{path} has no {'input' if inputs else 'output'} that matches {_said(tensor)}; it has {words(nodes)}."
+                f"{path} has no {'input' if inputs else 'output'} that matches {_said(tensor)}; "
+                f"it has {describe_nodes(nodes)}."
             )
     left = [n for n in nodes if n not in found.values()]
     if inputs and left:
-        raise InputError(f"{path} also takes {words(left)}, which its description does not list; add it there.")
+        raise InputError(
+            f"{path} also takes {describe_nodes(left)}, which its description does not list; add it there."
+        )
     return tuple(Bound(tensors[i], found[i]) for i in sorted(found))
 
 
@@ -92,6 +95,6 @@ def _said(tensor: Tensor) -> str:
     return " ".join(filter(None, (name, tensor.kind, shape)))
 
 
-def words(nodes: Sequence[Node]) -> str:
+def describe_nodes(nodes: Sequence[Node]) -> str:
     """The inputs or outputs of a file, as text for a message."""
     return ", ".join(f"{n.name} {n.type} {list(n.shape)}" for n in nodes) or "none"

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from nvsim.errors import InputError
 from nvsim.files.reading import reading
-from nvsim.networks.binding import Bound, bind, words
+from nvsim.networks.binding import Bound, bind, describe_nodes
 from nvsim.networks.description import OF_PROMPTS, Constant, Description, Scheduler, Step
 from nvsim.networks.onnx_session import TYPES, Node, Provider, SharedFile, providers, shared_file
 from nvsim.networks.preparing import Image, Placement, Preparation
@@ -211,7 +211,7 @@ def _sized(description: Description, runs: Sequence[_Run]) -> dict[str, Preparat
                 axis = {"NCHW": 2, "NHWC": 1, "HWC": 0}[preparation.layout]
                 if len(shape) != (3 if preparation.layout == "HWC" else 4) or bound.node.type not in TYPES:
                     raise InputError(
-                        f"{run.path} takes {words([bound.node])} as an image, but its description says "
+                        f"{run.path} takes {describe_nodes([bound.node])} as an image, but its description says "
                         f"{preparation.layout}; correct the layout."
                     )
                 sides = [n if isinstance(n, int) else 0 for n in shape[axis : axis + 2]]

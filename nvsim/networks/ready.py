@@ -14,7 +14,7 @@ from typing import Any
 import nvsim_resources
 from nvsim.errors import InputError, shown
 from nvsim.files.opening import read_text
-from nvsim.networks.binding import bind, words
+from nvsim.networks.binding import bind, describe_nodes
 from nvsim.networks.description import Description, Role
 from nvsim.networks.onnx_session import Node, Signature
 from nvsim.networks.parsing import description_in
@@ -117,7 +117,7 @@ def description_from_legacy_toml(
     image = [i for i in inputs if len(i.shape) == 4 and i.type in _FLOATS]
     if len(image) != 1 or len(inputs) != 1:
         raise InputError(
-            f"{network} takes {words(inputs)}; a network for normals takes one image of shape (1, 3, H, W)."
+            f"{network} takes {describe_nodes(inputs)}; a network for normals takes one image of shape (1, 3, H, W)."
         )
     output, last = _output(outputs, network)
     return {

@@ -58,7 +58,7 @@ class GridWays:
         columns) float64 >= 0 are cost factors: the length of a step is multiplied by their mean at its ends. Cells
         farther than `reach` meters are ignored. With `ends` (N, 2) int64, the search stops when all of them are
         reached."""
-        from nvsim.occupancy.spreading import spread
+        from nvsim.occupancy.spreading import measure_paths
 
         rows, columns = room.shape
         self._columns, self._start = columns, start
@@ -76,7 +76,7 @@ class GridWays:
             count = int(wanted.sum())
         prices = _ALIKE if cost_factors is None else np.ascontiguousarray(cost_factors, np.float64)
         first = start[0] * columns + start[1]
-        spread(open_cells, prices, first, resolution, reach, wanted, count, _STEPS, self.metres, self._before)
+        measure_paths(open_cells, prices, first, resolution, reach, wanted, count, _STEPS, self.metres, self._before)
 
     def cells_to(self, end: Cell) -> NDArray[np.int64]:
         """(K, 2) int64 row and column of the cells from the start to a reached cell `end`, both included."""

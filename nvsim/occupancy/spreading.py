@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 
 @njit(cache=True, nogil=True)
-def spread(
+def measure_paths(
     room: NDArray[np.bool_],  # (rows, columns)
     prices: NDArray[np.float64],  # (rows, columns), or (0, 0) for 1 everywhere
     first: int,  # the start cell, numbered row by row

@@ -28,7 +28,7 @@ from nvsim.occupancy.ros import write_ros_map
 from nvsim.occupancy.types import OccupancyMap
 
 NAME = "storeys.json"
-_AGAIN = "write it as described in resources/docs/evaluation.md"
+_AGAIN = "write it as `nvsim demo --storeys 2` does"
 _MOST = 1000  # storeys, stairs, and corners of an outline
 _LARGEST = 1 << 22  # bytes
 _FARTHEST = 1e7  # meters

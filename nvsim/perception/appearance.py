@@ -131,7 +131,7 @@ class FloorAppearance:
         inside = regions.astype(np.float32)[..., None]
         seen, there = (
             x - cv2.GaussianBlur(x * inside, (0, 0), 5) / (cv2.GaussianBlur(inside, (0, 0), 5)[..., None] + 1e-3)
-            for x in (self.logs(view), expected)
+            for x in (self.log_colors(view), expected)
         )
         count, labels = cv2.connectedComponents(regions.astype(np.uint8))
         keep = np.zeros(count, bool)
@@ -144,7 +144,7 @@ class FloorAppearance:
         return found
 
     @staticmethod
-    def logs(view: FloorObservation) -> Float32:
+    def log_colors(view: FloorObservation) -> Float32:
         """(h, w, 3) log colors of a view, comparable with `expected`."""
         logs: Float32 = np.log(view.image.astype(np.float32) + _DARK)
         return logs
@@ -167,7 +167,7 @@ class FloorAppearance:
         import cv2
 
         either = region | basis
-        rest = np.where(either[..., None], self.logs(view) - expected, 0).astype(np.float32)
+        rest = np.where(either[..., None], self.log_colors(view) - expected, 0).astype(np.float32)
         # Too little floor to estimate the exposure: use that of the trajectory and allow 1.5 times the deviation.
         alone = basis.sum() < _FEW
         spread = np.full(3, 1.5 * _LEAST, np.float32)

@@ -162,7 +162,7 @@ class GeometricFloor:
             hits = cameras[i].position + projection.before[..., None] * self._small(cameras[i]).rays()
             hidden = projection.hidden & known & np.isfinite(projection.before)
             behind = projection.distance - projection.before
-            through.vote(self._appearance.logs(view), expected, hidden, hits.astype(np.float32), behind)
+            through.vote(self._appearance.log_colors(view), expected, hidden, hits.astype(np.float32), behind)
         glass = through.glass(self._standing.points)
         radii = np.where(glass, np.minimum(self._standing.radii, _SPECK), self._standing.radii).astype(np.float32)
         self._splats = self._splats.with_radii(radii)

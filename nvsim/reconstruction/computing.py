@@ -19,7 +19,7 @@ from nvsim.events import Done, Listener, Log, Progress, Warning
 from nvsim.files import atomic
 from nvsim.files.opening import is_regular, read_json
 from nvsim.files.reading import as_reading_error, reading
-from nvsim.footage.cut_options import MASKS, CutOptions, refuse_replaced, refuse_unless_cut
+from nvsim.footage.cut_options import MASKS, CutOptions, refuse_mask_in_output, refuse_unless_cut
 from nvsim.footage.sources import Footage, Stamp, is_panoramic, need_footage
 from nvsim.reconstruction.report import REPORT, SETTINGS, PosesReport, WeakPlace, read_report, stamp_of, write_report
 
@@ -61,7 +61,7 @@ def compute_poses(
     but no panoramas. Also raises it if fewer than half of the frames have a pose, unless the user has `chosen` a piece.
     """
     footage = need_footage(source)
-    refuse_replaced(options, folder)
+    refuse_mask_in_output(options, folder)
     stamp = _stamp(footage)
     known = read_report(folder)
     if known is not None and _is_current(known, footage, stamp, options) and _is_whole(folder, known):

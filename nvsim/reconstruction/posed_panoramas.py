@@ -25,7 +25,7 @@ from nvsim.files import atomic
 from nvsim.files.images import decoded
 from nvsim.files.opening import is_regular, read_bytes, read_json
 from nvsim.files.reading import reading
-from nvsim.footage.cut_options import MASKS, VIEWS, WHOLE, CutOptions, refuse_replaced
+from nvsim.footage.cut_options import MASKS, VIEWS, WHOLE, CutOptions, refuse_mask_in_output
 from nvsim.footage.sources import Stamp, is_equirectangular
 
 if TYPE_CHECKING:
@@ -111,7 +111,7 @@ def cut_posed_panoramas(file: Path, folder: Path, listen: Listener, options: Cut
     from nvsim.footage.carrier import PanoramaSamples, as_png, cut_mask, read_panorama_mask
     from nvsim.footage.views import views_of  # imports OpenCV, which would slow the start of the window
 
-    refuse_replaced(options, folder)
+    refuse_mask_in_output(options, folder)
     mark, stamp = _mark(folder), _stamp(file)
     if mark is not None and mark.whole and mark.files == stamp and mark.agrees(options) and _is_capture(folder):
         listen(Log(f"The views in {folder} are up to date.", STAGE))

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from nvsim.errors import InputError
 from nvsim.geometry.rotation import smallest_rotation
 from nvsim.scene_import.levels import Storeys, find_storeys
-from nvsim.scene_import.surface_points import SurfacePoints, core_of, surface_points
+from nvsim.scene_import.surface_points import SurfacePoints, central_box, surface_points
 from nvsim.scene_import.up_direction import find_up, storey_height
 from nvsim.splats.turning import UPS, Up, turned
 from nvsim.splats.types import Gaussians
@@ -79,7 +79,7 @@ def align_scene(
             f"{name} has {len(gaussians)} Gaussians, which are too few for a building; choose a splat of the inside of "
             "a building."
         )
-    low, high = core_of(gaussians.means)
+    low, high = central_box(gaussians.means)
     _refuse_far(name, low, high)
     surface = surface_points(gaussians, float((high - low).max()) / _CELLS)
     found = find_up(surface, axis_of(convention), axis_of(up) if up in UPS else None)

@@ -31,7 +31,7 @@ class SurfacePoints:
     bright: NDArray[np.float32]
 
 
-def core_of(means: NDArray[np.floating]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def central_box(means: NDArray[np.floating]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """The corners (3,) of the box that contains the means (N, 3) except 2 % at each side, with a margin of a quarter of
     its size."""
     low, high = np.percentile(means[:: max(1, len(means) // 200_000)].astype(np.float64), [2, 98], axis=0)
@@ -43,7 +43,7 @@ def surface_points(gaussians: Gaussians, cell: float, count: int = COUNT) -> Sur
     """Points of opaque Gaussians, spread over the area of each and thinned to one per cell of side `cell`, which is in
     the unit of the Gaussians. Equal Gaussians give equal points."""
     g, random = gaussians, np.random.default_rng(0)
-    low, high = core_of(g.means)
+    low, high = central_box(g.means)
     scales = np.exp(g.log_scales.astype(np.float64))
     order = np.sort(scales, axis=1)
     used = (g.opacity_logits > np.log(_FAINT / (1 - _FAINT))) & (order[:, 2] < _LARGEST * float((high - low).max()))

@@ -46,7 +46,7 @@ def gather(parts: Mapping[str, Stateful]) -> Arrays:
     return {f"{part}/{name}": array for part, one in parts.items() for name, array in one.state().items()}
 
 
-def spread(parts: Mapping[str, Stateful], arrays: Arrays) -> None:
+def restore_parts(parts: Mapping[str, Stateful], arrays: Arrays) -> None:
     """Restores every part from the arrays of `gather`."""
     for part, one in parts.items():
         prefix = f"{part}/"

@@ -144,7 +144,7 @@ class _Run:
             of_gaussians = {"fit/sums"}
             of_gaussians |= {f"fit/{n}.{p}" for n in self.fit.held.names for p in ("values", "first", "second")}
             files.check_shapes(files.gather(self._parts), found.arrays, of_gaussians)
-            files.spread(self._parts, found.arrays)
+            files.restore_parts(self._parts, found.arrays)
             self._rng.bit_generator.state = progress["random"]
             self._order = [range(len(self._views))[index] for index in progress["order"]]
             self._figures = {name: float(progress["figures"][name]) for name in self._figures}

@@ -26,6 +26,12 @@ IMAGE = re.compile(r"!\[([^\]]+)\]\(([^)#]+)\)")
 log = logging.getLogger("mkdocs.hooks.nvsim")
 HISTORY = ("changelog.md", "decisions/")
 """Pages that quote the options of earlier versions."""
+GALLERY = (
+    *("window", "window-inspector", "window-frame", "window-agent", "window-training"),
+    *("editing-false-edge", "editing-proposed", "editing-compare", "editing-foreign"),
+    *("panorama", "floor-masks", "floor-masks-clip", "agent-walk"),
+)
+"""Names of the pictures and clips in the gallery, without suffix."""
 
 
 def on_config(config: Any) -> Any:
@@ -69,8 +75,18 @@ def on_page_markdown(markdown: str, page: Any, config: Any, files: Files) -> str
             log.warning("%s: %s", source, sentence)
     if source == "perception.md":
         markdown = markdown.replace("](../models/", "](models/")
+    markdown = IMAGE.sub(lambda image: _for_both_themes(image, source), markdown)
     markdown = re.sub(r"\[([^\]]*)\]\((\.\./\.\./)?examples\)", r"\1", markdown)  # a folder is no page
     return _lists(markdown.replace("](../../examples/", "](examples/"))
+
+
+def _for_both_themes(image: re.Match[str], source: str) -> str:
+    """The picture of the dark theme and that of the light theme, if the picture has both; Material shows one."""
+    words, dark = image.groups()
+    light = Path(dark).with_stem(Path(dark).stem + "-light")
+    if not (DOCS / Path(source).parent / light).is_file():
+        return image[0]
+    return f"![{words}]({dark}#only-dark)![{words}]({light}#only-light)"
 
 
 def _from_root(name: str) -> str:
@@ -94,10 +110,10 @@ def _decisions() -> str:
 
 
 def _gallery() -> str:
-    lines = ["# Gallery", "", "All pictures of the pages, with links to the pages that explain them.", ""]
+    lines = ["# Gallery", "", "Each picture links to the page that explains it.", ""]
     for path in sorted([*DOCS.glob("*.md"), *DOCS.glob("how-to/*.md")]):
         text, page = path.read_text(), path.relative_to(DOCS)
-        pictures = IMAGE.findall(text)
+        pictures = [(words, image) for words, image in IMAGE.findall(text) if Path(image).stem in GALLERY]
         if pictures:
             lines += [f"## {text.splitlines()[0].lstrip('# ')}", ""]
         for words, image in pictures:

@@ -52,10 +52,10 @@ def test_the_help_is_searched_and_one_window_shows_all_pages(window: MainWindow,
     first.list.setCurrentRow(0)
     assert first.page == "start"
     first.show_page("window")
-    pictures = [f for f in first.text.toMarkdown().split("![") if ".png)" in f]
+    pictures = [f for f in first.text.toMarkdown().split("![") if ".webp)" in f]
     assert len(pictures) >= 6
     assert all((DOCS / p.partition("](")[2].partition(")")[0]).is_file() for p in pictures)
-    image = first.text.loadResource(QTextDocument.ResourceType.ImageResource.value, QUrl("window.png"))
+    image = first.text.loadResource(QTextDocument.ResourceType.ImageResource.value, QUrl("window.webp"))
     assert 200 <= image.deviceIndependentSize().width() <= first.text.viewport().width()
     first.close()
     assert not [w for w in window.findChildren(HelpWindow) if w.isVisible()]

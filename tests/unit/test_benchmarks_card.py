@@ -32,7 +32,7 @@ def test_a_view_is_measured_and_held_to_the_kernels(monkeypatch: pytest.MonkeyPa
 @needs_gsplat
 def test_a_training_step_is_measured_beside_the_plain_one(monkeypatch: pytest.MonkeyPatch) -> None:
     stand_in(monkeypatch)
-    monkeypatch.setattr(choice, "card", lambda device: "cpu")
+    monkeypatch.setattr(choice, "gpu_name", lambda device: "cpu")
     monkeypatch.setattr(simple_step, "STEPS", 2)
     figures = train.measure(200, 40, 30, 1, steps=2, warm_up=1)
     assert figures["step_ms"] > 0 and figures["simple_step_ms"] > 0 and figures["visible"] > 0

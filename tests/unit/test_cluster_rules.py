@@ -41,21 +41,21 @@ def test_all_pieces_run_at_once_with_as_many_threads_as_that_leaves(
 
 def test_memory_is_doubled_for_who_was_killed_for_it_up_to_the_largest_machine() -> None:
     attempt = Attempt(PIECE, PIECE.bytes)
-    assert "4.0 GB" in attempt.lost(True, 7 * GB)
-    assert "7.0 GB" in attempt.lost(True, 7 * GB)
+    assert "4.0 GB" in attempt.prepare_restart(True, 7 * GB)
+    assert "7.0 GB" in attempt.prepare_restart(True, 7 * GB)
     with pytest.raises(InputError, match="no machine has more"):
-        attempt.lost(True, 7 * GB)
+        attempt.prepare_restart(True, 7 * GB)
 
 
 def test_losses_count_in_a_row_only() -> None:
     attempt = Attempt(PIECE, PIECE.bytes)
     for step in range(1, 6):
         attempt.hear(Progress("train", step, 10))
-        attempt.lost(False, GB)
-    attempt.lost(False, GB)
+        attempt.prepare_restart(False, GB)
+    attempt.prepare_restart(False, GB)
     attempt.hear(Progress("train", 3, 10))  # it was there before
     with pytest.raises(InputError, match="without progress"):
-        attempt.lost(False, GB)
+        attempt.prepare_restart(False, GB)
 
 
 def test_a_machine_without_the_same_files_says_what_it_lacks(tmp_path: Path) -> None:

@@ -17,7 +17,11 @@ DOCS = ROOT / "resources" / "docs"
 TUTORIALS = sorted((DOCS / "tutorials").glob("*.md"))
 HOW_TO = sorted((DOCS / "how-to").glob("*.md"))
 HELP = sorted((ROOT / "resources" / "nvsim_resources" / "help").glob("*.md"))
-PAGES = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", *sorted(DOCS.glob("*.md")), *HOW_TO, *TUTORIALS, *HELP]
+BENCHMARKS = sorted((DOCS / "benchmarks").glob("*.md"))
+PAGES = [
+    *(ROOT / "README.md", ROOT / "CONTRIBUTING.md"),
+    *(*sorted(DOCS.glob("*.md")), *HOW_TO, *TUTORIALS, *BENCHMARKS, *HELP),
+]
 
 
 @pytest.fixture(scope="module")
@@ -44,6 +48,15 @@ def test_every_command_of_a_tutorial_parses(quoted: ModuleType, page: Path) -> N
             parse(command_of(verb), words[1 + len(verb.split()) :], verb)
         except SystemExit:
             pytest.fail(f"{page.name}: `{line}` does not parse")
+
+
+@pytest.mark.parametrize(
+    ("page", "limit"),
+    [(ROOT / "README.md", 700), *((page, 300) for page in HOW_TO)],
+    ids=lambda v: getattr(v, "stem", ""),
+)
+def test_a_page_is_short(page: Path, limit: int) -> None:
+    assert len(page.read_text().split()) <= limit
 
 
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: page.stem)

@@ -19,7 +19,7 @@ from nvsim.errors import InputError
 from nvsim.figures import save_figure
 from nvsim.graph import edits
 from nvsim.graph.connectivity import read_connectivity, write_connectivity
-from nvsim.graph.exports import Anchor, choking, draw, refuse, write_geojson, write_graphml
+from nvsim.graph.exports import Anchor, draw, findings_that_break_agents, refuse, write_geojson, write_graphml
 from nvsim.graph.findings import Context
 from nvsim.graph.sight import lines_of_sight
 from nvsim.graph.types import NavGraph, Viewpoint, edge
@@ -106,7 +106,7 @@ def test_pictures_show_the_map_the_edges_and_the_viewpoints(tmp_path: Path) -> N
 
 
 def test_what_agents_choke_on_is_refused_unless_ignored() -> None:
-    assert choking(GRAPH) == []
+    assert findings_that_break_agents(GRAPH) == []
     lonely = edits.place_viewpoint(GRAPH, (9, 9, 1.5), id="d")
     with pytest.raises(InputError, match=r"Viewpoint d has no edge.*--force"):
         refuse(lonely)

@@ -15,7 +15,7 @@ from nvsim.graph.types import NavGraph, Viewpoint, edge
 from nvsim.mapping.builder import build_map
 from nvsim.mapping.config import MappingConfig
 from nvsim.mapping.criteria import can_stand, decide
-from nvsim.mapping.evidence.evidence_stack import words
+from nvsim.mapping.evidence.evidence_stack import decision_names
 from nvsim.mapping.evidence.rethreshold import Rethresholder
 from nvsim.occupancy.types import OCCUPIED
 
@@ -52,7 +52,7 @@ def test_every_corridor_is_decided_as_one_by_one(config: MappingConfig) -> None:
     graph, walk = built()
     found = Rethresholder(graph, walk).decide(config)
     evidence = list(graph.evidence.values())
-    assert [words()[c] for c in found.codes] == [decide(e, config) for e in evidence]
+    assert [decision_names()[c] for c in found.codes] == [decide(e, config) for e in evidence]
     stands = Rethresholder(graph)._stack.stands(config)
     for id, stand in zip(graph.viewpoints, stands, strict=True):
         around = [e for e in evidence if e.viewpoint == id and e.direction < 8]

@@ -14,7 +14,7 @@ from nvsim.graph.types import Evidence, NavGraph, SecondOpinion, Viewpoint, edge
 from nvsim.mapping.config import MappingConfig
 from nvsim.mapping.corridor import CELLS, DEPTH, NEAR, WIDTH, Corridor
 from nvsim.mapping.criteria import CRITERIA, DECISIONS, OPEN, can_stand, decide
-from nvsim.mapping.evidence.evidence_stack import EvidenceStack, words
+from nvsim.mapping.evidence.evidence_stack import EvidenceStack, decision_names
 from nvsim.mapping.evidence.opinions import opinions
 from nvsim.mapping.explanation.explain import against, explain, margin
 from nvsim.mapping.families import FAMILIES
@@ -71,7 +71,7 @@ def test_builder_stack_explanation_inspector_details_and_findings_say_the_same(
 ) -> None:
     decision = decide(evidence, config)
     stack = EvidenceStack([evidence], np.zeros(1, np.int64), 1)
-    assert words()[int(stack.decide(config)[0])] == decision
+    assert decision_names()[int(stack.decide(config)[0])] == decision
     assert stack.stands(config).tolist() == [can_stand([evidence], config)]
     found = explain(evidence, config)
     assert found.decision == decision

@@ -42,7 +42,7 @@ def use_card(monkeypatch: pytest.MonkeyPatch) -> Callable[[bool], None]:
     stand_in(monkeypatch)
 
     def use(card: bool) -> None:
-        monkeypatch.setattr(choice, "card", lambda device: "cpu" if card else None)
+        monkeypatch.setattr(choice, "gpu_name", lambda device: "cpu" if card else None)
 
     return use
 
@@ -174,12 +174,12 @@ def test_the_card_leaves_out_what_the_cpu_leaves_out(room: SyntheticRoom) -> Non
 
 def test_a_card_that_is_not_there_is_one_sentence(monkeypatch: pytest.MonkeyPatch, room: SyntheticRoom) -> None:
     monkeypatch.setattr(choice, "missing_for_gsplat", lambda: "PyTorch sees no CUDA card")
-    assert choice.card("auto") is None and choice.card("cpu") is None
+    assert choice.gpu_name("auto") is None and choice.gpu_name("cpu") is None
     config = small("3dgs", device="cuda")
     with pytest.raises(InputError, match="no CUDA card.*--device cpu"):
         trainer.train_submap(room.views, room.cloud, room.floor, config)
     monkeypatch.setattr(choice, "missing_for_gsplat", lambda: None)
-    assert choice.card("auto") == choice.card("cuda") == "cuda"
+    assert choice.gpu_name("auto") == choice.gpu_name("cuda") == "cuda"
     assert backends.missing_for_gsplat is not None
 
 

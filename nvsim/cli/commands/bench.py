@@ -41,7 +41,7 @@ class BenchRender:
         from nvsim.benchmarks.random_room import random_room
         from nvsim.benchmarks.render import inside_view, measure
         from nvsim.splats.formats.choice import read_splats
-        from nvsim.training.devices.choice import card
+        from nvsim.training.devices.choice import gpu_name
 
         width, _, height = self.size.partition("x")
         if not (width.isdecimal() and height.isdecimal() and int(width) and int(height)):
@@ -54,7 +54,7 @@ class BenchRender:
             splats = read_splats(self.scene)
             gaussians = splats.gaussians
             terminal.notes(splats.notes)
-        camera, place = inside_view(int(width), int(height)), card(self.device)
+        camera, place = inside_view(int(width), int(height)), gpu_name(self.device)
         if place is None:
             figures = measure(gaussians, camera, not self.classic, self.rounds)
         else:

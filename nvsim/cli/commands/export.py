@@ -174,7 +174,7 @@ class ExportGraph:
     def run(self) -> int:
         from nvsim.cli.graph_target import is_project, one_source
         from nvsim.graph.connectivity import scan_of
-        from nvsim.graph.exports import left_out
+        from nvsim.graph.exports import incomplete_export
         from nvsim.graph.foreign import connectivity_files
 
         named = _FILES.get(self.out.suffix.lower())
@@ -193,7 +193,7 @@ class ExportGraph:
                     raise
                 failures[scan_of(file)] = error
         if failures:
-            raise left_out(failures, len(files))
+            raise incomplete_export(failures, len(files))
         return 0
 
 

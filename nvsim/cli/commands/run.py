@@ -67,13 +67,13 @@ class Run:
 
     def run(self) -> int:
         from nvsim.project import pipeline
-        from nvsim.training.devices.choice import card
+        from nvsim.training.devices.choice import gpu_name
 
         config = replace(self.config, map=asked(self.config.map, self.normal_source))
         if self.device != "auto":
             config = replace(config, train=replace(config.train, device=self.device))
         if self.cluster.executor == "local":
-            card(config.train.device)  # raises an error before anything is imported
+            gpu_name(config.train.device)  # raises an error before anything is imported
         cluster = self.cluster
         with (
             opened(cluster) as executor,

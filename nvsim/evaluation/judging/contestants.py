@@ -16,7 +16,7 @@ import numpy as np
 
 from nvsim.capture.images import decode
 from nvsim.errors import InputError
-from nvsim.evaluation.ablation_runs import Row, Run, SharedViews, finished, run_of, within
+from nvsim.evaluation.ablation_runs import Row, Run, SharedViews, finished, progress_of_run, run_of
 from nvsim.evaluation.judging.views import JudgedView, Kind
 from nvsim.evaluation.scores import Image
 from nvsim.events import Listener, Progress
@@ -73,7 +73,7 @@ def by_presets(
             run = runs[row.name, submap.index]
             if not run.is_done:
                 title = f"{row.title}, submap {submap.index}"
-                finished(project, run, shared.of(run), within(listen, STAGE, before, total, title))
+                finished(project, run, shared.of(run), progress_of_run(listen, STAGE, before, total, title))
                 before += run.config.steps
     drawers = {row.name: _of_runs({str(s.index): runs[row.name, s.index] for s in submaps}) for row in rows}
     return _drawn(drawers, views, out, listen)

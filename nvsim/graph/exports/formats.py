@@ -128,22 +128,21 @@ class Refusal(InputError):
         self.reason = reason
 
 
-def choking(graph: NavGraph, context: Context | None = None) -> list[Finding]:
+def findings_that_break_agents(graph: NavGraph, context: Context | None = None) -> list[Finding]:
     """Return the findings that break programs for R2R files, except those that a user ignores for a reason."""
     found = check_graph(graph, context or Context())
     return [f for f in found if f.kind in BLOCKS_EXPORT and f.severity == "error" and f.key not in graph.ignored]
 
 
 def refuse(graph: NavGraph, context: Context | None = None) -> None:
-    """Check a graph before an export. Raises Refusal with the first finding of `choking` and the number of the
-    others."""
-    found = choking(graph, context)
+    """Check a graph before an export. Raises Refusal with the first finding that breaks agents, and their number."""
+    found = findings_that_break_agents(graph, context)
     if found:
         more = f" (and {len(found) - 1} more that `nvsim graph check` lists)" if len(found) > 1 else ""
         raise Refusal(f"{found[0].message.rstrip('.')}{more}")
 
 
-def left_out(failures: Mapping[str, InputError], count: int) -> InputError:
+def incomplete_export(failures: Mapping[str, InputError], count: int) -> InputError:
     """Return one error for the scans that could not be written, by name. `count` is the number of all scans."""
     reasons = [
         f"{scan}: {error.reason if isinstance(error, Refusal) else str(error).rstrip('.')}"

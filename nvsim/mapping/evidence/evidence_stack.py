@@ -24,7 +24,7 @@ _KEPT = 4  # maximum number of corridor widths whose sums are cached
 _Kind = tuple[str, str, bool]  # plane, over, below: the measure that a criterion uses
 
 
-def words() -> tuple[Decision, ...]:
+def decision_names() -> tuple[Decision, ...]:
     """Return the decisions of the codes of `EvidenceStack.decide`. The first is OPEN."""
     return (OPEN, *dict.fromkeys(c.word for c in criteria.CRITERIA), DISPUTED)
 
@@ -60,7 +60,7 @@ class _Group:
         self._sums: dict[tuple[int, int], _Sums] = {}
 
     def codes(self, config: MappingConfig) -> NDArray[np.uint8]:
-        """(n,) uint8 indices into `words()`, equal to criteria.decide."""
+        """(n,) uint8 indices into `decision_names()`, equal to criteria.decide."""
         _, across = corridor_of(self.sample, config)
         sums = self._summed(across.start, across.stop)
         e = self.sample
@@ -69,7 +69,7 @@ class _Group:
         last = np.minimum(np.maximum(used, 1), self.rows) - 1
         at = (np.arange(len(last)), last)
         count = (last + 1) * sums.cells
-        codes, code = np.zeros(len(last), np.uint8), words().index
+        codes, code = np.zeros(len(last), np.uint8), decision_names().index
         for criterion in reversed(criteria.CRITERIA):  # the first that fails is written last
             if criterion.asked(config):
                 self._need(criterion)
@@ -128,13 +128,13 @@ class EvidenceStack:
         self._second = _Opinion(others, viewpoint[self._doubled], count) if others else None
 
     def decide(self, config: MappingConfig) -> NDArray[np.uint8]:
-        """Return (E,) uint8 indices into `words()`. Raises InputError if evidence lacks the data of a criterion."""
+        """Return (E,) uint8 indices into `decision_names()`. Raises InputError if evidence lacks a criterion."""
         codes = self._first.decide(config)
         if self._second is None or not config.second_opinion:
             return codes
         first = codes[self._doubled]
         differ = (first == 0) != (self._second.decide(config) == 0)
-        codes[self._doubled] = np.where(differ, words().index(DISPUTED), first)
+        codes[self._doubled] = np.where(differ, decision_names().index(DISPUTED), first)
         return codes
 
     def stands(self, config: MappingConfig) -> NDArray[np.bool_]:

@@ -17,7 +17,7 @@ from nvsim.graph.touched import Touched, remember
 from nvsim.graph.types import Decision, Edge, EdgeOrigin, NavGraph, edge
 from nvsim.mapping.config import MappingConfig
 from nvsim.mapping.criteria import OPEN, SPARED
-from nvsim.mapping.evidence.evidence_stack import EvidenceStack, words
+from nvsim.mapping.evidence.evidence_stack import EvidenceStack, decision_names
 from nvsim.mapping.search.graph_builder import SAME
 
 MACHINE = frozenset({"step", "merge"})  # origins of edges that the thresholds decide
@@ -77,7 +77,7 @@ class Rethresholder:
         stored = np.array([e.decision == OPEN or e.decision in SPARED for e in self._evidence], bool)
         self._stored = _either(self._forward, stored) | _either(self._backward, stored)
         # Steps that a threshold stopped when the graph was built.
-        self._stopped = np.array([e.decision in words()[1:] and not e.joins for e in self._evidence], bool)
+        self._stopped = np.array([e.decision in decision_names()[1:] and not e.joins for e in self._evidence], bool)
 
     def _leads(self, row: Mapping[str, int], xy: NDArray[np.float64]) -> NDArray[np.int64]:
         """(E,) row of the viewpoint at the end of the corridor, -1 if there is none."""
@@ -196,11 +196,11 @@ class Rethresholder:
         if was in SPARED:
             return was
         if code != _OPEN:
-            return words()[code]
+            return decision_names()[code]
         if closed:
-            return "return" if was in words() else was
+            return "return" if was in decision_names() else was
         refused = was == "return" and self._lead[i] < 0  # there is no room for a viewpoint
-        return OPEN if was in (*words(), "return") and not refused else was
+        return OPEN if was in (*decision_names(), "return") and not refused else was
 
     def _origins(self) -> dict[tuple[int, int], EdgeOrigin]:
         result: dict[tuple[int, int], EdgeOrigin] = {}

@@ -48,7 +48,7 @@ def explain_small_graph(report: Mapping[str, Any], uncovered: NDArray[np.floatin
 
 
 def explain_no_viewpoint(refusals: list[tuple[float, float]], config: MappingConfig) -> str:
-    """Return the sentence for a build without any viewpoint, from the `footing` of all positions that were tried."""
+    """Return the sentence for a build without any viewpoint, from the `floor_below` of all tried positions."""
     asked = standing(config)
     limit = next((c.limit(config) for c in asked if c.plane == "alpha"), float("inf"))
     blocked = [alpha for alpha, known in refusals if alpha >= limit or known >= config.support]
@@ -113,7 +113,7 @@ def _nearest(group: list[str], others: list[str], survey: Survey) -> tuple[Viewp
 def _decision(here: Viewpoint, there: Viewpoint, survey: Survey) -> Decision:
     """Return the first decision against an edge, in either direction, or the reason why the edge was omitted."""
     for a, b in ((here, there), (there, here)):
-        left_out = survey.left_out(a, b)
+        left_out = survey.decision_between(a, b)
         decision = left_out if left_out in SPARED else survey.way(a, b)
         if decision != OPEN:
             return decision

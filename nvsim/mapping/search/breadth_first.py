@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from nvsim.graph.types import Decision, Evidence, Viewpoint
 from nvsim.mapping.corridor import DIRECTIONS
-from nvsim.mapping.criteria import OPEN, can_stand, footing
+from nvsim.mapping.criteria import OPEN, can_stand, floor_below
 from nvsim.mapping.search.graph_builder import SAME, apart
 from nvsim.mapping.search.survey import Survey
 
@@ -26,7 +26,7 @@ class Search:
     draft      the graph found so far
     expanded   ids of the viewpoints whose eight directions were decided
     limited    whether the search stopped at the maximum number of viewpoints
-    refusals   the `footing` of starts without room for a viewpoint
+    refusals   the `floor_below` of starts without room for a viewpoint
     """
 
     def __init__(self, survey: Survey) -> None:
@@ -53,7 +53,7 @@ class Search:
         around = self._survey.around(viewpoint)
         if self._config.standing and not can_stand(around, self._config):
             self._refused.add(id)
-            self.refusals.append(footing(around, self._config))
+            self.refusals.append(floor_below(around, self._config))
             return False
         # Decide the corridors to viewpoints around before the steps, so that the steps find them joined.
         self._look_around(viewpoint)

@@ -96,7 +96,7 @@ class Survey:
             config = replace(config, margin=min(config.margin + spare, WIDEST / 2 - config.robot_radius))
         return next((decide(evidence, config) for evidence in self._towards(viewpoint, other)), "")
 
-    def left_out(self, viewpoint: Viewpoint, other: Viewpoint) -> Decision:
+    def decision_between(self, viewpoint: Viewpoint, other: Viewpoint) -> Decision:
         """Return the stored decision of the search or of settling about the corridor to another viewpoint. "" without
         evidence."""
         return next((evidence.decision for evidence in self._towards(viewpoint, other)), "")

@@ -87,7 +87,7 @@ def run(
     if measured:
         summary["measured"] = measured
     if capture.cloud is not None and capture.cloud.is_dense:
-        added = lacking(cloud, capture.cloud)
+        added = points_in_holes(cloud, capture.cloud)
         summary["added"] = len(added.points)
         write_cloud(folder / ADDED, added)
     write_cloud(folder / CLOUD, cloud)
@@ -107,7 +107,7 @@ def why_not(cloud: Cloud | None, use: DepthUse) -> str:
     return "the capture has a scan" if use == "auto" and cloud is not None and cloud.is_dense else ""
 
 
-def lacking(cloud: FusedCloud, scan: Cloud) -> FusedCloud:
+def points_in_holes(cloud: FusedCloud, scan: Cloud) -> FusedCloud:
     """The points of `cloud` that fill holes of `scan`: those farther than 0.15 m from all of its points."""
     from scipy.spatial import cKDTree
 

@@ -28,7 +28,7 @@ from nvsim.project.project import Project
 from nvsim.project.stages import levels
 from nvsim.project.stages.depths import depth_maps
 from nvsim.project.stages.imported import capture_config
-from nvsim.project.stages.raised import find_raised, raised_places
+from nvsim.project.stages.raised import find_thin_obstacles, raised_places
 from nvsim.project.stages.submaps import submaps_key, submaps_of_capture
 from nvsim.project.work import StageName
 from nvsim.submaps.split import Submap
@@ -175,7 +175,7 @@ def run(
     seen = depth_maps(project)
     floors = floors_seen(project)
     if seen is not None and not stacked:  # on several storeys, the floor of each obstacle would be ambiguous
-        find_raised(project, floors, listen, STAGE)
+        find_thin_obstacles(project, floors, listen, STAGE)
     failures = segment_capture(capture, floors.__getitem__, layout.masks, listen=listen, depth_of=seen, other_of=other)
     support_key = _support_key(project, key)
     coverage = _support(project)

@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 _THREADS = 2
 
 
-def find_raised(project: Project, floors: dict[int, FloorSurface], listen: Listener, stage: str) -> None:
+def find_thin_obstacles(project: Project, floors: dict[int, FloorSurface], listen: Listener, stage: str) -> None:
     """Writes the places of thin obstacles; an existing file is kept. `floors` has the floor surface around each frame.
     Raises InputError if an image cannot be read."""
     from nvsim.perception.raised_lines import LineConfig, raised_lines, standing_places
@@ -62,8 +62,9 @@ def find_raised(project: Project, floors: dict[int, FloorSurface], listen: Liste
 
 
 def raised_places(project: Project) -> NDArray[np.float64] | None:
-    """Places of thin obstacles, (K, 2) meters, world, as `find_raised` wrote them; None if there is no file. Raises
-    InputError if the file is damaged."""
+    """(K, 2) places of thin obstacles, meters, world, from `find_thin_obstacles`; None if there is no file.
+
+    Raises InputError if the file is damaged."""
     path = project.layout.raised
     if not path.exists():
         return None

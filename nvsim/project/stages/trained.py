@@ -32,7 +32,7 @@ from nvsim.project.state.results import remove_folder
 from nvsim.project.work import StageName, lacks
 from nvsim.submaps.split import Submap
 from nvsim.training.config import TrainingConfig
-from nvsim.training.devices.choice import card
+from nvsim.training.devices.choice import gpu_name
 
 __all__ = ["STAGE", "run", "train_key", "training_views"]
 STAGE: StageName = "train"
@@ -69,7 +69,7 @@ def run(
         raise InputError(f"There is no submap {unknown[0]}; the project has submaps 0 to {len(submaps) - 1}.")
     if at_once < 0:
         raise InputError(f"--at-once {at_once} is negative; give the number of submaps in parallel, or 0.")
-    on_card = executor is None and card(config.device) is not None
+    on_card = executor is None and gpu_name(config.device) is not None
     chosen = [s for s in submaps if not only or s.index in only]
     asked, config = config.steps, adapt_to_capture(project, config)
     if config.steps != asked:

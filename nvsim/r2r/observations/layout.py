@@ -107,7 +107,7 @@ class ScanPlaces:
     def faces(self, viewpoint: str) -> list[Path]:
         return SkyboxFiles(self.images).faces(viewpoint)
 
-    def sweep(self, viewpoint: str) -> list[Path]:
+    def view_paths(self, viewpoint: str) -> list[Path]:
         """Returns the paths of the 36 views, in the order of viewIndex."""
         return [self.views / viewpoint / f"{i}.jpg" for i in range(VIEWS)]
 

@@ -184,7 +184,7 @@ def encode_images(
     if settings.faces:
         for path, face in zip(places.faces(id), skybox.faces, strict=True):
             files.append((path, jpeg(face, settings.quality, whole_chroma=True)))
-    for path, view in zip(places.sweep(id), images.views, strict=False):
+    for path, view in zip(places.view_paths(id), images.views, strict=False):
         files.append((path, jpeg(view, settings.quality, whole_chroma=False)))
     return files
 

@@ -54,7 +54,7 @@ def write_stub(places: ScanPlaces, views: bool) -> bool:
     atomic.write_bytes(stub.strip(VIEWPOINT), jpeg(as_bytes(strip), 95, whole_chroma=True))
     atomic.write_bytes(stub.depth(VIEWPOINT), png(as_units(metres)))
     if views:
-        for path, camera in zip(stub.sweep(VIEWPOINT), sweep(np.array(_EYE)), strict=True):
+        for path, camera in zip(stub.view_paths(VIEWPOINT), sweep(np.array(_EYE)), strict=True):
             atomic.write_bytes(path, jpeg(as_bytes(_seen(camera.rays().astype(np.float64))[0]), 95, whole_chroma=False))
     write_stub_graph(stub.graphs)
     return True

@@ -81,7 +81,7 @@ class World:
         """Numbers per view."""
         return self.features.shape[1]
 
-    def onward(self, goal: int) -> Onward:
+    def paths_to(self, goal: int) -> Onward:
         """Returns the shortest paths to the row `goal`, with ties as in nvsim.r2r.tasks.shortest."""
         if goal not in self._onward:
             scan = self.scans[self.keys[goal][0]]
@@ -100,7 +100,7 @@ class World:
             if at == goal:
                 found[i] = STOP
                 continue
-            onward = self.onward(goal)
+            onward = self.paths_to(goal)
             slots = np.flatnonzero(self.target[at] == onward.next[at - onward.first])
             if onward.next[at - onward.first] >= 0 and len(slots):
                 found[i] = 1 + slots[0]
@@ -113,7 +113,7 @@ class World:
     def metres(self, here: Int64, goals: Int64) -> NDArray[np.float64]:
         """Returns (B,) meters from rows `here` (B,) to rows `goals` (B,) along the graph."""
         each = zip(here.tolist(), goals.tolist())
-        return np.array([(o := self.onward(goal)).metres[at - o.first] for at, goal in each])
+        return np.array([(o := self.paths_to(goal)).metres[at - o.first] for at, goal in each])
 
 
 @dataclass(frozen=True, eq=False)

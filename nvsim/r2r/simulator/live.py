@@ -19,7 +19,7 @@ from nvsim.geometry.floor_surface import Floor
 from nvsim.graph.types import NavGraph, Viewpoint
 from nvsim.mapping.config import MappingConfig
 from nvsim.mapping.corridor import Lattice, SupportAt
-from nvsim.mapping.criteria import DECISIONS, OPEN, can_stand, decide, footing
+from nvsim.mapping.criteria import DECISIONS, OPEN, can_stand, decide, floor_below
 from nvsim.mapping.evidence.climbing import TraversedFloor
 from nvsim.mapping.evidence.measuring import Measurements
 from nvsim.mapping.views.looking import ViewSource
@@ -104,7 +104,7 @@ class Standing:
         around = self._measurements.around(end)
         if can_stand(around, self._config):
             return ""
-        if footing(around, self._config)[1] < self._config.support:
+        if floor_below(around, self._config)[1] < self._config.support:
             return "no image and no scan shows the floor there"
         return "there is an obstacle"
 

@@ -18,7 +18,7 @@ from nvsim.r2r.simulator.conventions import InvalidValue, Minstd, NotStarted, Ti
 from nvsim.r2r.simulator.images import Goal, Images, View, draw_all
 from nvsim.r2r.simulator.scan import Joined, Scans
 from nvsim.r2r.simulator.settings import Settings, source_of
-from nvsim.r2r.simulator.state import TURN, Batch, Beside, SimState, black, position_of, turn
+from nvsim.r2r.simulator.state import TURN, Batch, OffGraphPosition, SimState, black, position_of, turn
 
 if TYPE_CHECKING:
     from nvsim.r2r.simulator.images import Drawn
@@ -239,7 +239,7 @@ class Simulator(Settings):
             headings[environment] = headings[environment] if heading is None else float(heading)
             elevations[environment] = elevations[environment] if elevation is None else float(elevation)
             steps[environment] += 1
-            beside = {**batch.beside, environment: Beside.at(there, rows, batch.joined)}
+            beside = {**batch.beside, environment: OffGraphPosition.at(there, rows, batch.joined)}
             self._stand(batch.joined, batch.scan, batch.place, headings, elevations, beside, steps, environment)
 
     def _stand(
@@ -249,7 +249,7 @@ class Simulator(Settings):
         places: list[int],
         headings: list[float],
         elevations: list[float],
-        beside: dict[int, Beside],
+        beside: dict[int, OffGraphPosition],
         steps: list[int],
         alone: int | None = None,
     ) -> None:

@@ -131,7 +131,7 @@ class Batch:
     depth: list[NDArray[np.uint16]]
     joined: Joined | None = None
     scan: list[str] = field(default_factory=list)
-    beside: dict[int, Beside] = field(default_factory=dict)
+    beside: dict[int, OffGraphPosition] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         self.scan = [""] * self.size
@@ -193,7 +193,7 @@ class Batch:
 
 
 @dataclass(eq=False)
-class Beside:
+class OffGraphPosition:
     """A position outside the graph, (3,) float64 meters, world, with its ways.
 
     The ways are as in a Scan, and the neighbors are rows of the joined scans.
@@ -210,11 +210,11 @@ class Beside:
         return np.array([0, len(self.neighbour)], np.int64), self.neighbour, self.towards, self.reach
 
     @staticmethod
-    def at(position: NDArray[np.float64], rows: list[int], joined: Joined) -> Beside:
+    def at(position: NDArray[np.float64], rows: list[int], joined: Joined) -> OffGraphPosition:
         """Returns a position (3,), meters, world, with free ways to the viewpoints of some rows."""
         ends = np.array([joined.positions[row] for row in rows], np.float32).reshape(-1, 3)
         towards, reach = ways(np.tile(position.astype(np.float32), (len(rows), 1)), ends)
-        return Beside(position, np.array(rows, np.int64), towards, reach)
+        return OffGraphPosition(position, np.array(rows, np.int64), towards, reach)
 
 
 class SimState:

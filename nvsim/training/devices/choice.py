@@ -6,7 +6,7 @@ from nvsim.errors import InputError
 from nvsim.render.backends import missing_for_gsplat
 
 
-def card(device: str) -> str | None:
+def gpu_name(device: str) -> str | None:
     """The torch name of the GPU for `device` ("auto", "cpu", or "cuda"); None for the CPU. Raises InputError if "cuda"
     is given and no GPU can be used."""
     if device == "cpu":

@@ -11,8 +11,8 @@ from nvsim.training.networks import Networks
 
 
 def held_on(gaussians: Gaussians, networks: Networks | None, config: TrainingConfig) -> Held:
-    """The Gaussians on the device `config.device`. Raises InputError as `choice.card` does."""
-    place = choice.card(config.device)
+    """The Gaussians on the device `config.device`. Raises InputError as `choice.gpu_name` does."""
+    place = choice.gpu_name(config.device)
     if place is None:
         return OnHost(gaussians, networks, config.rate)
     from nvsim.training.devices.card import OnCard
