@@ -8,8 +8,11 @@ from __future__ import annotations
 
 import json
 import os
+import re
 import shlex
 import shutil
+import string
+from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
@@ -38,6 +41,8 @@ SCANS, FEATURES, TASKS, CANDIDATES, FRAMES = "scans", "features", "tasks", "cand
 """Folders in a dataset."""
 SEEN_IN_TRAINING = 50
 """Number of paths of train that agents also evaluate, as val_train_seen. VLN-DUET reads at most this number."""
+_LEAST_USES = 5
+"""Number of uses from which a word is in EnvDrop's vocabulary."""
 
 
 @dataclass(frozen=True)
@@ -174,6 +179,25 @@ def _plain(parts: Parts, path: Path, split: str) -> None:
     write_tasks(path, parts.splits[split])
 
 
+def _vocabulary(*splits: str) -> Writer:
+    """A writer of the words of splits in the order of their frequency, as EnvDrop's `build_vocab` finds them."""
+
+    def write(parts: Parts, path: Path, of: str) -> None:
+        texts = (text for split in splits for task in parts.splits[split] for text in task.instructions)
+        counts = Counter(token for text in texts for token in _tokens(text))
+        words = [word for word, count in counts.most_common() if count >= _LEAST_USES]
+        atomic.write_text(path, "".join(f"{word}\n" for word in ("<PAD>", "<UNK>", "<EOS>", *words)))
+
+    return write
+
+
+def _tokens(text: str) -> Iterator[str]:
+    for part in re.split(r"(\W+)", text.strip()):
+        word = part.strip().lower()
+        is_punctuation = word and all(c in string.punctuation for c in word) and set(word) != {"."}
+        yield from word if is_punctuation else [word] if word else []
+
+
 def _texts(write: Callable[[Path, Mapping[str, text_views.TextViews]], None]) -> Writer:
     def write_scan(parts: Parts, path: Path, scan: str) -> None:
         write(path, text_views.read_text_views(parts.root / TASKS / SURROUNDINGS, parts.exported[scan]))
@@ -249,6 +273,8 @@ AGENTS: dict[AgentName, Agent] = {
         {
             "connectivity": _connectivity,
             "tasks/R2R/data/R2R_{split}.json": _plain,
+            "tasks/R2R/data/train_vocab.txt": _vocabulary("train"),
+            "tasks/R2R/data/trainval_vocab.txt": _vocabulary(*SPLITS),
             "img_features/ResNet-152-imagenet.tsv": _features("resnet-152"),
         },
         (
