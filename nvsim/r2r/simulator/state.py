@@ -167,8 +167,8 @@ class Batch:
         self.found = [None] * self.size
 
     def act(self, index: Any, heading: Any, elevation: Any, angle: float) -> bool:
-        """Moves and turns the environments as `Simulator.makeAction` does, in the usual case: the arguments are lists of
-        valid numbers, views are discrete, no images are drawn, and no environment is beside the graph.
+        """Moves and turns the environments as `Simulator.makeAction` does, in the usual case: the arguments are lists
+        of valid numbers, views are discrete, no images are drawn, and no environment is beside the graph.
 
         Returns False in other cases, and changes nothing then.
         """
