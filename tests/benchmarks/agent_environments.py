@@ -9,7 +9,7 @@ its clone and of its folder DATASET/agents/NAME, in which no file is written by 
 - a local server answers as the language model
 - packages that the script imports but does not call may be missing
 
-The agents need torch, transformers (4.30), pytorch_transformers, tensorboardX, jsonlines, easydict, progressbar2, and
+The agents need torch, transformers (4.30), pytorch_transformers (1.0.0), tensorboardX, jsonlines, easydict, progressbar2, and
 networkx; MapGPT openai 1.3 and tenacity; NavGPT openai 0.28 and langchain 0.0.246; NavGPT-2 omegaconf, iopath, timm
 0.4.12, einops, and sentencepiece. `--paths` names folders with packages of one agent: `mapgpt=FOLDER`.
 """
@@ -267,8 +267,24 @@ def _without_graphics_card(counted: Path) -> None:
         return self
 
     torch.Tensor.cuda = torch.nn.Module.cuda = same  # type: ignore[method-assign]
+
+    def without_cuda(move: Any) -> Any:
+        def moved(self: Any, *to: Any, **named: Any) -> Any:
+            device = named.get("device", to[0] if to else None)
+            return (
+                self if isinstance(device, str | torch.device) and "cuda" in str(device) else move(self, *to, **named)
+            )
+
+        return moved
+
+    torch.Tensor.to = without_cuda(torch.Tensor.to)  # type: ignore[method-assign]
+    torch.nn.Module.to = without_cuda(torch.nn.Module.to)  # type: ignore[method-assign]
+    torch.Tensor.cpu = torch.Tensor.clone  # type: ignore[assignment] # from a card it is a copy, which agents change
     torch.cuda.set_device = lambda *_: None  # type: ignore[assignment]
     torch.cuda.synchronize = lambda *_: None  # type: ignore[assignment]
+    for name in ("masked_fill", "masked_fill_"):  # as before torch 2, masks may be uint8
+        fill = getattr(torch.Tensor, name)
+        setattr(torch.Tensor, name, lambda self, mask, value, fill=fill: fill(self, mask.bool(), value))
     load = torch.load
     torch.load = lambda *given, **named: load(*given, **{"weights_only": False, **named})  # as before torch 2.6
     for old, new in {"float": float, "int": int, "bool": bool, "object": object}.items():
@@ -294,8 +310,7 @@ def _write_networks(name: str) -> None:
         sys.modules["transformers.pytorch_transformers"] = pytorch_transformers
         sys.modules["transformers.pytorch_transformers.modeling_bert"] = modeling_bert
         modeling_bert.BERT_PRETRAINED_CONFIG_ARCHIVE_MAP.clear()  # names are folders, not addresses
-        for one in tokenization_bert.BertTokenizer.pretrained_vocab_files_map.values():
-            one.clear()
+        tokenization_bert.BertTokenizer.max_model_input_sizes.clear()
         weights = Path("Prevalent/pretrained_model/pytorch_model.bin")
         weights.parent.mkdir(parents=True)
         torch.save({"bert.unused": torch.zeros(1)}, weights)
@@ -303,8 +318,7 @@ def _write_networks(name: str) -> None:
         _write_t5(Path("google/flan-t5-xl"))
         import timm.models.hub  # type: ignore[import-not-found]
 
-        torch.save({"model": {}}, "empty.pth")
-        timm.models.hub.download_cached_file = lambda *_, **__: "empty.pth"
+        timm.models.hub.download_cached_file = lambda url, *_, **__: torch.save({"model": {}}, Path(url).name)
         timm.models.hub.get_cache_dir = lambda *_: "."
         # Created, then deleted by the agent, which reads features in its place.
         torch.nn.init.trunc_normal_ = lambda tensor, *_, **__: tensor

@@ -35,9 +35,7 @@ def draw_depth(
     height, width = out.shape[:2]
     away = np.empty((height, width), np.uint16)
     _draw(strip, rays, away, cv2.INTER_NEAREST)
-    depth = away * _shares(plane.tobytes(), height, width)
-    depth += np.float32(0.5)
-    out[..., 0] = depth
+    cv2.multiply(away, _shares(plane.tobytes(), height, width), dst=out, dtype=cv2.CV_16U)
 
 
 @lru_cache(maxsize=4)
@@ -53,39 +51,43 @@ def _draw(strip: NDArray[Any], rays: NDArray[np.float32], out: NDArray[Any], int
     """Fills a view (H, W) or (H, W, 3) with the faces that it shows."""
     side = strip.shape[0]
     flags = interpolation | cv2.WARP_INVERSE_MAP
-    for face, homography, first, mask in _shown(rays.tobytes(), out.shape[0], out.shape[1], side):
+    for face, homography, (left, top), mask in _shown(rays.tobytes(), out.shape[0], out.shape[1], side):
         image = strip[:, face * side : (face + 1) * side]
-        size = mask.shape[1], mask.shape[0]
+        height, width = mask.shape
         # Beyond the centers of its border pixels, a face is constant.
-        drawn = cv2.warpPerspective(image, homography, size, flags=flags, borderMode=cv2.BORDER_REPLICATE)
-        cv2.copyTo(drawn, mask, out[first : first + size[1]])
+        drawn = cv2.warpPerspective(image, homography, (width, height), flags=flags, borderMode=cv2.BORDER_REPLICATE)
+        cv2.copyTo(drawn, mask, out[top : top + height, left : left + width])
 
 
 @lru_cache(maxsize=128)
-def _shown(rays: bytes, height: int, width: int, side: int) -> list[tuple[int, NDArray[Any], int, NDArray[np.uint8]]]:
-    """Returns for each face that a view shows: its number, the homography from rows of the view to the face, the first
-    of these rows, and (rows, W) 255 for the pixels that show the face."""
+def _shown(
+    rays: bytes, height: int, width: int, side: int
+) -> list[tuple[int, NDArray[Any], tuple[int, int], NDArray[np.uint8]]]:
+    """Returns for each face that a view shows: its number, the homography from a rectangle of the view to the face, the
+    first column and row of the rectangle, and (rows, columns) 255 for the pixels that show the face."""
     first, right, down = np.frombuffer(rays, np.float32).reshape(3, 3).astype(np.float64)
     pixels = np.stack([right, down, first], axis=1)
     to_face = np.array([[side / 2, 0, side / 2 - 0.5], [0, side / 2, side / 2 - 0.5], [0, 0, 1]])
-    rows, columns, found = np.arange(height), np.arange(width, dtype=np.float32), []
+    rows, found = np.arange(height), []
     for face, axes in enumerate(face_axes()):
         x, y, z = axes.T @ pixels  # the ray in the frame of the face, from a column, a row, and 1
-        least, most = np.full(height, -1e9), np.full(height, 1e9)
+        least, most = np.zeros(height), np.full(height, width - 1.0)
         for a, b, c in (z - x, z + x, z - y, z + y):  # not negative on the face
             if a == 0:
-                most[b * rows + c < 0] = -1e9
+                most[b * rows + c < 0] = -1
             elif a > 0:
                 least = np.maximum(least, -(b * rows + c) / a - _TIE)
             else:
                 most = np.minimum(most, -(b * rows + c) / a + _TIE)
-        used = np.flatnonzero(np.maximum(least, 0) <= np.minimum(most, width - 1))
+        used = np.flatnonzero(np.ceil(least) <= most)
         if len(used):
             top, end = int(used[0]), int(used[-1]) + 1
+            left, beyond = int(np.ceil(least[used].min())), int(most[used].max()) + 1
+            columns = np.arange(left, beyond, dtype=np.float32)
             ends = (v[top:end, None].astype(np.float32) for v in (least, most))
             mask = ((columns >= next(ends)) & (columns <= next(ends))).astype(np.uint8) * np.uint8(255)
-            shift = np.array([[1, 0, 0], [0, 1, top], [0, 0, 1]], np.float64)
-            found.append((face, to_face @ np.stack([x, y, z]) @ shift, top, mask))
+            shift = np.array([[1, 0, left], [0, 1, top], [0, 0, 1]], np.float64)
+            found.append((face, to_face @ np.stack([x, y, z]) @ shift, (left, top), mask))
     return found
 
 

@@ -179,9 +179,12 @@ class Simulator(Settings):
         batch = self._batch
         if not self.initialized or batch is None:
             raise NotStarted("MatterSim: newEpisode must be called before makeAction")
-        with self._lock, self._timers:
+        with self._lock:
+            begin = time.perf_counter()
             if batch.act(index, heading, elevation, self.vfov * self.width / self.height):
+                self._timers.add(begin)
                 return
+        with self._lock, self._timers:
             size = batch.size
             chosen = counts(index, size, "index")
             headings, elevations = numbers(heading, size, "heading"), numbers(elevation, size, "elevation")

@@ -87,6 +87,7 @@ _AFTER = [
 ]
 """The views after a turn, for each view: 3 * (1 up, 2 down) + (1 right, 2 left)."""
 _NUMBERS = frozenset((float, int))
+_INFINITE = math.inf
 _HEADING = [view % HEADINGS * (TURN / HEADINGS) for view in range(VIEWS)]
 _ELEVATION = [(view // HEADINGS - 1) * STEP for view in range(VIEWS)]
 
@@ -149,7 +150,7 @@ class Batch:
     beside: dict[int, Beside] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
-        self.scan = [""] * self.size
+        self.scan, self._each = [""] * self.size, range(self.size)
         self.place, self.view, self.step = [0] * self.size, [0] * self.size, [0] * self.size
         self.heading, self.elevation = [0.0] * self.size, [0.0] * self.size
         self.quick_angle: float | None = None
@@ -175,18 +176,18 @@ class Batch:
         size, joined, found = self.size, self.joined, self.found
         if angle != self.quick_angle or self.beside or joined is None or len(self._known) > _MOST:
             return False
-        if not (type(index) is type(heading) is type(elevation) is list):
+        if type(index) is not list or type(heading) is not list or type(elevation) is not list:
             return False
         if len(index) < size or len(heading) < size or len(elevation) < size:
             return False
-        place, view, known, after = self.place, self.view, self._known, []
-        for b in range(size):
+        place, view, after = self.place, self.view, []
+        for b in self._each:
             way, h, e = index[b], heading[b], elevation[b]
-            if type(way) is not int or type(h) not in _NUMBERS or type(e) not in _NUMBERS:
+            if type(way) is not int or way < 0 or type(h) not in _NUMBERS or type(e) not in _NUMBERS:
                 return False
-            sideways = 0 if h == 0 else 1 if 0 < h < math.inf else 2 if -math.inf < h < 0 else None
-            up = 0 if e == 0 else 3 if 0 < e < math.inf else 6 if -math.inf < e < 0 else None
-            if sideways is None or up is None or way < 0:
+            turn = 0 if h == 0 else 1 if 0 < h < _INFINITE else 2 if 0 > h > -_INFINITE else -9
+            turn += 0 if e == 0 else 3 if 0 < e < _INFINITE else 6 if 0 > e > -_INFINITE else -9
+            if turn < 0:
                 return False
             row = place[b]
             if way:
@@ -196,11 +197,12 @@ class Batch:
                 if way >= len(locations):
                     return False
                 row = joined.first[self.scan[b]] + locations[way].ix
-            after.append((row, _AFTER[view[b]][up + sideways]))
-        for b in range(size):
-            place[b], view[b] = row, new = after[b]
-            self.heading[b], self.elevation[b] = _HEADING[new], _ELEVATION[new]
-            self.step[b] += 1
+            new = _AFTER[view[b]][turn]
+            after.append((row, new, _HEADING[new], _ELEVATION[new]))
+        known, step, headings, elevations = self._known, self.step, self.heading, self.elevation
+        for b, (row, new, h, e) in zip(self._each, after):
+            place[b], view[b], headings[b], elevations[b] = row, new, h, e
+            step[b] += 1
             found[b] = known.get(VIEWS * row + new)
         return True
 
