@@ -179,6 +179,13 @@ def _plain(parts: Parts, path: Path, split: str) -> None:
     write_tasks(path, parts.splits[split])
 
 
+def _id_paths(parts: Parts, path: Path, of: str) -> None:
+    """The scan and the path of every path id, from which Recurrent-VLN-BERT computes nDTW."""
+    tasks = (task for split in SPLITS for task in parts.splits[split])
+    found = {str(task.path_id): [task.scan, list(task.path)] for task in tasks}
+    atomic.write_text(path, json.dumps(found) + "\n")
+
+
 def _vocabulary(*splits: str) -> Writer:
     """A writer of the words of splits in the order of their frequency, as EnvDrop's `build_vocab` finds them."""
 
@@ -252,6 +259,7 @@ AGENTS: dict[AgentName, Agent] = {
         {
             "connectivity": _connectivity,
             "data/R2R_{split}.json": _plain,
+            "data/id_paths.json": _id_paths,
             "img_features/ResNet-152-places365.tsv": _features("resnet-152-places365"),
         },
         (

@@ -9,9 +9,10 @@ its clone and of its folder DATASET/agents/NAME, in which no file is written by 
 - a local server answers as the language model
 - packages that the script imports but does not call may be missing
 
-The agents need torch, transformers (4.30), pytorch_transformers (1.0.0), tensorboardX, jsonlines, easydict, progressbar2, and
-networkx; MapGPT openai 1.3 and tenacity; NavGPT openai 0.28 and langchain 0.0.246; NavGPT-2 omegaconf, iopath, timm
-0.4.12, einops, and sentencepiece. `--paths` names folders with packages of one agent: `mapgpt=FOLDER`.
+The agents need torch, transformers (4.30), pytorch_transformers (1.0.0), tensorboardX, jsonlines, easydict,
+progressbar2, and networkx; MapGPT openai 1.3 and tenacity; NavGPT openai 0.28 and langchain 0.0.246; NavGPT-2
+omegaconf, iopath, timm 0.4.12, einops, and sentencepiece. `--paths` names folders with packages of one agent:
+`mapgpt=FOLDER`.
 """
 
 from __future__ import annotations

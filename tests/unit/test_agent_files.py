@@ -186,6 +186,12 @@ def test_agents_with_tables_read_their_features_and_paths(
             assert all(features[f"{item['scan']}_{id}"].reshape(36, 2048).std() > 0 for id in item["path"])
 
 
+def test_recurrent_vln_bert_finds_the_path_of_every_id(dataset: Path) -> None:
+    data = dataset / "agents" / "recurrent-vln-bert" / "data"
+    items = [item for split in SPLITS for item in load(data / f"R2R_{split}.json")]
+    assert load(data / "id_paths.json") == {str(item["path_id"]): [item["scan"], item["path"]] for item in items}
+
+
 @pytest.mark.parametrize(("name", "splits"), [("train", ("train",)), ("trainval", ("train", "val_seen", "val_unseen"))])
 def test_envdrops_vocabulary_has_the_words_of_its_splits(dataset: Path, name: str, splits: tuple[str, ...]) -> None:
     data = dataset / "agents" / "envdrop" / "tasks" / "R2R" / "data"

@@ -44,12 +44,12 @@ DOOR = "[doorway|doorway|door|door|open door|door frame|entryway|opening|entranc
 FLOOR_OF = {"wooden": "wood", "tiled": "tiles"}
 """Adjective of a floor -> its material."""
 _SLIGHTLY = any_of("""
-    bear left | veer left | turn slightly left | turn a little left | angle left | curve left | go slightly left | veer
-    to the left | make a slight left | take a slight left | go diagonally left | turn a bit left | keep left |
-    stay left | shift left | ease left | take a gentle left | make a soft left""")
+    bear left | veer left | turn slightly left | turn a little left | angle left | curve left | go slightly left
+    | veer to the left | make a slight left | take a slight left | go diagonally left | turn a bit left | keep
+    left | stay left | shift left | ease left | take a gentle left | turn gently left | make an easy left""")
 _LEFT = any_of("""
-    turn left | turn left | turn left | make a left | take a left | go left | turn to the left | make a left
-    turn | turn to your left | hang a left | face left | head left | take a left turn | rotate left | swing left | cut
+    turn left | turn left | turn left | make a left | take a left | go left | turn to the left | make a left turn
+    | turn to your left | hang a left | face left | head left | take a left turn | rotate left | swing left | cut
     left | look left and go that way | pivot left | hook a left""")
 _SHARPLY = any_of("""
     turn sharply left | make a sharp left | take a sharp left | turn hard left | turn far to the left | make a
@@ -62,10 +62,10 @@ TURNS: dict[str, str] = {
     "right": _mirrored(_LEFT),
     "sharply right": _mirrored(_SHARPLY),
     "around": any_of("""
-        turn around | turn around | turn around | turn back | make a U-turn | turn completely around | spin around |
-        face the opposite direction | turn to face the other way | make a half turn | go the opposite way | do a 180 |
-        turn 180 degrees | turn all the way around | reverse direction | flip around | do an about-face | turn
-        backwards"""),
+        turn around | turn around | turn around | turn back | make a U-turn | turn completely around | spin
+        around | face the opposite direction | turn to face the other way | make a half turn | go the opposite
+        way | do a 180 | turn 180 degrees | turn all the way around | reverse direction | turn fully around |
+        turn yourself around | make a full turn back | do an about-face | turn backwards"""),
 }
 """Turn -> pattern of an imperative."""
 CLOCK = "[turn to|face|turn towards] {} o'clock"

@@ -31,7 +31,8 @@ WALKS: dict[str, str] = {
         [walk|go|head|move|continue|keep going|proceed] [forward|straight|straight ahead|ahead|straight on] | keep
         walking | continue on | keep going | walk on | keep moving | keep straight | go directly ahead | follow the
         path ahead | continue in the same direction | go straight forward | simply walk straight | walk further |
-        move onward | stay straight"""),
+        move onward | stay straight | keep heading
+        forwards"""),
     "room": any_of("""
         cross the room | walk across the room | go across the room | head across the room | make your way across
         the room | walk to the [other|far|opposite] side of the room | cross the entire room | cross over to the
@@ -49,7 +50,8 @@ WALKS: dict[str, str] = {
     "out corridor": any_of(f"""
         [exit|leave] the {CORRIDOR} [through|by|via] the {DOOR} | {_OUT} out of the {CORRIDOR}"""),
     "into room": any_of(f"""
-        enter the {_NEXT} room | {_OUT} into the {_NEXT} room | {_STEP} through the {DOOR} into the {_NEXT} room"""),
+        enter the {_NEXT} room | step inside the {_NEXT} room | {_OUT} into the {_NEXT} room | {_STEP} through
+        the {DOOR} into the {_NEXT} room"""),
     "into corridor": any_of(f"""
         enter the {CORRIDOR} | {_OUT} into the {CORRIDOR} | {_STEP} through the {DOOR} into the {CORRIDOR}"""),
     "room to corridor": any_of(f"""
@@ -71,15 +73,15 @@ WALKS: dict[str, str] = {
 }
 """Imperatives: of a walk without a landmark, along a corridor or a room, through doorways, and on stairs."""
 TOWARDS = any_of(f"""
-    {_GO} [toward|towards] the {{}} | {_GO} in the direction of the {{}} | head for the {{}} | approach the {{}} |
-    move closer to the {{}} | keep the {{}} straight ahead | find the {{}} and head that way | go over toward the {{}}
-    | notice the {{}} and walk toward it | aim for the {{}}""")
+    {_GO} [toward|towards] the {{}} | {_GO} in the direction of the {{}} | head for the {{}} | approach the {{}}
+    | move closer to the {{}} | keep the {{}} straight ahead | find the {{}} and head that way | go over toward
+    the {{}} | notice the {{}} and walk toward it | aim for the {{}}""")
 _SIDE = "[on your left|on the left|to your left|on your left side|on the left-hand side]"
 PASSING = {
     "": any_of("""
-        pass the {} | walk past the {} | go past the {} | continue past the {} | walk by the {} | go by the {} | move
-        past the {} | leave the {} behind you | walk right past the {} | you will pass the {} | ignore the {} and keep
-        going | go beyond the {} | pass alongside the {} | pass by the {}"""),
+        pass the {} | walk past the {} | go past the {} | continue past the {} | walk by the {} | go by the {} |
+        move past the {} | leave the {} behind you | walk right past the {} | you will pass the {} | ignore the
+        {} and keep going | go beyond the {} | pass alongside the {} | pass by the {}"""),
     "left": any_of(f"""
         [walk|go|head|continue|move|keep going] past the {{}} {_SIDE} | you will pass the {{}} {_SIDE}"""),
 }
@@ -109,13 +111,13 @@ STOP_BY = {
     "": any_of(f"""
         {_HALT} [by|next to|beside|near|close to|at|alongside|adjacent to] the {{}} | {_HALT} [by|next
         to|beside|near|close to] the {{}} | {_HALT} [by|next to|near] the {{}} | come to a stop [near|by] the
-        {{}} | your goal is near the {{}} | stop just short of the {{}} | {_HALT} right [by|next to] the {{}} | finish
-        up near the {{}} | you should end up by the {{}} | stop in the area by the {{}} | the {{}} is your stopping
-        point | don't go further than the {{}} | {_HALT} within a step of the {{}} | stop about two feet
-        from the {{}} | stop once you've reached the {{}}"""),
+        {{}} | your goal is near the {{}} | stop just short of the {{}} | stop right by the {{}} | stop right
+        next to the {{}} | finish up near the {{}} | you should end up by the {{}} | stop in the area by the {{}}
+        | the {{}} is your stopping point | don't go further than the {{}} | stop within a step of the {{}} |
+        stop about two feet from the {{}} | stop once you've reached the {{}}"""),
     "left": any_of(f"""
-        {_HALT} [with the {{}} on your left|with the {{}} to your left] | {_HALT} [once|when] the {{}} is on your left
-        | stop so that the {{}} is on your left"""),
+        {_HALT} [with the {{}} on your left|with the {{}} to your left] | {_HALT} [once|when] the {{}} is on your
+        left | stop so that the {{}} is on your left"""),
     "ahead": any_of(f"""
         {_HALT} [in front of|before|facing] the {{}} | stop right in front of the {{}} | {_HALT} directly before
         the {{}}"""),
@@ -123,19 +125,19 @@ STOP_BY = {
 for _table in (PASSING, PAST, UNTIL, STOP_BY):
     _table["right"] = _table["left"].replace("left", "right")
 STOPS = any_of("""
-    [stop|wait|stay|end|pause|remain|finish] there | stop | stop | [stop|wait] here | come to a stop | that is your
-    destination | you have arrived | you are there | stop at that point | this is the goal | you've arrived | stand
-    still | stay put | you're done | you made it | stop moving | stop right there | this is the spot | you're there |
-    stop at this location | that's it | that's your destination | rest here | you've reached your target | don't go any
-    further | this is the place""")
+    [stop|wait|stay|end|pause|remain|finish] there | stop | stop | [stop|wait] here | come to a stop | that is
+    your destination | you have arrived | you are there | stop at that point | this is the goal | you've arrived
+    | stand still | stay put | you're done | you made it | stop moving | stop right there | this is the spot |
+    you're there | stop at this location | that's it | that's your destination | rest here | you're finished |
+    that's all | you've reached your target | don't go any further | this is the place""")
 RUG = {
     "onto": "[step onto the {}|walk onto the {}|move onto the {}]",
     "off": "[step off the {}|walk off the {}|move off the {}]",
     "across": "[walk over the {}|cross the {}|walk across the {}|go over the {}]",
 }
 FLOOR = any_of("""
-    step from the {0} floor onto the {1} one | leave the {0} flooring for the {1} one | cross from the {0} floor to the
-    {1} floor | walk to where the {0} floor meets the {1} one | go from the {0} floor to the {1} one""")
+    step from the {0} floor onto the {1} one | leave the {0} flooring for the {1} one | cross from the {0} floor
+    to the {1} floor | walk to where the {0} floor meets the {1} one | go from the {0} floor to the {1} one""")
 STAIRS = {"top": "[to the top|all the way up]", "bottom": "[to the bottom|all the way down]"}
 TO_STAIRS = {
     "up": "[to the foot of the stairs|to where the stairs lead up]",
