@@ -218,6 +218,7 @@ _ANNOTATIONS = {
 }
 _SCRIPT = (
     'cd "$CHECKOUT/map_nav_src"',
+    "export PYTHONPATH=.",
     'sed -i "s#^DATA_ROOT=.*#DATA_ROOT=$FOLDER#" scripts/run_r2r.sh',
     "nvsim r2r python -- bash scripts/run_r2r.sh",
 )
@@ -231,7 +232,7 @@ AGENTS: dict[AgentName, Agent] = {
             "R2R/features/pth_vit_base_patch16_224_imagenet.hdf5": _features("vit-b16"),
         },
         _SCRIPT,
-        "10 steps of its training with a small network of random weights on a CPU, and its evaluation; its "
+        "20 steps of its training with a small network of random weights on a CPU, and its evaluation; its "
         "pre-training: not run",
         features=("vit-b16",),
         encoded=True,
@@ -246,10 +247,11 @@ AGENTS: dict[AgentName, Agent] = {
         {**_ANNOTATIONS, "R2R/features/pth_vit_base_patch16_224_imagenet.hdf5": _features("vit-b16")},
         (
             'cd "$CHECKOUT/finetune_src"',
+            "export PYTHONPATH=.",
             'nvsim r2r python -- python r2r/main.py --root_dir "$FOLDER" --features vitbase --image_feat_size 768 '
             '--output_dir "$OUT"',
         ),
-        "not run",
+        "20 steps of its training with a small network of random weights on a CPU, and its evaluation",
         features=("vit-b16",),
         encoded=True,
         notes=("Add the other options of its scripts/run_r2r.sh.",),
@@ -265,7 +267,7 @@ AGENTS: dict[AgentName, Agent] = {
         (
             'cd "$FOLDER"',
             'ln -s "$CHECKOUT/Prevalent"',
-            "mkdir -p snap/first",
+            "mkdir -p snap/first logs",
             'nvsim r2r python -- python "$CHECKOUT/r2r_src/train.py" --vlnbert prevalent --train listener '
             "--features places365 --name first",
         ),
@@ -292,7 +294,7 @@ AGENTS: dict[AgentName, Agent] = {
             "--angleFeatSize 128 --feedback sample --mlWeight 0.2 --subout max --dropout 0.5 --optim rms --lr 1e-4 "
             "--iters 80000 --maxAction 35 --name agent",
         ),
-        "not run",
+        "20 steps of its training with random weights on a CPU, and its evaluation",
         features=("resnet-152",),
         notes=("The agent opens its files relative to the current folder, so it runs in this one.",),
     ),
@@ -305,10 +307,11 @@ AGENTS: dict[AgentName, Agent] = {
         },
         (
             'cd "$CHECKOUT"',
+            "export PYTHONPATH=.",
             'nvsim r2r python -- python vln/main_gpt.py --root_dir "$FOLDER" --img_root "$FOLDER/images" '
             '--split val_unseen_processed --llm gpt-4o-2024-05-13 --response_format json --output_dir "$OUT"',
         ),
-        "one episode of `main_gpt.py` with a model that gives fixed answers, with these formats",
+        "23 steps of `main_gpt.py` with a server in place of the model",
         views=True,
         notes=("The agent sends images to the service of the model that you name.",),
     ),
@@ -326,7 +329,7 @@ AGENTS: dict[AgentName, Agent] = {
             'cd "$CHECKOUT/nav_src"',
             'python NavGPT.py --root_dir "$FOLDER" --val_env_name R2R_val_unseen_instr --output_dir "$OUT"',
         ),
-        "not run; names and keys are those of its code",
+        "30 steps of `NavGPT.py` with a server in place of the model",
         candidates=True,
         notes=(
             "The texts name the objects, doorways, and rooms of surroundings.json, where NavGPT's own texts are "

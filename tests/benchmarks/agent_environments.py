@@ -252,6 +252,7 @@ def _inside(name: str, script: str, options: Sequence[str]) -> None:
 
 def _without_graphics_card(counted: Path) -> None:
     """Makes `.cuda()` do nothing, and writes the number of training steps to a file."""
+    import networkx
     import numpy as np
     import torch
     from torch.optim.optimizer import register_optimizer_step_post_hook
@@ -288,6 +289,7 @@ def _without_graphics_card(counted: Path) -> None:
         setattr(torch.Tensor, name, lambda self, mask, value, fill=fill: fill(self, mask.bool(), value))
     load = torch.load
     torch.load = lambda *given, **named: load(*given, **{"weights_only": False, **named})  # as before torch 2.6
+    networkx.from_numpy_matrix = networkx.from_numpy_array  # as before networkx 3
     for old, new in {"float": float, "int": int, "bool": bool, "object": object}.items():
         if not hasattr(np, old):  # removed from numpy 1.24
             setattr(np, old, new)
@@ -331,7 +333,7 @@ def _write_t5(folder: Path) -> None:
 
     words = {"<pad>": 0, "</s>": 1, "<unk>": 2, **{chr(33 + i): 3 + i for i in range(94)}}
     tokens = Tokenizer(models.WordLevel(words, "<unk>"))
-    tokens.pre_tokenizer = pre_tokenizers.Split("", "isolated")
+    tokens.pre_tokenizer = pre_tokenizers.WhitespaceSplit()
     folder.mkdir(parents=True)
     tokens.save(str(folder / "tokenizer.json"))
     (folder / "tokenizer_config.json").write_text(json.dumps({"extra_ids": 0, "additional_special_tokens": []}))
