@@ -271,7 +271,7 @@ AGENTS: dict[AgentName, Agent] = {
             'nvsim r2r python -- python "$CHECKOUT/r2r_src/train.py" --vlnbert prevalent --train listener '
             "--features places365 --name first",
         ),
-        "its environment, with these formats; its training script: not run",
+        "20 steps of its training with a small network of random weights on a CPU",
         features=("resnet-152-places365",),
         notes=(
             "The agent opens its files relative to the current folder, so it runs in this one.",
@@ -429,9 +429,6 @@ def _filled(pattern: str, of: str) -> str:
     return pattern.format(split=of, scan=of, steps=of)
 
 
-_FORMATS, _BY_HAND = "with these formats", "on an export whose files were put in place by hand"
-
-
 def _readme(agent: Agent, folder: Path) -> str:
     lines = [
         f"# Files for {agent.title}",
@@ -450,7 +447,7 @@ def _readme(agent: Agent, folder: Path) -> str:
         *agent.run,
         "```",
         "",
-        f"What ran without changes to the code of the agent: {agent.ran.replace(_FORMATS, _BY_HAND)}.",
+        f"What ran without changes to the code of the agent: {agent.ran}.",
         "",
         *agent.notes,
         "",
