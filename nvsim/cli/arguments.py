@@ -43,6 +43,34 @@ def memory_budget(gibibytes: float | None) -> int | None:
     return round(gibibytes * (1 << 30))
 
 
+_registry = tyro.constructors.ConstructorRegistry()
+
+
+@_registry.primitive_rule
+def _number(info: tyro.constructors.PrimitiveTypeInfo) -> tyro.constructors.PrimitiveConstructorSpec[Any] | None:
+    """Reads integers and floats without Python's underscores, as in 1_0 for 10, which are usually typing errors."""
+    kind: type[int] | type[float]
+    if info.type is int:
+        kind = int
+    elif info.type is float:
+        kind = float
+    else:
+        return None
+
+    def read(words: list[str]) -> int | float:
+        if "_" in words[0]:
+            raise ValueError(f"{words[0]} is not a number")
+        return kind(words[0])
+
+    return tyro.constructors.PrimitiveConstructorSpec(
+        nargs=1,
+        metavar=kind.__name__.upper(),
+        instance_from_str=read,
+        is_instance=lambda value: isinstance(value, int | float) if kind is float else type(value) is int,
+        str_from_instance=lambda value: [str(value)],
+    )
+
+
 def parse(command: type[Command], argv: list[str], verb: str) -> Any:
     """Parses `argv` into the command. Prints the help if `argv` asks for it, and exits with code 0. Prints usage and
     exits with code 2 on a wrong option."""
@@ -61,6 +89,7 @@ def parse(command: type[Command], argv: list[str], verb: str) -> Any:
                 prog=f"nvsim {verb}",
                 description=text,
                 config=(tyro.conf.FlagCreatePairsOff,),
+                registry=_registry,
                 **options,
             )
     except SystemExit as stop:

@@ -8,8 +8,11 @@ from __future__ import annotations
 
 import json
 import os
+import re
 import shlex
 import shutil
+import string
+from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
@@ -38,6 +41,8 @@ SCANS, FEATURES, TASKS, CANDIDATES, FRAMES = "scans", "features", "tasks", "cand
 """Folders in a dataset."""
 SEEN_IN_TRAINING = 50
 """Number of paths of train that agents also evaluate, as val_train_seen. VLN-DUET reads at most this number."""
+_LEAST_USES = 5
+"""Number of uses from which a word is in EnvDrop's vocabulary."""
 
 
 @dataclass(frozen=True)
@@ -174,6 +179,32 @@ def _plain(parts: Parts, path: Path, split: str) -> None:
     write_tasks(path, parts.splits[split])
 
 
+def _id_paths(parts: Parts, path: Path, of: str) -> None:
+    """The scan and the path of every path id, from which Recurrent-VLN-BERT computes nDTW."""
+    tasks = (task for split in SPLITS for task in parts.splits[split])
+    found = {str(task.path_id): [task.scan, list(task.path)] for task in tasks}
+    atomic.write_text(path, json.dumps(found) + "\n")
+
+
+def _vocabulary(*splits: str) -> Writer:
+    """A writer of the words of splits in the order of their frequency, as EnvDrop's `build_vocab` finds them."""
+
+    def write(parts: Parts, path: Path, of: str) -> None:
+        texts = (text for split in splits for task in parts.splits[split] for text in task.instructions)
+        counts = Counter(token for text in texts for token in _tokens(text))
+        words = [word for word, count in counts.most_common() if count >= _LEAST_USES]
+        atomic.write_text(path, "".join(f"{word}\n" for word in ("<PAD>", "<UNK>", "<EOS>", *words)))
+
+    return write
+
+
+def _tokens(text: str) -> Iterator[str]:
+    for part in re.split(r"(\W+)", text.strip()):
+        word = part.strip().lower()
+        is_punctuation = word and all(c in string.punctuation for c in word) and set(word) != {"."}
+        yield from word if is_punctuation else [word] if word else []
+
+
 def _texts(write: Callable[[Path, Mapping[str, text_views.TextViews]], None]) -> Writer:
     def write_scan(parts: Parts, path: Path, scan: str) -> None:
         write(path, text_views.read_text_views(parts.root / TASKS / SURROUNDINGS, parts.exported[scan]))
@@ -187,6 +218,7 @@ _ANNOTATIONS = {
 }
 _SCRIPT = (
     'cd "$CHECKOUT/map_nav_src"',
+    "export PYTHONPATH=.",
     'sed -i "s#^DATA_ROOT=.*#DATA_ROOT=$FOLDER#" scripts/run_r2r.sh',
     "nvsim r2r python -- bash scripts/run_r2r.sh",
 )
@@ -200,7 +232,7 @@ AGENTS: dict[AgentName, Agent] = {
             "R2R/features/pth_vit_base_patch16_224_imagenet.hdf5": _features("vit-b16"),
         },
         _SCRIPT,
-        "10 steps of its training with a small network of random weights on a CPU, and its evaluation; its "
+        "20 steps of its training with a small network of random weights on a CPU, and its evaluation; its "
         "pre-training: not run",
         features=("vit-b16",),
         encoded=True,
@@ -215,10 +247,11 @@ AGENTS: dict[AgentName, Agent] = {
         {**_ANNOTATIONS, "R2R/features/pth_vit_base_patch16_224_imagenet.hdf5": _features("vit-b16")},
         (
             'cd "$CHECKOUT/finetune_src"',
+            "export PYTHONPATH=.",
             'nvsim r2r python -- python r2r/main.py --root_dir "$FOLDER" --features vitbase --image_feat_size 768 '
             '--output_dir "$OUT"',
         ),
-        "not run",
+        "20 steps of its training with a small network of random weights on a CPU, and its evaluation",
         features=("vit-b16",),
         encoded=True,
         notes=("Add the other options of its scripts/run_r2r.sh.",),
@@ -228,16 +261,17 @@ AGENTS: dict[AgentName, Agent] = {
         {
             "connectivity": _connectivity,
             "data/R2R_{split}.json": _plain,
+            "data/id_paths.json": _id_paths,
             "img_features/ResNet-152-places365.tsv": _features("resnet-152-places365"),
         },
         (
             'cd "$FOLDER"',
             'ln -s "$CHECKOUT/Prevalent"',
-            "mkdir -p snap/first",
+            "mkdir -p snap/first logs",
             'nvsim r2r python -- python "$CHECKOUT/r2r_src/train.py" --vlnbert prevalent --train listener '
             "--features places365 --name first",
         ),
-        "its environment, with these formats; its training script: not run",
+        "20 steps of its training with a small network of random weights on a CPU",
         features=("resnet-152-places365",),
         notes=(
             "The agent opens its files relative to the current folder, so it runs in this one.",
@@ -249,6 +283,8 @@ AGENTS: dict[AgentName, Agent] = {
         {
             "connectivity": _connectivity,
             "tasks/R2R/data/R2R_{split}.json": _plain,
+            "tasks/R2R/data/train_vocab.txt": _vocabulary("train"),
+            "tasks/R2R/data/trainval_vocab.txt": _vocabulary(*SPLITS),
             "img_features/ResNet-152-imagenet.tsv": _features("resnet-152"),
         },
         (
@@ -258,7 +294,7 @@ AGENTS: dict[AgentName, Agent] = {
             "--angleFeatSize 128 --feedback sample --mlWeight 0.2 --subout max --dropout 0.5 --optim rms --lr 1e-4 "
             "--iters 80000 --maxAction 35 --name agent",
         ),
-        "not run",
+        "20 steps of its training with random weights on a CPU, and its evaluation",
         features=("resnet-152",),
         notes=("The agent opens its files relative to the current folder, so it runs in this one.",),
     ),
@@ -271,10 +307,11 @@ AGENTS: dict[AgentName, Agent] = {
         },
         (
             'cd "$CHECKOUT"',
+            "export PYTHONPATH=.",
             'nvsim r2r python -- python vln/main_gpt.py --root_dir "$FOLDER" --img_root "$FOLDER/images" '
             '--split val_unseen_processed --llm gpt-4o-2024-05-13 --response_format json --output_dir "$OUT"',
         ),
-        "one episode of `main_gpt.py` with a model that gives fixed answers, with these formats",
+        "23 steps of `main_gpt.py` with a server in place of the model",
         views=True,
         notes=("The agent sends images to the service of the model that you name.",),
     ),
@@ -292,7 +329,7 @@ AGENTS: dict[AgentName, Agent] = {
             'cd "$CHECKOUT/nav_src"',
             'python NavGPT.py --root_dir "$FOLDER" --val_env_name R2R_val_unseen_instr --output_dir "$OUT"',
         ),
-        "not run; names and keys are those of its code",
+        "30 steps of `NavGPT.py` with a server in place of the model",
         candidates=True,
         notes=(
             "The texts name the objects, doorways, and rooms of surroundings.json, where NavGPT's own texts are "
@@ -392,9 +429,6 @@ def _filled(pattern: str, of: str) -> str:
     return pattern.format(split=of, scan=of, steps=of)
 
 
-_FORMATS, _BY_HAND = "with these formats", "on an export whose files were put in place by hand"
-
-
 def _readme(agent: Agent, folder: Path) -> str:
     lines = [
         f"# Files for {agent.title}",
@@ -413,7 +447,7 @@ def _readme(agent: Agent, folder: Path) -> str:
         *agent.run,
         "```",
         "",
-        f"What ran without changes to the code of the agent: {agent.ran.replace(_FORMATS, _BY_HAND)}.",
+        f"What ran without changes to the code of the agent: {agent.ran}.",
         "",
         *agent.notes,
         "",

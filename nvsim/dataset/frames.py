@@ -21,14 +21,15 @@ from nvsim.files.opening import read_json
 from nvsim.geometry.camera import Camera, Intrinsics, look
 from nvsim.r2r.episodes.episode import Episode, video_name
 from nvsim.r2r.observations.drawing import Source
-from nvsim.r2r.observations.growing import PlacesSeen
 from nvsim.r2r.observations.layout import jpeg
 from nvsim.r2r.observations.record import key_of
+from nvsim.r2r.observations.skybox import as_bytes
+from nvsim.render.model import render_model
 
 STAGE = "frames"
 CAMERA_HEIGHT = 1.25  # meters above the floor
 WIDTH, HEIGHT, HFOV = 640, 480, math.radians(79)
-_MADE = 1
+_MADE = 2
 """Version of the images. Images of an earlier version are drawn again."""
 _QUALITY = 95
 _RECORD = "frames.json"
@@ -59,11 +60,13 @@ def _draw(source: Source, episode: Episode, folder: Path) -> None:
     key = key_of(_MADE, dict(source.keys), poses)
     if _finished(folder, key):
         return
-    intrinsics, seen = Intrinsics.from_fov(WIDTH, HEIGHT, HFOV), PlacesSeen()
+    intrinsics = Intrinsics.from_fov(WIDTH, HEIGHT, HFOV)
     for i, (place, heading, floor) in enumerate(zip(walk.places, walk.headings, episode.floors, strict=True)):
         camera = Camera(intrinsics, look(np.array([*place, floor + CAMERA_HEIGHT]), float(heading), 0.0))
-        colour, _ = seen.image(source.scene.model_at(camera.position)[1], camera, False)
-        image = (colour + np.float32(0.5)).astype(np.uint8)
+        # Drawn as one view. The narrow views of a skybox would take five times as long at each new position.
+        view = render_model(source.scene.model_at(camera.position)[1], camera, frozenset({"rgb"}))
+        assert view.rgb is not None
+        image = as_bytes(view.rgb)
         atomic.write_bytes(folder / "rgb" / f"{i:03d}.jpg", jpeg(image, _QUALITY, whole_chroma=False))
     for stale in folder.glob("rgb/*.jpg"):
         if int(stale.stem) >= len(walk.actions):

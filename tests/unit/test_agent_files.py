@@ -6,7 +6,9 @@ import base64
 import csv
 import json
 import math
+import re
 import sys
+from collections import Counter
 from dataclasses import replace
 from pathlib import Path
 
@@ -184,6 +186,24 @@ def test_agents_with_tables_read_their_features_and_paths(
             assert all(features[f"{item['scan']}_{id}"].reshape(36, 2048).std() > 0 for id in item["path"])
 
 
+def test_recurrent_vln_bert_finds_the_path_of_every_id(dataset: Path) -> None:
+    data = dataset / "agents" / "recurrent-vln-bert" / "data"
+    items = [item for split in SPLITS for item in load(data / f"R2R_{split}.json")]
+    assert load(data / "id_paths.json") == {str(item["path_id"]): [item["scan"], item["path"]] for item in items}
+
+
+@pytest.mark.parametrize(("name", "splits"), [("train", ("train",)), ("trainval", ("train", "val_seen", "val_unseen"))])
+def test_envdrops_vocabulary_has_the_words_of_its_splits(dataset: Path, name: str, splits: tuple[str, ...]) -> None:
+    data = dataset / "agents" / "envdrop" / "tasks" / "R2R" / "data"
+    words = (data / f"{name}_vocab.txt").read_text().splitlines()
+    texts = [text for split in splits for item in load(data / f"R2R_{split}.json") for text in item["instructions"]]
+    # As EnvDrop's tokenizer: letters and digits, or single punctuation marks.
+    used = Counter(token for text in texts for token in re.findall(r"\w+|[^\w\s]", text.lower()))
+    assert words[:3] == ["<PAD>", "<UNK>", "<EOS>"]
+    assert sorted(words[3:]) == sorted(word for word, count in used.items() if count >= 5)
+    assert [used[word] for word in words[3:]] == sorted((used[word] for word in words[3:]), reverse=True)
+
+
 def test_mapgpt_finds_every_instruction_and_every_view(dataset: Path) -> None:
     folder = dataset / "agents" / "mapgpt"
     graphs = as_nav_graphs(folder / "R2R" / "connectivity")
@@ -290,7 +310,7 @@ def test_streamvln_finds_a_frame_before_every_action(tmp_path: Path) -> None:
         for name, place, heading in zip(names, places, headings):
             expected, _ = LiveImages(live).draw_from(np.array([*place, 1.35]), float(heading), 0.0, view)
             found = cv2.imread(str(frames / name)).astype(float)
-            assert found.shape == (480, 640, 3) and np.abs(found - expected).mean() < 2
+            assert found.shape == (480, 640, 3) and np.abs(found - expected).mean() < 3  # random Gaussians
 
         # A second run draws nothing again; another heading does, and a folder of another episode goes.
         drawn = (frames / "000.jpg").stat().st_mtime_ns

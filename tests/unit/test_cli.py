@@ -35,6 +35,13 @@ def test_a_wrong_command_line_is_exit_code_2(argv):
     assert run(*argv).returncode == 2
 
 
+@pytest.mark.parametrize("option", ["--seconds", "--fps"])
+def test_underscores_are_no_part_of_a_number(option):
+    done = run("video", "--project", "x", option, "1_0")
+    assert done.returncode == 2
+    assert "1_0 is not a number" in done.stderr
+
+
 @pytest.mark.parametrize(
     "argv",
     [

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import signal
 import subprocess
 import sys
 from pathlib import Path
@@ -22,6 +23,28 @@ def test_a_program_finds_our_simulator_and_keeps_its_arguments_and_its_exit_code
     done = nvsim("r2r", "python", "--", sys.executable, "-c", PROGRAM, "--json", "--lr", "3")
     assert done.stdout.split(" ", 1) == ["nvsim.r2r.simulator.simulator", "['--json', '--lr', '3']\n"], done.stderr
     assert nvsim("r2r", "python", "--", sys.executable, "-c", "raise SystemExit(7)").returncode == 7
+
+
+def test_a_stop_reaches_the_program_and_adds_no_words() -> None:
+    program = "import time; print(1, flush=True); time.sleep(60)"
+    command = [sys.executable, "-m", "nvsim", "r2r", "python", "--", sys.executable, "-c", program]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as running:
+        assert running.stdout is not None and running.stdout.readline() == "1\n"
+        running.send_signal(signal.SIGTERM)
+        words = running.communicate(timeout=60)
+    assert (running.returncode, words) == (-signal.SIGTERM, ("", ""))
+
+
+def test_a_program_imports_from_the_current_folder_if_the_path_has_an_empty_entry(tmp_path: Path) -> None:
+    (tmp_path / "vln").mkdir()
+    (tmp_path / "vln" / "env.py").write_text("NAME = 'found'\n")
+    script = tmp_path / "vln" / "main.py"
+    script.write_text("from vln.env import NAME; import MatterSim; print(NAME)\n")
+    path = os.pathsep.join([str(Path(__file__).parents[2]), *filter(None, [os.environ.get("PYTHONPATH")]), ""])
+    command = [sys.executable, "-m", "nvsim", "r2r", "python", "--", sys.executable, str(script)]
+    environment = os.environ | {"PYTHONPATH": path}
+    done = subprocess.run(command, capture_output=True, text=True, env=environment, cwd=tmp_path, check=True)
+    assert done.stdout == "found\n"
 
 
 def test_the_folder_is_all_that_the_path_needs() -> None:

@@ -59,6 +59,44 @@ def test_states_are_those_of_the_compiled_simulator(run: dict[str, Any], tmp_pat
         np.testing.assert_allclose(angles, step["state"][1], rtol=0, atol=ROUNDING)
 
 
+def test_actions_without_images_have_the_states_of_the_general_way(tmp_path: Path) -> None:
+    ids = write_made_scan(tmp_path, count=20, plain=True)
+    quick, general = (without_images(tmp_path / "connectivity") for _ in range(2))
+    for sim in (quick, general):
+        sim.setBatchSize(3)
+        sim.newEpisode(["made"] * 3, ids[:3], [0.1, 2.0, 4.0], [0.0, 0.6, -0.6])
+    random = np.random.default_rng(0)
+    acted = 0
+    for _ in range(300):
+        ways = [int(random.integers(len(s.navigableLocations))) for s in quick.getState()]
+        turns, tilts = random.choice([-2.5, -1.0, 0.0, 0.5, 1.0], (2, 3)).tolist()
+        general._batch.quick_angle = None  # type: ignore[union-attr]
+        acted += quick._batch.quick_angle is not None  # type: ignore[union-attr]
+        for sim in (quick, general):
+            sim.makeAction(ways, turns, tilts)
+        for a, b in zip(quick.getState(), general.getState(), strict=True):
+            assert (a.step, a.viewIndex, a.heading, a.elevation) == (b.step, b.viewIndex, b.heading, b.elevation)
+            assert repr([*map(vars_of, a.navigableLocations)]) == repr([*map(vars_of, b.navigableLocations)])
+    assert acted == 300
+
+
+@pytest.mark.parametrize("call", [([0, 99], [0.0] * 2, [0.0] * 2), ([0, 0], [0.0, math.nan], [0.0] * 2),
+                                  ([0, -1], [0.0] * 2, [0.0] * 2), ([0], [0.0] * 2, [0.0] * 2)])  # fmt: skip
+def test_an_invalid_action_of_one_environment_moves_none(call: tuple[Any, Any, Any], tmp_path: Path) -> None:
+    ids = write_made_scan(tmp_path, count=20, plain=True)
+    sim = without_images(tmp_path / "connectivity")
+    sim.setBatchSize(2)
+    sim.newEpisode(["made"] * 2, ids[:2], [0.0] * 2, [0.0] * 2)
+    sim.makeAction([0, 0], [1, 1], [0, 0])
+    with pytest.raises((ValueError, TypeError, IndexError)):
+        sim.makeAction(*call)
+    assert [(s.step, s.viewIndex, s.location.viewpointId) for s in sim.getState()] == [(1, 13, ids[0]), (1, 13, ids[1])]
+
+
+def vars_of(place: Any) -> list[Any]:
+    return [getattr(place, name) for name in place.__slots__]
+
+
 def test_a_sweep_of_36_views_counts_them_and_sees_every_neighbour(tmp_path: Path) -> None:
     ids = write_made_scan(tmp_path, count=20, plain=True)
     sim = without_images(tmp_path / "connectivity")

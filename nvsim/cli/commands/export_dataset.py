@@ -144,8 +144,9 @@ class ExportDataset(ProjectArguments):
     vocabulary: Path | None = None
     """The vocab.txt of bert-base-uncased, which VLN-DUET and VLN-HAMT need. Instructions are written as its word
     pieces."""
-    features: tuple[Name, ...] = ("vit-b16",)
-    """Feature layouts, see `nvsim export features`. --for adds those of its agents."""
+    features: tuple[Name, ...] | None = None
+    """Feature layouts, see `nvsim export features`. --for adds those of its agents. Default: vit-b16, and with --for
+    only those of the agents."""
     projection: bool = False
     """Use a fixed projection of colors and edges as features, even if a network is available."""
     views: bool = False
@@ -182,6 +183,13 @@ class ExportDataset(ProjectArguments):
     dry_run: bool = False
     """Report the files to write, their size and the time, or the reason why it is not possible; write nothing."""
 
+    @property
+    def layouts(self) -> tuple[Name, ...]:
+        """The feature layouts that are written even if no agent reads them."""
+        if self.features is not None:
+            return self.features
+        return () if self.for_ else ("vit-b16",)
+
     def run(self) -> int:
         from nvsim.dataset.building import DatasetOptions, export_dataset, prepared
         from nvsim.dataset.estimate import estimate_dataset
@@ -191,7 +199,7 @@ class ExportDataset(ProjectArguments):
         options = DatasetOptions(
             ScanSettings(size=self.size, views=self.views),
             self.stub,
-            self.features,
+            self.layouts,
             self.projection,
             TaskOptions.of(self),
             self.force,

@@ -63,16 +63,15 @@ class R2RPython:
     """Use NVSim's simulator even if a MatterSim is installed."""
 
     def run(self) -> int:
-        """Returns the program's exit code. Raises InputError if no program is given or it cannot be run."""
-        import subprocess
-
+        """Replaces this process by the program, so that signals and exit codes are the program's. Raises InputError if
+        no program is given or it cannot be run."""
         from nvsim.r2r.simulator.shim import environment_with_shim
 
         if not self.program:
             raise InputError("No program is given; write it after two hyphens: nvsim r2r python -- python train.py")
         environment = environment_with_shim(self.program, self.replace)
         try:
-            return subprocess.run(self.program, env=environment, check=False).returncode
+            os.execvpe(self.program[0], self.program, environment)
         except OSError as error:
             raise InputError(f"Cannot run {self.program[0]}: {error.strerror}; check its name.") from error
 

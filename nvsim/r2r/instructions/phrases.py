@@ -24,15 +24,15 @@ def _mirrored(left: str) -> str:
 
 THINGS: dict[str, str] = {
     "chair": "{} [chair|seat]",
-    "plant": "[potted plant|{} plant|plant|houseplant|{} houseplant|leafy {} plant|indoor plant|pot plant]",
-    "sofa": "{} [sofa|sofa|couch|couch|settee]",
-    "desk": "{} [desk|writing desk|office desk|worktable]",
+    "plant": "[potted plant|{} plant|plant|houseplant|{} house plant|leafy {} plant|indoor plant]",
+    "sofa": "{} [sofa|couch]",
+    "desk": "{} [desk|desk|office desk|writing desk|work desk|study desk]",
     "table": "{} table",
     "low table": "[{} coffee table|low {} table]",
-    "bookshelf": "[{} bookshelf|{} bookcase|{} book rack]",
-    "cabinet": "{} [cabinet|cabinet|cupboard|storage cabinet]",
-    "box": "{} [box|box|carton|crate|container]",
-    "platform": "[low {} platform|flat {} platform|{} podium|{} dais|low {} stage|raised {} platform]",
+    "bookshelf": "[{} bookshelf|{} bookcase|{} shelf with books|{} shelving unit]",
+    "cabinet": "{} [cabinet|cabinet|cupboard|storage cabinet|storage unit]",
+    "box": "{} [box|box|crate|container|storage box]",
+    "platform": "[low {} platform|flat {} platform|low {} stage|raised {} platform]",
     "tall": "tall {} [piece of furniture|unit]",
     "waist-high": "waist-high {} [piece of furniture|unit]",
     "low": "low {} [piece of furniture|unit]",
@@ -40,20 +40,20 @@ THINGS: dict[str, str] = {
 }
 """Shape -> pattern for an object of a color."""
 CORRIDOR = "[corridor|corridor|hallway|hallway|hall|passage|passageway|walkway|hall]"
-DOOR = "[doorway|doorway|door|door|open door|door opening|door frame|entryway|opening]"
+DOOR = "[doorway|doorway|door|door|open door|door frame|entryway|opening|entrance]"
 FLOOR_OF = {"wooden": "wood", "tiled": "tiles"}
 """Adjective of a floor -> its material."""
 _SLIGHTLY = any_of("""
-    bear left | ease left | lean left | veer left | turn slightly left | turn a little left | angle left | drift
-    left | curve left | go slightly left | veer to the left | make a slight left | take a slight left | shift
-    left | go diagonally left | bend a bit to the left | steer slightly left""")
+    bear left | veer left | turn slightly left | turn a little left | angle left | curve left | go slightly left
+    | veer to the left | make a slight left | take a slight left | go diagonally left | turn a bit left | keep
+    left | stay left | shift left | ease left | take a gentle left | turn gently left | make an easy left""")
 _LEFT = any_of("""
-    turn left | turn left | turn left | make a left | take a left | go left | turn to the left | make a left
-    turn | turn to your left | hang a left | swing left | cut left | face left | turn toward the left | rotate
-    left | pivot left | make a quarter turn to the left | head left""")
+    turn left | turn left | turn left | make a left | take a left | go left | turn to the left | make a left turn
+    | turn to your left | hang a left | face left | head left | take a left turn | rotate left | swing left | cut
+    left | look left and go that way | pivot left | hook a left""")
 _SHARPLY = any_of("""
     turn sharply left | make a sharp left | take a sharp left | turn hard left | turn far to the left | make a
-    tight left turn | swivel far left | swerve left | make a hard left""")
+    tight left turn | take a hard left | make a hard left | make a very sharp left""")
 TURNS: dict[str, str] = {
     "slightly left": _SLIGHTLY,
     "left": _LEFT,
@@ -62,10 +62,10 @@ TURNS: dict[str, str] = {
     "right": _mirrored(_LEFT),
     "sharply right": _mirrored(_SHARPLY),
     "around": any_of("""
-        turn around | turn around | turn back | make a U-turn | turn completely around | spin around | do an
-        about-face | face the opposite direction | reverse direction | turn to face the other way | make a half
-        turn | turn to what is behind you | wheel around | go the opposite way | do a one-eighty | turn about |
-        switch direction"""),
+        turn around | turn around | turn around | turn back | make a U-turn | turn completely around | spin
+        around | face the opposite direction | turn to face the other way | make a half turn | go the opposite
+        way | do a 180 | turn 180 degrees | turn all the way around | reverse direction | turn fully around |
+        turn yourself around | make a full turn back | do an about-face | turn backwards"""),
 }
 """Turn -> pattern of an imperative."""
 CLOCK = "[turn to|face|turn towards] {} o'clock"

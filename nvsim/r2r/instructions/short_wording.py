@@ -22,30 +22,36 @@ from nvsim.r2r.instructions.phrases import (
     spoken,
 )
 
-_GO = "[walk|walk|go|go|head|continue|move|proceed|keep going|keep walking|make your way|advance|carry on|travel]"
+_GO = "[walk|walk|go|go|head|continue|move|proceed|keep going|make your way|start walking|travel|carry on]"
 _STEP = "[walk|walk|go|go|head|step|move|pass|continue|proceed]"
-_NEXT = "[next|next|other|adjacent|adjoining|neighboring]"
+_NEXT = "[next|next|next|other|adjacent|adjoining]"
 _OUT = "[walk|go|head|step|move|come]"
 WALKS: dict[str, str] = {
     "forward": any_of("""
-        [walk|go|head|move|continue|keep going|proceed|advance|carry on|press on] [forward|straight|straight
-        ahead|ahead|straight on|forwards] | keep walking | continue on | keep going | go onward | walk on | push
-        ahead | stay on course | march forward | go directly ahead | keep moving"""),
+        [walk|go|head|move|continue|keep going|proceed] [forward|straight|straight ahead|ahead|straight on] | keep
+        walking | continue on | keep going | walk on | keep moving | keep straight | go directly ahead | follow the
+        path ahead | continue in the same direction | go straight forward | simply walk straight | walk further |
+        move onward | stay straight | keep heading
+        forwards"""),
     "room": any_of("""
         cross the room | walk across the room | go across the room | head across the room | make your way across
-        the room | traverse the room | move across this room"""),
+        the room | walk to the [other|far|opposite] side of the room | cross the entire room | cross over to the
+        far end of the room | go all the way across | walk the length of the room | walk across the floor"""),
     "corridor": any_of(f"""
-        [walk|go|head|continue|move|proceed|stroll|travel|advance] [down|along] the {CORRIDOR} | follow the
-        {CORRIDOR} | keep going down the {CORRIDOR}"""),
-    "1": f"[{_STEP} through the {DOOR}|{_STEP} through the {DOOR}|use the {DOOR}|take the {DOOR}|cross the threshold]",
+        [walk|go|head|continue|move|proceed|travel] [down|along] the {CORRIDOR} | follow the {CORRIDOR} | keep going
+        down the {CORRIDOR} | go straight down the {CORRIDOR} | keep following the {CORRIDOR} | walk the
+        whole length of the {CORRIDOR}"""),
+    "1": any_of(f"""
+        {_STEP} through the {DOOR} | {_STEP} through the {DOOR} | [use|take] the {DOOR} | go on through the {DOOR}"""),
     "2": "[walk|go|pass|head|continue] through [two|both] [doorways|doors]",
     "out room": any_of(f"""
         [exit|leave] [the|this] room | [exit|leave] the room | {_OUT} out of the room | [exit|leave] the room
-        [through|by|via] the {DOOR} | get out of the room | depart from the room | head outside of the room"""),
+        [through|by|via] the {DOOR} | get out of the room | go out the {DOOR} of the room"""),
     "out corridor": any_of(f"""
         [exit|leave] the {CORRIDOR} [through|by|via] the {DOOR} | {_OUT} out of the {CORRIDOR}"""),
     "into room": any_of(f"""
-        enter the {_NEXT} room | {_OUT} into the {_NEXT} room | {_STEP} through the {DOOR} into the {_NEXT} room"""),
+        enter the {_NEXT} room | step inside the {_NEXT} room | {_OUT} into the {_NEXT} room | {_STEP} through
+        the {DOOR} into the {_NEXT} room"""),
     "into corridor": any_of(f"""
         enter the {CORRIDOR} | {_OUT} into the {CORRIDOR} | {_STEP} through the {DOOR} into the {CORRIDOR}"""),
     "room to corridor": any_of(f"""
@@ -59,53 +65,59 @@ WALKS: dict[str, str] = {
         {CORRIDOR} for the room | {_OUT} from the {CORRIDOR} into the room"""),
     "up": any_of("""
         go up the stairs | walk up the stairs | climb the stairs | head up the stairs | take the stairs up | go
-        upstairs | ascend the stairs"""),
+        upstairs | ascend the stairs | go up the staircase | climb up the steps | go up one flight"""),
     "down": any_of("""
         go down the stairs | walk down the stairs | descend the stairs | head down the stairs | take the stairs
-        down | go downstairs"""),
+        down | go downstairs | go down the staircase | go down the steps | go down one flight |
+        carefully walk down the stairs"""),
 }
 """Imperatives: of a walk without a landmark, along a corridor or a room, through doorways, and on stairs."""
 TOWARDS = any_of(f"""
-    {_GO} [toward|towards] the {{}} | {_GO} in the direction of the {{}} | head for the {{}} | aim for the {{}}
-    | approach the {{}} | set out for the {{}} | move closer to the {{}} | make for the {{}} | keep the {{}}
-    straight ahead""")
+    {_GO} [toward|towards] the {{}} | {_GO} in the direction of the {{}} | head for the {{}} | approach the {{}}
+    | move closer to the {{}} | keep the {{}} straight ahead | find the {{}} and head that way | go over toward
+    the {{}} | notice the {{}} and walk toward it | aim for the {{}}""")
 _SIDE = "[on your left|on the left|to your left|on your left side|on the left-hand side]"
 PASSING = {
     "": any_of("""
-        pass the {} | walk past the {} | go past the {} | continue past the {} | walk by the {} | move beyond
-        the {} | leave the {} behind you | bypass the {} | get past the {} | skirt the {}"""),
-    "left": f"[walk|go|head|continue|move|keep going] past the {{}} {_SIDE}",
+        pass the {} | walk past the {} | go past the {} | continue past the {} | walk by the {} | go by the {} |
+        move past the {} | leave the {} behind you | walk right past the {} | you will pass the {} | ignore the
+        {} and keep going | go beyond the {} | pass alongside the {} | pass by the {}"""),
+    "left": any_of(f"""
+        [walk|go|head|continue|move|keep going] past the {{}} {_SIDE} | you will pass the {{}} {_SIDE}"""),
 }
 PAST = {
-    "": "[past the {}|passing the {}|going past the {}|going by the {}|leaving the {} behind]",
+    "": "[past the {}|passing the {}|going past the {}|going by the {}|leaving the {} behind|walking by the {}]",
     "left": any_of(f"""
         past the {{}} {_SIDE} | passing the {{}} {_SIDE} | with the {{}} on your left | keeping the {{}} on your
-        left"""),
+        left | so that the {{}} is on your left"""),
 }
 """Of an object beside the way: as an imperative, and after another walk."""
 UNTIL = {
     "": any_of("""
-        until you [reach|get to|come to|are near|are close to|arrive at] the {} | as far as the {} | till you
-        reach the {}"""),
+        until you [reach|get to|come to|are near|are close to|arrive at|are next to] the {} | as far as the {} | all
+        the way to the {} | until you're beside the {} | up to the {}"""),
     "left": "until the {} is [on|to] your left",
     "ahead": "[until you face the {}|until you are in front of the {}|right up to the {}|until you meet the {}]",
 }
 AT = any_of("""
     at the {} | when you reach the {} | once you reach the {} | when you get to the {} | near the {} | upon
-    reaching the {} | as soon as you reach the {} | after reaching the {} | once you arrive at the {} | close to
-    the {}""")
+    arriving at the {} | as soon as you reach the {} | after reaching the {} | once you arrive at the {} | close to
+    the {} | when you come to the {} | right at the {} | beside the {}""")
 """Before the turn after the leg."""
-_HALT = "[stop|stop|wait|wait|halt|stand|pause|end|stay|remain|finish|rest|hold]"
+_HALT = "[stop|stop|stop|wait|wait|stand|pause|end|stay|remain|finish]"
 WALK_TO = "[walk|go|head|move|continue|proceed|walk over|go over|come] to the {}"
 """To an object at the end of the path, before the stop."""
 STOP_BY = {
     "": any_of(f"""
         {_HALT} [by|next to|beside|near|close to|at|alongside|adjacent to] the {{}} | {_HALT} [by|next
         to|beside|near|close to] the {{}} | {_HALT} [by|next to|near] the {{}} | come to a stop [near|by] the
-        {{}} | your goal is near the {{}} | linger by the {{}} | settle near the {{}} | stop in the vicinity of
-        the {{}} | halt right by the {{}}"""),
+        {{}} | your goal is near the {{}} | stop just short of the {{}} | stop right by the {{}} | stop right
+        next to the {{}} | finish up near the {{}} | you should end up by the {{}} | stop in the area by the {{}}
+        | the {{}} is your stopping point | don't go further than the {{}} | stop within a step of the {{}} |
+        stop about two feet from the {{}} | stop once you've reached the {{}}"""),
     "left": any_of(f"""
-        {_HALT} [with the {{}} on your left|with the {{}} to your left] | {_HALT} once the {{}} is on your left"""),
+        {_HALT} [with the {{}} on your left|with the {{}} to your left] | {_HALT} [once|when] the {{}} is on your
+        left | stop so that the {{}} is on your left"""),
     "ahead": any_of(f"""
         {_HALT} [in front of|before|facing] the {{}} | stop right in front of the {{}} | {_HALT} directly before
         the {{}}"""),
@@ -113,38 +125,42 @@ STOP_BY = {
 for _table in (PASSING, PAST, UNTIL, STOP_BY):
     _table["right"] = _table["left"].replace("left", "right")
 STOPS = any_of("""
-    [stop|wait|stay|end|pause|remain|finish|halt] there | stop | halt | [stop|wait] here | come to a stop | that
-    is your destination | you have arrived | you are there | stop at that point | that is the end point | this
-    is the goal | you have reached your target | stand still | your path ends there | the route ends there |
-    stay put | hold your position | that completes the route | cease walking | you are done | conclude there |
-    you made it | your journey ends there | stop moving""")
+    [stop|wait|stay|end|pause|remain|finish] there | stop | stop | [stop|wait] here | come to a stop | that is
+    your destination | you have arrived | you are there | stop at that point | this is the goal | you've arrived
+    | stand still | stay put | you're done | you made it | stop moving | stop right there | this is the spot |
+    you're there | stop at this location | that's it | that's your destination | rest here | you're finished |
+    that's all | you've reached your target | don't go any further | this is the place""")
 RUG = {
     "onto": "[step onto the {}|walk onto the {}|move onto the {}]",
     "off": "[step off the {}|walk off the {}|move off the {}]",
     "across": "[walk over the {}|cross the {}|walk across the {}|go over the {}]",
 }
 FLOOR = any_of("""
-    step from the {0} floor onto the {1} one | cross from the {0} floor to the {1} floor | walk to where the {0}
-    floor meets the {1} one | go from the {0} floor to the {1} one""")
+    step from the {0} floor onto the {1} one | leave the {0} flooring for the {1} one | cross from the {0} floor
+    to the {1} floor | walk to where the {0} floor meets the {1} one | go from the {0} floor to the {1} one""")
 STAIRS = {"top": "[to the top|all the way up]", "bottom": "[to the bottom|all the way down]"}
 TO_STAIRS = {
     "up": "[to the foot of the stairs|to where the stairs lead up]",
     "down": "[to the top of the stairs|to where the stairs lead down]",
 }
 ROUGHLY = {
-    1.0: "[a step or two|a pace or two|one or two steps]",
-    2.5: "[a few steps|a few paces|some steps|a little way|a couple of steps]",
-    5.0: "[several steps|several paces|a short stretch|a short distance|a fair bit]",
-    10.0: "[a long way|quite far|a good distance|a long stretch]",
+    1.0: "[a step or two|one or two steps|just a step or two]",
+    2.5: "[a few steps|some steps|a little way|a couple of steps|a handful of steps]",
+    5.0: "[several steps|a short distance|a fair bit|a short way|a number of steps]",
+    10.0: "[a long way|quite far|a good distance|pretty far|a long distance]",
 }
-_FORWARD = any_of(
-    "walk {} | go {} | go forward {} | move forward {} | walk {} ahead | walk straight {} | continue {} | advance {}"
+_FORWARD = any_of("walk {} | go {} | go forward {} | move forward {} | walk {} ahead | walk straight {} | continue {}")
+_FIRST = (
+    *[""] * 12,
+    "first, ",
+    "to begin, ",
+    "to start, ",
+    "starting out, ",
+    "initially, ",
 )
-_FIRST = (*[""] * 9, "first, ", "to begin, ", "to start, ", "initially, ", "starting out, ")
 _OPENERS = (
-    *[""] * 9, "then ", "next, ", "after that, ", "from there, ", "now ", "afterwards, ", "once there, ",
-    "at that point, ", "from here, ", "following that, ", "subsequently, ", "immediately ", "later, ",
-    "soon after, ", "shortly after, ",
+    *[""] * 12, "then ", "next, ", "after that, ", "from there, ", "now ", "afterwards, ", "once there, ",
+    "afterward, ", "at that point, ", "from here, ", "immediately ", "here, ", "shortly after, ", "later, ",
 )  # fmt: skip
 _LAST = (
     *[""] * 6,
@@ -155,10 +171,10 @@ _LAST = (
     "there, ",
     "to finish, ",
     "in the end, ",
-    "ultimately, ",
     "at last, ",
 )
 _NO_OPENER = ("at", "when", "once", "near", "close", "upon", "as", "after", "that", "this", "you", "your", "the")
+_MOST_IN_WORDS = 10  # largest number of steps that is written as a word
 _MOST_WORDS = 16  # largest number of words of a sentence with several clauses
 
 
@@ -302,5 +318,5 @@ def _distance(leg: Leg, random: Random) -> str:
     if leg.measure == "roughly":
         return spoken(ROUGHLY[leg.metres], random)
     count = round(leg.metres / (PACE if leg.slope == "level" else RISER))
-    number = NUMBERS[count] if count < len(NUMBERS) else str(count)
-    return f"{number} {one_of(('step', 'pace'), random)}{'s' if count > 1 else ''}"
+    number = NUMBERS[count] if count <= _MOST_IN_WORDS else str(count)
+    return f"{number} step{'s' if count > 1 else ''}"

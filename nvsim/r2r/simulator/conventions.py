@@ -142,6 +142,12 @@ class Timers:
     def __exit__(self, *_: object) -> None:
         self.processing += time.perf_counter() - self._entered
 
+    def add(self, begin: float) -> None:
+        """Adds a call that began at `begin`, seconds of `time.perf_counter`, and ends now."""
+        if self._begin is None:
+            self._begin = begin
+        self.processing += time.perf_counter() - begin
+
     def __str__(self) -> str:
         wall = 0.0 if self._begin is None else time.perf_counter() - self._begin
         each = [self.frames / s if s else 0.0 for s in (wall, self.processing)]

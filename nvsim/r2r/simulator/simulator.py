@@ -179,6 +179,11 @@ class Simulator(Settings):
         batch = self._batch
         if not self.initialized or batch is None:
             raise NotStarted("MatterSim: newEpisode must be called before makeAction")
+        with self._lock:
+            begin = time.perf_counter()
+            if batch.act(index, heading, elevation, self.vfov * self.width / self.height):
+                self._timers.add(begin)
+                return
         with self._lock, self._timers:
             size = batch.size
             chosen = counts(index, size, "index")
@@ -280,6 +285,8 @@ class Simulator(Settings):
         batch.heading, batch.elevation, batch.view, batch.step = headings, elevations, view, steps
         widest = math.cos(self.vfov * self.width / self.height / 2.0) if self.restricted else None
         batch.look_around(self.discrete, widest)
+        quick = self.discrete and not self.rendering_enabled
+        batch.quick_angle = self.vfov * self.width / self.height if quick else None
 
     # Timing -------------------------------------------------------------------------------------------------------
 

@@ -77,6 +77,19 @@ def navigable(
 
 
 _MOST = 50_000  # largest number of discrete views whose locations are kept
+_AFTER = [
+    [
+        (view + sideways) % HEADINGS + HEADINGS * max(0, min(2, view // HEADINGS + up))
+        for up in (0, 1, -1)
+        for sideways in (0, 1, -1)
+    ]
+    for view in range(VIEWS)
+]
+"""The views after a turn, for each view: 3 * (1 up, 2 down) + (1 right, 2 left)."""
+_NUMBERS = frozenset((float, int))
+_INFINITE = math.inf
+_HEADING = [view % HEADINGS * (TURN / HEADINGS) for view in range(VIEWS)]
+_ELEVATION = [(view // HEADINGS - 1) * STEP for view in range(VIEWS)]
 
 
 class ViewPoint:
@@ -124,6 +137,9 @@ class Batch:
     heading, elevation          radians
     view                        0 to 35 if views are discrete
     step                        actions since the episode began
+    found                       locations, None if they are not searched yet
+    quick_angle                 vertical field of view times width / height, radians, for which `act` may be used, else
+                                None
     """
 
     size: int
@@ -134,30 +150,70 @@ class Batch:
     beside: dict[int, OffGraphPosition] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
-        self.scan = [""] * self.size
+        self.scan, self._each = [""] * self.size, range(self.size)
         self.place, self.view, self.step = [0] * self.size, [0] * self.size, [0] * self.size
         self.heading, self.elevation = [0.0] * self.size, [0.0] * self.size
+        self.quick_angle: float | None = None
         self._discrete = False
         self._least: float | None = None
         self._searched = self.joined
         self._known: dict[int, list[ViewPoint]] = {}  # 36 * row + view -> locations, if views are discrete
-        self._found: list[list[ViewPoint] | None] = [[]] * self.size
+        self.found: list[list[ViewPoint] | None] = [[]] * self.size
 
     def look_around(self, discrete: bool, least_cosine: float | None) -> None:
         """Makes `locations` search again: within an angle around the heading, or everywhere if it is None."""
         if self._searched is not self.joined or self._least != least_cosine or len(self._known) > _MOST:
             self._known = {}
         self._discrete, self._least, self._searched = discrete, least_cosine, self.joined
-        self._found = [None] * self.size
+        self.found = [None] * self.size
+
+    def act(self, index: Any, heading: Any, elevation: Any, angle: float) -> bool:
+        """Moves and turns the environments as `Simulator.makeAction` does, in the usual case: the arguments are lists
+        of valid numbers, views are discrete, no images are drawn, and no environment is beside the graph.
+
+        Returns False in other cases, and changes nothing then.
+        """
+        size, joined, found = self.size, self.joined, self.found
+        if angle != self.quick_angle or self.beside or joined is None or len(self._known) > _MOST:
+            return False
+        if type(index) is not list or type(heading) is not list or type(elevation) is not list:
+            return False
+        if len(index) < size or len(heading) < size or len(elevation) < size:
+            return False
+        place, view, after = self.place, self.view, []
+        for b in self._each:
+            way, h, e = index[b], heading[b], elevation[b]
+            if type(way) is not int or way < 0 or type(h) not in _NUMBERS or type(e) not in _NUMBERS:
+                return False
+            turn = 0 if h == 0 else 1 if 0 < h < _INFINITE else 2 if 0 > h > -_INFINITE else -9
+            turn += 0 if e == 0 else 3 if 0 < e < _INFINITE else 6 if 0 > e > -_INFINITE else -9
+            if turn < 0:
+                return False
+            row = place[b]
+            if way:
+                locations = found[b]
+                if locations is None:
+                    locations = self.locations(b)
+                if way >= len(locations):
+                    return False
+                row = joined.first[self.scan[b]] + locations[way].ix
+            new = _AFTER[view[b]][turn]
+            after.append((row, new, _HEADING[new], _ELEVATION[new]))
+        known, step, headings, elevations = self._known, self.step, self.heading, self.elevation
+        for b, (row, new, h, e) in zip(self._each, after):
+            place[b], view[b], headings[b], elevations[b] = row, new, h, e
+            step[b] += 1
+            found[b] = known.get(VIEWS * row + new)
+        return True
 
     def locations(self, b: int) -> list[ViewPoint]:
         """Returns the navigable locations of an environment, the current one first. They are searched on first use."""
-        found = self._found[b]
+        found = self.found[b]
         if found is None and self._discrete and b not in self.beside:
             found = self._known.get(VIEWS * self.place[b] + self.view[b])
         if found is None:
             found = self._search(b)
-        self._found[b] = found
+        self.found[b] = found
         return found
 
     def _search(self, b: int) -> list[ViewPoint]:
@@ -166,14 +222,14 @@ class Batch:
         if b in self.beside:
             beside = self.beside[b]
             return self._located([b], [0], beside.ways, [ViewPoint("", -1, beside.position.tolist())])[0]
-        missing = [i for i in range(self.size) if self._found[i] is None and i not in self.beside]
+        missing = [i for i in range(self.size) if self.found[i] is None and i not in self.beside]
         if self._discrete:
             missing = [i for i in missing if VIEWS * self.place[i] + self.view[i] not in self._known]
         places = [self.place[i] for i in missing]
         firsts = [_viewpoint(self.joined, place, [0.0, 0.0, 0.0]) for place in places]
         each = dict(zip(missing, self._located(missing, places, self.joined.ways, firsts)))
         for i, found in each.items():
-            self._found[i] = found
+            self.found[i] = found
             if self._discrete:
                 self._known[VIEWS * self.place[i] + self.view[i]] = found
         return each[b]
@@ -267,7 +323,8 @@ class SimState:
     @property
     def navigableLocations(self) -> list[ViewPoint]:
         """The locations for `makeAction`: first the current one, then by their angle from the image center."""
-        return self._batch.locations(self._index).copy()
+        found = self._batch.found[self._index]
+        return (self._batch.locations(self._index) if found is None else found).copy()
 
     def __repr__(self) -> str:
         return f"SimState({self.scanId!r}, {self.location!r}, {self.heading:.3f}, {self.elevation:.3f})"

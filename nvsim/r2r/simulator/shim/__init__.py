@@ -39,5 +39,7 @@ def environment_with_shim(command: Sequence[str], replace: bool = False) -> dict
         raise InputError(f"{interpreter} has no nvsim; install NVSim for it, or run the agent with {sys.executable}.")
     if installed is not None and Path(installed).parent != Path(ours) and not replace:
         raise InputError(f"{interpreter} already has a MatterSim, {installed}; give --replace to use NVSim's instead.")
-    before = [p for p in found.get("PYTHONPATH", "").split(os.pathsep) if p and p != ours]
+    given = found.get("PYTHONPATH")
+    # An empty entry is the current folder, from which several agents import their own packages.
+    before = [] if not given else [path for path in given.split(os.pathsep) if path != ours]
     return found | {"PYTHONPATH": os.pathsep.join([ours, *before])}
