@@ -192,3 +192,16 @@ def test_a_restored_selection_shows_its_details(qapp: QApplication, tmp_path: Pa
     assert second.document.editing.selection.viewpoints == {IDS[3]}
     assert second.document.selection.viewpoint == IDS[3]
     second.end()
+
+
+def test_a_saved_file_is_checked_again_with_its_new_lists(qapp: QApplication, tmp_path: Path) -> None:
+    window = Window(write(tmp_path, "connectivity file"))
+    checking = window.document.editing.checking
+    window.document.editing.run("remove_edges", {"pairs": [[IDS[0], IDS[1]]]})
+    before = checking._validator
+    window.document.editing.save(wait=True)
+    QApplication.processEvents()
+    assert checking.complete and checking._validator is not before
+    known = one_source(window.path).context
+    assert set(window.document.editing.findings.values()) == set(check_graph(window.document.graph, known))
+    window.end()
