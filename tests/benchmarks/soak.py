@@ -49,6 +49,7 @@ from PySide6.QtWidgets import (
     QTabBar,
     QWidget,
 )
+from shiboken6 import isValid
 
 from nvsim.graph.connectivity import write_connectivity
 from nvsim.graph.findings import check_graph
@@ -278,8 +279,10 @@ class Soak:
         target = widget.viewport() if isinstance(widget, QAbstractItemView) else widget
         words = widget.text() if isinstance(widget, QAbstractButton | QLineEdit) else ""
         self._note(f"control {type(widget).__name__} {words or widget.accessibleName() or widget.objectName()}")
-        QTest.mouseMove(target, self._inside(target))
-        QTest.mouseClick(target, LEFT, NONE, self._inside(target))
+        at = self._inside(target)
+        QTest.mouseMove(target, at)
+        if isValid(target):  # rows may get other widgets meanwhile
+            QTest.mouseClick(target, LEFT, NONE, at)
         return ""
 
     def _type(self) -> str:
