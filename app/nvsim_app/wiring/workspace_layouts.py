@@ -150,9 +150,11 @@ class WorkspacePart(Part):
     def _on_chosen(self, id: str, _: bool = True) -> None:
         """Enters a workspace, and gives the keys to its main view, so that they do not go into a text field."""
         self.enter(id)
-        self._main_view().setFocus()
+        view = self._main_view()
+        if view is not None:
+            view.setFocus()
 
-    def _main_view(self) -> QWidget:
+    def _main_view(self) -> QWidget | None:
         main = self.current.main
         if main and self._docks[main].isVisible():
             return self._docks[main].widget()
