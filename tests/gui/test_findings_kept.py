@@ -9,6 +9,8 @@ from pathlib import Path
 import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
+from PySide6.QtCore import Qt
+from PySide6.QtTest import QTest
 from PySide6.QtWidgets import QApplication
 from pytestqt.qtbot import QtBot
 
@@ -18,10 +20,12 @@ from nvsim.graph.connectivity import write_connectivity
 from nvsim.graph.findings import check_graph
 from nvsim.graph.types import NavGraph, Viewpoint, edge
 from nvsim.project.project import Project
+from nvsim_app.layers.labels import short_id
 from nvsim_app.panels.validation import ValidationPanel
 from nvsim_app.state.document import Document
 from nvsim_app.state.loading import Contents, ProjectReader
 from nvsim_app.state.opened_files import GraphSource
+from nvsim_app.wiring.window import MainWindow
 
 IDS = [f"{i:032x}" for i in range(8)]
 
@@ -63,6 +67,14 @@ class Window:
         self.document.editing.close()
         if self._reader is not None:
             self._reader.close()
+
+
+def settle(window: Window) -> None:
+    """Lets a pending validation run: the end of saving is one event, and the validation that it orders the next."""
+    for _ in range(20):
+        QApplication.processEvents()
+        if window.document.editing.checking.complete:
+            break
 
 
 SMALL = st.integers(0, 7)
@@ -109,6 +121,7 @@ def test_the_window_and_the_command_agree_after_any_actions(
         for action in actions:
             window = act(window, action)
             QApplication.processEvents()
+            settle(window)
             document = window.document
             assert document.editing.checking.complete
             assert set(document.editing.findings.values()) == set(
@@ -116,6 +129,7 @@ def test_the_window_and_the_command_agree_after_any_actions(
             )
         window.document.editing.save(wait=True)
         QApplication.processEvents()
+        settle(window)
         capsys.readouterr()
         main(["graph", "check", str(window.path), "--json"])
         (report,) = json.loads(capsys.readouterr().out)
@@ -146,3 +160,59 @@ def test_the_panel_says_that_it_checks_until_the_findings_are_known(document: Do
     document.editing.checking.look()
     panel.renew()
     assert panel.clean.text() == "No problems found." and panel.boxes["error"].text() == "0 errors"
+
+
+def test_a_panel_shows_no_findings_of_another_graph(document: Document, qtbot: QtBot) -> None:
+    panel = ValidationPanel(document)
+    qtbot.addWidget(panel)
+    panel.show()
+    qtbot.waitUntil(lambda: panel.clean.text() == "No problems found.")
+    document.editing.checking.look_soon(document.graph, None)
+    assert panel.clean.text() == "Checking…" and panel.clean.isVisible() and not panel.tree.isVisible()
+    qtbot.waitUntil(lambda: panel.clean.text() == "No problems found.")
+    panel.hide()
+    id = next(iter(document.graph.viewpoints))
+    document.editing.run("remove_edges", {"pairs": [list(key) for key in document.graph.edges if id in key]})
+    assert panel.clean.text() == "Checking…", "when it comes to the front, it shows no older state"
+    panel.show()
+    qtbot.waitUntil(lambda: panel.tree.isVisible())
+    assert short_id(document.graph, id) in panel.model.index(0, 0, panel.model.index(0, 0)).data()
+    assert id[:8] not in panel.model.index(0, 0, panel.model.index(0, 0)).data()
+
+
+def test_f8_does_not_say_that_there_are_no_problems_if_the_filter_hides_them(
+    window: MainWindow, document: Document, qtbot: QtBot
+) -> None:
+    document.editing.run("remove_edges", {"pairs": [list(key) for key in list(document.graph.edges)[:6]]})
+    id = next(iter(document.graph.viewpoints))
+    document.editing.run("remove_edges", {"pairs": [list(key) for key in document.graph.edges if id in key]})
+    assert document.editing.findings
+    panel = window.panels["validation"]
+    panel.text.setText("nothing like this")
+    QTest.keyClick(window, Qt.Key.Key_F8)
+    assert window.notice_area.texts == ["No finding matches the filter."]
+
+
+def test_a_restored_selection_shows_its_details(qapp: QApplication, tmp_path: Path) -> None:
+    first = Window(write(tmp_path, "project"))
+    first.document.editing.run("remove_edges", {"pairs": [[IDS[0], IDS[1]]]})
+    first.document.select(viewpoint=IDS[3])
+    first.end()
+    second = Window(first.path)
+    assert second.document.editing.selection.viewpoints == {IDS[3]}
+    assert second.document.selection.viewpoint == IDS[3]
+    second.end()
+
+
+def test_a_saved_file_is_checked_again_with_its_new_lists(qapp: QApplication, tmp_path: Path) -> None:
+    window = Window(write(tmp_path, "connectivity file"))
+    checking = window.document.editing.checking
+    window.document.editing.run("remove_edges", {"pairs": [[IDS[0], IDS[1]]]})
+    before = checking._validator
+    window.document.editing.save(wait=True)
+    QApplication.processEvents()
+    settle(window)
+    assert checking.complete and checking._validator is not before
+    known = one_source(window.path).context
+    assert set(window.document.editing.findings.values()) == set(check_graph(window.document.graph, known))
+    window.end()

@@ -17,7 +17,9 @@ from nvsim.errors import InputError
 from nvsim.graph.connectivity import write_connectivity
 from nvsim.graph.journal import sidecar
 from nvsim.project.path_kind import check_openable
+from nvsim.r2r.observations.stub import SCAN, write_stub_graph
 from nvsim_app.session import Session
+from nvsim_app.state.opened_files import GraphSource
 from nvsim_app.wiring.exporting import ExportPart
 from nvsim_app.wiring.files import ForeignPart
 from nvsim_app.wiring.inspector import InspectorPart
@@ -128,6 +130,15 @@ def test_a_folder_opens_its_first_scan_and_steps_to_the_next(session: Session, f
     qtbot.waitUntil(lambda: session.document.graph is not None and session.document.graph.scan == "second")
 
 
+def test_the_stub_scan_of_an_export_is_not_listed_as_a_building(session: Session, folder: Path, qtbot: QtBot) -> None:
+    write_stub_graph(folder)
+    opened(session, folder, qtbot)
+    part = session.window.part(ForeignPart)
+    qtbot.waitUntil(lambda: part.scans.count() > 0, timeout=20_000)
+    assert [part.scans.itemText(i) for i in range(part.scans.count())] == ["first", "second"]
+    assert GraphSource(folder / f"{SCAN}_connectivity.json").path.is_file(), "it opens if a user selects it"
+
+
 def test_a_file_that_is_no_graph_is_a_notice(session: Session, tmp_path: Path, qtbot: QtBot) -> None:
     path = tmp_path / "bad_connectivity.json"
     path.write_text('[{"image_id": 3}]')
@@ -150,7 +161,7 @@ def test_the_panels_of_the_editor_come_to_the_front_and_scans_can_be_chosen(
 ) -> None:
     opened(session, folder, qtbot)
     window = session.window
-    front = {"History", "Viewpoints and edges", "Validation", "Layers"}
+    front = {"Viewpoints and edges", "Validation"}
     qtbot.waitUntil(lambda: front <= {bar.tabText(bar.currentIndex()) for bar in tab_bars(window)}, timeout=20_000)
     part = window.part(ForeignPart)
     assert [part.scans.itemText(i) for i in range(part.scans.count())] == ["first", "second"]

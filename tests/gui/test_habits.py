@@ -16,6 +16,7 @@ from pytestqt.qtbot import QtBot
 from nvsim.graph.selection import GraphSelection
 from nvsim_app.painting.cameras import overview
 from nvsim_app.state.document import Document
+from nvsim_app.wiring.appearance import PalettePart
 from nvsim_app.wiring.new_project import NewProjectPart
 from nvsim_app.wiring.panels import MapPart
 from nvsim_app.wiring.window import MainWindow
@@ -75,3 +76,18 @@ def test_a_dragged_file_highlights_the_window(ready: MainWindow, tmp_path: Path,
     ready.grab()
     QApplication.sendEvent(ready, QDragLeaveEvent())
     assert not target.isVisible()
+
+
+def test_ctrl_shift_p_finds_panels_and_layers(ready: MainWindow, qtbot: QtBot) -> None:
+    ready.docks["log"].hide()
+    QTest.keyClick(ready, Qt.Key.Key_P, Qt.KeyboardModifier.ControlModifier | Qt.KeyboardModifier.ShiftModifier)
+    popup = ready.part(PalettePart).view
+    qtbot.waitUntil(popup.isVisible)
+    QTest.keyClicks(popup.line, "panel log")
+    QTest.keyClick(popup.line, Qt.Key.Key_Return)
+    assert not popup.isVisible() and not ready.docks["log"].isHidden()
+    shown = ready.scene.overlays["trajectory"].shown
+    QTest.keyClick(ready, Qt.Key.Key_P, Qt.KeyboardModifier.ControlModifier)
+    QTest.keyClicks(popup.line, "layer trajectory")
+    QTest.keyClick(popup.line, Qt.Key.Key_Return)
+    assert ready.scene.overlays["trajectory"].shown != shown

@@ -25,6 +25,7 @@ from nvsim_app.state.directions import directions
 from nvsim_app.state.document import Document
 from nvsim_app.wiring.inspector import InspectorPart
 from nvsim_app.wiring.window import MainWindow
+from nvsim_app.wiring.workspace_layouts import WorkspacePart
 
 
 def part_of(window: MainWindow) -> InspectorPart:
@@ -251,3 +252,17 @@ def test_regions_are_outlines_over_the_view(part: InspectorPart, window: MainWin
     seen = [(x, y) for x, y in at if 0 <= x < scene.width() and 0 <= y < scene.height()]
     assert seen
     assert all(with_regions.pixelColor(x, y) == floor.pixelColor(x, y) for x, y in seen)
+
+
+def test_at_720_pixels_the_whole_inspector_is_shown(window: MainWindow, document: Document, qtbot: QtBot) -> None:
+    window.resize(1280, 720)
+    QApplication.processEvents()
+    window.part(WorkspacePart).reset()
+    document.select(viewpoint=document.graph_arrays.ids[3])
+    QApplication.processEvents()
+    part_of(window).show_panel()
+    panel = part_of(window).panel
+    qtbot.waitUntil(lambda: panel.list.isVisible() and panel.list.height() > 0)
+    assert panel.verticalScrollBar().maximum() == 0, "the panel does not scroll"
+    assert panel.list.viewport().height() >= 3 * panel.list.rowHeight(0)
+    assert panel.bars.mapTo(panel, panel.bars.rect().bottomLeft()).y() <= panel.height()

@@ -65,6 +65,18 @@ def test_durations_are_readable(seconds: float, words: str) -> None:
     assert duration(seconds) == words
 
 
+def test_the_state_of_a_model_is_not_cut_after_training(document: Document, qtbot: QtBot) -> None:
+    panel = SubmapPanel(document)
+    qtbot.addWidget(panel)
+    panel.resize(330, 200)
+    panel.show()
+    trained = {submap.index: {"steps": 2000, "psnr": 35.0, "gaussians": 80_000} for submap in document.contents.submaps}
+    document.set_contents(replace(document.contents, model_info=trained))
+    table, column = panel.table, panel.model.columnCount() - 1
+    assert panel.model.index(0, column).data() == "trained, 2000 steps"
+    assert table.columnWidth(column) >= table.sizeHintForColumn(column)
+
+
 def test_details_explain_every_direction_of_a_viewpoint(document: Document, qtbot: QtBot) -> None:
     panel = DetailsPanel(document)
     qtbot.addWidget(panel)

@@ -20,6 +20,9 @@ from nvsim_app.state.on_floor import trajectory_on_floor
 from nvsim_app.views.scene_view import SceneView
 from nvsim_app.wiring.window import MainWindow
 
+PATIENCE = 240_000  # milliseconds until an expected event counts as missing, also on a busy machine
+pytestmark = pytest.mark.timeout(1800)
+
 
 @pytest.fixture
 def view(window: MainWindow, document: Document) -> SceneView:
@@ -66,7 +69,7 @@ def test_a_double_click_on_the_walk_stands_where_the_frame_was_taken(
     chosen = document.selection.frame
     assert chosen is not None and abs(chosen - 60) <= 3
     goal = seen_from_frame(document.contents.capture.frames[chosen].camera)
-    qtbot.waitUntil(lambda: view.pose == goal, timeout=3000)
+    qtbot.waitUntil(lambda: view.pose == goal, timeout=PATIENCE)
 
 
 def test_a_left_drag_orbits_and_does_not_select(view: SceneView, document: Document, qtbot: QtBot) -> None:
@@ -103,9 +106,9 @@ def test_the_wheel_comes_nearer(view: SceneView) -> None:
 def test_w_flies_forward_until_it_is_released(view: SceneView, qtbot: QtBot) -> None:
     view.navigation.set_pose(ViewPose((7, 2, 1.5)))
     qtbot.keyPress(view, Qt.Key.Key_W)
-    qtbot.waitUntil(lambda: view.pose.position[1] > 2.2, timeout=3000)
+    qtbot.waitUntil(lambda: view.pose.position[1] > 2.2, timeout=PATIENCE)
     qtbot.keyRelease(view, Qt.Key.Key_W)
-    qtbot.waitUntil(lambda: not view.navigation.active, timeout=1000)
+    qtbot.waitUntil(lambda: not view.navigation.active, timeout=PATIENCE)
     x, _, z = view.pose.position
     assert (x, z) == (pytest.approx(7), pytest.approx(1.5))
 
@@ -113,7 +116,7 @@ def test_w_flies_forward_until_it_is_released(view: SceneView, qtbot: QtBot) -> 
 def test_losing_the_focus_stops_the_flight(view: SceneView, window: MainWindow, qtbot: QtBot) -> None:
     qtbot.keyPress(view, Qt.Key.Key_D)
     view.navigation.let_go()
-    qtbot.waitUntil(lambda: not view.navigation.active, timeout=1000)
+    qtbot.waitUntil(lambda: not view.navigation.active, timeout=PATIENCE)
 
 
 def test_viewpoints_are_painted_where_they_project(view: SceneView, document: Document) -> None:
@@ -135,14 +138,19 @@ def test_hidden_layers_leave_no_pixel(view: SceneView, document: Document) -> No
 
 def test_the_sharp_picture_follows_the_moving_ones(view: SceneView, document: Document, qtbot: QtBot) -> None:
     view.show_source(demo_room.RoomSource(burn=0.08))
-    qtbot.waitUntil(lambda: view.picture is not None and not view.picture.request.moving, timeout=20_000)
+    qtbot.waitUntil(lambda: view.picture is not None and not view.picture.request.moving, timeout=PATIENCE)
     moving = []
     view.pictureShown.connect(lambda p: moving.append(p.request.moving))
-    for i in range(10):
-        view.navigation.set_pose(ViewPose((7, 4.5, 1.5), 0.1 * i))
-        qtbot.wait(30)
-    qtbot.waitUntil(lambda: bool(moving) and not moving[-1] and not view.drawing, timeout=10_000)
-    assert True in moving
+    heading = 0.0
+
+    def turned() -> bool:
+        nonlocal heading
+        heading += 0.02
+        view.navigation.set_pose(ViewPose((7, 4.5, 1.5), heading))
+        return True in moving
+
+    qtbot.waitUntil(turned, timeout=PATIENCE)
+    qtbot.waitUntil(lambda: bool(moving) and not moving[-1] and not view.drawing, timeout=PATIENCE)
     size = view.picture.request.camera.intrinsics
     ratio = view.devicePixelRatioF()
     assert (size.width, size.height) == (round(view.width() * ratio), round(view.height() * ratio))
@@ -151,7 +159,7 @@ def test_the_sharp_picture_follows_the_moving_ones(view: SceneView, document: Do
 
 def test_overlays_stay_with_the_picture_beneath_them(view: SceneView, document: Document, qtbot: QtBot) -> None:
     view.show_source(demo_room.RoomSource())
-    qtbot.waitUntil(lambda: view.picture is not None, timeout=20_000)
+    qtbot.waitUntil(lambda: view.picture is not None, timeout=PATIENCE)
     shown = view.picture.request.camera.position.copy()
     view.navigation.set_pose(ViewPose((3, 3, 3)))
     assert np.allclose(view.overlay_camera.position, shown)  # the new picture is not there yet
@@ -162,7 +170,7 @@ def test_home_is_the_first_frame_once_there_is_a_reconstruction(
 ) -> None:
     view.home()
     first = document.contents.capture.frames[0].camera
-    qtbot.waitUntil(lambda: np.allclose(view.pose.position, first.position), timeout=3000)
+    qtbot.waitUntil(lambda: np.allclose(view.pose.position, first.position), timeout=PATIENCE)
 
 
 def test_another_project_places_the_camera_anew(view: SceneView, document: Document, qtbot: QtBot) -> None:
@@ -177,11 +185,11 @@ def test_another_project_places_the_camera_anew(view: SceneView, document: Docum
 def test_the_last_image_stays_while_models_that_were_trained_again_are_loaded(view: SceneView, qtbot: QtBot) -> None:
     source = demo_room.RoomSource()
     view.show_source(source)
-    qtbot.waitUntil(lambda: view.picture is not None and not view.drawing, timeout=20_000)
+    qtbot.waitUntil(lambda: view.picture is not None and not view.drawing, timeout=PATIENCE)
     before = view.picture
     view.show_source(demo_room.RoomSource())
     assert view.picture is before and view.feed.note, "nothing goes blank, and it says what it waits for"
-    qtbot.waitUntil(lambda: view.picture is not before and not view.drawing, timeout=20_000)
+    qtbot.waitUntil(lambda: view.picture is not before and not view.drawing, timeout=PATIENCE)
     assert view.picture is not None and not view.feed.note
     view.show_source(demo_room.RoomSource())
     view.navigation.set_pose(ViewPose((3, 3, 3)))
@@ -197,7 +205,7 @@ def test_the_last_image_stays_while_models_that_were_trained_again_are_loaded(vi
 def test_measured_channels_have_a_legend_and_colors_have_none(view: SceneView, qtbot: QtBot, key: Qt.Key) -> None:
     view.navigation.set_pose(ViewPose((7.0, 7.8, 1.5)))  # in front of a bright wall
     view.show_source(demo_room.RoomSource())
-    qtbot.waitUntil(lambda: view.picture is not None and not view.drawing, timeout=8000)
+    qtbot.waitUntil(lambda: view.picture is not None and not view.drawing, timeout=PATIENCE)
     corner = QRect(8, 8, 172, 16)
 
     def legend() -> bool:
@@ -207,8 +215,8 @@ def test_measured_channels_have_a_legend_and_colors_have_none(view: SceneView, q
 
     assert not legend()
     qtbot.keyClick(view, key)
-    qtbot.waitUntil(lambda: view.picture.request.channel != "rgb" and not view.drawing, timeout=8000)
+    qtbot.waitUntil(lambda: view.picture.request.channel != "rgb" and not view.drawing, timeout=PATIENCE)
     assert legend()
     qtbot.keyClick(view, Qt.Key.Key_1)
-    qtbot.waitUntil(lambda: view.picture.request.channel == "rgb" and not view.drawing, timeout=8000)
+    qtbot.waitUntil(lambda: view.picture.request.channel == "rgb" and not view.drawing, timeout=PATIENCE)
     assert not legend()

@@ -9,6 +9,7 @@ from pathlib import Path
 import demo_room
 import pytest
 from PySide6.QtCore import QSettings, Qt
+from PySide6.QtTest import QTest
 from PySide6.QtWidgets import QApplication, QMenu, QTabBar
 from pytestqt.qtbot import QtBot
 
@@ -76,7 +77,7 @@ def test_panels_with_nothing_to_say_are_closed_and_come_back(
     document.set_contents(replace(contents, graph=None, arrays=None, arrays_of=None))
     window = make_window(document)
     enter(window, "edit")
-    assert shown(window) == {"layers", "map", "details"}
+    assert shown(window) == {"map", "details"}
     window.show_dock("validation")  # asked for all the same
     document.set_contents(replace(document.contents, submaps=()))
     assert "validation" in shown(window)
@@ -152,7 +153,7 @@ def test_a_graph_file_and_a_splat_file_show_what_concerns_them(
     part = window.part(WorkspacePart)
     try:
         session.open(tmp_path / "one_connectivity.json")
-        wanted = {"layers", "history", "map", "details", "validation", "inspector", "tables", "histogram"}
+        wanted = {"history", "map", "details", "validation", "inspector", "tables", "histogram"}
         qtbot.waitUntil(lambda: shown(window) == wanted, timeout=20_000)
         assert part.current.id == "edit" and part.kind == "graph"
         session.open(tmp_path / "pole.spz")
@@ -180,3 +181,41 @@ def test_whatever_stands_in_the_settings_of_a_workspace_is_survived(
     enter(window, "train")
     assert "jobs" in shown(window)
     window.close()
+
+
+@pytest.mark.parametrize("size", [(1280, 720), (1600, 1000)])
+def test_the_map_is_the_main_view_where_the_graph_is_edited(
+    window: MainWindow, qtbot: QtBot, size: tuple[int, int]
+) -> None:
+    window.resize(*size)
+    QApplication.processEvents()
+    QTest.keyClick(window, Qt.Key.Key_3, Qt.KeyboardModifier.AltModifier)
+    QApplication.processEvents()
+    # Qt puts docks behind other tabs outside the window.
+    views = {name: dock for name, dock in window.docks.items() if dock.isVisible() and dock.x() >= 0}
+    area = {name: dock.width() * dock.height() for name, dock in views.items()}
+    assert area["map"] > 1.2 * max(area["validation"], window.centre.width() * window.centre.height())
+    assert not [tab for tab in window.tabifiedDockWidgets(window.docks["map"]) if not tab.isHidden()]
+    bar = next(b for b in window.findChildren(QTabBar) if b.isVisible() and "Validation" in _tabs(b))
+    assert all(bar.tabRect(i).width() >= bar.tabSizeHint(i).width() for i in range(bar.count())), "no tab is cut"
+    assert {"Viewpoints and edges", "History"} <= set(
+        next(_tabs(b) for b in window.findChildren(QTabBar) if b.isVisible() and "History" in _tabs(b))
+    )
+    QTest.keyClick(window, Qt.Key.Key_1, Qt.KeyboardModifier.AltModifier)
+    QApplication.processEvents()
+    assert window.centre.width() * window.centre.height() > views["map"].width() * views["map"].height()
+
+
+def _tabs(bar: QTabBar) -> list[str]:
+    return [bar.tabText(i) for i in range(bar.count())]
+
+
+def test_keys_act_on_the_graph_after_a_workspace_is_entered(window: MainWindow, document: Document) -> None:
+    window.activateWindow()
+    for key in (Qt.Key.Key_2, Qt.Key.Key_3):
+        QTest.keyClick(window.focusWidget() or window, key, Qt.KeyboardModifier.AltModifier)
+        QApplication.processEvents()
+        QTest.keyClick(window.focusWidget() or window, Qt.Key.Key_P)
+        assert window.modes.current.name == "add_viewpoint"
+        assert not window.panels["tables"].filter.text() and not window.panels["validation"].text.text()
+        QTest.keyClick(window.focusWidget() or window, Qt.Key.Key_V)

@@ -28,14 +28,14 @@ class FrameLink(QObject):
     its kind.
 
     thumbnailMade(int frame, str file)
-    coverageRead(dict frame -> share)            floor shares of some frames
+    coverageRead(dict frame -> share, bool)      floor shares of some frames, and whether all masks are read
     candidatesMade(int frame, str file)
     prompted(int frame, mask to add, mask to remove)   each (h, w) bool
     failed(str what, int frame, str sentence)    `what` is the kind of request; "open" and frame -1 if no request works
     """
 
     thumbnailMade = Signal(int, str)
-    coverageRead = Signal(object)
+    coverageRead = Signal(object, bool)
     candidatesMade = Signal(int, str)
     prompted = Signal(int, object, object)
     failed = Signal(str, int, str)
@@ -115,7 +115,7 @@ class FrameLink(QObject):
             self._forget_thumbnail(message.frame)
             self.thumbnailMade.emit(message.frame, str(message.file))
         elif isinstance(message, worker.Coverage):
-            self.coverageRead.emit(message.shares)
+            self.coverageRead.emit(message.shares, message.complete)
         elif isinstance(message, worker.Candidates):
             self.candidatesMade.emit(message.frame, str(message.file))
         elif isinstance(message, worker.Prompted):

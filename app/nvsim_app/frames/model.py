@@ -113,6 +113,7 @@ CORRECTED_ROLE = Qt.ItemDataRole.UserRole + 2
 SUBMAP_ROLE = Qt.ItemDataRole.UserRole + 3
 HELD_OUT_ROLE = Qt.ItemDataRole.UserRole + 4
 SCORE_ROLE = Qt.ItemDataRole.UserRole + 5
+MASK_ROLE = Qt.ItemDataRole.UserRole + 6
 
 KINDS: tuple[tuple[str, str], ...] = (
     ("All frames", ""),
@@ -166,7 +167,7 @@ class FrameModel(QAbstractListModel):
     def _on_state(self, first: int, last: int) -> None:
         last = min(last, self.rowCount() - 1)
         if first <= last:
-            roles = [COVERAGE_ROLE, CORRECTED_ROLE, SUBMAP_ROLE, HELD_OUT_ROLE, SCORE_ROLE]
+            roles = [COVERAGE_ROLE, MASK_ROLE, CORRECTED_ROLE, SUBMAP_ROLE, HELD_OUT_ROLE, SCORE_ROLE]
             self.dataChanged.emit(self.index(first), self.index(last), roles)
 
     def rowCount(self, parent: _Index = _ROOT) -> int:
@@ -184,6 +185,8 @@ class FrameModel(QAbstractListModel):
             return self._thumbnails.pixmap(row)
         if role == COVERAGE_ROLE:
             return self._state.coverage.get(row, -1.0)
+        if role == MASK_ROLE:
+            return mask_words(self._state, row)
         if role == CORRECTED_ROLE:
             return row in self._state.corrected
         if role == HELD_OUT_ROLE:
@@ -197,10 +200,17 @@ class FrameModel(QAbstractListModel):
         return None
 
 
+def mask_words(state: FrameState, frame: int) -> str:
+    """The floor share of a frame as text, for example "23 % floor"."""
+    share = state.coverage.get(frame)
+    if share is not None:
+        return f"{100 * share:.0f} % floor"
+    return "reading masks…" if state.reading else "no mask yet"
+
+
 def coverage_words(state: FrameState, frame: int) -> str:
     """The floor share of a frame as text, for example "23 % floor, corrected by hand"."""
-    share = state.coverage.get(frame)
-    words = "no floor mask yet" if share is None else f"{100 * share:.0f} % floor"
+    words = mask_words(state, frame)
     return f"{words}, corrected by hand" if frame in state.corrected else words
 
 

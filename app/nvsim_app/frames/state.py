@@ -69,11 +69,14 @@ class FrameState(QObject):
         super().__init__(parent)
         self._document, self._link = document, link
         self.coverage: dict[int, float] = {}  # frame -> share of floor pixels
+        self.reading = False
+        """Whether there are masks whose floor share is not read yet."""
         self.corrected: frozenset[int] = frozenset()
         self._scores = Scores()
         document.projectChanged.connect(self._on_project)
         document.contentsChanged.connect(self._on_contents)
         link.coverageRead.connect(self._on_coverage)
+        link.failed.connect(self._on_failed)
 
     def learn(self, frame: int, share: float, corrected: bool) -> None:
         """Updates the floor share and the correction state of a frame after a correction."""
@@ -107,7 +110,7 @@ class FrameState(QObject):
         return self._scores.at < self._document.contents.made
 
     def _on_project(self) -> None:
-        self.coverage, self.corrected, self._scores = {}, frozenset(), Scores()
+        self.coverage, self.corrected, self._scores, self.reading = {}, frozenset(), Scores(), False
         path = self._document.path
         self._link.open(path if path is not None and path.is_dir() else None)
 
@@ -124,15 +127,24 @@ class FrameState(QObject):
             self.coverage = {}
         layout = layout_of(path)
         self.corrected = frozenset() if capture is None else corrected_frames(layout, capture.frames)
-        if capture is not None and layout.masks.is_dir():
+        self.reading = capture is not None and layout.masks.is_dir()
+        if self.reading:
             self._link.ask_coverage()
         self._all_changed()
 
-    def _on_coverage(self, shares: dict[int, float]) -> None:
+    def _on_coverage(self, shares: dict[int, float], complete: bool) -> None:
         # Emit only the range of this batch, because updating thousands of frames for each batch would block the window.
         self.coverage.update(shares)
         if shares:
             self.changed.emit(min(shares), max(shares))
+        if complete:
+            self.reading = False
+            self._all_changed()
+
+    def _on_failed(self, what: str, _: int, __: str) -> None:
+        if what == "open":
+            self.reading = False
+            self._all_changed()
 
     def _all_changed(self) -> None:
         capture = self._document.contents.capture

@@ -68,9 +68,10 @@ class Thumbnail:
 
 @dataclass(frozen=True)
 class Coverage:
-    """shares: frame -> floor share of its mask."""
+    """shares: frame -> floor share of its mask. complete: whether all masks are read."""
 
     shares: dict[int, float]
+    complete: bool = False
 
 
 @dataclass(frozen=True)
@@ -188,7 +189,7 @@ class Worker:
                 self._requests.answer(number, Coverage(shares), more=True)
                 shares = {}
                 yield
-        self._requests.answer(number, Coverage(shares))
+        self._requests.answer(number, Coverage(shares, complete=True))
         from nvsim.files.atomic import write_text
 
         with contextlib.suppress(InputError):  # without the cache, the next window computes the shares again

@@ -41,6 +41,7 @@ class MeasureBars(QWidget):
         self.setObjectName("measureBars")
         self._measures: tuple[Measure, ...] = ()
         self._failed: Measure | None = None
+        self._columns = 1
         self.setSizePolicy(QSizePolicy.Policy.Expanding, QSizePolicy.Policy.Fixed)
 
     def show_explanation(self, explanation: Explanation | None) -> None:
@@ -50,6 +51,13 @@ class MeasureBars(QWidget):
         self.updateGeometry()
         self.update()
 
+    def set_columns(self, columns: int) -> None:
+        """Arranges the lines in this many columns."""
+        if columns != self._columns:
+            self._columns = columns
+            self.updateGeometry()
+            self.update()
+
     def sizeHint(self) -> QSize:
         return QSize(300, self._rows * _ROW + 4)
 
@@ -58,7 +66,8 @@ class MeasureBars(QWidget):
 
     @property
     def _rows(self) -> int:
-        return max(_LEAST, len(self._measures))
+        """The number of lines of a column."""
+        return -(-max(_LEAST, len(self._measures)) // self._columns)
 
     def paintEvent(self, event: QPaintEvent) -> None:
         painter = QPainter(self)
@@ -67,9 +76,13 @@ class MeasureBars(QWidget):
         ink, quiet = palette.text().color(), palette.placeholderText().color()
         names = max((metrics.horizontalAdvance(_name(m)) for m in self._measures), default=0) + 10
         figures = metrics.horizontalAdvance("0.00 > 0.00") + 6
-        bar = max(30.0, self.width() - names - figures - 8.0)
+        width = self.width() / self._columns
+        bar = max(20.0, width - names - figures - 8.0)
         for i, measure in enumerate(self._measures):
-            top = 2 + i * _ROW
+            column, row = divmod(i, self._rows)
+            painter.resetTransform()
+            painter.translate(column * width, 0.0)
+            top = 2 + row * _ROW
             shade = ink if measure.decides else quiet
             painter.setFont(type_font(bold=measure is self._failed))
             painter.setPen(shade)
@@ -117,6 +130,8 @@ _COLUMNS: tuple[Column[Direction], ...] = (
            about=lambda direction: f"Double-click to go to {direction.neighbour}" if direction.neighbour else ""),
 )  # fmt: skip
 CHANNELS = {"rgb": "Color", "alpha": "Alpha", "normal": "Normals"}
+_LIST_ROWS = 5  # minimum height of the list, in rows with its header
+_LOW = 460  # height of the panel, in pixels, below which the bars are in two columns
 _WIDE = 1.7  # aspect ratio of the panel above which the list is beside the panorama
 
 
@@ -197,7 +212,7 @@ class InspectorPanel(QScrollArea):
         view = table(self.model, parent, "Directions")
         view.setObjectName("directions")
         view.setMouseTracking(True)
-        view.setMinimumHeight(8 * (view.fontMetrics().height() + 5))
+        view.setMinimumHeight(_LIST_ROWS * (view.fontMetrics().height() + 5))
         view.entered.connect(self._on_current)
         view.selectionModel().currentRowChanged.connect(self._on_current)
         view.doubleClicked.connect(lambda index: self.chosen.emit(self.model.row(index.row())))
@@ -259,4 +274,5 @@ class InspectorPanel(QScrollArea):
         wide = size.width() > _WIDE * size.height()
         way = QBoxLayout.Direction.LeftToRight if wide else QBoxLayout.Direction.TopToBottom
         self._halves.setDirection(way)
+        self.bars.set_columns(2 if size.height() < _LOW and not wide else 1)
         super().resizeEvent(event)

@@ -53,7 +53,7 @@ class PanoramaView(QWidget):
         super().__init__(parent)
         self.setObjectName("panoramaView")
         self.setMouseTracking(True)
-        self.setMinimumSize(220, 120)
+        self.setMinimumSize(220, 80)
         self.setSizePolicy(QSizePolicy.Policy.Expanding, QSizePolicy.Policy.Expanding)
         self.setAccessibleName("Panorama of the selected viewpoint")
         self._inspection, self._panoramas = inspection, panoramas
@@ -72,7 +72,7 @@ class PanoramaView(QWidget):
         panoramas.arrived.connect(self.update)
 
     def sizeHint(self) -> QSize:
-        return QSize(380, 190)
+        return QSize(380, self.minimumHeight())
 
     def set_channel(self, channel: str) -> None:
         """Shows one of panorama_child.PANORAMA_CHANNELS."""

@@ -17,7 +17,7 @@ from nvsim_app.look.theme import type_font
 from nvsim_app.painting.primitives import chip, chip_box
 from nvsim_app.state.document import Document
 
-_ID = re.compile(r"\b[0-9a-f]{32}\b")
+_ID = re.compile(r"\b[0-9a-f]{8,32}\b")  # an id, or its beginning in a message of a command
 LABEL_DISTANCE = 6.0  # meters
 MOST_LABELS = 24
 _LEAST = 6  # minimum number of characters of a shortened id
@@ -58,8 +58,8 @@ class LabelLayer(Layer):
 
 
 def short_ids(graph: NavGraph | None, sentence: str) -> str:
-    """Replaces all viewpoint ids in the sentence by their short names."""
-    return _ID.sub(lambda id: short_id(graph, id.group()), sentence)
+    """Replaces all viewpoint ids in the sentence, and their beginnings, by their short names."""
+    return _ID.sub(lambda id: short_id(graph, id.group().ljust(32, "…")).rstrip("…"), sentence)
 
 
 def short_id(graph: NavGraph | None, id: str) -> str:

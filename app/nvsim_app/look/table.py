@@ -256,10 +256,11 @@ class TableView(QTableView):
 
     def setModel(self, model: QAbstractItemModel | None) -> None:
         super().setModel(model)
-        for changed in (model.modelReset, model.rowsInserted, model.layoutChanged) if model is not None else ():
-            changed.connect(self.fit)
+        if isinstance(model, TableModel) and any(column.optional for column in model.columns):
+            for changed in (model.modelReset, model.rowsInserted, model.layoutChanged, model.dataChanged):
+                changed.connect(self.fit)
 
-    def fit(self) -> None:
+    def fit(self, *_: object) -> None:
         """Hides optional columns until the others fit, the last one first."""
         model = self.model()
         columns = model.columns if isinstance(model, TableModel) else ()

@@ -36,6 +36,7 @@ from nvsim_app.frames.model import (
     COVERAGES,
     HELD_OUT_ROLE,
     KINDS,
+    MASK_ROLE,
     ORDERS,
     SCORE_ROLE,
     SUBMAP_ROLE,
@@ -266,7 +267,7 @@ class FrameDelegate(QStyledItemDelegate):
         painter.drawText(QRect(left, top, right - left, line), Qt.AlignmentFlag.AlignVCenter, name)
         share = float(index.data(COVERAGE_ROLE))
         painter.setPen(quiet)
-        words = "no mask yet" if share < 0 else f"{100 * share:.0f} % floor"
+        words = str(index.data(MASK_ROLE))
         if index.data(CORRECTED_ROLE):
             words += " · corrected"
         words = metrics.elidedText(words, Qt.TextElideMode.ElideRight, right - left)

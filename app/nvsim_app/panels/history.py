@@ -10,6 +10,7 @@ from PySide6.QtGui import QColor
 from PySide6.QtWidgets import QListView, QVBoxLayout, QWidget
 
 from nvsim.graph.history import Step
+from nvsim_app.layers.labels import short_ids
 from nvsim_app.look import colors
 from nvsim_app.look.plain_text import plain, tip
 from nvsim_app.look.theme import type_font
@@ -69,7 +70,7 @@ class HistoryModel(QAbstractListModel):
         row = index.row()
         step = self._shown[row]
         if role == Qt.ItemDataRole.DisplayRole:
-            return plain(step.text)
+            return plain(short_ids(self._document.graph, step.text))
         if role == Qt.ItemDataRole.ToolTipRole:
             when = time.strftime("%d %b %H:%M:%S", time.localtime(step.when))
             return tip(f"{when}, not edited in this window" if step.outside else when)

@@ -68,7 +68,7 @@ class PreferenceDialog(QDialog):
         self.search.textChanged.connect(self._find)
         preferences.changed.connect(self._show)
         self._find("")
-        self.resize(720, 480)
+        self.resize(860, 520)
         self.search.setFocus()
 
     def _settings_page(self) -> QWidget:
@@ -280,10 +280,9 @@ class KeyPage(QWidget):
     def _view(self) -> QTableView:
         view = table(self._fitting, self, "Commands and their keys")
         header = view.horizontalHeader()
-        header.setSectionResizeMode(QHeaderView.ResizeMode.Interactive)
-        header.setStretchLastSection(True)
-        for column, width in enumerate((210, 100, 110, 100)):
-            header.resizeSection(column, width)
+        header.setStretchLastSection(False)
+        header.setSectionResizeMode(QHeaderView.ResizeMode.ResizeToContents)
+        header.setSectionResizeMode(0, QHeaderView.ResizeMode.Stretch)
         return view
 
     def _button(self, text: str, words: str) -> QPushButton:

@@ -26,6 +26,7 @@ from nvsim.graph.findings import SEVERITIES, Finding, Fix
 from nvsim.graph.history import counted
 from nvsim.graph.paths import parted_by
 from nvsim.graph.selection import GraphSelection
+from nvsim_app.layers.labels import short_ids
 from nvsim_app.look import colors
 from nvsim_app.look.labels import Label, WrappedRows, WrappingRow
 from nvsim_app.look.plain_text import SENTENCE, caption, plain, tip
@@ -159,8 +160,8 @@ class FindingModel(QAbstractItemModel):
         if role == Qt.ItemDataRole.ToolTipRole:
             fixes = "\n".join(f"Fix: {fix.text}" for fix in finding.fixes)
             ignored = "" if reason is None else f"\nIgnored: {reason}"
-            return tip(f"{finding.message}{ignored}\n{fixes}".strip())
-        return plain(finding.message, SENTENCE) if role == Qt.ItemDataRole.DisplayRole else None
+            return tip(f"{short_ids(graph, finding.message)}{ignored}\n{fixes}".strip())
+        return plain(short_ids(graph, finding.message), SENTENCE) if role == Qt.ItemDataRole.DisplayRole else None
 
 
 class ValidationPanel(QWidget):
@@ -237,8 +238,21 @@ class ValidationPanel(QWidget):
         layout.addWidget(self.fix)
         layout.addLayout(bottom)
         self._soon = DeferredRefresh(self, self.renew, SETTLE)
-        document.editing.findingsChanged.connect(self._soon.mark)
+        document.editing.findingsChanged.connect(self._on_findings)
         self.renew()
+
+    def _on_findings(self) -> None:
+        """Updates the list soon. Until then, a list of another graph, or one out of sight, shows no findings."""
+        if not (self._document.editing.checking.complete and self._soon.in_sight):
+            self._show_checking()
+        self._soon.mark()
+
+    def _show_checking(self) -> None:
+        for severity, box in self.boxes.items():
+            box.setText(f"{severity}s")
+        self.tree.hide()
+        self.clean.setText("Checking…")
+        self.clean.show()
 
     def _on_expanded(self, index: QModelIndex, expanded: bool) -> None:
         group = self.model.group_at(index)
@@ -266,13 +280,15 @@ class ValidationPanel(QWidget):
         ignored = {} if self._document.graph is None else self._document.graph.ignored
         counts = Counter(f.severity for f in found if not ignored or not f.ignored_by(ignored))
         complete = self._document.editing.checking.complete
-        for severity, box in self.boxes.items():
-            box.setText(counted(counts[severity], severity) if complete else f"{severity}s")
         self.model.renew()
-        self.tree.setVisible(bool(self.model.groups))
-        self.clean.setVisible(not self.model.groups)
-        nothing = "No problems found." if complete else "Checking…"
-        self.clean.setText("No finding matches the filter." if found else nothing)
+        if complete:
+            for severity, box in self.boxes.items():
+                box.setText(counted(counts[severity], severity))
+            self.tree.setVisible(bool(self.model.groups))
+            self.clean.setVisible(not self.model.groups)
+            self.clean.setText(self.nothing)
+        else:
+            self._show_checking()
         at = QModelIndex() if kept is None else self.model.index_of(kept.key)
         blocked = self.tree.blockSignals(True)
         for row, group in enumerate(self.model.groups):
@@ -286,6 +302,14 @@ class ValidationPanel(QWidget):
             self.tree.setCurrentIndex(at)
             self.tree.selectionModel().blockSignals(False)
         self._enable()
+
+    @property
+    def nothing(self) -> str:
+        """Why the list is empty."""
+        if not self._document.editing.checking.complete:
+            return "Checking…"
+        found = self._document.editing.findings.values()
+        return "No finding matches the filter." if found else "No problems found."
 
     def step(self) -> Finding | None:
         """Selects the next finding, or the first after the last one. Returns it; None if the list is empty."""

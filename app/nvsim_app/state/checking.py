@@ -59,7 +59,7 @@ class Checking:
         """Sets the context of the validation. The graph's file may add to it."""
         if known is not self._known:
             self._known = known
-            self._look_again()
+            self.look_again()
 
     def look_soon(self, graph: NavGraph | None, file: GraphFile | None) -> None:
         """Schedules a validation of the whole graph in the next iteration of the event loop, so that several requests
@@ -69,7 +69,8 @@ class Checking:
         self._begin.start()
         self._changed()
 
-    def _look_again(self) -> None:
+    def look_again(self) -> None:
+        """Validates the whole graph again, if there is one."""
         if self._graph is not None:
             self.look_soon(self._graph, self._file)
 
@@ -105,7 +106,7 @@ class Checking:
         if look is None:
             return
         if look.graph is not self._graph:
-            self._look_again()  # the graph was edited meanwhile
+            self.look_again()  # the graph was edited meanwhile
             return
         until = time.perf_counter() + seconds
         for _ in look.steps:

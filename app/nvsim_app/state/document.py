@@ -113,12 +113,15 @@ class Document(QObject):
         changed = frozenset(part for part in CONTENT_PARTS if getattr(before, part) is not getattr(contents, part))
         if changed & {"capture", "submaps"}:
             self.trajectory = TrajectoryArrays.of(contents.capture, contents.submaps)
+        restored = False  # whether a selection came back with unsaved edits
         if "graph" in changed or before.path != contents.path:
             if before.path != contents.path:
                 self._selection = Selection()
             self._following = True  # the selection is updated below
+            again = self.editing.history
             self.editing.open(contents.graph, contents.graph_file)
             self._following = False
+            restored = self.editing.history is not again and bool(self.editing.selection)
             ready = contents.arrays if self.graph is contents.arrays_of else None
             self.graph_arrays = GraphArrays.of(self.graph) if ready is None else ready
             self.graph_changes.forget()
@@ -137,11 +140,13 @@ class Document(QObject):
             self.selectionChanged.emit()
         if not changed:
             return
+        if restored:
+            self._selection = self._chosen()
         gone = not self._holds(self._selection)
         if gone:  # before receivers use the selection
             self._selection = Selection()
         self.contentsChanged.emit(changed)
-        if gone:
+        if gone or restored:
             self.selectionChanged.emit()
 
     def select(self, *, viewpoint: str | None = None, frame: int | None = None, submap: int | None = None) -> None:
@@ -187,10 +192,15 @@ class Document(QObject):
             return
         chosen = self.editing.selection
         self.storeys.follow(self.graph_arrays, chosen.viewpoints.union(*chosen.edges))
-        one = next(iter(chosen.viewpoints)) if len(chosen.viewpoints) == 1 and not chosen.edges else None
-        if one is not None or chosen.viewpoints or chosen.edges or self._selection.viewpoint is not None:
-            self._selection = Selection(viewpoint=one if one in self.graph_arrays.index else None)
+        if chosen.viewpoints or chosen.edges or self._selection.viewpoint is not None:
+            self._selection = self._chosen()
         self.selectionChanged.emit()
+
+    def _chosen(self) -> Selection:
+        """The viewpoint that is selected alone in the editor, else nothing."""
+        chosen = self.editing.selection
+        one = next(iter(chosen.viewpoints)) if len(chosen.viewpoints) == 1 and not chosen.edges else None
+        return Selection(viewpoint=one if one in self.graph_arrays.index else None)
 
     def _on_edit(self, change: Difference) -> None:
         graph, before = self.graph, self.graph_arrays

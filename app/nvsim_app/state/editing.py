@@ -69,6 +69,7 @@ class Editing(QObject):
         self._keeping = Keeping(self)
         self._keeping.notified.connect(self.notified)
         self._keeping.failed.connect(self.failed)
+        self._keeping.saved.connect(self._on_saved)
 
     # State -------------------------------------------------------------------------------------------------------
 
@@ -275,6 +276,11 @@ class Editing(QObject):
         self.run("heed_finding", {"key": key})
 
     # After a step --------------------------------------------------------------------------------------------------
+
+    def _on_saved(self) -> None:
+        """Validates the graph again if its file adds to the context, because saving changes the lists of the file."""
+        if self.file is not None and self.file.foreign:
+            self.checking.look_again()
 
     def _on_change(self, change: HistoryChange) -> None:
         if change.before_graph is not change.after_graph:

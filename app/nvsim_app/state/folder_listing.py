@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import itertools
 import os
 import threading
@@ -109,10 +110,13 @@ class Listings(QObject):
         look = self._look = FolderLook(folder)
 
         def work() -> None:
+            listing, trouble = None, ""
             try:
-                self._heard.emit(look, look.result(), "")
+                listing = look.result()
             except InputError as error:
-                self._heard.emit(look, None, str(error))
+                trouble = str(error)
+            with contextlib.suppress(RuntimeError):  # the dialog may be deleted meanwhile
+                self._heard.emit(look, listing, trouble)
 
         self._thread = threading.Thread(target=work, name="folder", daemon=True)
         self._thread.start()

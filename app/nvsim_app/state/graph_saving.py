@@ -17,10 +17,11 @@ LOOK = 1200  # milliseconds after a step until the journal is checked for write 
 
 class Keeping(QObject):
     """Manages the journal and the saving of a graph. notified(str): a notice for the user. failed(str): an error of
-    reading or writing."""
+    reading or writing. saved(): the graph was written."""
 
     notified = Signal(str)
     failed = Signal(str)
+    saved = Signal()
     _saved = Signal(object, str)  # from the saving thread: (history, graph, notice), error
 
     def __init__(self, parent: QObject) -> None:
@@ -110,6 +111,7 @@ class Keeping(QObject):
             self.failed.emit(trouble)
         elif history is self._history:
             history.mark_saved(graph)
+            self.saved.emit()
             if words:
                 self.notified.emit(words)
             if not history.clean:

@@ -3,13 +3,16 @@ files of any program. Does not use Qt."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
+from nvsim.errors import InputError
 from nvsim.files.placeholders import is_metadata_name
 from nvsim.geometry.floor_surface import FloorSurface
+from nvsim.graph.connectivity import read_connectivity, scan_of
 from nvsim.graph.foreign import ForeignFile, connectivity_files
 from nvsim.splats.formats.choice import read_splats
 from nvsim.splats.turning import Up, up_of, upright
@@ -25,7 +28,7 @@ class GraphSource:
 
     def __init__(self, path: Path) -> None:
         """Raises InputError if a folder contains no connectivity file."""
-        files = connectivity_files(path)
+        files = _without_stub(connectivity_files(path))
         self.path = files[0]
         self.scans = tuple(files if len(files) > 1 else _siblings(path))
 
@@ -52,7 +55,25 @@ def _siblings(path: Path) -> list[Path]:
     """All connectivity files in the folder of `path`, sorted by name."""
     if not path.is_file():
         return [path]
-    return sorted(p for p in path.parent.glob("*_connectivity.json") if not is_metadata_name(p.name))
+    found = sorted(p for p in path.parent.glob("*_connectivity.json") if not is_metadata_name(p.name))
+    return found if _is_stub(path) else _without_stub(found)
+
+
+def _is_stub(path: Path) -> bool:
+    """Whether a connectivity file is the stub scan of `nvsim export`."""
+    from nvsim.r2r.observations.stub import SCAN, is_stub
+
+    if scan_of(path) != SCAN:
+        return False
+    try:
+        return is_stub(read_connectivity(path))
+    except InputError:
+        return False  # reading it gives the reason
+
+
+def _without_stub(files: Sequence[Path]) -> list[Path]:
+    """The files without the stub scan of `nvsim export`, which is not a building; all files if there is no other."""
+    return [path for path in files if not _is_stub(path)] or list(files)
 
 
 BULK = (2.0, 98.0)

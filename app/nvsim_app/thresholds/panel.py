@@ -59,9 +59,7 @@ class ThresholdPanel(QScrollArea):
         layout.addLayout(self._rules(content, docs))
         layout.addLayout(self._families(content, docs))
         self.rows = {t.field: ThresholdRow(t, docs.get(t.field, ""), content) for t in thresholds()}
-        width = max(row.name.fontMetrics().horizontalAdvance(row.name.text()) for row in self.rows.values()) + 8
         for row in self.rows.values():
-            row.name.setFixedWidth(width)
             row.chosen.connect(self._choose)
             layout.addWidget(row)
         layout.addLayout(self._presets(content))
@@ -169,6 +167,10 @@ class ThresholdPanel(QScrollArea):
             self.rows[threshold.field].setVisible(not threshold.family or threshold.family in config.criteria)
             decides = config.rule == "worst" or not threshold.worst_only
             self.rows[threshold.field].show_value(threshold.of(config), marks, decides)
+        shown = [row.name for row in self.rows.values() if not row.isHidden()]
+        width = max(name.fontMetrics().horizontalAdvance(name.text()) for name in shown) + 8
+        for name in shown:
+            name.setFixedWidth(width)
         self._show_outcome()
 
     def _show_outcome(self) -> None:

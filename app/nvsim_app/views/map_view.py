@@ -47,6 +47,7 @@ class MapView(QWidget):
         self._pose_soon = QTimer(self, singleShot=True, interval=PACE)
         self._pose_soon.timeout.connect(self._place_camera)
         self.plot = pg.PlotWidget(self)
+        self.setFocusProxy(self.plot)
         self.plot.setAccessibleName("Map")
         self.plot.setAspectLocked(True)
         self.plot.hideAxis("left")

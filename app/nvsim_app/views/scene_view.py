@@ -50,7 +50,7 @@ class SceneView(QWidget):
         self.setMouseTracking(True)
         self.setAttribute(Qt.WidgetAttribute.WA_OpaquePaintEvent)
         self.setSizePolicy(QSizePolicy.Policy.Expanding, QSizePolicy.Policy.Expanding)
-        self.setMinimumSize(320, 200)
+        self.setMinimumSize(240, 200)
         self._document = document
         self.overlays = Overlays(document, self)
         self.overlays.changed.connect(self.update)

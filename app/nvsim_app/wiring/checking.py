@@ -116,8 +116,7 @@ class CheckPart(Part):
         self.context.window.show_dock("validation")
         found = self.panel.step()
         if found is None:
-            complete = self.context.document.editing.checking.complete
-            self.context.notices.info("No problems found." if complete else "The graph is still being checked.")
+            self.context.notices.info(self.panel.nothing)
         else:
             self._show(selection_of(found))
             self._described, self._why = selection_of(found), ""

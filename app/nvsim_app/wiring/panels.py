@@ -152,7 +152,7 @@ class LayersPart(Part):
         panel = LayersPanel(self.context.scene.overlays, self.context.document)
         return (
             Dock("layers", "Layers", panel, "left", tab="submaps", needs=with_positions,
-                 workspaces=("explore", "edit", "compare")),
+                 workspaces=("explore", "compare")),
         )  # fmt: skip
 
     def handlers(self) -> Mapping[str, Callable[..., object]]:

@@ -74,7 +74,7 @@ class MainWindow(QMainWindow):
         self.scene = SceneView(document)
         self.empty = EmptyState()
         self.start = StartPage()
-        self.centre = QStackedWidget(self)
+        self.centre = _Pages(self)
         self.centre.addWidget(self.scene)
         self.centre.addWidget(self.empty)
         self.centre.addWidget(self.start)
@@ -352,6 +352,18 @@ class MainWindow(QMainWindow):
         self.jobs.stop()
         self.scene.release()
         super().closeEvent(event)
+
+
+class _Pages(QStackedWidget):
+    """The pages in the center. Only the page that is shown limits the size."""
+
+    def __init__(self, parent: QWidget) -> None:
+        super().__init__(parent)
+        self.currentChanged.connect(lambda _: self.updateGeometry())
+
+    def minimumSizeHint(self) -> QSize:
+        page = self.currentWidget()
+        return super().minimumSizeHint() if page is None else page.minimumSizeHint().expandedTo(page.minimumSize())
 
 
 def _count(number: int, noun: str) -> str:

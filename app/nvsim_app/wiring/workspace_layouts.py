@@ -23,8 +23,11 @@ from nvsim_app.state.reasons import with_project
 from nvsim_app.wiring.part import Part, WindowContext
 
 OpenKind = Literal["nothing", "project", "graph", "splats"]
-LAYOUT_VERSION = 4  # increased when docks or toolbars change, so that older stored layouts are ignored
+LAYOUT_VERSION = 5  # increased when docks or toolbars change, so that older stored layouts are ignored
 _READING = 700  # milliseconds without new contents until the open file counts as read
+_BARS = 100  # height of the menu, tools, and status bar, pixels
+_SIDE = 380  # width of the column beside the main view, pixels
+_MAIN = 0.65  # share of the rest for the main view
 _TOLD = 6000  # milliseconds of a message
 
 
@@ -34,6 +37,7 @@ class WorkspaceLayout:
 
     front    docks that are in front of the other tabs of their place
     heights  default heights of docks in pixels, if there is room
+    main     dock that is wider than the center; "" if the center is the main view
     """
 
     id: str
@@ -42,12 +46,13 @@ class WorkspaceLayout:
     shortcut: str
     front: tuple[str, ...]
     heights: Mapping[str, int] = field(default_factory=dict)
+    main: str = ""
 
 
 WORKSPACE_LAYOUTS = (
     WorkspaceLayout(
         "explore", "&Explore", "Explore: 3D view, map, layers, frames", "Alt+1",
-        ("layers", "frames", "details"), {"map": 400, "details": 420, "layers": 270, "frames": 420},
+        ("layers", "frames", "details"), {"map": 330, "details": 490, "layers": 270, "frames": 420},
     ),
     WorkspaceLayout(
         "train", "&Train", "Train: jobs, curves, results, submaps", "Alt+2",
@@ -55,7 +60,7 @@ WORKSPACE_LAYOUTS = (
     ),
     WorkspaceLayout(
         "edit", "Edit &graph", "Review and edit the graph: findings, thresholds, history, tables", "Alt+3",
-        ("layers", "history", "validation", "tables"), {"tables": 190, "map": 340, "details": 400},
+        ("validation", "tables"), {"tables": 190}, main="map",
     ),
     WorkspaceLayout(
         "compare", "&Compare", "Compare two graphs, frames with renders, and results", "Alt+4",
@@ -143,7 +148,17 @@ class WorkspacePart(Part):
         self._lay_out()
 
     def _on_chosen(self, id: str, _: bool = True) -> None:
+        """Enters a workspace, and gives the keys to its main view, so that they do not go into a text field."""
         self.enter(id)
+        view = self._main_view()
+        if view is not None:
+            view.setFocus()
+
+    def _main_view(self) -> QWidget | None:
+        main = self.current.main
+        if main and self._docks[main].isVisible():
+            return self._docks[main].widget()
+        return self.context.window.centre.currentWidget()
 
     def _remember(self) -> None:
         self.context.settings.setValue(f"workspace/{self.kind}", self.current.id)
@@ -196,14 +211,44 @@ class WorkspacePart(Part):
         return {row.name for row in self.context.window.rows if id in row.workspaces}
 
     def _arrange(self) -> None:
-        """Applies the default tabs and sizes of this workspace."""
+        """Applies the default places, tabs, and sizes of this workspace."""
         window, docks = self.context.window, self._docks
+        widths = {row.name: row.width for row in window.rows if row.width}
+        if self.current.main:
+            widths = self._widen(self.current.main)
         for name in self.current.front:
             docks[name].raise_()
-        wide = [row for row in window.rows if row.width]
-        window.resizeDocks([docks[r.name] for r in wide], [r.width for r in wide], Qt.Orientation.Horizontal)
-        high = [(docks[name], height) for name, height in self.current.heights.items() if not docks[name].isHidden()]
-        window.resizeDocks([dock for dock, _ in high], [height for _, height in high], Qt.Orientation.Vertical)
+        window.resizeDocks([docks[name] for name in widths], list(widths.values()), Qt.Orientation.Horizontal)
+        room = window.height() - _BARS
+        for area in ("left", "right", "bottom"):
+            names = [row.name for row in window.rows if row.area == area]
+            high = {n: h for n, h in self.current.heights.items() if n in names and not docks[n].isHidden()}
+            share = min(1.0, room / max(1, sum(high.values())))
+            window.resizeDocks(
+                [docks[n] for n in high], [round(share * h) for h in high.values()], Qt.Orientation.Vertical
+            )
+
+    def _widen(self, main: str) -> dict[str, int]:
+        """Puts the other panels of the area of `main` into a column beside it, and those of the left area into the tabs
+        at the bottom. Returns the widths of the columns."""
+        window, docks = self.context.window, self._docks
+        area = {row.name: row.area for row in window.rows}
+        column = [name for name in docks if area[name] == area[main] and name != main]
+        bottom = [name for name in docks if area[name] == "bottom"]
+        hidden = {name: dock.isHidden() for name, dock in docks.items()}
+        moved = [name for name in docks if area[name] == "left" and name in self.panels(self.current.id)]
+        for name in (*column, *moved):
+            window.removeDockWidget(docks[name])
+        window.splitDockWidget(docks[main], docks[column[0]], Qt.Orientation.Horizontal)
+        for name in column[1:]:
+            window.tabifyDockWidget(docks[column[0]], docks[name])
+        for name in moved:
+            window.tabifyDockWidget(docks[bottom[0]], docks[name])
+        for name in (*column, *moved):
+            docks[name].setVisible(not hidden[name])
+        window.setCorner(Qt.Corner.BottomRightCorner, Qt.DockWidgetArea.BottomDockWidgetArea)
+        side = next((name for name in column if not hidden[name]), column[0])
+        return {main: round(_MAIN * (window.width() - _SIDE)), side: _SIDE}
 
     def _restore_layout(self, state: QByteArray) -> bool:
         """Restores a layout; returns whether `state` was valid. Qt creates new tab bars and would leave the old ones
