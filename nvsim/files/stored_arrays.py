@@ -79,7 +79,7 @@ def _header(file: IO[bytes], name: str) -> tuple[tuple[int, ...], np.dtype[Any]]
     try:
         shape, _, dtype = read(file, max_header_size=_HEADER)
     except Exception as error:  # numpy evaluates the header as a Python literal
-        raise ValueError(f"array {name!r} has an invalid header") from error
+        raise ValueError(f"array {name!r} has an invalid header ({type(error).__name__}: {error})") from error
     if min(shape, default=1) < 0:
         raise ValueError(f"array {name!r} has the shape {shape}")
     return shape, dtype
