@@ -26,6 +26,7 @@ from nvsim.poses.joining import join, piece_of
 from nvsim.poses.loops import close_loops
 from nvsim.poses.mapping import (
     adjust_all,
+    bends,
     consistent_pairs,
     contradicted_rotations,
     correct_rotations,
@@ -44,7 +45,7 @@ from nvsim.poses.match_database import (
     write_database,
     write_geometries,
 )
-from nvsim.poses.pieces import names_in, separated
+from nvsim.poses.pieces import names_in, separated, split_after
 from nvsim.poses.pose_graph import Anchors, keeps_shape, without_drift
 from nvsim.poses.straightening import anchors_of, contradicts_floor, held_together, leveled, straightened
 from nvsim.poses.threads import thread_pool
@@ -157,8 +158,9 @@ def _finished(models: list[pycolmap.Reconstruction], inputs: _Inputs, placed: Pl
         for found in models:
             correct_rotations(found, inputs.views)
         model, loops = _closed(*_joined(None, models, inputs), inputs, False)
-        pieces = firm_pieces(model, images.times)
-        bent = contradicts_floor(model)
+        cuts = bends(poses_of(model), inputs.views)
+        pieces = split_after(firm_pieces(model, images.times), cuts)
+        bent = bool(cuts) or contradicts_floor(model)
         if (bent or len(pieces[0]) < _ENOUGH * len(images.names)) and not images.clips.any():  # one video only
             placed([model])
             straight = _straight(models, inputs)

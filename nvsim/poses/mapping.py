@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from bisect import bisect_left
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 
@@ -18,6 +19,7 @@ _CERTAIN = 30  # matches of frames that are not next to each other and whose rot
 _DRIFT, _STEP = 1.5, 0.5  # degrees: allowed difference of a pair from the chained rotations, fixed and per frame
 _NEAR = 3  # images of a video between two whose rotations are compared, at most
 _CONTRADICTED = 3.0  # degrees between two rotations of an image that contradict each other
+_BENT = 2.0  # degrees: of relative rotations that a video contradicts at a bend
 _PARALLAX = 1.0  # degrees between two rays of a point, at least
 _FEWEST_OF_VIEWS = 5  # matches of two views of panoramas, at least; they agree with those of all views
 _CONVERGED = 1e-5  # relative decrease of the cost; at zero, adjustment takes twice as long and moves cameras by 0.006 %
@@ -88,6 +90,25 @@ def contradicted_rotations(
             contradicted[n] = rotation
         rotations[n] = rotation
         sure.add(n)
+
+
+def bends(poses: Mapping[int, pycolmap.Rigid3d], found: Mapping[Pair, TwoViews]) -> list[int]:
+    """Numbers of the images of a video after which the rotations of `poses` (world to camera, by image number)
+    contradict the relative poses `found` of the images before and after. Where the points of two stretches disagree,
+    adjustment bends the video at a weak place."""
+    numbers = sorted(poses)
+    off: list[list[tuple[float, int]]] = [[] for _ in numbers]
+    for (i, j), views in found.items():
+        if j - i <= _NEAR and i + 1 in poses and j + 1 in poses:
+            model = poses[j + 1].rotation.matrix() @ poses[i + 1].rotation.matrix().T
+            angle = rotation_angle(model.T @ views.rotation)
+            for k in range(bisect_left(numbers, i + 1), bisect_left(numbers, j + 1)):
+                off[k].append((angle, len(views.matches)))
+    bent = []
+    for number, angles in zip(numbers, off):
+        if sum(w for angle, w in angles if angle > _BENT) > 0.5 * sum(w for _, w in angles):
+            bent.append(number)
+    return bent
 
 
 def correct_rotations(model: pycolmap.Reconstruction, found: Mapping[Pair, TwoViews]) -> None:

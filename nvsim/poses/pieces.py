@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import copy
+from bisect import bisect_left
 from collections.abc import Collection, Iterable, Sequence
 
 import numpy as np
@@ -14,6 +15,19 @@ from nvsim.poses.firmness import firm_pieces
 from nvsim.poses.mapping import keep_only
 
 _BRIDGE, _TURNED = 3, 25.0  # images in a row that may be removed; degrees from the image before to the image after
+
+
+def split_after(pieces: Iterable[Sequence[int]], cuts: Collection[int]) -> list[list[int]]:
+    """The `pieces` (image numbers), each split after the images in `cuts`, the largest first. A cut applies to a piece
+    also if its image is not in it."""
+    found: list[list[int]] = []
+    bounds = sorted(cuts)
+    for piece in pieces:
+        runs: dict[int, list[int]] = {}
+        for n in sorted(piece):
+            runs.setdefault(bisect_left(bounds, n), []).append(n)
+        found.extend(runs.values())
+    return sorted(found, key=len, reverse=True)
 
 
 def separated(

@@ -14,8 +14,16 @@ from numpy.typing import NDArray
 from nvsim.poses.features import NOTHING, Features
 from nvsim.poses.focal_length import USUAL, estimate_focal_length
 from nvsim.poses.image_pairs import image_descriptors, neighbor_pairs, similar_pairs
-from nvsim.poses.mapping import center_of, consistent_pairs, contradicted_rotations, rotation_angle, with_rotation
+from nvsim.poses.mapping import (
+    bends,
+    center_of,
+    consistent_pairs,
+    contradicted_rotations,
+    rotation_angle,
+    with_rotation,
+)
 from nvsim.poses.match_database import Pair
+from nvsim.poses.pieces import split_after
 from nvsim.poses.two_views import TwoViews, from_matches
 
 WIDTH, HEIGHT = 1280, 720
@@ -172,6 +180,21 @@ def test_rotations_that_contradict_the_pairs_around_them_are_corrected(lost: tup
     assert set(contradicted) == set(lost)
     for n in lost:
         assert angle_between(contradicted[n], rotations[n - 1]) < 0.1
+
+
+@pytest.mark.parametrize("degrees", [0.0, 1.0, 4.0])
+def test_a_bent_video_is_split_where_it_contradicts_its_pairs(degrees: float) -> None:
+    found = turning_video()
+    rotations = [np.eye(3)]
+    while (len(rotations) - 1, len(rotations)) in found:
+        bend = turned(degrees if len(rotations) == 5 else 0.0, (1, 0, 0))
+        rotations.append(bend @ found[len(rotations) - 1, len(rotations)].rotation @ rotations[-1])
+    poses = {n + 1: pycolmap.Rigid3d(pycolmap.Rotation3d(r), np.array([n, 0, 0.0])) for n, r in enumerate(rotations)}
+    found[8, 9] = wrong(found[8, 9], 20)  # one wrong pair is no bend
+    cuts = bends(poses, found)
+    assert cuts == ([5] if degrees > 2 else [])
+    assert split_after([sorted(poses)], cuts) == ([[*range(6, 13)], [*range(1, 6)]] if cuts else [[*range(1, 13)]])
+    assert split_after([[1, 2, 7, 8, 9], [3, 4]], [5, 6]) == [[7, 8, 9], [1, 2], [3, 4]]
 
 
 def test_the_angle_of_a_rotation_is_in_degrees() -> None:
