@@ -60,6 +60,7 @@ _SAMPLE = 60  # frames of a video from which the focal length is first estimated
 _ROUNDS, _MORE = 3, 1.1  # rounds of loop closure; loops over those of the last round, at least, for another round
 _HELD, _LOOSELY = 0.05, 0.3  # camera heights: standard deviation of a held camera; in the end, if there are loops
 _ENOUGH = 0.85  # share of the images in the largest piece below which the floor and the walls are used
+_LOOPS_LEFT = 0.5  # share of the loops that agree with a straightened video, at least
 _LOOSE = 0.03  # standard deviation of the log scale above which a straightened video is split
 _CENTERED = 30  # images that are needed to estimate the principal point
 _FEWEST = {True: 15, False: 25}  # matches of a pair, at least: of neighbors, of other pairs
@@ -160,11 +161,13 @@ def _finished(models: list[pycolmap.Reconstruction], inputs: _Inputs, placed: Pl
         model, loops = _closed(*_joined(None, models, inputs), inputs, False)
         cuts = bends(poses_of(model), inputs.views)
         pieces = split_after(firm_pieces(model, images.times), cuts)
-        bent = bool(cuts) or contradicts_floor(model)
+        bent = contradicts_floor(model)
         if (bent or len(pieces[0]) < _ENOUGH * len(images.names)) and not images.clips.any():  # one video only
             placed([model])
             straight = _straight(models, inputs)
-            if straight is not None and len(straight[2][0]) > (0.5 if bent else 1) * len(pieces[0]):
+            larger = straight is not None and len(straight[2][0]) > (0.5 if bent else 1) * len(pieces[0])
+            # A straightened video that contradicts its loops took something else for the floor.
+            if straight is not None and larger and len(straight[1]) >= _LOOPS_LEFT * len(loops):
                 (model, loops, pieces), held = straight, True
     else:
         model = _adjusted(poses_of(model), dict(model.cameras.items()), inputs, False)

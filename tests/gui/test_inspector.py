@@ -266,3 +266,21 @@ def test_at_720_pixels_the_whole_inspector_is_shown(window: MainWindow, document
     assert panel.verticalScrollBar().maximum() == 0, "the panel does not scroll"
     assert panel.list.viewport().height() >= 3 * panel.list.rowHeight(0)
     assert panel.bars.mapTo(panel, panel.bars.rect().bottomLeft()).y() <= panel.height()
+
+
+def test_the_texts_of_the_bars_do_not_overlap(window: MainWindow, document: Document, qtbot: QtBot) -> None:
+    """Two columns are used only where the texts of both fit."""
+    window.resize(1280, 720)
+    document.select(viewpoint=document.graph_arrays.ids[3])
+    part_of(window).show_panel()
+    panel = part_of(window).panel
+    bars = panel.bars
+    bars.set_most_columns(2)
+    qtbot.waitUntil(lambda: panel.model.rowCount() > 1)
+    panel.list.setCurrentIndex(panel.model.index(1, 0))
+    qtbot.waitUntil(lambda: len(bars._measures) > 1)
+    for width in (300, 900):
+        bars.resize(width, bars.height())
+        assert (bars._columns == 2) == (width == 900)
+        names, figures = bars._widths()
+        assert bars._columns * (names + figures) < width

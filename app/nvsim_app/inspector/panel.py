@@ -41,7 +41,7 @@ class MeasureBars(QWidget):
         self.setObjectName("measureBars")
         self._measures: tuple[Measure, ...] = ()
         self._failed: Measure | None = None
-        self._columns = 1
+        self._most = 1
         self.setSizePolicy(QSizePolicy.Policy.Expanding, QSizePolicy.Policy.Fixed)
 
     def show_explanation(self, explanation: Explanation | None) -> None:
@@ -51,12 +51,21 @@ class MeasureBars(QWidget):
         self.updateGeometry()
         self.update()
 
-    def set_columns(self, columns: int) -> None:
-        """Arranges the lines in this many columns."""
-        if columns != self._columns:
-            self._columns = columns
+    def set_most_columns(self, most: int) -> None:
+        """Arranges the lines in up to `most` columns, as many as have room for their texts."""
+        if most != self._most:
+            self._most = most
             self.updateGeometry()
             self.update()
+
+    def resizeEvent(self, event: QResizeEvent) -> None:
+        self.updateGeometry()
+        super().resizeEvent(event)
+
+    @property
+    def _columns(self) -> int:
+        names, figures = self._widths()
+        return max(1, min(self._most, int(self.width() / (names + figures + _SHORTEST + 8))))
 
     def sizeHint(self) -> QSize:
         return QSize(300, self._rows * _ROW + 4)
@@ -69,15 +78,20 @@ class MeasureBars(QWidget):
         """The number of lines of a column."""
         return -(-max(_LEAST, len(self._measures)) // self._columns)
 
+    def _widths(self) -> tuple[int, int]:
+        """Pixels of the names and of the figures."""
+        metrics = self.fontMetrics()
+        names = max((metrics.horizontalAdvance(_name(m)) for m in self._measures), default=0) + 10
+        return names, metrics.horizontalAdvance("0.00 > 0.00") + 6
+
     def paintEvent(self, event: QPaintEvent) -> None:
         painter = QPainter(self)
         painter.setRenderHint(QPainter.RenderHint.Antialiasing)
-        palette, metrics = self.palette(), painter.fontMetrics()
+        palette = self.palette()
         ink, quiet = palette.text().color(), palette.placeholderText().color()
-        names = max((metrics.horizontalAdvance(_name(m)) for m in self._measures), default=0) + 10
-        figures = metrics.horizontalAdvance("0.00 > 0.00") + 6
+        names, figures = self._widths()
         width = self.width() / self._columns
-        bar = max(20.0, width - names - figures - 8.0)
+        bar = max(_SHORTEST, width - names - figures - 8.0)
         for i, measure in enumerate(self._measures):
             column, row = divmod(i, self._rows)
             painter.resetTransform()
@@ -131,6 +145,7 @@ _COLUMNS: tuple[Column[Direction], ...] = (
 )  # fmt: skip
 CHANNELS = {"rgb": "Color", "alpha": "Alpha", "normal": "Normals"}
 _LIST_ROWS = 5  # minimum height of the list, in rows with its header
+_SHORTEST = 20.0  # length of a bar, in pixels, at least
 _LOW = 460  # height of the panel, in pixels, below which the bars are in two columns
 _WIDE = 1.7  # aspect ratio of the panel above which the list is beside the panorama
 
@@ -274,5 +289,5 @@ class InspectorPanel(QScrollArea):
         wide = size.width() > _WIDE * size.height()
         way = QBoxLayout.Direction.LeftToRight if wide else QBoxLayout.Direction.TopToBottom
         self._halves.setDirection(way)
-        self.bars.set_columns(2 if size.height() < _LOW and not wide else 1)
+        self.bars.set_most_columns(2 if size.height() < _LOW and not wide else 1)
         super().resizeEvent(event)
