@@ -144,6 +144,7 @@ def test_when_worker_and_window_die_together_the_next_window_offers_the_job(
     os.killpg(job_of(project).status.pid, signal.SIGKILL)
     os.kill(window.pid, signal.SIGKILL)
     window.wait()
+    until(lambda: job_of(project).status.state == "interrupted")  # the system ends all processes of a group one by one
     with qtbot.waitSignal(session.window.jobs.found, timeout=PATIENCE) as found:
         session.open(project)
     assert [h.state for h in found.args[0]] == ["interrupted"]
