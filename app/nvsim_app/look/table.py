@@ -267,13 +267,14 @@ class TableView(QTableView):
         if not any(column.optional for column in columns):
             return
         widths = [self._width(place, column) for place, column in enumerate(columns)]
-        room = self.viewport().width() - sum(
-            w for w, column in zip(widths, columns, strict=True) if not column.optional
-        )
+        # The room does not depend on whether the scroll bar is shown, which depends on the columns.
+        room = self.width() - 2 * self.frameWidth() - self.verticalScrollBar().sizeHint().width()
+        room -= sum(w for w, column in zip(widths, columns, strict=True) if not column.optional)
         for place, column in enumerate(columns):
             if column.optional:
                 room -= widths[place]
-                self.setColumnHidden(place, room < 0)
+                if self.isColumnHidden(place) != (room < 0):
+                    self.setColumnHidden(place, room < 0)
 
     def _width(self, place: int, column: Column[Any]) -> int:
         """The width that a column needs, in pixels. Columns that the panel hides need none."""
