@@ -165,9 +165,9 @@ def _finished(models: list[pycolmap.Reconstruction], inputs: _Inputs, placed: Pl
         if (bent or len(pieces[0]) < _ENOUGH * len(images.names)) and not images.clips.any():  # one video only
             placed([model])
             straight = _straight(models, inputs)
-            larger = straight is not None and len(straight[2][0]) > (0.5 if bent else 1) * len(pieces[0])
+            least = (0.5 if bent else 1) * len(pieces[0])
             # A straightened video that contradicts its loops took something else for the floor.
-            if straight is not None and larger and len(straight[1]) >= _LOOPS_LEFT * len(loops):
+            if straight and len(straight[2][0]) > least and len(straight[1]) >= _LOOPS_LEFT * len(loops):
                 (model, loops, pieces), held = straight, True
     else:
         model = _adjusted(poses_of(model), dict(model.cameras.items()), inputs, False)

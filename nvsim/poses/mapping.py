@@ -84,8 +84,7 @@ def contradicted_rotations(
         known = [(w, onward @ rotations[k]) for k, w, onward in pairs[n] if k in sure]
         best = max((r for _, r in known), key=lambda r: sum(w for w, other in known if is_near(r, other)))
         near = [(w, other) for w, other in known if is_near(best, other)]
-        mean = np.average([r for _, r in near], axis=0, weights=[w for w, _ in near])
-        rotation = Rotation.from_matrix(mean).as_matrix()  # the nearest rotation
+        rotation = Rotation.from_matrix([r for _, r in near]).mean([w for w, _ in near]).as_matrix()
         if not is_near(rotation, rotations[n]):
             contradicted[n] = rotation
         rotations[n] = rotation

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from scipy.ndimage import median_filter
 from scipy.spatial.transform import Rotation
 
-from nvsim.geometry.rotation import rotation_angle
+from nvsim.geometry.rotation import rotation_angle, smallest_rotation
 from nvsim.poses.building_frame import camera_height, level_axes, up_of, wall_direction
 from nvsim.poses.firmness import Observations, firm_pieces, observations_of, shared_points
 from nvsim.poses.mapping import center_of, move_image, poses_of
@@ -103,7 +103,7 @@ def leveled(model: pycolmap.Reconstruction, folder: Path) -> bool:
         return False
     up = np.nansum(found.up, axis=0)
     scale = 1 / float(np.nanmedian(found.height))
-    model.transform(pycolmap.Sim3d(scale, pycolmap.Rotation3d(_onto(up, _UP)), np.zeros(3)))
+    model.transform(pycolmap.Sim3d(scale, pycolmap.Rotation3d(smallest_rotation(up, _UP)), np.zeros(3)))
     return True
 
 
@@ -223,8 +223,7 @@ def _turn_next_to(
         if n not in loose or sum(in_turn) <= len(in_turn) / 2:
             break
         onward = [(p.rotation if k < n else p.rotation.T) @ near[k] for k, p in pairs.items()]
-        mean = np.average(onward, axis=0, weights=[len(p.matches) for p in pairs.values()])
-        rotation = Rotation.from_matrix(mean).as_matrix()  # the nearest rotation
+        rotation = Rotation.from_matrix(onward).mean([len(p.matches) for p in pairs.values()]).as_matrix()
         turned, before = turned + rotation_angle(rotation @ before.T), rotation
         if turned < _ON_SPOT * (abs(n - end) - 1):  # a single step may be smaller
             break
@@ -288,7 +287,7 @@ def _upright(
     for k, piece in enumerate(p for p in firm_pieces(model, times) if len(p) >= _LEAST):
         piece_of[np.searchsorted(seen.numbers, piece)] = first_piece + k
     given = {n: model.images[n].cam_from_world() for n in seen.numbers.tolist()}
-    level = _onto(up, _UP)
+    level = smallest_rotation(up, _UP)
     poses: Poses = {}
     parts: list[_Part] = []
     waiting: list[int] = []  # images between two pieces
@@ -303,7 +302,7 @@ def _upright(
             waiting += seen.numbers[run].tolist()
             continue
         scale = 1 / float(np.exp(np.nanmedian(np.log(heights))))
-        turn = _onto(level @ np.nansum([p.up for p in own], axis=0), _UP) @ level
+        turn = smallest_rotation(level @ np.nansum([p.up for p in own], axis=0), _UP) @ level
         numbers = seen.numbers[run].tolist()
         here = {n: _placed(given[n], turn, scale, center_of(given[numbers[0]]), np.zeros(3)) for n in numbers}
         between = {n: _placed(given[n], level, 1.0, np.zeros(3), np.zeros(3)) for n in waiting}
@@ -412,17 +411,6 @@ def _solved(poses: Poses, parts: list[_Part]) -> Poses:
     slip = np.array([_FIRM if f else _LOOSE for f in firm]).reshape(-1, 7)
     moves = solve(no_loops(), pivot, joint, slip, _anchors(parts))
     return {n: transform_pose(poses[n], moves[k], pivot[k]) for k, part in enumerate(parts) for n in part.numbers}
-
-
-def _onto(vector: NDArray[np.float64], target: NDArray[np.float64]) -> NDArray[np.float64]:
-    """(3, 3) the smallest rotation that turns one vector onto another."""
-    a, b = vector / np.linalg.norm(vector), target / np.linalg.norm(target)
-    axis = np.cross(a, b)
-    sine = float(np.linalg.norm(axis))
-    if sine < 1e-12:
-        axis = np.cross(a, np.eye(3)[np.abs(a).argmin()])  # any perpendicular axis, if they are opposite
-    angle = np.arctan2(sine, a @ b)
-    return np.asarray(Rotation.from_rotvec(angle * axis / max(float(np.linalg.norm(axis)), 1e-12)).as_matrix())
 
 
 def _centered(pose: pycolmap.Rigid3d, center: NDArray[np.float64]) -> pycolmap.Rigid3d:

@@ -2,6 +2,10 @@
 
 from __future__ import annotations
 
+import pytest
+from PySide6.QtCore import QSize
+from PySide6.QtGui import QResizeEvent
+from PySide6.QtWidgets import QApplication
 from pytestqt.qtbot import QtBot
 
 from nvsim_app.look.table import Column, TableModel, TableView, table
@@ -29,6 +33,35 @@ def test_the_column_of_names_takes_the_room_that_the_numbers_leave(qtbot: QtBot)
     for place in range(1, 5):
         assert header.sectionSize(place) >= view.sizeHintForColumn(place)
     assert not view.horizontalScrollBar().isVisible()
+
+
+def test_a_table_with_an_optional_column_comes_to_rest(qtbot: QtBot, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Whether a column is hidden decides whether a scroll bar is shown, and must not depend on it."""
+    resized: list[QSize] = []
+    resize = TableView.resizeEvent
+
+    def counted(view: TableView, event: QResizeEvent) -> None:
+        resized.append(event.size())
+        resize(view, event)
+
+    monkeypatch.setattr(TableView, "resizeEvent", counted)
+    columns = [
+        Column(f"Value {k}", lambda row: row / 7, "{:.3f}".format, number=True, width=60 * (k % 2), optional=k == 1)
+        for k in range(5)
+    ]
+    model: TableModel[int] = TableModel(columns)
+    view = table(model, None, "Values")
+    qtbot.addWidget(view)
+    model.setParent(view)
+    model.show(range(3))
+    view.show()
+    rows = view.horizontalHeader().height() + 3 * view.rowHeight(0)
+    for width in range(200, 400, 2):
+        for height in (rows - 4, rows, rows + 2, rows + 6, rows + 14):
+            resized.clear()
+            view.resize(width, height)
+            QApplication.processEvents()
+            assert len(resized) < 20, f"{width} x {height}"
 
 
 def test_rows_are_lower_than_in_other_tables(qtbot: QtBot) -> None:

@@ -146,7 +146,7 @@ _COLUMNS: tuple[Column[Direction], ...] = (
 CHANNELS = {"rgb": "Color", "alpha": "Alpha", "normal": "Normals"}
 _LIST_ROWS = 5  # minimum height of the list, in rows with its header
 _SHORTEST = 20.0  # length of a bar, in pixels, at least
-_LOW = 460  # height of the panel, in pixels, below which the bars are in two columns
+_LOW = 460  # height of the panel, in pixels, below which the bars are in two columns, if there is room
 _WIDE = 1.7  # aspect ratio of the panel above which the list is beside the panorama
 
 

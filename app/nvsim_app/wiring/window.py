@@ -359,7 +359,10 @@ class _Pages(QStackedWidget):
 
     def __init__(self, parent: QWidget) -> None:
         super().__init__(parent)
-        self.currentChanged.connect(lambda _: self.updateGeometry())
+        self.currentChanged.connect(self._on_page)
+
+    def _on_page(self) -> None:
+        self.updateGeometry()
 
     def minimumSizeHint(self) -> QSize:
         page = self.currentWidget()
