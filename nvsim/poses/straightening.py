@@ -154,7 +154,7 @@ def held_together(
                 group.extend(small)
                 rest.remove(small)
         loose = {n for p in rest for n in p}
-        group.extend(_seeing(poses_of(model), seen, group, loose))
+        group.extend(_images_beside(poses_of(model), seen, group, loose))
         for end, towards in _ends(group):
             turn = _turn_next_to(poses_of(model), set(group), end, towards, loose - set(group), views)
             inside = [index[n] for n in (*group, *turn)]
@@ -172,7 +172,7 @@ def _ends(group: Sequence[int]) -> list[tuple[int, int]]:
     return [(n, towards) for n in sorted(group) for towards in (-1, 1) if n + towards not in group]
 
 
-def _seeing(poses: Poses, seen: Observations, group: Sequence[int], loose: set[int]) -> list[int]:
+def _images_beside(poses: Poses, seen: Observations, group: Sequence[int], loose: set[int]) -> list[int]:
     """The `loose` images next to those of a group that see many of its points from a place near it. Their poses are as
     exact as those points, although the images beyond them may have another scale."""
     inside = np.isin(seen.numbers, group)
