@@ -64,6 +64,28 @@ def test_a_table_with_an_optional_column_comes_to_rest(qtbot: QtBot, monkeypatch
             assert len(resized) < 20, f"{width} x {height}"
 
 
+def test_whether_a_column_is_hidden_does_not_depend_on_whether_it_is_hidden(qtbot: QtBot) -> None:
+    titles = ["Value 0", "A title wider than the values", "Value 2", "Value 3"]
+    columns = [Column(t, lambda row: row / 7, "{:.3f}".format, number=True, optional=t == titles[1]) for t in titles]
+    model: TableModel[int] = TableModel(columns)
+    view = table(model, None, "Values")
+    qtbot.addWidget(view)
+    model.setParent(view)
+    model.show(range(3))
+    view.show()
+    view.setColumnHidden(1, False)
+    needed = sum(view.horizontalHeader().sectionSizeHint(k) for k in range(4))
+    hidden = []
+    for width in range(needed - 120, needed + 60, 10):
+        view.resize(width, 200)
+        hidden.append(view.isColumnHidden(1))
+        assert hidden[-1] or needed <= width
+        for _ in range(2):
+            view.fit()
+            assert view.isColumnHidden(1) == hidden[-1]
+    assert hidden[0] and not hidden[-1]
+
+
 def test_rows_are_lower_than_in_other_tables(qtbot: QtBot) -> None:
     dense, other = shown(qtbot, True), shown(qtbot, False)
     assert dense.rowHeight(0) < other.rowHeight(0)

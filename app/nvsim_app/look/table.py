@@ -254,6 +254,10 @@ class _Cells(QStyledItemDelegate):
 class TableView(QTableView):
     """A table that hides optional columns if it is too narrow for all columns."""
 
+    def __init__(self, parent: QWidget | None = None) -> None:
+        super().__init__(parent)
+        self._needed: dict[int, int] = {}  # the width of each column when it was last shown
+
     def setModel(self, model: QAbstractItemModel | None) -> None:
         super().setModel(model)
         if isinstance(model, TableModel) and any(column.optional for column in model.columns):
@@ -278,10 +282,12 @@ class TableView(QTableView):
 
     def _width(self, place: int, column: Column[Any]) -> int:
         """The width that a column needs, in pixels. Columns that the panel hides need none."""
-        if column.optional or not self.isColumnHidden(place):
+        if not self.isColumnHidden(place):
             title = self.horizontalHeader().sectionSizeHint(place)
-            return max(title, column.width or self.sizeHintForColumn(place))
-        return 0
+            self._needed[place] = max(title, column.width or self.sizeHintForColumn(place))
+        elif not column.optional:
+            return 0
+        return self._needed.get(place, column.width)  # the title of a hidden column has no size
 
     def sizeHint(self) -> QSize:
         """A low table, so that a panel with a table has only the scroll bar of the table."""
