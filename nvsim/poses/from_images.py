@@ -31,6 +31,7 @@ from nvsim.poses.mapping import (
     contradicted_rotations,
     correct_rotations,
     global_mapping,
+    is_near,
     poses_of,
     triangulated,
     with_rotation,
@@ -46,7 +47,7 @@ from nvsim.poses.match_database import (
     write_geometries,
 )
 from nvsim.poses.pieces import names_in, separated, split_after
-from nvsim.poses.pose_graph import Anchors, keeps_shape, without_drift
+from nvsim.poses.pose_graph import Anchors, keeps_shape, median_depth, without_drift
 from nvsim.poses.straightening import anchors_of, contradicts_floor, held_together, leveled, straightened
 from nvsim.poses.threads import thread_pool
 from nvsim.poses.two_views import TwoViews, from_matches, relative_pose
@@ -61,6 +62,7 @@ _ROUNDS, _MORE = 3, 1.1  # rounds of loop closure; loops over those of the last 
 _HELD, _LOOSELY = 0.05, 0.3  # camera heights: standard deviation of a held camera; in the end, if there are loops
 _ENOUGH = 0.85  # share of the images in the largest piece below which the floor and the walls are used
 _LOOPS_LEFT = 0.5  # share of the loops that agree with a straightened video, at least
+_JOINS, _STAYED = 2, 0.05  # joins over bends, at most; median depths that a piece which is in place moves, at most
 _LOOSE = 0.03  # standard deviation of the log scale above which a straightened video is split
 _CENTERED = 30  # images that are needed to estimate the principal point
 _FEWEST = {True: 15, False: 25}  # matches of a pair, at least: of neighbors, of other pairs
@@ -158,9 +160,8 @@ def _finished(models: list[pycolmap.Reconstruction], inputs: _Inputs, placed: Pl
     if images.ordered:
         for found in models:
             correct_rotations(found, inputs.views)
-        model, loops = _closed(*_joined(None, models, inputs), inputs, False)
-        cuts = bends(poses_of(model), inputs.views)
-        pieces = split_after(firm_pieces(model, images.times), cuts)
+        model, views, loops = _closed(*_joined(None, models, inputs), inputs, False)
+        model, pieces = _joined_again(model, views, inputs)
         bent = contradicts_floor(model)
         if (bent or len(pieces[0]) < _ENOUGH * len(images.names)) and not images.clips.any():  # one video only
             placed([model])
@@ -206,7 +207,7 @@ def _straight(
         return None
     write_geometries(inputs.path, inputs.views)
     base = _adjusted(poses, dict(models[0].cameras.items()), inputs, True)
-    model, loops = _closed(*_joined(base, models, inputs), inputs, True)
+    model, _, loops = _closed(*_joined(base, models, inputs), inputs, True)
     firm = firm_pieces(model, inputs.images.times, _LOOSE)
     pieces = held_together(model, firm, inputs.images.folder, inputs.views)
     return model, loops, pieces
@@ -214,8 +215,9 @@ def _straight(
 
 def _closed(
     model: pycolmap.Reconstruction, views: dict[Pair, TwoViews], inputs: _Inputs, held: bool
-) -> tuple[pycolmap.Reconstruction, list[Pair]]:
-    """Closes loops. Returns the reconstruction and its loops. If `held`, the floor and the walls hold its parts."""
+) -> tuple[pycolmap.Reconstruction, dict[Pair, TwoViews], list[Pair]]:
+    """Closes loops. Returns the reconstruction, the image pairs that connect it, and its loops. If `held`, the floor
+    and the walls hold its parts."""
 
     def anchored(groups: list[list[int]]) -> Anchors:
         return anchors_of(model, groups, inputs.images.folder)
@@ -235,7 +237,33 @@ def _closed(
             loops = []
             break
         model = closed
-    return model, loops
+    return model, views | {pair: seen_again[pair] for pair in loops}, loops
+
+
+def _joined_again(
+    model: pycolmap.Reconstruction, views: dict[Pair, TwoViews], inputs: _Inputs
+) -> tuple[pycolmap.Reconstruction, list[list[int]]]:
+    """Joins the pieces between the bends of a video by points that they share. `views` connect its images. Returns the
+    reconstruction and its pieces, the largest first.
+
+    Adjustment leaves a bend where two stretches of a loop are decimeters apart, because the images then show few points
+    of the other stretch. The points of both stretches together are still accurate enough to place one on the other. If
+    a piece is already where these points place it, the relative poses at its bend are wrong, and the bend is none."""
+    for number in range(_JOINS + 1):
+        pieces = split_after(firm_pieces(model, inputs.images.times), bends(poses_of(model), inputs.views))
+        large = [piece_of(model, p, inputs.keypoints) for p in pieces if len(p) >= _LEAST]
+        poses, across = join(large) if len(large) > 1 else ({}, {})
+        joined = [piece for piece in pieces if piece[0] in poses]
+        if len(joined) < 2:
+            break
+        if is_near(poses_of(model), poses, _STAYED * median_depth(model)):
+            apart = [piece for piece in pieces if piece[0] not in poses]
+            return model, sorted([sorted(poses), *apart], key=len, reverse=True)
+        if number < _JOINS:
+            views = views | {pair: from_matches(own) for pair, own in across.items() if pair not in views}
+            write_geometries(inputs.path, views)
+            model = _adjusted(poses, dict(model.cameras.items()), inputs, False)
+    return model, pieces
 
 
 def _joined(

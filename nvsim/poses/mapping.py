@@ -110,6 +110,16 @@ def bends(poses: Mapping[int, pycolmap.Rigid3d], found: Mapping[Pair, TwoViews])
     return bent
 
 
+def is_near(one: Mapping[int, pycolmap.Rigid3d], other: Mapping[int, pycolmap.Rigid3d], distance: float) -> bool:
+    """Whether each image of `other` has nearly the pose that it has in `one` (world to camera, by image number): the
+    centers are at most `distance` apart, and the rotations differ by less than those at a bend."""
+    return all(
+        np.linalg.norm(center_of(one[n]) - center_of(pose)) <= distance
+        and rotation_angle(one[n].rotation.matrix().T @ pose.rotation.matrix()) < _BENT
+        for n, pose in other.items()
+    )
+
+
 def correct_rotations(model: pycolmap.Reconstruction, found: Mapping[Pair, TwoViews]) -> None:
     """Corrects, in place, the rotations that contradict the relative poses `found` of the images of a video."""
     for number, rotation in contradicted_rotations(poses_of(model), found).items():

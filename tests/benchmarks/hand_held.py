@@ -6,9 +6,10 @@ python tests/benchmarks/hand_held.py FOLDER --scene corridor|house|loop|floors|k
 The kitchen is filmed from the aisle around the block in its middle, looking down at the furniture; the floor is seldom
 in view. `--rounds N` goes around the loop or the kitchen N times. With `--people`, a person walks in front of the
 camera for 8 of every 20 seconds. Writes FOLDER/video.mp4, FOLDER/truth/poses.txt (frame number, then the row-major
-camera-to-world matrix with OpenCV axes) and FOLDER/truth/camera.txt (a COLMAP camera). A pose belongs to the middle of
-the exposure of the middle row. Every pixel is the mean of rays spread over the pixel and the exposure, so that the
-video has motion blur and, with a readout above 0, a rolling shutter.
+camera-to-world matrix with OpenCV axes), FOLDER/truth/camera.txt (a COLMAP camera) and, for one storey,
+FOLDER/truth/map.yaml (the occupancy map). A pose belongs to the middle of the exposure of the middle row. Every pixel
+is the mean of rays spread over the pixel and the exposure, so that the video has motion blur and, with a readout above
+0, a rolling shutter.
 """
 
 from __future__ import annotations
@@ -32,8 +33,10 @@ from nvsim.building import BuildingConfig, baking
 from nvsim.building.baking import Painters, Textures, bake
 from nvsim.building.rendering import _mirror, _seen
 from nvsim.building.scene import Scene, dressed, make_scene
+from nvsim.building.truth import occupancy
 from nvsim.building.walk import climbed, path
 from nvsim.geometry.camera import Intrinsics
+from nvsim.occupancy.ros import write_ros_map
 
 FPS, EXPOSURE, RADIAL, FIELD_OF_VIEW = 10, 0.015, -0.03, 72.0
 """Frames per second, exposure in seconds, radial distortion coefficient, and horizontal field of view in degrees."""
@@ -73,6 +76,8 @@ def main() -> None:
     built_in = time.perf_counter() - started
     (arguments.folder / "truth").mkdir(parents=True, exist_ok=True)
     write_truth(arguments.folder / "truth", motion, lens, count)
+    if len(scene.storeys) == 1:
+        write_ros_map(occupancy(scene), arguments.folder / "truth" / "map.yaml")
     print(f"{count} frames, {motion.seconds:.0f} s of route, built in {built_in:.0f} s", flush=True)
     started = time.perf_counter()
     film(arguments.folder / "video.mp4", scene, textures, motion, lens, count, arguments)

@@ -6,14 +6,20 @@ from pathlib import Path
 
 import cv2
 import numpy as np
+import pycolmap
 import pytest
 from numpy.typing import NDArray
 
 from nvsim.errors import InputError
 from nvsim.footage.extraction import ExtractedFrames, extract_frames
 from nvsim.footage.sources import need_footage
+from nvsim.poses import from_images
 from nvsim.poses.from_images import FoundPoses, find_poses
+from nvsim.poses.image_pairs import neighbor_pairs
 from nvsim.poses.image_set import ImageSet, UnknownCamera, times_of
+from nvsim.poses.mapping import bends, consistent_pairs, poses_of, triangulated
+from nvsim.poses.match_database import keypoints_of, write_geometries
+from nvsim.poses.pose_graph import transform_pose
 from nvsim.poses.tracks import Tracks
 from tests.unit import textured_room as room
 
@@ -98,6 +104,36 @@ def test_the_way_back_closes_loops(found: tuple[ImageSet, FoundPoses, list[str]]
     names = [name for piece in poses.pieces for name in piece]
     assert len(set(names)) == len(names) <= len(found[0].names)
     assert len(poses.pieces[0]) == poses.model.num_reg_images() >= max(map(len, poses.pieces))
+
+
+def test_a_bend_is_straightened_by_what_both_stretches_show(
+    found: tuple[ImageSet, FoundPoses, list[str]], tmp_path: Path
+) -> None:
+    images, poses, _ = found
+    path = images.folder.parent / "database.db"
+    keypoints = keypoints_of(images, from_images.features_of_all(images, lambda step, done, total: None))
+    matches = from_images._matches(keypoints, neighbor_pairs(images.clips), True, lambda step, done, total: None)
+    cameras = {number - 1: camera for number, camera in poses.model.cameras.items()}
+    views = consistent_pairs(from_images._relative_poses(images, cameras, keypoints, matches, lambda *_: None))
+    write_geometries(path, views)
+    inputs = from_images._Inputs(images, keypoints, [], views, path, tmp_path, lambda step, done, total: None)
+    straight = poses_of(poses.model)
+    last = sorted(straight)[len(straight) // 2]
+    pivot = np.asarray(poses.model.images[last].projection_center())
+    move = np.array([0.1, 0.0, 0.0, 0.1, 0.0, 0.0, 0.0])  # ten percent larger, and turned by 6 degrees
+    bent = {n: transform_pose(one, move, pivot) if n > last else one for n, one in straight.items()}
+    model = triangulated(bent, dict(poses.model.cameras.items()), path, images.folder, tmp_path / "bent")
+    assert last in bends(poses_of(model), views)
+    mended, pieces = from_images._joined_again(model, views, inputs)
+    assert len(pieces[0]) >= 0.9 * len(straight)
+    true = np.array([true_center(mended.images[n].name) for n in pieces[0]])
+    far = np.linalg.norm(np.diff(true, axis=0), axis=1).sum()
+
+    def off(one: dict[int, pycolmap.Rigid3d]) -> float:
+        centers = np.array([one[n].inverse().translation for n in pieces[0]])
+        return float(np.linalg.norm(fitted(centers, true) - true, axis=1).max())
+
+    assert off(poses_of(mended)) < 0.03 * far < off(bent)
 
 
 def test_images_with_nothing_in_common_are_refused_in_a_sentence(tmp_path: Path) -> None:

@@ -125,6 +125,20 @@ def test_common_points_on_a_line_leave_a_turn_open_and_join_nothing() -> None:
     assert sorted(join([base, other])[0]) == list(range(1, 25))
 
 
+def test_many_points_may_be_near_each_other_and_few_may_not() -> None:
+    poses = walk()
+    rng = np.random.default_rng(5)
+    counter = np.array([1.5, 3, 0]) + rng.uniform(-1, 1, (600, 3)) * [1.2, 0.4, 0.3]
+
+    def joined(count: int) -> int:
+        base = piece(poses, 1, 24, numbers(0, count), points=counter[:count])
+        other = piece(poses, 25, 40, numbers(0, count), points=counter[:count]).moved(APART)
+        return len(join([base, other])[0])
+
+    assert joined(600) == 40
+    assert joined(100) == 24
+
+
 def test_images_of_two_pieces_may_alternate() -> None:
     poses = walk()
     base, other = piece(poses, 1, 40, numbers(0, 200)), piece(poses, 1, 40, numbers(120, 300))
