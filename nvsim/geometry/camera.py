@@ -96,7 +96,7 @@ class Camera:
         return pixels, depth
 
 
-def look(position: FloatArray, heading: float, elevation: float = 0.0) -> NDArray[np.float64]:
+def camera_pose(position: FloatArray, heading: float, elevation: float = 0.0) -> NDArray[np.float64]:
     """A level camera-to-world pose (4, 4) at `position` (3,), meters. The convention is Matterport3DSimulator's.
 
     `heading` is in radians: 0 is +y, positive turns right (clockwise seen from above). `elevation` is in radians:

@@ -15,7 +15,7 @@ from typing import Any
 
 from nvsim.errors import InputError
 from nvsim.files.atomic import make_folder
-from nvsim.files.databases import check_files, make_file, open_to_read, refused
+from nvsim.files.databases import check_files, make_file, open_to_read, sqlite_error
 from nvsim.files.tables import BLOB, COUNT, NUMBER, TEXT, check_schema, harden, read, reading_rows
 from nvsim.graph.difference import Delta, folded
 from nvsim.graph.history import Step
@@ -96,7 +96,7 @@ class JournalFile:
             connection.execute("COMMIT")
         except sqlite3.Error as error:
             self._undo(connection)
-            raise refused(self.path, error) from error
+            raise sqlite_error(self.path, error) from error
         self.exists = True
 
     def write(
@@ -124,7 +124,7 @@ class JournalFile:
             connection.execute("COMMIT")
         except sqlite3.Error as error:
             self._undo(connection)
-            raise refused(self.path, error) from error
+            raise sqlite_error(self.path, error) from error
 
     def read(self) -> Written | None:
         """Return the content of the journal; None if nothing is written. Raises sqlite3.DatabaseError, ValueError,
@@ -176,7 +176,7 @@ class JournalFile:
             return trim(connection, steps, size)
         except sqlite3.OperationalError as error:
             self._undo(connection)
-            raise refused(self.path, error) from error
+            raise sqlite_error(self.path, error) from error
         finally:
             self._undo(connection)
 
@@ -215,7 +215,7 @@ class JournalFile:
                 self._connection.execute("PRAGMA synchronous=FULL")
             except sqlite3.OperationalError as error:
                 self.close()
-                raise refused(self.path, error) from error
+                raise sqlite_error(self.path, error) from error
         return self._connection
 
     @staticmethod

@@ -26,6 +26,7 @@ class FusedFloor:
     surface_normals: SurfaceNormals | None = None
 
     def segment(self, camera: Camera, image: Image, depth: Float32 | None = None) -> FloorMask:
+        """The mask of an image (H, W, 3). `depth` (H, W) is the image's own, meters, 0 if unknown."""
         upward = None
         if depth is not None and self.surface_normals is not None:
             upward = np.ascontiguousarray(self.surface_normals.normals(image, camera)[..., 2])

@@ -26,10 +26,10 @@ from nvsim.poses.joining import join, piece_of
 from nvsim.poses.loops import close_loops
 from nvsim.poses.mapping import (
     adjust_all,
-    bends,
     consistent_pairs,
     contradicted_rotations,
     correct_rotations,
+    find_bends,
     global_mapping,
     poses_of,
     triangulated,
@@ -45,9 +45,9 @@ from nvsim.poses.match_database import (
     write_database,
     write_geometries,
 )
-from nvsim.poses.pieces import names_in, separated, split_after
+from nvsim.poses.pieces import names_in, split_after, split_into_pieces
 from nvsim.poses.pose_graph import Anchors, keeps_shape, without_drift
-from nvsim.poses.straightening import anchors_of, contradicts_floor, held_together, leveled, straightened
+from nvsim.poses.straightening import anchors_of, contradicts_floor, leveled, merge_turning_pieces, straightened
 from nvsim.poses.threads import thread_pool
 from nvsim.poses.two_views import TwoViews, from_matches, relative_pose
 
@@ -159,7 +159,7 @@ def _finished(models: list[pycolmap.Reconstruction], inputs: _Inputs, placed: Pl
         for found in models:
             correct_rotations(found, inputs.views)
         model, loops = _closed(*_joined(None, models, inputs), inputs, False)
-        cuts = bends(poses_of(model), inputs.views)
+        cuts = find_bends(poses_of(model), inputs.views)
         pieces = split_after(firm_pieces(model, images.times), cuts)
         bent = contradicts_floor(model)
         if (bent or len(pieces[0]) < _ENOUGH * len(images.names)) and not images.clips.any():  # one video only
@@ -180,7 +180,7 @@ def _finished(models: list[pycolmap.Reconstruction], inputs: _Inputs, placed: Pl
     if images.ordered:
         astray = contradicted_rotations(poses_of(model), inputs.views).keys()
         pieces = [kept for piece in pieces if (kept := [n for n in piece if n not in astray])]
-    separate = separated(model, pieces, models, images.times)
+    separate = split_into_pieces(model, pieces, models, images.times)
     if model.num_reg_images() >= _CENTERED:
         adjust_all(model, True, poses_of(model) if held else None, _LOOSELY if loops else _HELD)
     upright = tuple(images.ordered and leveled(piece, images.folder) for piece in separate)
@@ -208,7 +208,7 @@ def _straight(
     base = _adjusted(poses, dict(models[0].cameras.items()), inputs, True)
     model, loops = _closed(*_joined(base, models, inputs), inputs, True)
     firm = firm_pieces(model, inputs.images.times, _LOOSE)
-    pieces = held_together(model, firm, inputs.images.folder, inputs.views)
+    pieces = merge_turning_pieces(model, firm, inputs.images.folder, inputs.views)
     return model, loops, pieces
 
 

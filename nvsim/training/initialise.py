@@ -102,7 +102,7 @@ def initial_gaussians(
     images supplement a missing or sparse cloud."""
     count = max(int(config.gaussian_cap * config.seed_share), 1)
     cloud = triangulated_cloud(views) if cloud is None else cloud
-    points, colors = seen_points(views, cloud)
+    points, colors = visible_points(views, cloud)
     points, colors = _above(points, colors, floor, config)
     surface = points
     most = count if cloud.is_dense else int(count * SPARSE_SHARE)
@@ -138,7 +138,7 @@ def gaussians_at(points: Float32, colors: Float32, sh_degree: int, opacity: floa
     return Gaussians(means, np.repeat(log_scales[:, None], 3, axis=1), quats, logits, sh)
 
 
-def seen_points(views: Sequence[TrainingView], cloud: Cloud) -> tuple[Float32, Float32]:
+def visible_points(views: Sequence[TrainingView], cloud: Cloud) -> tuple[Float32, Float32]:
     """The points (N, 3), meters, that some view sees; a coarse depth image of the cloud itself removes occluded ones.
     Their colors (N, 3), 0 to 1, are the cloud's, or those of the pixel in the nearest view that sees the point."""
     finite = np.isfinite(cloud.points).all(axis=1)

@@ -22,7 +22,7 @@ from nvsim.errors import InputError
 from nvsim.events import Done, Event, Log, Progress, silent
 from nvsim.project import ledger
 from nvsim.project.config import CaptureConfig
-from nvsim.project.earlier_results import kept_results, restore, what_is_replaced
+from nvsim.project.earlier_results import kept_results, replaced_result_sentence, restore
 from nvsim.project.project import Project
 from nvsim.project.stages import depths, floors, imported, submaps
 from nvsim.project.stages.trained import adapt_to_capture, train_key
@@ -109,7 +109,7 @@ def test_what_is_up_to_date_ends_at_once_and_other_settings_make_it_anew(project
     depths.run(project, "auto", replace(CONFIG, threads=1), heard.append)
     assert heard == [Log("The depth is up to date.", "depth")]
     before, trained = project.layout.depth, train_key(project, project.submaps()[0], TrainingConfig())
-    assert "depth of 40 frames" in what_is_replaced(project, "depth")
+    assert "depth of 40 frames" in replaced_result_sentence(project, "depth")
     depths.run(project, "auto", replace(CONFIG, planes=48), silent)
     assert project.layout.depth != before and before.is_dir(), "the old stays until it is replaced in turn"
     floors.run(project, heard.append)

@@ -128,7 +128,7 @@ class ModelsTrain:
 
     def run(self) -> int:
         """Runs the command. Raises InputError if an option is out of range."""
-        from nvsim.cli.console import listening
+        from nvsim.cli.console import event_listener
 
         c = self.config
         for name, least in (
@@ -147,6 +147,6 @@ class ModelsTrain:
             raise InputError(f"--save-every {c.save_every} is too small; give 1 or more.")
         from nvsim.recipes.making import make
 
-        with listening(self.json) as listen:
+        with event_listener(self.json) as listen:
             make(self.folder, c, self.projects, self.start, listen)
         return 0

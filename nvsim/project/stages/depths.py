@@ -20,7 +20,7 @@ from nvsim.errors import InputError
 from nvsim.events import Done, Listener, Log, Progress, Warning, silent
 from nvsim.project import ledger
 from nvsim.project.config import DepthUse
-from nvsim.project.earlier_results import listen_to_what_is_replaced
+from nvsim.project.earlier_results import report_replaced_result
 from nvsim.project.layout import ADDED, CLOUD
 from nvsim.project.project import Project
 from nvsim.project.stages.imported import capture_key
@@ -66,7 +66,7 @@ def run(
     from nvsim.depth.cloud_file import write_cloud
     from nvsim.depth.estimate import estimate_depth
 
-    listen_to_what_is_replaced(project, STAGE, listen)
+    report_replaced_result(project, STAGE, listen)
     resumed = ledger.begin(project, STAGE, key)
     folder = project.making(project.stage_results().made_at(STAGE)).layout.depth
     if not resumed:
