@@ -73,6 +73,7 @@ class Camera:
         return inverse
 
     def scaled(self, width: int, height: int) -> Camera:
+        """This camera at another image size in pixels."""
         return replace(self, intrinsics=self.intrinsics.scaled(width, height))
 
     def rays(self) -> NDArray[np.float32]:

@@ -103,10 +103,12 @@ class History:
 
     @property
     def graph(self) -> NavGraph:
+        """The graph after the current step."""
         return self._graph
 
     @property
     def selection(self) -> GraphSelection:
+        """The viewpoints and edges that are selected at the current step."""
         return self._steps[self._index].selection
 
     @property

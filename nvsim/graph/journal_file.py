@@ -85,7 +85,8 @@ class JournalFile:
         self.exists = path.is_file() and path.stat().st_size > 0
 
     def create(self, base: NavGraph, saved: str) -> None:
-        """Create the file with its first graph. `saved` is the digest of the graph file."""
+        """Create the file with its first graph. `saved` is the digest of the graph file. Raises InputError if the file
+        cannot be written."""
         make_folder(self.path.parent)
         connection = self._open()
         try:
@@ -103,7 +104,8 @@ class JournalFile:
         self, cut: int | None, rows: Sequence[tuple[int, Step, bytes, bytes | None]], marks: dict[str, Any]
     ) -> None:
         """Write in one transaction: delete the steps from `cut` on, put rows (number, step, selection, delta), and set
-        marks. If the delta of a row is None, only the text and the selection of the stored step change."""
+        marks. If the delta of a row is None, only the text and the selection of the stored step change. Raises
+        InputError if the file cannot be written."""
         connection = self._open()
         try:
             connection.execute("BEGIN IMMEDIATE")
@@ -165,7 +167,10 @@ class JournalFile:
         return Written(decode_graph(blob), float(begun), steps, index, clean, str(marks["saved"]))
 
     def trim(self, steps: int, size: int) -> int:
-        """Fold the oldest steps into the first graph, see `trim`. Returns how many."""
+        """Fold the oldest steps into the first graph, see `trim`. Returns how many.
+
+        Raises InputError if the file cannot be written.
+        """
         if not self.exists:
             return 0
         connection = self._open()

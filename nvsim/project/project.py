@@ -128,6 +128,7 @@ class Project:
             layout.root.rmdir()
 
     def close(self) -> None:
+        """Closes the project and releases its lock. An open project is also closed at the end of a `with` block."""
         self.connection.close()
         if self._lock is not None:
             self._lock.release()
@@ -343,6 +344,7 @@ class Project:
     # Committing -------------------------------------------------------------------------------------------------
 
     def set_stage_results(self, value: StageResults) -> None:
+        """Stores the results of all stages."""
         with self.transaction() as c:
             results.write(c, value)
 
@@ -352,6 +354,7 @@ class Project:
         return new.generation
 
     def set_submaps(self, submaps: tuple[Submap, ...]) -> None:
+        """Stores a new division into submaps, and marks this stage as finished."""
         cut = self.store_cut(submaps)
         found = self.stage_results()
         with self.transaction() as c:
@@ -386,10 +389,12 @@ class Project:
         self.set_stage_results(found)
 
     def set_graph(self, graph: NavGraph) -> None:
+        """Stores `graph` in place of the current one."""
         with self.transaction() as c:
             graph_table.write(c, graph)
 
     def set_result(self, name: str, figures: dict[str, Any]) -> None:
+        """Stores the `figures` of the evaluation `name` with the current time. JSON must be able to hold them."""
         with self.transaction() as c:
             c.execute("INSERT OR REPLACE INTO results VALUES (?, ?, ?)", (name, time.time(), json.dumps(figures)))
 

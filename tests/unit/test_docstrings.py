@@ -80,9 +80,11 @@ def makers_of_errors() -> dict[str, str]:
     found = {}
     for _, tree in SOURCES.values():
         for node in ast.walk(tree):
-            if isinstance(node, ast.FunctionDef) and isinstance(node.returns, ast.Name):
-                found[node.name] = node.returns.id
-    return {name: error for name, error in found.items() if error in {"InputError", "EditError"}}
+            returned = node.returns if isinstance(node, ast.FunctionDef) else None
+            if isinstance(returned, ast.Name) and returned.id in {"InputError", "EditError"}:
+                assert isinstance(node, ast.FunctionDef)
+                found[node.name] = returned.id
+    return found
 
 
 def public_functions(module: ast.Module) -> Iterator[tuple[ast.FunctionDef, str]]:

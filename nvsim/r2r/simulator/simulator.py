@@ -306,6 +306,7 @@ class Simulator(Settings):
     # Timing -------------------------------------------------------------------------------------------------------
 
     def resetTimers(self) -> None:
+        """Sets the times of all parts to zero."""
         self._timers.reset()
 
     def timingInfo(self) -> str:
