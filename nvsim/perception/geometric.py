@@ -45,8 +45,8 @@ class GeometricConfig:
     glimpses      greatest number of views from which the color of the floor is learned
     filled        unoccluded, unconfirmed pixels are floor above this probability of the semantic network
     edge          pixels beside floor by which objects are drawn too large
-    filled_edge   with a scan, occluded pixels within `edge` are floor above this probability
-    never         with a scan, floor below this probability is removed, except on stairs: people, the foot of panes
+    filled_edge   with a LiDAR scan, occluded pixels within `edge` are floor above this probability
+    never         with a LiDAR scan, floor below this probability is removed, except on stairs: people, feet of panes
     never_edge    replaces `never` for floor within `rim` pixels of other surfaces
     rim           pixels, see `never_edge`
     usual         floor with an unusual color is kept above this probability: gloss, the light of a lamp

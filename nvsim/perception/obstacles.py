@@ -107,7 +107,7 @@ def _feet(points: Float32, height: Float32, on_floor: Float32, surface: FloorSur
 def _raised(xy: NDArray[np.float64], on_floor: Float32, things: Float32) -> NDArray[np.bool_]:
     """(N,) bool: which of the places `xy` (N, 2) of lowest object points are above visible floor. There, floor points
     (M, 3) are on all sides, and the object's points (K, 3) cover one side, as with a sofa on short legs. Legs, rails,
-    and the foot of a pane that the scan misses do not meet both conditions."""
+    and the foot of a pane that the LiDAR scan misses do not meet both conditions."""
     if len(on_floor) < 2:
         return np.zeros(len(xy), bool)
     floor = cKDTree(on_floor[:, :2])

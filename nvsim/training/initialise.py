@@ -29,7 +29,7 @@ SPARSE_SHARE = 0.4
 """Greatest share of the seeds from a sparse cloud of features. It has no points on plain walls; estimates fill the
 rest."""
 FEW = 500
-"""A scan with fewer visible points is supplemented by estimates too."""
+"""A LiDAR scan with fewer visible points is supplemented by estimates too."""
 Float32 = NDArray[np.float32]
 _F = np.float32
 
@@ -98,8 +98,8 @@ def initial_gaussians(
     rng: np.random.Generator,
 ) -> Gaussians:
     """At most `seed_share` of the cap. Every Gaussian has the configured opacity, is round, and is as wide as the
-    distance to its neighbors. A scan's Gaussians are flattened along the surface normal. Estimated points from the
-    images supplement a missing or sparse cloud."""
+    distance to its neighbors. Gaussians of a LiDAR scan are flattened along the surface normal. Estimated points from
+    the images supplement a missing or sparse cloud."""
     count = max(int(config.gaussian_cap * config.seed_share), 1)
     cloud = triangulated_cloud(views) if cloud is None else cloud
     points, colors = visible_points(views, cloud)

@@ -119,7 +119,7 @@ class ModelsTrain:
     folder: Positional[Path]
     """Folder for examples, checkpoints and the network; 25 MB per interior."""
     projects: tuple[Path, ...] = ()
-    """Projects with a scan or with depth of images, and with floor masks. Trained projects also give renders."""
+    """Projects with a LiDAR scan or with depth of images, and with floor masks. Trained projects also give renders."""
     start: Path | None = None
     """The folder of another training, or its ONNX file. Training starts from its weights."""
     json: bool = False

@@ -48,7 +48,7 @@ class OccupancyBuild:
     """Meters per cell."""
     heights: Inline[Heights] = field(default_factory=Heights)
     reach: float | None = None
-    """Maximum length of rays in meters. Default: 12 for a scan, 4 for depth estimated from images, 5 for other
+    """Maximum length of rays in meters. Default: 12 for a LiDAR scan, 4 for depth estimated from images, 5 for other
     depth."""
     walked: float = 0.1
     """Meters on each side of the trajectory that are free even if rays say otherwise. The person with the camera passed

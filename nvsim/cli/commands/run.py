@@ -53,7 +53,7 @@ class Run:
     """Upward normals that the map tests: the Gaussians', those that a network estimates from the rendered views, or
     both. criteria: as in --map.criteria."""
     depth: DepthUse = "auto"
-    """When to estimate depth from the images: auto (if the capture has no scan), always, or never."""
+    """When to estimate depth from the images: auto (if the capture has no LiDAR scan), always, or never."""
     cluster: Inline[ClusterConfig] = field(default_factory=ClusterConfig)
     config: Inline[RunConfig] = field(default_factory=RunConfig)
 
@@ -114,7 +114,7 @@ class Demo:
     """Number of storeys. With 2, a second storey of equal size is added, with a stair that the trajectory uses in both
     directions."""
     style: Style = "furnished"
-    """glass: glass partitions and screens, which the scan does not show. bare: plain walls, little furniture."""
+    """glass: glass partitions and screens, which the LiDAR scan does not show. bare: plain walls, little furniture."""
     no_window: bool = False
     """Do not open the window at the end."""
     json: bool = False
@@ -122,7 +122,7 @@ class Demo:
     preset: Preset = "nvsim"
     """The preset that the training options start from."""
     depth: DepthUse = "auto"
-    """When to estimate depth from the images: auto (if the capture has no scan), always, or never."""
+    """When to estimate depth from the images: auto (if the capture has no LiDAR scan), always, or never."""
     config: Inline[RunConfig] = field(default_factory=RunConfig)
 
     @staticmethod

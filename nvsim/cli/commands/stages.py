@@ -45,11 +45,11 @@ class Submaps(ProjectArguments):
 
 @dataclass(frozen=True)
 class Depth(ProjectArguments):
-    """Estimate dense depth from the images and their poses, and fuse it into a point cloud that replaces a scan. If the
-    capture has a scan, nothing is done unless you request it."""
+    """Estimate dense depth from the images and their poses, and fuse it into a point cloud that replaces a LiDAR scan.
+    If the capture has a LiDAR scan, nothing is done unless you request it."""
 
     depth: DepthUse = "auto"
-    """auto: only if the capture has no scan; always: also fills holes of a scan but never overrides it; or never."""
+    """auto: only if the capture has no LiDAR scan; always: also fills holes of one, never overrides it; or never."""
     cluster: Inline[ClusterConfig] = field(default_factory=ClusterConfig)
     config: Inline[DepthConfig] = field(default_factory=DepthConfig)
 

@@ -34,7 +34,7 @@ if TYPE_CHECKING:
 
 STAGE: StageName = "depth"
 _VERSION = 5  # of the committed data; increased when equal inputs give another result
-_BLOCK = 1 << 20  # points that are compared with the scan at the same time
+_BLOCK = 1 << 20  # points that are compared with the LiDAR scan at the same time
 _HOLE = 0.15  # meters; a LiDAR scan has a hole at points that are farther than this from all of its points
 
 
@@ -95,7 +95,7 @@ def run(
     if not len(cloud.points):
         why = "the images share no visible surfaces, so obstacles on the floor are unknown without a LiDAR scan"
         listen(Warning(f"No point was found: {why}.", STAGE))
-    more = f", {summary['added']} of them in holes of the scan" if "added" in summary else ""
+    more = f", {summary['added']} of them in holes of the LiDAR scan" if "added" in summary else ""
     listen(Done(STAGE, f"depth of {len(capture.frames)} frames, {len(cloud.points)} points{more}", summary))
 
 
@@ -104,7 +104,7 @@ def why_not(cloud: Cloud | None, use: DepthUse) -> str:
     cloud is not a reason, because it has no points on bare walls."""
     if use == "never":
         return "it is disabled by --depth never"
-    return "the capture has a scan" if use == "auto" and cloud is not None and cloud.is_dense else ""
+    return "the capture has a LiDAR scan" if use == "auto" and cloud is not None and cloud.is_dense else ""
 
 
 def points_in_holes(cloud: FusedCloud, scan: Cloud) -> FusedCloud:
