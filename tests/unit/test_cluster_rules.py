@@ -108,7 +108,7 @@ def test_an_address_where_nothing_answers_is_a_sentence_in_bounded_time() -> Non
 def test_ray_is_imported_where_it_is_asked_for_and_nowhere_else() -> None:
     program = (
         "import sys, nvsim.cli.commands.stages, nvsim.cli.commands.run, nvsim.cluster.ray_pool\n"
-        "from nvsim.cluster.choice import opened\nfrom nvsim.cluster.config import ClusterConfig\n"
-        "with opened(ClusterConfig()): sys.exit('ray' in sys.modules)"
+        "from nvsim.cluster.choice import open_executor\nfrom nvsim.cluster.config import ClusterConfig\n"
+        "with open_executor(ClusterConfig()): sys.exit('ray' in sys.modules)"
     )
     assert subprocess.run([sys.executable, "-c", program]).returncode == 0

@@ -342,12 +342,12 @@ def test_after_a_kill_no_question_is_sent_twice(tmp_path: Path) -> None:
         import sys
         from pathlib import Path
         from nvsim.endpoint.options import Endpoint
-        from nvsim.endpoint.answer import Kept
+        from nvsim.endpoint.answer import StoredAnswers
         from nvsim.endpoint.budget import Budget, Prices
         from nvsim.endpoint.client import Client
         from nvsim.endpoint.options import AskingOptions
         from nvsim.endpoint.request import Message, Request
-        kept = Kept(Path(sys.argv[2]))
+        kept = StoredAnswers(Path(sys.argv[2]))
         client = Client(Endpoint.of(sys.argv[1], "seer"), kept, Budget(Prices()), AskingOptions(parallel=1))
         client.may_send = True
         for i in range(12):
