@@ -11,8 +11,7 @@ from nvsim import kernel_folder, kernel_threads
 if TYPE_CHECKING:
     from nvsim.depth.config import DepthConfig
     from nvsim.errors import InputError
-    from nvsim.geometry.camera import Camera, Intrinsics
-    from nvsim.geometry.camera import look as camera_pose
+    from nvsim.geometry.camera import Camera, Intrinsics, camera_pose
     from nvsim.graph.compare import compare as compare_graphs
     from nvsim.graph.connectivity import write_connectivity
     from nvsim.graph.edits import (
@@ -143,7 +142,7 @@ _PLACES = {
     "add_edge": "nvsim.graph.edits:add_edge",
     "build_graph": "nvsim.project.stages.mapped:run",
     "build_project": "nvsim.project.pipeline:run",
-    "camera_pose": "nvsim.geometry.camera:look",
+    "camera_pose": "nvsim.geometry.camera:camera_pose",
     "check_graph": "nvsim.graph.findings:check_graph",
     "check_trajectories": "nvsim.r2r.metrics.submission:check_submission",
     "compare_graphs": "nvsim.graph.compare:compare",

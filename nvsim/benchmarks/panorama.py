@@ -16,7 +16,7 @@ from nvsim.mapping.config import MappingConfig
 from nvsim.mapping.corridor import Corridor, HeightAt, ahead, headings
 from nvsim.mapping.views.floor_view import pixels_read
 from nvsim.mapping.views.looking import camera_towards
-from nvsim.render.backends import Backend, chosen
+from nvsim.render.backends import Backend, resolve_backend
 from nvsim.render.model import render_model
 from nvsim.render.panorama import render_equirectangular
 from nvsim.render.scene import model_of, render_regions
@@ -90,7 +90,7 @@ def measure(
     counts = [len(model_of(scene, place).gaussians) for place in places]
     return {
         **{name: round(1e3 * float(np.median(s)), 1) for name, s in seconds.items()},
-        "backend": chosen(backend),
+        "backend": resolve_backend(backend),
         "gaussians": round(float(np.mean(counts))),
         "places": len(places),
         "view_size": MappingConfig().view_size,

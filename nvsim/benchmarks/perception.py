@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from nvsim.errors import InputError
-from nvsim.geometry.camera import Camera, Intrinsics, look
+from nvsim.geometry.camera import Camera, Intrinsics, camera_pose
 from nvsim.kernel_threads import cores
 from nvsim.networks.installed import find_model
 from nvsim.networks.preparing import Image
@@ -32,7 +32,7 @@ def measure(width: int, height: int, images: int, semantic: str, normals: str) -
     looks, faces = find_model("semantic", semantic), find_model("normals", normals)
     if looks is None or faces is None:
         raise InputError("There is no network to measure; name them with --semantic and --normals.")
-    camera = Camera(Intrinsics.from_fov(width, height, 1.1), look(np.zeros(3), 0.0))
+    camera = Camera(Intrinsics.from_fov(width, height, 1.1), camera_pose(np.zeros(3), 0.0))
     rng = np.random.default_rng(0)
     seen = [rng.integers(0, 255, (height, width, 3)).astype(np.uint8) for _ in range(min(images, _DIFFERENT) + 1)]
 

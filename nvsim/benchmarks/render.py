@@ -12,11 +12,11 @@ import numpy as np
 from numba import njit, prange
 from numpy.typing import NDArray
 
-from nvsim.geometry.camera import Camera, look
+from nvsim.geometry.camera import Camera, camera_pose
 from nvsim.render.ellipse_extent import pixel_rows
 from nvsim.render.kernel_types import TILE, Float32, Int32, Int64, Whole
 from nvsim.render.model import render_gaussians
-from nvsim.render.workspace import RenderBuffers, ready
+from nvsim.render.workspace import RenderBuffers, as_kernel_array
 from nvsim.splats.types import Gaussians
 
 _F = np.float32
@@ -85,7 +85,7 @@ def measure(gaussians: Gaussians, camera: Camera, antialiased: bool = True, roun
     gigaflops, peak_gigaflops, share multiply-adds per second of the forward raster loop, the machine's, and their ratio
     """
     g = gaussians
-    arrays = Gaussians(*(ready(a) for a in (g.means, g.log_scales, g.quats, g.opacity_logits, g.sh)))
+    arrays = Gaussians(*(as_kernel_array(a) for a in (g.means, g.log_scales, g.quats, g.opacity_logits, g.sh)))
     gradients = Gaussians(*(np.empty_like(a) for a in (g.means, g.log_scales, g.quats, g.opacity_logits, g.sh)))
     size = camera.intrinsics
     height, width = size.height, size.width
@@ -169,7 +169,7 @@ def turning(camera: Camera, count: int) -> list[Camera]:
 def _pose(turn: float) -> NDArray[np.float64]:
     ahead = np.subtract(TARGET, EYE)
     elevation = np.arctan2(ahead[2], np.hypot(ahead[0], ahead[1]))
-    return look(np.array(EYE), float(np.arctan2(ahead[0], ahead[1])) + turn, float(elevation))
+    return camera_pose(np.array(EYE), float(np.arctan2(ahead[0], ahead[1])) + turn, float(elevation))
 
 
 def _turned(camera: Camera, angle: float) -> NDArray[np.float64]:

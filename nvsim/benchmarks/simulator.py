@@ -75,9 +75,9 @@ def write_made_scan(
 
 
 def _pose(position: NDArray[np.float64], yaw: float, tilt: float) -> NDArray[np.float64]:
-    from nvsim.geometry.camera import look
+    from nvsim.geometry.camera import camera_pose
 
-    return look(position, yaw, tilt)
+    return camera_pose(position, yaw, tilt)
 
 
 def _write_skybox(folder: Path, id: str, rotation: NDArray[np.float64], side: int) -> None:

@@ -13,7 +13,7 @@ import torch
 
 from nvsim.benchmarks import simple_step
 from nvsim.benchmarks.card import name_of
-from nvsim.geometry.camera import Camera, Intrinsics, look
+from nvsim.geometry.camera import Camera, Intrinsics, camera_pose
 from nvsim.geometry.floor_surface import FloorSurface
 from nvsim.training.background.floor_paint import first_paint
 from nvsim.training.config import Device, preset
@@ -32,7 +32,9 @@ def across(width: int, height: int) -> list[TrainingView]:
         outward = np.array([np.cos(angle), np.sin(angle)])
         place = ROOM[:2] * (0.5 + 0.43 * outward)
         heading = float(np.arctan2(*-outward)) + 0.2 * (-1) ** i
-        views.append(photograph(f"{i:04d}", Camera(intrinsics, look(np.array([*place, EYE_HEIGHT]), heading, -0.1))))
+        views.append(
+            photograph(f"{i:04d}", Camera(intrinsics, camera_pose(np.array([*place, EYE_HEIGHT]), heading, -0.1)))
+        )
     return views
 
 

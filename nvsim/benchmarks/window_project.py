@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from nvsim.benchmarks.random_room import random_room
 from nvsim.capture.store import save_capture
 from nvsim.capture.types import Alignment, Capture, Cloud, Frame
-from nvsim.geometry.camera import look
+from nvsim.geometry.camera import camera_pose
 from nvsim.geometry.floor_surface import FloorSurface
 from nvsim.geometry.lens import Lens
 from nvsim.graph.types import Edge, NavGraph, Viewpoint, edge
@@ -81,7 +81,7 @@ def _walk(rooms: int) -> tuple[Capture, tuple[Submap, ...]]:
             name = f"images/{first + i:05d}.jpg"
             heading = math.atan2(-3.6 * math.sin(turn[i]), 1.6 * math.cos(turn[i]))
             frames.append(
-                Frame(name, Path("/nowhere") / name, lens, look(at, heading, -0.1), timestamp=float(first + i))
+                Frame(name, Path("/nowhere") / name, lens, camera_pose(at, heading, -0.1), timestamp=float(first + i))
             )
         core = tuple(range(first, first + FRAMES))
         submaps.append(Submap(room, core, core, positions))

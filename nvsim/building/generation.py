@@ -19,7 +19,7 @@ from nvsim.building.truth import HIGH, LOW, RESOLUTION, floor_mask, normals, tra
 from nvsim.capture.types import Cloud
 from nvsim.events import Listener, Progress, silent
 from nvsim.files import atomic
-from nvsim.geometry.camera import Camera, Intrinsics, look
+from nvsim.geometry.camera import Camera, Intrinsics, camera_pose
 from nvsim.occupancy.paths import clearance
 from nvsim.occupancy.ros import write_ros_map
 from nvsim.occupancy.storeys import NAME as STOREYS
@@ -29,7 +29,7 @@ from nvsim.occupancy.types import FREE, OccupancyMap
 TRUTH_EVERY = 10  # frames
 
 
-def readme(scene: Scene, cloud: Cloud, novel: int) -> str:
+def readme_text(scene: Scene, cloud: Cloud, novel: int) -> str:
     """The text of README.txt for a scene with `novel` novel views."""
     moved = np.linalg.norm(np.diff(scene.path[:, :2], axis=0), axis=1).sum()
     c = scene.config
@@ -94,7 +94,7 @@ def novel_cameras(scene: Scene, occupancy: OccupancyMap, rng: np.random.Generato
     cameras = []
     for i in allowed[chosen]:
         turn = np.radians(rng.uniform(*TURNED)) * rng.choice([-1.0, 1.0])
-        pose = look(np.array([*places[i], level + CAMERA_HEIGHT]), float(walk[nearest[i], 2] + turn))
+        pose = camera_pose(np.array([*places[i], level + CAMERA_HEIGHT]), float(walk[nearest[i], 2] + turn))
         cameras.append(Camera(scene.camera(0).intrinsics, np.round(pose, 9) + 0.0))
     return cameras
 
@@ -111,7 +111,7 @@ def _spread(places: NDArray[np.float64], count: int, rng: np.random.Generator) -
     return chosen
 
 
-def listing(k: Intrinsics, cameras: list[Camera]) -> str:
+def camera_list_text(k: Intrinsics, cameras: list[Camera]) -> str:
     """The text of `holdout_frames.txt`: the name and the row-major camera pose of every view."""
     lines = [
         "# novel views: name, 16 numbers of the row-major 4x4 camera-to-world (OpenCV axes: x right, y down, z forward;"
@@ -179,13 +179,13 @@ def generate(folder: Path, config: BuildingConfig, listen: Listener = silent) ->
         _write(truth / "novel" / f"{i:03d}.png", picture)
         _write(truth / "novel_floor" / f"{i:03d}.png", 255 * floor_mask(scene, view).astype(np.uint8))
         listen(Progress("building", len(scene.walk) + i + 3, total, "novel views"))
-    atomic.write_text(truth / "holdout_frames.txt", listing(scene.camera(0).intrinsics, novel))
+    atomic.write_text(truth / "holdout_frames.txt", camera_list_text(scene.camera(0).intrinsics, novel))
     _write_capture(capture, scene, cloud)
     if len(true_maps.storeys) == 1:
         write_ros_map(true_maps.storeys[0].occupancy, truth / "map.yaml")
     else:
         write_storeys(true_maps, truth)
-    atomic.write_text(truth / "README.txt", readme(scene, cloud, len(novel)))
+    atomic.write_text(truth / "README.txt", readme_text(scene, cloud, len(novel)))
     _forget_others(folder, len(scene.walk), len(novel), len(true_maps.storeys))
     atomic.write_text(finished, record)
 

@@ -27,7 +27,7 @@ def _uniform(rng: np.random.Generator, low: float, high: float) -> float:
     return float(np.round(rng.uniform(low, high) * 20) / 20)
 
 
-def outer(width: float, depth: float) -> list[Wall]:
+def outer_walls(width: float, depth: float) -> list[Wall]:
     """The four outer walls of a building of `width` x `depth` meters."""
     return [
         Wall("x", 0.0, 0.0, width, OUTER_WALL),
@@ -45,7 +45,7 @@ def _small(rng: np.random.Generator, glazed: bool, within: Rect | None) -> Plan:
     glass_from = _uniform(rng, 3.2, 3.5)
     door = Opening("y", split, _uniform(rng, 1.6, 1.9), _uniform(rng, 0.95, 1.05))
     walls = [
-        *outer(width, depth),
+        *outer_walls(width, depth),
         Wall("y", split, 0.0, glass_from, glass=glazed),
         Wall("y", split, glass_from, depth, glass=True),
     ]
@@ -84,7 +84,7 @@ def _full(rng: np.random.Generator, glazed: bool) -> Plan:
     split_r = _uniform(rng, (y1 + y2) / 2 - 0.2, (y1 + y2) / 2 + 0.2)
     xl, xr, yb, yt = x1 + corridor / 2, x2 - corridor / 2, y1 + corridor / 2, y2 - corridor / 2
     walls = [
-        *outer(width, depth),
+        *outer_walls(width, depth),
         Wall("y", x1, 0.0, depth),
         Wall("y", x2, 0.0, depth),
         Wall("x", split_l, 0.0, x1, glass=glazed),
@@ -133,7 +133,8 @@ def _full(rng: np.random.Generator, glazed: bool) -> Plan:
     low_r, high_r = (width - 0.5 * right, split_r * 0.4), (width - 0.5 * right, depth - (depth - split_r) * 0.4)
 
     def detour_across(o: Opening, line: float, sign: float, reach: float) -> list[Stop]:
-        """From the corridor at y = `line` through `o` to both ends of the room below or above, and back."""
+        """The stops of a detour into a room and back. It leaves the corridor at y = `line`, meters, through the opening
+        `o`, and visits both ends of the room, `reach` meters deep. `sign` is 1 if the room is above the corridor."""
         inside = Stop(o.centre, o.line + sign * ENTRY)
         y = o.line + sign * reach * 0.52
         a, b = x1 + (x2 - x1) * 0.28, x1 + (x2 - x1) * 0.72
@@ -218,7 +219,7 @@ def make_halls(area: float, rng: np.random.Generator, glazed: bool = False) -> P
         _Street(cross, _on_raster(width - cross), *(_on_raster((k + s) * across) for s in (0, 0.5, 1)))
         for k in range(count)
     ]
-    rooms, walls, openings = [], outer(width, depth), []
+    rooms, walls, openings = [], outer_walls(width, depth), []
     shops: list[list[tuple[Opening, Rect]]] = []
     for k, street in enumerate(streets):
         for row, (front, back) in enumerate(zip(street.fronts, (street.low, street.high))):

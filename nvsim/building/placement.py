@@ -199,7 +199,7 @@ def _platform(rng: np.random.Generator) -> Piece:
 
 
 def _glass_screen(rng: np.random.Generator) -> Piece:
-    """A pane on two feet, which are too low to count as obstacles in a scan."""
+    """A pane on two feet, which are too low to count as obstacles in a LiDAR scan."""
     w = float(rng.uniform(1.2, 1.6))
     metal = Paint("plain", (0.38, 0.39, 0.41))
     feet = [_block(x, 0, 0, x + 0.08, 0.4, 0.04, metal) for x in (0.1, w - 0.18)]

@@ -229,7 +229,7 @@ class Storey:
     floor: float
 
 
-def turned(plans: tuple[Plan, ...], rng: np.random.Generator) -> tuple[Plan, ...]:
+def turn_randomly(plans: tuple[Plan, ...], rng: np.random.Generator) -> tuple[Plan, ...]:
     """The plans in one of the eight mirror images and quarter turns, an equal one for all plans."""
     flips = rng.integers(0, 2, 3)
     if flips[0]:

@@ -14,8 +14,8 @@ from nvsim.building.plan import HEIGHT, INNER_WALL, Flight, Plan, Rect, Storey
 from nvsim.building.raycast import Solids, make_solids, trace
 from nvsim.building.solids import TOP, Box, Color, Paint, raised, wall_boxes
 from nvsim.building.stacking import make_storeys
-from nvsim.building.walk import climbed, frames, path
-from nvsim.geometry.camera import Camera, Intrinsics, look
+from nvsim.building.walk import frames, path, with_floor_heights
+from nvsim.geometry.camera import Camera, Intrinsics, camera_pose
 
 _RISER = Paint("plain", (0.74, 0.72, 0.68))
 _TREADS = Paint("wood", (0.50, 0.36, 0.24)), Paint("wood", (0.58, 0.43, 0.29))
@@ -75,7 +75,7 @@ def place_people(walk: NDArray[np.float64], solids: Solids, rng: np.random.Gener
             angle, distance = heading + rng.uniform(-0.35, 0.35), rng.uniform(1.8, 4.0)
             px, py = round(x + distance * np.sin(angle), 3), round(y + distance * np.cos(angle), 3)
             if _stands_free(px, py, walk[first : last + 1], solids):
-                people.append(dressed(px, py, floor, first, last, rng))
+                people.append(make_person(px, py, floor, first, last, rng))
                 break
     return tuple(people)
 
@@ -96,7 +96,7 @@ def _stands_free(px: float, py: float, views: NDArray[np.float64], solids: Solid
     return bool(min(t, glass) > distance)
 
 
-def dressed(x: float, y: float, floor: float, first: int, last: int, rng: np.random.Generator) -> Person:
+def make_person(x: float, y: float, floor: float, first: int, last: int, rng: np.random.Generator) -> Person:
     """A person who stands at (x, y) meters on a floor at height `floor`, in random clothes."""
     tall = rng.uniform(0.94, 1.06)
     side = rng.uniform(0, np.pi)
@@ -175,7 +175,7 @@ class Scene:
         intrinsics = Intrinsics.from_fov(c.width, c.height, np.radians(c.horizontal_fov))
         focal = round(intrinsics.fx, 4)
         x, y, heading, floor, elevation = self.walk[frame]
-        pose = np.round(look(np.array([x, y, floor + CAMERA_HEIGHT]), heading, elevation), 9) + 0.0
+        pose = np.round(camera_pose(np.array([x, y, floor + CAMERA_HEIGHT]), heading, elevation), 9) + 0.0
         return Camera(Intrinsics(c.width, c.height, focal, focal, c.width / 2, c.height / 2), pose)
 
     def present(self, frame: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
@@ -196,7 +196,7 @@ def make_scene(config: BuildingConfig) -> Scene:
     """Makes the plans, trajectory, furniture, and people; deterministic in the configuration."""
     storeys = make_storeys(config, _stream(config, 0), _stream(config, 0, 1))
     flight = storeys[0].plan.flight
-    dense = climbed(path(tuple(stop for s in storeys for stop in s.plan.stops)), flight)
+    dense = with_floor_heights(path(tuple(stop for s in storeys for stop in s.plan.stops)), flight)
     walk = frames(dense, config.step, np.radians(config.turn))
     boxes: list[Box] = []
     shaft: Paint | None = None

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 from nvsim.building.config import BuildingConfig
-from nvsim.building.layouts import ENTRY, make_halls, make_plan, outer
+from nvsim.building.layouts import ENTRY, make_halls, make_plan, outer_walls
 from nvsim.building.plan import (
     HEIGHT,
     INNER_WALL,
@@ -22,7 +22,7 @@ from nvsim.building.plan import (
     Stop,
     Storey,
     Wall,
-    turned,
+    turn_randomly,
 )
 
 _STRIP = 1.4  # meters from the middle of its inner wall to that of the outer one
@@ -35,13 +35,14 @@ def make_storeys(config: BuildingConfig, rng: np.random.Generator, upper: np.ran
     """The storeys, the lowest first; `rng` decides the lowest one and the outer walls, `upper` the storey above it."""
     glazed = config.style == "glass"
     if config.size == "halls":
-        return (Storey(turned((make_halls(config.area, rng, glazed),), rng)[0], 0.0),)
+        return (Storey(turn_randomly((make_halls(config.area, rng, glazed),), rng)[0], 0.0),)
     if config.storeys == 1:
-        return (Storey(turned((make_plan(config.size, rng, glazed),), rng)[0], 0.0),)
+        return (Storey(turn_randomly((make_plan(config.size, rng, glazed),), rng)[0], 0.0),)
     below = make_plan(config.size, rng, glazed)
     above = _refurnished(below, upper) if config.size == "full" else make_plan("small", upper, glazed, below.extent)
     return tuple(
-        Storey(plan, k * (HEIGHT + SLAB)) for k, plan in enumerate(turned(_joined(config.size, below, above), rng))
+        Storey(plan, k * (HEIGHT + SLAB))
+        for k, plan in enumerate(turn_randomly(_joined(config.size, below, above), rng))
     )
 
 
@@ -83,7 +84,7 @@ def _with_strip(
     width, depth = plan.extent.x1, plan.extent.y1
     beyond = round(depth + _STRIP, 2)
     across = [Wall("y", x, depth, beyond) for x in closed if 0.2 < x < width - 0.2]
-    walls = (*outer(width, beyond), Wall("x", depth, 0.0, width), *plan.walls[4:], *across)
+    walls = (*outer_walls(width, beyond), Wall("x", depth, 0.0, width), *plan.walls[4:], *across)
     rooms = [*plan.rooms, Room("stairs", "stairs", "tiles", (Rect(room[0], depth, room[1], beyond),))]
     x0, _, x1, _ = flight.rect.corners
     if room[1] <= x0:

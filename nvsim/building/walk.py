@@ -73,7 +73,7 @@ def _bend(
     return np.column_stack([xy, angles])
 
 
-def climbed(dense: NDArray[np.float64], flight: Flight | None) -> NDArray[np.float64]:
+def with_floor_heights(dense: NDArray[np.float64], flight: Flight | None) -> NDArray[np.float64]:
     """(N, 5) a path (N, 3) with the height of the floor under it, meters, and the elevation of the camera, radians. The
     path begins on the lowest floor and changes storeys on the flight. On the way down the camera looks down."""
     floor, elevation = np.zeros(len(dense)), np.zeros(len(dense))

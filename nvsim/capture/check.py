@@ -65,7 +65,7 @@ def check_blank(frames: Sequence[RawFrame], blank: Sequence[RawFrame], findings:
 
 
 def check_enough_frames(capture: Capture, findings: Findings) -> None:
-    """Add an error for fewer than four frames, or a warning if the capture has surfaces from a scan or depth images."""
+    """Add an error for fewer than four frames, or a warning if a LiDAR scan or depth images show surfaces."""
     count, place = len(capture.frames), capture.source.name
     if count >= FEWEST:
         return
@@ -76,12 +76,12 @@ def check_enough_frames(capture: Capture, findings: Findings) -> None:
         findings.error(
             message,
             place,
-            f"these are too few to estimate depth; at least {FEWEST} overlapping frames or a scan are needed",
+            f"these are too few to estimate depth; at least {FEWEST} overlapping frames or a LiDAR scan are needed",
         )
 
 
 def check_several_places(capture: Capture, findings: Findings) -> None:
-    """Add an error if all cameras are at one place, or a warning if a scan or depth images provide surfaces."""
+    """Add an error if all cameras are at one place, or a warning if a LiDAR scan or depth images provide surfaces."""
     positions = capture.positions
     if len(positions) < 2:
         return
@@ -101,7 +101,7 @@ def check_several_places(capture: Capture, findings: Findings) -> None:
         findings.warning(message, place, "trained models show the scene from that place only")
     else:
         findings.error(
-            message, place, "images without parallax give no depth; move the camera between images, or add a scan"
+            message, place, "images without parallax give no depth; move the camera between images, or add a LiDAR scan"
         )
 
 

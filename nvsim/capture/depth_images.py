@@ -19,7 +19,7 @@ from nvsim.files.images import decoded, is_cut_off
 from nvsim.files.opening import read_bytes
 from nvsim.files.stored_arrays import array_of
 from nvsim.geometry.camera import Camera
-from nvsim.geometry.sampling import spread
+from nvsim.geometry.sampling import evenly_spaced
 
 Float32 = NDArray[np.float32]
 ARRAY, FLOAT_IMAGES = ".npy", (".tif", ".tiff")
@@ -75,7 +75,7 @@ def with_unit_of_floats(depths: Sequence[DepthFile]) -> list[DepthFile]:
     median depth within 0.1 m of the camera, the values are meters."""
     floats = [d for d in depths if d.path.suffix.lower() in (ARRAY, *FLOAT_IMAGES)]
     medians = []
-    for depth in (floats[i] for i in spread(len(floats), 5)):
+    for depth in (floats[i] for i in evenly_spaced(len(floats), 5)):
         try:
             values = _values(depth)
         except InputError:
@@ -231,7 +231,7 @@ def depth_points(depths: Sequence[DepthFile]) -> NDArray[np.float64]:
     """(N, 3) float64 points of a sample of the depth images, in the unit and frame of their poses. The sample is large
     enough to find the floor. Depth images that cannot be read are skipped."""
     found = [np.zeros((0, 3))]
-    for depth in (depths[i] for i in spread(len(depths), _SAMPLED)):
+    for depth in (depths[i] for i in evenly_spaced(len(depths), _SAMPLED)):
         side = max(depth.lens.width, depth.lens.height)
         camera = Camera(depth.lens.pinhole.within(min(side, 160)), depth.camera_to_world)
         try:

@@ -36,11 +36,11 @@ _ALL_AROUND = frozenset({".insv", ".360"})
 _MOST_FILES = 100_000  # files that are counted
 
 
-def seen_in(path: Path) -> str:
+def describe_content(path: Path) -> str:
     """A sentence about the actual content of `path`, which is not a capture; "" if the content is unknown."""
     if not path.is_dir():
         return _video(path) if path.suffix.lower() in _VIDEO_ENDINGS else ""
-    if sentence := export_in(path):
+    if sentence := describe_export(path):
         return sentence
     lists = sorted(p.name for p in path.glob(f"*{SUFFIX}"))
     if lists:
@@ -66,7 +66,7 @@ def _video(path: Path) -> str:
     )
 
 
-def export_in(folder: Path) -> str:
+def describe_export(folder: Path) -> str:
     """A sentence about the export of another program in `folder`; "" if there is none."""
     for inside, what, convert in _OTHER_PROGRAMS:
         if (folder / inside).exists():
@@ -146,7 +146,7 @@ def names() -> str:
     return _listed([format.name for format in FORMATS])
 
 
-def words() -> str:
+def formats_in_words() -> str:
     """The formats for a sentence: "a ..., a ... or a ..."."""
     return _listed([format.words for format in FORMATS])
 
@@ -161,7 +161,7 @@ def resembles_capture(path: Path) -> bool:
     of files are checked."""
     if not path.is_dir():
         return is_capture(path)
-    if export_in(path):
+    if describe_export(path):
         return True
     level = [path]
     for depth in range(_DEEPEST + 1):
@@ -188,7 +188,7 @@ def read_raw(path: Path, findings: Findings, model: str = "") -> RawCapture:
     if not exists:
         raise InputError(f"{shown(path)} does not exist; check the path.")
     if is_empty:
-        raise InputError(f"{shown(path)} is an empty folder; a capture is {words()}.")
+        raise InputError(f"{shown(path)} is an empty folder; a capture is {formats_in_words()}.")
     with reading(path, "a capture"):
         place = _capture_in(resolved, findings)
         raw = _settled(_read(model_named(place, model) if model else place, findings), findings)
@@ -254,11 +254,11 @@ def _unknown(path: Path) -> InputError:
         for format in FORMATS:
             if sentence := format.lacks(place):
                 return InputError(sentence)
-    if sentence := seen_in(path):
-        return InputError(f"{sentence} A capture is {words()}.")
+    if sentence := describe_content(path):
+        return InputError(f"{sentence} A capture is {formats_in_words()}.")
     if path.is_dir():
-        return InputError(f"{shown(path)} holds no capture; a capture is {words()}.")
-    return InputError(f"{shown(path)} is not a capture; name the folder of {words()}.")
+        return InputError(f"{shown(path)} holds no capture; a capture is {formats_in_words()}.")
+    return InputError(f"{shown(path)} is not a capture; name the folder of {formats_in_words()}.")
 
 
 def _settled(raw: RawCapture, findings: Findings) -> RawCapture:

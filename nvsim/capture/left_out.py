@@ -62,7 +62,7 @@ def names_in(text: str, frames: frozenset[str]) -> frozenset[str]:
     return frozenset(found)
 
 
-def without(raw: RawCapture, leave_out: str, findings: Findings) -> RawCapture:
+def without_frames(raw: RawCapture, leave_out: str, findings: Findings) -> RawCapture:
     """`raw` without the frames that `leave_out` names, and `findings` without the findings about them.
 
     Raises InputError if a listed name is not a frame."""

@@ -38,7 +38,7 @@ def write_list(captures: Sequence[Path], path: Path) -> None:
     atomic.write_bytes(path, b"".join(os.fsencode(f"{line}\n") for line in lines))
 
 
-def listed(path: Path) -> list[Path]:
+def listed_captures(path: Path) -> list[Path]:
     """The captures that the file lists. Relative paths start at its folder; text after # is a comment.
 
     Raises InputError if the file cannot be read, lists no capture, too many, one of them twice, or another list."""
@@ -74,7 +74,7 @@ def read_several(path: Path, read: Callable[[Path, Findings], RawCapture], findi
     """The captures of the list as one capture; `read` reads one of them.
 
     Raises InputError if a capture cannot be read, or if the captures have different units."""
-    sources = listed(path)
+    sources = listed_captures(path)
     raws = [read(source, findings) for source in sources]
     if {True, False} <= {raw.metric for raw in raws}:  # None adopts the unit of the others, as they share one world
         units = ", ".join(f"{raw.source.name}: {'meters' if raw.metric else 'unknown'}" for raw in raws)

@@ -20,12 +20,12 @@ from nvsim.capture.findings import IMAGE_AMBIGUOUS, IMAGE_MISSING, Findings
 from nvsim.capture.formats import read_raw
 from nvsim.capture.image_folder import find_moved_images, resolve_images_in
 from nvsim.capture.images import image_header, is_turned
-from nvsim.capture.left_out import without
+from nvsim.capture.left_out import without_frames
 from nvsim.capture.masks import with_masks_beside
 from nvsim.capture.raw import FAR, LOST_FRAME, RawCapture, RawFrame, file_size
 from nvsim.capture.types import Alignment, Capture, Cloud
 from nvsim.errors import shown
-from nvsim.files.placeholders import absence
+from nvsim.files.placeholders import why_missing
 from nvsim.geometry.lens import Lens
 
 _ROUND = 100.0  # source units; the origin is a multiple
@@ -195,7 +195,7 @@ def read_usable(path: Path, leave_out: str, images: str, findings: Findings, mod
 
     Frames named in `leave_out` are removed, moved files are found, lenses are fitted to the sizes of their images, and
     a far origin is subtracted. Raises InputError if nothing can be read."""
-    raw = resolve_images_in(without(read_raw(path, findings, model), leave_out, findings), images)
+    raw = resolve_images_in(without_frames(read_raw(path, findings, model), leave_out, findings), images)
     raw = with_masks_beside(find_moved_images(raw, findings))
     raw = fit_lenses(raw, findings)
     return subtract_origin(raw, findings)
@@ -208,7 +208,7 @@ def report_absent_image(frame: RawFrame, findings: Findings) -> bool:
         folders = ", ".join(shown(folder) for folder in frame.choices[:4])
         findings.error(IMAGE_AMBIGUOUS, frame.where, f"{LOST_FRAME}; found in {folders}")
     elif size is None:
-        why = absence(frame.image_path)
+        why = why_missing(frame.image_path)
         looked = f"{LOST_FRAME}; looked for {shown(frame.image_path)}" + (f", which {why}" if why else "")
         below = f", and for its name below {shown(frame.root)}" if frame.root is not None else ""
         findings.error(IMAGE_MISSING, frame.where, f"{looked}{below}; --images FOLDER names another place")

@@ -74,7 +74,7 @@ def _number(info: tyro.constructors.PrimitiveTypeInfo) -> tyro.constructors.Prim
 def parse(command: type[Command], argv: list[str], verb: str) -> Any:
     """Parses `argv` into the command. Prints the help if `argv` asks for it, and exits with code 0. Prints usage and
     exits with code 2 on a wrong option."""
-    if asked := help.wanted(argv):
+    if asked := help.requested_help(argv):
         say(*help.lines(command, verb, argv, everything=asked == "all"))
         sys.exit(0)
     text = (command.__doc__ or "").split("\n\n")[0]

@@ -5,7 +5,7 @@ from __future__ import annotations
 import sys
 from collections.abc import Sequence
 
-from nvsim.cli.console import paused
+from nvsim.cli.console import without_progress_bars
 from nvsim.cli.terminal import say
 from nvsim.endpoint.budget import Prices, RequestEstimate
 from nvsim.endpoint.options import Endpoint
@@ -17,7 +17,7 @@ def agree(asked: Sequence[tuple[Endpoint, RequestEstimate, Prices]], notes: Sequ
     all answers are stored. Returns whether requests may be sent. Raises InputError if the user declines, or if there is
     no terminal to ask on.
     """
-    with paused():
+    with without_progress_bars():
         return _agreed(asked, notes, yes)
 
 

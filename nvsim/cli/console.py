@@ -9,11 +9,11 @@ from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
 
-from nvsim.cli.terminal import as_json, bare, guard_streams, say
+from nvsim.cli.terminal import as_json, guard_streams, say, unguarded_stream
 from nvsim.events import Done, Event, Failed, Listener, Log, Metric, Preview, Progress, Warning, to_json
 from nvsim.plain_text import printable
 
-_heard_by: Listener | None = None
+_redirected_to: Listener | None = None
 _verb = ""  # the running command
 _arguments: tuple[str, ...] = ()  # its arguments
 _stage = ""  # the stage of the last event
@@ -21,14 +21,14 @@ _terminal: _Terminal | None = None  # the progress display on the screen
 
 
 @contextmanager
-def heard_by(listen: Listener) -> Iterator[None]:
+def redirect_events(listen: Listener) -> Iterator[None]:
     """In the block, sends the events of each command of this process to `listen` instead of a terminal or pipe."""
-    global _heard_by
-    _heard_by = listen
+    global _redirected_to
+    _redirected_to = listen
     try:
         yield
     finally:
-        _heard_by = None
+        _redirected_to = None
 
 
 def advise(verb: str, arguments: Sequence[str] = ()) -> None:
@@ -43,11 +43,11 @@ def command() -> tuple[str, tuple[str, ...]] | None:
 
 
 def forwards_events() -> bool:
-    """Whether the events of this process go to another listener, see `heard_by`."""
-    return _heard_by is not None
+    """Whether the events of this process go to another listener, see `redirect_events`."""
+    return _redirected_to is not None
 
 
-def in_words(text: str, stage: str = "") -> str:
+def with_command_options(text: str, stage: str = "") -> str:
     """A message with options renamed for the running command. `stage`: its stage, by default that of the last event."""
     if not _verb or "--" not in text:
         return text
@@ -61,16 +61,16 @@ def _advising(listen: Listener) -> Listener:
         global _stage
         _stage = event.stage or _stage
         if isinstance(event, Log | Warning):
-            event = replace(event, text=in_words(event.text, event.stage))
+            event = replace(event, text=with_command_options(event.text, event.stage))
         elif isinstance(event, Done):
-            event = replace(event, summary=in_words(event.summary, event.stage))
+            event = replace(event, summary=with_command_options(event.summary, event.stage))
         listen(event)
 
     return hear
 
 
 @contextmanager
-def listening(in_json: bool) -> Iterator[Listener]:
+def event_listener(in_json: bool) -> Iterator[Listener]:
     """Yields a listener for the duration of a command."""
     with _heard(in_json) as listen:
         yield _advising(listen)
@@ -78,8 +78,8 @@ def listening(in_json: bool) -> Iterator[Listener]:
 
 @contextmanager
 def _heard(in_json: bool) -> Iterator[Listener]:
-    if _heard_by is not None:
-        yield _heard_by
+    if _redirected_to is not None:
+        yield _redirected_to
     elif in_json:
         yield _print_json
     elif sys.stderr.isatty():
@@ -95,7 +95,7 @@ def _heard(in_json: bool) -> Iterator[Listener]:
 
 
 @contextmanager
-def paused() -> Iterator[None]:
+def without_progress_bars() -> Iterator[None]:
     """Removes the progress bars from the screen during a question, because they would hold back unfinished lines."""
     if _terminal is None:
         yield
@@ -109,8 +109,8 @@ def paused() -> Iterator[None]:
 
 def tell_failure(event: Failed, in_json: bool) -> None:
     """Reports the failure of a command to a listening program."""
-    if _heard_by is not None:
-        _heard_by(event)
+    if _redirected_to is not None:
+        _redirected_to(event)
     elif in_json:
         _print_json(event)
 
@@ -163,7 +163,7 @@ class _Terminal:
             TimeRemainingColumn(),
             TextColumn("{task.fields[psnr]}"),
             TextColumn("{task.description}", style="dim", markup=False),
-            console=Console(file=bare(sys.stderr)),
+            console=Console(file=unguarded_stream(sys.stderr)),
         )
         self._tasks: dict[str, tuple] = {}
 

@@ -74,13 +74,15 @@ def sources(
         map = read_map(occupancy, heights)
         terminal.notes(map.notes)
     if is_project(path):
-        from nvsim.mapping.explanation.explain import margin
+        from nvsim.mapping.explanation.explain import smallest_margin
         from nvsim.project.graph import context_of, thresholds_of
         from nvsim.project.project import Project
 
         with Project.open(path) as project:
             context = context_of(project, limits, map)
-            yield Source(path, project.scan_name, project.need_graph(), context, margin(thresholds_of(project)))
+            yield Source(
+                path, project.scan_name, project.need_graph(), context, smallest_margin(thresholds_of(project))
+            )
         return
     from nvsim.graph.foreign import ForeignFile, connectivity_files
 
@@ -125,7 +127,7 @@ class GraphTarget:
         for `evidence`."""
         margin = None
         if self.is_project:
-            from nvsim.mapping.explanation.explain import margin as of_thresholds
+            from nvsim.mapping.explanation.explain import smallest_margin as of_thresholds
             from nvsim.project.graph import thresholds_of
             from nvsim.project.project import Project
 

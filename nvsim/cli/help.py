@@ -17,7 +17,7 @@ _COLUMN = 30  # characters from the left edge to the text of an option
 _NAMES = {int: "INT", float: "FLOAT", str: "TEXT", Path: "PATH"}
 
 
-def wanted(argv: Sequence[str]) -> Literal["common", "all"] | None:
+def requested_help(argv: Sequence[str]) -> Literal["common", "all"] | None:
     """The help that `argv` asks for. Words after `--` belong to another program."""
     own = argv[: argv.index("--")] if "--" in argv else argv
     if "--help-all" in own:
@@ -74,7 +74,7 @@ def _all_groups(flags: list[Option]) -> list[tuple[str, list[Option]]]:
 
 
 def _rows(group: list[Option], width: int) -> list[str]:
-    return [line for option in group for line in _row(invocation(option), about(option), width)]
+    return [line for option in group for line in _row(invocation(option), option_help(option), width)]
 
 
 def _row(name: str, meaning: str, width: int) -> list[str]:
@@ -109,7 +109,7 @@ def _metavar(hint: Any) -> str:
     return _NAMES.get(hint, "VALUE")
 
 
-def about(option: Option) -> str:
+def option_help(option: Option) -> str:
     """The meaning of an option, with its default."""
     if option.default is True and option.hint is bool:
         return WITHOUT.get(option.owner, option.help)

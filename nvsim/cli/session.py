@@ -25,7 +25,7 @@ def working(path: Path, verb: str, as_json: bool, create: bool = False) -> Itera
     from nvsim.project.project import Project
 
     project = Project.create_or_open(path) if create else Project.open(path, writable=True)
-    with project, console.listening(as_json) as listen, _recorded(project, verb, listen) as hear:
+    with project, console.event_listener(as_json) as listen, _recorded(project, verb, listen) as hear:
         try:
             _refuse_without_images(project, verb)
             yield project, hear

@@ -50,7 +50,7 @@ def guarded_stream(stream: TextIO) -> Any:
     return stream if isinstance(stream, _Guarded) or stream is None else _Guarded(stream)
 
 
-def bare(stream: Any) -> Any:
+def unguarded_stream(stream: Any) -> Any:
     """The stream behind a guard. It is for a library that moves the cursor with control characters and receives no
     control characters from outside."""
     return stream.behind if isinstance(stream, _Guarded) else stream
@@ -62,7 +62,7 @@ def unguarded_streams(words: Iterable[str]) -> Iterator[None]:
     `words` contain control characters."""
     former = sys.stdout, sys.stderr
     if all(word.isprintable() for word in words):
-        sys.stdout, sys.stderr = bare(sys.stdout), bare(sys.stderr)
+        sys.stdout, sys.stderr = unguarded_stream(sys.stdout), unguarded_stream(sys.stderr)
     try:
         yield
     finally:
@@ -126,7 +126,7 @@ def table(head: Sequence[str], rows: Sequence[Sequence[object]], title: str = ""
     grid = Table(*head, title=Text(printable(title), "table.title") if title else None, title_justify="left")
     for row in rows:
         grid.add_row(*(Text(printable(_text(v))) for v in row))
-    Console(file=bare(sys.stdout)).print(grid)
+    Console(file=unguarded_stream(sys.stdout)).print(grid)
 
 
 def _text(value: object) -> str:

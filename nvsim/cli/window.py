@@ -32,7 +32,7 @@ def command(project: Path) -> str:
     return f"nvsim app --project {shlex.quote(str(project))}"
 
 
-def offer(project: Path, wanted: bool) -> int:
+def open_if_wanted(project: Path, wanted: bool) -> int:
     """Opens the window if it is possible and wanted; returns its exit code, else 0."""
     return open_window([f"--project={project}"]) if wanted and has_display() and installed() else 0
 

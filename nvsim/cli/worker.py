@@ -129,7 +129,7 @@ def main(arguments: list[str]) -> int:
 
 def _run(jobs: JobList, job: Job) -> tuple[int, str]:
     """Runs the job; returns the exit code, and one sentence about its end."""
-    from nvsim.cli.console import heard_by
+    from nvsim.cli.console import redirect_events
     from nvsim.cli.main import main as command
 
     try:
@@ -143,7 +143,7 @@ def _run(jobs: JobList, job: Job) -> tuple[int, str]:
         if job.order.folder:
             os.chdir(job.order.folder)
         check_order(jobs.root, job.order.verb, job.order.arguments)
-        with heard_by(hear):
+        with redirect_events(hear):
             code = command([*job.order.verb.split(), *job.order.arguments])
     except InputError as error:
         code = 2

@@ -11,7 +11,7 @@ from nvsim.cluster.piece import Executor
 
 
 @contextlib.contextmanager
-def opened(config: ClusterConfig) -> Iterator[Executor]:
+def open_executor(config: ClusterConfig) -> Iterator[Executor]:
     """The executor of the options, until the block ends. Ray is imported only if it is selected.
 
     Raises InputError if Ray is selected and not installed, or if no cluster answers.
@@ -19,8 +19,8 @@ def opened(config: ClusterConfig) -> Iterator[Executor]:
     if config.executor == "local":
         yield LocalPool()
         return
-    from nvsim.cluster.connecting import connected
+    from nvsim.cluster.connecting import connect_to_cluster
     from nvsim.cluster.ray_pool import RayPool
 
-    with connected(config.address) as ray:
+    with connect_to_cluster(config.address) as ray:
         yield RayPool(ray)

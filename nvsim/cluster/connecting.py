@@ -23,7 +23,7 @@ _LIMIT = (
 
 
 @contextlib.contextmanager
-def connected(address: str) -> Iterator[ModuleType]:
+def connect_to_cluster(address: str) -> Iterator[ModuleType]:
     """The module `ray`, connected to the cluster at `address` ("auto" or HOST:PORT) until the block ends. Raises
     InputError if Ray is not installed, or the cluster does not answer or refuses the connection."""
     host, port = _parsed(address)

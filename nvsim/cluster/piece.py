@@ -129,9 +129,9 @@ def threads_each(machines: Sequence[int], pieces: int) -> int:
     finish sooner than one after the other."""
     most = max(machines, default=1)
     wanted = min(max(1, pieces), sum(machines))
-    return next((t for t in range(most, 0, -1) if places(machines, t) >= wanted), 1)
+    return next((t for t in range(most, 0, -1) if pieces_at_once(machines, t) >= wanted), 1)
 
 
-def places(machines: Sequence[int], threads: int) -> int:
+def pieces_at_once(machines: Sequence[int], threads: int) -> int:
     """The number of pieces with `threads` threads that can run at once."""
     return sum(cores // threads for cores in machines)

@@ -17,7 +17,7 @@ from types import ModuleType
 from typing import Any
 
 from nvsim.cluster import ray_task
-from nvsim.cluster.piece import Finished, Message, MessageStream, Order, Piece, StorageNotShared, places
+from nvsim.cluster.piece import Finished, Message, MessageStream, Order, Piece, StorageNotShared, pieces_at_once
 from nvsim.cluster.versions import versions
 from nvsim.errors import InputError
 from nvsim.events import Log, Progress, Warning, Worker
@@ -221,7 +221,7 @@ class RayPool:
 
     def _room(self, pieces: Sequence[Piece]) -> int:
         """The number of tasks to submit at once: all that have room, and a few that wait."""
-        return max(1, places(self.machines, max(p.cores for p in pieces))) + _AHEAD
+        return max(1, pieces_at_once(self.machines, max(p.cores for p in pieces))) + _AHEAD
 
     def _why_idle(self, attempt: Attempt) -> str:
         cores, gigabytes = attempt.piece.cores, attempt.bytes / 1e9

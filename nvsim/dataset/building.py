@@ -36,7 +36,7 @@ from nvsim.files.reading import reading
 from nvsim.graph.connectivity import read_connectivity
 from nvsim.project.project import Project
 from nvsim.r2r.agents.baselines import Name as BaselineName
-from nvsim.r2r.features.layouts import LAYOUTS, lacking
+from nvsim.r2r.features.layouts import LAYOUTS, missing_package_error
 from nvsim.r2r.features.layouts import Name as LayoutName
 from nvsim.r2r.observations.export import Prepared
 from nvsim.r2r.observations.layout import ScanPlaces, ScanSettings
@@ -109,7 +109,7 @@ def prepared(projects: Sequence[Path], out: Path, options: DatasetOptions) -> It
     """
     _refuse_foreign(out)
     for layout in options.all_layouts:
-        if sentence := lacking(LAYOUTS[layout]):
+        if sentence := missing_package_error(LAYOUTS[layout]):
             raise InputError(sentence)
     check_agents(options.agents, options.vocabulary, options.tasks.instructions)
     check_options(options.tasks)

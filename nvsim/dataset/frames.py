@@ -18,7 +18,7 @@ from nvsim.errors import InputError
 from nvsim.events import Listener, Progress
 from nvsim.files import atomic
 from nvsim.files.opening import read_json
-from nvsim.geometry.camera import Camera, Intrinsics, look
+from nvsim.geometry.camera import Camera, Intrinsics, camera_pose
 from nvsim.r2r.episodes.episode import Episode, video_name
 from nvsim.r2r.observations.drawing import Source
 from nvsim.r2r.observations.layout import jpeg
@@ -62,7 +62,7 @@ def _draw(source: Source, episode: Episode, folder: Path) -> None:
         return
     intrinsics = Intrinsics.from_fov(WIDTH, HEIGHT, HFOV)
     for i, (place, heading, floor) in enumerate(zip(walk.places, walk.headings, episode.floors, strict=True)):
-        camera = Camera(intrinsics, look(np.array([*place, floor + CAMERA_HEIGHT]), float(heading), 0.0))
+        camera = Camera(intrinsics, camera_pose(np.array([*place, floor + CAMERA_HEIGHT]), float(heading), 0.0))
         # Drawn as one view. The narrow views of a skybox would take five times as long at each new position.
         view = render_model(source.scene.model_at(camera.position)[1], camera, frozenset({"rgb"}))
         assert view.rgb is not None

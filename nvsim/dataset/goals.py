@@ -23,7 +23,7 @@ from numpy.typing import NDArray
 from nvsim.files import atomic
 from nvsim.graph.paths import Ways
 from nvsim.graph.types import NavGraph
-from nvsim.r2r.episodes.episode import in_habitat, rotation_of, scene_id, zipped
+from nvsim.r2r.episodes.episode import gzip_bytes, in_habitat, rotation_of, scene_id
 from nvsim.r2r.episodes.targets import HEIGHT, HFOV, WIDTH, Targets, box_in, camera_at
 from nvsim.r2r.instructions.phrases import plain_name
 from nvsim.r2r.surroundings.naming import Shape
@@ -80,7 +80,7 @@ def write_goals(splits: Mapping[str, Sequence[Task]], scenes: Mapping[str, GoalS
         data["instance_imagenav"] = images_of(tasks, scenes)
         for name, content in data.items():
             written.append(folder / name / split / f"{split}.json.gz")
-            atomic.write_bytes(written[-1], zipped(content))
+            atomic.write_bytes(written[-1], gzip_bytes(content))
         written.append(folder / "reverie" / f"REVERIE_{split}.json")
         atomic.write_text(written[-1], json.dumps(list(remote_objects(tasks, scenes)), indent=1) + "\n")
     boxes, single = boxes_of(scenes), folder / "reverie" / "BBox"

@@ -30,7 +30,7 @@ from numpy.typing import NDArray
 from nvsim.events import Listener, Progress
 from nvsim.files import atomic
 from nvsim.graph.types import NavGraph
-from nvsim.r2r.episodes.episode import Episode, instruction_id, placed, truth, zipped
+from nvsim.r2r.episodes.episode import Episode, ground_truth_actions, gzip_bytes, instruction_id, placed
 from nvsim.r2r.instructions.generating import InstructedDataset
 from nvsim.r2r.instructions.ground import wrapped
 from nvsim.r2r.tasks.task import Task
@@ -232,9 +232,12 @@ def write_rxr(
         }
         place = folder / "RxR_VLNCE_v0" / split
         items = [_episode(one, words[id]) for id, one in ids.items()]
-        for name, data in (("guide", {"episodes": items}), ("guide_gt", {str(id): truth(ids[id]) for id in ids})):
+        for name, data in (
+            ("guide", {"episodes": items}),
+            ("guide_gt", {str(id): ground_truth_actions(ids[id]) for id in ids}),
+        ):
             written.append(place / f"{split}_{name}.json.gz")
-            atomic.write_bytes(written[-1], zipped(data))
+            atomic.write_bytes(written[-1], gzip_bytes(data))
     return written
 
 

@@ -73,7 +73,7 @@ class Agreed:
     through: NDArray[np.uint8]
 
 
-def agreed(
+def compare_depth_maps(
     found: Float32,
     weight: Float32,
     others: list[tuple[Float32, Float32, Warp]],

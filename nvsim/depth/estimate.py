@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from nvsim.capture.depth_images import inverse_depth
 from nvsim.capture.types import Capture
-from nvsim.depth.agreement import Agreed, agreed
+from nvsim.depth.agreement import Agreed, compare_depth_maps
 from nvsim.depth.config import DepthConfig
 from nvsim.depth.files import (
     confidence_path,
@@ -37,7 +37,7 @@ from nvsim.depth.refinement import refine, smooth_depth
 from nvsim.depth.smoothing import smooth, winner
 from nvsim.depth.sweep import sweep
 from nvsim.depth.view import Views, Warp, neighbours
-from nvsim.depth.visibility import Carver, Rest
+from nvsim.depth.visibility import Carver, DepthCheck
 from nvsim.events import Listener, Progress, silent
 from nvsim.files.atomic import make_folder
 from nvsim.geometry.camera import Camera
@@ -128,7 +128,7 @@ class FramesInPhases:
 
     def __init__(self, capture: Capture, folder: Path, config: DepthConfig, planes: Sequence[Plane] = ()) -> None:
         self._folder, self._config, self.planes = folder, config, list(planes)
-        self.rest: Rest | None = None
+        self.rest: DepthCheck | None = None
         self.views = Views(capture.frames, config.longest_side, config.threshold, _KEPT_VIEWS)
         self._measured = capture.depth_of_frames
         self._drafts = lru_cache(maxsize=_KEPT_MAPS)(lambda phase, index: read_draft(folder / phase, index))
@@ -197,7 +197,7 @@ class FramesInPhases:
     def _finish(self, out: Path, index: int) -> None:
         assert self.rest is not None
         inverse, views = self.maps["shown"](index)
-        kept = np.where(self.rest.against(index), 0, inverse).astype(np.float32)
+        kept = np.where(self.rest.contradicted_pixels(index), 0, inverse).astype(np.float32)
         write_depth(out, index, kept, np.rint(views).astype(np.uint8))
 
     def _confirmed(self, phase: Phase, index: int) -> Agreed:
@@ -248,7 +248,7 @@ def _confirmed(
     found, weight = maps(index)
     camera = views.camera(index)
     others = [(*maps(j), Warp.between(camera, views.camera(j))) for j in near]
-    result = agreed(found, weight, others, config.share, config.plane)
+    result = compare_depth_maps(found, weight, others, config.share, config.plane)
     known = (result.views >= least) & ((2 * result.through <= result.views) | (least == 0))
     inverse, weight = np.where(known, result.inverse, 0), np.where(known, result.weight, 0)
     return replace(result, inverse=inverse.astype(np.float32), weight=weight.astype(np.float32))
@@ -271,7 +271,7 @@ def _certain(
     return np.where(sure, inverse, 0).astype(np.float32)
 
 
-def _rest(cameras: list[Camera], maps: Draft, config: DepthConfig) -> Rest:
+def _rest(cameras: list[Camera], maps: Draft, config: DepthConfig) -> DepthCheck:
     """The evidence of all depth maps of a capture, with equal weight for every pixel."""
 
     def inverse(index: int) -> Float32:
@@ -284,7 +284,7 @@ def _rest(cameras: list[Camera], maps: Draft, config: DepthConfig) -> Rest:
     for part in _fused(cameras, alike, config, config.firm):
         points = part.seen.points
         kept.append(points[carver.standing(points)])
-    return Rest(np.concatenate(kept), cameras, inverse, config)
+    return DepthCheck(np.concatenate(kept), cameras, inverse, config)
 
 
 def _fused(cameras: list[Camera], maps: Draft, config: DepthConfig, seen: int) -> Iterator[FusedPart]:

@@ -63,7 +63,7 @@ def _judge(
             shown[i] += pixels
 
 
-def judge(
+def add_depth_votes(
     points: Float32, camera: Camera, inverse: Float32, shown: NDArray[np.int64], through: NDArray[np.int64]
 ) -> None:
     """Add the votes of one depth map about the points (N, 3) float32, meters, world.
@@ -97,7 +97,7 @@ class Carver:
             for i in near[first :: self._threads]:
                 inverse = self._maps(int(i))
                 self._reach[i] = _reach(self._cameras[i], inverse)
-                judge(points, self._cameras[i], inverse, counts[0], counts[1])
+                add_depth_votes(points, self._cameras[i], inverse, counts[0], counts[1])
             return counts
 
         with ThreadPoolExecutor(self._threads) as pool:
@@ -117,7 +117,7 @@ _SAMPLES = 48  # points of a map that are projected into the other images
 _OVERLAP = 0.15  # least share of these points in the image of a witness
 
 
-class Rest:
+class DepthCheck:
     """The rest of a capture, with which each of its depth maps is checked.
 
     points   (N, 3) float32, meters, world: the points of the fused cloud of all maps with enough observations
@@ -132,7 +132,7 @@ class Rest:
         self._cameras, self._maps, self._config = cameras, maps, config
         self._positions = np.array([c.position for c in cameras]).reshape(-1, 3)
 
-    def against(self, index: int) -> NDArray[np.bool_]:
+    def contradicted_pixels(self, index: int) -> NDArray[np.bool_]:
         """(H, W) bool, True for pixels of the map `index` that the rest of the capture contradicts."""
         inverse, camera, config = self._maps(index), self._cameras[index], self._config
         known = inverse > 0
@@ -145,7 +145,7 @@ class Rest:
         points = _points(camera, inverse)
         votes = np.zeros((2, len(points)), np.int64)
         for other in self._witnesses(index, points):
-            judge(points, self._cameras[other], self._maps(other), votes[0], votes[1])
+            add_depth_votes(points, self._cameras[other], self._maps(other), votes[0], votes[1])
         spoken[known] |= votes[1] > config.seen_through * votes.sum(axis=0)
         return spoken
 

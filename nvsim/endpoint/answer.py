@@ -37,7 +37,7 @@ class Answer:
     counted: bool = True
 
 
-class Kept:
+class StoredAnswers:
     """The answers in one folder. A damaged file counts as missing and is written again."""
 
     def __init__(self, folder: Path) -> None:

@@ -87,7 +87,7 @@ R = TypeVar("R")
 _GRACE = 5.0  # seconds that running requests have to finish when the caller stops
 
 
-def each(work: Callable[[T], R], items: Sequence[T], at_once: int) -> Iterator[tuple[T, R]]:
+def run_in_parallel(work: Callable[[T], R], items: Sequence[T], at_once: int) -> Iterator[tuple[T, R]]:
     """Yields every item with the result of `work` on it, in the order of completion. If `work` raises an error, no
     other item is started, running ones finish, and the error is raised. If the caller stops, running ones have a few
     seconds to finish."""

@@ -16,7 +16,7 @@ from email.utils import parsedate_to_datetime
 from pathlib import Path
 from typing import Any
 
-from nvsim.endpoint.answer import MOST_TOKENS, Answer, Kept
+from nvsim.endpoint.answer import MOST_TOKENS, Answer, StoredAnswers
 from nvsim.endpoint.budget import Budget, tokens_in
 from nvsim.endpoint.connection import LARGEST, Connection, NoReply, Reply, TooLarge
 from nvsim.endpoint.options import AskingOptions, Endpoint
@@ -43,7 +43,7 @@ class Client:
     """
 
     def __init__(
-        self, endpoint: Endpoint, kept: Kept, budget: Budget, options: AskingOptions, listen: Listener = silent
+        self, endpoint: Endpoint, kept: StoredAnswers, budget: Budget, options: AskingOptions, listen: Listener = silent
     ) -> None:
         self.endpoint, self.kept, self.budget, self.options = endpoint, kept, budget, options
         self.may_send = False

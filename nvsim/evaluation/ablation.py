@@ -46,7 +46,7 @@ from nvsim.events import Listener, Log
 from nvsim.geometry.camera import Camera
 from nvsim.project.project import Project
 from nvsim.project.stages.floors import floors_key
-from nvsim.project.work import lacks
+from nvsim.project.work import missing_result_error
 from nvsim.render.model import render_model
 from nvsim.splats.types import SubmapModel
 from nvsim.submaps.split import Submap, nearest_submap
@@ -273,7 +273,7 @@ def chosen_submaps(project: Project, only: tuple[int, ...]) -> list[Submap]:
     if the project has no floor masks."""
     submaps = project.need_submaps()
     if not floors_key(project):
-        raise lacks(project.layout.root, "floors")
+        raise missing_result_error(project.layout.root, "floors")
     unknown = sorted(set(only) - {s.index for s in submaps})
     if unknown:
         raise InputError(f"There is no submap {unknown[0]}; the project has submaps 0 to {len(submaps) - 1}.")

@@ -12,7 +12,7 @@ from pathlib import Path
 from textwrap import fill
 from typing import TYPE_CHECKING, Any, Literal, get_args
 
-from nvsim.evaluation.interval import needed
+from nvsim.evaluation.interval import cases_needed
 from nvsim.evaluation.table import Column, csv_table, text_table
 from nvsim.figures import INK, WIDTH, save_figure, style
 from nvsim.files import atomic
@@ -52,8 +52,8 @@ class Calibration:
         if all(row["threshold"] is not None for row in self.suggested):
             return ""
         return (
-            f"A lower bound of {self.want:g} needs at least {needed(self.want)} accepted corridors, all of them free; "
-            f"{self.now['accepted']} are accepted. Give a lower --want, or map a larger area."
+            f"A lower bound of {self.want:g} needs at least {cases_needed(self.want)} accepted corridors, "
+            f"all of them free; {self.now['accepted']} are accepted. Give a lower --want, or map a larger area."
         )
 
 

@@ -41,7 +41,7 @@ def evaluate_project_depth(project: Project, truth: Path | None) -> dict[str, An
     """`evaluate_depth` of the frames for which the folder `truth`, or the built-in building, has a depth map. A true
     map is sampled at the pixel centers of the estimated one. Raises InputError if depth or ground truth is missing."""
     from nvsim.depth.files import depth_path, read_depth
-    from nvsim.project.work import lacks
+    from nvsim.project.work import missing_result_error
 
     folder = truth or project.layout.ground_truth / "depth"
     if not folder.is_dir():
@@ -52,7 +52,7 @@ def evaluate_project_depth(project: Project, truth: Path | None) -> dict[str, An
         if skipped:
             again = "run `nvsim depth --depth always --project` first"
             raise InputError(f"{project.layout.root} has no depth, as {skipped}; {again}.")
-        raise lacks(project.layout.root, "depth")
+        raise missing_result_error(project.layout.root, "depth")
     own = project.layout.depth
     frames = project.need_capture().frames
     found = {i: path for i, f in enumerate(frames) if (path := _true_depth(folder, i, f.name)) is not None}

@@ -15,7 +15,7 @@ from nvsim.capture.images import read_image
 from nvsim.errors import InputError
 from nvsim.evaluation.frame_truth import FrameTruth, frame_truth
 from nvsim.events import Listener, Progress, silent
-from nvsim.geometry.sampling import spread
+from nvsim.geometry.sampling import evenly_spaced
 from nvsim.networks.installed import BUNDLED, find_model
 from nvsim.perception.hybrid import HybridFloor
 from nvsim.perception.main_directions import StraightNormals
@@ -139,7 +139,7 @@ def _alone(
     straight = StraightNormals.of_capture(NormalsNetwork(faces.open()), project.need_capture().frames)
     hybrid = HybridFloor(SemanticNetwork(looks.open()), straight, RegionGrowing())
     rows: dict[str, list[Judged]] = {"semantic": [], "normals": [], "hybrid": [], "masks": []}
-    chosen = [known.frames[k] for k in spread(len(known.frames), cues)]
+    chosen = [known.frames[k] for k in evenly_spaced(len(known.frames), cues)]
     for done, i in enumerate(chosen):
         listen(Progress(STAGE, done, len(chosen), "cues"))
         frame, (width, height) = project.need_capture().frames[i], known.size(i)

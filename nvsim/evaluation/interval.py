@@ -57,6 +57,6 @@ def _variance(values: NDArray[np.float64], groups: NDArray[np.integer]) -> float
     return float((sums**2).sum() / len(values) ** 2 * len(sums) / (len(sums) - 1))
 
 
-def needed(lower: float) -> int:
+def cases_needed(lower: float) -> int:
     """Number of cases, all of them successes, that gives an interval with the lower end `lower`, between 0 and 1."""
     return math.ceil(_NORMAL**2 * lower / (1 - lower) - 1e-9)

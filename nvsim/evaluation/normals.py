@@ -13,11 +13,11 @@ from nvsim.errors import InputError
 from nvsim.evaluation.frame_truth import frame_truth
 from nvsim.events import Listener, Progress, silent
 from nvsim.geometry.camera import Camera
-from nvsim.geometry.sampling import spread
+from nvsim.geometry.sampling import evenly_spaced
 from nvsim.perception.main_directions import StraightNormals, straightened
 from nvsim.perception.normals_network import installed_normals
 from nvsim.project.project import Project
-from nvsim.project.work import lacks
+from nvsim.project.work import missing_result_error
 
 STAGE = "evaluate normals"
 _WITHIN = 11.25  # degrees, a common threshold
@@ -34,6 +34,7 @@ class Angles:
         self._up: list[Float32] = []
 
     def add(self, found: Float32, true: Float32) -> None:
+        """Adds the pixels of two normal maps (H, W, 3), zero where unknown."""
         there = found.any(axis=-1) & true.any(axis=-1)
         angle = np.degrees(np.arccos(np.clip((found * true).sum(axis=-1)[there], -1, 1)))
         self._angles.append(angle)
@@ -66,10 +67,10 @@ def evaluate_project_normals(
     is the mean angle of the network without straightening. Raises InputError if models or ground truth are missing."""
     known, network = frame_truth(project, truth, from_scan), installed_normals(model)
     capture = project.need_capture()
-    chosen = [known.normals[k] for k in spread(len(known.normals), most)]
+    chosen = [known.normals[k] for k in evenly_spaced(len(known.normals), most)]
     scene = project.scene() if of == "renders" else None
     if of == "renders" and scene is None:
-        raise lacks(project.root, "train")
+        raise missing_result_error(project.root, "train")
     if scene is not None:
         from nvsim.render.model import render_model
     headings = StraightNormals.of_capture(network, capture.frames).headings

@@ -15,11 +15,11 @@ from nvsim.errors import InputError
 from nvsim.evaluation.scan_files import ScanFiles, direction_errors, sample_strip, scans_in, seam_steps
 from nvsim.evaluation.scores import psnr
 from nvsim.events import Listener, Progress, silent
-from nvsim.geometry.camera import Camera, Intrinsics, look
+from nvsim.geometry.camera import Camera, Intrinsics, camera_pose
 from nvsim.geometry.directions import HEIGHT, STEP, VFOV, VIEWS, WIDTH, heading_and_elevation, sweep
 from nvsim.graph.types import NavGraph
 from nvsim.project.project import Project
-from nvsim.project.work import lacks
+from nvsim.project.work import missing_result_error
 from nvsim.r2r.observations.growing import PlacesSeen
 from nvsim.render.model import render_model
 from nvsim.splats.types import SubmapModel
@@ -171,7 +171,7 @@ def _against_model(files: ScanFiles, project: Project, count: int, listen: Liste
     """
     scene = project.scene(memory_budget=0)
     if scene is None:
-        raise lacks(project.layout.root, "train")
+        raise missing_result_error(project.layout.root, "train")
     random = np.random.default_rng(1)
     poses = []
     for _ in range(count):
@@ -183,7 +183,7 @@ def _against_model(files: ScanFiles, project: Project, count: int, listen: Liste
     seen = PlacesSeen(0)
     for number, (submap, id, heading, elevation) in enumerate(sorted(poses)):
         at, model = np.array(files.graph.viewpoints[id].position), scene.model(submap)
-        camera = Camera(intrinsics, look(at, heading, elevation))
+        camera = Camera(intrinsics, camera_pose(at, heading, elevation))
         wide = render_model(model, camera).rgb
         assert wide is not None
         sampled = sample_strip(files.strip(id), camera.rays()) / np.float32(255)

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from nvsim.capture.images import decode
 from nvsim.errors import InputError, shown
 from nvsim.files.opening import is_regular, read_bytes
-from nvsim.geometry.camera import Camera, Intrinsics, look
+from nvsim.geometry.camera import Camera, Intrinsics, camera_pose
 from nvsim.geometry.directions import HEIGHT, NAMES, WIDTH, face_axes
 from nvsim.geometry.floor_surface import FloorSurface
 from nvsim.geometry.rotation import rotation_angle
@@ -195,7 +195,7 @@ def _rays(side: int, offset: float) -> NDArray[np.float64]:
         out, along = np.full(side, 1 / (1 - 2 * offset / side)), along / (1 - 2 * offset / side)
     edges = [(-out, along), (out, along), (along, -out), (along, out)]
     local = np.stack([np.stack([u, v, np.ones(side)], axis=-1) for u, v in edges])
-    return np.asarray(local[None] @ (look(np.zeros(3), 0.0)[:3, :3] @ face_axes()).swapaxes(-1, -2)[:, None])
+    return np.asarray(local[None] @ (camera_pose(np.zeros(3), 0.0)[:3, :3] @ face_axes()).swapaxes(-1, -2)[:, None])
 
 
 def compass() -> SubmapModel:
@@ -227,7 +227,7 @@ def direction_errors(side: int, quality: int) -> dict[str, dict[str, float]]:
     found = {}
     for name in NAMES:
         heading, elevation = map(math.radians, _MIDDLES[name])
-        camera = Camera(Intrinsics.from_fov(_SIDE, _SIDE, math.radians(80)), look(_HERE, heading, elevation))
+        camera = Camera(Intrinsics.from_fov(_SIDE, _SIDE, math.radians(80)), camera_pose(_HERE, heading, elevation))
         rays = camera.rays().astype(np.float64).reshape(-1, 3)
         seen = 2 * (sample_strip(strip, rays).astype(np.float64) / 255) - 1
         seen /= np.linalg.norm(seen, axis=1, keepdims=True)

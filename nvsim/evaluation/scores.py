@@ -189,7 +189,7 @@ def mean_scores(rows: Iterable[Mapping[str, float]]) -> dict[str, float | None]:
     return result
 
 
-def plain(row: Mapping[str, Any]) -> dict[str, Any]:
+def rounded_metrics(row: Mapping[str, Any]) -> dict[str, Any]:
     """Metrics for JSON and CSV: numbers are rounded, NaN becomes None, other values are unchanged."""
     return {
         k: (round(v, 4) if np.isfinite(v) else None) if isinstance(v, float | np.floating) else v

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from nvsim.graph.paths import Ways
-from nvsim.graph.structure import spread_rows
+from nvsim.graph.structure import evenly_spaced_rows
 from nvsim.graph.types import NavGraph
 from nvsim.occupancy.geodesic import Geodesics
 from nvsim.occupancy.paths import points_are_free, segments_are_free, standing_room
@@ -209,7 +209,7 @@ def _pairs(ways: Ways, reach: float) -> NDArray[np.int64]:
 def _detours(ways: Ways, map_paths: MapPaths) -> dict[str, float | int]:
     rows = np.flatnonzero(map_paths.stand())
     fewest, most = _SOURCES
-    sources = rows[spread_rows(len(rows), int(np.clip(_WORK // max(map_paths.cells, 1), fewest, most)))]
+    sources = rows[evenly_spaced_rows(len(rows), int(np.clip(_WORK // max(map_paths.cells, 1), fewest, most)))]
     along = ways.lengths(sources)[:, rows] if len(sources) else np.zeros((0, 0))
     over = map_paths.lengths(sources, rows) if len(sources) else np.zeros((0, 0))
     pairs = np.isfinite(over) & (over > 0)

@@ -36,7 +36,7 @@ from nvsim.project import ledger
 from nvsim.project.corrections import corrections_key
 from nvsim.project.project import Project
 from nvsim.project.stages.floors import floors_key, refresh_support, supporting_frames
-from nvsim.project.work import lacks
+from nvsim.project.work import missing_result_error
 
 _VERSION = 1  # to be raised if the same models, thresholds, and release would give another map
 STAGE = "validity-table"
@@ -46,7 +46,7 @@ COLUMNS: tuple[Criteria, ...] = (("alpha", "normal"), ("alpha",), ("normal",), (
 
 
 @dataclass(frozen=True)
-class Kept:
+class StoredMap:
     """The files of one stored map."""
 
     folder: Path
@@ -86,20 +86,20 @@ def cells_folder(project: Project) -> Path:
     return project.layout.root / "validity"
 
 
-def kept_cell(project: Project, runs: Sequence[Run], config: MappingConfig) -> Kept:
+def kept_cell(project: Project, runs: Sequence[Run], config: MappingConfig) -> StoredMap:
     """The folder of the map that these models, one per submap, give with `config`."""
     corrected = corrections_key(project, supporting_frames(project))
     program = (__version__, _VERSION)
     key = ledger.key_of("validity", program, [run.folder.name for run in runs], config, *corrected)
-    return Kept(cells_folder(project) / key)
+    return StoredMap(cells_folder(project) / key)
 
 
 def made_cell(
     project: Project,
     runs: Sequence[Run],
     config: MappingConfig,
-    kept: Kept,
-    known: Sequence[Kept],
+    kept: StoredMap,
+    known: Sequence[StoredMap],
     listen: Listener,
 ) -> None:
     """Builds the map, and continues an interrupted build. Measurements in the `known` maps of the same models are
@@ -202,9 +202,9 @@ def evaluate_validity(
     has no floor masks, a preset does not exist, or no column is possible.
     """
     if not floors_key(project):
-        raise lacks(project.layout.root, "floors")
+        raise missing_result_error(project.layout.root, "floors")
     rows = preset_rows(config.budget, config.presets)
-    wanted = {criteria: asking(config.mapping, criteria) for criteria in config.columns}
+    wanted = {criteria: with_criteria(config.mapping, criteria) for criteria in config.columns}
     columns = {criteria: found for criteria, found in wanted.items() if found is not None}
     if not columns:
         raise InputError(f"{_left_out(wanted)} Name an available column with --columns.")
@@ -215,7 +215,7 @@ def evaluate_validity(
     walk = project.need_capture().positions[:, :2]
     cells, built = [], 0
     for row in rows:
-        known: list[Kept] = []  # measurements of other columns, so that each corridor is rendered once for all
+        known: list[StoredMap] = []  # measurements of other columns, so that each corridor is rendered once for all
         for criteria, mapping in columns.items():
             kept = kept_cell(project, runs[row], mapping)
             if config.afresh or not kept.is_done:
@@ -230,7 +230,7 @@ def evaluate_validity(
     )
 
 
-def asking(config: MappingConfig, criteria: Criteria) -> MappingConfig | None:
+def with_criteria(config: MappingConfig, criteria: Criteria) -> MappingConfig | None:
     """`config` with only these criteria and that of known floor. None if the builder does not have them, or if
     they need a network that is not installed."""
     if NETWORK_NORMAL in criteria and normals_model() is None:
@@ -261,7 +261,7 @@ def _trained(project: Project, rows: Sequence[Row], seed: int, listen: Listener)
 
 
 def _judged(
-    model: str, criteria: Criteria, kept: Kept, occupancy: OccupancyMap, walk: Any, robot_radius: float, seen: Any
+    model: str, criteria: Criteria, kept: StoredMap, occupancy: OccupancyMap, walk: Any, robot_radius: float, seen: Any
 ) -> Cell:
     graph, report = kept.read()
     if graph is None:

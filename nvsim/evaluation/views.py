@@ -30,7 +30,17 @@ from nvsim.capture.images import decode, read_image
 from nvsim.capture.masks import usable_pixels
 from nvsim.capture.types import Alignment
 from nvsim.errors import InputError
-from nvsim.evaluation.scores import LEAST_PIXELS, Distance, Image, Mask, Scores, mean_scores, plain, psnr, score
+from nvsim.evaluation.scores import (
+    LEAST_PIXELS,
+    Distance,
+    Image,
+    Mask,
+    Scores,
+    mean_scores,
+    psnr,
+    rounded_metrics,
+    score,
+)
 from nvsim.evaluation.truth import true_mask, truth_of
 from nvsim.events import Listener, Progress, silent
 from nvsim.files.atomic import make_folder, write_bytes
@@ -40,7 +50,7 @@ from nvsim.perception.segment import read_mask
 from nvsim.project.config import held_out
 from nvsim.project.project import Project
 from nvsim.project.stages.imported import capture_config
-from nvsim.project.work import lacks
+from nvsim.project.work import missing_result_error
 from nvsim.render.scene import render_scene
 
 LISTING = "holdout_frames.txt"
@@ -171,7 +181,7 @@ def evaluate_views(
     """
     scene = project.scene()
     if scene is None:
-        raise lacks(project.layout.root, "train")
+        raise missing_result_error(project.layout.root, "train")
     folder = truth_of(project, truth)
     frames = held_out_frames(project)
     views = novel_views(project, folder) if novel else []
@@ -206,10 +216,10 @@ def evaluate_views(
             }
             for s in sorted({r["submap"] for r in rows} | {r["submap"] for r in novel_rows})
         },
-        "per_frame": [plain(r) for r in rows],
+        "per_frame": [rounded_metrics(r) for r in rows],
     }
     if novel:
-        result["novel_views"], result["per_novel_view"] = len(novel_rows), [plain(r) for r in novel_rows]
+        result["novel_views"], result["per_novel_view"] = len(novel_rows), [rounded_metrics(r) for r in novel_rows]
     return result
 
 

@@ -56,7 +56,7 @@ def check_files(path: Path) -> None:
 T = TypeVar("T")
 
 
-def damaged(path: Path, error: Exception) -> InputError:
+def damaged_error(path: Path, error: Exception) -> InputError:
     """The error message for a damaged database."""
     words = "".join(c if c.isprintable() else "?" for c in str(error))[:80]
     return InputError(f"{path} is damaged ({words}); restore the project from a copy or import it again.")
@@ -110,10 +110,10 @@ class GuardedCursor(sqlite3.Cursor):
             return call(*arguments)
         except sqlite3.DatabaseError as error:
             if type(error) is sqlite3.DatabaseError:  # its subclasses have other causes
-                raise damaged(self.path, error) from error
+                raise damaged_error(self.path, error) from error
             raise
         except UnicodeDecodeError as error:  # SQLite's own message quotes the damaged text
-            raise damaged(self.path, error) from error
+            raise damaged_error(self.path, error) from error
 
 
 _MEMORY = "/dev/shm"  # has room even if every disk is full
@@ -206,7 +206,7 @@ def make_file(path: Path) -> None:
         raise as_input_error(path, error) from error
 
 
-def refused(path: Path, error: sqlite3.Error) -> InputError:
+def sqlite_error(path: Path, error: sqlite3.Error) -> InputError:
     """The error message for a SQLite error while the database at `path` is opened or written."""
     text, code = str(error), getattr(error, "sqlite_errorcode", 0) & 0xFF
     if code == sqlite3.SQLITE_FULL or "full" in text:

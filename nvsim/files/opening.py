@@ -257,8 +257,8 @@ def parse_json(path: Path, text: str, what: str, then: str, *, strict: bool = Tr
             raise InputError(f"{path} is not {what}: it has {brackets} lists and objects; {then}.")
         try:
             if strict:
-                return json.loads(text, parse_int=whole, parse_constant=_refused, object_pairs_hook=_unique)
-            return json.loads(text, parse_int=whole)
+                return json.loads(text, parse_int=parse_integer, parse_constant=_refused, object_pairs_hook=_unique)
+            return json.loads(text, parse_int=parse_integer)
         except json.JSONDecodeError as error:
             why = f"line {error.lineno}: {error.msg}"
             raise InputError(f"{path} is not JSON and cannot be read as {what} ({why}); {then}.") from error
@@ -266,7 +266,7 @@ def parse_json(path: Path, text: str, what: str, then: str, *, strict: bool = Tr
             raise InputError(f"{path} is not {what}: it is nested too deeply; {then}.") from error
 
 
-def whole(digits: str) -> int | float:
+def parse_integer(digits: str) -> int | float:
     """Parses an integer of JSON. Returns infinity if a float cannot hold it, for example for 1 and 999 zeros.
 
     Readers then refuse the value as not finite and name its place. In contrast, `float(10**400)` and

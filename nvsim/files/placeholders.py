@@ -64,7 +64,7 @@ def stand_in(head: bytes, size: int) -> str:
     return ""
 
 
-def absence(path: Path) -> str:
+def why_missing(path: Path) -> str:
     """The reason why the file `path` is missing and the fix, worded to follow the file name; "" if it is unknown.
 
     Known reasons are a link into git-annex, a link to a missing file, a file in iCloud, and data under DVC.

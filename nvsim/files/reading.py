@@ -13,7 +13,7 @@ from contextlib import contextmanager
 from pathlib import Path
 
 from nvsim.errors import InputError
-from nvsim.files.placeholders import absence
+from nvsim.files.placeholders import why_missing
 
 _LONGEST_PATH = 400  # characters in a message; a damaged file may contain a very long path
 _REASONS = {
@@ -29,7 +29,7 @@ _REASONS = {
 
 def as_reading_error(path: Path, error: OSError) -> InputError:
     """The error message for a `path` that the system refuses to read."""
-    if error.errno == errno.ENOENT and (why := absence(path)):
+    if error.errno == errno.ENOENT and (why := why_missing(path)):
         return InputError(f"{path} {why}.")
     reason = _REASONS.get(error.errno or 0, f"{error.strerror or error}; check the path")
     name = str(path)

@@ -10,7 +10,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from nvsim.footage.decoding import VideoFrame, video_facts, video_frames
-from nvsim.footage.tracking import TrackedFrame, gray_of, sharpness_change, tracked_into, untracked, with_new_points
+from nvsim.footage.tracking import (
+    TrackedFrame,
+    frame_without_points,
+    gray_of,
+    sharpness_change,
+    tracked_into,
+    with_new_points,
+)
 
 _STEP = 0.08  # image widths: median motion of the points from one chosen frame to the next
 _EARLY = 0.6  # share of the step after which a frame may be chosen
@@ -81,7 +88,7 @@ class _Chooser:
 
     def looked_at(self, frame: VideoFrame) -> Iterator[ChosenFrame]:
         """Yields the frames that are chosen after `frame` was decoded."""
-        candidate = _Candidate(frame, untracked(gray_of(frame.image)), 1.0)
+        candidate = _Candidate(frame, frame_without_points(gray_of(frame.image)), 1.0)
         if self._latest is None:
             yield self._chosen(candidate)
             return
@@ -147,7 +154,7 @@ class _Chooser:
         return ChosenFrame(candidate.frame, self._clip, self._anchor, self._is_blurred(candidate))
 
 
-def observed(tracked: TrackedFrame, scale: float) -> NDArray[np.float64]:
+def point_positions(tracked: TrackedFrame, scale: float) -> NDArray[np.float64]:
     """(N, 2) float64 positions of the points in pixels of the stored image. The center of its first pixel is (0.5,
     0.5). `scale` is the size of the stored image divided by that of the gray image."""
     return (tracked.places.astype(np.float64) + 0.5) * scale

@@ -16,7 +16,7 @@ from nvsim.files import atomic
 from nvsim.files.opening import is_regular, read_bytes, read_json
 from nvsim.files.reading import reading
 from nvsim.files.stored_arrays import read_arrays
-from nvsim.footage.choosing import choose_frames, observed
+from nvsim.footage.choosing import choose_frames, point_positions
 from nvsim.footage.sources import Footage
 
 LONGEST_SIDE = 1280
@@ -121,7 +121,7 @@ def extract_frames(
         encoded = cv2.imencode(".jpg", image, [cv2.IMWRITE_JPEG_QUALITY, QUALITY])[1]
         atomic.write_bytes(folder / name, encoded.tobytes())
         scale = width / chosen.tracked.gray.shape[1]
-        places = observed(chosen.tracked, scale)
+        places = point_positions(chosen.tracked, scale)
         lines.append(np.column_stack([np.full(len(places), index), chosen.tracked.ids, places]))
         names.append(name)
         clips.append(chosen.clip)

@@ -25,7 +25,7 @@ from nvsim.footage.cut_options import MASKS, WHOLE, CutOptions
 from nvsim.footage.decoding import video_facts, video_frames
 from nvsim.footage.extraction import QUALITY
 from nvsim.footage.sources import Footage, is_equirectangular
-from nvsim.footage.tracking import TrackedFrame, gray_of, tracked_into, untracked, with_new_points
+from nvsim.footage.tracking import TrackedFrame, frame_without_points, gray_of, tracked_into, with_new_points
 from nvsim.footage.views import Views, cut, views_of
 
 _RATE = 6.0  # panoramas per second that are decoded
@@ -271,7 +271,7 @@ class _Chooser:
         panorama.blurred = panorama.sharpness < _BLURRED * self._sharp
         self._sharp = panorama.sharpness if not self._sharp else 0.8 * self._sharp + 0.2 * panorama.sharpness
         first = not self._tracked
-        before = [untracked(gray) for gray in grays] if first else self._tracked
+        before = [frame_without_points(gray) for gray in grays] if first else self._tracked
         self._tracked = [tracked_into(old, gray) for old, gray in zip(before, grays, strict=True)]
         panorama.rays = self._rays()
         moved, share, shared = self._moved(panorama.rays)

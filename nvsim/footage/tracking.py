@@ -62,7 +62,7 @@ def gray_of(image: NDArray[np.uint8], side: int = FOLLOWED_SIDE) -> NDArray[np.u
     return np.asarray(gray, np.uint8)
 
 
-def untracked(gray: NDArray[np.uint8]) -> TrackedFrame:
+def frame_without_points(gray: NDArray[np.uint8]) -> TrackedFrame:
     """A frame `gray` (H, W) without points."""
     nothing = np.zeros(0, np.float32)
     return TrackedFrame(gray, np.zeros(0, np.int64), np.zeros((0, 2), np.float32), nothing, np.eye(3))
@@ -77,7 +77,7 @@ def tracked_into(before: TrackedFrame, gray: NDArray[np.uint8], steps: int = 1) 
     a place that only looks similar.
     """
     if not len(before.ids):
-        return untracked(gray)
+        return frame_without_points(gray)
     clearest = before.places[np.argsort(-before.clear, kind="stable")[:_CLEAREST]]
     motion = np.linalg.matrix_power(before.motion, steps)
     found, good = _flow(before.gray, gray, clearest, _after(clearest, motion), _LEVELS)

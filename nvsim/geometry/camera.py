@@ -73,6 +73,7 @@ class Camera:
         return inverse
 
     def scaled(self, width: int, height: int) -> Camera:
+        """This camera at another image size in pixels."""
         return replace(self, intrinsics=self.intrinsics.scaled(width, height))
 
     def rays(self) -> NDArray[np.float32]:
@@ -96,7 +97,7 @@ class Camera:
         return pixels, depth
 
 
-def look(position: FloatArray, heading: float, elevation: float = 0.0) -> NDArray[np.float64]:
+def camera_pose(position: FloatArray, heading: float, elevation: float = 0.0) -> NDArray[np.float64]:
     """A level camera-to-world pose (4, 4) at `position` (3,), meters. The convention is Matterport3DSimulator's.
 
     `heading` is in radians: 0 is +y, positive turns right (clockwise seen from above). `elevation` is in radians:

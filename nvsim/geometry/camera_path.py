@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from nvsim.errors import InputError
 from nvsim.files.opening import read_json
-from nvsim.geometry.camera import Camera, Intrinsics, look
+from nvsim.geometry.camera import Camera, Intrinsics, camera_pose
 
 _LARGEST = 1 << 24  # bytes
 _MOST_KEYS = 10_000
@@ -37,7 +37,7 @@ class KeyPose:
         """The pinhole camera of an image of `width` x `height` pixels."""
         focal = height / 2 / tan(self.fov / 2)
         intrinsics = Intrinsics(width, height, focal, focal, width / 2, height / 2)
-        return Camera(intrinsics, look(np.asarray(self.position, np.float64), self.heading, self.elevation))
+        return Camera(intrinsics, camera_pose(np.asarray(self.position, np.float64), self.heading, self.elevation))
 
 
 class CameraPath:

@@ -51,7 +51,7 @@ def near_places(points: NDArray[np.floating], places: NDArray[np.floating], reac
     Distances are measured between cells of a meter, so some points up to two meters farther are also True."""
     from scipy.ndimage import distance_transform_edt
 
-    from nvsim.geometry.grid_kernels import marked
+    from nvsim.geometry.grid_kernels import look_up_cells
 
     if not len(places):
         return np.zeros(len(points), bool)
@@ -63,5 +63,5 @@ def near_places(points: NDArray[np.floating], places: NDArray[np.floating], reac
     empty[tuple((cells - low).T)] = False
     near = np.ascontiguousarray(np.transpose(distance_transform_edt(empty) < reach + 2**0.5))
     found = np.empty(len(points), np.bool_)
-    marked(near, float(low[0]), float(low[1]), 1.0, points, found)
+    look_up_cells(near, float(low[0]), float(low[1]), 1.0, points, found)
     return found

@@ -18,7 +18,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from nvsim.geometry.camera import Camera, FloatArray, Intrinsics, look
+from nvsim.geometry.camera import Camera, FloatArray, Intrinsics, camera_pose
 
 
 @dataclass(frozen=True, eq=False)
@@ -91,7 +91,7 @@ def sweep(position: NDArray[np.floating], width: int = WIDTH, height: int = HEIG
     focal = height / 2 / math.tan(VFOV / 2)
     intrinsics = Intrinsics(width, height, focal, focal, width / 2, height / 2)
     at = np.asarray(position, np.float64)
-    return [Camera(intrinsics, look(at, *heading_and_elevation(i))) for i in range(VIEWS)]
+    return [Camera(intrinsics, camera_pose(at, *heading_and_elevation(i))) for i in range(VIEWS)]
 
 
 _RIGHT_ANGLE = math.pi / 2
@@ -112,7 +112,7 @@ def ring(
     """
     intrinsics = Intrinsics.from_fov(size[0], size[1], hfov)
     headings = offset + 2 * math.pi * np.arange(count) / count
-    return [Camera(intrinsics, look(np.asarray(position, np.float64), h, elevation)) for h in headings]
+    return [Camera(intrinsics, camera_pose(np.asarray(position, np.float64), h, elevation)) for h in headings]
 
 
 def cube(position: NDArray[np.floating], side: int, offset: float = 0.0) -> list[Camera]:
@@ -121,7 +121,7 @@ def cube(position: NDArray[np.floating], side: int, offset: float = 0.0) -> list
     intrinsics = Intrinsics.from_fov(side, side, _RIGHT_ANGLE)
     at = np.asarray(position, np.float64)
     turns = [(offset, _RIGHT_ANGLE), *((offset + k * _RIGHT_ANGLE, 0.0) for k in range(4)), (offset, -_RIGHT_ANGLE)]
-    return [Camera(intrinsics, look(at, heading, elevation)) for heading, elevation in turns]
+    return [Camera(intrinsics, camera_pose(at, heading, elevation)) for heading, elevation in turns]
 
 
 def skybox(faces: list[NDArray[np.generic]]) -> NDArray[np.generic]:

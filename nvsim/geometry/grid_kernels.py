@@ -12,7 +12,7 @@ bilinear = njit(cache=True, nogil=True, error_model="numpy")(grid_values.bilinea
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def marked(
+def look_up_cells(
     cells: NDArray[np.bool_],  # (rows, columns)
     x: float,  # world x of the lower corner of cell [0, 0]
     y: float,  # world y of the lower corner of cell [0, 0]

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 
-def spread(count: int, most: int) -> list[int]:
+def evenly_spaced(count: int, most: int) -> list[int]:
     """At most `most` of the numbers from 0 to `count` - 1, ascending, including the first and the last. Empty if
     `count` is 0."""
     if count == 0:

@@ -10,7 +10,7 @@ from typing import Any, Protocol
 from nvsim.graph.difference import Delta
 from nvsim.graph.edits.change import EditError
 from nvsim.graph.graph_cache import GraphCache
-from nvsim.graph.selection import NOTHING, GraphSelection, present
+from nvsim.graph.selection import NOTHING, GraphSelection, existing_part
 from nvsim.graph.touched import shorten
 from nvsim.graph.types import EdgeKey, NavGraph
 
@@ -103,10 +103,12 @@ class History:
 
     @property
     def graph(self) -> NavGraph:
+        """The graph after the current step."""
         return self._graph
 
     @property
     def selection(self) -> GraphSelection:
+        """The viewpoints and edges that are selected at the current step."""
         return self._steps[self._index].selection
 
     @property
@@ -171,7 +173,7 @@ class History:
         if self._journal is not None and self._journal.refusal is not None:
             raise EditError(self._journal.refusal)
         before, was = self.graph, self.selection
-        chosen = present(graph, was if selection is None else selection)
+        chosen = existing_part(graph, was if selection is None else selection)
         if graph is before:
             if chosen != was:
                 self.select(chosen)
@@ -204,7 +206,7 @@ class History:
         before, was = self.graph, self.selection
         if self._index == len(self._steps) - 1 and self._steps[self._index].outside:
             self._index -= 1
-        chosen = present(graph, was)
+        chosen = existing_part(graph, was)
         step = Step(text, chosen, time.time(), edit=False, outside=True)
         self._append(step, self._graphs[self._index], graph)
         self._clean = self._index
@@ -221,7 +223,7 @@ class History:
         steps are kept.
         """
         was, graph = self.selection, self.graph
-        chosen = present(graph, selection)
+        chosen = existing_part(graph, selection)
         if chosen == was:
             return
         current, last = self._steps[self._index], len(self._steps) - 1

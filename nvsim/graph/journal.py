@@ -24,7 +24,7 @@ from nvsim.graph.graph_cache import GraphCache
 from nvsim.graph.history import History, Step
 from nvsim.graph.journal_file import JournalFile, Newer, Written
 from nvsim.graph.journal_rows import encode_delta, encode_selection, fingerprint
-from nvsim.graph.selection import NOTHING, present
+from nvsim.graph.selection import NOTHING, existing_part
 from nvsim.graph.types import NavGraph
 
 KEPT_STEPS = 1000
@@ -110,7 +110,10 @@ class Journal:
             return self._history
         graphs = GraphCache(written.base, [delta for _, delta in written.steps])
         # Stored selections were valid when they were made. A graph from outside may lack some of their elements.
-        steps = [Step("Opened", present(graph, NOTHING), written.begun, edit=False), *(s for s, _ in written.steps)]
+        steps = [
+            Step("Opened", existing_part(graph, NOTHING), written.begun, edit=False),
+            *(s for s, _ in written.steps),
+        ]
         history = History.restored(graphs, steps, written.index, written.clean, self)
         self._history = history
         mine = fingerprint(graph, plain=self._plain)

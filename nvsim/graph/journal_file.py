@@ -15,7 +15,7 @@ from typing import Any
 
 from nvsim.errors import InputError
 from nvsim.files.atomic import make_folder
-from nvsim.files.databases import check_files, make_file, open_to_read, refused
+from nvsim.files.databases import check_files, make_file, open_to_read, sqlite_error
 from nvsim.files.tables import BLOB, COUNT, NUMBER, TEXT, check_schema, harden, read, reading_rows
 from nvsim.graph.difference import Delta, folded
 from nvsim.graph.history import Step
@@ -85,7 +85,8 @@ class JournalFile:
         self.exists = path.is_file() and path.stat().st_size > 0
 
     def create(self, base: NavGraph, saved: str) -> None:
-        """Create the file with its first graph. `saved` is the digest of the graph file."""
+        """Create the file with its first graph. `saved` is the digest of the graph file. Raises InputError if the file
+        cannot be written."""
         make_folder(self.path.parent)
         connection = self._open()
         try:
@@ -96,14 +97,15 @@ class JournalFile:
             connection.execute("COMMIT")
         except sqlite3.Error as error:
             self._undo(connection)
-            raise refused(self.path, error) from error
+            raise sqlite_error(self.path, error) from error
         self.exists = True
 
     def write(
         self, cut: int | None, rows: Sequence[tuple[int, Step, bytes, bytes | None]], marks: dict[str, Any]
     ) -> None:
         """Write in one transaction: delete the steps from `cut` on, put rows (number, step, selection, delta), and set
-        marks. If the delta of a row is None, only the text and the selection of the stored step change."""
+        marks. If the delta of a row is None, only the text and the selection of the stored step change. Raises
+        InputError if the file cannot be written."""
         connection = self._open()
         try:
             connection.execute("BEGIN IMMEDIATE")
@@ -124,7 +126,7 @@ class JournalFile:
             connection.execute("COMMIT")
         except sqlite3.Error as error:
             self._undo(connection)
-            raise refused(self.path, error) from error
+            raise sqlite_error(self.path, error) from error
 
     def read(self) -> Written | None:
         """Return the content of the journal; None if nothing is written. Raises sqlite3.DatabaseError, ValueError,
@@ -165,7 +167,10 @@ class JournalFile:
         return Written(decode_graph(blob), float(begun), steps, index, clean, str(marks["saved"]))
 
     def trim(self, steps: int, size: int) -> int:
-        """Fold the oldest steps into the first graph, see `trim`. Returns how many."""
+        """Fold the oldest steps into the first graph, see `trim`. Returns how many.
+
+        Raises InputError if the file cannot be written.
+        """
         if not self.exists:
             return 0
         connection = self._open()
@@ -176,7 +181,7 @@ class JournalFile:
             return trim(connection, steps, size)
         except sqlite3.OperationalError as error:
             self._undo(connection)
-            raise refused(self.path, error) from error
+            raise sqlite_error(self.path, error) from error
         finally:
             self._undo(connection)
 
@@ -215,7 +220,7 @@ class JournalFile:
                 self._connection.execute("PRAGMA synchronous=FULL")
             except sqlite3.OperationalError as error:
                 self.close()
-                raise refused(self.path, error) from error
+                raise sqlite_error(self.path, error) from error
         return self._connection
 
     @staticmethod

@@ -105,6 +105,6 @@ class Offer:
         return self.text.replace("&", "").removesuffix("…")
 
 
-def marked(chosen: Chosen) -> dict[str, Any]:
+def selection_arguments(chosen: Chosen) -> dict[str, Any]:
     """Return the arguments of an operation that takes both viewpoints and edges."""
     return {"viewpoints": list(chosen.viewpoints), "edges": [list(key) for key in sorted(chosen.edges)]}

@@ -13,7 +13,7 @@ from nvsim.graph import edits
 from nvsim.graph.arguments import Argument, checked
 from nvsim.graph.edits import EditError, Visible
 from nvsim.graph.history import counted, named
-from nvsim.graph.offers import Choice, Needs, Number, Offer, marked
+from nvsim.graph.offers import Choice, Needs, Number, Offer, selection_arguments
 from nvsim.graph.selection import selection
 from nvsim.graph.types import NavGraph
 
@@ -379,7 +379,7 @@ OPERATIONS: dict[str, Operation] = _table(
                 Needs("things"),
                 "Y",
                 {"reviewed": True},
-                marked,
+                selection_arguments,
             ),
             Offer(
                 "unreviewed",
@@ -389,7 +389,7 @@ OPERATIONS: dict[str, Operation] = _table(
                 Needs("things"),
                 "Shift+Y",
                 {"reviewed": False},
-                marked,
+                selection_arguments,
             ),
         ),
     ),
@@ -408,10 +408,17 @@ OPERATIONS: dict[str, Operation] = _table(
                 Needs("things"),
                 "",
                 {"locked": True},
-                marked,
+                selection_arguments,
             ),
             Offer(
-                "unlock", "U&nlock", "Allow edits to change it again", 4, Needs("things"), "", {"locked": False}, marked
+                "unlock",
+                "U&nlock",
+                "Allow edits to change it again",
+                4,
+                Needs("things"),
+                "",
+                {"locked": False},
+                selection_arguments,
             ),
         ),
     ),

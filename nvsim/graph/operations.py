@@ -9,7 +9,7 @@ import json
 from collections.abc import Mapping
 from typing import Any
 
-from nvsim.files.opening import whole
+from nvsim.files.opening import parse_integer
 from nvsim.graph.arguments import checked
 from nvsim.graph.edits import EditError
 from nvsim.graph.history import History
@@ -83,7 +83,7 @@ def _plain(value: Any) -> Any:
 def parse_line(line: str) -> tuple[str, dict[str, Any]]:
     """Return the name and the arguments of a script line. Raises EditError if the line is invalid."""
     try:
-        values = json.loads(line, parse_int=whole)
+        values = json.loads(line, parse_int=parse_integer)
     except (ValueError, RecursionError) as error:
         raise EditError(f"The line is not JSON: {error}.") from error
     if not isinstance(values, dict) or not isinstance(values.get("edit"), str):

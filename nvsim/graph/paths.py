@@ -29,7 +29,7 @@ def components(graph: NavGraph) -> list[list[str]]:
     return sorted(groups, key=lambda g: (-len(g), order[g[0]]))
 
 
-def parted_by(graph: NavGraph, key: EdgeKey) -> int:
+def count_cut_off(graph: NavGraph, key: EdgeKey) -> int:
     """Return how many included viewpoints are cut off if the edge is removed: the size of the smaller side. Returns 0
     if another path exists or an end is excluded."""
     if not all(graph.viewpoints[end].included for end in key):

@@ -59,7 +59,7 @@ def inverted(graph: NavGraph, chosen: GraphSelection) -> GraphSelection:
     return GraphSelection(viewpoints, edges)
 
 
-def present(graph: NavGraph, chosen: GraphSelection) -> GraphSelection:
+def existing_part(graph: NavGraph, chosen: GraphSelection) -> GraphSelection:
     """Return the part of a selection that the graph contains; the given object if that is all of it."""
     if all(id in graph.viewpoints for id in chosen.viewpoints) and all(key in graph.edges for key in chosen.edges):
         return chosen
@@ -69,7 +69,7 @@ def present(graph: NavGraph, chosen: GraphSelection) -> GraphSelection:
     )
 
 
-def grown(graph: NavGraph, chosen: GraphSelection) -> GraphSelection:
+def with_neighbors(graph: NavGraph, chosen: GraphSelection) -> GraphSelection:
     """Return the selection plus the neighbors of its viewpoints and the ends of its edges. If edges are selected, the
     edges between all of these are added as well."""
     ends = chosen.viewpoints.union(*chosen.edges)

@@ -62,7 +62,7 @@ def structure(graphs: NavGraph | Iterable[NavGraph]) -> dict[str, float | int]:
     }
 
 
-def spread_rows(count: int, most: int) -> NDArray[np.int64]:
+def evenly_spaced_rows(count: int, most: int) -> NDArray[np.int64]:
     """Return (M,) int64, at most `most` of the rows 0 to `count` - 1 in order. The choice is equal in every run."""
     if count <= most:
         return np.arange(count)
@@ -73,7 +73,7 @@ def _ties(ways: Ways) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
     """Return (2,) the numbers of tied and of all pairs, and (2,) these numbers for pairs that make episodes."""
     tied, episodes = np.zeros(2, np.int64), np.zeros(2, np.int64)
     fewest, most, least = _EPISODE
-    for source in spread_rows(len(ways.ids), EXACT).tolist():
+    for source in evenly_spaced_rows(len(ways.ids), EXACT).tolist():
         far, edges, second = ways.tied(source)
         pairs = np.isfinite(far) & (edges > 0)
         tied += (int((second & pairs).sum()), int(pairs.sum()))

@@ -86,6 +86,7 @@ class Edge:
 
     @property
     def key(self) -> tuple[str, str]:
+        """The key of this edge in `NavGraph.edges`: both ids, in alphabetical order."""
         return (self.a, self.b)
 
 
@@ -170,6 +171,7 @@ class Evidence:
 
     @property
     def key(self) -> tuple[str, int]:
+        """The key of this evidence in `NavGraph.evidence`: the viewpoint and the direction."""
         return (self.viewpoint, self.direction)
 
 

@@ -7,7 +7,7 @@ from dataclasses import asdict, dataclass
 from typing import Literal
 
 from nvsim.errors import InputError
-from nvsim.mapping.families import MEANS, chosen
+from nvsim.mapping.families import MEANS, parse_families
 
 WIDEST = 0.9  # meters: width that the evidence of a corridor covers
 
@@ -139,7 +139,7 @@ class MappingConfig:
     it stay in the graph and are reported. 0 reports none."""
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "criteria", chosen(self.criteria))
+        object.__setattr__(self, "criteria", parse_families(self.criteria))
         if not 0 <= self.half_width <= WIDEST / 2:
             raise InputError(
                 f"The corridor of a robot of {self.robot_radius} m radius with {self.margin} m margin is not between 0 "

@@ -107,22 +107,22 @@ class Corridor:
             for row in ground:
                 row[:, 2] = level
                 row[:, 2] = floor_at(row)
-                level = middle(row[:, 2])
+                level = row_median(row[:, 2])
             return ground
         ground[..., 2] = found
         return ground
 
     def climbs(self, floor_at: HeightAt) -> bool:
         """Whether the corridor leads up or down stairs."""
-        return abs(self.end(floor_at) - middle(self.ground(floor_at)[0, :, 2])) > CLIMB
+        return abs(self.end(floor_at) - row_median(self.ground(floor_at)[0, :, 2])) > CLIMB
 
     def end(self, floor_at: HeightAt) -> float:
         """Return world z in meters of the floor at the target, as `ground` follows it."""
         row = round((self.length - NEAR) / DEPTH - 0.5)
-        return middle(self.ground(floor_at)[min(max(row, 0), self.rows - 1), :, 2])
+        return row_median(self.ground(floor_at)[min(max(row, 0), self.rows - 1), :, 2])
 
 
-def middle(heights: NDArray[np.float64]) -> float:
+def row_median(heights: NDArray[np.float64]) -> float:
     """Return the median of the floor heights (CELLS,) of a row; CELLS is even. The median of numpy takes ten times as
     long."""
     ordered = sorted(heights.tolist())
@@ -158,7 +158,7 @@ def view_of(corridor: Corridor, config: MappingConfig) -> int:
     return off.index(min(off))
 
 
-def nothing_stands(corridor: Corridor, viewpoint: str, floor_at: HeightAt, support: SupportAt) -> Evidence:
+def evidence_without_obstacles(corridor: Corridor, viewpoint: str, floor_at: HeightAt, support: SupportAt) -> Evidence:
     """Return the evidence of `corridor` on level floor without obstacles, as far as its floor is known."""
     known = np.asarray(support(corridor.ground(floor_at)), bool)
     empty, full = np.zeros(known.shape, np.uint8), np.full(known.shape, 255, np.uint8)

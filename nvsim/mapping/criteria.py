@@ -139,7 +139,7 @@ SPARED: frozenset[Decision] = frozenset({"spare", "served", "around"})
 """Decisions about free corridors whose edge was omitted."""
 
 
-def lacking(evidence: Evidence, config: MappingConfig) -> tuple[str, ...]:
+def unmeasured_families(evidence: Evidence, config: MappingConfig) -> tuple[str, ...]:
     """Return the families that `config` names, but for which `evidence` or its second opinion has no plane."""
     present = [one for one in (evidence, evidence.second) if one is not None]
     asked = [c for c in CRITERIA if c.family and c.chosen(config)]
@@ -152,10 +152,10 @@ def decide(evidence: Evidence, config: MappingConfig) -> Decision:
 
     Raises InputError if the evidence lacks the data of a criterion.
     """
-    return stricter([_decision(one, config) for one in opinions(evidence, config)])
+    return strictest_decision([_decision(one, config) for one in opinions(evidence, config)])
 
 
-def stricter(decisions: Sequence[Decision]) -> Decision:
+def strictest_decision(decisions: Sequence[Decision]) -> Decision:
     """Return the decision of one or two opinions: an edge needs both."""
     if len(decisions) > 1 and (decisions[0] == OPEN) != (decisions[1] == OPEN):
         return DISPUTED
@@ -192,7 +192,9 @@ def _stands(around: list[Evidence], config: MappingConfig) -> bool:
     if not around or floor_below(around, config)[1] < config.support:
         return False
     for criterion in standing(config):
-        beneath = np.concatenate([criterion.plane_of(evidence)[under(evidence, config)] for evidence in around])
+        beneath = np.concatenate(
+            [criterion.plane_of(evidence)[cells_under_robot(evidence, config)] for evidence in around]
+        )
         if not criterion.passes(float(beneath.mean() / FULL[criterion.plane]), criterion.limit(config)):
             return False
     return True
@@ -211,7 +213,7 @@ def floor_below(around: Iterable[Evidence], config: MappingConfig) -> tuple[floa
     without evidence."""
     alpha, support = [], []
     for evidence in around:
-        near = under(evidence, config)
+        near = cells_under_robot(evidence, config)
         alpha.append(evidence.alpha[near])
         support.append(evidence.support[near])
     if not alpha:
@@ -219,14 +221,14 @@ def floor_below(around: Iterable[Evidence], config: MappingConfig) -> tuple[floa
     return float(np.concatenate(alpha).mean() / 255), float(np.concatenate(support).mean())
 
 
-def under(evidence: Evidence, config: MappingConfig) -> NDArray[np.bool_]:
+def cells_under_robot(evidence: Evidence, config: MappingConfig) -> NDArray[np.bool_]:
     """Return (rows, cells) bool: the cells within half the corridor's width of the viewpoint. A point-like robot has
     the nearest cells."""
     grid = _Grid.of(evidence)
     return _under(grid, max(config.half_width, grid.near + grid.depth))
 
 
-def answers(evidence: Evidence, length: float, heading: float, config: MappingConfig) -> bool:
+def is_sufficient(evidence: Evidence, length: float, heading: float, config: MappingConfig) -> bool:
     """Whether stored evidence is sufficient for a corridor of this length (meters) and heading (radians) under
     `config`. Only the first model is checked."""
     turn = abs((evidence.heading - heading + np.pi) % (2 * np.pi) - np.pi)
@@ -236,7 +238,7 @@ def answers(evidence: Evidence, length: float, heading: float, config: MappingCo
         and evidence.near + len(evidence.alpha) * evidence.depth >= length + config.half_width - 1e-9
         and evidence.width >= 2 * config.half_width - 1e-9
         and evidence.views == config.views
-        and not lacking(evidence, config)
+        and not unmeasured_families(evidence, config)
     )
 
 

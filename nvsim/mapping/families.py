@@ -16,7 +16,7 @@ change the paper's map."""
 NormalSource = Literal["criteria", "gaussians", "network", "both"]
 
 
-def chosen(names: Iterable[str]) -> tuple[str, ...]:
+def parse_families(names: Iterable[str]) -> tuple[str, ...]:
     """Return the named families, each once and in their order. Names may be separate, or separated by commas.
 
     Raises InputError if no family is named, or if a name is unknown.
@@ -37,4 +37,4 @@ def with_normals(criteria: Iterable[str], source: NormalSource) -> tuple[str, ..
     if source == "criteria":
         return tuple(criteria)
     normals = {"gaussians": ("normal",), "network": (NETWORK_NORMAL,), "both": ("normal", NETWORK_NORMAL)}[source]
-    return chosen((*(family for family in criteria if family not in ("normal", NETWORK_NORMAL)), *normals))
+    return parse_families((*(family for family in criteria if family not in ("normal", NETWORK_NORMAL)), *normals))

@@ -17,7 +17,7 @@ from nvsim.files.reading import as_reading_error
 from nvsim.networks.description import Description, File
 from nvsim.networks.folder import models_folder
 from nvsim.networks.installed import BUNDLED, DESCRIPTION, Model, model_at, signature_of
-from nvsim.networks.ready import fitting, read_description, ready
+from nvsim.networks.ready import fitting, known_descriptions, read_description
 
 _BESIDE = ("{stem}.onnx.data", "{stem}.onnx_data", "{stem}.data", "{stem}.bin")
 """File names that exporters give to the weights of a large network."""
@@ -38,7 +38,7 @@ def add(paths: Sequence[Path], name: str = "", form: str = "", replace: bool = F
     if toml is not None:
         return _install(networks, toml.parent, read_description(toml), None, name or _own_name(toml), replace, toml)
     found = _form(networks, form)
-    description = ready()[found[0]]
+    description = known_descriptions()[found[0]]
     chosen = name or _guessed(description, networks) or found[0]
     return _install(networks, networks[0].parent, description, found, chosen, replace, None)
 
@@ -70,12 +70,12 @@ def _found(paths: Sequence[Path]) -> tuple[list[Path], Path | None]:
 
 def _form(networks: Sequence[Path], wanted: str) -> tuple[str, dict[str, Path]]:
     """The form that the files match, and the path of each of its files."""
-    if wanted and wanted not in ready():
-        raise InputError(f"There is no form {wanted!r:.60}; the forms are {', '.join(ready())}.")
+    if wanted and wanted not in known_descriptions():
+        raise InputError(f"There is no form {wanted!r:.60}; the forms are {', '.join(known_descriptions())}.")
     forms = [(f, files) for f, files in fitting({p: signature_of(p) for p in networks}) if wanted in ("", f)]
     if not forms:
         names = " and ".join(p.name for p in networks)
-        of = f"the form {wanted}" if wanted else f"none of the forms {', '.join(ready())}"
+        of = f"the form {wanted}" if wanted else f"none of the forms {', '.join(known_descriptions())}"
         raise InputError(
             f"{names} fit{'s' if len(networks) == 1 else ''} {of}; describe the model in a TOML beside "
             f"{'it' if len(networks) == 1 else 'them'} (documentation page 'Networks that you install') and add both."

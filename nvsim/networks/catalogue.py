@@ -11,7 +11,7 @@ from nvsim.files.opening import is_regular
 from nvsim.networks.description import IMPROVES, ROLE_WORDS, SINGLE_FILES, Role
 from nvsim.networks.folder import models_folder
 from nvsim.networks.installed import Model, bundled, installed
-from nvsim.networks.ready import ready
+from nvsim.networks.ready import known_descriptions
 
 
 @dataclass(frozen=True)
@@ -101,7 +101,9 @@ def _single_files() -> list[Listed]:
 
 def _known(role: Role) -> tuple[Known, ...]:
     return tuple(
-        Known(form, d.title, d.names, d.made_by, d.licence, d.source) for form, d in ready().items() if d.role == role
+        Known(form, d.title, d.names, d.made_by, d.licence, d.source)
+        for form, d in known_descriptions().items()
+        if d.role == role
     )
 
 

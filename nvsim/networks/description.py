@@ -204,7 +204,7 @@ ROLE_WORDS: dict[Role, str] = {
     "prompted": "segmentation at points",
 }
 IMPROVES: dict[Role, str] = {
-    "semantic": "floor masks: holes of a scan, and captures without one (`nvsim floors --provider auto`)",
+    "semantic": "floor masks: holes of a LiDAR scan, and captures without one (`nvsim floors --provider auto`)",
     "normals": "the paper's normals of the map (`nvsim map --normal-source network`), and hybrid floor masks",
     "prompted": "corrections of masks by points, and the last step of hybrid floor masks",
 }

@@ -17,7 +17,7 @@ from nvsim.networks.description import ROLE_WORDS, Description, Role
 from nvsim.networks.folder import models_folder
 from nvsim.networks.onnx_session import Provider, Session, Signature
 from nvsim.networks.parsing import description_in
-from nvsim.networks.ready import FOLDER, description_from_legacy_toml, fitting, read_description, ready
+from nvsim.networks.ready import FOLDER, description_from_legacy_toml, fitting, known_descriptions, read_description
 from nvsim.networks.toml_table import LARGEST, parsed
 
 DESCRIPTION = "model.toml"
@@ -78,14 +78,14 @@ class Model:
             )
         forms = fitting(signatures, self.role)
         if not forms:
-            known = ", ".join(form for form, d in ready().items() if d.role == self.role)
+            known = ", ".join(form for form, d in known_descriptions().items() if d.role == self.role)
             names = " and ".join(path.name for path in self.files)
             raise InputError(
                 f"{self.folder}: {names} fit none of the known forms ({known}); describe it in a TOML, and add it "
                 "with `nvsim models add`."
             )
         form, files = forms[0]
-        description = ready()[form]
+        description = known_descriptions()[form]
         named = {key: replace(file, name=files[key].name) for key, file in description.files.items()}
         return replace(description, files=named)
 

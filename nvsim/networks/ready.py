@@ -25,7 +25,7 @@ _AGAIN = "save it as UTF-8"
 
 
 @cache
-def ready() -> dict[str, Description]:
+def known_descriptions() -> dict[str, Description]:
     """The descriptions by the name of their form, such as "sam2-samexporter"."""
     return {form: description_in(values_of(FOLDER / f"{form}.toml"), FOLDER / f"{form}.toml") for form in _forms()}
 
@@ -58,7 +58,7 @@ def fitting(signatures: dict[Path, Signature], role: Role | None = None) -> list
 
     Forms with the most tensors known by name are first."""
     found = []
-    for name, description in ready().items():
+    for name, description in known_descriptions().items():
         if role in (None, description.role) and len(description.files) == len(signatures):
             fit = _fit(description, signatures)
             if fit is not None:

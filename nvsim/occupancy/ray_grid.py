@@ -119,7 +119,7 @@ class RayGrid:
         count = self._hit(self._in_voxels(ends))
         width = math.ceil(_HOLES / self.resolution)
         walls = np.zeros(len(self._marks), bool)
-        ray_kernels.spread(self._touched, count, width, self._base, self.layers, walls)
+        ray_kernels.dilate_walls(self._touched, count, width, self._base, self.layers, walls)
         tree, in_voxels = cKDTree(places), self._in_voxels(places)
         hidden = 0
         for i in range(0, len(ends), _CHUNK):
@@ -204,4 +204,4 @@ class RayGrid:
             self._touched = grown
 
     def _settle(self, count: int) -> None:
-        ray_kernels.settle(self._marks, self._touched, count, self._log_odds, ODDS)
+        ray_kernels.update_log_odds(self._marks, self._touched, count, self._log_odds, ODDS)

@@ -123,7 +123,7 @@ def mark_passed(
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def settle(
+def update_log_odds(
     marks: NDArray[np.uint8],
     touched: NDArray[np.int64],
     count: int,
@@ -142,7 +142,7 @@ def settle(
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def spread(
+def dilate_walls(
     touched: NDArray[np.int64],
     count: int,
     width: int,

@@ -11,7 +11,7 @@ import numpy as np
 from nvsim.errors import InputError
 from nvsim.files.opening import is_regular, opened
 from nvsim.files.reading import reading
-from nvsim.geometry.camera import Camera, Intrinsics, look
+from nvsim.geometry.camera import Camera, Intrinsics, camera_pose
 from nvsim.networks.chain import Chain
 from nvsim.networks.installed import Model
 from nvsim.perception.normals_network import NormalsNetwork
@@ -68,13 +68,16 @@ def _answer(chain: Chain) -> str:
     image = np.full((height, width, 3), 190, np.uint8)
     image[height // 2 :] = (120, 100, 80)
     image = np.clip(image + np.random.default_rng(0).normal(0, 6, image.shape), 0, 255).astype(np.uint8)
-    camera = Camera(Intrinsics.from_fov(width, height, 1.2), look(np.zeros(3), 0.0, -0.3))
+    camera = Camera(Intrinsics.from_fov(width, height, 1.2), camera_pose(np.zeros(3), 0.0, -0.3))
     path = next(iter(chain.paths.values()))
     role = chain.description.role
     if role == "semantic":
         found = SemanticNetwork(chain).floor_probability(image, camera)
         if not 0 <= found.min() <= found.max() <= 1 + 1e-4:
-            raise InputError(f"{path} gives probabilities from {found.min():.3g} to {found.max():.3g}; check meaning.")
+            raise InputError(
+                f"{path} gives probabilities from {found.min():.3g} to {found.max():.3g}; check `meaning` in its "
+                "description."
+            )
         return f"floor on {float((found > 0.5).mean()):.0%} of a test image"
     if role == "normals":
         normals = NormalsNetwork(chain).normals(image, camera)

@@ -13,13 +13,13 @@ import numpy as np
 from nvsim.capture.types import Cloud
 from nvsim.geometry.camera import Camera
 from nvsim.geometry.floor_surface import FloorSurface
-from nvsim.geometry.sampling import spread
+from nvsim.geometry.sampling import evenly_spaced
 from nvsim.geometry.splatting import SplatCloud
 from nvsim.perception.appearance import FloorAppearance, FloorObservation
 from nvsim.perception.glass import GlassVotes
 from nvsim.perception.growing import grow
 from nvsim.perception.hybrid import large_regions
-from nvsim.perception.obstacles import standing
+from nvsim.perception.obstacles import split_obstacles
 from nvsim.perception.refine import RefineConfig, refine
 from nvsim.perception.roles import Float32, FloorMask, Image, Mask
 from nvsim.perception.stairs import Stairs
@@ -45,8 +45,8 @@ class GeometricConfig:
     glimpses      greatest number of views from which the color of the floor is learned
     filled        unoccluded, unconfirmed pixels are floor above this probability of the semantic network
     edge          pixels beside floor by which objects are drawn too large
-    filled_edge   with a scan, occluded pixels within `edge` are floor above this probability
-    never         with a scan, floor below this probability is removed, except on stairs: people, the foot of panes
+    filled_edge   with a LiDAR scan, occluded pixels within `edge` are floor above this probability
+    never         with a LiDAR scan, floor below this probability is removed, except on stairs: people, feet of panes
     never_edge    replaces `never` for floor within `rim` pixels of other surfaces
     rim           pixels, see `never_edge`
     usual         floor with an unusual color is kept above this probability: gloss, the light of a lamp
@@ -129,7 +129,7 @@ class GeometricFloor:
         self.surface, self._stairs = surface, Stairs.of(surface)
         self._appearance: FloorAppearance | None = None
         self._is_sparse = cloud is not None and not cloud.is_dense
-        self._standing = standing(cloud, surface, self.config.clearance, self.config.cover, self.config.sparse)
+        self._standing = split_obstacles(cloud, surface, self.config.clearance, self.config.cover, self.config.sparse)
         self._splats = SplatCloud.of(self._standing.points, self._standing.radii)
 
     def learn(
@@ -144,7 +144,7 @@ class GeometricFloor:
         `read` gives the image (H, W, 3) uint8 RGB of the camera at an index. `usable_of` gives its valid pixels (h, w)
         bool at any size, None for all. Both are called in `threads` threads. Without this call, objects that the cloud
         misses stay in the masks."""
-        chosen = spread(len(cameras), self.config.glimpses)
+        chosen = evenly_spaced(len(cameras), self.config.glimpses)
 
         def look(index: int) -> tuple[Projection, FloorObservation]:
             projection = _counted(self.project(cameras[index]), usable_of(index))

@@ -26,6 +26,7 @@ class FloorSimilarity:
     floor: GeometricFloor
 
     def floor_probability(self, image: Image, camera: Camera) -> Float32:
+        """(H, W) float32, 0 to 1, for an image (H, W, 3)."""
         return _resized(self.floor.likeness(camera, image), image)
 
 
@@ -39,6 +40,7 @@ class CloudNormals:
     _tree: dict[str, cKDTree] = field(default_factory=dict)
 
     def normals(self, image: Image, camera: Camera) -> Float32:
+        """(H, W, 3) float32, unit length, world frame, for an image (H, W, 3); zero if unknown."""
         seen = self.floor.project(camera)
         height, width = seen.floor.shape
         small = camera.scaled(width, height)

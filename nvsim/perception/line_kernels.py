@@ -74,7 +74,7 @@ def _in_view(p: Float64, q: Float64, pose: Float64, lens: Float64, line: Float64
 
 
 @njit(cache=True, nogil=True)
-def ask(
+def count_line_votes(
     starts: Float64,  # (n, heights, 3) meters, world: starts of the lines at each height, the first on the floor
     ends: Float64,  # (n, heights, 3) meters, world: their ends
     pose: Float64,  # (4, 4) world to camera

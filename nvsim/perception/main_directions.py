@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from nvsim.capture.images import read_image
 from nvsim.capture.types import Frame
 from nvsim.geometry.camera import Camera
-from nvsim.geometry.sampling import spread
+from nvsim.geometry.sampling import evenly_spaced
 from nvsim.perception.roles import Float32, Image, SurfaceNormals
 
 _UPRIGHT = 0.5
@@ -124,11 +124,12 @@ class StraightNormals:
         that cannot be read."""
 
         def looks() -> Iterator[Float32]:
-            for frame in (frames[i] for i in spread(len(frames), _FRAMES)):
+            for frame in (frames[i] for i in evenly_spaced(len(frames), _FRAMES)):
                 small = frame.intrinsics.within(_SIDE)
                 yield seen.normals(read_image(frame, small), Camera(small, frame.camera.camera_to_world))
 
         return cls(seen, main_headings(looks()))
 
     def normals(self, image: Image, camera: Camera) -> Float32:
+        """(H, W, 3) float32, unit length, world frame, for an image (H, W, 3); zero if unknown."""
         return straightened(self.seen.normals(image, camera), self.headings)

@@ -31,7 +31,7 @@ _HOLE = 1.0  # square meters: unscanned areas up to this size are floor if floor
 
 
 @dataclass(frozen=True, eq=False)
-class Standing:
+class ObstacleCloud:
     """points   (N, 3) float32, world, meters: all points above the floor, and added points from their feet to the floor
     radii    (N,) float32, meters: half the width of the surface that a point represents
     confirmed  floor that the cloud shows; None if the cloud is missing or has fewer than 10 points
@@ -42,14 +42,16 @@ class Standing:
     confirmed: FloorSupport | None
 
 
-def standing(cloud: Cloud | None, surface: FloorSurface, clearance: float, cover: float, sparse: float) -> Standing:
+def split_obstacles(
+    cloud: Cloud | None, surface: FloorSurface, clearance: float, cover: float, sparse: float
+) -> ObstacleCloud:
     """Splits a cloud into obstacles higher than `clearance` meters above the floor and points that confirm floor. On
     stairs both limits are half a step higher.
 
     cover   half-width of a point's square, in distances to its fourth neighbor
     sparse  a surface whose points are this many times as far apart as the median is glass or noise
     """
-    nothing = Standing(np.empty((0, 3), np.float32), np.empty(0, np.float32), None)
+    nothing = ObstacleCloud(np.empty((0, 3), np.float32), np.empty(0, np.float32), None)
     if cloud is None or len(cloud.points) < 10:
         return nothing
     points = np.asarray(cloud.points, np.float32)
@@ -64,7 +66,7 @@ def standing(cloud: Cloud | None, surface: FloorSurface, clearance: float, cover
     around = _local_mean(everything, spacing)
     solid = around <= sparse * float(np.median(around)) if len(spacing) else np.empty(0, bool)
     radii = np.where(solid, np.clip(cover * spacing, 0.03, 0.2), 0.02).astype(np.float32)
-    return Standing(everything, radii, _confirmed(on_floor, surface))
+    return ObstacleCloud(everything, radii, _confirmed(on_floor, surface))
 
 
 def _local_mean(points: Float32, values: Float32) -> Float32:
@@ -105,7 +107,7 @@ def _feet(points: Float32, height: Float32, on_floor: Float32, surface: FloorSur
 def _raised(xy: NDArray[np.float64], on_floor: Float32, things: Float32) -> NDArray[np.bool_]:
     """(N,) bool: which of the places `xy` (N, 2) of lowest object points are above visible floor. There, floor points
     (M, 3) are on all sides, and the object's points (K, 3) cover one side, as with a sofa on short legs. Legs, rails,
-    and the foot of a pane that the scan misses do not meet both conditions."""
+    and the foot of a pane that the LiDAR scan misses do not meet both conditions."""
     if len(on_floor) < 2:
         return np.zeros(len(xy), bool)
     floor = cKDTree(on_floor[:, :2])

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from nvsim.geometry.camera import Camera
-from nvsim.perception.line_kernels import ask
+from nvsim.perception.line_kernels import count_line_votes
 from nvsim.perception.roles import Image
 
 Float64 = NDArray[np.float64]
@@ -147,7 +147,7 @@ def _of_camera(
     for other in near.tolist():
         k, pose = cameras[other].intrinsics, np.ascontiguousarray(cameras[other].world_to_camera)
         lens = np.array([k.fx, k.fy, k.cx, k.cy, k.width, k.height], np.float64)
-        ask(starts, ends, pose, lens, segments[other], c.tolerance, c.parallax, asked, shown, on_floor)
+        count_line_votes(starts, ends, pose, lens, segments[other], c.tolerance, c.parallax, asked, shown, on_floor)
     best = np.where(asked >= c.asked, shown - on_floor, -1)[:, 1:].argmax(axis=1) + 1
     line = np.arange(len(best))
     asked, shown, on_floor = asked[line, best], shown[line, best], on_floor[line, best]

@@ -48,12 +48,12 @@ class FloorSupport:
     def at(self, xy: NDArray[np.floating]) -> Mask:
         """(...) bool: whether world points (..., 2), meters, are on known floor; False outside the grid. The z of
         points (..., 3) is ignored, because there is one floor."""
-        from nvsim.geometry.grid_kernels import marked
+        from nvsim.geometry.grid_kernels import look_up_cells
 
         xy = np.asarray(xy)
         places = np.ascontiguousarray(xy.reshape(-1, xy.shape[-1]), np.float64)
         found = np.empty(len(places), bool)
-        marked(self.cells, float(self.origin[0]), float(self.origin[1]), float(self.spacing), places, found)
+        look_up_cells(self.cells, float(self.origin[0]), float(self.origin[1]), float(self.spacing), places, found)
         return found.reshape(xy.shape[:-1])
 
     def save(self, path: Path) -> None:
@@ -158,7 +158,7 @@ class SupportConfig:
     share: float = 0.3
 
 
-def walked(positions: NDArray[np.floating], surface: FloorSurface) -> NDArray[np.floating]:
+def positions_at_common_heights(positions: NDArray[np.floating], surface: FloorSurface) -> NDArray[np.floating]:
     """The camera positions (N, 3), meters, whose height above the floor is common among all positions; there can be two
     such heights. At other heights the camera was held over a table or raised, so the person was not directly below it.
     Never empty if there are positions."""

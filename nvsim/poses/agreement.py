@@ -88,7 +88,7 @@ def evidence_of(frames: Sequence[Frame], pairs: Sequence[Overlap]) -> Evidence:
     )
 
 
-def misses(poses: Float, evidence: Evidence, rays: Float, focal: Float) -> Float:
+def match_errors(poses: Float, evidence: Evidence, rays: Float, focal: Float) -> Float:
     """(P,) median distance of the matches of each pair from the positions that the poses allow, pixels of an image of
     SIDE. `poses` (N, 4, 4) are camera to world and may be mirrored. `rays` (P, 2, M, 3) and `focal` (P,) come from
     `Evidence`."""

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from nvsim.capture.axes import CHOICES, DESCRIPTIONS, Axes, convert_axes
 from nvsim.geometry.lens import Lens
-from nvsim.poses.agreement import AGREES, Evidence, Float, misses
+from nvsim.poses.agreement import AGREES, Evidence, Float, match_errors
 
 _SHIFTS = 10  # frames by which poses may be late or early
 _WELL = 0.7  # share of the pairs that agree with an explanation, at least
@@ -53,13 +53,13 @@ def explain(
     names  of the frames; `order` has the frame indices in order of time
     """
     rays, focal = evidence.rays(), evidence.focal()
-    given = misses(poses, evidence, rays, focal)
+    given = match_errors(poses, evidence, rays, focal)
     found = [lens] if (lens := _lens_explanation(poses, evidence)) is not None else []
     tried = []
     for message, axes, undone in (*_conventions(read, own), *_orders(poses, names, order)):
         valid = np.isfinite(undone[evidence.frames]).all(axis=(1, 2, 3))
         if np.count_nonzero(valid) >= max(6, len(evidence) // 3):
-            left = misses(np.nan_to_num(undone), evidence, rays, focal)[valid]
+            left = match_errors(np.nan_to_num(undone), evidence, rays, focal)[valid]
             tried.append(Explanation(message, axes, float(np.mean(left < AGREES)), float(np.median(left))))
     best = max((t.share for t in tried), default=0.0)
     least = min((t.miss for t in tried if t.share >= best - 0.03), default=0.0)
@@ -197,7 +197,7 @@ def _lens_explanation(poses: Float, evidence: Evidence) -> Explanation | None:
         kinds = [change.of(lens) for lens in sample.kinds]
         # Use the longer focal length: with an ever shorter one, errors in pixels would shrink to zero.
         focal = np.maximum(sample.focal(kinds), sample.focal())
-        return misses(poses, sample, sample.rays(kinds), focal)
+        return match_errors(poses, sample, sample.rays(kinds), focal)
 
     def cost(change: _Change) -> float:
         return float(np.mean(np.log1p(left(change))))

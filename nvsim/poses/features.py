@@ -60,13 +60,13 @@ def find_features(
     return Features(places, np.clip(np.rint(found[order]), 0, 255).astype(np.uint8))
 
 
-def alike(one: Features, other: Features) -> NDArray[np.int64]:
+def match_features(one: Features, other: Features) -> NDArray[np.int64]:
     """(M, 2) int64 pairs of features of two images that are each other's best match and clearly better than the second
     best."""
-    return most_alike(roots(one), roots(other), _RATIO)
+    return match_descriptors(root_sift(one), root_sift(other), _RATIO)
 
 
-def most_alike(
+def match_descriptors(
     one: NDArray[np.float32],
     other: NDArray[np.float32],
     ratio: float,
@@ -100,7 +100,7 @@ def most_alike(
     return np.stack([np.flatnonzero(clear), best[clear]], axis=1)
 
 
-def roots(features: Features) -> NDArray[np.float32]:
+def root_sift(features: Features) -> NDArray[np.float32]:
     """(N, 128) RootSIFT: unit vectors, the square roots of the descriptors divided by their sums."""
     values = features.descriptors.astype(np.float32)
     return np.asarray(np.sqrt(values / np.maximum(values.sum(axis=1, keepdims=True), 1e-9)), np.float32)

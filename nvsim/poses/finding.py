@@ -12,10 +12,10 @@ from nvsim.capture.check import Report
 from nvsim.capture.findings import Finding, Severity
 from nvsim.capture.raw import RawFrame
 from nvsim.capture.types import Alignment, Capture, Frame
-from nvsim.poses.agreement import AGREES, Evidence, evidence_of, misses
+from nvsim.poses.agreement import AGREES, Evidence, evidence_of, match_errors
 from nvsim.poses.causes import explain
 from nvsim.poses.overlap import Overlaps, find_overlaps
-from nvsim.poses.refinement import is_good, miss
+from nvsim.poses.refinement import is_good, median_epipolar_error
 
 _PAIRS, _FRAMES = 8, 5  # image pairs, and frames in them, below which the check makes no claim
 _AGREE = 0.6  # share of the pairs that agree with usable poses
@@ -52,7 +52,7 @@ def contradictions(report: Report) -> tuple[Finding, ...]:
     if (found := _without_parallax(report, frames, evidence)) is not None:
         return (found,)
     poses = np.stack([f.camera_to_world for f in frames])
-    off = misses(poses, evidence, evidence.rays(), evidence.focal())
+    off = match_errors(poses, evidence, evidence.rays(), evidence.focal())
     share, typical = float(np.mean(off < AGREES)), float(np.median(off))
     if typical >= _WELL:
         read = np.stack([f.camera_to_world for f in usable if f.camera_to_world is not None])
@@ -114,7 +114,7 @@ def _without_parallax(report: Report, frames: tuple[Frame, ...], evidence: Evide
     if len(moved) < _PAIRS:
         return None
     poses[:, :3, 3] = 0
-    if np.quantile(misses(poses, moved, moved.rays(), moved.focal()), 0.95) > _STILL:
+    if np.quantile(match_errors(poses, moved, moved.rays(), moved.focal()), 0.95) > _STILL:
         return None
     return Finding(
         "error",
@@ -154,7 +154,7 @@ def _wrong_frames(
 def of_poses(capture: Capture) -> Finding | None:
     """The finding that the poses contradict the images, and its consequence. None if the poses agree with the images or
     cannot be tested."""
-    if not capture.alignment.scale_known or is_good(missed := miss(capture.frames)):
+    if not capture.alignment.scale_known or is_good(missed := median_epipolar_error(capture.frames)):
         return None
     message = f"the poses miss matched features by {missed:.2f} pixels; exact poses miss them by 0.1 pixels"
     if capture.is_measured:

@@ -26,10 +26,10 @@ from nvsim.poses.joining import join, piece_of
 from nvsim.poses.loops import close_loops
 from nvsim.poses.mapping import (
     adjust_all,
-    bends,
     consistent_pairs,
     contradicted_rotations,
     correct_rotations,
+    find_bends,
     global_mapping,
     is_near,
     poses_of,
@@ -46,9 +46,15 @@ from nvsim.poses.match_database import (
     write_database,
     write_geometries,
 )
+<<<<<<< HEAD
 from nvsim.poses.pieces import names_in, separated, split_after
 from nvsim.poses.pose_graph import Anchors, keeps_shape, median_depth, without_drift
 from nvsim.poses.straightening import anchors_of, contradicts_floor, held_together, leveled, straightened
+=======
+from nvsim.poses.pieces import names_in, split_after, split_into_pieces
+from nvsim.poses.pose_graph import Anchors, keeps_shape, without_drift
+from nvsim.poses.straightening import anchors_of, contradicts_floor, leveled, merge_turning_pieces, straightened
+>>>>>>> h-docs
 from nvsim.poses.threads import thread_pool
 from nvsim.poses.two_views import TwoViews, from_matches, relative_pose
 
@@ -160,8 +166,14 @@ def _finished(models: list[pycolmap.Reconstruction], inputs: _Inputs, placed: Pl
     if images.ordered:
         for found in models:
             correct_rotations(found, inputs.views)
+<<<<<<< HEAD
         model, views, loops = _closed(*_joined(None, models, inputs), inputs, False)
         model, pieces = _joined_again(model, views, inputs)
+=======
+        model, loops = _closed(*_joined(None, models, inputs), inputs, False)
+        cuts = find_bends(poses_of(model), inputs.views)
+        pieces = split_after(firm_pieces(model, images.times), cuts)
+>>>>>>> h-docs
         bent = contradicts_floor(model)
         if (bent or len(pieces[0]) < _ENOUGH * len(images.names)) and not images.clips.any():  # one video only
             placed([model])
@@ -181,7 +193,7 @@ def _finished(models: list[pycolmap.Reconstruction], inputs: _Inputs, placed: Pl
     if images.ordered:
         astray = contradicted_rotations(poses_of(model), inputs.views).keys()
         pieces = [kept for piece in pieces if (kept := [n for n in piece if n not in astray])]
-    separate = separated(model, pieces, models, images.times)
+    separate = split_into_pieces(model, pieces, models, images.times)
     if model.num_reg_images() >= _CENTERED:
         adjust_all(model, True, poses_of(model) if held else None, _LOOSELY if loops else _HELD)
     upright = tuple(images.ordered and leveled(piece, images.folder) for piece in separate)
@@ -209,7 +221,7 @@ def _straight(
     base = _adjusted(poses, dict(models[0].cameras.items()), inputs, True)
     model, _, loops = _closed(*_joined(base, models, inputs), inputs, True)
     firm = firm_pieces(model, inputs.images.times, _LOOSE)
-    pieces = held_together(model, firm, inputs.images.folder, inputs.views)
+    pieces = merge_turning_pieces(model, firm, inputs.images.folder, inputs.views)
     return model, loops, pieces
 
 

@@ -14,7 +14,7 @@ import numpy as np
 import pycolmap
 from numpy.typing import NDArray
 
-from nvsim.poses.features import most_alike, roots
+from nvsim.poses.features import match_descriptors, root_sift
 from nvsim.poses.match_database import Keypoints, Pair
 
 _RATIO = 0.9  # distance to the best match over the distance to the second best
@@ -60,7 +60,7 @@ class Piece:
 def piece_of(model: pycolmap.Reconstruction, numbers: Sequence[int], keypoints: Sequence[Keypoints]) -> Piece:
     """The images `numbers` of a model as a piece, with the points that their SIFT features show."""
     inside = set(int(n) for n in numbers)
-    descriptors = {n: roots(keypoints[n - 1].features) for n in inside}
+    descriptors = {n: root_sift(keypoints[n - 1].features) for n in inside}
     points, looks, seen = [], [], []
     for point in model.points3D.values():
         elements = [(e.image_id, e.point2D_idx) for e in point.track.elements if e.image_id in inside]
@@ -121,7 +121,7 @@ def _enough(shared: dict[Pair, dict[int, int]]) -> dict[Pair, NDArray[np.uint32]
 def _similarity(piece: Piece, base: Piece) -> tuple[int, pycolmap.Sim3d | None, NDArray[np.int64], NDArray[np.int64]]:
     """How many points agree, the similarity that moves `piece` onto `base`, and the agreeing points of both."""
     nothing = np.zeros(0, np.int64)
-    pairs = most_alike(piece.looks, base.looks, _RATIO)
+    pairs = match_descriptors(piece.looks, base.looks, _RATIO)
     if len(pairs) < _FEWEST:
         return 0, None, nothing, nothing
     centers = np.array([base.center(int(n)) for n in base.numbers])

@@ -15,7 +15,7 @@ import pycolmap
 from numpy.typing import NDArray
 
 from nvsim.geometry.rotation import rotation_angle
-from nvsim.poses.features import alike
+from nvsim.poses.features import match_features
 from nvsim.poses.match_database import Keypoints, Pair
 from nvsim.poses.pose_graph import PART, median_depth
 from nvsim.poses.threads import thread_pool
@@ -73,7 +73,7 @@ def close_loops(
     def verified(pair: Pair) -> TwoViews | None:
         one, other = (keypoints[i] for i in pair)
         if pair not in matches:
-            seems = len(alike(one.features.first(_FIRST), other.features.first(_FIRST))) >= _LOOK_ALIKE
+            seems = len(match_features(one.features.first(_FIRST), other.features.first(_FIRST))) >= _LOOK_ALIKE
             matches[pair] = one.matches(other, False) if seems else np.zeros((0, 2), np.uint32)
         if len(matches[pair]) < _MATCHES:
             return None

@@ -91,7 +91,7 @@ def contradicted_rotations(
         sure.add(n)
 
 
-def bends(poses: Mapping[int, pycolmap.Rigid3d], found: Mapping[Pair, TwoViews]) -> list[int]:
+def find_bends(poses: Mapping[int, pycolmap.Rigid3d], found: Mapping[Pair, TwoViews]) -> list[int]:
     """Numbers of the images of a video after which the rotations of `poses` (world to camera, by image number)
     contradict the relative poses `found` of the images before and after. Where the points of two stretches disagree,
     adjustment bends the video at a weak place."""

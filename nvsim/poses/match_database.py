@@ -13,7 +13,7 @@ import numpy as np
 import pycolmap
 from numpy.typing import NDArray
 
-from nvsim.poses.features import Features, alike
+from nvsim.poses.features import Features, match_features
 from nvsim.poses.image_set import ImageSet, UnknownCamera
 from nvsim.poses.two_views import TwoViews
 
@@ -48,7 +48,7 @@ class Keypoints:
 
         Features match by their descriptors. If `tracked`, tracked points match by their numbers too. Both are needed:
         the error of a tracked point grows from frame to frame, and features alone are too few on a plain wall."""
-        found = alike(self.features, other.features)
+        found = match_features(self.features, other.features)
         if tracked:
             _, mine, theirs = np.intersect1d(self.ids, other.ids, assume_unique=True, return_indices=True)
             found = np.concatenate([found, np.stack([mine + len(self.features), theirs + len(other.features)], axis=1)])

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from nvsim.geometry.camera import Camera
-from nvsim.poses.features import Features, alike
+from nvsim.poses.features import Features, match_features
 
 _FARTHEST, _TURNED = 1.5, 35.0  # largest distance in meters and largest angle in degrees between compared cameras
 _BASELINES = ((0.0, 0.12, 2), (0.12, 0.35, 3), (0.35, 0.8, 3), (0.8, _FARTHEST, 1))
@@ -46,7 +46,7 @@ def matched(one: Features, other: Features, first: Camera, second: Camera) -> ND
     Matches have similar descriptors, are near each other's epipolar lines, and agree with one fundamental matrix. Empty
     if there are fewer than 10."""
     none = np.zeros((0, 2), np.int64)
-    pairs = alike(one, other)
+    pairs = match_features(one, other)
     a, b = one.places[pairs[:, 0]], other.places[pairs[:, 1]]
     near = np.abs(epipolar_distances(a, b, first, second)) < _ASTRAY
     pairs, a, b = pairs[near], a[near], b[near]

@@ -16,8 +16,8 @@ from numpy.typing import NDArray
 from nvsim.capture.images import decode
 from nvsim.capture.types import Frame
 from nvsim.errors import InputError
-from nvsim.geometry.sampling import spread
-from nvsim.poses.features import NOTHING, Features, alike, find_features
+from nvsim.geometry.sampling import evenly_spaced
+from nvsim.poses.features import NOTHING, Features, find_features, match_features
 from nvsim.poses.threads import thread_pool
 
 SIDE = 640  # pixels of the longest side of the images that are matched
@@ -84,10 +84,10 @@ class _Search:
             odd: list[int] = []
             near = [(i, i + gap) for i in range(count) for gap in _GAPS if i + gap < count]
             wide = [(i, i + gap) for i in range(count) for gap in _WIDE_GAPS if i + gap < count]
-            near += [wide[k] for k in spread(len(wide), _WIDE)]
+            near += [wide[k] for k in evenly_spaced(len(wide), _WIDE)]
         else:
             odd = self._unlike_neighbors()
-            starts = spread(count - _OFFSETS[-1], _RUNS)
+            starts = evenly_spaced(count - _OFFSETS[-1], _RUNS)
             runs = [[start + offset for offset in _OFFSETS] for start in starts]
             near = [(a, b) for run in runs for k, a in enumerate(run) for b in run[k + 1 :]]
         for k in odd:
@@ -98,7 +98,7 @@ class _Search:
             self._match(self._near_by_pose(sampled))
         if self._found() < _FEW_PAIRS:
             everything = [(a, b) for k, a in enumerate(sampled) for b in sampled[k + 1 :]]
-            self._match(everything[k] for k in spread(len(everything), _PAIRS))
+            self._match(everything[k] for k in evenly_spaced(len(everything), _PAIRS))
         strangers = self._strangers(odd if odd else range(1, count - 1) if count <= _ALL else ())
         self._match((s, other) for s in strangers[:_ODD] for other in sampled)
         return Overlaps(
@@ -129,7 +129,7 @@ class _Search:
 
     def _compare(self, pair: tuple[int, int]) -> Overlap | None:
         one, other = (self._features[i] for i in pair)
-        matches = alike(one, other)
+        matches = match_features(one, other)
         self._alike[pair] = len(matches)
         if len(matches) < _MATCHES:
             return None
@@ -142,7 +142,7 @@ class _Search:
         rows = np.flatnonzero(agree.ravel())
         if len(rows) < max(_MATCHES, _SHARE * len(matches)):
             return None
-        rows = rows[spread(len(rows), _KEPT)]
+        rows = rows[evenly_spaced(len(rows), _KEPT)]
         return Overlap(*pair, np.stack([a[rows], b[rows]], axis=1))
 
     def _near_by_pose(self, sampled: Sequence[int]) -> list[tuple[int, int]]:

@@ -30,7 +30,7 @@ def split_after(pieces: Iterable[Sequence[int]], cuts: Collection[int]) -> list[
     return sorted(found, key=len, reverse=True)
 
 
-def separated(
+def split_into_pieces(
     model: pycolmap.Reconstruction,
     pieces: Sequence[Sequence[int]],
     others: Sequence[pycolmap.Reconstruction],

@@ -14,7 +14,7 @@ from nvsim.capture.masks import usable_pixels
 from nvsim.capture.types import Frame
 from nvsim.errors import InputError
 from nvsim.geometry.camera import Camera
-from nvsim.geometry.sampling import spread
+from nvsim.geometry.sampling import evenly_spaced
 from nvsim.poses.adjustment import adjust
 from nvsim.poses.features import MOST, NOTHING, Features, find_features
 from nvsim.poses.matching import epipolar_distances, matched, pairs_to_compare
@@ -47,7 +47,7 @@ class Refined:
     degrees: float
 
 
-def miss(frames: Sequence[Frame]) -> float | None:
+def median_epipolar_error(frames: Sequence[Frame]) -> float | None:
     """The median distance of matched features from their epipolar lines, pixels, over a sample of pairs of `frames`.
     None if too few images overlap."""
     poses = np.stack([f.camera_to_world for f in frames]) if frames else np.zeros((0, 4, 4))
@@ -55,7 +55,7 @@ def miss(frames: Sequence[Frame]) -> float | None:
     for i, j in pairs_to_compare(poses):
         if _APART[0] <= np.linalg.norm(poses[i, :3, 3] - poses[j, :3, 3]) <= _APART[1]:
             pairs.append((i, j))
-    chosen = [pairs[k] for k in spread(len(pairs), _SAMPLE)]
+    chosen = [pairs[k] for k in evenly_spaced(len(pairs), _SAMPLE)]
 
     def measured(pair: tuple[int, int]) -> float | None:
         (one, first), (other, second) = (_seen(frames[k]) for k in pair)

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from nvsim.errors import InputError
 from nvsim.geometry.rotation import rotation_angle
-from nvsim.poses.features import Features, alike
+from nvsim.poses.features import Features, match_features
 from nvsim.poses.firmness import Observations, observations_of, scale_deviation
 from nvsim.poses.from_images import FoundPoses, ProgressCallback, features_of_all
 from nvsim.poses.image_pairs import image_descriptors
@@ -65,7 +65,7 @@ class _Sphere:
     def alike(self, other: _Sphere, most: int) -> NDArray[np.int64]:
         """(M, 2) matches with another panorama, among the `most` most distinct features of each view."""
         rows, theirs = np.flatnonzero(self.row < most), np.flatnonzero(other.row < most)
-        found = alike(self.features.at(rows), other.features.at(theirs))
+        found = match_features(self.features.at(rows), other.features.at(theirs))
         return np.stack([rows[found[:, 0]], theirs[found[:, 1]]], axis=1)
 
 

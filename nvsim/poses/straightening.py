@@ -123,7 +123,7 @@ def contradicts_floor(model: pycolmap.Reconstruction) -> bool:
     return bool(((off > _OTHER_SCALE) & (off < _SLIPPED)).mean() > _OTHER_SHARE)
 
 
-def held_together(
+def merge_turning_pieces(
     model: pycolmap.Reconstruction,
     pieces: Sequence[Sequence[int]],
     folder: Path,

@@ -108,7 +108,7 @@ def graph_in_file(project: Project) -> dict[str, str]:
     return {"graph": place}
 
 
-def what_is_replaced(project: Project, stage: str, only: tuple[int, ...] = ()) -> str:
+def replaced_result_sentence(project: Project, stage: str, only: tuple[int, ...] = ()) -> str:
     """One sentence about the result that the stage replaces when it runs, and how long it stays in use. `only` limits
     it to these submaps. "" if there is no result."""
     now = project.stage_results()
@@ -131,9 +131,9 @@ def what_is_replaced(project: Project, stage: str, only: tuple[int, ...] = ()) -
     return f"{stage} replaces {describe(found, stage, former)}; {end}, and {then}."
 
 
-def listen_to_what_is_replaced(project: Project, stage: str, listen: Listener, only: tuple[int, ...] = ()) -> None:
-    """Sends the sentence of `what_is_replaced` to `listen`."""
-    sentence = what_is_replaced(project, stage, only)
+def report_replaced_result(project: Project, stage: str, listen: Listener, only: tuple[int, ...] = ()) -> None:
+    """Sends the sentence of `replaced_result_sentence` to `listen`."""
+    sentence = replaced_result_sentence(project, stage, only)
     if sentence:
         listen(Log(sentence, stage))
 

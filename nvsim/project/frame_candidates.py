@@ -24,7 +24,7 @@ from nvsim.project.floor_heights import floors_seen
 from nvsim.project.floor_provider import ROLES, FloorProvider, Hybrid, choose
 from nvsim.project.project import Project
 from nvsim.project.stages.floors import floors_key
-from nvsim.project.work import lacks
+from nvsim.project.work import missing_result_error
 
 _VERSION = 4  # increased when equal inputs give another result
 _FINE = 1024  # pixels of the longer side for prompted networks
@@ -89,7 +89,7 @@ class CandidateMaker:
         yet, the image cannot be read, or a network cannot be used."""
         project = self._project
         if not floors_key(project):
-            raise lacks(project.layout.root, "floors")
+            raise missing_result_error(project.layout.root, "floors")
         provider = provider_of(project)
         if provider != self._provider:
             self._provider, self._opened = provider, None

@@ -61,15 +61,15 @@ def context_of(project: Project, limits: Limits | None = None, occupancy: Occupa
 def context_on(occupancy: OccupancyMap | None, project: Project, limits: Limits | None = None) -> Context:
     """The context with this map, or without a map if `occupancy` is None. It has floor heights only if a floor is
     estimated."""
-    from nvsim.mapping.explanation.explain import against, closed
+    from nvsim.mapping.explanation.explain import closed_edge_reason, closed_path_test
     from nvsim.project.floor_heights import floor_beneath
 
     thresholds = thresholds_of(project)
     return Context(
         limits or Limits(),
         occupancy,
-        against(thresholds),
-        closed(thresholds),
+        closed_edge_reason(thresholds),
+        closed_path_test(thresholds),
         detour_between=_detour_between(project),
         floor=floor_beneath(project),
         photographed=thresholds.photographed,

@@ -129,7 +129,7 @@ def trained_key(project: Project, submap: int) -> str:
     return "" if part is None else part.key
 
 
-def waiting(project: Project) -> tuple[int, ...]:
+def waiting_submaps(project: Project) -> tuple[int, ...]:
     """Submaps of the newest cut that are trained while the models of a previous cut are in use."""
     found = project.stage_results()
     return tuple(sorted(_newest(found).parts)) if TRAIN in found.former else ()

@@ -22,7 +22,7 @@ from nvsim.occupancy.ros import Provenance, read_provenance
 from nvsim.occupancy.types import FREE, OCCUPIED, UNKNOWN, OccupancyMap
 from nvsim.perception.floor_height import estimate_floor
 from nvsim.perception.support import FloorSupport
-from nvsim.perception.support import walked as carried_as_usual
+from nvsim.perception.support import positions_at_common_heights as carried_as_usual
 from nvsim.project.floor_heights import floor_of
 from nvsim.project.occupancy_sources import STAGE, Rays, makers_of
 from nvsim.project.project import Project

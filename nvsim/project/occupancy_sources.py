@@ -18,7 +18,7 @@ from nvsim.events import Listener, Warning
 from nvsim.geometry.camera import Camera
 from nvsim.occupancy.ros import Source
 from nvsim.project.project import Project
-from nvsim.project.work import lacks
+from nvsim.project.work import missing_result_error
 
 if TYPE_CHECKING:
     from nvsim.geometry.floor_surface import FloorSurface
@@ -172,9 +172,9 @@ def _of_models(capture: Capture, project: Project) -> Rays | None:
 
 def _nothing(capture: Capture, project: Project | None, wanted: Wanted) -> InputError:
     if project is not None and wanted == "images":
-        return lacks(project.layout.root, "depth")
+        return missing_result_error(project.layout.root, "depth")
     if project is not None and wanted == "trained":
-        return lacks(project.layout.root, "train")
+        return missing_result_error(project.layout.root, "train")
     if wanted in ("images", "trained"):
         return InputError(f"{capture.source} is a capture; --source {wanted} needs a project: name it with --project.")
     what = {"lidar": "no LiDAR scan", "depth": "no depth images"}.get(wanted, "no LiDAR scan or depth images")

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from nvsim.graph.types import NavGraph
-from nvsim.mapping.views.photographed import TrainingImage, photographed_directions, share_of, training_images
+from nvsim.mapping.views.photographed import TrainingImage, photographed_directions, share_of_sphere, training_images
 from nvsim.project.project import Project
 from nvsim.render.backends import Backend
 from nvsim.splats.scene import SceneModel
@@ -42,7 +42,7 @@ class PhotographedDirections:
         """The photographed share of viewpoints by id, 0 to 1. Raises InputError like `at`."""
         places = {id: np.array(graph.viewpoints[id].position) for id in ids}
         order = sorted(places, key=lambda id: self._scene.nearest(places[id]))
-        found = {id: round(share_of(self.at(places[id])), 4) for id in order}
+        found = {id: round(share_of_sphere(self.at(places[id])), 4) for id in order}
         return {id: found[id] for id in places}
 
 

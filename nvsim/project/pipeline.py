@@ -40,4 +40,4 @@ def run(
     for stage in SPLAT_STAGES if imported_splats.is_splats(source) else STAGES:
         runs[stage]()
         if stage == "import" and config.map.start:
-            mapped.start_of(project.need_capture(), config.map.start)  # raises before the training starts
+            mapped.search_start(project.need_capture(), config.map.start)  # raises before the training starts

@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Any, Literal
 from nvsim.errors import InputError
 from nvsim.files import tables
 from nvsim.files.atomic import make_folder
-from nvsim.files.databases import Snapshot, refused, stamp
+from nvsim.files.databases import Snapshot, sqlite_error, stamp
 from nvsim.files.locking import WriterLock
 from nvsim.files.opening import refuse_links_out
 from nvsim.files.reading import reading
@@ -25,7 +25,7 @@ from nvsim.graph.types import NavGraph
 from nvsim.project.layout import ADDED, CLOUD, Layout
 from nvsim.project.state import cuts, database, graph_table, results
 from nvsim.project.state.results import StageResults
-from nvsim.project.work import FROM_A_CUT, StageName, lacks
+from nvsim.project.work import FROM_A_CUT, StageName, missing_result_error
 from nvsim.submaps.split import Submap
 
 if TYPE_CHECKING:
@@ -128,6 +128,7 @@ class Project:
             layout.root.rmdir()
 
     def close(self) -> None:
+        """Closes the project and releases its lock. An open project is also closed at the end of a `with` block."""
         self.connection.close()
         if self._lock is not None:
             self._lock.release()
@@ -150,7 +151,7 @@ class Project:
                 raise
             self.connection.execute("COMMIT")
         except sqlite3.Error as error:
-            raise refused(self._database, error) from error
+            raise sqlite_error(self._database, error) from error
 
     # Reading ----------------------------------------------------------------------------------------------------
 
@@ -191,7 +192,7 @@ class Project:
         """The imported capture. Raises InputError if nothing is imported."""
         capture = self.capture()
         if capture is None:
-            raise lacks(self.layout.root, "import")
+            raise missing_result_error(self.layout.root, "import")
         return capture
 
     def scan(self) -> Cloud | None:
@@ -248,7 +249,7 @@ class Project:
         """The newest cut. Raises InputError if the trajectory is not cut yet."""
         submaps = self.submaps()
         if not submaps:
-            raise lacks(self.layout.root, "submaps")
+            raise missing_result_error(self.layout.root, "submaps")
         return submaps
 
     def graph(self) -> NavGraph | None:
@@ -259,7 +260,7 @@ class Project:
         """The navigation graph. Raises InputError if no map is built yet."""
         graph = self.graph()
         if graph is None:
-            raise lacks(self.layout.root, "map")
+            raise missing_result_error(self.layout.root, "map")
         return graph
 
     def surface(self, submap: int) -> FloorSurface | None:
@@ -291,7 +292,7 @@ class Project:
         colours        False loads gray models, which need less memory
         """
         submaps, layout = self.submaps("train"), self.layout
-        live = live and not self.is_former("train")
+        live = live and not self.uses_previous_submaps("train")
         places = [[layout.model(s.index), *([layout.live(s.index)] if live else [])] for s in submaps]
         found = [next((f for f in folders if (f / "model.json").is_file()), None) for folders in places]
         if not any(found):
@@ -326,7 +327,7 @@ class Project:
         """Name of an evaluation -> time at which its figures were stored, in seconds since the epoch."""
         return dict(self.read("results", {"name": NAME, "created": NUMBER}, "ORDER BY name"))
 
-    def is_former(self, stage: StageName) -> bool:
+    def uses_previous_submaps(self, stage: StageName) -> bool:
         """Whether the result of `stage` in use belongs to an older cut into submaps than the newest."""
         return stage in self.stage_results().former
 
@@ -343,6 +344,7 @@ class Project:
     # Committing -------------------------------------------------------------------------------------------------
 
     def set_stage_results(self, value: StageResults) -> None:
+        """Stores the results of all stages."""
         with self.transaction() as c:
             results.write(c, value)
 
@@ -352,6 +354,7 @@ class Project:
         return new.generation
 
     def set_submaps(self, submaps: tuple[Submap, ...]) -> None:
+        """Stores a new division into submaps, and marks this stage as finished."""
         cut = self.store_cut(submaps)
         found = self.stage_results()
         with self.transaction() as c:
@@ -386,10 +389,12 @@ class Project:
         self.set_stage_results(found)
 
     def set_graph(self, graph: NavGraph) -> None:
+        """Stores `graph` in place of the current one."""
         with self.transaction() as c:
             graph_table.write(c, graph)
 
     def set_result(self, name: str, figures: dict[str, Any]) -> None:
+        """Stores the `figures` of the evaluation `name` with the current time. JSON must be able to hold them."""
         with self.transaction() as c:
             c.execute("INSERT OR REPLACE INTO results VALUES (?, ?, ?)", (name, time.time(), json.dumps(figures)))
 

@@ -23,7 +23,7 @@ from nvsim.perception.support import FloorSupport
 from nvsim.project.floor_heights import floor_of
 from nvsim.project.graph import thresholds_of
 from nvsim.project.project import Project
-from nvsim.project.work import lacks
+from nvsim.project.work import missing_result_error
 from nvsim.render.backends import Backend, RenderOutput
 from nvsim.splats.scene import SceneModel
 from nvsim.splats.types import Gaussians, SubmapModel
@@ -116,7 +116,7 @@ def read_live_scene(root: Path, drawing: bool = True) -> LiveScene:
         graph, scan, config = project.need_graph(), project.scan_name, thresholds_of(project)
         scene, support = project.scene(), project.support()
         if drawing and (scene is None or support is None):
-            raise lacks(project.layout.root, "train")
+            raise missing_result_error(project.layout.root, "train")
         floor = floor_of(project)
         if scene is None:
             return LiveScene(graph, scan, config, floor, None, support, None, None)

@@ -205,7 +205,7 @@ def sentence(words: str) -> str:
     return f"{words[:1].upper()}{words[1:]}."
 
 
-def lacks(project: object, stage: StageName) -> InputError:
+def missing_result_error(project: object, stage: StageName) -> InputError:
     """The error for a project at the path `project` that lacks the needed result of `stage`."""
     row = STAGE[stage]
     return InputError(f"{project} has no {row.result} yet; run `nvsim {row.command} --project` first.")

@@ -194,7 +194,7 @@ def export_reviewed(
     return [write_tasks(path, tasks) for path, tasks in files.items()]
 
 
-def fault(task: Task, distances: Distances) -> str:
+def task_error(task: Task, distances: Distances) -> str:
     """Returns the reason why `task` does not fit the graph, or "". A joined path need not be a shortest path."""
     wrong = distances.wrong_step(task.path)
     if wrong or isinstance(task, JoinedTask) or len(task.path) < 2:
@@ -215,7 +215,7 @@ class Episode:
     spl: float
 
 
-def episodes(tasks: Iterable[Task], trajectories: Trajectories, distances: Distances) -> Mapping[str, Episode]:
+def scored_episodes(tasks: Iterable[Task], trajectories: Trajectories, distances: Distances) -> Mapping[str, Episode]:
     """Returns instr_id -> episode, for tasks and trajectories that fit the graph of `distances`."""
     ids: list[str] = []
     alone: list[Task] = []  # tasks with one instruction each and new path_ids

@@ -10,9 +10,9 @@ from numpy.typing import NDArray
 
 from nvsim.capture.images import read_image
 from nvsim.evaluation.frame_truth import labels_of
-from nvsim.geometry.camera import Camera, Intrinsics, look
+from nvsim.geometry.camera import Camera, Intrinsics, camera_pose
 from nvsim.geometry.floor_surface import FloorSurface
-from nvsim.geometry.sampling import spread
+from nvsim.geometry.sampling import evenly_spaced
 from nvsim.perception.cloud_labels import UNKNOWN, CloudLabels
 from nvsim.project.floor_heights import floors_seen
 from nvsim.project.project import Project
@@ -25,7 +25,7 @@ def photographs(project: Project, count: int) -> Iterator[Example]:
     """Yields up to `count` of the project's images, evenly spread over its trajectory. Images with few labeled pixels
     are skipped. Raises InputError if the project has no dense cloud or no floors."""
     capture, labels, floors = project.need_capture(), labels_of(project), floors_seen(project)
-    for i in spread(len(capture.frames), count):
+    for i in evenly_spaced(len(capture.frames), count):
         frame = capture.frames[i]
         camera = Camera(_cut(frame.intrinsics), frame.camera.camera_to_world)
         if i in floors:
@@ -46,7 +46,7 @@ def renders(project: Project, count: int, seed: int) -> Iterator[Example]:
         place = places[int(rng.integers(len(places)))] + np.append(rng.normal(0, 0.2, 2), rng.uniform(-0.2, 0.2))
         index, model = scene.model_at(place)
         tilt = -45 if rng.random() < 0.5 else rng.uniform(-50, 5)
-        pose = look(place, rng.uniform(0, 2 * np.pi), np.radians(tilt))
+        pose = camera_pose(place, rng.uniform(0, 2 * np.pi), np.radians(tilt))
         camera = Camera(Intrinsics.from_fov(SIZE[1], SIZE[0], np.radians(rng.uniform(60, 95))), pose)
         surface, rgb = project.surface(index), render_model(model, camera).rgb
         if rgb is not None and surface is not None:

@@ -18,7 +18,7 @@ from nvsim.building.scene import Scene, make_scene
 from nvsim.building.solids import Box, Paint
 from nvsim.building.truth import floor_mask, normals
 from nvsim.errors import InputError
-from nvsim.geometry.camera import Camera, Intrinsics, look
+from nvsim.geometry.camera import Camera, Intrinsics, camera_pose
 from nvsim.recipes.examples import SIZE, Example
 from nvsim.recipes.patterns import colour, paint_anew, paint_ceiling, paint_floor, paint_pale
 
@@ -256,7 +256,7 @@ def _cameras(scene: Scene, rng: np.random.Generator, upright: bool, tries: int) 
             continue
         way = rng.random()
         elevation = rng.normal(0, 8) if way < 0.45 else rng.uniform(-60, 15) if way < 0.75 else rng.normal(-45, 4)
-        pose = _rolled(look(position, rng.uniform(0, 2 * np.pi), np.radians(elevation)), rng)
+        pose = _rolled(camera_pose(position, rng.uniform(0, 2 * np.pi), np.radians(elevation)), rng)
         yield Camera(Intrinsics.from_fov(columns, rows, np.radians(rng.uniform(45, 100) * columns / SIZE[1])), pose)
 
 
@@ -283,7 +283,7 @@ def _at_furniture(top: Box, rng: np.random.Generator) -> NDArray[np.float64]:
     position = aim - away * np.array([np.sin(heading), np.cos(heading), 0])
     position[2] += rng.uniform(0.15, 1.0)
     down = -np.degrees(np.arctan2(position[2] - aim[2], away))
-    return look(position, heading + rng.normal(0, 0.15), np.radians(down + rng.normal(0, 8)))
+    return camera_pose(position, heading + rng.normal(0, 0.15), np.radians(down + rng.normal(0, 8)))
 
 
 def _crowd(scene: Scene, camera: Camera, rng: np.random.Generator) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
@@ -323,7 +323,7 @@ def _normals(scene: Scene, view: View, camera: Camera, people: NDArray[np.float6
     return found
 
 
-def shown(example: Example) -> NDArray[np.uint8]:
+def preview_image(example: Example) -> NDArray[np.uint8]:
     """(H, 3 W, 3) uint8: image, floor and normals of an example side by side, for visual checks."""
     floor = np.stack([np.where(example.floor == v, 255, 0) for v in (0, 1, 255)], -1).astype(np.uint8)
     seen = np.rint((example.normals + 1) * 127.5).astype(np.uint8)

@@ -49,7 +49,7 @@ def expected_depth(weighted: Float32, alpha: Float32) -> Float32:
 Backend = Literal["auto", "numba", "gsplat"]
 
 
-def chosen(backend: Backend) -> Literal["numba", "gsplat"]:
+def resolve_backend(backend: Backend) -> Literal["numba", "gsplat"]:
     """Resolves "auto" to the backend of this machine. Raises InputError if gsplat is requested and cannot run."""
     if backend == "numba":
         return "numba"

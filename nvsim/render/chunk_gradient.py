@@ -32,7 +32,7 @@ PLANES = D_MEANS + 13
 _F = np.float32
 _ZERO, _ONE, _TWO, _HALF = _F(0), _F(1), _F(2), _F(0.5)
 
-_sh_slopes = njit(forceinline=True, fastmath=FLAGS, error_model="numpy")(harmonics.slopes)
+_sh_slopes = njit(forceinline=True, fastmath=FLAGS, error_model="numpy")(harmonics.basis_gradients)
 
 
 @njit(forceinline=True, fastmath=FLAGS, error_model="numpy")

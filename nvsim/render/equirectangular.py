@@ -15,7 +15,7 @@ import numpy as np
 from numba import njit, prange
 from numpy.typing import NDArray
 
-from nvsim.geometry.camera import Camera, Intrinsics, look
+from nvsim.geometry.camera import Camera, Intrinsics, camera_pose
 from nvsim.render.arithmetic import FLAGS
 from nvsim.render.kernel_types import TILE, Float32, Mask
 from nvsim.render.workspace import tiles_of
@@ -45,7 +45,7 @@ def views_around(position: NDArray[np.floating], width: int, heading: float) -> 
     side = TILE * math.ceil((2 * focal * _SLOPE + 2) / TILE)
     intrinsics = Intrinsics(side, side, focal, focal, side / 2, side / 2)
     at = np.asarray(position, np.float64)
-    return [Camera(intrinsics, look(at, heading + math.radians(h), math.radians(e))) for h, e in _AXES]
+    return [Camera(intrinsics, camera_pose(at, heading + math.radians(h), math.radians(e))) for h, e in _AXES]
 
 
 @njit(forceinline=True, fastmath=FLAGS, error_model="numpy")

@@ -18,7 +18,7 @@ from nvsim.render.backends import RenderOutput, expected_depth
 from nvsim.render.by_rays import draw_by_rays, is_wide
 from nvsim.render.kernel_types import Float32, Mask
 from nvsim.render.model import render_over
-from nvsim.render.nearby import Nearby, uncoloured
+from nvsim.render.nearby import Nearby, gray_gaussians
 from nvsim.render.workspace import LOCK, RenderBuffers
 from nvsim.splats.types import Gaussians, SubmapModel
 
@@ -85,10 +85,10 @@ def render_geometry_views(
         # Few Gaussians are needed, and without colors they do not depend on the position.
         rows = _nearby[model.gaussians].rows(camera, tiles)
         wide = is_wide(model.gaussians, rows, camera)
-        splats, asked = uncoloured(model.gaussians, rows[~wide]), (channels | {"alpha"}) - {"rgb"}
+        splats, asked = gray_gaussians(model.gaussians, rows[~wide]), (channels | {"alpha"}) - {"rgb"}
         view = render_over(splats, camera, asked, model.antialiased, tiles, "numba", workspace=workspace)[0]
         if wide.any():
-            _lay_over(view, *draw_by_rays(uncoloured(model.gaussians, rows[wide]), camera, tiles))
+            _lay_over(view, *draw_by_rays(gray_gaussians(model.gaussians, rows[wide]), camera, tiles))
         if "alpha" not in channels:
             view.alpha = None
         return view

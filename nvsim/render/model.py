@@ -6,9 +6,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from nvsim.geometry.camera import Camera
-from nvsim.render.backends import Backend, Float32, RenderOutput, chosen, expected_depth
+from nvsim.render.backends import Backend, Float32, RenderOutput, expected_depth, resolve_backend
 from nvsim.render.background import paint_background
-from nvsim.render.workspace import LOCK, RenderBuffers, pixels_of, ready
+from nvsim.render.workspace import LOCK, RenderBuffers, as_kernel_array, pixels_of
 from nvsim.splats.types import Gaussians, SubmapModel
 
 _workspace = RenderBuffers()
@@ -52,7 +52,7 @@ def render_over(
     unknown = channels - {"rgb", "alpha", "depth", "normal"}
     if unknown:
         raise ValueError(f"unknown render channels: {', '.join(sorted(unknown))}")
-    if chosen(backend) == "gsplat":
+    if resolve_backend(backend) == "gsplat":
         from nvsim.render import gsplat_backend
 
         whole, left = gsplat_backend.render_over(gaussians, camera, channels, antialiased, lasting)
@@ -72,7 +72,7 @@ def _drawn(
     workspace: RenderBuffers,
 ) -> tuple[RenderOutput, Float32]:
     g, k = gaussians, camera.intrinsics
-    arrays = Gaussians(*(ready(a) for a in (g.means, g.log_scales, g.quats, g.opacity_logits, g.sh)))
+    arrays = Gaussians(*(as_kernel_array(a) for a in (g.means, g.log_scales, g.quats, g.opacity_logits, g.sh)))
     workspace.project(arrays, camera, antialiased, tiles=tiles)
     workspace.bin()
     rgb, transmittance, depth, normal = workspace.draw(k.height, k.width, bool(channels & {"depth", "normal"}))

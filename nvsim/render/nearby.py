@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from nvsim.geometry.camera import Camera
 from nvsim.render.by_rays import WIDE
 from nvsim.render.kernel_types import Float32, Int32, Int64, Mask, limit, pack
-from nvsim.render.workspace import ready
+from nvsim.render.workspace import as_kernel_array
 from nvsim.splats.types import Gaussians
 
 Float64 = NDArray[np.float64]
@@ -108,12 +108,14 @@ def _select(
                     marked[runs[run, k]] = True
 
 
-def uncoloured(gaussians: Gaussians, rows: Int64) -> Gaussians:
+def gray_gaussians(gaussians: Gaussians, rows: Int64) -> Gaussians:
     """The given `rows` (n,) of the Gaussians, all in one gray, for views without color."""
     g, n = gaussians, len(rows)
     shapes = (n, 3), (n, 3), (n, 4), (n,), (n, 1, 3)
     taken = Gaussians(*(np.empty(shape, np.float32) for shape in shapes))
-    means, log_scales, quats, opacities = (ready(a) for a in (g.means, g.log_scales, g.quats, g.opacity_logits))
+    means, log_scales, quats, opacities = (
+        as_kernel_array(a) for a in (g.means, g.log_scales, g.quats, g.opacity_logits)
+    )
     _take(
         means, log_scales, quats, opacities, rows,
         taken.means, taken.log_scales, taken.quats, taken.opacity_logits, taken.sh,

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from nvsim.errors import InputError
 from nvsim.files import atomic
 from nvsim.geometry.directions import cube
-from nvsim.render.backends import Backend, RenderOutput, chosen, expected_depth
+from nvsim.render.backends import Backend, RenderOutput, expected_depth, resolve_backend
 from nvsim.render.equirectangular import axes_ahead, half_angles, pixels_seen, resample, tiles_seen, views_around
 from nvsim.render.geometry_views import render_geometry_views
 from nvsim.render.model import render_model
@@ -80,7 +80,7 @@ def render_equirectangular(
     parts = [bool(needed & {"rgb", "alpha"}), bool(needed & {"depth", "normal"})]
     colours, shapes = (np.zeros((len(cameras) * part, side, side, 4), np.float32) for part in parts)
     wanted_views = list(zip(cameras, tiles, strict=True))
-    if "rgb" in needed or chosen(backend) != "numba":
+    if "rgb" in needed or resolve_backend(backend) != "numba":
         views: Iterable[RenderOutput] = (
             render_model(model, camera, needed, of, backend) for camera, of in wanted_views
         )

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from nvsim.geometry.camera import Camera
-from nvsim.render.backends import Backend, RenderOutput, chosen
+from nvsim.render.backends import Backend, RenderOutput, resolve_backend
 from nvsim.render.geometry_views import render_geometry_views
 from nvsim.render.model import render_model
 from nvsim.render.workspace import tiles_of
@@ -57,7 +57,7 @@ def render_regions(
         wanted.append((camera, tiles_of(mask)) if mask.any() else None)
     seen = [view for view in wanted if view is not None]
     models = [model_of(scene, camera.position) for camera, _ in seen]
-    splatted = channels if chosen(backend) != "numba" else channels & {"rgb"}
+    splatted = channels if resolve_backend(backend) != "numba" else channels & {"rgb"}
     drawn = render_geometry_views(models, seen, channels) if splatted != channels else [RenderOutput() for _ in seen]
     if splatted:
         for view, model, (camera, tiles) in zip(drawn, models, seen, strict=True):

@@ -30,7 +30,7 @@ NO_TINT: Tint = np.empty((0, 1), np.float32), np.empty((3, 1), np.float32)
 _NO_DEPTH, _NO_NORMAL = np.empty((0, 0), np.float32), np.empty((0, 0, 3), np.float32)
 
 
-def ready(array: NDArray[np.floating]) -> Float32:
+def as_kernel_array(array: NDArray[np.floating]) -> Float32:
     """The array (any shape) in the form that the kernels expect: float32, C-contiguous, aligned, writable; a copy only
     if needed."""
     return np.require(array, np.float32, ["C", "A", "W"])

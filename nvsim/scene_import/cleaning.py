@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from nvsim.geometry.camera import Camera, Intrinsics, look
+from nvsim.geometry.camera import Camera, Intrinsics, camera_pose
 from nvsim.geometry.floor_surface import FloorSurface
 from nvsim.render.scene import render_regions
 from nvsim.scene_import.levels import Level
@@ -30,7 +30,7 @@ def floaters(gaussians: Gaussians, levels: tuple[Level, ...], height: float) -> 
     for level in levels:
         for place in level.places[_spread(level.places)]:
             eye = place + [0.0, 0.0, height]
-            cameras = [Camera(intrinsics, look(eye, k * np.pi / 2)) for k in range(4)]
+            cameras = [Camera(intrinsics, camera_pose(eye, k * np.pi / 2)) for k in range(4)]
             near = np.flatnonzero((np.abs(gaussians.means - eye) < _FARTHEST).all(axis=1))
             views = render_regions(model, cameras, [everything] * 4, frozenset({"depth"}))
             for camera, view in zip(cameras, views, strict=True):
@@ -46,7 +46,7 @@ def floaters(gaussians: Gaussians, levels: tuple[Level, ...], height: float) -> 
     return np.asarray((seen >= _LEAST) & (through >= _SHARE * seen))
 
 
-def outside(gaussians: Gaussians, levels: tuple[Level, ...]) -> NDArray[np.bool_]:
+def far_from_floor(gaussians: Gaussians, levels: tuple[Level, ...]) -> NDArray[np.bool_]:
     """(N,) bool, the Gaussians that are far from the known floor of all storeys, seen from above."""
     from scipy.ndimage import distance_transform_edt
 

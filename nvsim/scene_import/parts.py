@@ -146,7 +146,7 @@ def divide(
         low = -np.inf if k == 0 else floors[k] - _OVERLAP
         high = np.inf if k + 1 == len(floors) else floors[k + 1] + _OVERLAP
         z = gaussians.means[:, 2]
-        parts.append(Part((k,), (), level.surface, chosen(gaussians, (z >= low) & (z <= high))))
+        parts.append(Part((k,), (), level.surface, select_gaussians(gaussians, (z >= low) & (z <= high))))
         if k < len(stairs) and len(stairs[k]):
             own = rows[len(levels) + k]
             steps = [i for i in own if floors[k] + _OFF < places[i, 2] - height < floors[k + 1] - _OFF]
@@ -155,13 +155,13 @@ def divide(
             if steps:
                 slope = stair_floor(places[own], height - _NOSES)
                 near = _is_near(gaussians, stairs[k], floors[k] - _OVERLAP, floors[k + 1] + _OVERLAP)
-                parts.append(Part((k, k + 1), tuple(steps), slope, chosen(gaussians, near)))
+                parts.append(Part((k, k + 1), tuple(steps), slope, select_gaussians(gaussians, near)))
     return tuple(
         Part(p.storeys, p.rows or tuple(sorted(rows[p.storeys[0]])), p.surface, p.gaussians) for p in parts
     ), places
 
 
-def chosen(g: Gaussians, rows: NDArray[np.bool_]) -> Gaussians:
+def select_gaussians(g: Gaussians, rows: NDArray[np.bool_]) -> Gaussians:
     """The Gaussians with `rows` (N,) bool."""
     if rows.all():
         return g

@@ -72,7 +72,7 @@ def terms(x: Value, y: Value, z: Value) -> tuple[Value, ...]:
     )
 
 
-def slopes(x: Value, y: Value, z: Value) -> tuple[tuple[Value, Value, Value], ...]:
+def basis_gradients(x: Value, y: Value, z: Value) -> tuple[tuple[Value, Value, Value], ...]:
     """The gradients of the first 16 functions, with x, y, z treated as independent variables. Only the component
     perpendicular to the direction is meaningful. x, y, z are numbers, or arrays of one shape."""
     xx, yy, zz = x * x, y * y, z * z

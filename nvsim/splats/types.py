@@ -58,7 +58,7 @@ class Embedding:
 
 
 def layer_count(weights: dict[str, Float32], part: str) -> int:
-    """The number of layers "part.0.weight", "part.1.weight", ... in `weights`."""
+    """The number of layers "part.0.weight", "part.1.weight", ... in `weights`, whose arrays can have any shape."""
     count = 0
     while f"{part}.{count}.weight" in weights:
         count += 1

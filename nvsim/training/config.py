@@ -124,7 +124,7 @@ class AppearanceConfig:
 
 @dataclass(frozen=True)
 class ScanlessConfig:
-    """Changes for captures with depth from images instead of a scan, because their Gaussians start one or two
+    """Changes for captures with depth from images instead of a LiDAR scan, because their Gaussians start one or two
     centimeters from their correct place."""
 
     steps: float = 2.0
@@ -157,9 +157,9 @@ class TrainingConfig:
     seed_height: float = 0.04
     """Meters above the floor below which cloud points do not seed Gaussians; 0 or less keeps all points."""
     seed_detail: float = 1.0
-    """How much denser a scan seeds where its colors vary: the exponent of their local deviation; 0 is uniform."""
+    """How much denser a LiDAR scan seeds where its colors vary: the exponent of their local deviation; 0 is uniform."""
     seed_flatness: float = 0.15
-    """Thickness of the seeds of a scan along the surface normal, relative to their width; 1 is round."""
+    """Thickness of the seeds of a LiDAR scan along the surface normal, relative to their width; 1 is round."""
     seed_size: float = 0.5
     """Standard deviation of the seeds relative to the mean distance of their three neighbors."""
     seed_opacity: float = 0.5

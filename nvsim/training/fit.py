@@ -23,7 +23,7 @@ from nvsim.training.background.floor_rays import meet_floor
 from nvsim.training.background.harmonics import evaluate, evaluate_gradient, pack_camera
 from nvsim.training.background.texture import LearnedTexture
 from nvsim.training.config import LossConfig, TrainingConfig
-from nvsim.training.devices.held import held_on
+from nvsim.training.devices.held import hold_on_device
 from nvsim.training.devices.types import FEATURES, Stopwatch
 from nvsim.training.exposure import Exposure
 from nvsim.training.loss.alpha import alpha_loss
@@ -107,7 +107,7 @@ class Fit:
         self.exposure = Exposure(views, config.rate.exposure) if config.exposure else None
         self.networks, self.texture = networks, texture
         self.parts: dict[str, float] = {}
-        self.held = held_on(gaussians, networks, config)
+        self.held = hold_on_device(gaussians, networks, config)
         self.groups: dict[str, Group] = {} if networks is None else networks.groups()
         self._painter = None if networks is None else networks.background
         if texture is not None:

@@ -29,7 +29,7 @@ SPARSE_SHARE = 0.4
 """Greatest share of the seeds from a sparse cloud of features. It has no points on plain walls; estimates fill the
 rest."""
 FEW = 500
-"""A scan with fewer visible points is supplemented by estimates too."""
+"""A LiDAR scan with fewer visible points is supplemented by estimates too."""
 Float32 = NDArray[np.float32]
 _F = np.float32
 
@@ -98,11 +98,11 @@ def initial_gaussians(
     rng: np.random.Generator,
 ) -> Gaussians:
     """At most `seed_share` of the cap. Every Gaussian has the configured opacity, is round, and is as wide as the
-    distance to its neighbors. A scan's Gaussians are flattened along the surface normal. Estimated points from the
-    images supplement a missing or sparse cloud."""
+    distance to its neighbors. Gaussians of a LiDAR scan are flattened along the surface normal. Estimated points from
+    the images supplement a missing or sparse cloud."""
     count = max(int(config.gaussian_cap * config.seed_share), 1)
     cloud = triangulated_cloud(views) if cloud is None else cloud
-    points, colors = seen_points(views, cloud)
+    points, colors = visible_points(views, cloud)
     points, colors = _above(points, colors, floor, config)
     surface = points
     most = count if cloud.is_dense else int(count * SPARSE_SHARE)
@@ -138,7 +138,7 @@ def gaussians_at(points: Float32, colors: Float32, sh_degree: int, opacity: floa
     return Gaussians(means, np.repeat(log_scales[:, None], 3, axis=1), quats, logits, sh)
 
 
-def seen_points(views: Sequence[TrainingView], cloud: Cloud) -> tuple[Float32, Float32]:
+def visible_points(views: Sequence[TrainingView], cloud: Cloud) -> tuple[Float32, Float32]:
     """The points (N, 3), meters, that some view sees; a coarse depth image of the cloud itself removes occluded ones.
     Their colors (N, 3), 0 to 1, are the cloud's, or those of the pixel in the nearest view that sees the point."""
     finite = np.isfinite(cloud.points).all(axis=1)

@@ -53,7 +53,7 @@ class Parameters:
         return self.tensors[name].to(x.device)
 
     def exported(self) -> dict[str, Float32]:
-        """Copies without torch."""
+        """Copies of the parameters without torch, each with the shape of its tensor."""
         return {name: tensor.detach().numpy().copy() for name, tensor in self.tensors.items()}
 
 

@@ -1,4 +1,4 @@
-"""The points from which a training starts: from a scan, from images, and at guessed depths.
+"""The points from which a training starts: from a LiDAR scan, from images, and at guessed depths.
 
 A plain wall has one color over meters, a bookshelf a new one every few centimeters. Seeds by the local deviation of
 the colors start close to the distribution that growth would produce. A flat Gaussian covers the surface without

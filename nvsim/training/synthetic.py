@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from nvsim.capture.types import Cloud
-from nvsim.geometry.camera import Camera, Intrinsics, look
+from nvsim.geometry.camera import Camera, Intrinsics, camera_pose
 from nvsim.geometry.floor_surface import FloorSurface
 from nvsim.splats.harmonics import DC
 from nvsim.splats.types import Gaussians
@@ -40,7 +40,7 @@ def synthetic_room(views: int, width: int, height: int, points: int) -> Syntheti
     for i, angle in enumerate(np.linspace(0, 2 * np.pi, views, endpoint=False)):
         place = ROOM[:2] * (0.5 + 0.2 * np.array([np.cos(angle), np.sin(angle)]))
         heading = 3 * angle + rng.uniform(-0.2, 0.2)
-        camera = Camera(intrinsics, look(np.array([*place, EYE_HEIGHT]), heading, -0.1))
+        camera = Camera(intrinsics, camera_pose(np.array([*place, EYE_HEIGHT]), heading, -0.1))
         taken.append(photograph(f"{i:04d}", camera))
     surface = _random_surface(rng, points)
     colors = (255 * paint(surface)).astype(np.uint8)

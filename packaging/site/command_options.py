@@ -13,7 +13,7 @@ from pathlib import Path
 
 from nvsim.cli.advice import options_of
 from nvsim.cli.command_table import COMMANDS
-from nvsim.cli.help import about, invocation
+from nvsim.cli.help import invocation, option_help
 from nvsim.cli.options import command_of, options
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -118,7 +118,7 @@ def options_page() -> str:
         purpose = (command_of(verb).__doc__ or COMMANDS[verb][1]).split("\n\n")[0]
         lines += [f"## nvsim {verb}", "", " ".join(purpose.split()).replace("<", "&lt;"), ""]
         if found:
-            rows = [f"| `{_cell(invocation(o))}` | {_cell(about(o)).replace('<', '&lt;')} |" for o in found]
+            rows = [f"| `{_cell(invocation(o))}` | {_cell(option_help(o)).replace('<', '&lt;')} |" for o in found]
             lines += ["| argument | meaning |", "|---|---|", *rows, ""]
     return "\n".join(lines)
 

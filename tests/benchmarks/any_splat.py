@@ -31,7 +31,7 @@ from nvsim.project import pipeline
 from nvsim.project.config import CaptureConfig, RunConfig
 from nvsim.project.project import Project
 from nvsim.project.stages.imported_splats import imported_storeys
-from nvsim.scene_import.parts import chosen
+from nvsim.scene_import.parts import select_gaussians
 from nvsim.splats.floor_mesh import floor_gaussians
 from nvsim.splats.formats.choice import SUFFIXES, Format, write_splats
 from nvsim.splats.turning import turned
@@ -53,7 +53,7 @@ def one_splat(project: Project) -> Gaussians:
         submap_model = scene.model(submap.index)
         model, floor = submap_model.baked(), floor_gaussians(submap_model)
         model = model if floor is None else joined(model, floor)
-        parts.append(chosen(model, owner[tree.query(model.means)[1]] == submap.index))
+        parts.append(select_gaussians(model, owner[tree.query(model.means)[1]] == submap.index))
     return joined(*parts)
 
 

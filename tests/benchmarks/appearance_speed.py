@@ -18,7 +18,7 @@ import numpy as np
 import torch
 import tyro
 
-from nvsim.geometry.camera import Camera, Intrinsics, look
+from nvsim.geometry.camera import Camera, Intrinsics, camera_pose
 from nvsim.splats.types import Gaussians
 from nvsim.training.appearance import LinearColours, NetworkColours
 from nvsim.training.config import AppearanceConfig
@@ -41,7 +41,7 @@ def main() -> None:
     quats = np.tile(np.array([1, 0, 0, 0], np.float32), (n, 1))
     sh = rng.normal(size=(n, count, 3)).astype(np.float32)
     gaussians = Gaussians(means, np.full((n, 3), -4, np.float32), quats, np.zeros(n, np.float32), sh)
-    camera = Camera(Intrinsics.from_fov(640, 480, 1.4), look(np.array([3, 2.2, 1.2]), 0.3, -0.1))
+    camera = Camera(Intrinsics.from_fov(640, 480, 1.4), camera_pose(np.array([3, 2.2, 1.2]), 0.3, -0.1))
     slopes = rng.normal(size=sh.shape).astype(np.float32)
     for kind, width in KINDS:
         config = AppearanceConfig(kind=kind, features=width)

@@ -21,7 +21,7 @@ from nvsim.building.scene import CAMERA_HEIGHT, Scene, make_scene, textures_of
 from nvsim.building.truth import floor_mask, occupancy, transient_mask
 from nvsim.capture.types import Cloud
 from nvsim.files.atomic import replacing
-from nvsim.geometry.camera import Camera, look
+from nvsim.geometry.camera import Camera, camera_pose
 from nvsim.occupancy.types import FREE
 from nvsim.submaps.split import SubmapConfig, split
 from nvsim.training.views import TrainingView
@@ -147,7 +147,7 @@ def beside(scene: Scene, core: np.ndarray) -> list[tuple[int, Camera]]:
         turn = rng.uniform(*TURNED) * rng.choice([-1, 1])
         down = rng.uniform(0, DOWN)
         if inside and roomy[row, column] and gap > NEAREST:
-            pose = look(np.array([*spot, CAMERA_HEIGHT]), heading + turn, -down)
+            pose = camera_pose(np.array([*spot, CAMERA_HEIGHT]), heading + turn, -down)
             found.append((frame, Camera(intrinsics, pose)))
     return found
 

@@ -13,14 +13,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from nvsim.building import BuildingConfig
-from nvsim.building.layouts import ENTRY, outer
+from nvsim.building.layouts import ENTRY, outer_walls
 from nvsim.building.painting import Image, blotches, paint_face, paint_floor
 from nvsim.building.placement import furnish
 from nvsim.building.plan import INNER_WALL, Opening, Plan, Rect, Room, Stop, Storey, Wall
 from nvsim.building.raycast import make_solids
 from nvsim.building.scene import Scene
 from nvsim.building.solids import BACK, LEFT, TOP, Box, Color, Paint, wall_boxes
-from nvsim.building.walk import climbed, path
+from nvsim.building.walk import path, with_floor_heights
 
 Route = Literal["corridor", "loop"]
 PITCH = 3.6  # meters between doors
@@ -37,7 +37,7 @@ def make_clinic(route: Route, seed: int) -> Scene:
     ring."""
     rng = np.random.default_rng([seed, 7])
     plan, doors = _plan(route, rng)
-    dense = climbed(path(plan.stops), None)
+    dense = with_floor_heights(path(plan.stops), None)
     wall = _WALLS[int(rng.integers(len(_WALLS)))]
     accent = tuple(float(v) for v in np.clip(np.array(wall) * rng.uniform(0.7, 0.85, 3), 0, 1))
     paints = {r.name: Paint("wall-clinic", wall, (accent[0], accent[1], accent[2])) for r in plan.rooms}
@@ -58,7 +58,7 @@ def _plan(route: Route, rng: np.random.Generator) -> tuple[Plan, list[Opening]]:
     depth, middle = y4 + _ROOM, y2 + core / 2
     x1, x2 = _CORRIDOR, length - _CORRIDOR
     rows = [(y1, 0.0, 0.0, length), (y2, middle, x1, x2), (y3, middle, x1, x2), (y4, depth, 0.0, length)]
-    walls = [*outer(length, depth), Wall("y", x1, y2, y3), Wall("y", x2, y2, y3), Wall("x", middle, x1, x2)]
+    walls = [*outer_walls(length, depth), Wall("y", x1, y2, y3), Wall("y", x2, y2, y3), Wall("x", middle, x1, x2)]
     ring = (Rect(0, y1, length, y2), Rect(0, y3, length, y4), Rect(0, y2, x1, y3), Rect(x2, y2, length, y3))
     rooms, openings, closed = [Room("corridor", "corridor", "tiles", ring)], [], []
     for k, (front, back, start, end) in enumerate(rows):

@@ -33,7 +33,7 @@ import tyro
 from harness import report
 
 from nvsim.building import BuildingConfig, generate
-from nvsim.cluster.choice import opened
+from nvsim.cluster.choice import open_executor
 from nvsim.cluster.config import ClusterConfig, Storage
 from nvsim.events import Event, Worker, silent
 from nvsim.project.config import CaptureConfig
@@ -150,7 +150,7 @@ def measure(
     if with_local:
         here, expected = timed(base, "here", lambda p: trained.run(p, config, silent, at_once=2))
         result["local_seconds"] = round(here, 1)
-    with head(2) as address, opened(ClusterConfig("ray", address, storage)) as executor:
+    with head(2) as address, open_executor(ClusterConfig("ray", address, storage)) as executor:
 
         def run(listen: Callable[[Event], None]) -> Callable[[Project], None]:
             return lambda p: trained.run(p, config, listen, at_once=2, executor=executor, storage=storage)

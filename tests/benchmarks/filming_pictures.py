@@ -17,7 +17,7 @@ from PIL import Image, ImageDraw, ImageFont
 from nvsim.building.config import BuildingConfig
 from nvsim.building.rendering import render
 from nvsim.building.scene import make_scene, textures_of
-from nvsim.geometry.camera import Camera, look
+from nvsim.geometry.camera import Camera, camera_pose
 
 DOCS = Path(__file__).resolve().parents[2] / "resources" / "docs"
 GOOD, BAD, INK, PALE = (29, 122, 80), (192, 53, 53), (58, 68, 79), (217, 222, 228)
@@ -175,7 +175,7 @@ def frames() -> list[Image.Image]:
     ahead = float(np.median(render(camera, scene.solids, textures, *nobody).depth[95:115, 130:150]))
     x, y, z = camera.position + camera.rotation[:, 2] * max(ahead - 0.45, 0.0)
     heading = float(np.arctan2(camera.rotation[0, 2], camera.rotation[1, 2]))
-    near = shot(replace(camera, camera_to_world=look(np.array([x, y, max(z, 1.6)]), heading, 0.2)))
+    near = shot(replace(camera, camera_to_world=camera_pose(np.array([x, y, max(z, 1.6)]), heading, 0.2)))
     return [
         titled(True, "sharp, with floor in view", sharp),
         titled(False, "blurred by a fast turn", blurred),

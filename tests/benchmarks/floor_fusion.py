@@ -39,7 +39,7 @@ from nvsim.project.config import FloorsConfig
 from nvsim.project.floor_provider import choose
 from nvsim.project.project import Project
 from nvsim.project.stages.depths import depth_maps
-from nvsim.project.work import lacks
+from nvsim.project.work import missing_result_error
 
 _RADIUS, _APART = 0.7, 2.0  # radius of a hole, and approximate distance between holes, meters
 _LOW, _HIGH = 0.05, 1.0  # meters above the floor: range of the removed objects
@@ -128,7 +128,7 @@ def main() -> None:
         for submap in submaps:
             surface = project.surface(submap.index)
             if surface is None:
-                raise lacks(a.project, "floors")
+                raise missing_result_error(a.project, "floors")
             surfaces[submap.index] = surface
         frames = range(0, len(capture.frames), a.every)
         true = set(frames) & set(truth.frames)

@@ -50,7 +50,8 @@ class Motion:
 
 
 def carry(route: NDArray[np.float64], rng: np.random.Generator) -> Motion:
-    """The motion along a dense route (N, 5) from `walk.climbed`: x, y, heading, height of the floor, and elevation."""
+    """The motion along a dense route (N, 5) from `walk.with_floor_heights`: x, y, heading, height of the floor, and
+    elevation."""
     moved = np.linalg.norm(np.diff(route[:, [0, 1, 3]], axis=0), axis=1)
     turned = np.abs(np.diff(route[:, 2]))
     pace = _PACE * (1 + 0.08 * _wander(len(moved), 150.0, rng))

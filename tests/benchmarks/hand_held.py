@@ -32,9 +32,9 @@ from rooms import KINDS, make_room
 from nvsim.building import BuildingConfig, baking
 from nvsim.building.baking import Painters, Textures, bake
 from nvsim.building.rendering import _mirror, _seen
-from nvsim.building.scene import Scene, dressed, make_scene
+from nvsim.building.scene import Scene, make_person, make_scene
 from nvsim.building.truth import occupancy
-from nvsim.building.walk import climbed, path
+from nvsim.building.walk import path, with_floor_heights
 from nvsim.geometry.camera import Intrinsics
 from nvsim.occupancy.ros import write_ros_map
 
@@ -104,7 +104,7 @@ def built(name: str, seed: int, rounds: int = 1) -> tuple[Scene, Textures]:
         painters = Painters(clinic_floor, detailed_face, clinic_ceiling)
         if rounds > 1:
             start, *around, end = scene.plan.stops
-            scene = replace(scene, path=climbed(path((start, *around * rounds, end)), None))
+            scene = replace(scene, path=with_floor_heights(path((start, *around * rounds, end)), None))
     elif name == "kitchen":
         scene = make_room(len(KINDS) * seed).scene
         scene = replace(scene, path=around_the_middle(scene, rounds))
@@ -114,7 +114,7 @@ def built(name: str, seed: int, rounds: int = 1) -> tuple[Scene, Textures]:
         painters = Painters(face=detailed_face)
         if name == "house":
             stops = scene.plan.stops
-            scene = replace(scene, path=climbed(path((*stops, *stops[-2::-1])), None))  # forth and back
+            scene = replace(scene, path=with_floor_heights(path((*stops, *stops[-2::-1])), None))  # forth and back
     return scene, bake(scene.storeys, list(scene.boxes), scene.solids, np.random.default_rng([seed, 2]), painters)
 
 
@@ -212,7 +212,7 @@ def walking(motion: Motion, at: float) -> tuple[NDArray[np.float64], NDArray[np.
     if at % _PERIOD > _PRESENT or at + _AHEAD > motion.seconds:
         return np.empty((0, 5)), np.empty((0, 3))
     x, y, _ = motion.poses(np.array(at + _AHEAD))[:3, 3]
-    person = dressed(float(x), float(y), 0.0, 0, 0, np.random.default_rng(number))
+    person = make_person(float(x), float(y), 0.0, 0, 0, np.random.default_rng(number))
     return person.capsules, person.colors
 
 

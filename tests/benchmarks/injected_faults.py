@@ -31,7 +31,7 @@ from nvsim.capture.findings import Findings
 from nvsim.capture.formats import read_raw
 from nvsim.capture.raw import RawCapture, inverse
 from nvsim.geometry.lens import Lens
-from nvsim.poses.features import MOST, alike, find_features
+from nvsim.poses.features import MOST, find_features, match_features
 from nvsim.poses.finding import of_poses, with_poses
 
 REPOSITORY = Path(__file__).resolve().parents[2]
@@ -388,7 +388,9 @@ def remember() -> None:
         return remembered
 
     seen = kept(find_features, lambda image, most=MOST: (hash(image.tobytes()), most))
-    matched = kept(alike, lambda one, other: (hash(one.descriptors.tobytes()), hash(other.descriptors.tobytes())))
+    matched = kept(
+        match_features, lambda one, other: (hash(one.descriptors.tobytes()), hash(other.descriptors.tobytes()))
+    )
     for module in (nvsim.poses.overlap, nvsim.poses.refinement):
         module.find_features = seen  # type: ignore[attr-defined]
     for module in (nvsim.poses.overlap, nvsim.poses.matching):

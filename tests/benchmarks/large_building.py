@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from nvsim.benchmarks.map_builder import panel
 from nvsim.capture.store import save_capture
 from nvsim.capture.types import Alignment, Capture, Frame
-from nvsim.geometry.camera import look
+from nvsim.geometry.camera import camera_pose
 from nvsim.geometry.floor_surface import FloorSurface
 from nvsim.geometry.lens import Lens
 from nvsim.occupancy.ros import write_ros_map
@@ -47,7 +47,7 @@ def write_large_building(folder: Path, columns: int = 5, rows: int = 3) -> Path:
     turns = np.arctan2(*np.gradient(path[:, :2], axis=0).T)
     lens = Lens("PINHOLE", 640, 480, (400.0, 400.0, 320.0, 240.0))
     frames = [
-        Frame(f"{i:06d}.jpg", Path("/nowhere") / f"{i:06d}.jpg", lens, look(at, turn, -0.1), timestamp=float(i))
+        Frame(f"{i:06d}.jpg", Path("/nowhere") / f"{i:06d}.jpg", lens, camera_pose(at, turn, -0.1), timestamp=float(i))
         for i, (at, turn) in enumerate(zip(path, turns.tolist(), strict=True))
     ]
     submaps = []

@@ -20,7 +20,7 @@ from nvsim.building.rendering import render
 from nvsim.building.scene import make_scene, textures_of
 from nvsim.evaluation.scan import straight_view
 from nvsim.evaluation.scores import psnr
-from nvsim.geometry.camera import Camera, look
+from nvsim.geometry.camera import Camera, camera_pose
 from nvsim.geometry.directions import STEP, sweep
 from nvsim.project.project import Project
 from nvsim.r2r.observations.growing import PlacesSeen
@@ -46,7 +46,7 @@ def measure(root: Path, count: int) -> None:
     found: dict[str, list[float]] = {}
     seen = PlacesSeen(0)
     for at, heading, row in sorted(chosen, key=lambda c: scene.nearest(c[0])):
-        model, camera = scene.model_at(at)[1], Camera(intrinsics, look(at, heading, row * STEP))
+        model, camera = scene.model_at(at)[1], Camera(intrinsics, camera_pose(at, heading, row * STEP))
         wide = render_model(model, camera).rgb
         assert wide is not None
         images = {

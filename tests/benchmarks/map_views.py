@@ -20,7 +20,7 @@ import numpy as np
 import tyro
 
 from nvsim.cli import terminal
-from nvsim.cli.commands.stages import asked
+from nvsim.cli.commands.stages import with_normal_source
 from nvsim.evaluation.graph import evaluate_graph
 from nvsim.evaluation.truth import true_occupancy
 from nvsim.graph.types import NavGraph
@@ -68,7 +68,7 @@ def main() -> None:
         first: tuple[NavGraph, MappingConfig] | None = None
         for name, views in tried.items():
             for source in sources:
-                config = asked(views, source)
+                config = with_normal_source(views, source)
                 found[f"{name}, {source}"], graph = measured(project, arguments.truth, config, first)
                 first = first or (graph, config)
     if arguments.json:

@@ -32,14 +32,14 @@ from harness import evaluated, report
 
 from nvsim.building import BuildingConfig
 from nvsim.building.baking import Painters, bake
-from nvsim.building.layouts import outer
+from nvsim.building.layouts import outer_walls
 from nvsim.building.plan import Plan, Rect, Room, Storey
 from nvsim.building.raycast import make_solids
 from nvsim.building.rendering import render
 from nvsim.building.scene import Scene
 from nvsim.building.solids import TOP, Box, Paint, wall_boxes
 from nvsim.building.truth import occupancy
-from nvsim.geometry.camera import Camera, Intrinsics, look
+from nvsim.geometry.camera import Camera, Intrinsics, camera_pose
 from nvsim.occupancy.ros import write_ros_map
 
 KINDS = ("kitchen", "office", "bedroom")
@@ -122,7 +122,7 @@ def make_room(seed: int) -> RoomCapture:
     plan = Plan(
         Rect(0, 0, width, depth),
         (Room("room", kind, str(rng.choice(["tiles", "wood", "carpet"])), (Rect(0, 0, width, depth),)),),
-        tuple(outer(width, depth)),
+        tuple(outer_walls(width, depth)),
         (),
         (),
     )
@@ -234,7 +234,7 @@ def _poses(
             heading, down = np.arctan2(ahead[0], ahead[1]), 30.0
         position = np.array([*place, height + rise[i]])
         for raised in range(0, 60, 3):
-            pose = look(position, heading, -np.radians(down - raised))
+            pose = camera_pose(position, heading, -np.radians(down - raised))
             pose[:3, :3] = pose[:3, :3] @ Rotation.from_euler("xyz", shake[i], degrees=True).as_matrix()
             if visible != "none" or not _sees_floor(scene, pose):
                 break

@@ -18,7 +18,7 @@ import tyro
 
 from nvsim.evaluation.scan_files import sample_strip, seam_steps
 from nvsim.evaluation.scores import psnr
-from nvsim.geometry.camera import Camera, look
+from nvsim.geometry.camera import Camera, camera_pose
 from nvsim.geometry.directions import skybox, sweep
 from nvsim.project.project import Project
 from nvsim.r2r.observations.layout import jpeg
@@ -70,7 +70,9 @@ def images(project):
     for i in random.choice(len(viewpoints), PLACES, replace=False):
         at = np.array(viewpoints[i].position)
         model = scene.model_at(at)[1]
-        poses = [look(at, random.uniform(0, 2 * np.pi), random.integers(-1, 2) * np.pi / 6) for _ in range(VIEWS)]
+        poses = [
+            camera_pose(at, random.uniform(0, 2 * np.pi), random.integers(-1, 2) * np.pi / 6) for _ in range(VIEWS)
+        ]
         cameras = [Camera(intrinsics, pose) for pose in poses]
         direct = [render_model(model, camera).rgb for camera in cameras]
         for name, way in WAYS.items():

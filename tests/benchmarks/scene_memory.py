@@ -84,7 +84,7 @@ def browse(folder: Path, submaps: int, limit: float, budget: float, ahead: bool)
     resource.setrlimit(resource.RLIMIT_AS, (round(limit * 2**30),) * 2)
     import numpy as np
 
-    from nvsim.geometry.camera import Camera, Intrinsics, look
+    from nvsim.geometry.camera import Camera, Intrinsics, camera_pose
     from nvsim.render.scene import render_scene
     from nvsim.splats import scene as scenes
     from nvsim.submaps.split import Submap
@@ -105,7 +105,7 @@ def browse(folder: Path, submaps: int, limit: float, budget: float, ahead: bool)
     along = np.arange(0, SPACING * (submaps - 1) + STEP / 2, STEP)
     frames, most, seen = [], 0, set()
     for x in (*along, *along[::-1]):
-        camera = Camera(intrinsics, look(np.array([x, 0.3, 1.5]), np.pi / 2))
+        camera = Camera(intrinsics, camera_pose(np.array([x, 0.3, 1.5]), np.pi / 2))
         frames += times(lambda _, camera=camera: seen.add(render_scene(scene, camera)[0]), 1)
         most = max(most, scene.memory)
     status = dict(line.split(":", 1) for line in Path("/proc/self/status").read_text().splitlines())

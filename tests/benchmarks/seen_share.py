@@ -30,7 +30,7 @@ from nvsim.capture.alignment import to_aligned_frame
 from nvsim.evaluation.scores import psnr
 from nvsim.geometry.camera import Camera
 from nvsim.geometry.directions import cube
-from nvsim.mapping.views.photographed import SIDE, photographed_directions, share_of
+from nvsim.mapping.views.photographed import SIDE, photographed_directions, share_of_sphere
 from nvsim.occupancy.paths import clearance
 from nvsim.occupancy.types import FREE
 from nvsim.project.photographed import PhotographedDirections
@@ -104,14 +104,17 @@ def _measured(project: Project, building: Scene, count: int) -> dict[str, float]
         started = time.process_time()
         masks.append(directions.at(at))
         seconds += time.process_time() - started
-        dense.append(share_of(photographed_directions(scene.model(scene.nearest(at)), at, None)))
-        print(f"{x:6.2f} {y:6.2f}  share {share_of(masks[-1]):.3f}  {_decibels(errors[-1], angle):5.2f} dB", flush=True)
+        dense.append(share_of_sphere(photographed_directions(scene.model(scene.nearest(at)), at, None)))
+        print(
+            f"{x:6.2f} {y:6.2f}  share {share_of_sphere(masks[-1]):.3f}  {_decibels(errors[-1], angle):5.2f} dB",
+            flush=True,
+        )
     error, mask = np.array(errors), np.array(masks)
     quality = [_decibels(one, angle) for one in error]
     weight = np.broadcast_to(angle, error.shape)
     return {
         "places": len(quality),
-        "correlation": round(float(np.corrcoef(quality, [share_of(one) for one in mask])[0, 1]), 3),
+        "correlation": round(float(np.corrcoef(quality, [share_of_sphere(one) for one in mask])[0, 1]), 3),
         "correlation_without_images": round(float(np.corrcoef(quality, dense)[0, 1]), 3),
         "psnr_photographed": round(_decibels(error, weight * mask), 2),
         "psnr_other": round(_decibels(error, weight * ~mask), 2),

@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from nvsim.geometry.camera import Camera, Intrinsics, look
+from nvsim.geometry.camera import Camera, Intrinsics, camera_pose
 from nvsim.mapping.config import MappingConfig
 from nvsim.mapping.corridor import DIRECTIONS, Corridor, HeightAt, SupportAt, ahead, headings
 from nvsim.mapping.criteria import corridor_of
@@ -47,7 +47,7 @@ def off_straight(
         for row in range(0, len(ground), _EVERY):
             for cell in range(0, ground.shape[1], _EVERY):
                 x, y, z = ground[row, cell] - place
-                pose = look(place, float(np.arctan2(x, y)), float(np.arctan2(z, np.hypot(x, y))))
+                pose = camera_pose(place, float(np.arctan2(x, y)), float(np.arctan2(z, np.hypot(x, y))))
                 camera = Camera(Intrinsics(_SIDE, _SIDE, _FOCAL, _FOCAL, _SIDE / 2, _SIDE / 2), pose)
                 seen = render_model(model, camera, frozenset({"alpha"})).alpha
                 assert seen is not None

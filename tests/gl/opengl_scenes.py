@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 
-from nvsim.geometry.camera import Camera, Intrinsics, look
+from nvsim.geometry.camera import Camera, Intrinsics, camera_pose
 from nvsim.geometry.floor_surface import FloorSurface
 from nvsim.splats.types import Background, FloorTexture, Gaussians, SubmapModel
 
-CAMERA = Camera(Intrinsics(161, 119, 110.0, 117.0, 74.0, 65.0), look(np.array([3.0, 2.0, 1.4]), 0.7, -0.35))
+CAMERA = Camera(Intrinsics(161, 119, 110.0, 117.0, 74.0, 65.0), camera_pose(np.array([3.0, 2.0, 1.4]), 0.7, -0.35))
 
 
 def room(count: int = 4000, seed: int = 5, floating: float = 1.0) -> Gaussians:

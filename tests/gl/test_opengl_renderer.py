@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from opengl_scenes import CAMERA, MODELS, room
 
-from nvsim.geometry.camera import Camera, Intrinsics, look
+from nvsim.geometry.camera import Camera, Intrinsics, camera_pose
 from nvsim.geometry.floor_surface import FloorSurface
 from nvsim.render.model import render_model
 from nvsim.render.opengl.renderer import OpenGLRenderer
@@ -51,7 +51,7 @@ def one(mean: tuple[float, float, float], logit: float, color: tuple[float, floa
 def test_one_gaussian_has_the_alpha_of_the_formula(renderer: OpenGLRenderer) -> None:
     """Over a white backdrop, in the middle of the picture: opacity * red + (1 - opacity) * white, and beside it the
     Gaussian function of the distance in pixels."""
-    camera = Camera(Intrinsics(101, 101, 100.0, 100.0, 50.5, 50.5), look(np.zeros(3), 0.0))
+    camera = Camera(Intrinsics(101, 101, 100.0, 100.0, 50.5, 50.5), camera_pose(np.zeros(3), 0.0))
     model = SubmapModel(one((0, 6, 0), 0.0, (1, 0, 0)), None, None, FloorSurface.flat(-1), antialiased=False)
     picture = renderer.render(model, camera, backdrop=(1.0, 1.0, 1.0))
     variance = (100 * 0.3 / 6) ** 2 + 0.3
@@ -65,7 +65,7 @@ def test_one_gaussian_has_the_alpha_of_the_formula(renderer: OpenGLRenderer) -> 
 def test_what_is_nearer_hides_what_is_behind(renderer: OpenGLRenderer, heading: float, front: int) -> None:
     red, green = one((0, 2, 0), 9.0, (1, 0, 0)), one((0, 4, 0), 9.0, (0, 1, 0))
     both = Gaussians(*(np.concatenate([getattr(g, f) for g in (green, red)]) for f in vars(red)))
-    camera = Camera(Intrinsics.from_fov(40, 30, 1.0), look(np.array([0.0, 6.0 if front else 0.0, 0.0]), heading))
+    camera = Camera(Intrinsics.from_fov(40, 30, 1.0), camera_pose(np.array([0.0, 6.0 if front else 0.0, 0.0]), heading))
     middle = renderer.render(SubmapModel(both, None, None, FloorSurface.flat(-1)), camera)[15, 20]
     assert middle[front] > 245 and middle[1 - front] < 10
 
@@ -76,7 +76,7 @@ def test_colours_may_depend_on_the_camera_position(renderer: OpenGLRenderer) -> 
             return replace(gaussians, sh=gaussians.sh - np.float32(position[0]))
 
     model = replace(MODELS["background"], appearance=Dimmed())
-    left = Camera(CAMERA.intrinsics, look(np.array([0.5, 2.0, 1.4]), 0.7, -0.35))
+    left = Camera(CAMERA.intrinsics, camera_pose(np.array([0.5, 2.0, 1.4]), 0.7, -0.35))
     pictures = [renderer.render(model, camera) for camera in (CAMERA, left)]
     for picture, camera in zip(pictures, (CAMERA, left), strict=True):
         assert psnr(picture, by_kernels(model, camera)) > 50
@@ -84,9 +84,9 @@ def test_colours_may_depend_on_the_camera_position(renderer: OpenGLRenderer) -> 
 
 
 def test_the_benchmark_compares_both_on_everything_that_a_model_has(opengl: None) -> None:
-    from nvsim.render.opengl.benchmark import furnished, measure
+    from nvsim.render.opengl.benchmark import measure, with_floor_and_background
 
-    figures = measure(furnished(room(500)), CAMERA, rounds=2)
+    figures = measure(with_floor_and_background(room(500)), CAMERA, rounds=2)
     assert figures["psnr_db"] > 50 and figures["renderer"] and figures["size"] == [161, 119]
     parts = sum(figures[f"{part}_ms"] for part in ("project", "sort", "upload", "draw"))
     assert parts == pytest.approx(figures["frame_ms"], rel=0.3)
@@ -107,7 +107,7 @@ def test_a_framebuffer_shows_the_last_view_until_the_next_is_ready(opengl: None)
     context = moderngl.create_context(require=330, standalone=True, backend="egl")
     renderer = OpenGLRenderer(context, on_ready=heard.set)
     target = context.simple_framebuffer((161, 119))
-    second = replace(CAMERA, camera_to_world=look(np.array([3.0, 2.0, 1.4]), 1.9, -0.2))
+    second = replace(CAMERA, camera_to_world=camera_pose(np.array([3.0, 2.0, 1.4]), 1.9, -0.2))
     model = MODELS["stairs and ramp"]
 
     def seen() -> np.ndarray:

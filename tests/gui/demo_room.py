@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 
 from nvsim.capture.types import Alignment, Capture, Frame
-from nvsim.geometry.camera import Camera, look
+from nvsim.geometry.camera import Camera, camera_pose
 from nvsim.geometry.lens import Lens
 from nvsim.graph.types import Evidence, NavGraph, Viewpoint, edge
 from nvsim.occupancy.types import FREE, OCCUPIED, UNKNOWN, OccupancyMap
@@ -39,7 +39,7 @@ def capture(frames: int = 120) -> Capture:
     made = []
     for i in range(frames):
         heading = math.atan2(-5.2 * math.sin(turn[i]), 3.1 * math.cos(turn[i]))
-        pose = look(np.array([x[i], y[i], EYE]), heading, math.radians(-8))
+        pose = camera_pose(np.array([x[i], y[i], EYE]), heading, math.radians(-8))
         made.append(Frame(f"images/frame_{i:05d}.jpg", Path(f"/nowhere/frame_{i:05d}.jpg"), lens, pose))
     return Capture(Path("/nowhere"), "nerfstudio", tuple(made), None, Alignment.identity())
 

@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from nvsim.geometry.camera import Camera, Intrinsics, look
+from nvsim.geometry.camera import Camera, Intrinsics, camera_pose
 from nvsim_app.painting import cameras
 from nvsim_app.painting.cameras import ViewPose
 
@@ -87,7 +87,7 @@ def test_overview_sees_everything() -> None:
 
 
 def test_a_frame_is_seen_through_its_own_camera() -> None:
-    frame = Camera(Intrinsics(640, 480, 420, 420, 320, 240), look(np.array([1.0, 2.0, 1.5]), 0.7, -0.2))
+    frame = Camera(Intrinsics(640, 480, 420, 420, 320, 240), camera_pose(np.array([1.0, 2.0, 1.5]), 0.7, -0.2))
     camera = cameras.seen_from_frame(frame).camera(640, 480)
     assert np.allclose(camera.camera_to_world, frame.camera_to_world, atol=1e-9)
     assert camera.intrinsics.fy == pytest.approx(420)
@@ -100,17 +100,17 @@ def test_focus_puts_the_point_ahead() -> None:
 
 def test_a_flight_takes_the_shorter_turn_and_ends_at_the_goal() -> None:
     a, b = ViewPose((0, 0, 1), math.radians(170)), ViewPose((2, 0, 1), math.radians(-170), 0.3, 6.0)
-    middle = cameras.between(a, b, 0.5)
+    middle = cameras.interpolate_poses(a, b, 0.5)
     assert abs(math.degrees(middle.heading)) == pytest.approx(180, abs=1e-6)
-    end = cameras.between(a, b, 1.0)
+    end = cameras.interpolate_poses(a, b, 1.0)
     assert np.allclose(end.axes, b.axes) and end.position == b.position and end.reach == pytest.approx(b.reach)
 
 
 def test_an_edge_is_looked_along_from_its_nearer_end() -> None:
     eyes = np.array([[0.0, 0.0, 1.5], [3.0, 0.0, 1.5]])
     feet = eyes - [0.0, 0.0, 1.5]
-    pose = cameras.along(ViewPose((-4.0, 1.0, 9.0)), eyes, feet)
+    pose = cameras.view_along_edge(ViewPose((-4.0, 1.0, 9.0)), eyes, feet)
     assert pose.position == (0.0, 0.0, 1.5) and pose.heading == pytest.approx(np.pi / 2)
     pixels, depths = pose.camera(600, 400).project(np.array([[3.0, 0.0, 0.0]]))
     assert depths[0] > 0 and 0 < pixels[0, 0] < 600 and 0 < pixels[0, 1] < 400
-    assert cameras.along(ViewPose((9.0, 0.0, 1.5)), eyes, feet).position == (3.0, 0.0, 1.5)
+    assert cameras.view_along_edge(ViewPose((9.0, 0.0, 1.5)), eyes, feet).position == (3.0, 0.0, 1.5)

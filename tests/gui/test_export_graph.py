@@ -12,7 +12,7 @@ import pytest
 
 from nvsim_app.state.document import Document
 from nvsim_app.wiring.display import ColoringPart
-from nvsim_app.wiring.exporting import ExportPart, figure
+from nvsim_app.wiring.exporting import ExportPart, draw_figure
 from nvsim_app.wiring.window import MainWindow
 
 SVG = "{http://www.w3.org/2000/svg}"
@@ -71,6 +71,6 @@ def test_a_pdf_is_one_page_as_large_as_the_figure(part: ExportPart, document: Do
     data = (tmp_path / "graph.pdf").read_bytes()
     (box,) = re.findall(rb"/MediaBox \[([\d. ]+)\]", data)
     _, _, width, height = (float(side) for side in box.split())
-    wide, high = figure(document.graph, document.contents.occupancy, None).get_size_inches()
+    wide, high = draw_figure(document.graph, document.contents.occupancy, None).get_size_inches()
     assert width / height == pytest.approx(wide / high, rel=0.01)
     assert max(width, height) == pytest.approx(180 / 25.4 * 72, rel=0.01)

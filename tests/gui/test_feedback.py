@@ -8,7 +8,7 @@ from PySide6.QtTest import QTest
 
 from nvsim.graph.selection import GraphSelection
 from nvsim_app.state.document import Document
-from nvsim_app.wiring.editing import past
+from nvsim_app.wiring.editing import past_tense
 from nvsim_app.wiring.window import MainWindow
 
 
@@ -65,4 +65,4 @@ def test_a_read_only_graph_says_so_in_the_title_and_when_an_edit_is_refused(
      ("Take over", "Took over"), ("Align", "Aligned"), ("Split an edge", "Split an edge")],
 )  # fmt: skip
 def test_steps_are_told_in_the_past(now: str, then: str) -> None:
-    assert past(now) == then
+    assert past_tense(now) == then

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from nvsim_app.frames.correction import Box, Correction, Prompt, changed, paint, surfaces
+from nvsim_app.frames.correction import Box, Correction, Prompt, changed_box, paint, surfaces
 
 SHAPE = (60, 80)
 
@@ -44,9 +44,9 @@ def test_the_smallest_brush_paints_the_pixel_it_is_in() -> None:
 
 def test_changed_is_the_smallest_box() -> None:
     a, b = empty(), empty()
-    assert changed(a, b) is None
+    assert changed_box(a, b) is None
     b[5, 10] = b[9, 3] = True
-    assert changed(a, b) == Box(3, 5, 11, 10)
+    assert changed_box(a, b) == Box(3, 5, 11, 10)
 
 
 def stroke(correction: Correction, y: float, floor: bool = True) -> None:

@@ -9,11 +9,11 @@ import numpy as np
 import pytest
 from PySide6.QtGui import QColor, QImage, QPainter
 
-from nvsim.geometry.camera import Camera, Intrinsics, look
+from nvsim.geometry.camera import Camera, Intrinsics, camera_pose
 from nvsim_app.frames import pictures
 from nvsim_app.layers.capture import FrameMaskLayer, turned
 
-FRAME = Camera(Intrinsics(320, 240, 250.0, 245.0, 150.0, 130.0), look(np.array([1.0, 2.0, 1.5]), 0.4, -0.2))
+FRAME = Camera(Intrinsics(320, 240, 250.0, 245.0, 150.0, 130.0), camera_pose(np.array([1.0, 2.0, 1.5]), 0.4, -0.2))
 
 
 def painted(layer: FrameMaskLayer, camera: Camera) -> QImage:
@@ -43,7 +43,7 @@ def test_the_patch_stays_on_its_place_while_the_eye_turns(
     layer: FrameMaskLayer, heading: float, elevation: float, size: tuple[int, int]
 ) -> None:
     intrinsics = Intrinsics.from_fov(*size, math.radians(100))
-    camera = Camera(intrinsics, look(FRAME.position, heading, elevation))
+    camera = Camera(intrinsics, camera_pose(FRAME.position, heading, elevation))
     image = painted(layer, camera)
     for x, y, red in ((2.6, 5.0, True), (2.75, 5.1, True), (2.95, 5.0, False), (2.6, 5.5, False)):
         ((u, v),), _ = camera.project(np.array([[x, y, 0.0]]))
@@ -51,8 +51,8 @@ def test_the_patch_stays_on_its_place_while_the_eye_turns(
 
 
 def test_a_step_aside_or_a_look_back_hides_it(layer: FrameMaskLayer) -> None:
-    aside = Camera(FRAME.intrinsics, look(FRAME.position + (0.1, 0, 0), 0.4, -0.2))
-    back = Camera(FRAME.intrinsics, look(FRAME.position, 0.4 + math.pi, 0.0))
+    aside = Camera(FRAME.intrinsics, camera_pose(FRAME.position + (0.1, 0, 0), 0.4, -0.2))
+    back = Camera(FRAME.intrinsics, camera_pose(FRAME.position, 0.4 + math.pi, 0.0))
     black = QImage(320, 240, QImage.Format.Format_RGB32)
     black.fill(QColor(0, 0, 0))
     assert painted(layer, aside) == black and painted(layer, back) == black
@@ -61,7 +61,7 @@ def test_a_step_aside_or_a_look_back_hides_it(layer: FrameMaskLayer) -> None:
 
 
 def test_pixels_turn_as_rays_do() -> None:
-    target = Camera(Intrinsics.from_fov(500, 400, 1.5), look(FRAME.position, 0.1, 0.3))
+    target = Camera(Intrinsics.from_fov(500, 400, 1.5), camera_pose(FRAME.position, 0.1, 0.3))
     point = FRAME.position + FRAME.rotation @ (0.3, -0.2, 2.0)
     (a,), _ = FRAME.project(point[None])
     (b,), _ = target.project(point[None])

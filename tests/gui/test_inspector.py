@@ -14,12 +14,12 @@ from PySide6.QtGui import QMouseEvent
 from PySide6.QtWidgets import QApplication, QDockWidget
 from pytestqt.qtbot import QtBot
 
-from nvsim.geometry.camera import Camera, Intrinsics, look
+from nvsim.geometry.camera import Camera, Intrinsics, camera_pose
 from nvsim.mapping.config import MappingConfig
 from nvsim_app.drawing.panorama_child import PanoramaDrawing, PanoramaRequest
 from nvsim_app.inspector.layers import before_the_eye
 from nvsim_app.inspector.panoramas import Panoramas
-from nvsim_app.inspector.state import angles, met
+from nvsim_app.inspector.state import direction_hit, viewing_angles
 from nvsim_app.painting.cameras import ViewPose
 from nvsim_app.state.directions import directions
 from nvsim_app.state.document import Document
@@ -50,7 +50,7 @@ def test_a_viewpoint_has_eight_regions_and_those_with_an_edge_name_their_neighbo
         for direction in found:
             assert direction.polygon().shape == (4, 3)
             assert np.allclose(direction.polygon()[:, 2], 0.0, atol=1e-9)
-            assert (direction.culprit() is None) == direction.open
+            assert (direction.failed_corners() is None) == direction.open
             goal = np.array(direction.evidence.target)
             if direction.neighbour:
                 assert math.dist(goal, arrays.positions[arrays.index[direction.neighbour], :2]) < 0.01
@@ -76,14 +76,14 @@ def test_a_region_is_met_by_looking_at_its_middle_and_not_above_the_horizon(docu
     found = directions(graph, arrays, id, MappingConfig())
     for direction in found:
         middle = direction.polygon().mean(axis=0)
-        ((heading, elevation),) = angles(middle[None], eye)
-        assert met(found, eye, heading, elevation) is direction
-        assert met(found, eye, heading, 0.2) is None
-        assert met(found, eye, heading + math.radians(22.5), elevation / 3) is None
+        ((heading, elevation),) = viewing_angles(middle[None], eye)
+        assert direction_hit(found, eye, heading, elevation) is direction
+        assert direction_hit(found, eye, heading, 0.2) is None
+        assert direction_hit(found, eye, heading + math.radians(22.5), elevation / 3) is None
 
 
 def test_a_region_behind_the_eye_is_cut_off_and_never_turned_inside_out() -> None:
-    camera = Camera(Intrinsics.from_fov(100, 100, 1.2), look(np.array([0.0, 0.0, 1.5]), 0.0, -0.4))
+    camera = Camera(Intrinsics.from_fov(100, 100, 1.2), camera_pose(np.array([0.0, 0.0, 1.5]), 0.0, -0.4))
     corners = np.array([[-0.3, -2.0, 0.0], [-0.3, 4.0, 0.0], [0.3, 4.0, 0.0], [0.3, -2.0, 0.0]])
     seen = before_the_eye(corners, camera)
     _, depth = camera.project(seen)
@@ -103,7 +103,7 @@ def test_the_panorama_shows_north_in_the_middle_and_comes_coarse_first() -> None
     alpha = made[1].pixels["alpha"][..., 0].astype(float) / 255
     assert alpha.shape == (96, 192)
     for place, expected in (((3.9, 3.7, 0.75), 0.99), ((4.0, 7.5, 0.0), 0.0), ((6.7, 7.0, 1.1), 0.99)):
-        ((heading, elevation),) = angles(np.array([place]), np.array(eye))
+        ((heading, elevation),) = viewing_angles(np.array([place]), np.array(eye))
         column, row = round((heading / (2 * math.pi) + 0.5) * 192), round((0.5 - elevation / math.pi) * 96)
         assert alpha[row, column % 192] == pytest.approx(expected, abs=0.05), place
 
@@ -121,7 +121,7 @@ def test_the_value_under_the_cursor_is_what_was_measured_there(
 
     def words(channel: str, *place: float) -> str:
         view.set_channel(channel)
-        ((x, y),) = view.to_pixels(angles(np.array([place]), part.inspection.eye))
+        ((x, y),) = view.to_pixels(viewing_angles(np.array([place]), part.inspection.eye))
         at = QPointF(x % (2 * math.pi * view._scale), y)
         button = Qt.MouseButton.NoButton
         event = QMouseEvent(
@@ -156,7 +156,7 @@ def test_pointing_in_the_panorama_is_seen_in_the_list_the_values_and_on_the_map(
     view.resize(400, 200)
     direction = next(d for d in part.inspection.directions if d.neighbour)
     middle = direction.polygon().mean(axis=0)
-    seen = angles(middle[None], part.inspection.eye)
+    seen = viewing_angles(middle[None], part.inspection.eye)
     ((x, y),) = view.to_pixels(seen)
     heading, elevation = view.to_angles(QPointF(x, y))
     assert (heading, elevation) == pytest.approx(tuple(seen[0]))
@@ -172,7 +172,7 @@ def test_pointing_in_the_panorama_is_seen_in_the_list_the_values_and_on_the_map(
 def test_a_click_on_a_region_goes_to_the_neighbour(part: InspectorPart, window: MainWindow, qtbot: QtBot) -> None:
     view, document = part.panel.view, window.document
     direction = next(d for d in part.inspection.directions if d.neighbour)
-    ((x, y),) = view.to_pixels(angles(direction.polygon().mean(axis=0)[None], part.inspection.eye))
+    ((x, y),) = view.to_pixels(viewing_angles(direction.polygon().mean(axis=0)[None], part.inspection.eye))
     place = QPoint(round(x) % view.width(), round(y))
     qtbot.mouseClick(view, Qt.MouseButton.LeftButton, pos=place)
     assert document.selection.viewpoint == direction.neighbour

@@ -6,7 +6,7 @@ import pytest
 from PySide6.QtCore import Qt
 from pytestqt.qtbot import QtBot
 
-from nvsim_app.palette.entries import Entry, fit
+from nvsim_app.palette.entries import Entry, match_score
 from nvsim_app.state.document import Document
 from nvsim_app.wiring import actions
 from nvsim_app.wiring.appearance import PalettePart
@@ -23,7 +23,7 @@ def rows(part: PalettePart) -> list[Entry]:
 
 
 def best(typed: str, *texts: str) -> str:
-    scored = {text: found for text in texts if (found := fit(typed, text)) is not None}
+    scored = {text: found for text in texts if (found := match_score(typed, text)) is not None}
     return max(scored, key=lambda text: scored[text][0])
 
 
@@ -31,13 +31,13 @@ def test_starts_of_words_and_runs_fit_better_than_scattered_letters() -> None:
     assert best("fs", "Full screen", "Offsets", "Show files") == "Full screen"
     assert best("focus", "Focus on selection", "Frame of cameras used") == "Focus on selection"
     assert best("norm", "Normals", "Panorama of rooms") == "Normals"
-    assert fit("zz", "Normals") is None
-    assert fit("screen full", "Full screen") is not None, "in any order"
-    assert fit("fsel", "Focus on selection") == (fit("FSEL", "Focus on selection"))
+    assert match_score("zz", "Normals") is None
+    assert match_score("screen full", "Full screen") is not None, "in any order"
+    assert match_score("fsel", "Focus on selection") == (match_score("FSEL", "Focus on selection"))
 
 
 def test_marked_letters_are_those_that_were_typed() -> None:
-    found = fit("ovw", "Overview")
+    found = match_score("ovw", "Overview")
     assert found is not None and "".join("Overview"[i] for i in found[1]).lower() == "ovw"
 
 

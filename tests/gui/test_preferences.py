@@ -18,7 +18,7 @@ from nvsim_app.look.labels import Value
 from nvsim_app.panels.preferences import FIXED, OF, PREFERENCES, Preferences
 from nvsim_app.panels.tables import TablePanel
 from nvsim_app.state.document import Document
-from nvsim_app.views.navigation import Hands, flying
+from nvsim_app.views.navigation import ControlSettings, flying
 from nvsim_app.wiring.appearance import PreferencePart
 from nvsim_app.wiring.editing import AutosavePart
 from nvsim_app.wiring.panels import MapPart
@@ -76,7 +76,7 @@ def test_what_is_measured_is_in_feet(window: MainWindow, document: Document) -> 
 
 
 def test_a_button_does_what_was_chosen_for_it(window: MainWindow) -> None:
-    motions = Hands(left="look", middle="turn", right="shift")
+    motions = ControlSettings(left="look", middle="turn", right="shift")
     button = Qt.MouseButton
     assert motions.motion(button.LeftButton, False) == "look" == motions.motion(button.LeftButton, True)
     assert motions.motion(button.MiddleButton, True) == "shift" and motions.motion(button.NoButton, False) == ""

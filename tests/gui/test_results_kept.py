@@ -9,7 +9,7 @@ import pytest
 import tiny_capture
 from pytestqt.qtbot import QtBot
 
-from nvsim.project.earlier_results import what_is_replaced
+from nvsim.project.earlier_results import replaced_result_sentence
 from nvsim.project.project import Project
 from nvsim_app.forms.form import CommandForm
 from nvsim_app.panels.stages import EarlierResults
@@ -49,7 +49,7 @@ def test_a_cancelled_training_leaves_the_trained_model_in_the_view(
     form = part.open_form("train")
     assert isinstance(form, CommandForm)
     with Project.open(trained) as project:
-        assert form.replaces.text().lower() == what_is_replaced(project, "train").lower() != ""
+        assert form.replaces.text().lower() == replaced_result_sentence(project, "train").lower() != ""
     form.reject()
 
     scene, blank = session.window.scene, []

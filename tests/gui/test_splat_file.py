@@ -11,7 +11,7 @@ from PySide6.QtCore import QSettings
 from pytestqt.qtbot import QtBot
 
 from nvsim.errors import InputError
-from nvsim.geometry.camera import Camera, Intrinsics, look
+from nvsim.geometry.camera import Camera, Intrinsics, camera_pose
 from nvsim.splats.formats.choice import write_splats
 from nvsim.splats.turning import UPS, upright
 from nvsim.splats.types import Gaussians
@@ -62,7 +62,7 @@ def test_the_drawing_process_shows_its_own_colours(spz: Path) -> None:
     from nvsim.render.model import render_model
 
     _, model = SplatFile.of(spz).open().at(None)
-    camera = Camera(Intrinsics.from_fov(60, 80, 1.0), look(np.array([0.0, -3.0, 1.0]), 0.0))
+    camera = Camera(Intrinsics.from_fov(60, 80, 1.0), camera_pose(np.array([0.0, -3.0, 1.0]), 0.0))
     rgb = render_model(model, camera).rgb
     above, below = rgb[20, 30], rgb[60, 30]
     assert above[0] > 0.5 > above[1] and below[1] > 0.5 > below[0]

@@ -11,7 +11,7 @@ from pathlib import Path
 import demo_project
 import pytest
 
-from nvsim_app.start.main import _ALWAYS, _XCB, obstacle
+from nvsim_app.start.main import _ALWAYS, _XCB, why_no_window
 
 ROOT = Path(__file__).resolve().parents[2]
 
@@ -54,12 +54,14 @@ def test_a_display_that_does_not_answer_is_named() -> None:
 
 def test_missing_libraries_are_named_by_their_packages() -> None:
     absent = {"libxcb-cursor.so.0", "libEGL.so.1"}
-    said = obstacle({"DISPLAY": ":0"}, lambda name: name not in absent, lambda: True, "linux")
+    said = why_no_window({"DISPLAY": ":0"}, lambda name: name not in absent, lambda: True, "linux")
     assert said is not None and "sudo apt install libegl1 libxcb-cursor0" in said
-    said = obstacle({"QT_QPA_PLATFORM": "offscreen"}, lambda name: name != "libxcb-cursor.so.0", lambda: True, "linux")
+    said = why_no_window(
+        {"QT_QPA_PLATFORM": "offscreen"}, lambda name: name != "libxcb-cursor.so.0", lambda: True, "linux"
+    )
     assert said is None  # no window, no xcb
-    assert obstacle({"WAYLAND_DISPLAY": "w"}, lambda name: "xcb" not in name, lambda: True, "linux") is None
-    assert obstacle({}, lambda name: False, lambda: False, "darwin") is None
+    assert why_no_window({"WAYLAND_DISPLAY": "w"}, lambda name: "xcb" not in name, lambda: True, "linux") is None
+    assert why_no_window({}, lambda name: False, lambda: False, "darwin") is None
 
 
 def test_the_window_imports_nothing_that_takes_long_until_it_is_usable_nor_when_a_project_is_open(

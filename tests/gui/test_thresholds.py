@@ -11,7 +11,7 @@ from pytestqt.qtbot import QtBot
 
 from nvsim.mapping.config import MappingConfig
 from nvsim_app.state.document import Document
-from nvsim_app.thresholds.slider import FIXED, changed, preset, thresholds
+from nvsim_app.thresholds.slider import FIXED, preset, thresholds, with_value
 from nvsim_app.thresholds.threshold_preview import ends
 from nvsim_app.wiring.inspector import InspectorPart
 from nvsim_app.wiring.thresholds import ThresholdPart
@@ -39,8 +39,8 @@ def test_every_threshold_has_a_slider_or_a_reason_to_have_none() -> None:
 
 
 def test_a_robot_too_wide_for_the_evidence_gives_up_its_margin() -> None:
-    assert changed(MappingConfig(), "robot_radius", 0.45).margin == 0.0
-    assert changed(MappingConfig(robot_radius=0.4), "margin", 0.2).robot_radius == pytest.approx(0.25)
+    assert with_value(MappingConfig(), "robot_radius", 0.45).margin == 0.0
+    assert with_value(MappingConfig(robot_radius=0.4), "margin", 0.2).robot_radius == pytest.approx(0.25)
     like = preset(MappingConfig(tau_dist=2.0), MappingConfig.paper())
     assert like.rule == "mean" and like.tau_dist == 2.0
 

@@ -15,7 +15,7 @@ from pytestqt.qtbot import QtBot
 
 from nvsim.graph.connectivity import write_connectivity
 from nvsim_app.look.notices import Notices
-from nvsim_app.palette.entries import commands, fitting
+from nvsim_app.palette.entries import commands, matching_entries
 from nvsim_app.session import Session
 from nvsim_app.state.document import Document
 from nvsim_app.state.loading import Contents
@@ -46,7 +46,7 @@ def test_each_workspace_has_its_panels_a_key_and_a_place_in_menu_and_palette(
     (menu,) = [m for m in window.findChildren(QMenu) if m.title() == "&Workspace"]
     texts = [action.text().replace("&", "") for action in menu.actions()]
     assert texts == ["Explore workspace", "Train workspace", "Edit graph workspace", "Compare workspace"]
-    found = fitting(commands(window.actions_table, document), "train workspace", [])
+    found = matching_entries(commands(window.actions_table, document), "train workspace", [])
     assert found[0].title == "Train workspace" and found[0].shortcut == "Alt+2"
 
 

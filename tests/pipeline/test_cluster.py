@@ -10,7 +10,7 @@ from pathlib import Path
 import cluster_work
 import pytest
 
-from nvsim.cluster.choice import opened
+from nvsim.cluster.choice import open_executor
 from nvsim.cluster.config import ClusterConfig
 from nvsim.cluster.piece import Executor, Finished, Message, Order, Piece, SentFile, StorageNotShared, Work
 from nvsim.errors import InputError
@@ -21,7 +21,7 @@ MIB = 1 << 20
 
 @pytest.fixture(scope="module")
 def executor(ray_head: str) -> Iterator[Executor]:
-    with opened(ClusterConfig("ray", ray_head)) as found:
+    with open_executor(ClusterConfig("ray", ray_head)) as found:
         yield found
 
 

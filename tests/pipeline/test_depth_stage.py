@@ -22,7 +22,7 @@ from nvsim.errors import InputError
 from nvsim.events import Done, Event, Log, Progress, silent
 from nvsim.project import ledger
 from nvsim.project.config import CaptureConfig
-from nvsim.project.earlier_results import kept_results, restore, what_is_replaced
+from nvsim.project.earlier_results import kept_results, replaced_result_sentence, restore
 from nvsim.project.project import Project
 from nvsim.project.stages import depths, floors, imported, submaps
 from nvsim.project.stages.trained import adapt_to_capture, train_key
@@ -109,7 +109,7 @@ def test_what_is_up_to_date_ends_at_once_and_other_settings_make_it_anew(project
     depths.run(project, "auto", replace(CONFIG, threads=1), heard.append)
     assert heard == [Log("The depth is up to date.", "depth")]
     before, trained = project.layout.depth, train_key(project, project.submaps()[0], TrainingConfig())
-    assert "depth of 40 frames" in what_is_replaced(project, "depth")
+    assert "depth of 40 frames" in replaced_result_sentence(project, "depth")
     depths.run(project, "auto", replace(CONFIG, planes=48), silent)
     assert project.layout.depth != before and before.is_dir(), "the old stays until it is replaced in turn"
     floors.run(project, heard.append)
@@ -178,16 +178,16 @@ def test_a_capture_with_a_scan_skips_it_in_no_time_and_says_so(
     started = time.monotonic()
     depths.run(scanned, "auto", DepthConfig(), heard.append)
     assert time.monotonic() - started < 0.5
-    assert [e.summary for e in heard if isinstance(e, Done)] == ["no depth is estimated: the capture has a scan"]
+    assert [e.summary for e in heard if isinstance(e, Done)] == ["no depth is estimated: the capture has a LiDAR scan"]
     assert "depth" in scanned.stage_results().done and scanned.scan() is with_scan
     assert not scanned.layout.depth.exists() and kept_results(scanned) == ()
     heard.clear()
     depths.run(scanned, "auto", CONFIG, heard.append)
-    assert heard == [Log("No depth is estimated: the capture has a scan.", "depth")]
+    assert heard == [Log("No depth is estimated: the capture has a LiDAR scan.", "depth")]
     floors.run(scanned, heard.append)
     assert ledger.record(scanned, "floors") == floors_before, "found before there was a depth stage, and still current"
     assert main(["evaluate", "depth", "--project", str(scanned.root), "--truth", str(scanned.root)]) == 2
-    assert "as the capture has a scan; run `nvsim depth --depth always" in capsys.readouterr().err
+    assert "as the capture has a LiDAR scan; run `nvsim depth --depth always" in capsys.readouterr().err
     imported.run(scanned, scanned.need_capture().source, CaptureConfig(scale=1.5), silent)
     assert "depth" in scanned.stage_results().outdated
     depths.run(scanned, "auto", CONFIG, silent)
@@ -289,4 +289,4 @@ def test_a_skipped_depth_loads_nothing_heavy(scanned: Project) -> None:
         "print(*sorted({'torch', 'numba', 'cv2', 'scipy', 'matplotlib'} & set(sys.modules)))"
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
-    assert done.stdout.strip() == "" and "the capture has a scan" in done.stderr
+    assert done.stdout.strip() == "" and "the capture has a LiDAR scan" in done.stderr

@@ -17,7 +17,7 @@ from nvsim.graph.store import same_graph
 from nvsim.mapping.config import MappingConfig
 from nvsim.project import ledger
 from nvsim.project.config import CaptureConfig
-from nvsim.project.earlier_results import discard, kept_results, restore, what_is_replaced
+from nvsim.project.earlier_results import discard, kept_results, replaced_result_sentence, restore
 from nvsim.project.project import Project
 from nvsim.project.stages import floors, imported, mapped, submaps, trained
 from nvsim.project.state import results
@@ -100,7 +100,7 @@ def test_models_of_another_cut_are_put_to_use_together_when_all_are_trained(proj
     with pytest.raises(Killed):
         trained.run(project, MORE, killed_at(2 * 16 + 3), at_once=1)
     assert [s.core for s in project.submaps("train")] == old
-    assert steps_in_use(project.root) == [12, 12] and ledger.waiting(project) == (0, 1)
+    assert steps_in_use(project.root) == [12, 12] and ledger.waiting_submaps(project) == (0, 1)
     trained.run(project, MORE, silent, at_once=1)
     assert steps_in_use(project.root) == [16, 16, 16] and project.submaps("train") == project.submaps()
     restore(project, "train")
@@ -161,7 +161,7 @@ def test_an_import_that_is_refused_or_cut_off_leaves_the_capture(project: Projec
 
 def test_a_restored_stage_is_current_for_its_old_settings(project: Project) -> None:
     trained.run(project, MORE, silent, at_once=1)
-    assert "16 steps" in what_is_replaced(project, "train")
+    assert "16 steps" in replaced_result_sentence(project, "train")
     assert "12 steps" in restore(project, "train")
     assert steps_in_use(project.root) == [12, 12]
     said: list[Event] = []
@@ -202,16 +202,18 @@ def test_what_is_replaced_is_said_before_it_is_begun(project: Project) -> None:
     said: list[Event] = []
     with pytest.raises(Killed):
         trained.run(project, MORE, lambda e: (said.append(e), killed_at(1)(e)), at_once=1)  # type: ignore[func-returns-value]
-    words = what_is_replaced(project, "train")
+    words = replaced_result_sentence(project, "train")
     assert words.startswith("train replaces the models of 2 submaps (12 steps, finished 20")
     assert "the old ones stay until the new ones are finished" in words
     texts = [e.text for e in said if isinstance(e, Log)]
     first_step = next(i for i, e in enumerate(said) if isinstance(e, Progress) and e.done > 0)
     assert words in texts and next(i for i, e in enumerate(said) if getattr(e, "text", "") == words) < first_step
-    assert "94" not in what_is_replaced(project, "map") and "viewpoint" in what_is_replaced(project, "map")
-    assert "floor masks of" in what_is_replaced(project, "floors")
-    assert "the cut into 2 submaps" in what_is_replaced(project, "submaps")
-    assert "the capture of" in what_is_replaced(project, "import")
+    assert "94" not in replaced_result_sentence(project, "map") and "viewpoint" in replaced_result_sentence(
+        project, "map"
+    )
+    assert "floor masks of" in replaced_result_sentence(project, "floors")
+    assert "the cut into 2 submaps" in replaced_result_sentence(project, "submaps")
+    assert "the capture of" in replaced_result_sentence(project, "import")
 
 
 def test_nothing_is_left_of_a_training_that_was_given_up_for_another(project: Project) -> None:

@@ -15,7 +15,7 @@ from nvsim.capture.types import Capture
 from nvsim.cli.main import main
 from nvsim.events import Event, Log
 from nvsim.poses import refinement
-from nvsim.poses.refinement import miss, refine
+from nvsim.poses.refinement import median_epipolar_error, refine
 from nvsim.project import ledger
 from nvsim.project.config import CaptureConfig
 from nvsim.project.project import Project
@@ -96,7 +96,7 @@ def test_an_image_that_is_missing_is_no_matter_of_poses(captures: dict[str, Path
     found = refine(frames)
     assert found is not None
     np.testing.assert_allclose(found.frames[0].camera_to_world, frames[0].camera_to_world, atol=1e-12)
-    assert miss(frames[:1]) is None and refine(frames[:1]) is None and refine([]) is None
+    assert median_epipolar_error(frames[:1]) is None and refine(frames[:1]) is None and refine([]) is None
 
 
 def test_who_interrupts_does_not_wait_for_all_images(
@@ -127,7 +127,7 @@ def test_a_real_office_agrees_better_with_itself(shared_data: Path, tmp_path: Pa
             project, tmp_path / "office", CaptureConfig(scale=1.0, poses="given"), lambda event: None
         )
     some = capture.frames[:50]
-    given, found = miss(some), refine(some)
+    given, found = median_epipolar_error(some), refine(some)
     assert given is not None and found is not None
-    after = miss(found.frames)
+    after = median_epipolar_error(found.frames)
     assert after is not None and after < 0.7 * given and found.metres < 0.05

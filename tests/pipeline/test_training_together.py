@@ -15,7 +15,7 @@ import psutil
 import pytest
 
 from nvsim.building import BuildingConfig, generate
-from nvsim.cluster.choice import opened
+from nvsim.cluster.choice import open_executor
 from nvsim.cluster.config import ClusterConfig
 from nvsim.cluster.storage import StorageProbe
 from nvsim.depth.config import DepthConfig
@@ -119,7 +119,10 @@ def test_a_cluster_gives_the_models_that_this_machine_gives_although_a_worker_is
             killed = int(begun[0].name.split()[-1])
             psutil.Process(killed).kill()
 
-    with Project.open(project_path, writable=True) as project, opened(ClusterConfig("ray", ray_head)) as executor:
+    with (
+        Project.open(project_path, writable=True) as project,
+        open_executor(ClusterConfig("ray", ray_head)) as executor,
+    ):
         trained.run(project, config, listen, executor=executor)
         assert any(isinstance(e, Worker) and e.state == "lost" for e in heard)
         _hold_against_this_machine(project, config, [0, 1, 2])
@@ -148,7 +151,7 @@ def test_a_cluster_finds_the_floors_and_the_depth_that_this_machine_finds(
 ) -> None:
     depth = DepthConfig(longest_side=48, planes=16)
     found, heard = [], []
-    with opened(ClusterConfig("ray", ray_head)) as cluster:
+    with open_executor(ClusterConfig("ray", ray_head)) as cluster:
         for executor in (None, cluster):
             path = tmp_path / str(executor is None)
             shutil.copytree(project_path, path)

@@ -17,7 +17,7 @@ from nvsim.errors import InputError
 from nvsim.evaluation.ablation_runs import Budget, preset_rows, run_of
 from nvsim.evaluation.graph import evaluate_graph
 from nvsim.evaluation.truth import true_occupancy
-from nvsim.evaluation.validity import TableConfig, asking, evaluate_validity, kept_cell, made_cell
+from nvsim.evaluation.validity import TableConfig, evaluate_validity, kept_cell, made_cell, with_criteria
 from nvsim.events import silent
 from nvsim.graph.store import same_graph
 from nvsim.mapping.config import MappingConfig
@@ -85,7 +85,7 @@ def test_every_cell_is_the_figures_of_its_kept_map(rooms: Path, made: dict) -> N
         for row in preset_rows(BUDGET, PRESETS):
             runs = [run_of(project, s, row.config, 0) for s in project.need_submaps()]
             for criteria in COLUMNS:
-                mapping = asking(MappingConfig(), criteria)
+                mapping = with_criteria(MappingConfig(), criteria)
                 assert mapping is not None
                 graph, report = kept_cell(project, runs, mapping).read()
                 cell = cells[row.name, "+".join(criteria)]
@@ -111,7 +111,7 @@ def test_a_map_is_the_same_whether_other_columns_were_built_before_it(rooms: Pat
     with Project.open(rooms, writable=True) as project:
         (row,) = preset_rows(BUDGET, ("nvsim",))
         runs = [run_of(project, s, row.config, 0) for s in project.need_submaps()]
-        mapping = asking(MappingConfig(), COLUMNS[-1])
+        mapping = with_criteria(MappingConfig(), COLUMNS[-1])
         assert mapping is not None
         kept = kept_cell(project, runs, mapping)
         before, _ = kept.read()

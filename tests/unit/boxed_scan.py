@@ -9,7 +9,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from nvsim.geometry.camera import look
+from nvsim.geometry.camera import camera_pose
 from nvsim.geometry.directions import face_rays
 from nvsim.graph.connectivity import write_connectivity
 from nvsim.graph.types import NavGraph, Viewpoint, edge
@@ -87,7 +87,7 @@ def export_blocks(root: Path, blocks: list[Block], graph: NavGraph) -> Path:
 
 def seen_from(blocks: list[Block], eye: NDArray[np.float64]) -> tuple[NDArray[np.uint8], NDArray[np.float64]]:
     """(S, 6 S, 3) colours and (S, 6 S) metres of what a viewpoint sees: 0 where there is nothing."""
-    rays = np.concatenate(list(face_rays(SIDE) @ look(np.zeros(3), 0.0)[:3, :3].T), axis=1)
+    rays = np.concatenate(list(face_rays(SIDE) @ camera_pose(np.zeros(3), 0.0)[:3, :3].T), axis=1)
     rays /= np.linalg.norm(rays, axis=-1, keepdims=True)
     rays = np.where(np.abs(rays) < 1e-9, 1e-9, rays)
     nearest = np.full(rays.shape[:2], np.inf)

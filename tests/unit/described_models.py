@@ -6,12 +6,14 @@ from pathlib import Path
 
 from nvsim.networks.chain import Chain
 from nvsim.networks.installed import DESCRIPTION, model_at
-from nvsim.networks.ready import ready
+from nvsim.networks.ready import known_descriptions
 
 
 def described(form: str, *paths: Path, more: str = "") -> Chain:
     """The files at `paths`, in the order of the form's, opened by its description, with `more` TOML."""
-    lines = [f'{key} = {{ file = "{path.name}" }}' for key, path in zip(ready()[form].files, paths, strict=True)]
+    lines = [
+        f'{key} = {{ file = "{path.name}" }}' for key, path in zip(known_descriptions()[form].files, paths, strict=True)
+    ]
     said = paths[0].parent / DESCRIPTION
     said.write_text(f'form = "{form}"\n{more}\n[files]\n' + "\n".join(lines) + "\n")
     return model_at(said).open("cpu")

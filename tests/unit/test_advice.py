@@ -98,14 +98,14 @@ def test_events_and_failures_pass_there(capsys: pytest.CaptureFixture[str], monk
     heard: list[Event] = []
 
     def work(_: object) -> int:
-        with console.listening(False) as listen:
+        with console.event_listener(False) as listen:
             listen(Log("4000 steps (--scanless.steps)", "train"))
             listen(Warning("wide (--margin)", "map"))
             listen(Done("depth", "see --steps"))
             raise InputError("too few --steps")
 
     monkeypatch.setattr(Map, "run", work)
-    with console.heard_by(heard.append):
+    with console.redirect_events(heard.append):
         assert guarded("run", Map, ["--project", "x"]) == 2
     texts = [getattr(event, "text", "") or getattr(event, "summary", "") or event.message for event in heard]  # type: ignore[union-attr]
     assert texts[:3] == ["4000 steps (--train.scanless.steps)", "wide (--map.margin)", "see --depth.steps"]

@@ -15,7 +15,7 @@ from nvsim.building.raycast import NOTHING, trace
 from nvsim.building.rendering import render
 from nvsim.building.scene import CAMERA_HEIGHT, Scene, make_scene, textures_of
 from nvsim.building.truth import floor_mask, true_occupancy
-from nvsim.geometry.camera import Camera, Intrinsics, look
+from nvsim.geometry.camera import Camera, Intrinsics, camera_pose
 from nvsim.occupancy.ros import read_ros_map
 from nvsim.occupancy.storeys import read_storeys
 from nvsim.occupancy.types import FREE, OCCUPIED, UNKNOWN
@@ -169,7 +169,7 @@ def test_masks_call_steps_floor_treads_and_risers_alike() -> None:
     for height, elevation in ((1.6, 0.0), (4.6, -0.6)):
         turn = 0.0 if height < 3 else np.pi
         place = spot if height < 3 else np.array(flight.head)
-        camera = Camera(lens, look(np.array([*place, height]), heading + turn, elevation))
+        camera = Camera(lens, camera_pose(np.array([*place, height]), heading + turn, elevation))
         view = render(camera, scene.solids, textures, NOBODY, np.empty((0, 3)))
         points = camera.position + view.depth[..., None] * (camera.rays() / (camera.rays() @ camera.rotation[:, 2:]))
         mask = floor_mask(scene, view)

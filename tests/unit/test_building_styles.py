@@ -10,7 +10,7 @@ from nvsim.building.rendering import render
 from nvsim.building.scan import scan
 from nvsim.building.scene import Scene, make_scene, textures_of
 from nvsim.building.truth import floor_mask, occupancy
-from nvsim.geometry.camera import Camera, Intrinsics, look
+from nvsim.geometry.camera import Camera, Intrinsics, camera_pose
 from nvsim.occupancy.types import OCCUPIED
 
 NOBODY = np.empty((0, 5)), np.empty((0, 3))
@@ -50,7 +50,7 @@ def test_a_pane_shows_what_is_behind_it_and_faintly_what_is_before_it(glass: Sce
     places = [middle + s * 1.1 * normal for s in (1, -1)]
     place = next(p for p in places if (p > 0.4).all() and (p < extent - 0.4).all())
     heading = float(np.arctan2(*(middle - place)))
-    camera = Camera(Intrinsics.from_fov(120, 90, np.radians(60)), look(np.array([*place, 1.3]), heading, -0.2))
+    camera = Camera(Intrinsics.from_fov(120, 90, np.radians(60)), camera_pose(np.array([*place, 1.3]), heading, -0.2))
     textures = textures_of(glass)
     seen = render(camera, glass.solids, textures, *NOBODY)
     without = glass.solids._replace(glass=np.zeros_like(glass.solids.glass), hi=glass.solids.hi.copy())

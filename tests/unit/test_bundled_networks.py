@@ -17,7 +17,7 @@ from nvsim.building.truth import floor_mask, normals
 from nvsim.cli.main import main
 from nvsim.errors import InputError
 from nvsim.evaluation.normals import Angles
-from nvsim.geometry.camera import Camera, Intrinsics, look
+from nvsim.geometry.camera import Camera, Intrinsics, camera_pose
 from nvsim.mapping.config import MappingConfig
 from nvsim.networks.chain import Chain
 from nvsim.networks.installed import bundled, bundled_model, find_model
@@ -37,7 +37,7 @@ def building() -> tuple[Scene, Seen]:
     textures, seen = textures_of(scene), []
     for frame, elevation in ((2, 0.0), (9, 0.0), (16, -0.78), (25, 0.0), (33, -0.78), (40, 0.0)):
         x, y, heading, floor, _ = scene.walk[frame]
-        pose = look(np.array([x, y, floor + 1.3]), heading, elevation)
+        pose = camera_pose(np.array([x, y, floor + 1.3]), heading, elevation)
         camera = Camera(Intrinsics.from_fov(320, 240, 1.4), pose)
         view = render(camera, scene.solids, textures, np.empty((0, 5)), np.empty((0, 3)))
         seen.append((camera, np.rint(np.clip(view.color, 0, 1) * 255).astype(np.uint8), view))

@@ -20,7 +20,7 @@ from hypothesis import strategies as st
 from nvsim.capture.check import check
 from nvsim.capture.findings import Findings
 from nvsim.capture.images import decode
-from nvsim.capture.multi_capture import listed
+from nvsim.capture.multi_capture import listed_captures
 from nvsim.capture.pointcloud import read_cloud
 from nvsim.capture.read import read
 from nvsim.capture.store import load_capture, save_capture
@@ -224,5 +224,5 @@ def test_any_list_of_captures(content: bytes) -> None:
     with tempfile.NamedTemporaryFile(suffix=".captures") as file:
         file.write(content)
         file.flush()
-        survives(lambda: listed(Path(file.name)))
+        survives(lambda: listed_captures(Path(file.name)))
         check(Path(file.name))

@@ -22,7 +22,7 @@ from hypothesis import strategies as st
 from nvsim.capture.check import check
 from nvsim.capture.findings import Findings
 from nvsim.capture.images import decode
-from nvsim.capture.multi_capture import listed, write_list
+from nvsim.capture.multi_capture import listed_captures, write_list
 from nvsim.capture.pointcloud import read_cloud
 from nvsim.capture.read import read
 from nvsim.capture.store import load_capture, save_capture
@@ -265,7 +265,7 @@ def test_a_file_of_nothing_but_faults_is_told_in_part(tmp_path: Path) -> None:
 def test_a_list_of_captures_with_a_nul_is_told_by_its_line(tmp_path: Path) -> None:
     path = tmp_path / "both.captures"
     path.write_bytes(b"# two\nwalk\0one\n")
-    assert f"{path}, line 2" in refusal(lambda: listed(path))
+    assert f"{path}, line 2" in refusal(lambda: listed_captures(path))
 
 
 def test_a_capture_whose_path_cannot_stand_in_a_list_is_refused_before_it_is_written(tmp_path: Path) -> None:
@@ -296,7 +296,7 @@ def test_a_capture_in_a_folder_that_is_not_utf_8_is_read_listed_and_stored(tmp_p
     (tmp_path / "walk").rename(folder)
     assert not check(folder).refused
     write_list([folder], folder / "all.captures")
-    assert listed(folder / "all.captures") == [folder]
+    assert listed_captures(folder / "all.captures") == [folder]
     capture = read(folder)
     save_capture(capture, folder / "stored")
     again = load_capture(folder / "stored")

@@ -18,7 +18,7 @@ from nvsim.capture.read import read, read_usable
 from nvsim.capture.store import fingerprint, load_capture, save_capture
 from nvsim.capture.types import Capture, Frame, MaskFile
 from nvsim.errors import InputError
-from nvsim.geometry.camera import look
+from nvsim.geometry.camera import camera_pose
 from nvsim.geometry.floor_surface import FloorSurface
 from nvsim.geometry.lens import Lens
 from nvsim.perception.support import observe
@@ -186,7 +186,7 @@ def test_no_feature_is_found_in_ignored_pixels() -> None:
 def test_ignored_pixels_say_neither_floor_nor_anything_else() -> None:
     from nvsim.geometry.camera import Camera, Intrinsics
 
-    camera = Camera(Intrinsics(64, 48, 40, 40, 32, 24), look(np.array([0, 0, 1.4]), 0.0, -0.6))
+    camera = Camera(Intrinsics(64, 48, 40, 40, 32, 24), camera_pose(np.array([0, 0, 1.4]), 0.0, -0.6))
     cameras, place = [camera] * 8, np.array([0.0, 1.5])
     floor, nothing = np.ones((48, 64), bool), np.zeros((48, 64), bool)
     masks = [floor] * 2 + [nothing] * 6  # something stands there in most of the images

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from nvsim.capture.check import check
-from nvsim.capture.formats import FORMATS, seen_in
+from nvsim.capture.formats import FORMATS, describe_content
 from nvsim.capture.raw import whole_number
 from nvsim.capture.read import read
 from nvsim.errors import InputError
@@ -317,4 +317,4 @@ def test_a_folder_without_poses_is_described_with_the_number_of_its_files(
 ) -> None:
     for name in names:
         (tmp_path / name).write_bytes(b"x")
-    assert f"holds no capture: {words} but no poses" in seen_in(tmp_path)
+    assert f"holds no capture: {words} but no poses" in describe_content(tmp_path)

@@ -49,7 +49,7 @@ def test_help_shows_at_most_25_options_and_ends_with_an_example_that_parses(
     verb: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
     text = help_of(capsys, *verb.split(), "--help")
-    assert len(shown(text) - HELP) <= LIMIT
+    assert (15 if verb == "run" else 0) <= len(shown(text) - HELP) <= LIMIT
     head, _, examples = text.rpartition("\nExample")
     assert head.startswith(f"usage: nvsim {verb}")
     lines = [line.strip() for line in examples.splitlines()[1:]]

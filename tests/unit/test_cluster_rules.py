@@ -13,9 +13,9 @@ from pathlib import Path
 import pytest
 
 from nvsim.cli.main import main
-from nvsim.cluster.choice import opened
+from nvsim.cluster.choice import open_executor
 from nvsim.cluster.config import ClusterConfig
-from nvsim.cluster.piece import Piece, places, threads_each
+from nvsim.cluster.piece import Piece, pieces_at_once, threads_each
 from nvsim.cluster.ray_pool import Attempt
 from nvsim.cluster.storage import StorageProbe
 from nvsim.cluster.versions import versions
@@ -36,7 +36,7 @@ def test_all_pieces_run_at_once_with_as_many_threads_as_that_leaves(
     found = threads_each(machines, pieces)
     assert found == expected
     if sum(machines) >= pieces:
-        assert places(machines, found) >= pieces > places(machines, found + 1) or found == max(machines)
+        assert pieces_at_once(machines, found) >= pieces > pieces_at_once(machines, found + 1) or found == max(machines)
 
 
 def test_memory_is_doubled_for_who_was_killed_for_it_up_to_the_largest_machine() -> None:
@@ -87,7 +87,7 @@ def test_without_the_extra_one_sentence_says_what_to_install(
 
 @pytest.mark.parametrize("address", ["ray://host:10001", "host", "host:0", "host:x", ":6379", "a/b:1"])
 def test_what_is_no_address_is_refused(address: str) -> None:
-    with pytest.raises(InputError, match="HOST:PORT"), opened(ClusterConfig("ray", address)):
+    with pytest.raises(InputError, match="HOST:PORT"), open_executor(ClusterConfig("ray", address)):
         pass
 
 
@@ -97,7 +97,10 @@ def test_an_address_where_nothing_answers_is_a_sentence_in_bounded_time() -> Non
     with socket.create_server(("127.0.0.1", 0)) as closed:
         port = closed.getsockname()[1]
     started = time.monotonic()
-    with pytest.raises(InputError, match="Nothing answers at"), opened(ClusterConfig("ray", f"127.0.0.1:{port}")):
+    with (
+        pytest.raises(InputError, match="Nothing answers at"),
+        open_executor(ClusterConfig("ray", f"127.0.0.1:{port}")),
+    ):
         pass
     assert time.monotonic() - started < 20
 
@@ -105,7 +108,7 @@ def test_an_address_where_nothing_answers_is_a_sentence_in_bounded_time() -> Non
 def test_ray_is_imported_where_it_is_asked_for_and_nowhere_else() -> None:
     program = (
         "import sys, nvsim.cli.commands.stages, nvsim.cli.commands.run, nvsim.cluster.ray_pool\n"
-        "from nvsim.cluster.choice import opened\nfrom nvsim.cluster.config import ClusterConfig\n"
-        "with opened(ClusterConfig()): sys.exit('ray' in sys.modules)"
+        "from nvsim.cluster.choice import open_executor\nfrom nvsim.cluster.config import ClusterConfig\n"
+        "with open_executor(ClusterConfig()): sys.exit('ray' in sys.modules)"
     )
     assert subprocess.run([sys.executable, "-c", program]).returncode == 0

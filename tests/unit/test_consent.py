@@ -14,14 +14,14 @@ import pytest
 
 PROGRAM = textwrap.dedent("""
     from nvsim.cli.consent import agree
-    from nvsim.cli.console import listening
+    from nvsim.cli.console import event_listener
     from nvsim.endpoint.options import Endpoint
     from nvsim.endpoint.budget import Prices
     from nvsim.endpoint.budget import RequestEstimate
     from nvsim.errors import InputError
     from nvsim.events import Progress
     here = Endpoint.of("http://localhost/v1", "seer")
-    with listening(False) as listen:
+    with event_listener(False) as listen:
         listen(Progress("judge", 1, 4))
         try:
             estimate = RequestEstimate(3, 6, 2_000_000, 900, 300)

@@ -11,7 +11,7 @@ from nvsim.depth import floor_noise
 from nvsim.depth.floor_noise import flatten_floor, floor_reach
 from nvsim.geometry.floor_surface import FloorSurface
 from nvsim.perception.geometric import GeometricConfig
-from nvsim.perception.obstacles import standing
+from nvsim.perception.obstacles import split_obstacles
 
 UP = np.array([0.0, 0.0, 1.0], np.float32)
 
@@ -67,6 +67,7 @@ def test_without_it_the_scatter_of_a_floor_is_taken_for_obstacles() -> None:
     points, normals = floor_cloud(0.04)
     cloud, floor, c = Cloud(points, None, "images", normals), FloorSurface.flat(0.0), GeometricConfig()
     noisy, calm = (
-        len(standing(one, floor, c.clearance, c.cover, c.sparse).points) for one in (cloud, flatten_floor(cloud, floor))
+        len(split_obstacles(one, floor, c.clearance, c.cover, c.sparse).points)
+        for one in (cloud, flatten_floor(cloud, floor))
     )
     assert noisy > 400 and calm < 0.2 * noisy

@@ -6,7 +6,7 @@ import cv2
 import numpy as np
 import pytest
 
-from nvsim.depth.agreement import agreed
+from nvsim.depth.agreement import compare_depth_maps
 from nvsim.depth.census import census_of
 from nvsim.depth.refinement import refine, smooth_depth
 from nvsim.depth.smoothing import smooth, winner
@@ -163,7 +163,7 @@ def test_depths_count_that_other_views_have_too_and_not_those_seen_through(wall)
     maps = [(wall_seen_by(s.camera)[1], np.ones(truth.shape, np.float32), w) for s, w in zip(sources, warps)]
     wrong = truth.copy()
     wrong[20:40, 30:50] *= 1.5
-    found = agreed(wrong, np.ones_like(truth), maps, 0.02, 0.002)
+    found = compare_depth_maps(wrong, np.ones_like(truth), maps, 0.02, 0.002)
     inside = np.s_[22:38, 32:48]
     assert found.views[inside].max() == 0 and found.through[inside].min() >= 3
     good = found.views >= 3

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from nvsim.depth.config import DepthConfig
-from nvsim.depth.visibility import Rest
+from nvsim.depth.visibility import DepthCheck
 from nvsim.geometry.camera import Camera, Intrinsics
 
 LENS = Intrinsics(80, 60, 60.0, 60.0, 40.0, 30.0)
@@ -37,8 +37,8 @@ def said_against(changed: np.ndarray, cloud: np.ndarray | None = None, **config:
     maps = [true_map(camera) for camera in CAMERAS]
     maps[HERE] = changed
     voxel = {"voxel": 0.035, "farthest": 10.0} | config
-    rest = Rest(points() if cloud is None else cloud, CAMERAS, maps.__getitem__, DepthConfig(**voxel))  # type: ignore[arg-type]
-    return rest.against(HERE)
+    rest = DepthCheck(points() if cloud is None else cloud, CAMERAS, maps.__getitem__, DepthConfig(**voxel))  # type: ignore[arg-type]
+    return rest.contradicted_pixels(HERE)
 
 
 def test_nothing_is_said_against_what_is_true_but_beside_borders() -> None:
@@ -73,5 +73,5 @@ def test_a_depth_that_is_off_by_less_than_it_may_be_stays(off: float) -> None:
 
 def test_unknown_pixels_and_unseen_frames_are_not_spoken_of() -> None:
     assert not said_against(np.zeros((60, 80), np.float32)).any()
-    alone = Rest(np.empty((0, 3), np.float32), CAMERAS[:1], lambda i: true_map(CAMERAS[0]), DepthConfig())
-    assert not alone.against(0).any()
+    alone = DepthCheck(np.empty((0, 3), np.float32), CAMERAS[:1], lambda i: true_map(CAMERAS[0]), DepthConfig())
+    assert not alone.contradicted_pixels(0).any()

@@ -34,13 +34,61 @@ def test_no_public_docstring_begins_with_a_riddle() -> None:
     assert found == {}
 
 
-ARRAY = re.compile(r"NDArray|ndarray|Tensor")
 SHAPE = re.compile(r"\(\s*[\w.+*/ -]+(?:,\s*[\w.+*/ -]*)+\)|\bscalar\b|\b\w+ x \w+\b|shape")
+ARRAYS = {"NDArray", "ndarray", "Tensor"}
+SOURCES = {
+    ".".join(path.relative_to(folder.parent).with_suffix("").parts).removesuffix(".__init__"): (text, ast.parse(text))
+    for folder in (LIBRARY, LIBRARY.parent / "app" / "nvsim_app")
+    for path in sorted(folder.rglob("*.py"))
+    for text in (path.read_text(),)
+}
+"""The text and the syntax tree of every module of the library and the window, by its name."""
 
 
-def public_functions(text: str) -> Iterator[tuple[ast.FunctionDef, str]]:
+def words_in(node: ast.AST | None) -> set[str]:
+    """The names in an annotation, also in a quoted one."""
+    if isinstance(node, ast.Constant) and isinstance(node.value, str):
+        return set(re.findall(r"\w+", node.value))
+    inner = ast.walk(node) if node is not None else ()
+    return {n.id if isinstance(n, ast.Name) else n.attr for n in inner if isinstance(n, ast.Name | ast.Attribute)}
+
+
+def names_of_arrays() -> dict[str, set[str]]:
+    """For each module, the names of array types in it: those of numpy and torch, and aliases such as Float32."""
+    names = {module: set(ARRAYS) for module in SOURCES}
+    for _ in range(3):  # an alias can be imported from a module that imports it
+        for module, (_, tree) in SOURCES.items():
+            for node in ast.walk(tree):
+                if isinstance(node, ast.ImportFrom) and node.module in names:
+                    names[module] |= {a.asname or a.name for a in node.names if a.name in names[node.module]}
+            for node in tree.body:
+                value = node.value if isinstance(node, ast.Assign) and isinstance(node.value, ast.Subscript) else None
+                if value is not None and words_in(value.value) & names[module]:
+                    assert isinstance(node, ast.Assign)
+                    names[module] |= {t.id for t in node.targets if isinstance(t, ast.Name)}
+    return names
+
+
+def comments_of(text: str, node: ast.FunctionDef) -> str:
+    """The comments beside the arguments of a kernel."""
+    lines = text.split("\n")[node.lineno - 1 : node.body[0].lineno - 1]
+    return " ".join(line.partition("  # ")[2] for line in lines)
+
+
+def makers_of_errors() -> dict[str, str]:
+    """Functions that return an InputError or EditError, so that `raise damaged(path)` raises one."""
+    found = {}
+    for _, tree in SOURCES.values():
+        for node in ast.walk(tree):
+            returned = node.returns if isinstance(node, ast.FunctionDef) else None
+            if isinstance(returned, ast.Name) and returned.id in {"InputError", "EditError"}:
+                assert isinstance(node, ast.FunctionDef)
+                found[node.name] = returned.id
+    return found
+
+
+def public_functions(module: ast.Module) -> Iterator[tuple[ast.FunctionDef, str]]:
     """Public functions and methods with their docstrings. A method without one has that of its base class."""
-    module = ast.parse(text)
     classes = [n for n in module.body if isinstance(n, ast.ClassDef) and not n.name.startswith("_")]
     for body, inherits in [(module.body, False), *((c.body, bool(c.bases)) for c in classes)]:
         for node in body:
@@ -53,15 +101,15 @@ def public_functions(text: str) -> Iterator[tuple[ast.FunctionDef, str]]:
 
 def test_public_docstrings_state_the_shapes_of_arrays_and_the_errors_for_users() -> None:
     missing = []
-    for path in sorted([*LIBRARY.rglob("*.py"), *(LIBRARY.parent / "app" / "nvsim_app").rglob("*.py")]):
-        text = path.read_text()
-        if not ARRAY.search(text) and "raise InputError" not in text and "raise EditError" not in text:
-            continue
-        for node, words in public_functions(text):
-            types = [a.annotation for a in (*node.args.args, *node.args.kwonlyargs)] + [node.returns]
-            if ARRAY.search(" ".join(ast.unparse(t) for t in types if t)) and not SHAPE.search(words):
-                missing.append(f"{path.name}:{node.lineno} {node.name}: shapes")
-            thrown = [r.exc for r in ast.walk(node) if isinstance(r, ast.Raise)]
-            errors = {ast.unparse(e.func) for e in thrown if isinstance(e, ast.Call)} & {"InputError", "EditError"}
-            missing += [f"{path.name}:{node.lineno} {node.name}: {e}" for e in errors if e not in words]
+    arrays, makers = names_of_arrays(), makers_of_errors()
+    for module, (text, tree) in SOURCES.items():
+        for node, words in public_functions(tree):
+            given = (*node.args.posonlyargs, *node.args.args, *node.args.kwonlyargs)
+            types = [a.annotation for a in given] + [node.returns]
+            if any(words_in(t) & arrays[module] for t in types) and not SHAPE.search(words + comments_of(text, node)):
+                missing.append(f"{module}:{node.lineno} {node.name}: shapes")
+            thrown = [r.exc.func for r in ast.walk(node) if isinstance(r, ast.Raise) and isinstance(r.exc, ast.Call)]
+            names = {ast.unparse(e).rpartition(".")[2] for e in thrown}
+            errors = {makers.get(name, name) for name in names} & {"InputError", "EditError"}
+            missing += [f"{module}:{node.lineno} {node.name}: {e}" for e in sorted(errors) if e not in words]
     assert missing == []

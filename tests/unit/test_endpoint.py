@@ -18,8 +18,8 @@ from typing import Any
 import pytest
 from endpoint_server import Asked, Reply, Service, said, serving, wrong
 
-from nvsim.endpoint.answer import Kept
-from nvsim.endpoint.asking import Unanswered, Understood, UnusableAnswer, ask_until_clear, each, json_object
+from nvsim.endpoint.answer import StoredAnswers
+from nvsim.endpoint.asking import Unanswered, Understood, UnusableAnswer, ask_until_clear, json_object, run_in_parallel
 from nvsim.endpoint.budget import Budget, BudgetSpent, Prices, estimate_requests, image_tokens, tokens_in
 from nvsim.endpoint.client import Client, Unreachable
 from nvsim.endpoint.options import AskingOptions, Endpoint, OneEndpoint
@@ -43,7 +43,7 @@ def question(words: str = "What is this?", tokens: int = 50) -> Request:
 def client(service: Service, folder: Path, budget: Budget | None = None, **options: Any) -> Client:
     quick = {"first_wait": 0.001, "timeout": 5.0, "attempts": 4, **options}
     address = Endpoint.of(service.url, "seer")
-    made = Client(address, Kept(folder), budget or Budget(Prices()), AskingOptions(**quick))
+    made = Client(address, StoredAnswers(folder), budget or Budget(Prices()), AskingOptions(**quick))
     made.may_send = True
     return made
 
@@ -129,7 +129,9 @@ def test_all_wait_as_long_as_the_endpoint_asks(tmp_path: Path, how: str) -> None
 
     with serving(behave) as service:
         asking = client(service, tmp_path)
-        assert [r.text for _, r in each(asking.ask, [question(str(i)) for i in range(3)], 1)] == ["Good."] * 3
+        assert [r.text for _, r in run_in_parallel(asking.ask, [question(str(i)) for i in range(3)], 1)] == [
+            "Good."
+        ] * 3
     waited = service.asked[1].at - service.asked[0].at
     assert 0.39 <= waited <= 2.5 and service.asked[2].at - service.asked[1].at < 0.3
 
@@ -151,7 +153,9 @@ def test_an_endpoint_that_stays_down_is_said(tmp_path: Path) -> None:
         client(service, tmp_path).ask(question())
     assert len(service.asked) == 4 and not list(tmp_path.rglob("*.json"))
     service_gone = Endpoint.of(service.url, "seer")
-    gone = Client(service_gone, Kept(tmp_path), Budget(Prices()), AskingOptions(first_wait=0, attempts=2, timeout=2))
+    gone = Client(
+        service_gone, StoredAnswers(tmp_path), Budget(Prices()), AskingOptions(first_wait=0, attempts=2, timeout=2)
+    )
     gone.may_send = True
     with pytest.raises(Unreachable, match="the connection failed"):
         gone.ask(question())
@@ -246,12 +250,12 @@ def test_a_budget_is_never_overspent(tmp_path: Path) -> None:
         budget = Budget(Prices(), tokens=1000)
         asking = client(service, tmp_path, budget)
         with pytest.raises(BudgetSpent, match="raise --budget-tokens"):
-            list(each(asking.ask, requests, 8))
+            list(run_in_parallel(asking.ask, requests, 8))
         assert len(service.asked) == 6 and budget.tokens_in + budget.tokens_out == 894
         # What was paid is used again and counts; a larger budget goes on.
         more = Budget(Prices(1.0, 1.0), tokens=2000, money=0.0018)
         with pytest.raises(BudgetSpent, match="--budget-tokens or --budget-money"):
-            list(each(client(service, tmp_path, more).ask, requests, 8))
+            list(run_in_parallel(client(service, tmp_path, more).ask, requests, 8))
         assert len(service.asked) == 12 and more.used_again == 6 and more.asked == 6
 
 
@@ -261,7 +265,7 @@ def test_a_budget_learns_how_the_endpoint_counts(tmp_path: Path) -> None:
     with serving(lambda n, asked: said("Yes.", 297, 50)) as service:
         budget = Budget(Prices(), tokens=2000)
         with pytest.raises(BudgetSpent):
-            list(each(client(service, tmp_path, budget).ask, requests, 1))
+            list(run_in_parallel(client(service, tmp_path, budget).ask, requests, 1))
     assert len(service.asked) == 5 and 2000 - 347 < budget.tokens_in + budget.tokens_out <= 2000
 
 
@@ -302,7 +306,7 @@ def test_nothing_is_sent_before_somebody_agreed(tmp_path: Path) -> None:
 def test_without_the_package_a_sentence_says_what_to_install(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "httpx2", None)
     with pytest.raises(InputError, match=r"pip install 'nvsim\[endpoint\]'"):
-        Client(Endpoint.of("http://localhost/v1", "m"), Kept(tmp_path), Budget(Prices()), AskingOptions())
+        Client(Endpoint.of("http://localhost/v1", "m"), StoredAnswers(tmp_path), Budget(Prices()), AskingOptions())
 
 
 def test_a_damaged_answer_is_asked_for_again(tmp_path: Path) -> None:
@@ -328,7 +332,7 @@ def test_work_at_once_ends_with_the_first_failure_and_keeps_what_was_answered(tm
     with serving(behave) as service:
         asking = client(service, tmp_path)
         with pytest.raises(InputError, match="not accepted"):
-            list(each(asking.ask, [question(str(i)) for i in range(50)], 4))
+            list(run_in_parallel(asking.ask, [question(str(i)) for i in range(50)], 4))
     assert len(service.asked) <= 7
     assert len(list(tmp_path.rglob("*.json"))) == len(service.asked) - 1
 
@@ -338,12 +342,12 @@ def test_after_a_kill_no_question_is_sent_twice(tmp_path: Path) -> None:
         import sys
         from pathlib import Path
         from nvsim.endpoint.options import Endpoint
-        from nvsim.endpoint.answer import Kept
+        from nvsim.endpoint.answer import StoredAnswers
         from nvsim.endpoint.budget import Budget, Prices
         from nvsim.endpoint.client import Client
         from nvsim.endpoint.options import AskingOptions
         from nvsim.endpoint.request import Message, Request
-        kept = Kept(Path(sys.argv[2]))
+        kept = StoredAnswers(Path(sys.argv[2]))
         client = Client(Endpoint.of(sys.argv[1], "seer"), kept, Budget(Prices()), AskingOptions(parallel=1))
         client.may_send = True
         for i in range(12):

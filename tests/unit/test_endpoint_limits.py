@@ -16,7 +16,7 @@ from pathlib import Path
 import pytest
 from endpoint_server import Reply, said, serving
 
-from nvsim.endpoint.answer import Kept
+from nvsim.endpoint.answer import StoredAnswers
 from nvsim.endpoint.budget import Budget, Prices
 from nvsim.endpoint.client import Client, Unreachable
 from nvsim.endpoint.connection import LARGEST
@@ -64,7 +64,7 @@ def raw(answer: Callable[[socket.socket], None]) -> Iterator[tuple[str, threadin
 
 def ask(url: str, folder: Path, seconds: float = 20.0, attempts: int = 1) -> str:
     options = AskingOptions(timeout=seconds, attempts=attempts, first_wait=0)
-    client = Client(Endpoint.of(url, "m"), Kept(folder), Budget(Prices()), options)
+    client = Client(Endpoint.of(url, "m"), StoredAnswers(folder), Budget(Prices()), options)
     client.may_send = True
     try:
         return client.ask(QUESTION).text
@@ -209,7 +209,7 @@ def test_a_senseless_count_of_tokens_is_an_estimate(tmp_path: Path, usage: dict[
     body = {**said("A door.").body, "usage": usage}
     with serving(lambda n, asked: Reply(body)) as service:
         client = Client(
-            Endpoint.of(service.url, "m"), Kept(tmp_path), Budget(Prices(1.0, 1.0), money=1.0), AskingOptions()
+            Endpoint.of(service.url, "m"), StoredAnswers(tmp_path), Budget(Prices(1.0, 1.0), money=1.0), AskingOptions()
         )
         client.may_send = True
         answer = client.ask(QUESTION)

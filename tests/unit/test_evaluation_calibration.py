@@ -19,7 +19,7 @@ from nvsim.errors import InputError
 from nvsim.evaluation.calibrated import Calibration, draw_calibration, text_of, write_calibration
 from nvsim.evaluation.calibration import Corridors, calibrate
 from nvsim.evaluation.graph import evaluate_graph
-from nvsim.evaluation.interval import needed, wilson
+from nvsim.evaluation.interval import cases_needed, wilson
 from nvsim.graph.types import NavGraph
 from nvsim.mapping.builder import build_map
 from nvsim.mapping.config import MappingConfig
@@ -41,7 +41,7 @@ def test_the_interval_is_that_of_wilson(part: int, whole: int) -> None:
 def test_nothing_counted_says_nothing_and_enough_is_as_many_as_it_takes() -> None:
     assert wilson(0, 0) == (0, 1)
     for lower in (0.5, 0.9, 0.99):
-        count = needed(lower)
+        count = cases_needed(lower)
         assert wilson(count, count)[0] >= lower > wilson(count - 1, count - 1)[0]
 
 
@@ -120,7 +120,7 @@ def test_suggested_is_the_loosest_threshold_that_is_sure_enough(found: Calibrati
 def test_what_is_out_of_reach_is_said(made: tuple[NavGraph, OccupancyMap]) -> None:
     found = calibrate(*made, WALK, CONFIG, want=0.9999)
     assert all(row["threshold"] is None for row in found.suggested)
-    assert f"at least {needed(0.9999)} accepted" in found.why_none and found.why_none in text_of(found)
+    assert f"at least {cases_needed(0.9999)} accepted" in found.why_none and found.why_none in text_of(found)
     with pytest.raises(InputError, match="--want"):
         calibrate(*made, WALK, CONFIG, want=1.0)
     with pytest.raises(InputError, match="evidence"):

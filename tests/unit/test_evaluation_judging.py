@@ -19,7 +19,14 @@ from nvsim.evaluation.interval import wilson
 from nvsim.evaluation.judging.contestants import by_folders
 from nvsim.evaluation.judging.judges import by_lpips, by_sharpness, read_prompt
 from nvsim.evaluation.judging.report import draw_sunburst, file_name
-from nvsim.evaluation.judging.verdicts import Judged, Reason, Verdict, consistent, reasons_by_category, table_rows
+from nvsim.evaluation.judging.verdicts import (
+    Judged,
+    Reason,
+    Verdict,
+    consistent_winner,
+    reasons_by_category,
+    table_rows,
+)
 from nvsim.figures import save_figure
 
 LEVELS = {"bright": 200, "middle": 120, "dark": 40}
@@ -200,7 +207,7 @@ def test_without_judges_nothing_is_asked_and_the_table_has_rows(
     ],
 )
 def test_a_win_needs_both_orders(forth: str, back: str, won: str) -> None:
-    assert consistent("A", "B", forth, back) == won  # type: ignore[arg-type]
+    assert consistent_winner("A", "B", forth, back) == won  # type: ignore[arg-type]
 
 
 def test_points_are_the_papers(tmp_path: Path, folders: list[str]) -> None:

@@ -12,7 +12,7 @@ import pytest
 from columns import Columns, flat_floor, room
 
 from nvsim.evaluation.graph import evaluate_graph
-from nvsim.evaluation.validity import COLUMNS, Cell, ValidityTable, asking
+from nvsim.evaluation.validity import COLUMNS, Cell, ValidityTable, with_criteria
 from nvsim.evaluation.validity_report import csv_of, latex_of, text_of, write_validity
 from nvsim.graph.types import NavGraph, Viewpoint, edge
 from nvsim.mapping.builder import build_map
@@ -30,7 +30,7 @@ def test_a_column_asks_for_its_criteria_alone() -> None:
     ).graph
 
     def words(criteria: tuple[str, ...]) -> set[str]:
-        asked = asking(config, criteria)
+        asked = with_criteria(config, criteria)
         assert asked is not None
         return {decide(e, asked) for e in graph.evidence.values()}
 
@@ -38,8 +38,8 @@ def test_a_column_asks_for_its_criteria_alone() -> None:
     assert "normal" not in words(("alpha",)) and "alpha" in words(("alpha",))
     assert "alpha" not in words(("normal",)) and "normal" in words(("normal",))
     assert "unknown" in words(("normal",)), "known floor is asked for whatever the column says"
-    assert asking(config, ("alpha", "nonsense")) is None and asking(config, ()) is None
-    assert asking(config, COLUMNS[0]) == config
+    assert with_criteria(config, ("alpha", "nonsense")) is None and with_criteria(config, ()) is None
+    assert with_criteria(config, COLUMNS[0]) == config
 
 
 @pytest.fixture

@@ -12,15 +12,15 @@ import pytest
 from numpy.typing import NDArray
 
 from nvsim.building.config import BuildingConfig
-from nvsim.building.generation import BESIDE, TURNED, listing, novel_cameras
+from nvsim.building.generation import BESIDE, TURNED, camera_list_text, novel_cameras
 from nvsim.building.scene import make_scene
 from nvsim.building.truth import occupancy
 from nvsim.capture.types import Alignment
 from nvsim.errors import InputError
-from nvsim.evaluation.scores import mean_scores, plain, score, ssim_map
+from nvsim.evaluation.scores import mean_scores, rounded_metrics, score, ssim_map
 from nvsim.evaluation.table import Column, csv_table, text_table
 from nvsim.evaluation.views import novel_score, read_novel_views
-from nvsim.geometry.camera import Camera, Intrinsics, look
+from nvsim.geometry.camera import Camera, Intrinsics, camera_pose
 
 HEIGHT, WIDTH = 48, 64
 
@@ -64,7 +64,7 @@ def test_a_frame_without_floor_has_no_floor_figures_and_does_not_count_in_their_
     means = mean_scores([got, {"psnr_floor": 20.0, "psnr": 10.0}])
     assert means["psnr_floor"] == 20.0 and means["lpips"] is None
     assert means["psnr"] == pytest.approx((got["psnr"] + 10.0) / 2, abs=1e-4)
-    assert plain({"frame": 3, "psnr": 30.12347, "psnr_floor": float("nan")}) == {
+    assert rounded_metrics({"frame": 3, "psnr": 30.12347, "psnr_floor": float("nan")}) == {
         "frame": 3, "psnr": 30.1235, "psnr_floor": None,
     }  # fmt: skip
 
@@ -145,7 +145,7 @@ K = Intrinsics(WIDTH, HEIGHT, 40.0, 40.0, WIDTH / 2, HEIGHT / 2)
 def truth(folder: Path, cameras: list[Camera]) -> Path:
     (folder / "novel").mkdir(parents=True)
     (folder / "novel_floor").mkdir()
-    (folder / "holdout_frames.txt").write_text(listing(K, cameras))
+    (folder / "holdout_frames.txt").write_text(camera_list_text(K, cameras))
     for i in range(len(cameras)):
         cv2.imwrite(str(folder / f"novel/{i:03d}.png"), np.full((HEIGHT, WIDTH, 3), 128, np.uint8))
     floor = np.zeros((HEIGHT, WIDTH), np.uint8)
@@ -155,7 +155,10 @@ def truth(folder: Path, cameras: list[Camera]) -> Path:
 
 
 def test_novel_views_are_read_into_the_aligned_frame(tmp_path: Path) -> None:
-    cameras = [Camera(K, look(np.array([1.0, 2.0, 1.3]), 0.4)), Camera(K, look(np.array([3.0, 2.0, 1.3]), 2.0))]
+    cameras = [
+        Camera(K, camera_pose(np.array([1.0, 2.0, 1.3]), 0.4)),
+        Camera(K, camera_pose(np.array([3.0, 2.0, 1.3]), 2.0)),
+    ]
     folder = truth(tmp_path, cameras)
     plain_views = read_novel_views(folder, Alignment.identity())
     assert [v.name for v in plain_views] == ["000", "001"]
@@ -169,7 +172,7 @@ def test_novel_views_are_read_into_the_aligned_frame(tmp_path: Path) -> None:
 
 
 def test_novel_figures_are_of_the_whole_of_steep_rays_and_of_the_true_floor(tmp_path: Path) -> None:
-    camera = Camera(K, look(np.array([1.0, 2.0, 1.3]), 0.4))
+    camera = Camera(K, camera_pose(np.array([1.0, 2.0, 1.3]), 0.4))
     (view,) = read_novel_views(truth(tmp_path, [camera]), Alignment.identity())
     image = view.image()
     # A level camera looks steeper down than asin(0.35) where (v - cy) / |ray| > 0.35.

@@ -26,7 +26,7 @@ from nvsim.mapping import criteria
 from nvsim.mapping.config import MappingConfig
 from nvsim.mapping.criteria import decide
 from nvsim.mapping.evidence.rethreshold import Rethresholder
-from nvsim.mapping.explanation.explain import against, explain, margin
+from nvsim.mapping.explanation.explain import closed_edge_reason, explain, smallest_margin
 from nvsim.project.project import Project
 from nvsim_app.state.directions import directions
 from nvsim_app.state.graph_arrays import GraphArrays
@@ -117,8 +117,8 @@ def test_an_edge_criterion_is_a_threshold_and_a_row(monkeypatch: pytest.MonkeyPa
         "least cell's known floor 0.00, threshold 0.50" in direction.sentence
         and direction.outcome_label == "floor not seen"
     )
-    assert "no image and no LiDAR scan shows floor" in against(config)(graph, ("a", "b"))
-    assert margin(config)(graph, ("a", "b")) == -0.5
+    assert "no image and no LiDAR scan shows floor" in closed_edge_reason(config)(graph, ("a", "b"))
+    assert smallest_margin(config)(graph, ("a", "b")) == -0.5
     assert "Cell known, least" in [threshold.name for threshold in thresholds()]
 
 

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from textured_video import HEIGHT, WIDTH, blurred, shifted, texture, view, write_video
 
 from nvsim.errors import InputError
-from nvsim.footage.choosing import ChosenFrame, choose_frames, observed
+from nvsim.footage.choosing import ChosenFrame, choose_frames, point_positions
 from nvsim.footage.extraction import extract_frames
 from nvsim.footage.sources import Footage
 from nvsim.footage.tracking import TrackedFrame
@@ -111,7 +111,7 @@ def test_a_cut_to_another_scene_loses_all_points_and_both_scenes_are_shown(tmp_p
 def test_pixels_of_the_stored_image_have_their_first_center_at_a_half() -> None:
     places = np.array([[0, 0], [10, 20]], np.float32)
     frame = TrackedFrame(np.zeros((HEIGHT, WIDTH), np.uint8), np.arange(2), places, np.zeros(2, np.float32), np.eye(3))
-    assert observed(frame, 2.0).tolist() == [[1, 1], [21, 41]]
+    assert point_positions(frame, 2.0).tolist() == [[1, 1], [21, 41]]
 
 
 def test_extracted_frames_are_read_again_and_are_written_anew_for_another_video(tmp_path: Path, halting: Path) -> None:

@@ -5,7 +5,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
-from nvsim.geometry.camera import Camera, Intrinsics, look
+from nvsim.geometry.camera import Camera, Intrinsics, camera_pose
 from nvsim.geometry.floor_surface import FloorSurface
 from nvsim.geometry.rotation import is_rigid, matrix_from_quaternion, smallest_rotation
 
@@ -15,7 +15,7 @@ VECTOR = st.tuples(*[st.floats(-5, 5)] * 3).filter(lambda v: np.linalg.norm(v) >
 
 @given(ANGLE, st.floats(-1.4, 1.4))
 def test_a_look_is_rigid_and_faces_where_it_says(heading, elevation):
-    pose = look(np.array([1.0, 2.0, 3.0]), heading, elevation)
+    pose = camera_pose(np.array([1.0, 2.0, 3.0]), heading, elevation)
     assert is_rigid(pose)
     forward = [np.sin(heading) * np.cos(elevation), np.cos(heading) * np.cos(elevation), np.sin(elevation)]
     np.testing.assert_allclose(pose[:3, 2], forward, atol=1e-12)
@@ -24,7 +24,7 @@ def test_a_look_is_rigid_and_faces_where_it_says(heading, elevation):
 
 @given(VECTOR)
 def test_points_along_a_pixels_ray_project_onto_that_pixel(position):
-    camera = Camera(Intrinsics(8, 6, 7.0, 6.5, 3.7, 3.1), look(np.array(position), 0.4, -0.3))
+    camera = Camera(Intrinsics(8, 6, 7.0, 6.5, 3.7, 3.1), camera_pose(np.array(position), 0.4, -0.3))
     pixels, depth = camera.project(camera.position + 2.5 * camera.rays().astype(np.float64))
     u, v = np.meshgrid(np.arange(8) + 0.5, np.arange(6) + 0.5)
     np.testing.assert_allclose(pixels, np.stack([u, v], -1), atol=1e-4)

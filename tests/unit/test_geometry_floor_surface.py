@@ -46,7 +46,7 @@ def test_what_a_window_asks_of_a_graph_compiles_nothing() -> None:
         "import sys, numpy as np\n"
         "from nvsim.geometry.floor_surface import FloorSurface\n"
         "from nvsim.mapping.corridor import Corridor\n"
-        "from nvsim.mapping.explanation.explain import closed\n"
+        "from nvsim.mapping.explanation.explain import closed_path_test\n"
         "floor = FloorSurface(np.ones((3, 3), np.float32), (0.0, 0.0), 1.0)\n"
         "print(float(floor.height_at(np.zeros(2))), Corridor((0.0, 0.0), (1.0, 2.0)).cells().shape[1])\n"
         "print('numba' in sys.modules)"

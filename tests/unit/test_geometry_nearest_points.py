@@ -7,7 +7,7 @@ import pytest
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
-from nvsim.geometry.camera import Camera, Intrinsics, look
+from nvsim.geometry.camera import Camera, Intrinsics, camera_pose
 from nvsim.geometry.cells import distinct_cells
 from nvsim.geometry.nearest_points import distance_to
 from nvsim.geometry.splatting import SplatCloud
@@ -58,7 +58,7 @@ def test_a_camera_misses_none_of_the_points_that_it_sees(heading: float) -> None
     rng = np.random.default_rng(3)
     points = rng.uniform((-9, -9, -1), (9, 9, 3), (3000, 3)).astype(np.float32)
     radii = rng.uniform(0.02, 0.2, 3000).astype(np.float32)
-    camera = Camera(Intrinsics.from_fov(96, 64, np.radians(80)), look(np.array([0.3, -0.2, 1.4]), heading, -0.3))
+    camera = Camera(Intrinsics.from_fov(96, 64, np.radians(80)), camera_pose(np.array([0.3, -0.2, 1.4]), heading, -0.3))
     cloud = SplatCloud.of(points, radii)
     depth, extent = cloud.depth(camera)
     expected = _all_depths(points, radii, camera)
@@ -72,7 +72,7 @@ def test_a_camera_misses_none_of_the_points_that_it_sees(heading: float) -> None
 
 def test_of_points_equally_deep_the_first_shows_whatever_cube_it_is_in() -> None:
     points = np.array([[0.05, 3, 0], [-0.05, 3, 0]], np.float32)
-    camera = Camera(Intrinsics.from_fov(64, 64, np.radians(60)), look(np.zeros(3), 0.0))
+    camera = Camera(Intrinsics.from_fov(64, 64, np.radians(60)), camera_pose(np.zeros(3), 0.0))
     for radii in ([0.2, 0.1], [0.1, 0.2]):
         for order in (slice(None), slice(None, None, -1)):
             cloud = SplatCloud.of(points[order], np.array(radii, np.float32)[order])

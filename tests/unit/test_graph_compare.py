@@ -20,7 +20,7 @@ from nvsim.graph.edits import EditError
 from nvsim.graph.review import Review, distance
 from nvsim.graph.types import Evidence, NavGraph, Viewpoint, edge
 from nvsim.mapping.config import MappingConfig
-from nvsim.mapping.explanation.explain import margin
+from nvsim.mapping.explanation.explain import smallest_margin
 
 PLACES = {"a": (0.0, 0.0, 1.5), "b": (2.0, 0.0, 1.5), "c": (4.0, 0.0, 1.5), "d": (6.0, 0.0, 1.5)}
 PAIRS = [("a", "b"), ("b", "c"), ("c", "d")]
@@ -131,7 +131,7 @@ def evidence(a: str, b: str, alpha: float) -> Evidence:
 def test_the_least_certain_edges_come_first() -> None:
     measured = [evidence("a", "b", 0.02), evidence("b", "c", 0.15)]
     graph = edits.add_edge(replace(LINE, evidence={e.key: e for e in measured}), "b", "d")
-    review = Review(margin(MappingConfig()))
+    review = Review(smallest_margin(MappingConfig()))
     order = review.order(graph)
     assert [d.edge for d in order] == [("b", "d"), ("c", "d"), ("b", "c"), ("a", "b")]
     assert math.isnan(order[0].margin) and order[2].margin == pytest.approx(0.05, abs=0.003)

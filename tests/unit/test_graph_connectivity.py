@@ -13,7 +13,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from nvsim.errors import InputError
-from nvsim.geometry.camera import look
+from nvsim.geometry.camera import camera_pose
 from nvsim.graph.connectivity import read_connectivity, write_connectivity
 from nvsim.graph.types import NavGraph, Viewpoint, edge
 
@@ -54,7 +54,7 @@ def test_entries_hold_the_six_keys_and_a_level_pose_towards_y(tmp_path: Path) ->
     entries = json.loads(write_connectivity(sample(), tmp_path).read_text())
     for entry, v in zip(entries, sample().viewpoints.values()):
         assert set(entry) == {"image_id", "pose", "included", "visible", "unobstructed", "height"}
-        assert np.allclose(np.reshape(entry["pose"], (4, 4)), look(np.array(v.position), 0.0))
+        assert np.allclose(np.reshape(entry["pose"], (4, 4)), camera_pose(np.array(v.position), 0.0))
         assert entry["height"] == 1.4 and type(entry["included"]) is bool
     joined = np.array([e["unobstructed"] for e in entries])
     assert (joined == joined.T).all() and not joined.diagonal().any()
@@ -84,7 +84,7 @@ def test_reading_gives_back_what_was_written(tmp_path: Path) -> None:
 
 
 def entry(id: str, joined: list[Any], **more: Any) -> dict[str, Any]:
-    pose = look(np.array([len(id), 2.0, 1.5]), 0.3).reshape(-1).tolist()
+    pose = camera_pose(np.array([len(id), 2.0, 1.5]), 0.3).reshape(-1).tolist()
     return {"image_id": id, "pose": pose, "unobstructed": joined, **more}
 
 

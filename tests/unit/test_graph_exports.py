@@ -19,7 +19,7 @@ from nvsim.errors import InputError
 from nvsim.figures import save_figure
 from nvsim.graph import edits
 from nvsim.graph.connectivity import read_connectivity, write_connectivity
-from nvsim.graph.exports import Anchor, draw, findings_that_break_agents, refuse, write_geojson, write_graphml
+from nvsim.graph.exports import Anchor, check_exportable, draw, findings_that_break_agents, write_geojson, write_graphml
 from nvsim.graph.findings import Context
 from nvsim.graph.sight import lines_of_sight
 from nvsim.graph.types import NavGraph, Viewpoint, edge
@@ -109,12 +109,12 @@ def test_what_agents_choke_on_is_refused_unless_ignored() -> None:
     assert findings_that_break_agents(GRAPH) == []
     lonely = edits.place_viewpoint(GRAPH, (9, 9, 1.5), id="d")
     with pytest.raises(InputError, match=r"Viewpoint d has no edge.*--force"):
-        refuse(lonely)
-    refuse(edits.ignore_finding(lonely, "isolated/d", "it is a view from the roof"))
+        check_exportable(lonely)
+    check_exportable(edits.ignore_finding(lonely, "isolated/d", "it is a view from the roof"))
     with pytest.raises(InputError, match="scan id"):
-        refuse(replace(GRAPH, scan="two_words"))
+        check_exportable(replace(GRAPH, scan="two_words"))
     with pytest.raises(InputError, match="one way only"):
-        refuse(GRAPH, Context(one_way=frozenset({("a", "b")})))
+        check_exportable(GRAPH, Context(one_way=frozenset({("a", "b")})))
 
 
 def test_the_command_writes_every_format_and_forces_what_is_refused(

@@ -17,12 +17,12 @@ from nvsim.graph.selection import (
     NOTHING,
     component,
     everything,
-    grown,
+    existing_part,
     inverted,
     path_between,
-    present,
     selection,
     shortest_path,
+    with_neighbors,
     within,
 )
 from nvsim.graph.types import Evidence, NavGraph, Viewpoint, edge
@@ -91,7 +91,7 @@ def test_expression_refuses_in_a_sentence(text: str, message: str) -> None:
 def test_no_expression_does_anything_but_select_or_be_refused(text: str) -> None:
     graph = crossing()
     try:
-        assert present(graph, by_expression(graph, text)) is not NOTHING or True
+        assert existing_part(graph, by_expression(graph, text)) is not NOTHING or True
     except EditError as error:
         assert len(str(error)) > 10
 
@@ -130,9 +130,9 @@ def test_validity_is_read_from_the_map() -> None:
 
 def test_selection_grows_inverts_and_spreads_over_the_component() -> None:
     graph = crossing()
-    assert grown(graph, selection(["n1"])) == selection(["n1", "n2", "m"])
-    assert grown(graph, selection(edges=[("n1", "n2")])).viewpoints == {"n1", "n2"}
-    assert grown(graph, selection(["m"], [("m", "n1")])).edges == {("m", f"{a}1") for a in "n"} | {
+    assert with_neighbors(graph, selection(["n1"])) == selection(["n1", "n2", "m"])
+    assert with_neighbors(graph, selection(edges=[("n1", "n2")])).viewpoints == {"n1", "n2"}
+    assert with_neighbors(graph, selection(["m"], [("m", "n1")])).edges == {("m", f"{a}1") for a in "n"} | {
         (f"{a}1", "m") if f"{a}1" < "m" else ("m", f"{a}1") for a in "esw"
     }
     assert inverted(graph, selection(["far1"])).viewpoints == frozenset(graph.viewpoints) - {"far1"}

@@ -10,7 +10,7 @@ from test_graph_findings import graph_of, keys
 from nvsim.graph import edits
 from nvsim.graph.findings import Validator, check_graph
 from nvsim.graph.findings.elements import flight_slope, slope
-from nvsim.graph.paths import parted_by
+from nvsim.graph.paths import count_cut_off
 from nvsim.graph.quantities import quantity
 
 FLIGHT = {"a": (0.0, 0.0, 1.0), "b": (1.2, 0.0, 1.4), "c": (1.7, 0.0, 2.1), "d": (3.0, 0.0, 2.8), "e": (5.0, 0.0, 2.8)}
@@ -66,4 +66,4 @@ def test_what_an_edge_parts_is_what_networkx_finds(seed: int) -> None:
         slow.add_nodes_from(ids)
         slow.remove_edge(*key)
         sides = [nx.node_connected_component(slow, end) for end in key]
-        assert parted_by(graph, key) == (0 if key[1] in sides[0] else min(map(len, sides)))
+        assert count_cut_off(graph, key) == (0 if key[1] in sides[0] else min(map(len, sides)))

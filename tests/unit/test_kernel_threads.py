@@ -40,12 +40,12 @@ _RENDERED_IN_THREADS = """
 import hashlib
 import numpy as np
 from concurrent.futures import ThreadPoolExecutor
-from nvsim.geometry.camera import Camera, Intrinsics, look
+from nvsim.geometry.camera import Camera, Intrinsics, camera_pose
 from nvsim.render.model import render_gaussians
 from nvsim.benchmarks.random_room import random_room
 import numba
 
-camera = Camera(Intrinsics(64, 48, 55.0, 55.0, 32.0, 24.0), look(np.array([0.0, 0.0, 1.5]), 0.0))
+camera = Camera(Intrinsics(64, 48, 55.0, 55.0, 32.0, 24.0), camera_pose(np.array([0.0, 0.0, 1.5]), 0.0))
 room = random_room(500)
 with ThreadPoolExecutor(4) as pool:
     images = list(pool.map(lambda _: render_gaussians(room, camera).rgb.tobytes(), range(12)))

@@ -10,7 +10,7 @@ import pytest
 from nvsim.capture.types import Alignment, Capture, Frame
 from nvsim.errors import InputError
 from nvsim.geometry.lens import Lens
-from nvsim.project.stages.mapped import start_of
+from nvsim.project.stages.mapped import search_start
 
 PLACES = [(0.0, 0.0, 1.2), (2.0, 1.0, 1.3)]
 
@@ -38,15 +38,15 @@ def capture() -> Capture:
 def test_a_start_is_a_frame_or_a_place_in_the_height_of_the_nearest_camera(
     capture: Capture, start: str, place: tuple[float, float, float]
 ) -> None:
-    found = start_of(capture, start)
+    found = search_start(capture, start)
     assert found is not None and found.tolist() == list(place)
 
 
 def test_nothing_asked_is_nothing_found(capture: Capture) -> None:
-    assert start_of(capture, "") is None
+    assert search_start(capture, "") is None
 
 
 @pytest.mark.parametrize("start", ["kitchen", "1,2,3", "1", "nan,1", "inf,0", "100,100"])
 def test_another_start_is_refused_with_a_sentence(capture: Capture, start: str) -> None:
     with pytest.raises(InputError, match=f"--start {start} "):
-        start_of(capture, start)
+        search_start(capture, start)

@@ -14,7 +14,7 @@ from nvsim.errors import InputError
 from nvsim.graph.types import Evidence
 from nvsim.mapping.config import MappingConfig
 from nvsim.mapping.corridor import CELLS, DEPTH, NEAR, WIDTH, Corridor, view_of
-from nvsim.mapping.criteria import answers, can_stand, decide
+from nvsim.mapping.criteria import can_stand, decide, is_sufficient
 from nvsim.mapping.views.floor_view import measure
 from nvsim.mapping.views.looking import camera_towards, look_down
 from nvsim.occupancy.types import OCCUPIED
@@ -130,12 +130,12 @@ def test_standing_looks_at_the_floor_under_the_feet_only() -> None:
 
 def test_evidence_answers_only_what_it_measured() -> None:
     found = evidence(rows())
-    assert answers(found, 2.5, 2 * np.pi, CONFIG)
-    assert not answers(found, 2.4, 0.0, CONFIG)
-    assert not answers(found, 2.5, 0.1, CONFIG)
+    assert is_sufficient(found, 2.5, 2 * np.pi, CONFIG)
+    assert not is_sufficient(found, 2.4, 0.0, CONFIG)
+    assert not is_sufficient(found, 2.5, 0.1, CONFIG)
     narrow = replace(found, width=0.5)
-    assert answers(narrow, 2.5, 0.0, CONFIG)
-    assert not answers(narrow, 2.5, 0.0, replace(CONFIG, margin=0.1))
+    assert is_sufficient(narrow, 2.5, 0.0, CONFIG)
+    assert not is_sufficient(narrow, 2.5, 0.0, replace(CONFIG, margin=0.1))
 
 
 def test_a_robot_wider_than_the_evidence_is_refused() -> None:

@@ -18,9 +18,9 @@ from nvsim.mapping.config import MappingConfig
 from nvsim.mapping.corridor import CELLS, DEPTH, NEAR, WIDTH
 from nvsim.mapping.criteria import CRITERIA, can_stand, decide
 from nvsim.mapping.evidence.evidence_stack import EvidenceStack
-from nvsim.mapping.explanation.explain import against, explain, margin
+from nvsim.mapping.explanation.explain import closed_edge_reason, explain, smallest_margin
 from nvsim.mapping.explanation.poor_graph import explain_no_viewpoint
-from nvsim.mapping.families import FAMILIES, chosen
+from nvsim.mapping.families import FAMILIES, parse_families
 from nvsim.render.backends import RenderOutput
 
 SHAPE = (29, CELLS)
@@ -81,7 +81,7 @@ def test_what_was_not_measured_is_said_and_not_guessed(family: str) -> None:
     joined = edge("a", "b")
     viewpoints = {id: Viewpoint(id, (0.0, y, 1.5)) for id, y in (("a", 0.0), ("b", 2.5))}
     graph = NavGraph("pair", viewpoints, {joined.key: joined}, {old.key: old})
-    assert against(config)(graph, joined.key) == "" and np.isnan(margin(config)(graph, joined.key))
+    assert closed_edge_reason(config)(graph, joined.key) == "" and np.isnan(smallest_margin(config)(graph, joined.key))
 
 
 def test_an_explanation_shows_what_was_measured_and_says_what_decides() -> None:
@@ -107,7 +107,7 @@ def test_an_explanation_shows_what_was_measured_and_says_what_decides() -> None:
     ],
 )
 def test_names_stand_alone_or_joined_in_any_order(names: tuple[str, ...], expected: tuple[str, ...]) -> None:
-    assert chosen(names) == MappingConfig(criteria=names).criteria == expected
+    assert parse_families(names) == MappingConfig(criteria=names).criteria == expected
 
 
 @pytest.mark.parametrize(

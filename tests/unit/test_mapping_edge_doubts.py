@@ -10,7 +10,7 @@ import pytest
 from nvsim.graph import edits
 from nvsim.graph.types import Evidence, NavGraph, Viewpoint, edge
 from nvsim.mapping.config import MappingConfig
-from nvsim.mapping.explanation.explain import against
+from nvsim.mapping.explanation.explain import closed_edge_reason
 
 
 def evidence(alpha: float, up: float = 1.0, support: bool = True, joins: str = "b") -> Evidence:
@@ -39,10 +39,10 @@ def graph_with(found: Evidence) -> NavGraph:
     ],
 )
 def test_the_first_criterion_that_fails_is_the_reason(found: Evidence, words: str, joins: str) -> None:
-    why = against(MappingConfig())(graph_with(replace(found, joins=joins)), ("a", "b"))
+    why = closed_edge_reason(MappingConfig())(graph_with(replace(found, joins=joins)), ("a", "b"))
     assert words in why and bool(words) == bool(why)
 
 
 def test_evidence_from_before_a_move_says_nothing() -> None:
     graph = edits.move_viewpoint(graph_with(evidence(1.0)), "b", (2.4, 0.3, 1.5))
-    assert against(MappingConfig())(graph, ("a", "b")) == ""
+    assert closed_edge_reason(MappingConfig())(graph, ("a", "b")) == ""

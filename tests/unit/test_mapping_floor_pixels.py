@@ -7,7 +7,7 @@ import pytest
 from numpy.typing import NDArray
 from scipy.ndimage import map_coordinates
 
-from nvsim.geometry.camera import Camera, Intrinsics, look
+from nvsim.geometry.camera import Camera, Intrinsics, camera_pose
 from nvsim.geometry.directions import Sphere
 from nvsim.mapping.views.floor_pixels import Eye, FloorPixels
 
@@ -20,7 +20,9 @@ def places(seed: int) -> NDArray[np.float64]:
 
 
 def eyes() -> list[Eye]:
-    camera = Camera(Intrinsics(WIDTH, HEIGHT, 17.0, 19.0, 21.0, 14.0), look(np.array([0.2, 0.1, 1.4]), 0.7, -0.8))
+    camera = Camera(
+        Intrinsics(WIDTH, HEIGHT, 17.0, 19.0, 21.0, 14.0), camera_pose(np.array([0.2, 0.1, 1.4]), 0.7, -0.8)
+    )
     return [camera, Sphere(np.array([0.2, 0.1, 1.4]), WIDTH, HEIGHT, 0.3)]
 
 

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from nvsim.benchmarks.map_builder import HALL, hall
 from nvsim.cli.arguments import parse
-from nvsim.cli.commands.stages import FALLS_BACK, Map, asked, papers, say_if_it_falls_back
+from nvsim.cli.commands.stages import FALLS_BACK, Map, paper_map_config, report_network_fallback, with_normal_source
 from nvsim.errors import InputError
 from nvsim.events import Event
 from nvsim.geometry.rotation import matrix_from_quaternion
@@ -33,7 +33,7 @@ from nvsim.project import ledger, pipeline
 from nvsim.project.config import CaptureConfig, RunConfig
 from nvsim.project.project import Project
 from nvsim.project.scene_views import SceneViews
-from nvsim.project.stages.mapped import NETWORK, check_normals, network_of, of_this_network
+from nvsim.project.stages.mapped import NETWORK, check_normals, network_of, without_other_networks
 from nvsim.splats.types import Background, SubmapModel
 
 UNIT = 0.28209479177387814  # the constant spherical harmonic
@@ -147,11 +147,11 @@ def test_what_another_network_saw_is_not_taken_for_what_this_one_sees(models: Pa
     with Project.create_or_open(tmp_path / "p.nvsim") as project:
         ledger.begin(project, "map", "key")
         ledger.finish(project, "map", 1.0, {NETWORK: network_of(config)})
-        assert of_this_network(graph, project, config) is graph
+        assert without_other_networks(graph, project, config) is graph
         metric3d(models)
-        stripped = of_this_network(graph, project, config)
+        stripped = without_other_networks(graph, project, config)
         assert stripped is not None and all(e.network_up is None for e in stripped.evidence.values())
-        assert of_this_network(graph, project, MappingConfig()) is graph and network_of(MappingConfig()) == ""
+        assert without_other_networks(graph, project, MappingConfig()) is graph and network_of(MappingConfig()) == ""
 
 
 def test_of_several_networks_the_named_one_is_asked(models: Path) -> None:
@@ -177,22 +177,22 @@ def test_the_flag_names_families_beside_the_others() -> None:
     assert with_normals(("normal",), "criteria") == ("normal",)
     words = ["--project", "p.nvsim", "--normal-source", "both", "--views", "panorama"]
     told = parse(Map, words, "map")
-    found = asked(told.config, told.normal_source)
+    found = with_normal_source(told.config, told.normal_source)
     assert found.views == "panorama" and found.criteria == ("alpha", "normal", "network-normal")
 
 
 def test_the_papers_map_takes_the_network_that_is_there_and_says_when_there_is_none(models: Path) -> None:
     said: list[Event] = []
-    config = papers()
+    config = paper_map_config()
     assert config.views == "panorama" and config.criteria == ("alpha", "normal")
-    say_if_it_falls_back(config, "gaussians", said.append)
-    say_if_it_falls_back(replace(config, criteria=("alpha",)), "criteria", said.append)
+    report_network_fallback(config, "gaussians", said.append)
+    report_network_fallback(replace(config, criteria=("alpha",)), "criteria", said.append)
     assert not said, "who asks for it needs no telling"
-    say_if_it_falls_back(config, "criteria", said.append)
+    report_network_fallback(config, "criteria", said.append)
     assert [event.text for event in said] == [FALLS_BACK]  # type: ignore[attr-defined]
     metric3d(models)
-    assert papers().criteria == ("alpha", "network-normal")
-    say_if_it_falls_back(papers(), "criteria", said.append)
+    assert paper_map_config().criteria == ("alpha", "network-normal")
+    report_network_fallback(paper_map_config(), "criteria", said.append)
     assert len(said) == 1
 
 

@@ -22,7 +22,7 @@ from nvsim.mapping.corridor import CELLS, DEPTH, NEAR, WIDTH
 from nvsim.mapping.criteria import can_stand, decide
 from nvsim.mapping.evidence.measuring import Ensemble
 from nvsim.mapping.evidence.rethreshold import Rethresholder
-from nvsim.mapping.explanation.explain import against, explain, margin
+from nvsim.mapping.explanation.explain import closed_edge_reason, explain, smallest_margin
 from nvsim.occupancy.types import OCCUPIED
 from nvsim.render.backends import RenderOutput
 from nvsim.splats.types import Gaussians
@@ -146,10 +146,10 @@ def test_an_edge_that_two_models_disagree_about_is_doubted_and_reviewed_first() 
     ends = [id for id in graph.viewpoints if id not in key]
     unmeasured = next((a, b) for a in ends for b in ends if a < b and (a, b) not in graph.edges)
     graph = add_edge(add_edge(graph, *unmeasured), *key)
-    order = Review(margin(CONFIG)).order(graph)
+    order = Review(smallest_margin(CONFIG)).order(graph)
     assert order[0].edge == key and "two submap models disagree" in order[0].why and order[0].margin < 0
     assert order[1].edge == unmeasured
-    why = against(CONFIG)(graph, key)
+    why = closed_edge_reason(CONFIG)(graph, key)
     assert "the model of one submap shows the corridor free" in why and "submap 1 shows this" in why
     shown = directions(graph, GraphArrays.of(graph), disputed.viewpoint, CONFIG)
     (direction,) = [d for d in shown if d.key == disputed.key]

@@ -18,7 +18,7 @@ from nvsim.mapping.builder import BuildResult, build_map
 from nvsim.mapping.config import MappingConfig
 from nvsim.mapping.evidence.rethreshold import Rethresholder
 from nvsim.mapping.search.graph_builder import GraphBuilder
-from nvsim.mapping.settling.ways import NEAR, Ways, untie
+from nvsim.mapping.settling.ways import NEAR, Ways, remove_ties
 from nvsim.occupancy.paths import segment_is_free
 from nvsim.occupancy.types import OCCUPIED, OccupancyMap
 
@@ -135,7 +135,7 @@ def test_untying_a_grid_keeps_it_together_and_leaves_no_edge_that_could_be_spare
             if other in ids:
                 found.join(id, ids[other])
     before = {frozenset(c) for c in nx.connected_components(_graph(found))}
-    untie(found)
+    remove_ties(found)
     after = _graph(found)
     assert {frozenset(c) for c in nx.connected_components(after)} == before
     for start in after:

@@ -11,7 +11,7 @@ from nvsim.graph.proposals import propose_edges
 from nvsim.graph.types import NavGraph
 from nvsim.mapping.builder import build_map
 from nvsim.mapping.config import MappingConfig
-from nvsim.mapping.explanation.explain import closed, margin
+from nvsim.mapping.explanation.explain import closed_path_test, smallest_margin
 from nvsim.mapping.explanation.trajectory_detour import TrajectoryDetour
 from nvsim.mapping.search.walk import Walk
 from nvsim.occupancy.types import OCCUPIED, OccupancyMap
@@ -101,7 +101,10 @@ def test_without_a_scan_most_edges_through_the_glass_are_left_out() -> None:
     stayed = [key for key in gone if all(id in blind.viewpoints for id in key)]
     around = [e for e in blind.evidence.values() if e.decision == "around"]
     assert len(around) >= len(stayed) > 0, "of every one, but what viewpoints had that lost all edges"
-    asked, proposed = closed(config), {p.edge: p.words for p in propose_edges(blind, margin=margin(config))}
+    asked, proposed = (
+        closed_path_test(config),
+        {p.edge: p.words for p in propose_edges(blind, margin=smallest_margin(config))},
+    )
     assert all(asked(blind, key) for key in stayed), "nobody is told to join what stands so near"
     assert all("glass" in proposed[key] for key in stayed if key in proposed)
     kept = built(False, MappingConfig(view_size=96, around=0.0))

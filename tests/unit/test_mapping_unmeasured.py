@@ -14,7 +14,7 @@ from nvsim.graph.types import NavGraph, Viewpoint
 from nvsim.mapping.builder import build_map
 from nvsim.mapping.config import MappingConfig
 from nvsim.mapping.criteria import OPEN, decide
-from nvsim.mapping.explanation.explain import closed
+from nvsim.mapping.explanation.explain import closed_path_test
 from nvsim.occupancy.types import OCCUPIED, UNKNOWN, OccupancyMap
 
 CONFIG = MappingConfig(view_size=128, settle=False, jitter=0.0)
@@ -40,12 +40,12 @@ def start_of(graph: NavGraph) -> str:
 def test_free_floor_between_is_not_closed_and_a_wall_is(angle: float) -> None:
     free = with_neighbour(built(room(6, 4)), angle)
     key = tuple(sorted((start_of(free), "beside")))
-    assert not closed(CONFIG)(free, key)
+    assert not closed_path_test(CONFIG)(free, key)
     # A post 0.6 m from the start on the way there.
     x, y = 3 + 0.7 * math.sin(angle), 2 + 0.7 * math.cos(angle)
     for state in (OCCUPIED, UNKNOWN):
         blocked = with_neighbour(built(fill(room(6, 4), x - 0.15, y - 0.15, x + 0.15, y + 0.15, state)), angle)
-        assert closed(CONFIG)(blocked, tuple(sorted((start_of(blocked), "beside"))))
+        assert closed_path_test(CONFIG)(blocked, tuple(sorted((start_of(blocked), "beside"))))
 
 
 def test_what_was_measured_along_it_decides_and_stale_evidence_does_not() -> None:
@@ -54,7 +54,7 @@ def test_what_was_measured_along_it_decides_and_stale_evidence_does_not() -> Non
     shut = next(e for e in graph.evidence.values() if e.viewpoint == id and decide(e, CONFIG) != OPEN)
     near = edits.add_viewpoint(graph, Viewpoint("beside", (*shut.target, 1.2), 1.2))
     key = tuple(sorted((id, "beside")))
-    assert closed(CONFIG)(near, key)
+    assert closed_path_test(CONFIG)(near, key)
     stale = {k: replace(e, stale=True) for k, e in near.evidence.items()}
-    assert not closed(CONFIG)(replace(near, evidence=stale), key)
-    assert not closed(CONFIG)(replace(near, evidence={}), key)
+    assert not closed_path_test(CONFIG)(replace(near, evidence=stale), key)
+    assert not closed_path_test(CONFIG)(replace(near, evidence={}), key)

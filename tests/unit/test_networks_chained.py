@@ -12,7 +12,7 @@ from test_perception_normals import FLOOR, WALL, inner, picture
 from text_prompted_networks import IDS, evf_sam
 
 from nvsim.errors import InputError
-from nvsim.geometry.camera import Camera, Intrinsics, look
+from nvsim.geometry.camera import Camera, Intrinsics, camera_pose
 from nvsim.networks.chain import Ddim
 from nvsim.networks.description import Scheduler
 from nvsim.networks.installed import signature_of
@@ -20,7 +20,7 @@ from nvsim.networks.ready import fitting
 from nvsim.perception.normals_network import NormalsNetwork
 from nvsim.perception.semantic_network import SemanticNetwork
 
-CAMERA = Camera(Intrinsics.from_fov(150, 90, 1.2), look(np.zeros(3), 0.0))
+CAMERA = Camera(Intrinsics.from_fov(150, 90, 1.2), camera_pose(np.zeros(3), 0.0))
 
 
 @pytest.mark.parametrize(

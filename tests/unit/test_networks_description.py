@@ -15,7 +15,7 @@ from nvsim.errors import InputError
 from nvsim.networks.description import Description
 from nvsim.networks.parsing import description_in
 from nvsim.networks.preparing import Preparation
-from nvsim.networks.ready import FOLDER, ready, values_of
+from nvsim.networks.ready import FOLDER, known_descriptions, values_of
 from nvsim.networks.toml_table import parsed
 
 PATH = Path("model.toml")
@@ -24,7 +24,7 @@ FORMS = sorted(path.stem for path in FOLDER.glob("*.toml"))
 
 @pytest.mark.parametrize("form", FORMS)
 def test_every_description_that_comes_with_nvsim_says_who_made_the_model_and_under_which_licence(form: str) -> None:
-    description = ready()[form]
+    description = known_descriptions()[form]
     assert description.names and description.made_by and description.licence and description.source.startswith("http")
 
 
@@ -32,8 +32,12 @@ def test_a_description_that_follows_a_form_takes_from_it_what_it_leaves_out(tmp_
     path = tmp_path / "model.toml"
     path.write_text('form = "moge-2"\ntitle = "Mine"\n[files]\nnetwork = { file = "mine.onnx", sha256 = "ab" }\n')
     found = description_in(values_of(path), path)
-    assert (found.title, found.files["network"].name, found.licence) == ("Mine", "mine.onnx", ready()["moge-2"].licence)
-    assert found.steps == ready()["moge-2"].steps
+    assert (found.title, found.files["network"].name, found.licence) == (
+        "Mine",
+        "mine.onnx",
+        known_descriptions()["moge-2"].licence,
+    )
+    assert found.steps == known_descriptions()["moge-2"].steps
     path.write_text('form = "moge-3"')
     with pytest.raises(InputError, match="form is moge-3; it must be one of efficient-sam, "):
         values_of(path)

@@ -10,12 +10,12 @@ from described_models import described
 from floor_networks import FLOOR, RUG, mmseg, segformer
 
 from nvsim.errors import InputError
-from nvsim.geometry.camera import Camera, Intrinsics, look
+from nvsim.geometry.camera import Camera, Intrinsics, camera_pose
 from nvsim.networks.installed import signature_of
 from nvsim.networks.ready import fitting
 from nvsim.perception.semantic_network import SemanticNetwork
 
-CAMERA = Camera(Intrinsics.from_fov(150, 90, 1.2), look(np.zeros(3), 0.0))
+CAMERA = Camera(Intrinsics.from_fov(150, 90, 1.2), camera_pose(np.zeros(3), 0.0))
 
 
 def image(colour: tuple[int, int, int], beside: tuple[int, int, int] = (0, 0, 0)) -> np.ndarray:

@@ -11,7 +11,7 @@ from normal_networks import metric3d, metric3d_official, moge
 from test_perception_normals import FLOOR, WALL, colour, inner, picture
 
 from nvsim.errors import InputError
-from nvsim.geometry.camera import Camera, Intrinsics, look
+from nvsim.geometry.camera import Camera, Intrinsics, camera_pose
 from nvsim.networks.chain import Chain
 from nvsim.networks.installed import signature_of
 from nvsim.networks.ready import fitting
@@ -54,7 +54,7 @@ def test_the_form_of_a_network_is_known_by_its_signature(tmp_path: Path, form: s
 def test_whatever_frame_a_model_answers_in_a_floor_lies_and_walls_stand(tmp_path: Path, axes: tuple[str, ...]) -> None:
     said = f'[result]\nvalue = "normals"\nimage = "photo"\naxes = {list(axes)}\n'.replace("'", '"')
     network = NormalsNetwork(opened(tmp_path, "metric3d-huggingface", said))
-    camera = Camera(Intrinsics.from_fov(84, 56, 1.2), look(np.zeros(3), 0.0))  # looks along +y, x to the right
+    camera = Camera(Intrinsics.from_fov(84, 56, 1.2), camera_pose(np.zeros(3), 0.0))  # looks along +y, x to the right
     facing, floor, left = FRAMES[axes]
     for answer, world in ((facing, (0, -1, 0)), (floor, (0, 0, 1)), (left, (1, 0, 0))):
         image = np.tile(colour(np.array(facing, float)), (56, 84, 1))
@@ -66,7 +66,7 @@ def test_whatever_frame_a_model_answers_in_a_floor_lies_and_walls_stand(tmp_path
 def test_axes_that_point_the_wrong_way_are_refused_at_the_first_image(tmp_path: Path) -> None:
     said = '[result]\nvalue = "normals"\nimage = "photo"\nlayout = "NHWC"\naxes = ["left", "up", "backward"]\n'
     network = NormalsNetwork(opened(tmp_path, "moge-2", said))
-    camera = Camera(Intrinsics.from_fov(84, 56, 1.2), look(np.zeros(3), 0.0))
+    camera = Camera(Intrinsics.from_fov(84, 56, 1.2), camera_pose(np.zeros(3), 0.0))
     wall = np.tile(colour(np.array([0.0, 0, -1])), (56, 84, 1))
     with pytest.raises(InputError, match="point away from the camera .normal times ray is 0.[89].*reverse the axes"):
         network.normals(wall, camera)

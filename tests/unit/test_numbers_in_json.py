@@ -12,7 +12,7 @@ from task_samples import exported, house
 
 from nvsim.cli.main import main
 from nvsim.errors import InputError
-from nvsim.files.opening import is_number, parse_json, whole
+from nvsim.files.opening import is_number, parse_integer, parse_json
 from nvsim.geometry.camera_path import read_camera_path
 from nvsim.graph.connectivity import read_connectivity
 from nvsim.graph.edits import EditError
@@ -120,9 +120,9 @@ def test_a_camera_path_is_refused(tmp_path: Path) -> None:
 
 
 def test_whole_numbers_stay_exact_as_far_as_a_float_reaches() -> None:
-    assert whole("12345678901234567890123") == 12345678901234567890123
-    assert whole("-" + "9" * 298) == -int("9" * 298)
-    assert whole("9" * 400) == float("inf") and whole("-" + "9" * 400) == -float("inf")
+    assert parse_integer("12345678901234567890123") == 12345678901234567890123
+    assert parse_integer("-" + "9" * 298) == -int("9" * 298)
+    assert parse_integer("9" * 400) == float("inf") and parse_integer("-" + "9" * 400) == -float("inf")
     assert parse_json(Path("x"), "[1, 2.5]", "a list", "") == [1, 2.5]
 
 

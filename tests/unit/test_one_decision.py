@@ -16,7 +16,7 @@ from nvsim.mapping.corridor import CELLS, DEPTH, NEAR, WIDTH, Corridor
 from nvsim.mapping.criteria import CRITERIA, DECISIONS, OPEN, can_stand, decide
 from nvsim.mapping.evidence.evidence_stack import EvidenceStack, decision_names
 from nvsim.mapping.evidence.opinions import opinions
-from nvsim.mapping.explanation.explain import against, explain, margin
+from nvsim.mapping.explanation.explain import closed_edge_reason, explain, smallest_margin
 from nvsim.mapping.families import FAMILIES
 from nvsim_app.state.directions import compass, directions
 from nvsim_app.state.graph_arrays import GraphArrays
@@ -78,10 +78,10 @@ def test_builder_stack_explanation_inspector_details_and_findings_say_the_same(
     graph = graph_with(evidence)
     (direction,) = directions(graph, GraphArrays.of(graph), A, config)  # what inspector and details show
     assert direction.explanation.decision == decision and direction.open == (decision == OPEN)
-    doubt = against(config)(graph, (A, B))  # what findings and `nvsim graph check` say
+    doubt = closed_edge_reason(config)(graph, (A, B))  # what findings and `nvsim graph check` say
     assert (doubt == "") == (decision == OPEN)
     assert decision == OPEN or DECISIONS[decision].clause in doubt
-    least = margin(config)(graph, (A, B))
+    least = smallest_margin(config)(graph, (A, B))
     assert least <= 0 if decision != OPEN else least >= 0
 
 
@@ -114,7 +114,7 @@ def test_stale_evidence_is_shown_nowhere() -> None:
     )
     graph = graph_with(evidence)
     assert directions(graph, GraphArrays.of(graph), A, MappingConfig()) == ()
-    assert against(MappingConfig())(graph, (A, B)) == ""
+    assert closed_edge_reason(MappingConfig())(graph, (A, B)) == ""
 
 
 def test_a_direction_that_is_blocked_reaches_as_far_as_the_way_is_clear() -> None:

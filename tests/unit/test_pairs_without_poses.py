@@ -15,10 +15,10 @@ from nvsim.poses.features import NOTHING, Features
 from nvsim.poses.focal_length import USUAL, estimate_focal_length
 from nvsim.poses.image_pairs import image_descriptors, neighbor_pairs, similar_pairs
 from nvsim.poses.mapping import (
-    bends,
     center_of,
     consistent_pairs,
     contradicted_rotations,
+    find_bends,
     rotation_angle,
     with_rotation,
 )
@@ -191,7 +191,7 @@ def test_a_bent_video_is_split_where_it_contradicts_its_pairs(degrees: float) ->
         rotations.append(bend @ found[len(rotations) - 1, len(rotations)].rotation @ rotations[-1])
     poses = {n + 1: pycolmap.Rigid3d(pycolmap.Rotation3d(r), np.array([n, 0, 0.0])) for n, r in enumerate(rotations)}
     found[8, 9] = wrong(found[8, 9], 20)  # one wrong pair is no bend
-    cuts = bends(poses, found)
+    cuts = find_bends(poses, found)
     assert cuts == ([5] if degrees > 2 else [])
     assert split_after([sorted(poses)], cuts) == ([[*range(6, 13)], [*range(1, 6)]] if cuts else [[*range(1, 13)]])
     assert split_after([[1, 2, 7, 8, 9], [3, 4]], [5, 6]) == [[7, 8, 9], [1, 2], [3, 4]]

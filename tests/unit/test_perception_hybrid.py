@@ -5,10 +5,10 @@ from __future__ import annotations
 import cv2
 import numpy as np
 
-from nvsim.geometry.camera import Camera, Intrinsics, look
+from nvsim.geometry.camera import Camera, Intrinsics, camera_pose
 from nvsim.perception.hybrid import HybridConfig, HybridFloor, large_regions, normal_picture, spread_points
 
-CAMERA = Camera(Intrinsics.from_fov(120, 80, 1.4), look(np.zeros(3), 0.0))
+CAMERA = Camera(Intrinsics.from_fov(120, 80, 1.4), camera_pose(np.zeros(3), 0.0))
 IMAGE = np.zeros((80, 120, 3), np.uint8)
 FLOOR = np.zeros((80, 120), bool)
 FLOOR[50:] = True

@@ -11,7 +11,7 @@ from normal_networks import metric3d, moge, own
 from onnx_samples import F, save, value
 
 from nvsim.errors import InputError
-from nvsim.geometry.camera import Camera, Intrinsics, look
+from nvsim.geometry.camera import Camera, Intrinsics, camera_pose
 from nvsim.networks.installed import Model
 from nvsim.perception.normals_network import NormalsNetwork, installed_normals
 
@@ -63,11 +63,11 @@ def test_the_normals_of_every_form_come_out_alike(tmp_path: Path, form: str) -> 
 
 @pytest.mark.parametrize("heading", [0.0, 1.0, 4.0])
 def test_the_normals_are_turned_into_the_world(tmp_path: Path, heading: float) -> None:
-    pitched = Camera(Intrinsics.from_fov(40, 30, 1.2), look(np.zeros(3), heading, -np.pi / 4))
+    pitched = Camera(Intrinsics.from_fov(40, 30, 1.2), camera_pose(np.zeros(3), heading, -np.pi / 4))
     image = np.tile(colour(np.array([0, -(0.5**0.5), -(0.5**0.5)])), (30, 40, 1))
     found = opened(metric3d(tmp_path / "n.onnx")).normals(image, pitched)
     assert np.allclose(found, [0, 0, 1], atol=0.01), "what faces the camera from below, halfway down, is floor"
-    level = Camera(pitched.intrinsics, look(np.zeros(3), heading))
+    level = Camera(pitched.intrinsics, camera_pose(np.zeros(3), heading))
     wall = np.tile(colour(np.array([0.0, 0, -1])), (30, 40, 1))
     found = opened(metric3d(tmp_path / "n.onnx")).normals(wall, level)
     assert np.allclose(found, [-np.sin(heading), -np.cos(heading), 0], atol=0.01)

@@ -11,7 +11,7 @@ from onnx import helper
 from onnx_samples import I64, F, save, value
 
 from nvsim.errors import InputError
-from nvsim.geometry.camera import Camera, Intrinsics, look
+from nvsim.geometry.camera import Camera, Intrinsics, camera_pose
 from nvsim.networks.installed import Model, find_model
 from nvsim.perception.prompted_network import PromptedNetwork
 
@@ -115,7 +115,7 @@ def test_the_region_at_a_point_is_found_whatever_form_the_export_has(tmp_path: P
 def test_it_fills_the_prompted_role_and_looks_once_at_an_image(tmp_path: Path, monkeypatch) -> None:
     network = opened(encoder(tmp_path / "e.onnx"), decoder(tmp_path / "d.onnx"))
     image, floor = picture()
-    camera = Camera(Intrinsics.from_fov(150, 90, 1.2), look(np.zeros(3), 0.0))
+    camera = Camera(Intrinsics.from_fov(150, 90, 1.2), camera_pose(np.zeros(3), 0.0))
     assert (network.mask(image, np.array([[120.0, 70.0], [80.0, 60.0]]), camera) ^ floor).mean() < 0.03
     monkeypatch.setattr(network._chain, "show", None)
     network.mask(image, np.array([[10.0, 10.0]]), camera)

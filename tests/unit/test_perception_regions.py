@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from nvsim.geometry.camera import Camera, Intrinsics, look
+from nvsim.geometry.camera import Camera, Intrinsics, camera_pose
 from nvsim.perception.hybrid import normal_picture
 from nvsim.perception.regions import RegionGrowing, grow_region
 
@@ -98,6 +98,6 @@ def test_only_negative_points_and_no_points_give_nothing() -> None:
 
 def test_it_fills_the_prompted_role_on_the_picture_of_the_normals() -> None:
     normals, _ = scene()
-    camera = Camera(Intrinsics.from_fov(SHAPE[1], SHAPE[0], 1.4), look(np.zeros(3), 0.0))
+    camera = Camera(Intrinsics.from_fov(SHAPE[1], SHAPE[0], 1.4), camera_pose(np.zeros(3), 0.0))
     found = RegionGrowing().mask(normal_picture(normals), at((10, 80), (60, 85)), camera)
     assert np.array_equal(found, FLOOR)

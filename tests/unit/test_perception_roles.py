@@ -7,7 +7,7 @@ import math
 import numpy as np
 
 from nvsim.capture.types import Cloud
-from nvsim.geometry.camera import Camera, Intrinsics, look
+from nvsim.geometry.camera import Camera, Intrinsics, camera_pose
 from nvsim.geometry.floor_surface import FloorSurface
 from nvsim.perception.geometric import GeometricFloor
 from nvsim.perception.geometric_roles import CloudNormals, FloorSimilarity
@@ -31,7 +31,9 @@ def cloud() -> Cloud:
 
 
 def view(x: float, y: float, tilt: float = -20) -> Camera:
-    return Camera(Intrinsics.from_fov(320, 240, math.radians(75)), look(np.array([x, y, 1.5]), 0.0, math.radians(tilt)))
+    return Camera(
+        Intrinsics.from_fov(320, 240, math.radians(75)), camera_pose(np.array([x, y, 1.5]), 0.0, math.radians(tilt))
+    )
 
 
 def cast(camera: Camera, desk_like_floor: bool = False) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

@@ -5,10 +5,10 @@ import pytest
 
 from nvsim.capture.types import Cloud
 from nvsim.errors import InputError
-from nvsim.geometry.camera import Camera, Intrinsics, look
+from nvsim.geometry.camera import Camera, Intrinsics, camera_pose
 from nvsim.geometry.floor_surface import FloorSurface, StackedFloor
 from nvsim.perception.stacked_support import StackedSupport, is_stacked
-from nvsim.perception.support import FloorSupport, observe, walked
+from nvsim.perception.support import FloorSupport, observe, positions_at_common_heights
 
 
 def test_the_walk_supports_the_ground_around_it_also_outside_the_old_grid():
@@ -41,10 +41,13 @@ def test_who_leant_over_a_table_did_not_walk_there():
     ground = FloorSurface(np.array([[0.0, 1.0], [0.0, 1.0]], np.float32), (0.0, 0.0), 4.0)  # a ramp along x
     steady = np.array([[x, 1.0, 1.4 + x / 4] for x in np.linspace(0, 4, 9)])
     leaning = np.array([[2.0, 1.5, 1.0 + 0.5], [3.0, 1.5, 1.9 + 0.75]])
-    assert np.array_equal(walked(np.concatenate([steady, leaning]), ground), steady)
-    assert walked(np.empty((0, 3)), ground).shape == (0, 3)
+    assert np.array_equal(positions_at_common_heights(np.concatenate([steady, leaning]), ground), steady)
+    assert positions_at_common_heights(np.empty((0, 3)), ground).shape == (0, 3)
     robot = steady - [0.0, 0.0, 1.0]  # as many cameras at another height are another way of going, not an exception
-    assert len(walked(np.concatenate([steady, robot]), ground)) == 18 and len(walked(steady[:1], ground)) == 1
+    assert (
+        len(positions_at_common_heights(np.concatenate([steady, robot]), ground)) == 18
+        and len(positions_at_common_heights(steady[:1], ground)) == 1
+    )
 
 
 def test_what_the_depth_of_images_shows_standing_under_a_camera_is_no_floor():
@@ -85,7 +88,7 @@ def test_a_wall_that_images_continue_across_the_foot_of_a_door_is_no_wall():
     def strip(z: float) -> np.ndarray:
         return np.column_stack([np.full(len(across), 1.02), across, np.full(len(across), z)])
 
-    camera = Camera(Intrinsics(64, 48, 40.0, 40.0, 32.0, 24.0), look(np.array([0.2, 0.5, 1.4]), 90.0, -60.0))
+    camera = Camera(Intrinsics(64, 48, 40.0, 40.0, 32.0, 24.0), camera_pose(np.array([0.2, 0.5, 1.4]), 90.0, -60.0))
     for z, kind, open_ in ((0.11, "guessed", True), (0.13, "guessed", False), (0.11, "measured", False)):
         points = np.concatenate([floor, *[strip(z)] * 3]).astype(np.float32)
         normals = np.tile(np.float32([0, 0, 1]), (len(points), 1)) if kind == "guessed" else None
@@ -99,7 +102,7 @@ def test_a_cloud_in_many_blocks_supports_the_same_floor(monkeypatch: pytest.Monk
     rng = np.random.default_rng(0)
     points = rng.uniform([-20, -3, -0.1], [20, 3, 0.4], (20000, 3)).astype(np.float32)
     normals = np.where(rng.random((20000, 1)) < 0.6, np.float32([0, 0, 1]), np.float32(0))
-    camera = Camera(Intrinsics(64, 48, 40.0, 40.0, 32.0, 24.0), look(np.array([0.2, 0.5, 1.4]), 90.0, -60.0))
+    camera = Camera(Intrinsics(64, 48, 40.0, 40.0, 32.0, 24.0), camera_pose(np.array([0.2, 0.5, 1.4]), 90.0, -60.0))
 
     def found() -> FloorSupport:
         cloud = Cloud(points, None, "images", normals)

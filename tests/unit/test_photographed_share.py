@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from nvsim.capture.images import decode
 from nvsim.evaluation.graph import evaluate_graph
-from nvsim.geometry.camera import Camera, Intrinsics, look
+from nvsim.geometry.camera import Camera, Intrinsics, camera_pose
 from nvsim.geometry.directions import Sphere, cube
 from nvsim.geometry.floor_surface import FloorSurface
 from nvsim.graph import edits
@@ -24,7 +24,7 @@ from nvsim.graph.quantities import quantity
 from nvsim.graph.store import decode_graph, encode_graph, viewpoint_of, viewpoint_row
 from nvsim.graph.types import NavGraph, Viewpoint, edge
 from nvsim.mapping.config import MappingConfig
-from nvsim.mapping.views.photographed import SIDE, along_rays, photographed_directions, share_of, training_images
+from nvsim.mapping.views.photographed import SIDE, along_rays, photographed_directions, share_of_sphere, training_images
 from nvsim.occupancy.types import OccupancyMap
 from nvsim.project.photographed import with_shares
 from nvsim.project.project import Project
@@ -61,11 +61,11 @@ SHELL = model_of(shell(), 0.09)
 def camera(at: NDArray[np.float64], degrees: float, heading: float = 0.0, elevation: float = 0.0) -> Camera:
     """A square camera of so many degrees; the heading and the elevation are in degrees too."""
     intrinsics = Intrinsics.from_fov(240, 240, math.radians(degrees))
-    return Camera(intrinsics, look(at, math.radians(heading), math.radians(elevation)))
+    return Camera(intrinsics, camera_pose(at, math.radians(heading), math.radians(elevation)))
 
 
 def share(model: SubmapModel, cameras: list[Camera], at: NDArray[np.float64] = HERE) -> float:
-    return share_of(photographed_directions(model, at, training_images(model, cameras)))
+    return share_of_sphere(photographed_directions(model, at, training_images(model, cameras)))
 
 
 @pytest.mark.parametrize("degrees", [40.0, 60.0, 90.0])
@@ -97,7 +97,7 @@ def test_a_viewpoint_away_from_the_camera_sees_the_same_surfaces() -> None:
         pixels, depth = one.project(points)
         expected |= (depth > 0) & ((pixels > 0) & (pixels < 240)).all(axis=-1)
     found = photographed_directions(SHELL, at, images)
-    assert abs(share_of(found) - share_of(expected)) < 0.01
+    assert abs(share_of_sphere(found) - share_of_sphere(expected)) < 0.01
     assert (found == expected).mean() > 0.97
 
 
@@ -133,17 +133,17 @@ def test_floor_without_gaussians_is_photographed_where_an_image_shows_it() -> No
 def test_without_images_dense_and_thin_gaussians_count() -> None:
     points = shell()
     upper = points[:, 2] > 0
-    assert share_of(photographed_directions(SHELL, HERE, None)) == pytest.approx(1.0, abs=0.01)
+    assert share_of_sphere(photographed_directions(SHELL, HERE, None)) == pytest.approx(1.0, abs=0.01)
     half = model_of(points[upper], 0.09)
-    assert share_of(photographed_directions(half, HERE, None)) == pytest.approx(0.5, abs=0.03)
+    assert share_of_sphere(photographed_directions(half, HERE, None)) == pytest.approx(0.5, abs=0.03)
     hazy = model_of(points, np.where(upper, 0.09, 0.9))
-    assert share_of(photographed_directions(hazy, HERE, None)) < 0.5
+    assert share_of_sphere(photographed_directions(hazy, HERE, None)) < 0.5
 
 
 def test_faces_are_read_along_any_ray() -> None:
     axis = np.array([0.3, -0.8, 0.52])
     faces = np.stack([c.rays() for c in cube(HERE, SIDE)]) @ axis > 0
-    assert share_of(faces) == pytest.approx(0.5, abs=1e-3)
+    assert share_of_sphere(faces) == pytest.approx(0.5, abs=1e-3)
     rays = Sphere(HERE, 128, 64, 0.7).rays()
     wrong = along_rays(faces, rays) != (rays @ axis > 0)
     assert np.abs(rays[wrong] @ axis).max(initial=0) < 2 / SIDE

@@ -7,9 +7,9 @@ import pytest
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from nvsim.geometry.camera import Camera, Intrinsics, look
+from nvsim.geometry.camera import Camera, Intrinsics, camera_pose
 from nvsim.poses.adjustment import _Work, adjust
-from nvsim.poses.features import Features, alike
+from nvsim.poses.features import Features, match_features
 from nvsim.poses.matching import epipolar_distances, pairs_to_compare
 from nvsim.poses.tracks import Tracks, tracks_of
 
@@ -19,7 +19,7 @@ K = Intrinsics(640, 480, 500.0, 490.0, 318.0, 243.0)
 def walk(count: int = 24) -> list[Camera]:
     """Cameras a hand's breadth apart that look at a wall, swaying."""
     places = [np.array([0.15 * i, 0.05 * np.sin(i), 1.5]) for i in range(count)]
-    return [Camera(K, look(place, 0.1 * np.sin(0.7 * i), -0.1)) for i, place in enumerate(places)]
+    return [Camera(K, camera_pose(place, 0.1 * np.sin(0.7 * i), -0.1)) for i, place in enumerate(places)]
 
 
 def shaken(cameras: list[Camera], metres: float = 0.012, degrees: float = 0.25, seed: int = 0) -> list[Camera]:
@@ -77,7 +77,7 @@ def test_the_capture_as_a_whole_stays_where_it_was() -> None:
 
 
 def test_a_camera_that_shares_nothing_keeps_its_pose() -> None:
-    cameras = [*walk(), Camera(K, look(np.array([9.0, -5.0, 1.5]), np.pi))]
+    cameras = [*walk(), Camera(K, camera_pose(np.array([9.0, -5.0, 1.5]), np.pi))]
     given = shaken(cameras)
     tracks = seen(cameras[:-1])
     np.testing.assert_allclose(adjust(given, tracks).poses[-1], given[-1].camera_to_world, atol=1e-12)
@@ -111,7 +111,7 @@ def test_a_feature_of_the_same_point_lies_on_its_epipolar_line_and_one_beside_it
 
 
 def test_pairs_are_near_look_the_same_way_and_each_is_named_once() -> None:
-    poses = np.stack([c.camera_to_world for c in [*walk(), Camera(K, look(np.array([1.0, 0, 1.5]), np.pi))]])
+    poses = np.stack([c.camera_to_world for c in [*walk(), Camera(K, camera_pose(np.array([1.0, 0, 1.5]), np.pi))]])
     pairs = pairs_to_compare(poses)
     assert len(set(pairs)) == len(pairs) and all(i < j < len(poses) - 1 for i, j in pairs)
     assert max(np.linalg.norm(poses[i, :3, 3] - poses[j, :3, 3]) for i, j in pairs) < 1.5
@@ -134,6 +134,6 @@ def test_only_what_is_clearly_alike_is_matched() -> None:
     other = np.clip(known[::-1].astype(int) + rng.integers(-6, 7, known.shape), 0, 255).astype(np.uint8)
     other[5] = other[6]  # two that are the same: neither is clear
     places = np.zeros((40, 2))
-    found = {(int(a), int(b)) for a, b in alike(Features(places, known), Features(places, other))}
+    found = {(int(a), int(b)) for a, b in match_features(Features(places, known), Features(places, other))}
     # That which the sixth was made of has no counterpart any more, and that of the seventh has two.
     assert found == {(39 - b, b) for b in range(40)} - {(34, 5), (33, 6)}

@@ -20,7 +20,7 @@ from nvsim.geometry.camera import Camera, Intrinsics
 from nvsim.geometry.lens import Lens
 from nvsim.poses import overlap
 from nvsim.poses.agreement import angles_to_arcs, directions
-from nvsim.poses.features import alike, find_features
+from nvsim.poses.features import find_features, match_features
 from nvsim.poses.finding import contradictions, with_poses
 
 POSES = room.walk()
@@ -47,8 +47,8 @@ def remembered() -> Iterator[None]:
 
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(overlap, "find_features", once(find_features, lambda image, most: (image.tobytes(), most)))
-        pair = once(alike, lambda one, other: (one.descriptors.tobytes(), other.descriptors.tobytes()))
-        patch.setattr(overlap, "alike", pair)
+        pair = once(match_features, lambda one, other: (one.descriptors.tobytes(), other.descriptors.tobytes()))
+        patch.setattr(overlap, "match_features", pair)
         yield
 
 

@@ -6,7 +6,7 @@ import numpy as np
 import pycolmap
 import pytest
 
-from nvsim.poses.features import Features, most_alike
+from nvsim.poses.features import Features, match_descriptors
 from nvsim.poses.guided_matching import guided_pairs
 from nvsim.poses.match_database import Keypoints
 
@@ -27,13 +27,13 @@ def test_vectors_in_parts_match_like_all_at_once() -> None:
     clear = (back[best] == np.arange(700)) & (1 - first[:, 0] < 0.64 * (1 - first[:, 1]))
     expected = np.stack([np.flatnonzero(clear), best[clear]], axis=1)
     assert 300 < len(expected) < 700
-    np.testing.assert_array_equal(most_alike(one, other, 0.8), expected)
+    np.testing.assert_array_equal(match_descriptors(one, other, 0.8), expected)
 
 
 def test_only_allowed_vectors_match() -> None:
     one = _unit(np.eye(4, 128))
     allowed = np.array([[False, True, False, False]] + [[True] * 4] * 3)
-    found = most_alike(one, one, 0.99, lambda rows: allowed[rows])
+    found = match_descriptors(one, one, 0.99, lambda rows: allowed[rows])
     assert [0, 0] not in found.tolist() and [1, 1] in found.tolist()
 
 

@@ -12,7 +12,7 @@ import pytest
 from nvsim.capture.store import save_capture
 from nvsim.capture.types import Alignment, Capture, Cloud, Frame
 from nvsim.errors import InputError
-from nvsim.geometry.camera import look
+from nvsim.geometry.camera import camera_pose
 from nvsim.geometry.lens import Lens
 from nvsim.perception.hybrid import HybridSteps
 from nvsim.project import ledger
@@ -30,7 +30,7 @@ def project(tmp_path: Path):
     lens = Lens("PINHOLE", 160, 120, (100.0, 100.0, 80.0, 60.0))
     frames = []
     for i in range(6):
-        pose = look(np.array([0.3 * i - 0.9, 0.2 * i, 1.5]), 0.0, math.radians(-25))
+        pose = camera_pose(np.array([0.3 * i - 0.9, 0.2 * i, 1.5]), 0.0, math.radians(-25))
         frame = Frame(f"{i}.png", tmp_path / f"{i}.png", lens, pose)
         rays = frame.camera.rays()
         ground = pose[:3, 3] + (-pose[2, 3] / np.minimum(rays[..., 2], -1e-6))[..., None] * rays

@@ -13,7 +13,7 @@ from nvsim.capture.store import save_capture
 from nvsim.capture.types import Alignment, Capture, Frame
 from nvsim.errors import InputError
 from nvsim.events import silent
-from nvsim.geometry.camera import look
+from nvsim.geometry.camera import camera_pose
 from nvsim.geometry.lens import Lens
 from nvsim.perception.segment import read_mask
 from nvsim.project import ledger
@@ -41,7 +41,7 @@ def project(tmp_path: Path):
     for i in range(12):
         path = tmp_path / f"{i}.png"
         cv2.imwrite(str(path), np.full((HEIGHT, WIDTH, 3), 10 * i, np.uint8))
-        pose = look(np.array([0.0, 0.5 * i, 1.5]), 0.0, math.radians(-40))
+        pose = camera_pose(np.array([0.0, 0.5 * i, 1.5]), 0.0, math.radians(-40))
         frames.append(Frame(f"walk/cam 0/{i}.png", path, lens, pose))
     capture = Capture(tmp_path, "nerfstudio", tuple(frames), None, Alignment.identity())
     with Project.create_or_open(tmp_path / "house.nvsim") as opened:

@@ -20,7 +20,7 @@ from nvsim.capture.store import save_capture
 from nvsim.capture.types import Alignment, Capture, Cloud, Frame
 from nvsim.errors import InputError
 from nvsim.events import Done, Event, Log, Warning
-from nvsim.geometry.camera import look
+from nvsim.geometry.camera import camera_pose
 from nvsim.geometry.lens import Lens
 from nvsim.perception.failures import NAME, Failures, read_failures
 from nvsim.perception.segment import read_mask
@@ -32,7 +32,7 @@ from nvsim.project.project import Project
 from nvsim.project.stages import floors
 from nvsim.submaps.split import Submap
 
-POSE = look(np.array([0.0, 0.0, 1.5]), 0.0, math.radians(-25))
+POSE = camera_pose(np.array([0.0, 0.0, 1.5]), 0.0, math.radians(-25))
 WIDTH, HEIGHT = 160, 120
 
 

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from nvsim.project import ledger
-from nvsim.project.earlier_results import discard, kept_results, restore, what_is_replaced
+from nvsim.project.earlier_results import discard, kept_results, replaced_result_sentence, restore
 from nvsim.project.project import Project
 from nvsim.submaps.split import Submap
 
@@ -45,7 +45,7 @@ def test_each_model_replaces_one_and_the_models_before_the_batch_are_restored(pr
     assert project.stage_results().kept == frozenset()
     assert train(project, 0, 16) and in_use(project) == ["16", "12"]
     assert train(project, 1, 16) and in_use(project) == ["16", "16"]
-    assert "16 steps" in what_is_replaced(project, "train")
+    assert "16 steps" in replaced_result_sentence(project, "train")
     assert "12 steps" in restore(project, "train") and in_use(project) == ["12", "12"]
     assert ledger.trained_key(project, 0) == "0 12" and ledger.is_current(project, "train", "1 12", 1)
     assert "16 steps" in restore(project, "train") and in_use(project) == ["16", "16"]
@@ -69,11 +69,11 @@ def test_a_submap_that_is_trained_again_in_its_batch_starts_another_batch(projec
 
 def test_models_of_another_cut_wait_until_all_are_trained(project: Project) -> None:
     project.set_submaps(cut(3))
-    assert project.is_former("train") and len(project.submaps("train")) == 2
+    assert project.uses_previous_submaps("train") and len(project.submaps("train")) == 2
     assert not train(project, 0, 16) and not train(project, 2, 16)
-    assert ledger.waiting(project) == (0, 2) and in_use(project) == ["12", "12"]
-    assert train(project, 1, 16) and ledger.waiting(project) == ()
-    assert in_use(project) == ["16", "16", "16"] and not project.is_former("train")
+    assert ledger.waiting_submaps(project) == (0, 2) and in_use(project) == ["12", "12"]
+    assert train(project, 1, 16) and ledger.waiting_submaps(project) == ()
+    assert in_use(project) == ["16", "16", "16"] and not project.uses_previous_submaps("train")
     restore(project, "train")
     assert in_use(project) == ["12", "12"] and not project.layout.model(2).exists()
 

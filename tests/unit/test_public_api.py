@@ -31,6 +31,18 @@ def test_a_public_name_is_a_class_or_function_with_a_docstring(name: str) -> Non
     assert value.__doc__
 
 
+def test_every_method_of_a_public_class_has_a_docstring() -> None:
+    classes = {value for name in nvsim.__all__ if isinstance(value := getattr(nvsim, name), type)}
+    missing = [
+        f"{found.__name__}.{name}"
+        for found in classes
+        for name, member in vars(found).items()
+        if not name.startswith("_") and isinstance(member, types.FunctionType | property | classmethod | staticmethod)
+        if not inspect.getdoc(member)
+    ]
+    assert len(classes) > 10 and missing == []
+
+
 def test_the_lines_of_the_page_name_the_module_of_each_name() -> None:
     rows = re.findall(r"^\| `(\w+).*\| `([\w.]+)` \|$", PAGE.read_text(), re.MULTILINE)
     assert {name: getattr(nvsim, name).__module__ for name, _ in rows} == dict(rows)

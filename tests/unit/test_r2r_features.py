@@ -24,7 +24,7 @@ from nvsim.cli.main import main
 from nvsim.errors import InputError
 from nvsim.events import Event, Progress
 from nvsim.files.locking import Held
-from nvsim.geometry.camera import Camera, Intrinsics, look
+from nvsim.geometry.camera import Camera, Intrinsics, camera_pose
 from nvsim.r2r.features import layouts, trunk
 from nvsim.r2r.features.backbone import Projection, Width
 from nvsim.r2r.features.exported_scan import read_exported_scans
@@ -143,7 +143,7 @@ def test_views_that_are_missing_are_sampled_from_the_strip(tmp_path: Path) -> No
     intrinsics = Intrinsics(64, 48, focal, focal, 32, 24)
     expected = []
     for view in range(36):
-        pose = look(np.zeros(3), math.radians(30 * (view % 12)), math.radians(30 * (view // 12 - 1)))
+        pose = camera_pose(np.zeros(3), math.radians(30 * (view % 12)), math.radians(30 * (view // 12 - 1)))
         expected.append(sky(Camera(intrinsics, pose).rays()).mean(axis=(0, 1)))
     found = read_hdf5(path, "Hall_hall000", 512)
     np.testing.assert_allclose(found, (np.array(expected) / 255 - MEAN) / STD @ weights(512), atol=0.2)

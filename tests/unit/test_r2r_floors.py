@@ -13,7 +13,7 @@ from nvsim.r2r.instructions.cues import Cue, cues_along
 from nvsim.r2r.surroundings.doorways import doorways_between, kinds_of
 from nvsim.r2r.surroundings.floor_kinds import FLOORS, floor_kinds, floors_differ
 from nvsim.r2r.surroundings.layers import CELL, Layers, layers_of
-from nvsim.r2r.surroundings.seen import PIXEL, FloorPatch, Seen, floor_patch
+from nvsim.r2r.surroundings.seen import PIXEL, FloorPatch, ViewFromViewpoint, floor_patch
 from nvsim.r2r.surroundings.survey import Surroundings
 
 Paint = Callable[[NDArray[np.float64], NDArray[np.float64]], NDArray[np.float64]]
@@ -51,7 +51,7 @@ def layers(paint: Paint, turned: float = 0.0) -> Layers:
     c, s = np.cos(np.radians(turned)), np.sin(np.radians(turned))
     image = paint(c * x - s * y + 20, s * x + c * y + 20).clip(0, 255).astype(np.uint8)
     viewpoint = Viewpoint("v", (SIDE / 2, SIDE / 2, 1.5))
-    seen = Seen(
+    seen = ViewFromViewpoint(
         viewpoint,
         np.zeros((4, 24), np.float32),
         np.zeros((0, 3), np.float32),
@@ -141,11 +141,11 @@ def test_a_patch_is_the_floor_from_above() -> None:
     assert patch.seen[count // 2, count // 2] and not patch.seen[0, 0]  # 1.5 m below, and farther in the corner
 
 
-def seen_at(id: str, x: float, floor: float) -> Seen:
+def seen_at(id: str, x: float, floor: float) -> ViewFromViewpoint:
     empty = FloorPatch((0.0, 0.0), np.zeros((0, 0, 3), np.uint8), np.zeros((0, 0), bool))
     viewpoint = Viewpoint(id, (x, 0.0, floor + 1.5), height=1.5)
     nothing = np.zeros((0, 3), np.float32)
-    return Seen(viewpoint, np.zeros((4, 24), np.float32), nothing, nothing.astype(np.uint8), empty)
+    return ViewFromViewpoint(viewpoint, np.zeros((4, 24), np.float32), nothing, nothing.astype(np.uint8), empty)
 
 
 def test_viewpoints_on_stairs_belong_to_no_storey_and_do_not_join_two() -> None:

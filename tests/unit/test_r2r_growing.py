@@ -11,7 +11,7 @@ import pytest
 from nvsim.benchmarks.map_builder import hall
 from nvsim.evaluation.scan import straight_view
 from nvsim.evaluation.scan_files import compass
-from nvsim.geometry.camera import Camera, Intrinsics, look
+from nvsim.geometry.camera import Camera, Intrinsics, camera_pose
 from nvsim.r2r.observations.growing import GrowingSurround, PlacesSeen
 from nvsim.r2r.observations.surround import draw_surround
 from nvsim.render.model import render_model
@@ -30,7 +30,7 @@ def model() -> SubmapModel:
 
 
 def looking(heading: float, elevation: float, k: Intrinsics = VIEW) -> Camera:
-    return Camera(k, look(HERE, heading, elevation))
+    return Camera(k, camera_pose(HERE, heading, elevation))
 
 
 @pytest.mark.parametrize("fov", [40, 75, 120])
@@ -78,7 +78,7 @@ def test_places_are_kept_as_long_as_memory_allows(model: SubmapModel) -> None:
     seen = PlacesSeen(3 * one)
     for x in (1.5, 2.0, 2.5, 3.0, 2.5):
         k = Intrinsics(120, 90, 80.0, 80.0, 60.0, 45.0)
-        seen.image(model, Camera(k, look(np.array([x, 1.5, 1.3]), 0.0)), False)
+        seen.image(model, Camera(k, camera_pose(np.array([x, 1.5, 1.3]), 0.0)), False)
     assert [key[0] for key in seen._places] == [2.0, 3.0, 2.5]
     small = PlacesSeen(0)
     small.image(model, looking(0, 0), False)
@@ -89,7 +89,7 @@ def test_places_are_kept_as_long_as_memory_allows(model: SubmapModel) -> None:
 
 
 def test_a_straight_view_looks_where_the_camera_does() -> None:
-    camera = Camera(Intrinsics.from_fov(200, 150, math.radians(75)), look(HERE, 1.0, 0.3))
+    camera = Camera(Intrinsics.from_fov(200, 150, math.radians(75)), camera_pose(HERE, 1.0, 0.3))
     seen = 2 * straight_view(compass(), camera) - 1
     np.testing.assert_allclose(seen, camera.rays(), atol=2e-3)
 

@@ -17,7 +17,7 @@ from nvsim.cli.main import main
 from nvsim.graph.paths import Ways
 from nvsim.graph.types import NavGraph, Viewpoint, edge
 from nvsim.r2r.instructions.cues import Cue
-from nvsim.r2r.instructions.generating import InstructedDataset, follow, instruct, say
+from nvsim.r2r.instructions.generating import InstructedDataset, describe_path, find_described_path, instruct
 from nvsim.r2r.instructions.ground import (
     DETAILS,
     TURNS,
@@ -224,7 +224,7 @@ def test_the_follower_is_one_that_weighs_all_paths_one_by_one() -> None:
         goal = min(paths, key=lambda path: abs(sum(leg.metres for leg in ground.legs(path, heading)) - 3))
         said = rounded(ground.legs(goal, heading), "words")
         best = min((cost, path) for path in paths for cost in costs(path, heading, said))
-        found = follow(ground, start, heading, said)
+        found = find_described_path(ground, start, heading, said)
         assert found is not None and min(costs(found, heading, said)) == pytest.approx(best[0])
         compared += 1
     assert compared > 15
@@ -232,9 +232,9 @@ def test_the_follower_is_one_that_weighs_all_paths_one_by_one() -> None:
 
 def test_nobody_can_follow_what_fits_no_path() -> None:
     ground = row_of((0, 0, 1), (0, 2, 1), (0, 4, 1))
-    assert follow(ground, 0, 0.0, [Leg(0.0, 4.0, "level")]) == [0, 1, 2]
-    assert follow(ground, 0, 0.0, [Leg(math.pi, 4.0, "level")]) is None
-    assert follow(ground, 0, 0.0, [Leg(0.0, 4.0, "up")]) is None
+    assert find_described_path(ground, 0, 0.0, [Leg(0.0, 4.0, "level")]) == [0, 1, 2]
+    assert find_described_path(ground, 0, 0.0, [Leg(math.pi, 4.0, "level")]) is None
+    assert find_described_path(ground, 0, 0.0, [Leg(0.0, 4.0, "up")]) is None
 
 
 @pytest.mark.parametrize(
@@ -255,7 +255,7 @@ def test_an_instruction_is_as_fine_as_it_has_to_be(
     ends = [edge("start", f"to{d}") for d in (69, *others)]
     graph = NavGraph("fork", {id: Viewpoint(id, (*p, 1.5)) for id, p in at.items()}, {e.key: e for e in ends})
     ground = Ground(Ways.of(graph))
-    (said,), how, again = say(ground, [ground.row["start"], ground.row["to69"]], 0.0)
+    (said,), how, again = describe_path(ground, [ground.row["start"], ground.row["to69"]], 0.0)
     assert (how, again, round(math.degrees(said.turn))) == (detail, found, said_turn)
 
 
@@ -277,9 +277,9 @@ def test_a_register_has_its_length_and_its_unit(register: Register) -> None:
 def test_a_rough_distance_is_understood_and_paces_are_counted() -> None:
     ground = row_of(*((0, float(y), 1) for y in range(12)))
     rough = rounded([Leg(0.0, 2.2, "level", measure="roughly")], "words")
-    assert rough[0].metres == 2.5 and follow(ground, 0, 0.0, rough) is None  # 2 or 3 m
+    assert rough[0].metres == 2.5 and find_described_path(ground, 0, 0.0, rough) is None  # 2 or 3 m
     paces = rounded([Leg(0.0, 4.1, "level", measure="paces")], "words")
-    assert paces[0].metres == pytest.approx(4) and follow(ground, 0, 0.0, paces) == [0, 1, 2, 3, 4]
+    assert paces[0].metres == pytest.approx(4) and find_described_path(ground, 0, 0.0, paces) == [0, 1, 2, 3, 4]
     assert "eight " in short_instruction(paces, "words", Random(0))
     words = short_instruction(rough, "words", Random(0))
     assert any(word in words for word in ("few", "some", "couple", "little", "handful"))
@@ -291,7 +291,7 @@ def test_a_leg_goes_around_a_bend_if_the_text_does_not_mention_it() -> None:
     forms = list(ground.legs_with_bends(range(3), 0.0))
     assert [len(legs) for legs in forms] == [1, 2]
     assert forms[0][0].metres == pytest.approx(6) and forms[0][0].turn == 0
-    assert follow(ground, 0, 0.0, forms[0]) == [0, 1, 2]
+    assert find_described_path(ground, 0, 0.0, forms[0]) == [0, 1, 2]
 
 
 def test_statistics_are_those_of_the_words() -> None:

@@ -23,7 +23,7 @@ from export_samples import save_jpeg, sky, strip
 from task_samples import as_agents_load, exported, house
 
 from nvsim.cli.main import main
-from nvsim.geometry.camera import Camera, Intrinsics, look
+from nvsim.geometry.camera import Camera, Intrinsics, camera_pose
 from nvsim.graph.types import NavGraph
 from nvsim.r2r.prompted.mapgpt_episode import Places
 from nvsim.r2r.prompted.views import bearing
@@ -120,7 +120,8 @@ def test_the_views_look_along_the_path(scans: Path, tmp_path: Path) -> None:
             headings = [task.heading, *(way.heading for way in ways)]
             middles = [_middle(url) for url in asked.images[: len(headings)]]
             wanted = [
-                sky(Camera(Intrinsics(1, 1, 1, 1, 0.5, 0.5), look(np.zeros(3), h or 0)).rays()[0, 0]) for h in headings
+                sky(Camera(Intrinsics(1, 1, 1, 1, 0.5, 0.5), camera_pose(np.zeros(3), h or 0)).rays()[0, 0])
+                for h in headings
             ]
             if np.abs(np.array(middles) - np.array(wanted, float)).max() < 8:
                 checked += 1

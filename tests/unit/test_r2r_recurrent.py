@@ -30,7 +30,7 @@ from nvsim.r2r.recurrent.config import LearningConfig, ModelConfig
 from nvsim.r2r.recurrent.dataset import Vocabulary, held_out, read_dataset, words_of
 from nvsim.r2r.recurrent.rollout import Rollout, Step, Walkers, angle_feature, read_words, roll_out, walked
 from nvsim.r2r.recurrent.saved_agent import read_about, read_model
-from nvsim.r2r.recurrent.trainer import Trainer, actor_critic, imitation, rewards_of, teacher_of
+from nvsim.r2r.recurrent.trainer import Trainer, actor_critic, imitation_loss, rewards_of, teacher_actions
 from nvsim.r2r.recurrent.training import CHECKPOINT, read_curves, train_agent
 from nvsim.r2r.recurrent.world import STOP, World, read_world
 
@@ -141,7 +141,7 @@ def test_gradients_reach_every_part(folder: Path) -> None:
     episodes, model, world = trainer.train[:8], trainer.model, trainer.world
     read = read_words(model, episodes)
     own = roll_out(model, world, episodes, read, "mixed", 8, critic=True)
-    loss = imitation(own, teacher_of(own, world, episodes, "mixed"))
+    loss = imitation_loss(own, teacher_actions(own, world, episodes, "mixed"))
     (loss + actor_critic(own, rewards_of(own, world, episodes), QUICK)).backward()
     for name, parameter in model.named_parameters():
         assert parameter.grad is not None and parameter.grad.abs().sum() > 0, name
@@ -157,7 +157,7 @@ def test_losses_are_those_of_their_formulas(trainer: Trainer) -> None:
     rollout = Rollout(Walkers(trainer.world, trainer.train[:2], 4), steps)
     p0, p1, p2 = scores[0, :2].softmax(0), scores[1].softmax(0), last[0].softmax(0)
     known = -(p0[1].log() + p2[1].log()) / 2
-    assert imitation(rollout, [np.array([1, -1]), np.array([1])]).item() == pytest.approx(known.item(), abs=1e-6)
+    assert imitation_loss(rollout, [np.array([1, -1]), np.array([1])]).item() == pytest.approx(known.item(), abs=1e-6)
     rewards = [np.array([-2, 1], np.float32), np.array([2], np.float32)]
     expected = 0.0
     for p, slot, value, gain in ((p0, 0, 0.5, -2.0), (p1, 2, -1.0, 1 + 0.9 * 2.0), (p2, 0, 0.25, 2.0)):

@@ -12,7 +12,7 @@ from nvsim.cli.main import main
 from nvsim.errors import InputError
 from nvsim.graph.types import Edge, NavGraph, Viewpoint, edge
 from nvsim.r2r.metrics.distances import Distances
-from nvsim.r2r.reviewing import episodes, export_reviewed, fault, read_folder
+from nvsim.r2r.reviewing import export_reviewed, read_folder, scored_episodes, task_error
 from nvsim.r2r.tasks.task import Task, read_tasks, write_tasks
 
 TASK = Task(7, "house", ("a", "b", "c"), 1.5, ("Go on.",), 4.0)
@@ -57,7 +57,7 @@ def _fault(edges: str, places: dict[str, tuple[float, float, float]]) -> str:
         {id: Viewpoint(id, place) for id, place in places.items()},
         {(e[0], e[1]): Edge(e[0], e[1]) for e in edges.split()},
     )
-    return fault(TASK, Distances(graph))
+    return task_error(TASK, Distances(graph))
 
 
 def test_an_edited_graph_names_what_it_breaks() -> None:
@@ -111,7 +111,7 @@ def test_each_instruction_is_scored_by_its_own_trajectory() -> None:
     graph = NavGraph("house", {id: Viewpoint(id, p) for id, p in at.items()}, {e.key: e for e in edges})
     task = replace(TASK, instructions=("Go on.", "Walk.", "Run."))
     walks = {"7_0": [("a", 0.0, 0.0)], "7_2": [(id, 0.0, 0.0) for id in "abc"]}
-    found = episodes([task, replace(task, path_id=8)], walks, Distances(graph))
+    found = scored_episodes([task, replace(task, path_id=8)], walks, Distances(graph))
     assert {id: (one.ne, one.success, one.spl) for id, one in found.items()} == {
         "7_0": (8.0, False, 0.0),
         "7_2": (0.0, True, 1.0),

@@ -19,7 +19,7 @@ import numpy as np
 import pytest
 from scan_samples import IDS, graph, scan_project, two_rooms
 
-from nvsim.cluster.choice import opened
+from nvsim.cluster.choice import open_executor
 from nvsim.cluster.config import ClusterConfig
 from nvsim.cluster.piece import Order, Piece
 from nvsim.errors import InputError
@@ -86,10 +86,10 @@ def test_single_faces_are_those_of_the_strip(whole):
 
 
 def test_the_editor_shows_a_strip_as_the_panorama_of_the_model(project, whole):
-    from nvsim.graph.foreign.beside import look_beside, panorama
+    from nvsim.graph.foreign.beside import find_files_beside, panorama
     from nvsim.render.panorama import render_equirectangular
 
-    beside = look_beside(whole / "connectivity" / "hall_connectivity.json", "hall")
+    beside = find_files_beside(whole / "connectivity" / "hall_connectivity.json", "hall")
     facing_y = np.array([[1, 0, 0], [0, 0, 1], [0, -1, 0]], float)
     shown = panorama(beside, IDS[0], facing_y, 256)[..., ::-1].astype(float)
     with Project.open(project) as opened:
@@ -329,7 +329,7 @@ def test_a_wall_hides_what_is_behind_it(tmp_path):
 def test_a_cluster_draws_what_this_machine_draws(project, whole, tmp_path, ray_head):
     settings = ScanSettings(size=64, faces=True, views=True)
     ours = content(whole)
-    with opened(ClusterConfig("ray", ray_head)) as executor:
+    with open_executor(ClusterConfig("ray", ray_head)) as executor:
         for storage in ("auto", "sent"):
             heard: list[object] = []
             export(project, tmp_path / storage, settings, listen=heard.append, executor=executor, storage=storage)

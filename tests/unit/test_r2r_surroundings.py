@@ -18,7 +18,7 @@ from nvsim.graph.paths import Ways
 from nvsim.graph.types import NavGraph
 from nvsim.r2r.instructions import short_wording as short
 from nvsim.r2r.instructions.cues import Cue, cues_along
-from nvsim.r2r.instructions.generating import follow, instruct, with_one_name_each
+from nvsim.r2r.instructions.generating import find_described_path, instruct, with_one_name_each
 from nvsim.r2r.instructions.ground import Ground, Leg
 from nvsim.r2r.instructions.phrases import THINGS, TURNS, Names
 from nvsim.r2r.instructions.short_wording import short_instruction
@@ -42,7 +42,7 @@ from nvsim.r2r.surroundings.layers import CELL, layers_of
 from nvsim.r2r.surroundings.naming import COLOURS, NAMELESS, Outline, Shape, lab_of, names_of, shape_of
 from nvsim.r2r.surroundings.seen import look_around
 from nvsim.r2r.surroundings.survey import Surroundings, surroundings_of
-from nvsim.r2r.surroundings.things import Thing
+from nvsim.r2r.surroundings.things import FloorObject
 from nvsim.r2r.tasks.shortest import Bounds
 from nvsim.r2r.tasks.splitting import SPLITS, Amounts, sample_tasks
 
@@ -110,14 +110,14 @@ def test_sight_tells_apart_what_turns_and_metres_do_not(house: Seen) -> None:
     plain, seeing = Ground(ways), Ground(ways, seen)
     rows = [seeing.row[id] for id in "bcfg"]
     somehow = Leg(0.0, None, "level")
-    assert follow(plain, rows[0], math.radians(90), [somehow]) is None  # it may end anywhere
+    assert find_described_path(plain, rows[0], math.radians(90), [somehow]) is None  # it may end anywhere
     said = [Leg(0.0, None, "level", frozenset([Cue("through", "1"), Cue("into", "corridor")]))]
-    found = follow(seeing, rows[0], math.radians(90), said)
+    found = find_described_path(seeing, rows[0], math.radians(90), said)
     assert found is None or found[:3] == rows[:3]
     ends = [Leg(0.0, 5.5, "level", frozenset([Cue("through", "1")]))]
-    assert follow(seeing, rows[0], math.radians(90), ends) == rows
+    assert find_described_path(seeing, rows[0], math.radians(90), ends) == rows
     nowhere = [Leg(0.0, 5.5, "level", frozenset([Cue("past", "green sofa", "left")]))]
-    assert follow(seeing, rows[0], math.radians(90), nowhere) == rows  # the best there is
+    assert find_described_path(seeing, rows[0], math.radians(90), nowhere) == rows  # the best there is
 
 
 def test_instructions_name_what_is_seen_and_are_followed_again(house: Seen) -> None:
@@ -342,7 +342,7 @@ def test_an_object_behind_a_doorway_is_not_in_front_of_one_who_has_not_gone_thro
 
 def test_one_name_stands_for_one_object_of_an_instruction() -> None:
     looks: list[tuple[str, Shape]] = [("red", "sofa"), ("blue", "chair"), ("red", "sofa")]
-    things = tuple(Thing(*look, np.zeros((1, 2)), np.zeros((1, 3)), 0.8, (2.0, 0.8)) for look in looks)
+    things = tuple(FloorObject(*look, np.zeros((1, 2)), np.zeros((1, 3)), 0.8, (2.0, 0.8)) for look in looks)
     steps = [("a", "b"), ("b", "c")]
     seen = Surroundings(
         things,

@@ -18,7 +18,7 @@ from nvsim.cli.main import main
 from nvsim.errors import InputError
 from nvsim.graph.paths import Ways
 from nvsim.graph.types import NavGraph, Viewpoint, edge
-from nvsim.r2r.tasks.joining import spread
+from nvsim.r2r.tasks.joining import by_increasing_use
 from nvsim.r2r.tasks.shortest import Bounds, ShortestPaths, eligible_paths
 from nvsim.r2r.tasks.splitting import SPLITS, Amounts, Dataset, sample_tasks
 from nvsim.r2r.tasks.task import read_tasks, write_tasks
@@ -131,7 +131,7 @@ def test_the_same_seed_gives_the_same_tasks_and_another_gives_others() -> None:
 def test_spread_paths_cover_a_building_sooner_than_random_ones() -> None:
     found = eligible_paths(Ways.of(house("house", 8)), Bounds())
     paths = [found.path(i) for i in range(len(found.rows))]
-    order = list(spread(paths, Random(0)))
+    order = list(by_increasing_use(paths, Random(0)))
     assert sorted(order) == list(range(len(paths)))
 
     def covered(chosen: list[int]) -> int:
@@ -144,7 +144,7 @@ def test_spread_paths_cover_a_building_sooner_than_random_ones() -> None:
 def test_spread_takes_the_least_used_path_as_one_by_one_counting_does() -> None:
     found = eligible_paths(Ways.of(house("house", 2)), Bounds())
     paths = [found.path(i) for i in range(len(found.rows))]
-    order = list(spread(paths, Random(0)))
+    order = list(by_increasing_use(paths, Random(0)))
     use, ends = dict.fromkeys(range(100), 0), dict.fromkeys(range(100), 0)
     left = set(range(len(paths)))
     for i in order:

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from nvsim.geometry.camera import Camera, Intrinsics, look
+from nvsim.geometry.camera import Camera, Intrinsics, camera_pose
 from nvsim.geometry.floor_surface import FloorSurface
 from nvsim.perception.line_kernels import is_shown
 from nvsim.perception.raised_lines import LineConfig, RaisedLines, raised_lines, standing_places
@@ -23,7 +23,7 @@ def cameras() -> list[Camera]:
     found = []
     for y, heading in ((-1.3, 0.0), (1.3, np.pi)):
         for x in np.linspace(-1.2, 1.2, 7):
-            found.append(Camera(LENS, look(np.array([x, y, FLOOR + 1.3]), heading + 0.1 * x, np.radians(-30))))
+            found.append(Camera(LENS, camera_pose(np.array([x, y, FLOOR + 1.3]), heading + 0.1 * x, np.radians(-30))))
     return found
 
 
@@ -102,7 +102,7 @@ def test_one_camera_alone_is_not_believed() -> None:
 
 
 def test_nothing_leads_over_what_stands() -> None:
-    view = Camera(LENS, look(np.array([0.0, -1.5, 1.5]), 0.0, np.radians(-45)))
+    view = Camera(LENS, camera_pose(np.array([0.0, -1.5, 1.5]), 0.0, np.radians(-45)))
     masks = [np.ones((LENS.height, LENS.width), bool)] * 2
     bar = np.column_stack([np.arange(-0.5, 0.5, 0.05), np.zeros(20)])
     known = observe([view, view], masks, FloorSurface.flat(0.0), None, raised=bar)

@@ -21,7 +21,7 @@ from nvsim.building.truth import floor_mask, normals
 from nvsim.capture.types import Cloud
 from nvsim.cli.main import main
 from nvsim.errors import InputError
-from nvsim.geometry.camera import Camera, Intrinsics, look
+from nvsim.geometry.camera import Camera, Intrinsics, camera_pose
 from nvsim.geometry.floor_surface import FloorSurface
 from nvsim.networks.installed import model_at
 from nvsim.perception.cloud_labels import FLOOR, OTHER, UNKNOWN, CloudLabels
@@ -205,7 +205,7 @@ def test_a_few_points_before_the_floor_are_no_thing_for_certain_and_a_board_of_m
     )
     heights = (0.0, 0.7, 0.7)
     points = np.concatenate([np.c_[xy, np.full(len(xy), z)] for xy, z in zip((floor, board, mixed), heights)])
-    camera = Camera(Intrinsics.from_fov(160, 120, 1.2), look(np.array([0.0, 0.0, 1.5]), 0.0, np.radians(-60)))
+    camera = Camera(Intrinsics.from_fov(160, 120, 1.2), camera_pose(np.array([0.0, 0.0, 1.5]), 0.0, np.radians(-60)))
     said, _ = CloudLabels(Cloud(points.astype(np.float32), None, "lidar")).of(camera, FloorSurface.flat(0.0))
 
     def at(x: float) -> np.ndarray:
@@ -222,7 +222,7 @@ def test_a_cloud_says_nothing_of_what_has_another_colour_than_it() -> None:
     points = np.column_stack([grid + rng.normal(0, 0.003, grid.shape), np.zeros(len(grid))]).astype(np.float32)
     brown = np.full((len(points), 3), (150, 110, 70), np.uint8)
     labels = CloudLabels(Cloud(points, brown, "lidar"))
-    camera = Camera(Intrinsics.from_fov(160, 120, 1.2), look(np.array([0.0, 0.0, 1.5]), 0.0, np.radians(-60)))
+    camera = Camera(Intrinsics.from_fov(160, 120, 1.2), camera_pose(np.array([0.0, 0.0, 1.5]), 0.0, np.radians(-60)))
     image = np.full((120, 160, 3), (105, 77, 49), np.uint8)  # the same floor, darker exposed
     image[40:80, 60:100] = 20  # a seat, which the cloud lacks
     blind, seen = (labels.of(camera, FloorSurface.flat(0.0), shown) for shown in (None, image))

@@ -6,14 +6,14 @@ import numpy as np
 import pytest
 from painted_background import render_background
 
-from nvsim.geometry.camera import Camera, Intrinsics, look
+from nvsim.geometry.camera import Camera, Intrinsics, camera_pose
 from nvsim.geometry.directions import cube, ring
 from nvsim.geometry.floor_surface import FloorSurface
 from nvsim.render.model import render_gaussians, render_model
 from nvsim.splats.harmonics import basis
 from nvsim.splats.types import Background, FloorTexture, Gaussians, SubmapModel
 
-CAMERA = Camera(Intrinsics(57, 43, 40.0, 44.0, 25.0, 20.0), look(np.array([2.0, 1.5, 1.4]), 0.6, -0.5))
+CAMERA = Camera(Intrinsics(57, 43, 40.0, 44.0, 25.0, 20.0), camera_pose(np.array([2.0, 1.5, 1.4]), 0.6, -0.5))
 
 
 def network(seed=0):
@@ -87,7 +87,7 @@ def test_far_floor_fades_to_the_mean_of_its_texture_instead_of_aliasing():
     checks = np.indices((400, 400)).sum(0) % 2 * 2.0 - 1
     fine = FloorTexture((np.repeat(checks[..., None], 3, 2).astype(np.float32),), (-10.0, -10.0), (10.0, 10.0))
     model = SubmapModel(Gaussians.empty(), None, fine, FloorSurface.flat(0))
-    camera = Camera(Intrinsics.from_fov(96, 64, 1.2), look(np.array([0.0, -9.0, 1.5]), 0.0))
+    camera = Camera(Intrinsics.from_fov(96, 64, 1.2), camera_pose(np.array([0.0, -9.0, 1.5]), 0.0))
     image = render_background(model, camera)
     distance = model.floor.meet(camera.position, camera.rays())
     far = np.isfinite(distance) & (distance > 9)

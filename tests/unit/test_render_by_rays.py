@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from nvsim.geometry.camera import Camera, Intrinsics, look
+from nvsim.geometry.camera import Camera, Intrinsics, camera_pose
 from nvsim.geometry.floor_surface import FloorSurface
 from nvsim.render.by_rays import draw_by_rays, is_wide
 from nvsim.render.kernel_types import EPS2D
@@ -26,7 +26,7 @@ def around_the_eye(seed: int, count: int, widest: float = 0.6) -> Gaussians:
 
 
 def camera(heading: float = 0.4, pitch: float = -0.8, size: tuple[int, int] = (50, 36)) -> Camera:
-    return Camera(Intrinsics.from_fov(*size, np.radians(100)), look(np.array([0.1, -0.2, 0.05]), heading, pitch))
+    return Camera(Intrinsics.from_fov(*size, np.radians(100)), camera_pose(np.array([0.1, -0.2, 0.05]), heading, pitch))
 
 
 def by_the_book(gaussians: Gaussians, view: Camera) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -83,7 +83,7 @@ def test_a_wall_beside_the_eye_does_not_lie_over_the_floor_at_its_feet() -> None
         *(np.ascontiguousarray(a, np.float32) for a in (means, scales, quats, np.full(len(means), 2.0))),
         np.zeros((len(means), 1, 3), np.float32),
     )
-    eye = Camera(Intrinsics.from_fov(192, 192, np.radians(100)), look(np.zeros(3), 0.0, -np.pi / 4))
+    eye = Camera(Intrinsics.from_fov(192, 192, np.radians(100)), camera_pose(np.zeros(3), 0.0, -np.pi / 4))
     floor = np.zeros((192, 192), bool)
     floor[120:185, 80:112] = True  # 0.1 to 0.9 m ahead, 0.3 m to either side
     splatted = render_gaussians(wall, eye, GEOMETRY)

@@ -11,16 +11,16 @@ import pytest
 import reference_splatting as reference
 import torch
 
-from nvsim.geometry.camera import Camera, Intrinsics, look
+from nvsim.geometry.camera import Camera, Intrinsics, camera_pose
 from nvsim.render.model import render_gaussians
 from nvsim.splats import harmonics
 from nvsim.splats.types import Gaussians
 
 ALL = frozenset({"rgb", "alpha", "depth", "normal"})
 CAMERAS = {
-    "centred": Camera(Intrinsics(64, 48, 55.0, 55.0, 32.0, 24.0), look(np.array([0.0, 0.0, 1.5]), 0.0)),
+    "centred": Camera(Intrinsics(64, 48, 55.0, 55.0, 32.0, 24.0), camera_pose(np.array([0.0, 0.0, 1.5]), 0.0)),
     "off-centre, size not of whole tiles": Camera(
-        Intrinsics(67, 43, 52.0, 60.0, 20.0, 31.5), look(np.array([0.4, -0.3, 1.2]), 0.7, -0.3)
+        Intrinsics(67, 43, 52.0, 60.0, 20.0, 31.5), camera_pose(np.array([0.4, -0.3, 1.2]), 0.7, -0.3)
     ),
 }
 

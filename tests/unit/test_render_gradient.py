@@ -7,11 +7,11 @@ import pytest
 import reference_splatting as reference
 import torch
 
-from nvsim.geometry.camera import Camera, Intrinsics, look
+from nvsim.geometry.camera import Camera, Intrinsics, camera_pose
 from nvsim.render.autograd import Statistics, rasterize
 
 NAMES = ("means", "log_scales", "quats", "opacity_logits", "sh")
-CAMERA = Camera(Intrinsics(41, 35, 30.0, 33.0, 17.0, 20.5), look(np.array([0.3, -0.4, 1.2]), 0.4, -0.1))
+CAMERA = Camera(Intrinsics(41, 35, 30.0, 33.0, 17.0, 20.5), camera_pose(np.array([0.3, -0.4, 1.2]), 0.4, -0.1))
 
 
 def scene(count=60, degree=3, seed=0):
@@ -109,7 +109,7 @@ def test_gaussians_out_of_view_get_zero_gradients():
 
 def test_several_views_may_wait_for_their_gradients_and_sum_up():
     tensors = scene(count=30)
-    other = Camera(CAMERA.intrinsics, look(np.array([0.5, -0.5, 1.1]), 0.6, 0.0))
+    other = Camera(CAMERA.intrinsics, camera_pose(np.array([0.5, -0.5, 1.1]), 0.6, 0.0))
     single = []
     for camera in (CAMERA, other):
         leaves = [t.clone().requires_grad_() for t in tensors]

@@ -94,11 +94,11 @@ def test_every_backend_draws_nothing_of_nothing(render):
 
 def test_without_a_card_auto_is_the_cpu_and_gsplat_is_refused(monkeypatch):
     monkeypatch.setattr(backends, "missing_for_gsplat", lambda: "PyTorch sees no CUDA card")
-    assert backends.chosen("auto") == backends.chosen("numba") == "numba"
+    assert backends.resolve_backend("auto") == backends.resolve_backend("numba") == "numba"
     with pytest.raises(InputError, match="no CUDA card.*numba"):
         render_gaussians(Gaussians.empty(), CAMERAS["centred"], backend="gsplat")
     monkeypatch.setattr(backends, "missing_for_gsplat", lambda: None)
-    assert backends.chosen("auto") == "gsplat"
+    assert backends.resolve_backend("auto") == "gsplat"
 
 
 @needs_gsplat

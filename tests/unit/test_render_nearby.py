@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from nvsim.geometry.camera import Camera, Intrinsics, look
+from nvsim.geometry.camera import Camera, Intrinsics, camera_pose
 from nvsim.geometry.floor_surface import FloorSurface
 from nvsim.render.by_rays import is_wide
 from nvsim.render.model import render_model
@@ -31,7 +31,7 @@ def hall(seed: int, count: int = 20_000) -> Gaussians:
 def view(seed: int, size: int = 96) -> tuple[Camera, np.ndarray]:
     """A view down from somewhere in the hall, and a part of its pixels."""
     r = np.random.default_rng(100 + seed)
-    pose = look(r.uniform(-5, 5, 3) * [1, 1, 0.2], r.uniform(0, 2 * np.pi), r.uniform(-np.pi / 2, 0.3))
+    pose = camera_pose(r.uniform(-5, 5, 3) * [1, 1, 0.2], r.uniform(0, 2 * np.pi), r.uniform(-np.pi / 2, 0.3))
     mask = np.zeros((size, size), bool)
     (x, y), (w, h) = r.integers(0, size - 20, 2), r.integers(1, size // 2, 2)
     mask[y : y + h, x : x + w] = True

@@ -10,7 +10,7 @@ import pytest
 
 from nvsim.benchmarks.panorama import furnished_hall, measure
 from nvsim.errors import InputError
-from nvsim.geometry.camera import Camera, Intrinsics, look
+from nvsim.geometry.camera import Camera, Intrinsics, camera_pose
 from nvsim.geometry.directions import cube, skybox
 from nvsim.geometry.floor_surface import FloorSurface
 from nvsim.render.backends import RenderOutput
@@ -111,7 +111,7 @@ def test_no_edge_between_views_can_be_seen():
 def test_a_panorama_is_what_a_narrow_view_shows(heading, elevation):
     model, width, size = sphere(), 512, 32
     image = render_equirectangular(model, HERE, width, width // 2)
-    pose = look(HERE, math.radians(heading), math.radians(elevation))
+    pose = camera_pose(HERE, math.radians(heading), math.radians(elevation))
     camera = Camera(Intrinsics.from_fov(size, size, size * 2 * math.pi / width), pose)
     rays = camera.rays()
     x = (np.arctan2(rays[..., 0], rays[..., 1]) / (2 * np.pi) + 0.5) * width - 0.5
@@ -141,7 +141,7 @@ def test_a_skybox_has_the_order_and_orientation_of_matterport():
     side, heading = 8, 1.1
     strip = skybox([f.rgb for f in render_cube(compass(), HERE, side, heading=heading)])
     assert strip.shape == (side, 6 * side, 3)
-    pose = look(HERE, heading)[:3, :3]
+    pose = camera_pose(HERE, heading)[:3, :3]
     for i, direction in enumerate(table):
         for row, column in ((0, 0), (1, 6), (7, 3)):
             u, r = (2 * (column + 0.5) / side - 1, 2 * (row + 0.5) / side - 1)

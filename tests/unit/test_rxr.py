@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from nvsim.cli.main import main
 from nvsim.dataset.rxr import guide_of, pose_trace_of
-from nvsim.geometry.camera import Camera, Intrinsics, look
+from nvsim.geometry.camera import Camera, Intrinsics, camera_pose
 from nvsim.r2r.tasks.task import Task
 
 KEYS = {"path_id", "split", "scan", "heading", "path", "instruction_id", "annotator_id", "language", "instruction"}
@@ -81,7 +81,7 @@ def test_weights_are_means_of_the_mask_in_each_of_the_36_views() -> None:
     mask, weights = found["image_mask"][1], found["feature_weights"][1]
     for view in range(36):
         heading, up = math.radians(30 * (view % 12)), math.radians(30 * (view // 12 - 1))
-        camera = Camera(Intrinsics.from_fov(160, 120, 2 * math.atan(math.tan(math.radians(30)) * 4 / 3)), look(
+        camera = Camera(Intrinsics.from_fov(160, 120, 2 * math.atan(math.tan(math.radians(30)) * 4 / 3)), camera_pose(
             np.zeros(3), heading, up
         ))  # fmt: skip
         x, y, z = np.moveaxis(camera.rays().astype(float), -1, 0)

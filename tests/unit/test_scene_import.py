@@ -10,7 +10,7 @@ import pytest
 from splat_rooms import any_rotation, box, joined, moved, rectangle, stair_house, table, two_rooms, without
 
 from nvsim.errors import InputError
-from nvsim.scene_import.cleaning import floaters, outside
+from nvsim.scene_import.cleaning import far_from_floor, floaters
 from nvsim.scene_import.levels import find_storeys
 from nvsim.scene_import.parts import find_stairs
 from nvsim.scene_import.scene import align_scene, points_of
@@ -179,7 +179,7 @@ def test_floaters_are_found_and_furniture_is_not():
     found = floaters(scene, levels, 1.5)
     assert found[len(room) :].mean() > 0.8
     assert found[: len(room)].mean() < 0.01
-    assert not outside(room, levels).any() and outside(beyond, levels).all()
+    assert not far_from_floor(room, levels).any() and far_from_floor(beyond, levels).all()
 
 
 def test_the_cover_of_a_slab_equals_a_sampled_reference():

@@ -15,7 +15,7 @@ import pytest
 from nvsim.cli.guard import guarded
 from nvsim.errors import InputError
 from nvsim.files import atomic
-from nvsim.files.databases import refused
+from nvsim.files.databases import sqlite_error
 from nvsim.files.locking import WriterLock
 from nvsim.graph.journal_file import JournalFile
 from nvsim.graph.types import NavGraph, Viewpoint
@@ -58,7 +58,7 @@ def test_the_sentence_names_the_owner_of_what_cannot_be_written(
     monkeypatch.setattr(os, "geteuid", lambda: 54321)
     error = sqlite3.OperationalError("attempt to write a readonly database")
     owner = atomic._user(os.getuid())
-    assert f"permission is denied, as {taken} belongs to {owner}; ask {owner}" in str(refused(taken, error))
+    assert f"permission is denied, as {taken} belongs to {owner}; ask {owner}" in str(sqlite_error(taken, error))
     monkeypatch.setattr(os, "access", lambda path, mode: Path(path) == taken)
     for path in (taken, tmp_path / "new" / "deeper.txt"):
         sentence = str(atomic.as_input_error(path, PermissionError(errno.EACCES, "Permission denied")))
@@ -166,4 +166,4 @@ def test_a_job_that_ended_on_a_full_disk_says_so(tmp_path: Path, monkeypatch: py
 def test_errors_of_databases_name_their_cause(tmp_path: Path, code: int, words: str) -> None:
     error = sqlite3.OperationalError("x")
     error.sqlite_errorcode = code
-    assert words in str(refused(tmp_path / "a.db", error))
+    assert words in str(sqlite_error(tmp_path / "a.db", error))

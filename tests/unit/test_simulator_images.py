@@ -12,7 +12,7 @@ import pytest
 from numpy.typing import NDArray
 
 from nvsim.benchmarks.simulator import write_made_scan
-from nvsim.geometry.camera import Camera, Intrinsics, look
+from nvsim.geometry.camera import Camera, Intrinsics, camera_pose
 from nvsim.geometry.directions import face_axes, face_rays
 from nvsim.r2r.simulator import Simulator
 from nvsim.r2r.simulator.compiled_drawing import draw_colours, draw_depth
@@ -34,7 +34,7 @@ def opened(folder: Path, depth: bool = False) -> Simulator:
 def camera(heading: float, elevation: float, width: int = 96, height: int = 64) -> Camera:
     focal = height / 2 / math.tan(math.radians(30))
     k = Intrinsics(width, height, focal, focal, width / 2, height / 2)
-    return Camera(k, look(np.zeros(3), heading, elevation))
+    return Camera(k, camera_pose(np.zeros(3), heading, elevation))
 
 
 def sampled(strip: NDArray[np.uint8], rays: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -57,7 +57,7 @@ def sampled(strip: NDArray[np.uint8], rays: NDArray[np.float64]) -> NDArray[np.f
 @pytest.mark.parametrize(("heading", "elevation"), [(0.0, 0.0), (0.8, 0.3), (2.4, -1.2), (3.9, 1.4), (5.5, -0.5)])
 def test_colours_are_those_of_the_slow_way(heading: float, elevation: float) -> None:
     strip = np.random.default_rng(0).integers(0, 256, (32, 192, 3)).astype(np.uint8)
-    rotation = look(np.zeros(3), 1.1, 0.2)[:3, :3]
+    rotation = camera_pose(np.zeros(3), 1.1, 0.2)[:3, :3]
     out = np.zeros((64, 96, 3), np.uint8)
     draw_colours(strip, rays_of(rotation, heading, elevation, 96, 64, math.radians(60))[0], out)
     expected = sampled(strip, camera(heading, elevation).rays().astype(float) @ rotation)

@@ -17,7 +17,7 @@ from nvsim.capture.alignment import Alignment
 from nvsim.capture.store import save_capture
 from nvsim.capture.types import Capture, Frame
 from nvsim.evaluation.scan import straight_view
-from nvsim.geometry.camera import Camera, Intrinsics, look
+from nvsim.geometry.camera import Camera, Intrinsics, camera_pose
 from nvsim.geometry.lens import Lens
 from nvsim.graph.types import NavGraph, Viewpoint, edge
 from nvsim.perception.support import FloorSupport
@@ -48,7 +48,7 @@ def furnished() -> SubmapModel:
 def project(tmp_path_factory: pytest.TempPathFactory) -> Path:
     root = tmp_path_factory.mktemp("live") / "hall.nvsim"
     lens = Lens("PINHOLE", 64, 48, (40.0, 40.0, 32.0, 24.0))
-    poses = [look(np.array([x, 1.5, 1.3]), 0.5) for x in np.linspace(1.5, 14.5, 6)]
+    poses = [camera_pose(np.array([x, 1.5, 1.3]), 0.5) for x in np.linspace(1.5, 14.5, 6)]
     frames = tuple(Frame(f"f{i}.jpg", Path(f"/nowhere/f{i}.jpg"), lens, pose) for i, pose in enumerate(poses))
     capture = Capture(Path("/nowhere"), "nerfstudio", frames, None, Alignment.identity())
     with Project.create_or_open(root) as made:
@@ -83,7 +83,7 @@ def test_the_graph_and_the_views_are_the_projects(project: Path) -> None:
     state = sim.getState()
     assert state.location.viewpointId == "b"
     focal = 32 / math.tan(math.radians(30))
-    camera = Camera(Intrinsics(96, 64, focal, focal, 48, 32), look(np.array(PLACES["b"]), 0.7, 0.2))
+    camera = Camera(Intrinsics(96, 64, focal, focal, 48, 32), camera_pose(np.array(PLACES["b"]), 0.7, 0.2))
     rgb = straight_view(furnished(), camera)
     error = state.rgb[..., ::-1] / 255 - np.clip(rgb, 0, 1)
     assert np.abs(error).mean() < 0.02 and np.percentile(np.abs(error), 90) < 0.05
@@ -94,7 +94,7 @@ def test_depth_is_that_of_the_walls_and_of_the_floor_that_has_no_gaussians(proje
     sim.newEpisode("hall", "a", math.radians(-90), 0.0)  # to the wall at x = 0, 1.5 m away
     depth = sim.getState().depth[..., 0] / 4000
     assert depth[32, 48] == pytest.approx(1.5, abs=0.03)
-    rays = Camera(Intrinsics(96, 64, 55.43, 55.43, 48, 32), look(np.zeros(3), math.radians(-90))).rays()
+    rays = Camera(Intrinsics(96, 64, 55.43, 55.43, 48, 32), camera_pose(np.zeros(3), math.radians(-90))).rays()
     to_wall, to_floor = 1.5 / -rays[..., 0], np.where(rays[..., 2] < -0.02, 1.3 / np.maximum(-rays[..., 2], 0.02), 99)
     expected = np.minimum(to_wall, to_floor) * -rays[..., 0]
     assert np.median(np.abs(depth - expected)) < 0.02

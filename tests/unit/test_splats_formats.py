@@ -16,13 +16,13 @@ from hypothesis import strategies as st
 from scipy.spatial import cKDTree
 
 from nvsim.errors import InputError
-from nvsim.geometry.camera import Camera, Intrinsics, look
+from nvsim.geometry.camera import Camera, Intrinsics, camera_pose
 from nvsim.render.model import render_gaussians
 from nvsim.splats.formats.choice import read_splats, write_splats
 from nvsim.splats.formats.gsply_formats import flipped
 from nvsim.splats.types import Gaussians
 
-CAMERA = Camera(Intrinsics(96, 72, 80.0, 80.0, 48.0, 36.0), look(np.array([0.0, 0.0, 1.5]), 0.3))
+CAMERA = Camera(Intrinsics(96, 72, 80.0, 80.0, 48.0, 36.0), camera_pose(np.array([0.0, 0.0, 1.5]), 0.3))
 
 
 def wall(count=3000, degree=3, seed=0):

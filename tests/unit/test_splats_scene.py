@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from nvsim.errors import InputError
-from nvsim.geometry.camera import Camera, Intrinsics, look
+from nvsim.geometry.camera import Camera, Intrinsics, camera_pose
 from nvsim.geometry.floor_surface import FloorSurface
 from nvsim.render.model import render_model
 from nvsim.render.scene import render_scene
@@ -46,7 +46,7 @@ SUBMAPS = [Submap(i, (i,), (i,), np.array([[10.0 * i, 0.0, 1.5]])) for i in rang
 def test_the_nearest_submap_draws(folders):
     scene = SceneModel(SUBMAPS, folders)
     for i, colour in enumerate(COLOURS):
-        camera = Camera(Intrinsics.from_fov(32, 24, 1.0), look(np.array([10.0 * i + 0.1, 0.0, 1.5]), 0.0))
+        camera = Camera(Intrinsics.from_fov(32, 24, 1.0), camera_pose(np.array([10.0 * i + 0.1, 0.0, 1.5]), 0.0))
         index, output = render_scene(scene, camera)
         assert index == i
         np.testing.assert_allclose(output.rgb[12, 16], colour, atol=0.05)
@@ -244,7 +244,7 @@ def test_without_colours_models_take_a_fifth_of_the_memory_and_show_the_same_sha
     save_model(SubmapModel(gaussians, None, None, FloorSurface.flat(0.0)), tmp_path / "m")
     place = [Submap(0, (0,), (0,), np.zeros((1, 3)))]
     coloured, grey = (SceneModel(place, [tmp_path / "m"], colours=c) for c in (True, False))
-    camera = Camera(Intrinsics.from_fov(40, 40, 1.5), look(np.array([0.0, -3.0, 0.0]), 0.0))
+    camera = Camera(Intrinsics.from_fov(40, 40, 1.5), camera_pose(np.array([0.0, -3.0, 0.0]), 0.0))
     whole, shape = (render_model(s.model(0), camera, frozenset({"alpha", "normal", "depth"})) for s in (coloured, grey))
     for name in ("alpha", "normal", "depth"):
         np.testing.assert_array_equal(getattr(shape, name), getattr(whole, name))

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from nvsim.geometry.rotation import rotation_angle
 from nvsim.poses import straightening
 from nvsim.poses.pieces import names_in
-from nvsim.poses.straightening import contradicts_floor, held_together, leveled, straightened
+from nvsim.poses.straightening import contradicts_floor, leveled, merge_turning_pieces, straightened
 from nvsim.poses.two_views import TwoViews, from_matches
 
 HIGH, STEP = 1.5, 0.4  # meters
@@ -136,7 +136,7 @@ def test_pieces_are_one_only_if_the_building_is_the_same_on_both_sides(tmp_path:
     model = slipped(true, [1.0, 1.0, 1.0], np.eye(3))
     before, after = list(range(1, LEG + 1)), list(range(LEG + TURN + 1, 2 * LEG + TURN + 1))
     # Nothing is known of walls without images, so nothing is joined.
-    assert held_together(model, [before, after], tmp_path, {}) == [before, after]
+    assert merge_turning_pieces(model, [before, after], tmp_path, {}) == [before, after]
 
 
 def common_cloud(legs: int, ease: float = 1.0) -> pycolmap.Reconstruction:
@@ -163,7 +163,7 @@ def test_a_camera_that_comes_back_may_have_two_pieces_that_alternate(
     model = common_cloud(3)
     legs = [list(range(first, last + 1)) for first, last in stages(3)[::2]]
     turns = [[n] for first, last in stages(3)[1::2] for n in range(first, last + 1)]
-    found = held_together(model, [legs[0] + legs[2], legs[1], *turns], tmp_path, {})
+    found = merge_turning_pieces(model, [legs[0] + legs[2], legs[1], *turns], tmp_path, {})
     assert compared[0] == (legs[0][-1], legs[1][0])
     if same:
         assert found == [list(range(1, 3 * LEG + 2 * TURN + 1))]
@@ -195,14 +195,14 @@ def test_a_turn_at_the_end_of_a_piece_is_kept_and_a_walk_is_not(tmp_path: Path, 
         place = center_of(true[n]) + away
         model.frames[model.images[n].frame_id].rig_from_world = pose(true[n].rotation.matrix(), place)
     piece, loose = list(range(1, last + 1)), [[n] for n in range(last + 1, end + 1)]
-    found = held_together(model, [piece, *loose], tmp_path, pairs_of(true))
+    found = merge_turning_pieces(model, [piece, *loose], tmp_path, pairs_of(true))
     assert found[0][:turned_last] == list(range(1, turned_last + 1))
     assert max(found[0]) <= walk  # beyond, the walk has an unknown scale
     for n in found[0]:
         one = model.images[n].cam_from_world()
         assert np.linalg.norm(center_of(one) - center_of(true[n])) < STEP
         assert rotation_angle(one.rotation.matrix() @ true[n].rotation.matrix().T) < 1.5 or not away
-    half = held_together(model, [piece[: LEG // 2], *[[n] for n in piece[LEG // 2 :]]], tmp_path, pairs_of(true))
+    half = merge_turning_pieces(model, [piece[: LEG // 2], *[[n] for n in piece[LEG // 2 :]]], tmp_path, pairs_of(true))
     assert half[0] == piece[: LEG // 2 + 1]  # one more step, from which the points of the piece are seen
 
 
@@ -211,9 +211,9 @@ def test_an_image_beside_a_piece_is_kept_if_it_sees_points_of_the_piece(tmp_path
     model = slipped(true, [1.0, 1.0, 1.0], np.eye(3))  # each leg has its own points
     (_, last), _, (walk, end) = stages(2)
     piece, loose = list(range(1, last + 1)), [[n] for n in range(last + 1, end + 1)]
-    assert held_together(model, [piece, *loose], tmp_path, {})[0] == piece
+    assert merge_turning_pieces(model, [piece, *loose], tmp_path, {})[0] == piece
     half = last - 10
-    found = held_together(
+    found = merge_turning_pieces(
         model, [piece[:half], *[[n] for n in (*piece[half:], *range(last + 1, end + 1))]], tmp_path, {}
     )
     assert found[0] == piece[: half + 1]

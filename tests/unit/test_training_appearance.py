@@ -9,7 +9,7 @@ import pytest
 import torch
 
 from nvsim.errors import InputError
-from nvsim.geometry.camera import Camera, Intrinsics, look
+from nvsim.geometry.camera import Camera, Intrinsics, camera_pose
 from nvsim.render.model import render_model
 from nvsim.render.workspace import NO_TINT, RenderBuffers
 from nvsim.splats.harmonics import DC
@@ -22,7 +22,7 @@ from nvsim.training.initialise import gaussians_at
 from nvsim.training.networks import IndexEmbedding, Networks, PositionEmbedding
 from nvsim.training.synthetic import SyntheticRoom, synthetic_room
 
-CAMERA = Camera(Intrinsics(40, 30, 31.0, 33.0, 19.0, 16.0), look(np.array([1.2, 0.7, 1.4]), 0.8, -0.5))
+CAMERA = Camera(Intrinsics(40, 30, 31.0, 33.0, 19.0, 16.0), camera_pose(np.array([1.2, 0.7, 1.4]), 0.8, -0.5))
 LINEAR = AppearanceConfig()
 NETWORK = AppearanceConfig(kind="network", features=6, layers=3, width=16)
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 import torch
 
-from nvsim.geometry.camera import Camera, Intrinsics, look
+from nvsim.geometry.camera import Camera, Intrinsics, camera_pose
 from nvsim.geometry.floor_surface import FloorSurface
 from nvsim.render.floor_texture import pack_floor
 from nvsim.splats.harmonics import basis
@@ -18,7 +18,7 @@ from nvsim.training.config import AppearanceConfig, TrainingConfig
 from nvsim.training.networks import BackgroundNetwork, PositionEmbedding
 from nvsim.training.synthetic import synthetic_room
 
-CAMERA = Camera(Intrinsics(40, 30, 31.0, 33.0, 19.0, 16.0), look(np.array([1.2, 0.7, 1.4]), 0.8, -0.5))
+CAMERA = Camera(Intrinsics(40, 30, 31.0, 33.0, 19.0, 16.0), camera_pose(np.array([1.2, 0.7, 1.4]), 0.8, -0.5))
 
 
 LOOK = AppearanceConfig()

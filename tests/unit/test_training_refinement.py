@@ -7,11 +7,11 @@ import pytest
 import torch
 
 from nvsim.capture.types import Cloud
-from nvsim.geometry.camera import Camera, Intrinsics, look
+from nvsim.geometry.camera import Camera, Intrinsics, camera_pose
 from nvsim.geometry.floor_surface import FloorSurface
 from nvsim.geometry.rotation import matrix_from_quaternion
 from nvsim.training.config import TrainingConfig
-from nvsim.training.initialise import gaussians_at, initial_gaussians, seen_points
+from nvsim.training.initialise import gaussians_at, initial_gaussians, visible_points
 from nvsim.training.optimizer import Group
 from nvsim.training.starting_points import detail_shares, flatten, guessed_points, triangulated_cloud
 from nvsim.training.synthetic import ROOM, synthetic_room
@@ -20,14 +20,14 @@ FLOOR = FloorSurface.flat(0.0)
 
 
 def test_points_behind_a_wall_and_near_the_floor_seed_nothing() -> None:
-    camera = Camera(Intrinsics.from_fov(64, 48, 1.4), look(np.array([0.0, 0.0, 1.2]), 0.0))
+    camera = Camera(Intrinsics.from_fov(64, 48, 1.4), camera_pose(np.array([0.0, 0.0, 1.2]), 0.0))
     room = synthetic_room(2, 64, 48, 10)
     view = type(room.views[0])("a", camera, room.views[0].image, room.views[0].floor)
     across, up = np.meshgrid(np.linspace(-3, 3, 160), np.linspace(0.01, 2.5, 80))
     wall = np.stack([across.ravel(), np.full(across.size, 2.0), up.ravel()], axis=1)
     behind, back = wall + [0, 1.5, 0], wall * [1, -1, 1]
     cloud = Cloud(np.concatenate([wall, behind, back]).astype(np.float32))
-    points, colors = seen_points([view], cloud)
+    points, colors = visible_points([view], cloud)
     assert len(points) > 500
     assert (np.abs(points[:, 1] - 2.0) < 1e-5).all()
     assert colors.min() >= 0 and colors.max() <= 1

@@ -8,7 +8,14 @@ import pytest
 from numpy.typing import NDArray
 from textured_video import HEIGHT, WIDTH, blurred, colored, shifted, texture, view
 
-from nvsim.footage.tracking import TrackedFrame, gray_of, sharpness_change, tracked_into, untracked, with_new_points
+from nvsim.footage.tracking import (
+    TrackedFrame,
+    frame_without_points,
+    gray_of,
+    sharpness_change,
+    tracked_into,
+    with_new_points,
+)
 
 PLANE = texture()
 FIRST = shifted(200, 120)
@@ -16,7 +23,7 @@ TURNED = np.array([[1.02, 0.03, -4.0], [-0.025, 1.01, 5.0], [4e-5, -3e-5, 1.0]])
 
 
 def start() -> TrackedFrame:
-    return with_new_points(untracked(view(PLANE, FIRST)), 0)
+    return with_new_points(frame_without_points(view(PLANE, FIRST)), 0)
 
 
 def carried(places: NDArray[np.float32], motion: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -65,7 +72,7 @@ def test_new_points_keep_the_old_ones_and_are_apart_from_them() -> None:
 
 def test_an_image_without_texture_has_no_points() -> None:
     plain = np.full((HEIGHT, WIDTH), 128, np.uint8)
-    nothing = with_new_points(untracked(plain), 0)
+    nothing = with_new_points(frame_without_points(plain), 0)
     assert len(nothing.ids) == 0
     assert len(tracked_into(nothing, view(PLANE, FIRST)).ids) == 0
     assert len(tracked_into(start(), plain).ids) == 0
@@ -77,7 +84,7 @@ def test_a_blurred_image_is_less_sharp_by_its_common_points() -> None:
     same, smeared = tracked_into(before, image), tracked_into(before, blurred(image, 7))
     assert sharpness_change(before, same) == pytest.approx(1, abs=0.1)
     assert sharpness_change(before, smeared) < 0.7
-    assert sharpness_change(before, untracked(image)) == 1.0
+    assert sharpness_change(before, frame_without_points(image)) == 1.0
 
 
 def test_a_large_image_is_shrunk_and_a_small_one_kept() -> None:

@@ -26,7 +26,7 @@ from nvsim_app.painting.tones import CHANNELS
 from nvsim.benchmarks.random_room import random_room
 from nvsim.geometry.camera import Camera, Intrinsics
 from nvsim.geometry.floor_surface import FloorSurface
-from nvsim.render.opengl.benchmark import furnished
+from nvsim.render.opengl.benchmark import with_floor_and_background
 from nvsim.render.opengl.preparation import Sorter
 from nvsim.splats.types import Gaussians, SubmapModel
 
@@ -43,7 +43,8 @@ ahead = compiled()
 assert len(ahead) > 5
 flat = Gaussians(*(np.ascontiguousarray(a) for a in vars(random_room(300)).values()))
 flat.sh = np.ascontiguousarray(flat.sh[:, :1])
-for model in (furnished(random_room(900), antialiased=False), SubmapModel(flat, None, None, FloorSurface.flat(0.0))):
+rich = with_floor_and_background(random_room(900), antialiased=False)
+for model in (rich, SubmapModel(flat, None, None, FloorSurface.flat(0.0))):
     painter = Painter(Models(lambda camera: (0, model)))
     camera = Camera(Intrinsics.from_fov(61, 47, 1.2), np.eye(4))
     for channel in CHANNELS:

@@ -32,7 +32,7 @@ def _own(node: ast.expr | None) -> bool:
         case None | ast.Constant():
             return True
         case ast.Call(func=ast.Name(id=name)):
-            return name in ("tip", "plain", "marked", "caption", "title")
+            return name in ("tip", "plain", "escape_html", "caption", "title")
         case ast.IfExp(body=a, orelse=b) | ast.BinOp(left=a, right=b):
             return _own(a) and _own(b)
         case ast.BoolOp(values=values):
@@ -48,15 +48,17 @@ def _slips(source: str, name: str) -> list[str]:
     for node in ast.walk(ast.parse(source)):
         word = node.attr if isinstance(node, ast.Attribute) else node.id if isinstance(node, ast.Name) else ""
         if word in READERS and name not in READERS[word]:
-            found.append(f"{name}:{node.lineno}: {word}; use Label, tip or marked of app/nvsim_app/look/plain_text.py")
+            found.append(
+                f"{name}:{node.lineno}: {word}; use Label, tip or escape_html of app/nvsim_app/look/plain_text.py"
+            )
         if isinstance(node, ast.Call) and isinstance(node.func, ast.Attribute):
             called = node.func.attr
             if called in ("setToolTip", "setWhatsThis", "setTabToolTip", "setTabWhatsThis") and not _own(node.args[-1]):
                 found.append(f"{name}:{node.lineno}: {called} without tip()")
             if called == "appendHtml" and not all(_escaped(argument) for argument in node.args):
-                found.append(f"{name}:{node.lineno}: appendHtml without marked()")
+                found.append(f"{name}:{node.lineno}: appendHtml without escape_html()")
             if called == "setTitle" and any(k.arg == "size" for k in node.keywords) and not _own(node.args[0]):
-                found.append(f"{name}:{node.lineno}: the title of a plot without marked()")
+                found.append(f"{name}:{node.lineno}: the title of a plot without escape_html()")
         if isinstance(node, ast.If) and "ToolTipRole" in ast.dump(node.test):
             for line in node.body:
                 if isinstance(line, ast.Return) and not _own(line.value):
@@ -65,7 +67,7 @@ def _slips(source: str, name: str) -> list[str]:
 
 
 def _escaped(markup: ast.expr) -> bool:
-    """Of an f-string: figures and colours, and texts by `marked`."""
+    """Of an f-string: figures and colours, and texts by `escape_html`."""
     for part in ast.walk(markup):
         if isinstance(part, ast.FormattedValue) and isinstance(part.value, ast.Attribute) and part.value.attr == "text":
             return False

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from nvsim_app.look.plain_text import in_window, marked, tip
+from nvsim_app.look.plain_text import escape_html, in_window, tip
 
 APP = Path(__file__).parents[2] / "app" / "nvsim_app"
 PRINTED = ("__main__.py", "look/plain_text.py", "start/main.py")
@@ -46,7 +46,7 @@ def test_commands_and_options_become_labels(text: str, words: str) -> None:
 
 def test_tooltips_and_markup_are_reworded() -> None:
     assert tip("run `nvsim map` again") == "run “Build the map” again"
-    assert marked("run `nvsim map` again") == "run “Build the map” again"
+    assert escape_html("run `nvsim map` again") == "run “Build the map” again"
 
 
 def test_the_source_of_the_window_has_no_command_line_words() -> None:

@@ -9,7 +9,7 @@ from dataclasses import asdict, dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from nvsim.geometry.camera import Camera, Intrinsics, look
+from nvsim.geometry.camera import Camera, Intrinsics, camera_pose
 from nvsim.geometry.directions import HEIGHT, VFOV, WIDTH
 
 _FOCAL = HEIGHT / 2 / np.tan(VFOV / 2)
@@ -100,7 +100,7 @@ class AgentState:
     def camera(self) -> Camera:
         """The camera of the agent's image."""
         intrinsics = Intrinsics(WIDTH, HEIGHT, _FOCAL, _FOCAL, WIDTH / 2, HEIGHT / 2)
-        return Camera(intrinsics, look(self.position, self.heading, self.elevation))
+        return Camera(intrinsics, camera_pose(self.position, self.heading, self.elevation))
 
     def json(self) -> str:
         """All fields as JSON, with the names of the simulator."""

@@ -58,7 +58,7 @@ def draw_in_small() -> None:
 
     from nvsim.benchmarks.random_room import random_room
     from nvsim.geometry.camera import Camera, Intrinsics
-    from nvsim.render.opengl.benchmark import furnished
+    from nvsim.render.opengl.benchmark import with_floor_and_background
     from nvsim.render.opengl.preparation import Sorter
     from nvsim.render.opengl.quads import QUAD_WIDTH
     from nvsim_app.drawing.painter import Models, Painter
@@ -66,7 +66,7 @@ def draw_in_small() -> None:
     from nvsim_app.drawing.warming import Warming
     from nvsim_app.painting.tones import CHANNELS
 
-    model = furnished(random_room(500))
+    model = with_floor_and_background(random_room(500))
     painter = Painter(Models(lambda camera: (0, model)))
     camera = Camera(Intrinsics.from_fov(_SIDE, _SIDE, 1.0), np.eye(4))
     for channel in CHANNELS:

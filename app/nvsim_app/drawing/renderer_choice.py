@@ -63,7 +63,7 @@ def covering_most(gaussians: Gaussians, count: int) -> NDArray[np.int64]:
     return np.sort(np.argpartition(-cover, count)[:count])
 
 
-def chosen(gaussians: Gaussians, rows: NDArray[np.generic]) -> Gaussians:
+def select_gaussians(gaussians: Gaussians, rows: NDArray[np.generic]) -> Gaussians:
     """The Gaussians in `rows`: indices (M,) or a mask (N,)."""
     g = gaussians
     return Gaussians(g.means[rows], g.log_scales[rows], g.quats[rows], g.opacity_logits[rows], g.sh[rows])
@@ -92,6 +92,6 @@ class SplatBudget:
             appearance = model.appearance
             if appearance is not None:
                 appearance = appearance.of_rows(rows)
-            thinned = replace(model, gaussians=chosen(model.gaussians, rows), appearance=appearance)
+            thinned = replace(model, gaussians=select_gaussians(model.gaussians, rows), appearance=appearance)
             last = self._last = _Thinned(weakref.ref(model), count, thinned)
         return last.model

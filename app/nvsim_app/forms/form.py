@@ -167,7 +167,7 @@ class CommandForm(QDialog):
 
     def _replaced(self) -> str:
         """The sentence of the command about the results that it replaces; "" if it replaces none."""
-        from nvsim.project.earlier_results import what_is_replaced
+        from nvsim.project.earlier_results import replaced_result_sentence
         from nvsim.project.project import Project
         from nvsim.project.work import STAGES
 
@@ -175,7 +175,7 @@ class CommandForm(QDialog):
             return ""
         try:
             with Project.open(self._project) as project:
-                sentence = what_is_replaced(project, self.verb)
+                sentence = replaced_result_sentence(project, self.verb)
         except InputError:  # the command reports the error when it starts
             return ""
         return sentence and f"{sentence[0].upper()}{sentence[1:]}"

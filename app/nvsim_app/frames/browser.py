@@ -21,7 +21,7 @@ from nvsim_app.frames.page import FramePage
 from nvsim_app.frames.state import FrameState
 from nvsim_app.layers.capture import FrameMaskLayer
 from nvsim_app.look.notices import Notices
-from nvsim_app.look.plain_text import marked, plain
+from nvsim_app.look.plain_text import escape_html, plain
 from nvsim_app.painting import cameras
 from nvsim_app.state.document import Document
 from nvsim_app.views.scene_view import SceneView
@@ -319,7 +319,7 @@ class FrameBrowser(QObject):
         name = capture.frames[self.index].name
         where = f"frame {self.index + 1:,} of {len(capture.frames):,}"
         self.page.title.setText(
-            f"<b>{marked(plain(name))}</b>&nbsp;&nbsp; {where}, {frame_words(self._state, self.index)}"
+            f"<b>{escape_html(plain(name))}</b>&nbsp;&nbsp; {where}, {frame_words(self._state, self.index)}"
         )
 
     def _say_hint(self) -> None:

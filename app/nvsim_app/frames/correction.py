@@ -117,7 +117,7 @@ class Correction:
 
     def replace(self, mask: Mask, text: str) -> Box | None:
         """Replaces the mask by `mask` (H, W) bool. Returns the box of the differences, None if there are none."""
-        before, box = self.mask.copy(), changed(self.mask, mask)
+        before, box = self.mask.copy(), changed_box(self.mask, mask)
         if box is None:
             return None
         self.mask[box.slices] = mask[box.slices]
@@ -135,7 +135,7 @@ class Correction:
         size. Returns the box that changed."""
         base = self._prompts.base if self._prompts.base is not None else self.mask.copy()
         grown = (base | _enlarged(add, self.mask.shape)) & ~_enlarged(take, self.mask.shape)
-        before, box = self.mask.copy(), changed(self.mask, grown) or Box(0, 0, 0, 0)
+        before, box = self.mask.copy(), changed_box(self.mask, grown) or Box(0, 0, 0, 0)
         self.mask[box.slices] = grown[box.slices]
         text = "Add the surface at a point" if prompt.floor else "Remove the surface at a point"
         self._record(text, before, box, Prompts((*self.prompts, prompt), base))
@@ -250,7 +250,7 @@ def paint(mask: Mask, start: Point, end: Point, radius: float, value: bool) -> B
     return box
 
 
-def changed(a: Mask, b: Mask) -> Box | None:
+def changed_box(a: Mask, b: Mask) -> Box | None:
     """The smallest box around the pixels in which two masks (H, W) differ, None if they are equal."""
     different = a != b
     rows = np.flatnonzero(different.any(axis=1))

@@ -66,11 +66,11 @@ class RegionLayer(Layer):
             style = Qt.PenStyle.SolidLine if direction.open else Qt.PenStyle.DotLine
             pen = QPen(QColor(colors.SELECTED) if pointed else ink, 2.4 if pointed else 1.4, style)
             _draw(painter, camera, direction.polygon(), pen, fill)
-            culprit = direction.culprit()
-            if culprit is not None:
+            failed = direction.failed_corners()
+            if failed is not None:
                 strong = QColor(colors.BLOCKED)
                 strong.setAlpha(235 if pointed else 170)
-                _draw(painter, camera, culprit, QPen(QColor("#ffffff") if pointed else strong, 1.0), strong)
+                _draw(painter, camera, failed, QPen(QColor("#ffffff") if pointed else strong, 1.0), strong)
 
 
 def _draw(painter: QPainter, camera: Camera, corners: NDArray[np.float64], pen: QPen, fill: QColor) -> None:

@@ -27,7 +27,7 @@ from nvsim_app.look.labels import Label
 from nvsim_app.look.plain_text import tip
 from nvsim_app.look.table import Column, TableModel, TableView, table
 from nvsim_app.look.theme import type_font
-from nvsim_app.state.directions import Direction, figure
+from nvsim_app.state.directions import Direction, two_decimals
 
 _ROW = 21  # pixels
 _LEAST = 6  # minimum number of rows: the number of default criteria
@@ -117,7 +117,7 @@ class MeasureBars(QWidget):
             painter.setPen(QPen(shade, 2))
             painter.drawLine(QPointF(limit, box.top() - 3), QPointF(limit, box.bottom() + 3))
             painter.setPen(shade)
-            text = f"{figure(measure.value)} {measure.relation} {figure(measure.limit)}"
+            text = f"{two_decimals(measure.value)} {measure.relation} {two_decimals(measure.limit)}"
             right = QRectF(names + bar + 6, top, figures, _ROW)
             painter.drawText(right, line | Qt.AlignmentFlag.AlignRight, text)
         painter.end()
@@ -129,7 +129,7 @@ def _name(measure: Measure) -> str:
 
 def _words(measure: Measure) -> str:
     state = "passes" if measure.passes else "fails"
-    return f"{measure.name} {figure(measure.value)}, threshold {figure(measure.limit)}, {state}"
+    return f"{measure.name} {two_decimals(measure.value)}, threshold {two_decimals(measure.limit)}, {state}"
 
 
 def _decision_color(direction: Direction) -> str:

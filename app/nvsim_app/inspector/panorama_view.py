@@ -22,7 +22,7 @@ from PySide6.QtGui import (
 from PySide6.QtWidgets import QSizePolicy, QWidget
 
 from nvsim_app.inspector.panoramas import Panoramas
-from nvsim_app.inspector.state import Inspection, NeighbourMarks, angles, fine, met
+from nvsim_app.inspector.state import Inspection, NeighbourMarks, densify_outline, direction_hit, viewing_angles
 from nvsim_app.look import colors
 from nvsim_app.look.plain_text import lines, tip
 from nvsim_app.look.theme import type_font
@@ -202,7 +202,7 @@ class PanoramaView(QWidget):
         return result
 
     def _outlines(self, corners: NDArray[np.float64], direction: Direction) -> list[QPolygonF]:
-        seen = angles(fine(corners), self._inspection.eye, direction.evidence.heading)
+        seen = viewing_angles(densify_outline(corners), self._inspection.eye, direction.evidence.heading)
         return self._copies(self.to_pixels(seen))
 
     def _paint_regions(self, painter: QPainter) -> None:
@@ -222,11 +222,11 @@ class PanoramaView(QWidget):
                 painter.setPen(pen)
                 painter.setBrush(fill)
                 painter.drawPolygon(outline)
-            culprit = direction.culprit()
-            if culprit is not None and (direction.lattice or pointed):
+            failed = direction.failed_corners()
+            if failed is not None and (direction.lattice or pointed):
                 strong = QColor(colors.BLOCKED)
                 strong.setAlpha(235 if pointed else 150)
-                for outline in self._outlines(culprit, direction):
+                for outline in self._outlines(failed, direction):
                     painter.setPen(QPen(QColor("#ffffff") if pointed else strong, 1.2))
                     painter.setBrush(strong)
                     painter.drawPolygon(outline)
@@ -262,7 +262,7 @@ class PanoramaView(QWidget):
     def _under(self, point: QPointF) -> Direction | None:
         if not self.shows_regions:
             return None
-        return met(self._inspection.directions, self._inspection.eye, *self.to_angles(point))
+        return direction_hit(self._inspection.directions, self._inspection.eye, *self.to_angles(point))
 
     def mousePressEvent(self, event: QMouseEvent) -> None:
         if event.button() == Qt.MouseButton.LeftButton:

@@ -96,7 +96,7 @@ class Inspection(QObject):
 _FINE = 14  # points per side of a region, because straight lines on the floor are curves in a panorama
 
 
-def angles(points: NDArray[np.float64], eye: NDArray[np.float64], around: float = 0.0) -> NDArray[np.float64]:
+def viewing_angles(points: NDArray[np.float64], eye: NDArray[np.float64], around: float = 0.0) -> NDArray[np.float64]:
     """(N, 2) heading and elevation in radians of world points (N, 3), seen from `eye` (3,); meters. The headings are
     within half a turn of `around`."""
     way = points - eye
@@ -105,14 +105,16 @@ def angles(points: NDArray[np.float64], eye: NDArray[np.float64], around: float 
     return np.stack([heading, np.arctan2(way[:, 2], np.hypot(way[:, 0], way[:, 1]))], axis=1)
 
 
-def fine(corners: NDArray[np.float64]) -> NDArray[np.float64]:
+def densify_outline(corners: NDArray[np.float64]) -> NDArray[np.float64]:
     """(K, 3) points of the closed outline with the corners (N, 3), with added points on each side."""
     share = np.linspace(0, 1, _FINE, endpoint=False)[:, None]
     following = np.roll(corners, -1, axis=0)
     return np.concatenate([a + share * (b - a) for a, b in zip(corners, following, strict=True)])
 
 
-def met(found: Sequence[Direction], eye: NDArray[np.float64], heading: float, elevation: float) -> Direction | None:
+def direction_hit(
+    found: Sequence[Direction], eye: NDArray[np.float64], heading: float, elevation: float
+) -> Direction | None:
     """The direction whose floor region the ray from `eye` (3,) at `heading` and `elevation` (radians) hits.
 
     If it hits several regions, the one whose center line is nearest; None if it hits none."""
@@ -161,7 +163,7 @@ class NeighbourMarks:
         eye, found = self._inspection.eye, self._inspection.neighbours
         self._ids, places = [], []
         for id, foot in found:
-            ((turn, elevation),) = angles(foot[None], eye, heading)
+            ((turn, elevation),) = viewing_angles(foot[None], eye, heading)
             x, y = width / 2 + (turn - heading) * scale, height / 2 - (elevation - middle) * scale
             if not (0 <= x <= width and 0 <= y <= height):
                 continue

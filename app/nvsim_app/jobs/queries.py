@@ -34,7 +34,7 @@ from nvsim_app.processes.serving import Ended
 from nvsim_app.processes.side_process import SideProcess
 
 
-class Question(QObject):
+class CommandQuery(QObject):
     """Runs a command and emits its answer: finished(answer), or failed(str) with a sentence, for the last `ask` only.
 
     read  parses a line of the output; raises ValueError if the line is not an answer
@@ -211,7 +211,7 @@ def _summary(tree: Any) -> Summary:
     )
 
 
-class CaptureCheck(Question):
+class CaptureCheck(CommandQuery):
     """Runs the data check. finished(CheckResult) or failed(str) is emitted for the last `start` only."""
 
     def __init__(self, parent: QObject | None = None) -> None:

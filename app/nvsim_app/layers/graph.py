@@ -29,7 +29,7 @@ _MARGIN = 20  # pixels outside the image within which a disc may reach into it
 
 
 @dataclass(frozen=True, eq=False)
-class Seen:
+class ProjectedViewpoints:
     """The viewpoints of a graph projected to a camera. Arrays have a row for each viewpoint.
 
     pixels   (N, 2) floor points in pixels
@@ -48,7 +48,7 @@ class Seen:
     order: NDArray[np.int64]
 
     @staticmethod
-    def of(camera: Camera, arrays: GraphArrays) -> Seen:
+    def of(camera: Camera, arrays: GraphArrays) -> ProjectedViewpoints:
         pixels, depths = camera.project(arrays.feet)
         k = camera.intrinsics
         x, y = pixels.T
@@ -59,15 +59,15 @@ class Seen:
         flat = np.abs(dz) / np.maximum(np.sqrt(dx * dx + dy * dy + dz * dz), 1e-9)
         radii = np.stack([radius, np.maximum(radius * np.maximum(flat, 0.3), 2.5)], axis=1)
         order = np.flatnonzero(seen)
-        return Seen(camera, arrays, pixels, depths, seen, radii, order[np.argsort(-depths[order])])
+        return ProjectedViewpoints(camera, arrays, pixels, depths, seen, radii, order[np.argsort(-depths[order])])
 
-    def part(self, chosen: NDArray[np.bool_], touching: bool) -> Seen:
+    def part(self, chosen: NDArray[np.bool_], touching: bool) -> ProjectedViewpoints:
         """The viewpoints of the mask `chosen` (N,) with their edges: edges with at least one chosen end if `touching`,
         else edges with two chosen ends."""
         ends = chosen[self.arrays.edges]
         arrays = replace(self.arrays, edges=self.arrays.edges[ends.any(axis=1) if touching else ends.all(axis=1)])
         order = self.order[chosen[self.order]]
-        return Seen(self.camera, arrays, self.pixels, self.depths, self.seen, self.radii, order)
+        return ProjectedViewpoints(self.camera, arrays, self.pixels, self.depths, self.seen, self.radii, order)
 
     @cached_property
     def lines(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
@@ -110,7 +110,7 @@ class GraphLayer(Layer):
         self._document = document
         self.hovered: str | None = None
         self._ink = GraphInk()
-        self._latest: Seen | None = None
+        self._latest: ProjectedViewpoints | None = None
         self._kept = DrawingCache(parent, again)
         self.fades_hidden = True
         self._hidden: tuple[object, ...] = ()
@@ -119,14 +119,14 @@ class GraphLayer(Layer):
     def missing(self) -> str:
         return "" if self._document.graph_arrays.ids else STAGE["map"].lacking
 
-    def seen(self, camera: Camera) -> Seen:
+    def seen(self, camera: Camera) -> ProjectedViewpoints:
         """The viewpoints projected to `camera`. The result is cached for repeated calls."""
         arrays = self._document.shown_arrays
         if self._latest is None or self._latest.camera is not camera or self._latest.arrays is not arrays:
-            self._latest = Seen.of(camera, arrays)
+            self._latest = ProjectedViewpoints.of(camera, arrays)
         return self._latest
 
-    def hidden(self, view: Seen) -> NDArray[np.bool_]:
+    def hidden(self, view: ProjectedViewpoints) -> NDArray[np.bool_]:
         """(N,) bool, which viewpoints are behind walls of the occupancy map.
 
         All are False if there is no map, if the building has several storeys, or if the graph is so large that its
@@ -169,12 +169,12 @@ class GraphLayer(Layer):
             self._paint_all(painter, view)
         self._paint_marked(painter, self.seen(camera))
 
-    def _paint_all(self, painter: QPainter, view: Seen, within: QRectF | None = None) -> None:
+    def _paint_all(self, painter: QPainter, view: ProjectedViewpoints, within: QRectF | None = None) -> None:
         self._ink.draw_edges(painter, *view.lines, within)
         rows = view.order
         self._ink.draw_viewpoints(painter, view.pixels[rows], view.radii[rows], view.arrays.included[rows], within)
 
-    def _paint_marked(self, painter: QPainter, view: Seen) -> None:
+    def _paint_marked(self, painter: QPainter, view: ProjectedViewpoints) -> None:
         arrays = view.arrays
         selected = arrays.index.get(self._document.selection.viewpoint or "")
         hovered = arrays.index.get(self.hovered or "")

@@ -80,8 +80,8 @@ class InkLabel(Label):
 
 
 class MarkedLabel(Label):
-    """A label with trusted HTML. Text from outside must pass through `marked`. If the HTML contains unexpected tags,
-    everything is shown as plain text."""
+    """A label with trusted HTML. Text from outside must pass through `escape_html`. If the HTML contains unexpected
+    tags, everything is shown as plain text."""
 
     def setText(self, words: str) -> None:
         ours = _OUR_TAGS.issuperset(_TAG.findall(words)) and "url(" not in words and "background" not in words

@@ -2,8 +2,8 @@
 
 Qt interprets any text that looks like HTML and opens the files that it names: an image in a tooltip can read /dev/zero.
 So every label is a `labels.Label`, every tooltip goes through `tip`, and trusted markup includes text from outside only
-through `marked`. Control characters, changes of the writing direction, and line breaks in names become visible. Very
-long texts are cut. Sentences name the labels of the window in place of commands. Does not use Qt.
+through `escape_html`. Control characters, changes of the writing direction, and line breaks in names become visible.
+Very long texts are cut. Sentences name the labels of the window in place of commands. Does not use Qt.
 """
 
 from __future__ import annotations
@@ -41,7 +41,7 @@ def lines(text: object, most: int = SENTENCE, rows: int = ROWS) -> str:
     return shown[:most] + ("…" if cut or len(shown) > most else "")
 
 
-def marked(text: object) -> str:
+def escape_html(text: object) -> str:
     """`text` escaped for trusted HTML."""
     return html.escape(lines(in_window(str(text)))).replace("\n", "<br>")
 

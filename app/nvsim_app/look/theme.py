@@ -11,7 +11,7 @@ from PySide6.QtGui import QColor, QFont, QFontInfo, QPalette
 from PySide6.QtWidgets import QApplication, QWidget
 
 from nvsim_app.look import colors
-from nvsim_app.look.plain_text import marked
+from nvsim_app.look.plain_text import escape_html
 
 GRID = 8
 """Margins and spacing in pixels are multiples of this, or half of it inside a group of controls."""
@@ -146,8 +146,8 @@ class Plot(pg.PlotWidget):
 
     def label_axes(self, bottom: str, left: str) -> None:
         """Sets the labels of the axes, including the unit."""
-        self.setLabel("bottom", marked(bottom))
-        self.setLabel("left", marked(left))
+        self.setLabel("bottom", escape_html(bottom))
+        self.setLabel("left", escape_html(left))
 
     def dress(self) -> None:
         """Applies the colors of the palette."""
@@ -157,7 +157,7 @@ class Plot(pg.PlotWidget):
             self.getAxis(side).setPen(palette.placeholderText().color())
             self.getAxis(side).setTextPen(palette.text().color())
         if self._words:
-            self.setTitle(marked(self._words), size=title_size(), color=palette.text().color())
+            self.setTitle(escape_html(self._words), size=title_size(), color=palette.text().color())
 
     def changeEvent(self, event: QEvent) -> None:
         super().changeEvent(event)

@@ -12,7 +12,7 @@ from math import atan, atan2, cos, degrees, exp, hypot, log, pi, radians, sin, t
 import numpy as np
 from numpy.typing import NDArray
 
-from nvsim.geometry.camera import Camera, Intrinsics, look
+from nvsim.geometry.camera import Camera, Intrinsics, camera_pose
 
 RADIANS_PER_PIXEL = 0.005
 REACH = 3.0  # default distance to the pivot, meters
@@ -41,7 +41,7 @@ class ViewPose:
     @property
     def axes(self) -> NDArray[np.float64]:
         """(3, 3), whose columns are right, down, and forward in the world."""
-        return look(np.zeros(3), self.heading, self.elevation)[:3, :3]
+        return camera_pose(np.zeros(3), self.heading, self.elevation)[:3, :3]
 
     @property
     def pivot(self) -> NDArray[np.float64]:
@@ -52,7 +52,7 @@ class ViewPose:
         """The pinhole camera of an image of `width` x `height` pixels."""
         focal = height / 2 / tan(self.fov / 2)
         intrinsics = Intrinsics(width, height, focal, focal, width / 2, height / 2)
-        return Camera(intrinsics, look(np.asarray(self.position, np.float64), self.heading, self.elevation))
+        return Camera(intrinsics, camera_pose(np.asarray(self.position, np.float64), self.heading, self.elevation))
 
 
 def _at(position: NDArray[np.float64]) -> tuple[float, float, float]:
@@ -140,7 +140,7 @@ def focused(pose: ViewPose, point: NDArray[np.float64], reach: float = REACH) ->
     return replace(pose, position=_at(point - reach * pose.axes[:, 2]), reach=reach)
 
 
-def along(pose: ViewPose, eyes: NDArray[np.float64], feet: NDArray[np.float64]) -> ViewPose:
+def view_along_edge(pose: ViewPose, eyes: NDArray[np.float64], feet: NDArray[np.float64]) -> ViewPose:
     """The pose at the nearer end of an edge, looking along the edge to the other end. It shows the obstacles on the
     edge as an agent sees them.
 
@@ -154,7 +154,7 @@ def along(pose: ViewPose, eyes: NDArray[np.float64], feet: NDArray[np.float64]) 
     return replace(pose, position=_at(eye), heading=atan2(way[0], way[1]), elevation=down, reach=reach)
 
 
-def between(a: ViewPose, b: ViewPose, share: float) -> ViewPose:
+def interpolate_poses(a: ViewPose, b: ViewPose, share: float) -> ViewPose:
     """The interpolated pose at `share` (0 to 1), with the shorter turn, slow at both ends."""
     t = share * share * (3 - 2 * share)
     turn = (b.heading - a.heading + pi) % (2 * pi) - pi

@@ -13,7 +13,7 @@ from nvsim_app.state.document import Document
 _START, _RUN, _PLAIN, _GAP = 12.0, 14.0, 2.0, 0.15
 
 
-def fit(typed: str, text: str) -> tuple[float, tuple[int, ...]] | None:
+def match_score(typed: str, text: str) -> tuple[float, tuple[int, ...]] | None:
     """The score of a match (higher is better) and the positions of its letters in `text`; None if a letter is missing.
 
     Words may be in any order. The letters of a word keep their order. Word starts and runs score most.
@@ -95,16 +95,16 @@ def commands(table: ActionTable, document: Document) -> list[Entry]:
     return found
 
 
-def fitting(entries: list[Entry], typed: str, recent: list[str]) -> list[Entry]:
+def matching_entries(entries: list[Entry], typed: str, recent: list[str]) -> list[Entry]:
     """The entries that match, best first, unavailable ones last. Without typed text, recent entries are first."""
     if not typed.strip():
         order = {title: i for i, title in enumerate(recent)}
         return sorted(entries, key=lambda e: (bool(e.reason), order.get(_bare(e.title), len(order))))
     scored = []
     for entry in entries:
-        found = fit(typed, entry.title)
+        found = match_score(typed, entry.title)
         if found is None:
-            wider = fit(typed, f"{entry.title} {entry.place}")
+            wider = match_score(typed, f"{entry.title} {entry.place}")
             found = None if wider is None else (wider[0] - 20, tuple(m for m in wider[1] if m < len(entry.title)))
         if found is not None:
             marked = Entry(entry.title, entry.place, entry.shortcut, entry.reason, entry.run, found[1])

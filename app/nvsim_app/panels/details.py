@@ -13,7 +13,7 @@ from nvsim.reconstruction.report import rows
 from nvsim_app.layers.labels import short_id, short_ids
 from nvsim_app.look import colors, lengths
 from nvsim_app.look.labels import Label, MarkedLabel, Value
-from nvsim_app.look.plain_text import marked, plain
+from nvsim_app.look.plain_text import escape_html, plain
 from nvsim_app.look.theme import type_font
 from nvsim_app.panels.submaps import model_words, trains
 from nvsim_app.state.directions import Direction, directions, way_between
@@ -218,15 +218,15 @@ class DetailsPanel(QScrollArea):
         if found is None:
             return
         self._show(f"Between {short_id(graph, a)} and {short_id(graph, b)}", of_pair(graph, found), ())
-        names = (marked(short_id(graph, id)) for id in (a, b))
+        names = (escape_html(short_id(graph, id)) for id in (a, b))
         heads = "".join(f"<td align='right' style='padding:2px 8px'>from {name}</td>" for name in names)
         rows = "".join(
-            f"<tr><td style='padding:2px 8px 2px 0'>{marked(name)}</td>{''.join(map(_verdict, cells))}</tr>"
+            f"<tr><td style='padding:2px 8px 2px 0'>{escape_html(name)}</td>{''.join(map(_verdict, cells))}</tr>"
             for name, cells in verdicts(found)
         )
         criteria = f"<table><tr><td></td>{heads}</tr>{rows}</table>" if rows else ""
         joins = "" if found.joined else "<br>Ctrl+J connects them."
-        self.words.setText(f"<b>{marked(short_ids(graph, found.sentence))}</b><br>{criteria}{joins}")
+        self.words.setText(f"<b>{escape_html(short_ids(graph, found.sentence))}</b><br>{criteria}{joins}")
 
     def _show(self, title: str, facts: dict[str, str], found: tuple[Direction, ...]) -> None:
         self.title.setText(plain(title))
@@ -246,7 +246,7 @@ class DetailsPanel(QScrollArea):
         inks = {True: colors.text("open"), False: colors.text("blocked")}
         rows = (
             f'<tr><td style="padding:2px 10px 2px 0; color:{inks[f.passable]}">'
-            f"{marked(f.place)}</td><td style='padding:2px 0'>{marked(f.sentence)}</td></tr>"
+            f"{escape_html(f.place)}</td><td style='padding:2px 0'>{escape_html(f.sentence)}</td></tr>"
             for f in found
         )
         self.words.setText(f"<table>{''.join(rows)}</table>" if found else "")
@@ -263,9 +263,9 @@ _ORIGINS = {
 def _verdict(cell: tuple[str, bool | None]) -> str:
     words, passes = cell
     if passes is None:
-        return f"<td align='right' style='padding:2px 8px'>{marked(words)}</td>"
+        return f"<td align='right' style='padding:2px 8px'>{escape_html(words)}</td>"
     ink, sign = (colors.text("open"), "✓") if passes else (colors.text("blocked"), "✗")
-    return f"<td align='right' style='padding:2px 8px; color:{ink}'>{marked(words)} {sign}</td>"
+    return f"<td align='right' style='padding:2px 8px; color:{ink}'>{escape_html(words)} {sign}</td>"
 
 
 def _shown(value: str) -> QWidget:

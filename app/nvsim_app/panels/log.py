@@ -13,7 +13,7 @@ from nvsim_app.forms.fields import command_line
 from nvsim_app.jobs.queue import JobHandle
 from nvsim_app.look import colors
 from nvsim_app.look.notices import Notice, Notices
-from nvsim_app.look.plain_text import lines, marked
+from nvsim_app.look.plain_text import escape_html, lines
 
 MOST_LINES = 5000
 DETAIL = 50_000  # characters of a traceback
@@ -42,8 +42,8 @@ class _Log(QPlainTextEdit):
     def _write(self, kind: str, when: float, text: str, name: str = "") -> None:
         """Appends a message; `name` of the kind is shown in its color, beside the time."""
         clock, color = time.strftime("%H:%M:%S", time.localtime(when)), colors.text(_COLORS[kind])
-        head = f"{clock}&nbsp;&nbsp;{marked(name)}" if name else clock
-        self.appendHtml(f'<span style="color:{color}">{head}</span>&nbsp;&nbsp;{marked(text)}')
+        head = f"{clock}&nbsp;&nbsp;{escape_html(name)}" if name else clock
+        self.appendHtml(f'<span style="color:{color}">{head}</span>&nbsp;&nbsp;{escape_html(text)}')
 
 
 class LogPanel(_Log):
@@ -117,7 +117,7 @@ class JobLog(_Log):
         said = [line.text for line in handle.history.lines if line.kind == "error"]
         if handle.message and not any(handle.message in text for text in said):
             ink = colors.text("blocked")
-            self.appendHtml(f'<span style="color:{ink}">{marked(handle.message)}</span>')
+            self.appendHtml(f'<span style="color:{ink}">{escape_html(handle.message)}</span>')
         try:
             printed = read_end(handle.job.messages, MOST_PRINTED).decode(errors="replace").strip()
         except OSError:

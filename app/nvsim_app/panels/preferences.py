@@ -205,7 +205,7 @@ class KeyBindings(QObject):
         fly: Callable[[dict[int, tuple[int, int, int]]], object],
         parent: QObject | None = None,
     ) -> None:
-        """`fly` receives the flight keys in the form that `hands.Hands` uses."""
+        """`fly` receives the flight keys in the form that `ControlSettings` uses."""
         super().__init__(parent)
         self._table, self._settings, self._fly = table, settings, fly
         self._flights = {id: flight.key for id, flight in FLIGHTS.items()}

@@ -14,9 +14,9 @@ from PySide6.QtWidgets import QFrame, QGridLayout, QPushButton, QVBoxLayout, QWi
 
 from nvsim.graph.history import counted
 from nvsim.networks.folder import models_folder
-from nvsim.r2r.features.layouts import LAYOUTS, Layout, lacking, maker_of, role
+from nvsim.r2r.features.layouts import LAYOUTS, Layout, maker_of, missing_package_error, network_name
 from nvsim.r2r.observations.estimate import size_words
-from nvsim_app.jobs.queries import Question
+from nvsim_app.jobs.queries import CommandQuery
 from nvsim_app.look.labels import InkLabel, Label
 from nvsim_app.look.plain_text import tip
 from nvsim_app.look.theme import type_font
@@ -79,7 +79,7 @@ def estimate_of(text: str) -> ScanEstimate:
         raise ValueError(f"not an estimate: {text[:80]!r}") from error
 
 
-class ScanQuestion(Question):
+class ScanQuestion(CommandQuery):
     """Requests an estimate. Emits finished(ScanEstimate), or failed(str) with the reason why the export is impossible.
     Only the last `start` gets an answer."""
 
@@ -256,7 +256,7 @@ class FeatureMakersPanel(QFrame):
         self.folder = self._words()
         self.folder.setText(
             f"To use another network for a layout, put it with its description into {models_folder()}, for example "
-            f"{role(LAYOUTS['clip-b16'])}.onnx and .toml."
+            f"{network_name(LAYOUTS['clip-b16'])}.onnx and .toml."
         )
         column.addWidget(self.folder)
         column.addStretch(1)
@@ -267,7 +267,7 @@ class FeatureMakersPanel(QFrame):
         for layout in LAYOUTS.values():
             name, words = self._names[layout.name], self.makers[layout.name]
             name.setFont(type_font(bold=layout.name in chosen))
-            missing = lacking(layout)
+            missing = missing_package_error(layout)
             words.setText(missing or f"by {maker_of(layout, model, projection).words}")
             words.set_ink("warning" if missing else "")
 

@@ -24,7 +24,7 @@ from PySide6.QtWidgets import (
 
 from nvsim.graph.findings import SEVERITIES, Finding, Fix
 from nvsim.graph.history import counted
-from nvsim.graph.paths import parted_by
+from nvsim.graph.paths import count_cut_off
 from nvsim.graph.selection import GraphSelection
 from nvsim_app.layers.labels import short_ids
 from nvsim_app.look import colors
@@ -368,7 +368,7 @@ class ValidationPanel(QWidget):
         keys = [(str(a), str(b)) for a, b in pairs]
         if graph is None or len(keys) != 1 or keys[0] not in graph.edges:
             return ""
-        lost = parted_by(graph, keys[0])
+        lost = count_cut_off(graph, keys[0])
         return f" Removing it disconnects {counted(lost, 'viewpoint')} from the others." if lost else ""
 
     def _on_filter(self) -> None:

@@ -35,7 +35,7 @@ def run(
     renderer     renderer of colors, "automatic", "cpu", or "opengl", stored for later windows
     """
     try:
-        if (reason := obstacle()) is not None:
+        if (reason := why_no_window()) is not None:
             raise InputError(reason)
         if project is not None:
             check_openable(project)
@@ -56,7 +56,7 @@ def run_edits(edits: int, viewpoints: int) -> int:
     import json
     import tempfile
 
-    if (reason := obstacle()) is not None:
+    if (reason := why_no_window()) is not None:
         print(reason, file=sys.stderr)
         return 2
     from PySide6.QtCore import QSettings
@@ -125,7 +125,7 @@ def _display_answers() -> bool:
     return not failed
 
 
-def obstacle(
+def why_no_window(
     environment: Mapping[str, str] = os.environ,
     loads: Callable[[str], bool] = _loads,
     display_answers: Callable[[], bool] = _display_answers,

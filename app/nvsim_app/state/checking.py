@@ -12,7 +12,7 @@ from nvsim.graph.difference import Difference
 from nvsim.graph.findings import Context, Finding, Validator
 from nvsim.graph.types import NavGraph
 from nvsim.mapping.config import MappingConfig
-from nvsim.mapping.explanation.explain import against, closed
+from nvsim.mapping.explanation.explain import closed_edge_reason, closed_path_test
 from nvsim_app.state.graph_files import GraphFile
 
 LARGE = 1000  # number of edges from which the graph is validated in slices
@@ -37,7 +37,7 @@ class Checking:
         self._changed = changed
         self._graph: NavGraph | None = None
         self._file: GraphFile | None = None
-        self._known = Context(against=against(MappingConfig()), closed=closed(MappingConfig()))
+        self._known = Context(against=closed_edge_reason(MappingConfig()), closed=closed_path_test(MappingConfig()))
         self._validator: Validator | None = None
         self._look: _Look | None = None
         self._begin = QTimer(parent, singleShot=True, interval=0)

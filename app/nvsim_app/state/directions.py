@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from nvsim.graph.types import EdgeKey, Evidence, NavGraph, edge
 from nvsim.mapping.config import MappingConfig
 from nvsim.mapping.corridor import DIRECTIONS
-from nvsim.mapping.criteria import DECISIONS, DISPUTED, OPEN, lacking
+from nvsim.mapping.criteria import DECISIONS, DISPUTED, OPEN, unmeasured_families
 from nvsim.mapping.explanation.between import Between, between
 from nvsim.mapping.explanation.explain import Explanation, explain, outline
 from nvsim_app.look import lengths
@@ -64,7 +64,7 @@ class Direction:
         """(4, 3) corners of the region of interest on the floor, meters, world."""
         return self._on_floor(outline(self.evidence, self.explanation.corridor))
 
-    def culprit(self) -> NDArray[np.float64] | None:
+    def failed_corners(self) -> NDArray[np.float64] | None:
         """(4, 3) corners of the part that failed a threshold, meters, world; None if the corridor passes."""
         failed = self.explanation.failed
         return None if failed is None else self._on_floor(outline(self.evidence, failed.part))
@@ -116,7 +116,7 @@ class Direction:
         way = f"to the {self.place}" if not e.joins else f"to viewpoint {self.name} ({self.place})"
         failed = explanation.failed
         if failed is not None:
-            words = f"{failed.name} {figure(failed.value)}, threshold {figure(failed.limit)}"
+            words = f"{failed.name} {two_decimals(failed.value)}, threshold {two_decimals(failed.limit)}"
             if failed.word == "alpha" and explanation.obstacle is not None:
                 words += f", obstacle at {lengths.length(explanation.obstacle, 1)}"
             else:
@@ -127,7 +127,7 @@ class Direction:
                 return f"An edge {way}, although a threshold is not met: {words}."
             return f"No edge {way}: {words}."
         near = explanation.tightest
-        measured = f"{near.name} {figure(near.value)}, threshold {figure(near.limit)}"
+        measured = f"{near.name} {two_decimals(near.value)}, threshold {two_decimals(near.limit)}"
         if self.joined:
             return f"An edge {way}, {lengths.length(e.length)}: all thresholds are met; the closest is {measured}."
         stored = DECISIONS.get(e.decision)
@@ -144,7 +144,7 @@ def compass(heading: float) -> str:
     return _POINTS[round(heading / (math.pi / 4)) % 8]
 
 
-def figure(value: float) -> str:
+def two_decimals(value: float) -> str:
     """Formats a value with two decimals."""
     return f"{value:.2f}"
 
@@ -160,7 +160,7 @@ def directions(graph: NavGraph, arrays: GraphArrays, viewpoint: str, config: Map
     found = []
     for key in graph.evidence_of.get(viewpoint, ()):
         e = graph.evidence[key]
-        if e.viewpoint != viewpoint or e.stale or not e.alpha.size or lacking(e, config):
+        if e.viewpoint != viewpoint or e.stale or not e.alpha.size or unmeasured_families(e, config):
             continue
         goal = _goal(arrays, e)
         neighbour = "" if goal is None else arrays.ids[goal]

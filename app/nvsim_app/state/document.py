@@ -15,7 +15,7 @@ from nvsim.graph.difference import Difference
 from nvsim.graph.findings import Context, Limits
 from nvsim.graph.selection import GraphSelection
 from nvsim.graph.types import NavGraph, Viewpoint
-from nvsim.mapping.explanation.explain import against, closed
+from nvsim.mapping.explanation.explain import closed_edge_reason, closed_path_test
 from nvsim_app.jobs.queue import JobQueue
 from nvsim_app.state.editing import Editing
 from nvsim_app.state.graph_arrays import GraphArrays, GraphChanges, TrajectoryArrays
@@ -132,7 +132,12 @@ class Document(QObject):
             self.editing.set_surroundings(contents.occupancy, self.trajectory.positions)
             known = contents.context
             if known is None or known.occupancy is not contents.occupancy:
-                known = Context(Limits(), contents.occupancy, against(contents.thresholds), closed(contents.thresholds))
+                known = Context(
+                    Limits(),
+                    contents.occupancy,
+                    closed_edge_reason(contents.thresholds),
+                    closed_path_test(contents.thresholds),
+                )
             self.editing.checking.set_context(known)
         if before.path != contents.path:
             self._selection = Selection()

@@ -26,11 +26,11 @@ from nvsim.graph.sight import sight_on
 from nvsim.graph.store import same_graph
 from nvsim.graph.types import NavGraph
 from nvsim.mapping.config import MappingConfig
-from nvsim.mapping.explanation.explain import margin
+from nvsim.mapping.explanation.explain import smallest_margin
 from nvsim.occupancy.types import OccupancyMap
 from nvsim_app.state.checking import Checking
 from nvsim_app.state.graph_files import GraphFile
-from nvsim_app.state.graph_saving import Keeping
+from nvsim_app.state.graph_saving import GraphSaving
 from nvsim_app.state.proposals import Proposals
 
 
@@ -63,10 +63,10 @@ class Editing(QObject):
         """Why the graph cannot be edited, for example because another window edits it; "" if it can."""
         self.checking = Checking(self, self.findingsChanged.emit)
         self._thresholds = MappingConfig()
-        self.review = Review(margin(self._thresholds))
+        self.review = Review(smallest_margin(self._thresholds))
         """The order in which the user reviews edges."""
         self._surroundings = EditContext()
-        self._keeping = Keeping(self)
+        self._keeping = GraphSaving(self)
         self._keeping.notified.connect(self.notified)
         self._keeping.failed.connect(self.failed)
         self._keeping.saved.connect(self._on_saved)
@@ -252,7 +252,7 @@ class Editing(QObject):
         """Sets the thresholds that the review compares evidence with."""
         if config == self._thresholds:
             return
-        self._thresholds, self.review = config, Review(margin(config))
+        self._thresholds, self.review = config, Review(smallest_margin(config))
 
     @property
     def findings(self) -> Mapping[str, Finding]:

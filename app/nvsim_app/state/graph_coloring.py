@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from nvsim.graph.quantities import Known, quantity
-from nvsim.mapping.explanation.explain import margin
+from nvsim.mapping.explanation.explain import smallest_margin
 from nvsim_app.look import colors
 from nvsim_app.state.document import Document
 
@@ -62,7 +62,7 @@ def coloring(document: Document, by: str) -> Coloring | None:
     if graph is None:
         return None
     config, few = document.contents.thresholds, len(graph.edges) <= MOST_MARGINS
-    slack = margin(config) if few else lambda g, key: config.row_alpha - 1.0 + document.evidence.at(g, key)
+    slack = smallest_margin(config) if few else lambda g, key: config.row_alpha - 1.0 + document.evidence.at(g, key)
     known = Known(document.contents.occupancy, slack)
 
     def of(kind: str, bins: _Bins) -> dict[object, int]:

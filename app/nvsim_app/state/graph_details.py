@@ -13,7 +13,7 @@ from nvsim.graph.types import Edge, EdgeKey, NavGraph, Viewpoint
 from nvsim.mapping.config import MappingConfig
 from nvsim.mapping.criteria import CRITERIA
 from nvsim.mapping.explanation.between import Between, Way
-from nvsim.mapping.explanation.explain import against, margin
+from nvsim.mapping.explanation.explain import closed_edge_reason, smallest_margin
 from nvsim_app.look import lengths
 
 MOST = 500  # maximum number of selected objects for which details are computed; else only the number is shown
@@ -61,12 +61,12 @@ def of_edge(graph: NavGraph, key: EdgeKey, config: MappingConfig) -> dict[str, s
 
 
 def _evidence(graph: NavGraph, key: EdgeKey, config: MappingConfig) -> str:
-    slack = margin(config)(graph, key)
+    slack = smallest_margin(config)(graph, key)
     if math.isnan(slack):
         return "none, the edge was not measured"
     if slack >= 0:
         return f"passes the thresholds by {distance(slack)}"
-    return f"fails a threshold by {distance(slack)}: {against(config)(graph, key)}".rstrip(": ")
+    return f"fails a threshold by {distance(slack)}: {closed_edge_reason(config)(graph, key)}".rstrip(": ")
 
 
 def of_pair(graph: NavGraph | None, found: Between) -> dict[str, str]:

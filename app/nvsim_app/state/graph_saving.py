@@ -15,7 +15,7 @@ from nvsim_app.state.graph_files import GraphFile
 LOOK = 1200  # milliseconds after a step until the journal is checked for write errors
 
 
-class Keeping(QObject):
+class GraphSaving(QObject):
     """Manages the journal and the saving of a graph. notified(str): a notice for the user. failed(str): an error of
     reading or writing. saved(): the graph was written."""
 

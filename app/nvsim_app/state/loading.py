@@ -361,7 +361,7 @@ class ProjectReader:
     def _models(self) -> Hashable | None:
         layout, folders = self._project.layout, self._folders()
         found: list[Hashable] = [(f.name, _file_stamp(f / "model.json")) for f in folders.values()]
-        if folders and self._project.is_former("train"):
+        if folders and self._project.uses_previous_submaps("train"):
             return ("former", *found)
         # The renderer checks for new states of these by itself. Submaps with a finished model do not show them.
         live = sorted(p.parent.name for p in layout.checkpoints.glob("live_*/model.json"))
@@ -387,7 +387,7 @@ class ProjectReader:
         from nvsim.files.reading import reading
 
         result: dict[int, dict[str, object]] = {}
-        if self._project.is_former("train"):
+        if self._project.uses_previous_submaps("train"):
             return result
         what, then = "the description of a model", "run “Train” again"
         for index, folder in self._folders().items():

@@ -8,7 +8,7 @@ from typing import Any
 from PySide6.QtCore import QObject, Signal
 
 from nvsim.evaluation.calibrated import Calibration, Judge
-from nvsim.evaluation.interval import needed
+from nvsim.evaluation.interval import cases_needed
 from nvsim.mapping.config import MappingConfig
 from nvsim.project.work import STAGE, sentence
 from nvsim_app.look.plain_text import plain
@@ -16,7 +16,7 @@ from nvsim_app.processes.serving import Ended
 from nvsim_app.processes.side_process import SideProcess
 from nvsim_app.state.document import Document
 from nvsim_app.state.side_work import CALIBRATION, Asked, Calibrated
-from nvsim_app.thresholds.slider import changed, thresholds
+from nvsim_app.thresholds.slider import thresholds, with_value
 from nvsim_app.thresholds.threshold_preview import ThresholdPreview
 
 Row = dict[str, Any]
@@ -116,7 +116,7 @@ class Calibrations(QObject):
     def taking(self, field: str, judge: Judge) -> MappingConfig | None:
         """The current thresholds with the suggestion for `field`; None if there is no suggestion."""
         value = self.suggestion(field, judge)["threshold"]
-        return None if value is None else changed(self._trial.config, field, float(value))
+        return None if value is None else with_value(self._trial.config, field, float(value))
 
 
 _NAMES = {t.field: t.name for t in thresholds()}
@@ -145,8 +145,8 @@ def sentences(state: Calibrations, field: str, judge: Judge) -> str:
     if then["threshold"] is None:
         return words + (
             f"No value is good enough for {found.want:g}: the interval of {then['best_threshold']:.2f} begins at "
-            f"{then['best_low']:.3f}. A suggestion needs at least {needed(found.want)} accepted corridors, all of them "
-            f"free; {now['accepted']} are accepted now."
+            f"{then['best_low']:.3f}. A suggestion needs at least {cases_needed(found.want)} accepted corridors, "
+            f"all of them free; {now['accepted']} are accepted now."
         )
     row = state.at(field, then["threshold"])
     words += f"{then['threshold']:.2f} would give {_figures(row, suffix)}"

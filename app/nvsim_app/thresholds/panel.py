@@ -24,7 +24,7 @@ from nvsim_app.look import colors
 from nvsim_app.look.labels import Label, MarkedLabel
 from nvsim_app.look.plain_text import plain, tip
 from nvsim_app.state.document import Document
-from nvsim_app.thresholds.slider import MARKS, ThresholdRow, changed, preset, thresholds
+from nvsim_app.thresholds.slider import MARKS, ThresholdRow, preset, thresholds, with_value
 from nvsim_app.thresholds.threshold_preview import ThresholdPreview
 
 _ACROSS = 3  # check boxes in a row
@@ -144,7 +144,7 @@ class ThresholdPanel(QScrollArea):
         return {"project": self._trial.project_config, "default": MappingConfig(), "paper": MappingConfig.paper()}
 
     def _choose(self, field: str, value: bool | float | str | tuple[str, ...]) -> None:
-        self._trial.set_config(changed(self._trial.config, field, value))
+        self._trial.set_config(with_value(self._trial.config, field, value))
 
     def changeEvent(self, event: QEvent) -> None:
         """Rewrites the headline in the colors of the new theme."""

@@ -73,7 +73,7 @@ FIXED = (
 """Settings that determine the places or renders of viewpoints. The evidence cannot decide other values of them."""
 
 
-def changed(config: MappingConfig, field: str, value: bool | float | str | tuple[str, ...]) -> MappingConfig:
+def with_value(config: MappingConfig, field: str, value: bool | float | str | tuple[str, ...]) -> MappingConfig:
     """`config` with another value. If the robot would be too wide for the evidence, reduces its margin or radius."""
     values = {**vars(config), field: value}
     other = {"robot_radius": "margin", "margin": "robot_radius"}.get(field)

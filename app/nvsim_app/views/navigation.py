@@ -1,6 +1,6 @@
 """Converts mouse and keyboard events to camera poses of the 3D view.
 
-Drags orbit, pan, and look around, keys fly, and the wheel zooms, according to the settings `Hands`. While walking, the
+Drags orbit, pan, and look around, keys fly, and the wheel zooms, according to the `ControlSettings`. While walking, the
 camera keeps its height above the floor and does not enter walls. Orbit drags then look around, and the wheel walks. Any
 other motion of the camera ends the walk.
 """
@@ -49,7 +49,7 @@ def flying(keys: Mapping[str, str]) -> dict[int, tuple[int, int, int]]:
 
 
 @dataclass(frozen=True)
-class Hands:
+class ControlSettings:
     """The mouse and keyboard settings of the 3D view.
 
     left, middle, right   motion of a drag with the button, a key in MOTIONS; Shift changes "turn" to "shift"
@@ -117,7 +117,7 @@ class Navigation(QObject):
         self._view = view
         self.pose = ViewPose((0.0, 0.0, 1.6))
         self.speed = 2.0  # meters per second
-        self.hands = Hands()
+        self.hands = ControlSettings()
         self.walking: Walk | None = None
         """The constraints of the current walk, None while flying."""
         self._held: set[int] = set()
@@ -252,7 +252,7 @@ class Navigation(QObject):
         if self._flight is not None:
             start, goal, begin, seconds = self._flight
             share = min(1.0, (now - begin) / seconds)
-            self.pose = goal if share >= 1 else cameras.between(start, goal, share)
+            self.pose = goal if share >= 1 else cameras.interpolate_poses(start, goal, share)
             if share >= 1:
                 self._flight = None
             self.moved.emit()

@@ -13,13 +13,13 @@ from shiboken6 import isValid
 from nvsim_app.actions import Action
 from nvsim_app.look import lengths, theme
 from nvsim_app.look.widgets import FocusRing, bring_up
-from nvsim_app.palette.entries import Entry, commands, fitting, places
+from nvsim_app.palette.entries import Entry, commands, matching_entries, places
 from nvsim_app.palette.popup import PaletteView
 from nvsim_app.panels.about import AboutWindow
 from nvsim_app.panels.help import open_help
 from nvsim_app.panels.preference_dialog import PreferenceDialog
 from nvsim_app.panels.preferences import KeyBindings
-from nvsim_app.views.navigation import Hands
+from nvsim_app.views.navigation import ControlSettings
 from nvsim_app.wiring.part import Part, WindowContext
 
 
@@ -181,7 +181,7 @@ class PalettePart(Part):
         document = self.context.document
         own = [e for e in commands(self.context.window.actions_table, document) if e.title != "Command palette"]
         return [
-            *fitting([*own, *self._panels(), *self._layers()], typed, self._recent),
+            *matching_entries([*own, *self._panels(), *self._layers()], typed, self._recent),
             *places(document, typed, self._go_to_viewpoint, self._go_to_frame),
         ]
 
@@ -233,7 +233,7 @@ class PreferencePart(Part):
     def __init__(self, context: WindowContext) -> None:
         super().__init__(context)
         self.dialog: PreferenceDialog | None = None
-        self._ways: Mapping[int, tuple[int, int, int]] = Hands().keys
+        self._ways: Mapping[int, tuple[int, int, int]] = ControlSettings().keys
         context.preferences.changed.connect(self._apply)
 
     def handlers(self) -> Mapping[str, Callable[..., object]]:
@@ -270,7 +270,7 @@ class PreferencePart(Part):
         elif key == "mouse/flying":
             navigation.speed = set.number(key)
         elif key.startswith("mouse/"):
-            navigation.hands = Hands(
+            navigation.hands = ControlSettings(
                 str(set["mouse/left"]),
                 str(set["mouse/middle"]),
                 str(set["mouse/right"]),

@@ -214,7 +214,7 @@ def _said(graph: NavGraph | None, what: str, steps: tuple[Step, ...], key: str) 
     if not edits:
         return ""
     more = f" and {len(edits) - 1} more" if len(edits) > 1 else ""
-    text = f"{what}: {edits[-1][0].lower()}{edits[-1][1:]}" if what else past(edits[-1])
+    text = f"{what}: {edits[-1][0].lower()}{edits[-1][1:]}" if what else past_tense(edits[-1])
     return f"{text}{more}{key}"
 
 
@@ -253,7 +253,7 @@ _SAME = frozenset({"set", "split", "put", "cut"})
 _IRREGULAR = {"take": "took", "draw": "drew", "make": "made", "undo": "undid", "bring": "brought", "go": "went"}
 
 
-def past(text: str) -> str:
+def past_tense(text: str) -> str:
     """Converts the first verb to the past tense: "Remove 3 viewpoints" becomes "Removed 3 viewpoints"."""
     verb, space, rest = text.partition(" ")
     return f"{_past(verb)}{space}{rest}"

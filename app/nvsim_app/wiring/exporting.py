@@ -25,7 +25,7 @@ from nvsim.graph.offers import Choice
 from nvsim.graph.types import NavGraph
 from nvsim.occupancy.types import OccupancyMap
 from nvsim.project.work import WORK, sentence
-from nvsim.r2r.features.layouts import LAYOUTS, lacking
+from nvsim.r2r.features.layouts import LAYOUTS, missing_package_error
 from nvsim_app.actions import Action
 from nvsim_app.forms.fields import Settings
 from nvsim_app.forms.form import CommandForm
@@ -187,7 +187,9 @@ class ExportPart(Part):
         if kind == "geojson":
             return exports.write_geojson(graph, path)
         coloring = self.context.part(ColoringPart).coloring
-        return save_figure(figure(self._shown(graph), self.context.document.contents.occupancy, coloring), path, kind)
+        return save_figure(
+            draw_figure(self._shown(graph), self.context.document.contents.occupancy, coloring), path, kind
+        )
 
     def _write_r2r(self, graph: NavGraph, folder: Path, force: bool) -> Path:
         from nvsim.graph import exports
@@ -198,7 +200,7 @@ class ExportPart(Part):
         document = self.context.document
         file, occupancy = document.editing.file, document.contents.occupancy
         if not force:
-            exports.refuse(graph, None if file is None else file.context(Context()))
+            exports.check_exportable(graph, None if file is None else file.context(Context()))
         if isinstance(file, ForeignGraph):  # keeps its poses and lists
             return file.export(graph, folder)
         return write_connectivity(graph, folder, lines_of_sight(graph, occupancy))
@@ -274,7 +276,7 @@ class FeaturesForm(QObject):
             return
         a = parse(command_of(FEATURES), ["--project", str(project), *arguments], FEATURES)
         self.panel.show_makers(a.layout, a.model, a.projection)
-        sentence = next((said for said in (lacking(LAYOUTS[name]) for name in a.layout) if said), "")
+        sentence = next((said for said in (missing_package_error(LAYOUTS[name]) for name in a.layout) if said), "")
         self._form.hold(sentence or self._without_scan(a.folder or project.absolute().parent / "scans"))
 
     def _without_scan(self, folder: Path) -> str:
@@ -286,7 +288,7 @@ class FeaturesForm(QObject):
         return f"{folder} has no exported scan; export the scan first, or select another folder."
 
 
-def figure(graph: NavGraph, occupancy: OccupancyMap | None, coloring: Coloring | None) -> Figure:
+def draw_figure(graph: NavGraph, occupancy: OccupancyMap | None, coloring: Coloring | None) -> Figure:
     """Draws `graph` as the window shows it. Without a coloring, the colors show the origin of the edges. Raises
     InputError if there is nothing to draw."""
     unit = lengths.unit()

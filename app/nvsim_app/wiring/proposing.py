@@ -19,7 +19,7 @@ from nvsim.graph.proposals import PlaceProposal, propose_edges, propose_viewpoin
 from nvsim.graph.selection import GraphSelection
 from nvsim.graph.types import EdgeKey
 from nvsim.mapping.evidence.new_viewpoints import NewViewpointEvidence, with_new_viewpoints
-from nvsim.mapping.explanation.explain import margin
+from nvsim.mapping.explanation.explain import smallest_margin
 from nvsim.project.stages.measured import unmeasured
 from nvsim_app.actions import Action
 from nvsim_app.look import colors
@@ -149,7 +149,7 @@ class ProposePart(Part):
         document = self.context.document
         graph, occupancy = document.graph, document.contents.occupancy
         if graph is not None:
-            slack = margin(document.contents.thresholds)
+            slack = smallest_margin(document.contents.thresholds)
             file = document.contents.graph_file
             seen = None if file is None or occupancy is not None else file.sight(unknown=False)
             self._think(lambda: (tuple(p.edge for p in propose_edges(graph, occupancy, slack, visible=seen)), ()))

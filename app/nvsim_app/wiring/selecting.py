@@ -12,7 +12,7 @@ from nvsim.graph.offers import Needs
 from nvsim.graph.selection import GraphSelection
 from nvsim.graph.types import NavGraph
 from nvsim_app.actions import Action
-from nvsim_app.painting.cameras import along, focused
+from nvsim_app.painting.cameras import focused, view_along_edge
 from nvsim_app.panels.histogram import HistogramPanel
 from nvsim_app.panels.history import HistoryPanel
 from nvsim_app.panels.tables import TablePanel
@@ -68,7 +68,7 @@ class SelectPart(Part):
             "select_all": lambda: self._select(lambda graph, _: self._shown(selecting.everything(graph))),
             "select_none": lambda: self._editing.select(GraphSelection()),
             "invert": lambda: self._select(lambda graph, chosen: self._shown(selecting.inverted(graph, chosen))),
-            "grow": lambda: self._select(selecting.grown),
+            "grow": lambda: self._select(selecting.with_neighbors),
             "component": lambda: self._select(self._component),
             "path": self._path,
             "select_expression": self._ask_expression,
@@ -121,7 +121,7 @@ class SelectPart(Part):
         scene = self.context.scene
         if len(rows) == 2 and len(chosen.edges) == 1 and self.context.document.contents.scene_stamp is not None:
             # Between walls, only a view along the edge is free of obstacles.
-            pose = along(scene.pose, arrays.positions[rows], arrays.feet[rows])
+            pose = view_along_edge(scene.pose, arrays.positions[rows], arrays.feet[rows])
         else:
             pose = focused(scene.pose, middle + [0.0, 0.0, 0.6], max(3.0, 1.4 * size))
         scene.navigation.go_to(pose)

@@ -19,7 +19,7 @@ from nvsim.errors import InputError
 from nvsim.graph.selection import GraphSelection
 from nvsim.r2r.metrics.distances import Distances
 from nvsim.r2r.metrics.submission import Pose, read_submission
-from nvsim.r2r.reviewing import Entry, Folder, Review, episodes, export_reviewed, fault, read_folder
+from nvsim.r2r.reviewing import Entry, Folder, Review, export_reviewed, read_folder, scored_episodes, task_error
 from nvsim_app.actions import Action
 from nvsim_app.jobs.history import folder_of
 from nvsim_app.jobs.queue import JobHandle
@@ -153,8 +153,8 @@ class TaskPart(Part):
         def work() -> tuple[Any, Any]:
             distances = Distances(graph)
             return (
-                {e.key: why for e in entries if (why := fault(e.task, distances))},
-                episodes([e.task for e in entries], walked, distances) if walked else {},
+                {e.key: why for e in entries if (why := task_error(e.task, distances))},
+                scored_episodes([e.task for e in entries], walked, distances) if walked else {},
             )
 
         self._behind("look", work, self._mark)

@@ -12,7 +12,7 @@ from nvsim.cli.terminal import say
 from nvsim.depth.config import DepthConfig
 from nvsim.errors import InputError
 from nvsim.networks.installed import BUNDLED
-from nvsim.project.work import lacks
+from nvsim.project.work import missing_result_error
 from nvsim.training.config import Device, Preset
 
 
@@ -93,29 +93,29 @@ class BenchOpengl:
         import numpy as np
 
         from nvsim.benchmarks.panorama import furnished_hall
-        from nvsim.geometry.camera import Camera, Intrinsics, look
+        from nvsim.geometry.camera import Camera, Intrinsics, camera_pose
         from nvsim.project.project import Project
-        from nvsim.render.opengl.benchmark import furnished, measure
+        from nvsim.render.opengl.benchmark import measure, with_floor_and_background
         from nvsim.splats.formats.choice import read_splats
 
         sizes = [_size(text) for text in self.size]
         if self.rounds < 1:
             raise InputError(f"--rounds {self.rounds} is out of range; give --rounds 1 or more.")
         heading, elevation = math.atan2(_AHEAD[0], _AHEAD[1]), math.atan2(_AHEAD[2], math.hypot(*_AHEAD[:2]))
-        pose = look(np.array(_EYE), heading, elevation)
+        pose = camera_pose(np.array(_EYE), heading, elevation)
         if self.scene is not None and self.project is not None:
             raise InputError("Give --scene or --project, not both.")
         if self.project is not None:
             with Project.open(self.project) as project:
                 scene, capture = project.scene(), project.need_capture()
             if scene is None:
-                raise lacks(self.project, "train")
+                raise missing_result_error(self.project, "train")
             pose = capture.frames[len(capture.frames) // 2].camera_to_world
             _, model = scene.model_at(pose[:3, 3])
         elif self.scene is not None:
             splats = read_splats(self.scene)
             terminal.notes(splats.notes)
-            model = furnished(splats.gaussians, splats.antialiased is not False)
+            model = with_floor_and_background(splats.gaussians, splats.antialiased is not False)
         else:
             model, _ = furnished_hall()
         found = []
@@ -172,7 +172,7 @@ class BenchPanorama:
             with Project.open(self.project) as project:
                 scene = project.scene(memory_budget(self.memory))
                 if scene is None:
-                    raise lacks(self.project, "train")
+                    raise missing_result_error(self.project, "train")
                 positions, floor = project.need_capture().positions, floor_of(project)
             # Evenly spread along the trajectory and in its order, because the search visits neighbors in turn.
             places = positions[np.linspace(0, len(positions) - 1, _PLACES).round().astype(int)]

@@ -13,7 +13,7 @@ import tyro
 from nvsim.capture import formats
 from nvsim.capture.axes import Axes
 from nvsim.cli.arguments import Inline
-from nvsim.cli.console import in_words, listening
+from nvsim.cli.console import event_listener, with_command_options
 from nvsim.cli.session import working
 from nvsim.cli.terminal import as_json, say
 from nvsim.errors import InputError
@@ -151,7 +151,7 @@ def _say_findings(findings: Sequence[Finding], all_places: bool) -> None:
     from nvsim.capture.findings import grouped
 
     for kind in grouped(findings):  # lines instead of a table, because a table could cut places short
-        say(in_words(kind.sentence(None if all_places else _PLACES)))
+        say(with_command_options(kind.sentence(None if all_places else _PLACES)))
 
 
 def _say_posed_panoramas(listed: Path, arguments: Check) -> int:
@@ -251,7 +251,7 @@ class Poses:
         out, source = self.out.expanduser(), self.source.expanduser()
         panoramas = find_posed_panoramas(source)
         options = cut_options(self.views, self.mask)
-        with listening(self.json) as listen:
+        with event_listener(self.json) as listen:
             if panoramas is not None:
                 cut_posed_panoramas(panoramas, out, listen, options)
                 listen(Log(f"Continue with `nvsim run {out} --project NAME.nvsim`.", "poses"))

@@ -8,7 +8,7 @@ from typing import Any, Literal
 
 from nvsim.cli import terminal
 from nvsim.cli.arguments import Positional, ProjectArguments
-from nvsim.cli.console import listening
+from nvsim.cli.console import event_listener
 from nvsim.cli.session import working
 from nvsim.cli.terminal import as_json, say
 from nvsim.networks.installed import BUNDLED
@@ -42,7 +42,7 @@ class EvaluateViews(ProjectArguments):
         from nvsim.project.project import Project
 
         distance, why = open_lpips(self.lpips, self.lpips_range)
-        with Project.open(self.project) as project, listening(False) as listen:
+        with Project.open(self.project) as project, event_listener(False) as listen:
             result = evaluate_views(project, self.truth, self.pictures, listen, distance=distance, novel=self.novel)
         result["lpips_why"] = why
         if self.csv is not None:
@@ -105,7 +105,7 @@ class EvaluateFloor(ProjectArguments):
 
         if self.cues < 0:
             raise InputError(f"--cues {self.cues} is not a number of frames; give 0 or more.")
-        with Project.open(self.project) as project, listening(False) as listen:
+        with Project.open(self.project) as project, event_listener(False) as listen:
             result = evaluate_project_floor(
                 project, self.truth, self.from_scan, self.cues, self.semantic, self.normals, listen
             )
@@ -137,7 +137,7 @@ class EvaluateNormals(ProjectArguments):
 
         if self.frames < 1:
             raise InputError(f"--frames {self.frames} is out of range; give 1 or more.")
-        with Project.open(self.project) as project, listening(False) as listen:
+        with Project.open(self.project) as project, event_listener(False) as listen:
             result = evaluate_project_normals(
                 project, self.normals, self.of, self.truth, self.from_scan, self.frames, listen
             )
@@ -190,7 +190,7 @@ class EvaluateScan:
         if not 1 <= self.views <= 100_000:
             raise InputError(f"{self.views} views cannot be compared; give --views from 1 to 100,000.")
         opened = nullcontext() if self.project is None else Project.open(self.project)
-        with opened as project, listening(False) as listen:
+        with opened as project, event_listener(False) as listen:
             result = evaluate_scan(self.folder, self.scan, project, self.views, listen)
         terminal.figures(result, self.json, "scan")
         if not self.json:

@@ -82,7 +82,7 @@ class EvaluateJudge:
 
     def run(self) -> int:
         from nvsim.cli.consent import exit_code
-        from nvsim.cli.console import listening
+        from nvsim.cli.console import event_listener
         from nvsim.cli.terminal import as_json
         from nvsim.evaluation.judging.contestants import STAGE
         from nvsim.evaluation.judging.report import text_of, write_report
@@ -101,7 +101,7 @@ class EvaluateJudge:
                 out = self.out or project.layout.root / "judge"
                 shown = _by_presets(self, project, out, listen)
             else:
-                listen = stack.enter_context(listening(self.json))
+                listen = stack.enter_context(event_listener(self.json))
                 assert self.out is not None
                 out = self.out
                 shown = _by_projects(self, out, listen) if self.projects else _by_folders(self)
@@ -235,7 +235,7 @@ def _judged(
     if not endpoints:
         return judged
     from nvsim.cli.consent import agree
-    from nvsim.endpoint.answer import Kept
+    from nvsim.endpoint.answer import StoredAnswers
     from nvsim.endpoint.budget import Budget
     from nvsim.endpoint.client import Client
     from nvsim.evaluation.judging.judges import Asker, read_prompt
@@ -245,7 +245,7 @@ def _judged(
     clients = {}
     for name, (endpoint, prices) in endpoints.items():
         budget = Budget(prices, a.asking.budget_tokens, a.asking.budget_money)
-        clients[name] = Client(endpoint, Kept(out / "answers"), budget, a.asking, listen)
+        clients[name] = Client(endpoint, StoredAnswers(out / "answers"), budget, a.asking, listen)
     try:
         asked = [(c.endpoint, asker.estimate(c, shown), c.budget.prices) for c in clients.values()]
         notes = ["NVSim sends pairs of rendered images, each in both orders. Budgets apply to each judge."]

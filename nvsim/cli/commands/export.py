@@ -7,9 +7,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
 from nvsim.cli.arguments import Inline, Positional, ProjectArguments
-from nvsim.cli.console import listening
+from nvsim.cli.console import event_listener
 from nvsim.cli.terminal import as_json, say
-from nvsim.cluster.choice import opened
+from nvsim.cluster.choice import open_executor
 from nvsim.cluster.config import ClusterConfig
 from nvsim.errors import InputError
 from nvsim.occupancy.heights import Heights
@@ -89,11 +89,11 @@ class ExportScan(ProjectArguments):
 
         settings = ScanSettings(self.size, self.quality, self.faces, self.views, self.plans)
         # The project is opened read-only, so it can be exported while a submap trains.
-        with Project.open(self.project) as project, listening(self.json) as listen:
+        with Project.open(self.project) as project, event_listener(self.json) as listen:
             if self.dry_run:
                 _foretell(Prepared.of(project, self.out, self.scan, self.force, self.max_viewpoints), settings, self)
                 return 0
-            with opened(self.cluster) as executor:
+            with open_executor(self.cluster) as executor:
                 written = export_scan(
                     project,
                     self.out,
@@ -172,6 +172,7 @@ class ExportGraph:
     """Print the written files as JSON."""
 
     def run(self) -> int:
+        """Writes one file, or a folder of files. Raises InputError if one of them cannot be written."""
         from nvsim.cli.graph_target import is_project, one_source
         from nvsim.graph.connectivity import scan_of
         from nvsim.graph.exports import incomplete_export
@@ -225,13 +226,13 @@ def _write(source: Source, arguments: ExportGraph, path: Path | None = None) -> 
 def _write_r2r(source: Source, arguments: ExportGraph) -> Path:
     from nvsim.cli.graph_target import is_project
     from nvsim.graph.connectivity import SUFFIX, write_connectivity
-    from nvsim.graph.exports import refuse
+    from nvsim.graph.exports import check_exportable
     from nvsim.graph.foreign import ForeignFile
     from nvsim.graph.sight import lines_of_sight
 
     graph = replace(source.graph, scan=source.name)
     if not arguments.force:
-        refuse(graph, source.context)
+        check_exportable(graph, source.context)
     if is_project(arguments.graph):
         return write_connectivity(graph, arguments.out, lines_of_sight(graph, source.occupancy))
     return ForeignFile.open(source.path).save(graph, arguments.out / f"{source.name}{SUFFIX}")
@@ -268,7 +269,7 @@ class ExportSplats(ProjectArguments):
         from nvsim.project.project import Project
         from nvsim.project.stages.exported import export_splats
 
-        with Project.open(self.project) as project, listening(False) as listen:
+        with Project.open(self.project) as project, event_listener(False) as listen:
             written = export_splats(project, self.out, self.format, self.submaps, self.frame, listen, self.floor)
         if self.json:
             say(as_json({"written": [str(p) for p in written]}))

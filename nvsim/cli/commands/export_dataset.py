@@ -9,13 +9,13 @@ from typing import Annotated, Any, Literal
 import tyro
 
 from nvsim.cli.arguments import Inline, Positional, ProjectArguments
-from nvsim.cli.console import listening
+from nvsim.cli.console import event_listener
 from nvsim.cli.terminal import as_json, say
 from nvsim.dataset.agent_files import AgentName
 from nvsim.errors import InputError
 from nvsim.events import Warning
 from nvsim.networks.onnx_session import Provider
-from nvsim.r2r.features.layouts import LAYOUTS, Name, lacking
+from nvsim.r2r.features.layouts import LAYOUTS, Name, missing_package_error
 from nvsim.r2r.instructions.registers import Register
 from nvsim.r2r.tasks.shortest import Bounds
 from nvsim.r2r.tasks.splitting import Amounts
@@ -61,7 +61,7 @@ class ExportFeatures:
         if not 1 <= self.batch <= 1024:
             raise InputError(f"--batch {self.batch} is out of range; give 1 to 1024.")
         for name in self.layout:
-            if sentence := lacking(LAYOUTS[name]):
+            if sentence := missing_package_error(LAYOUTS[name]):
                 raise InputError(sentence)
         if self.model is not None and self.projection:
             raise InputError("--model and --projection exclude each other; give one.")
@@ -71,7 +71,7 @@ class ExportFeatures:
         if export is None:
             raise InputError("No export is named; give the folder that `nvsim export scan` wrote.")
         written = []
-        with listening(self.json) as listen:
+        with event_listener(self.json) as listen:
             scans = with_images(read_exported_scans(export, self.scans), bool(self.scans), listen)
             for name in dict.fromkeys(self.layout):
                 backbone, warning = choose_backbone(
@@ -212,7 +212,7 @@ class ExportDataset(ProjectArguments):
             with prepared(projects, self.out, options) as sources:
                 _foretell(estimate_dataset(sources, options), self)
             return 0
-        with listening(self.json) as listen:
+        with event_listener(self.json) as listen:
             about = export_dataset(projects, self.out, options, listen)
         if not self.json:
             _show(about, self.out)

@@ -33,13 +33,13 @@ class ExportHabitat:
     """Print the written files as JSON."""
 
     def run(self) -> int:
-        from nvsim.cli.console import listening
+        from nvsim.cli.console import event_listener
         from nvsim.cli.terminal import as_json
         from nvsim.dataset.habitat.scene import write_scenes
         from nvsim.events import silent
 
         clouds = _clouds(self.project)
-        with listening(False) as heard:
+        with event_listener(False) as heard:
             listen = silent if self.json else heard
             written = write_scenes(self.export, self.out, self.scans, self.voxel, clouds, listen)
         if self.json:

@@ -75,7 +75,7 @@ class ExportTasks:
 
     def run(self) -> int:
         from nvsim.cli.consent import exit_code
-        from nvsim.cli.console import listening
+        from nvsim.cli.console import event_listener
         from nvsim.cli.terminal import as_json, table
         from nvsim.dataset.tasks import STAGE, TaskOptions, make_tasks
         from nvsim.events import Done, silent
@@ -84,7 +84,7 @@ class ExportTasks:
         if self.asked.endpoint is not None:
             _check_endpoint(self)
         graphs, clouds = _graphs(self)
-        with listening(False) as heard:
+        with event_listener(False) as heard:
             listen = silent if self.json else heard
             retell = partial(_asked_instructions, self, listen) if self.asked.endpoint is not None else None
             made = make_tasks(graphs, self.scans, self.out, options, listen, clouds, retell)
@@ -209,7 +209,7 @@ def _asked_instructions(
 
     Raises InputError if there are no images to send, the user does not agree, or the endpoint does not answer."""
     from nvsim.cli.consent import agree
-    from nvsim.endpoint.answer import Kept
+    from nvsim.endpoint.answer import StoredAnswers
     from nvsim.endpoint.client import Client
     from nvsim.r2r.prompted.instructions import Writer, read_prompt
     from nvsim.r2r.prompted.views import ViewRenderer
@@ -221,7 +221,7 @@ def _asked_instructions(
     tasks = [task for split in dataset.splits.values() for task in split]
     by_scan = {graph.scan: graph for graph in graphs}
     renderer = ViewRenderer(place, a.looking)
-    kept = Kept(a.asked.answers or a.out / "answers")
+    kept = StoredAnswers(a.asked.answers or a.out / "answers")
     client = Client(endpoint, kept, budget, a.asking, listen)
     try:
         writer = Writer(renderer, by_scan, prompt, a.instructions, a.asking.answer_tokens, a.asking.detail)

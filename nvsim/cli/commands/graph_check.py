@@ -272,7 +272,7 @@ class GraphEvidence(ProjectArguments):
 
     def run(self) -> int:
         """Runs the command. Raises InputError if only one of --graph and --out is given."""
-        from nvsim.cli.console import listening
+        from nvsim.cli.console import event_listener
         from nvsim.cli.session import working
         from nvsim.project.project import Project
 
@@ -284,7 +284,7 @@ class GraphEvidence(ProjectArguments):
             from nvsim.graph.store import decode_graph, encode_graph
 
             blob = read_bytes(self.graph)
-            with Project.open(self.project) as project, listening(self.json) as listen:
+            with Project.open(self.project) as project, event_listener(self.json) as listen:
                 write_bytes(self.out, encode_graph(_measured(self, project, decode_graph(blob), listen)))
             return 0
         with working(self.project, "evidence", self.json) as (project, listen):

@@ -14,7 +14,7 @@ import tyro
 from nvsim.cli.arguments import Inline, Positional
 from nvsim.cli.terminal import as_json, say
 from nvsim.errors import InputError
-from nvsim.files.opening import whole
+from nvsim.files.opening import parse_integer
 from nvsim.occupancy.heights import Heights
 
 if TYPE_CHECKING:
@@ -194,7 +194,7 @@ def _given(words: tuple[str, ...]) -> dict[str, Any]:
         if not equals:
             raise InputError(f"{word!r} is not an argument; write NAME=VALUE.")
         try:
-            found[name] = json.loads(text, parse_int=whole)
+            found[name] = json.loads(text, parse_int=parse_integer)
         except ValueError:
             found[name] = text
     return found

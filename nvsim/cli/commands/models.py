@@ -119,7 +119,7 @@ class ModelsTrain:
     folder: Positional[Path]
     """Folder for examples, checkpoints and the network; 25 MB per interior."""
     projects: tuple[Path, ...] = ()
-    """Projects with a scan or with depth of images, and with floor masks. Trained projects also give renders."""
+    """Projects with a LiDAR scan or with depth of images, and with floor masks. Trained projects also give renders."""
     start: Path | None = None
     """The folder of another training, or its ONNX file. Training starts from its weights."""
     json: bool = False
@@ -128,7 +128,7 @@ class ModelsTrain:
 
     def run(self) -> int:
         """Runs the command. Raises InputError if an option is out of range."""
-        from nvsim.cli.console import listening
+        from nvsim.cli.console import event_listener
 
         c = self.config
         for name, least in (
@@ -147,6 +147,6 @@ class ModelsTrain:
             raise InputError(f"--save-every {c.save_every} is too small; give 1 or more.")
         from nvsim.recipes.making import make
 
-        with listening(self.json) as listen:
+        with event_listener(self.json) as listen:
             make(self.folder, c, self.projects, self.start, listen)
         return 0

@@ -12,7 +12,7 @@ import tyro
 from nvsim.capture import formats
 from nvsim.cli import terminal
 from nvsim.cli.arguments import Inline, Positional
-from nvsim.cli.console import listening
+from nvsim.cli.console import event_listener
 from nvsim.cli.session import working
 from nvsim.errors import InputError
 from nvsim.events import Done, Listener, Log
@@ -48,7 +48,7 @@ class OccupancyBuild:
     """Meters per cell."""
     heights: Inline[Heights] = field(default_factory=Heights)
     reach: float | None = None
-    """Maximum length of rays in meters. Default: 12 for a scan, 4 for depth estimated from images, 5 for other
+    """Maximum length of rays in meters. Default: 12 for a LiDAR scan, 4 for depth estimated from images, 5 for other
     depth."""
     walked: float = 0.1
     """Meters on each side of the trajectory that are free even if rays say otherwise. The person with the camera passed
@@ -65,12 +65,12 @@ class OccupancyBuild:
 
         _check(self)
         if self.project is None:
-            with listening(self.json) as listen:
+            with event_listener(self.json) as listen:
                 return _build(self, None, listen)
         if self.out is None:  # the map goes into the project; a window that shows it notices the job
             with working(self.project, VERB, self.json) as (project, listen):
                 return _build(self, project, listen)
-        with Project.open(self.project) as project, listening(self.json) as listen:
+        with Project.open(self.project) as project, event_listener(self.json) as listen:
             return _build(self, project, listen)
 
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from nvsim.cli.arguments import Inline, Positional
-from nvsim.cli.console import listening
+from nvsim.cli.console import event_listener
 from nvsim.cli.terminal import as_json, say
 from nvsim.errors import InputError
 from nvsim.r2r.recurrent.config import LearningConfig, ModelConfig
@@ -43,7 +43,7 @@ class R2RTrain:
         if not self.scans and self.project is None:
             raise InputError("There is nothing to train on; give --scans, one or more folders of exports.")
         scans = self.scans or (Path(os.path.abspath(self.project or "")).parent / "scans",)
-        with listening(self.json) as listen:
+        with event_listener(self.json) as listen:
             train_agent(read_dataset(scans, self.tasks, self.features), self.model, self.learning, self.out, listen)
         if not self.json:
             say(f"Wrote {self.out}")

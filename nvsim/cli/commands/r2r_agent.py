@@ -91,13 +91,13 @@ def _recurrent(arguments: R2RAgent, benchmark: Benchmark) -> Trajectories:
 def _run_mapgpt(a: R2RAgent, scans: Path, tasks: Path) -> int:
     """Runs the episodes of the file `tasks` in the exported `scans`."""
     from nvsim.cli.consent import agree, exit_code
-    from nvsim.cli.console import listening
+    from nvsim.cli.console import event_listener
     from nvsim.cli.terminal import as_json
-    from nvsim.endpoint.answer import Kept
+    from nvsim.endpoint.answer import StoredAnswers
     from nvsim.endpoint.client import Client
     from nvsim.r2r.agents.benchmark import Benchmark
     from nvsim.r2r.metrics.submission import write_submission
-    from nvsim.r2r.prompted.mapgpt import MapGpt, episodes_of, rehearsed, run_mapgpt
+    from nvsim.r2r.prompted.mapgpt import MapGpt, episodes_of, estimate_episodes, run_mapgpt
     from nvsim.r2r.prompted.mapgpt_episode import read_prompt
     from nvsim.r2r.prompted.views import ViewRenderer
 
@@ -107,11 +107,11 @@ def _run_mapgpt(a: R2RAgent, scans: Path, tasks: Path) -> int:
     folder = a.out.with_name(f"{a.out.stem}.episodes")
     renderer = ViewRenderer(scans, a.looking)
     agent = MapGpt(renderer, a.looking, benchmark.graphs, prompt, a.rules)
-    with listening(a.json) as listen:
-        kept = Kept(a.asked.answers or folder / "answers")
+    with event_listener(a.json) as listen:
+        kept = StoredAnswers(a.asked.answers or folder / "answers")
         client = Client(endpoint, kept, budget, a.asking, listen)
         try:
-            about = rehearsed(agent, client, episodes, folder)
+            about = estimate_episodes(agent, client, episodes, folder)
             notes = [
                 f"This estimate is for {len(episodes) - about.kept} episodes that go straight to their goals, from a "
                 f"sample of them. An agent that gets lost asks more often: at most {a.rules.steps} times per episode, "

@@ -14,10 +14,10 @@ from nvsim.building.config import Style
 from nvsim.cli import window
 from nvsim.cli.arguments import Inline, given
 from nvsim.cli.commands.capture import CapturePath
-from nvsim.cli.commands.stages import asked, papers, say_if_it_falls_back
+from nvsim.cli.commands.stages import paper_map_config, report_network_fallback, with_normal_source
 from nvsim.cli.session import working
 from nvsim.cli.terminal import say
-from nvsim.cluster.choice import opened
+from nvsim.cluster.choice import open_executor
 from nvsim.cluster.config import ClusterConfig
 from nvsim.errors import InputError
 from nvsim.mapping.config import MappingConfig
@@ -53,7 +53,7 @@ class Run:
     """Upward normals that the map tests: the Gaussians', those that a network estimates from the rendered views, or
     both. criteria: as in --map.criteria."""
     depth: DepthUse = "auto"
-    """When to estimate depth from the images: auto (if the capture has no scan), always, or never."""
+    """When to estimate depth from the images: auto (if the capture has no LiDAR scan), always, or never."""
     cluster: Inline[ClusterConfig] = field(default_factory=ClusterConfig)
     config: Inline[RunConfig] = field(default_factory=RunConfig)
 
@@ -62,25 +62,25 @@ class Run:
         paper = "--paper" in argv
         name = given(argv, "--preset", "splatfacto-i" if paper else "nvsim")
         train = at_paper_scale(preset(name)) if "--paper-scale" in argv else preset(name)
-        config = RunConfig(train=train, map=papers() if paper else MappingConfig())
+        config = RunConfig(train=train, map=paper_map_config() if paper else MappingConfig())
         return Run(cast(Path, tyro.MISSING), cast(Path, tyro.MISSING), preset=cast(Any, name), config=config)
 
     def run(self) -> int:
         from nvsim.project import pipeline
         from nvsim.training.devices.choice import gpu_name
 
-        config = replace(self.config, map=asked(self.config.map, self.normal_source))
+        config = replace(self.config, map=with_normal_source(self.config.map, self.normal_source))
         if self.device != "auto":
             config = replace(config, train=replace(config.train, device=self.device))
         if self.cluster.executor == "local":
             gpu_name(config.train.device)  # raises an error before anything is imported
         cluster = self.cluster
         with (
-            opened(cluster) as executor,
+            open_executor(cluster) as executor,
             working(self.project, "run", self.json, create=True) as (project, listen),
         ):
             if self.paper:
-                say_if_it_falls_back(config.map, self.normal_source, listen)
+                report_network_fallback(config.map, self.normal_source, listen)
             pipeline.run(
                 project,
                 self.capture,
@@ -114,7 +114,7 @@ class Demo:
     """Number of storeys. With 2, a second storey of equal size is added, with a stair that the trajectory uses in both
     directions."""
     style: Style = "furnished"
-    """glass: glass partitions and screens, which the scan does not show. bare: plain walls, little furniture."""
+    """glass: glass partitions and screens, which the LiDAR scan does not show. bare: plain walls, little furniture."""
     no_window: bool = False
     """Do not open the window at the end."""
     json: bool = False
@@ -122,7 +122,7 @@ class Demo:
     preset: Preset = "nvsim"
     """The preset that the training options start from."""
     depth: DepthUse = "auto"
-    """When to estimate depth from the images: auto (if the capture has no scan), always, or never."""
+    """When to estimate depth from the images: auto (if the capture has no LiDAR scan), always, or never."""
     config: Inline[RunConfig] = field(default_factory=RunConfig)
 
     @staticmethod
@@ -155,7 +155,7 @@ class Demo:
             project.set_result("graph", figures)
             end = [] if self.json else summary(project)
         say(*end)
-        return window.offer(self.project, wanted=not self.no_window)
+        return window.open_if_wanted(self.project, wanted=not self.no_window)
 
 
 def summary(project: Project) -> list[str]:

@@ -12,7 +12,7 @@ from nvsim.cli import terminal
 from nvsim.cli.arguments import Inline, Memory, Positional, ProjectArguments, given, memory_budget
 from nvsim.cli.session import working
 from nvsim.cli.terminal import say
-from nvsim.cluster.choice import opened
+from nvsim.cluster.choice import open_executor
 from nvsim.cluster.config import ClusterConfig
 from nvsim.depth.config import DepthConfig
 from nvsim.errors import InputError
@@ -45,11 +45,11 @@ class Submaps(ProjectArguments):
 
 @dataclass(frozen=True)
 class Depth(ProjectArguments):
-    """Estimate dense depth from the images and their poses, and fuse it into a point cloud that replaces a scan. If the
-    capture has a scan, nothing is done unless you request it."""
+    """Estimate dense depth from the images and their poses, and fuse it into a point cloud that replaces a LiDAR scan.
+    If the capture has a LiDAR scan, nothing is done unless you request it."""
 
     depth: DepthUse = "auto"
-    """auto: only if the capture has no scan; always: also fills holes of a scan but never overrides it; or never."""
+    """auto: only if the capture has no LiDAR scan; always: also fills holes of one, never overrides it; or never."""
     cluster: Inline[ClusterConfig] = field(default_factory=ClusterConfig)
     config: Inline[DepthConfig] = field(default_factory=DepthConfig)
 
@@ -57,7 +57,7 @@ class Depth(ProjectArguments):
         from nvsim.project.stages import depths
 
         cluster = self.cluster
-        with opened(cluster) as executor, working(self.project, "depth", self.json) as (project, listen):
+        with open_executor(cluster) as executor, working(self.project, "depth", self.json) as (project, listen):
             depths.run(project, self.depth, self.config, listen, executor, cluster.storage)
         return 0
 
@@ -75,7 +75,7 @@ class Floors(ProjectArguments):
         from nvsim.project.stages import floors
 
         cluster = self.cluster
-        with opened(cluster) as executor, working(self.project, "floors", self.json) as (project, listen):
+        with open_executor(cluster) as executor, working(self.project, "floors", self.json) as (project, listen):
             floors.run(project, listen, self.discard_corrections, self.config, executor, cluster.storage)
         return 0
 
@@ -106,7 +106,7 @@ class Train(ProjectArguments):
         from nvsim.project.stages import trained
 
         cluster = self.cluster
-        with opened(cluster) as executor, working(self.project, "train", self.json) as (project, listen):
+        with open_executor(cluster) as executor, working(self.project, "train", self.json) as (project, listen):
             trained.run(project, self.config, listen, self.submaps, self.at_once, executor, cluster.storage)
         return 0
 
@@ -117,20 +117,20 @@ FALLS_BACK = (
 )
 
 
-def papers() -> MappingConfig:
+def paper_map_config() -> MappingConfig:
     """The paper's map configuration, with normals of a network if one is installed."""
     from nvsim.perception.normals_network import normals_model
 
     config = MappingConfig.paper()
-    return config if normals_model() is None else asked(config, "network")
+    return config if normals_model() is None else with_normal_source(config, "network")
 
 
-def asked(config: MappingConfig, source: NormalSource) -> MappingConfig:
+def with_normal_source(config: MappingConfig, source: NormalSource) -> MappingConfig:
     """`config` with the normals that the option names among its criteria."""
     return replace(config, criteria=with_normals(config.criteria, source))
 
 
-def say_if_it_falls_back(config: MappingConfig, source: NormalSource, listen: Listener) -> None:
+def report_network_fallback(config: MappingConfig, source: NormalSource, listen: Listener) -> None:
     """Reports that the paper's map is built without the network, unless the user chose this."""
     from nvsim.perception.normals_network import normals_model
 
@@ -161,17 +161,17 @@ class Map(ProjectArguments):
     @staticmethod
     def defaults(argv: list[str]) -> Map:
         name = given(argv, "--preset", "paper" if "--paper" in argv else "nvsim")
-        config = papers() if name == "paper" else MappingConfig()
+        config = paper_map_config() if name == "paper" else MappingConfig()
         return Map(cast(Path, tyro.MISSING), preset=cast(Any, name), config=config)
 
     def run(self) -> int:
         from nvsim.project.stages import mapped
 
         budget = memory_budget(self.memory)
-        config = asked(self.config, self.normal_source)
+        config = with_normal_source(self.config, self.normal_source)
         with working(self.project, "map", self.json) as (project, listen):
             if self.preset == "paper":
-                say_if_it_falls_back(config, self.normal_source, listen)
+                report_network_fallback(config, self.normal_source, listen)
             mapped.run(project, config, listen, self.reapply, budget, self.backend)
         return 0
 

@@ -9,10 +9,10 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
 from nvsim.cli.arguments import Memory, ProjectArguments, memory_budget
-from nvsim.cli.console import listening
+from nvsim.cli.console import event_listener
 from nvsim.cli.terminal import say
 from nvsim.errors import InputError
-from nvsim.project.work import lacks
+from nvsim.project.work import missing_result_error
 
 if TYPE_CHECKING:
     from nvsim.project.project import Project
@@ -65,7 +65,7 @@ class Panorama(ProjectArguments):
             position = np.array(_place(self, project))
             scene = project.scene(memory_budget(self.memory))
             if scene is None:
-                raise lacks(self.project, "train")
+                raise missing_result_error(self.project, "train")
             photographed = None
             if "unseen" in self.also:
                 photographed = PhotographedDirections(project, scene, self.backend).at(position)
@@ -148,10 +148,10 @@ class Video(ProjectArguments):
             raise InputError(f"{self.seconds} s at {self.fps} fps are {count} frames; give 2 to {_MOST:,}.")
         poses = read_camera_path(self.path).frames(count)
         # The project is opened read-only, so a video can be rendered while a submap trains.
-        with Project.open(self.project) as project, listening(self.json) as listen:
+        with Project.open(self.project) as project, event_listener(self.json) as listen:
             scene = project.scene(memory_budget(self.memory))
             if scene is None:
-                raise lacks(self.project, "train")
+                raise missing_result_error(self.project, "train")
             path = make_folder(self.out) / "video.mp4"
             with private_folder(path) as folder:
                 film = cv2.VideoWriter(

@@ -21,7 +21,7 @@ from nvsim.errors import InputError
 from nvsim.events import Listener, Progress
 from nvsim.files.images import decoded
 from nvsim.files.opening import read_bytes
-from nvsim.geometry.camera import look
+from nvsim.geometry.camera import camera_pose
 from nvsim.geometry.directions import face_axes
 from nvsim.graph.types import NavGraph, Viewpoint
 from nvsim.r2r.observations.layout import ScanPlaces
@@ -149,7 +149,7 @@ def _read_strip(places: ScanPlaces, viewpoint: Viewpoint) -> tuple[NDArray[np.fl
 @lru_cache(maxsize=1)
 def _axes() -> NDArray[np.float64]:
     """Returns (6, 3, 3) world directions of right, down and ahead of each face, for a pose that faces +y."""
-    turn = look(np.zeros(3), 0.0)[:3, :3]
+    turn = camera_pose(np.zeros(3), 0.0)[:3, :3]
     return np.ascontiguousarray(np.swapaxes(turn @ face_axes(), 1, 2))
 
 

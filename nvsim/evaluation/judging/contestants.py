@@ -25,7 +25,7 @@ from nvsim.files.opening import is_regular
 from nvsim.files.placeholders import is_metadata_name
 from nvsim.geometry.camera import Camera
 from nvsim.project.project import Project
-from nvsim.project.work import lacks
+from nvsim.project.work import missing_result_error
 from nvsim.render.model import render_model
 from nvsim.render.scene import render_scene
 from nvsim.splats.files import load_model
@@ -125,7 +125,7 @@ def by_projects(
 def _of_project(project: Project) -> tuple[Callable[[JudgedView], str], Callable[[JudgedView], Draw]]:
     scene = project.scene()
     if scene is None:
-        raise lacks(project.layout.root, "train")
+        raise missing_result_error(project.layout.root, "train")
     words = []
     for submap in project.submaps("train"):
         folder = project.layout.model(submap.index)

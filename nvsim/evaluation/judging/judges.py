@@ -15,7 +15,7 @@ import cv2
 import numpy as np
 
 from nvsim.capture.images import decode
-from nvsim.endpoint.asking import Unanswered, UnusableAnswer, ask_until_clear, each, json_object
+from nvsim.endpoint.asking import Unanswered, UnusableAnswer, ask_until_clear, json_object, run_in_parallel
 from nvsim.endpoint.budget import RequestEstimate, estimate_requests
 from nvsim.endpoint.client import Client
 from nvsim.endpoint.prompt import FOLDER, Prompt
@@ -23,7 +23,7 @@ from nvsim.endpoint.request import Image as SentImage
 from nvsim.endpoint.request import Message, Part, Request
 from nvsim.errors import InputError
 from nvsim.evaluation.judging.contestants import STAGE, Shown, read_shown
-from nvsim.evaluation.judging.verdicts import Judged, Preference, Reason, Verdict, consistent, pairs_of
+from nvsim.evaluation.judging.verdicts import Judged, Preference, Reason, Verdict, consistent_winner, pairs_of
 from nvsim.evaluation.scores import Distance, Image
 from nvsim.events import Listener, Progress, Warning, silent
 
@@ -134,7 +134,9 @@ class Asker:
         """The verdicts of one model. Raises InputError as `Client.ask` does."""
         pairs = [(view, a, b) for view in shown for a, b in pairs_of(list(view.images))]
         found: dict[tuple[str, str, str], Verdict] = {}
-        for (view, a, b), verdict in each(lambda pair: self._verdict(client, *pair), pairs, client.options.parallel):
+        for (view, a, b), verdict in run_in_parallel(
+            lambda pair: self._verdict(client, *pair), pairs, client.options.parallel
+        ):
             found[view.name, a, b] = verdict
             if verdict.won is None:
                 listen(Warning(f"{name} gives no verdict on {a} and {b} in {view.name}: {verdict.why}.", STAGE))
@@ -149,7 +151,7 @@ class Asker:
             if isinstance(answer, Unanswered):
                 return Verdict(view.name, view.kind, a, b, None, answer.why)
             said.append(answer.value)
-        won = consistent(a, b, said[0].preference, said[1].preference)
+        won = consistent_winner(a, b, said[0].preference, said[1].preference)
         reasons = [
             Reason(order[0] if of_first else order[1], good, category, words)
             for order, one in zip(((a, b), (b, a)), said, strict=True)

@@ -58,7 +58,7 @@ def pairs_of(contestants: Sequence[str]) -> list[tuple[str, str]]:
     return list(combinations(contestants, 2))
 
 
-def consistent(a: str, b: str, forth: Preference, back: Preference) -> str:
+def consistent_winner(a: str, b: str, forth: Preference, back: Preference) -> str:
     """The winner of two comparisons: the first showed `a` first, the second `b`. "" if they do not agree."""
     there = {"first": a, "second": b, "tie": ""}[forth]
     again = {"first": b, "second": a, "tie": ""}[back]

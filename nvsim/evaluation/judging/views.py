@@ -22,7 +22,7 @@ from nvsim.capture.images import read_image
 from nvsim.capture.types import Capture
 from nvsim.evaluation.scores import Image
 from nvsim.evaluation.views import NovelView, has_novel_views, novel_views
-from nvsim.geometry.camera import Camera, look
+from nvsim.geometry.camera import Camera, camera_pose
 from nvsim.project.config import held_out
 from nvsim.project.project import Project
 from nvsim.project.stages.imported import capture_config
@@ -124,7 +124,7 @@ def _drawn(
         nearest = submap.core[int(np.argmin(((submap.positions - place) ** 2).sum(axis=1)))]
         ahead = capture.frames[nearest].camera.rotation[:, 2]
         turn = random.uniform(math.pi / 4, math.pi) * random.choice([-1, 1])
-        camera = Camera(intrinsics, look(place, math.atan2(ahead[0], ahead[1]) + turn))
+        camera = Camera(intrinsics, camera_pose(place, math.atan2(ahead[0], ahead[1]) + turn))
         found.append(JudgedView(f"{submap.index:03d}_novel_{i:03d}", "novel", str(submap.index), camera, None))
     return found
 

@@ -3,9 +3,9 @@ agents."""
 
 from nvsim.graph.exports.formats import (
     Anchor,
+    check_exportable,
     findings_that_break_agents,
     incomplete_export,
-    refuse,
     write_geojson,
     write_graphml,
 )
@@ -13,12 +13,12 @@ from nvsim.graph.exports.picture import Groups, Key, draw
 
 __all__ = [
     "Anchor",
+    "check_exportable",
     "Groups",
     "Key",
     "findings_that_break_agents",
     "draw",
     "incomplete_export",
-    "refuse",
     "write_geojson",
     "write_graphml",
 ]

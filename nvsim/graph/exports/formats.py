@@ -24,7 +24,7 @@ from nvsim.graph.types import NavGraph
 _ILLEGAL = re.compile("[^\t\n\r\x20-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
 
 
-def legal(text: str) -> str:
+def without_control_characters(text: str) -> str:
     """Return `text` with control characters and lone surrogates replaced by U+FFFD."""
     return _ILLEGAL.sub("\ufffd", text)
 
@@ -38,18 +38,20 @@ def write_graphml(graph: NavGraph, path: Path) -> Path:
     """
     import networkx as nx
 
-    found = nx.Graph(scan=legal(graph.scan), units="metres", up="z")
+    found = nx.Graph(scan=without_control_characters(graph.scan), units="metres", up="z")
     for v in graph.viewpoints.values():
         if not v.id.isprintable():
             raise InputError(f"The viewpoint id {v.id!r} is not valid in a GraphML file; rename it.")
         x, y, z = map(float, v.position)
         found.add_node(v.id, x=x, y=y, z=z, height=float(v.height), included=v.included, reviewed=v.reviewed,
-                       submap=v.submap, origin=legal(v.origin))  # fmt: skip
+                       submap=v.submap, origin=without_control_characters(v.origin))  # fmt: skip
         if v.photographed is not None:
             found.nodes[v.id]["photographed"] = float(v.photographed)
     for (a, b), e in graph.edges.items():
         length = math.dist(graph.viewpoints[a].position, graph.viewpoints[b].position)
-        found.add_edge(a, b, length=length, weight=length, origin=legal(e.origin), reviewed=e.reviewed)
+        found.add_edge(
+            a, b, length=length, weight=length, origin=without_control_characters(e.origin), reviewed=e.reviewed
+        )
     with atomic.replacing(path) as temporary:
         nx.write_graphml_xml(found, temporary, encoding="utf-8", prettyprint=len(found) < 10_000)
     return path
@@ -134,7 +136,7 @@ def findings_that_break_agents(graph: NavGraph, context: Context | None = None) 
     return [f for f in found if f.kind in BLOCKS_EXPORT and f.severity == "error" and f.key not in graph.ignored]
 
 
-def refuse(graph: NavGraph, context: Context | None = None) -> None:
+def check_exportable(graph: NavGraph, context: Context | None = None) -> None:
     """Check a graph before an export. Raises Refusal with the first finding that breaks agents, and their number."""
     found = findings_that_break_agents(graph, context)
     if found:

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from nvsim.errors import InputError
 from nvsim.figures import DASHES, LETTERS, WIDTH, add_scale_bar, style
-from nvsim.graph.exports.formats import legal
+from nvsim.graph.exports.formats import without_control_characters
 from nvsim.graph.types import NavGraph
 from nvsim.occupancy.types import FREE, OCCUPIED, UNKNOWN, OccupancyMap
 
@@ -175,7 +175,7 @@ def draw_areas(
     width, height = round(sum(widths) + gaps), max(heights)
     # A viewpoint is as large as a person's shoulders, within limits that keep it visible and separate on every map.
     radius = min(max(0.12 * scale, 2.0), 0.01 * longest_side) * 72 / dpi
-    figure = Figure((width / dpi, height / dpi), dpi, label=legal(graph.scan))
+    figure = Figure((width / dpi, height / dpi), dpi, label=without_control_characters(graph.scan))
     whole = height + _add_legend(figure, groups)
     figure.set_size_inches(width / dpi * (1 + 1e-12), whole / dpi * (1 + 1e-12))  # rounded down to whole pixels
     left = 0.0
@@ -244,7 +244,7 @@ def _add_elements(axes: Axes, graph: NavGraph, area: Area, groups: Groups, radiu
                 edgecolors=["none" if v.included else color for v, color in dots],
                 linewidths=0.25 * radius,
                 zorder=2,
-                urls=[legal(v.id) for v, _ in dots],
+                urls=[without_control_characters(v.id) for v, _ in dots],
             )
 
 
@@ -262,7 +262,7 @@ def _add_legend(figure: Figure, groups: Groups) -> float:
             marker=_MARKERS.get(key.shape, "none"),
             markersize=5,
             markerfacecolor=key.color if key.filled else "none",
-            label=legal(key.words),
+            label=without_control_characters(key.words),
         )
         for key in groups.keys
         if key.words

@@ -19,18 +19,18 @@ _LEVEL = 0.5  # maximum height difference of two floors in meters; more indicate
 def about_detour(graph: NavGraph, key: EdgeKey, context: Context) -> list[Finding]:
     """Return the finding that the graph has only a long path between two near viewpoints. Returns none if the map, the
     lists of a file, or the evidence show an obstacle between them."""
-    if not _may_join(graph, key, context.limits) or key[1] in reached(graph, key[0], context.limits.detour):
+    if not _may_join(graph, key, context.limits) or key[1] in ids_within(graph, key[0], context.limits.detour):
         return []
     return _found(graph, key, context)
 
 
-def widest(limits: Limits) -> float:
+def influence_radius(limits: Limits) -> float:
     """Return the radius in meters around the ends of changed edges within which detour findings can change. Each
     changed path is at most `detour` long, so one of its halves is within half of that."""
     return max(limits.neighbours, limits.detour / 2)
 
 
-def reached(graph: NavGraph, start: str, limit: float) -> set[str]:
+def ids_within(graph: NavGraph, start: str, limit: float) -> set[str]:
     """Return the ids of the included viewpoints that a path of at most `limit` meters leads to (Dijkstra)."""
     done: set[str] = set()
     front = [(0.0, start)]
@@ -71,7 +71,7 @@ class Detours:
                 key = (id, other) if id < other else (other, id)
                 if key not in found and _may_join(graph, key, context.limits):
                     if key[0] not in ways:
-                        ways[key[0]] = reached(graph, key[0], context.limits.detour)
+                        ways[key[0]] = ids_within(graph, key[0], context.limits.detour)
                     far = key[1] not in ways[key[0]]
                     found[key] = self._about(graph, key, context) if far else []
                 if found.get(key):

@@ -4,8 +4,8 @@ Format and pitfalls: Matterport3DSimulator, connectivity/README.md. This package
 project.
 """
 
-from nvsim.graph.foreign.beside import Beside, look_beside
+from nvsim.graph.foreign.beside import FilesBeside, find_files_beside
 from nvsim.graph.foreign.file import ForeignFile, connectivity_files
 from nvsim.graph.foreign.notes import islands, words_of_saving
 
-__all__ = ["Beside", "ForeignFile", "connectivity_files", "islands", "look_beside", "words_of_saving"]
+__all__ = ["FilesBeside", "ForeignFile", "connectivity_files", "find_files_beside", "islands", "words_of_saving"]

@@ -25,7 +25,7 @@ from nvsim.occupancy.types import OccupancyMap
 
 
 @dataclass(frozen=True)
-class Beside:
+class FilesBeside:
     """Files found near a connectivity file.
 
     images      ids of the viewpoints that have images, None if no folder of images was found
@@ -56,7 +56,7 @@ class Beside:
         return read_cloud(self.cloud, Findings())
 
 
-def look_beside(path: Path, scan: str) -> Beside:
+def find_files_beside(path: Path, scan: str) -> FilesBeside:
     """Search the folder of a connectivity file and its parent folder for these files:
 
     - skyboxes as the simulator has them (`[scans/]SCAN/matterport_skybox_images/ID_skybox*`), or a folder of 36 views
@@ -64,16 +64,16 @@ def look_beside(path: Path, scan: str) -> Beside:
     - a ROS map or OctoMap, named after the scan or `map`
     - a PLY or PCD cloud, named after the scan or `cloud`
     """
-    found = Beside()
+    found = FilesBeside()
     for folder in (path.parent, path.parent.parent):
         pictures = next((p for p in _picture_folders(folder, scan) if p.is_dir()), None)
         if found.images is None and pictures is not None:
-            found = Beside(_ids_in(pictures), pictures, found.map, found.cloud)
+            found = FilesBeside(_ids_in(pictures), pictures, found.map, found.cloud)
         files = [folder / f"{name}{suffix}" for name in (scan, "map") for suffix in (".yaml", ".bt", ".ot")]
         clouds = [folder / f"{name}{suffix}" for name in (scan, "cloud") for suffix in (".ply", ".pcd")]
         map = found.map or next((p for p in files if p.is_file()), None)
         cloud = found.cloud or next((p for p in clouds if p.is_file()), None)
-        found = Beside(found.images, found.pictures, map, cloud)
+        found = FilesBeside(found.images, found.pictures, map, cloud)
     return found
 
 
@@ -105,7 +105,7 @@ class _View:
     focal: float
 
 
-def panorama(beside: Beside, id: str, rotation: NDArray[np.float64], width: int) -> NDArray[np.uint8] | None:
+def panorama(beside: FilesBeside, id: str, rotation: NDArray[np.float64], width: int) -> NDArray[np.uint8] | None:
     """Return the panorama of a viewpoint: (W / 2, W, 3) uint8, blue, green, red, with north (+y) in the middle, east to
     its right, and up at the top. Pixels without a view are black. `rotation` (3, 3) is that of the viewpoint's pose.
 
@@ -115,7 +115,7 @@ def panorama(beside: Beside, id: str, rotation: NDArray[np.float64], width: int)
     return _around(views, width) if views else None
 
 
-def _views(beside: Beside, id: str, rotation: NDArray[np.float64]) -> list[_View]:
+def _views(beside: FilesBeside, id: str, rotation: NDArray[np.float64]) -> list[_View]:
     folder = beside.pictures
     if folder is None or id not in (beside.images or ()):
         return []  # also refuses ids that would lead out of the folder

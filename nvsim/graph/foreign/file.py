@@ -15,13 +15,13 @@ from numpy.typing import NDArray
 
 from nvsim.errors import InputError, shown
 from nvsim.files import atomic
-from nvsim.files.opening import is_regular, read_bytes, whole
+from nvsim.files.opening import is_regular, parse_integer, read_bytes
 from nvsim.files.placeholders import is_metadata_name
 from nvsim.files.reading import reading
 from nvsim.graph.connectivity import SUFFIX, list_scan, read_scans, scan_of
 from nvsim.graph.edits import Visible
 from nvsim.graph.findings import Context, Limits
-from nvsim.graph.foreign.beside import Beside, look_beside
+from nvsim.graph.foreign.beside import FilesBeside, find_files_beside
 from nvsim.graph.foreign.document import Document
 from nvsim.graph.foreign.notes import keep, notes_path, read_notes, read_original, write_notes
 from nvsim.graph.foreign.parsing import parse
@@ -79,9 +79,9 @@ class ForeignFile:
         return scan_of(self.path)
 
     @cached_property
-    def beside(self) -> Beside:
+    def beside(self) -> FilesBeside:
         """Images, map and cloud near the file."""
-        return look_beside(self.path, self.scan)
+        return find_files_beside(self.path, self.scan)
 
     def sight(self, unknown: bool = True) -> Visible | None:
         """Return the line of sight by the file's own lists: from positions (N, 3) to positions (N, 3), meters, world:
@@ -113,7 +113,7 @@ class ForeignFile:
         if not isinstance(pose, str):
             return None
         return panorama(
-            self.beside, id, np.array(json.loads(pose, parse_int=whole), float).reshape(4, 4)[:3, :3], width
+            self.beside, id, np.array(json.loads(pose, parse_int=parse_integer), float).reshape(4, 4)[:3, :3], width
         )
 
     def context(

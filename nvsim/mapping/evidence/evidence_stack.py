@@ -15,7 +15,7 @@ from nvsim.graph.types import Decision, Evidence
 from nvsim.mapping import criteria
 from nvsim.mapping.config import MappingConfig
 from nvsim.mapping.corridor import DIRECTIONS
-from nvsim.mapping.criteria import DISPUTED, OPEN, corridor_of, standing, under
+from nvsim.mapping.criteria import DISPUTED, OPEN, cells_under_robot, corridor_of, standing
 from nvsim.mapping.criterion import FULL, Criterion, unmeasured
 from nvsim.mapping.evidence.opinions import opinions
 
@@ -80,7 +80,7 @@ class _Group:
 
     def beneath(self, plane: str, config: MappingConfig) -> tuple[NDArray[np.int64], int]:
         """(n,) sums of a plane over the cells under the viewpoint, and the number of these cells."""
-        rows, cells = np.nonzero(under(self.sample, config))
+        rows, cells = np.nonzero(cells_under_robot(self.sample, config))
         total = np.zeros(len(self.index), np.int64)
         for r, c in zip(rows, cells, strict=True):
             total += self._planes[plane][c, :, r]

@@ -11,10 +11,18 @@ from numpy.typing import NDArray
 
 from nvsim.graph.types import Evidence, Viewpoint
 from nvsim.mapping.config import MappingConfig
-from nvsim.mapping.corridor import DIRECTIONS, Corridor, HeightAt, Lattice, SupportAt, nothing_stands, view_of
-from nvsim.mapping.criteria import OPEN, answers, decide
+from nvsim.mapping.corridor import (
+    DIRECTIONS,
+    Corridor,
+    HeightAt,
+    Lattice,
+    SupportAt,
+    evidence_without_obstacles,
+    view_of,
+)
+from nvsim.mapping.criteria import OPEN, decide, is_sufficient
 from nvsim.mapping.evidence.climbing import CLIMB, TraversedFloor, out_of_sight
-from nvsim.mapping.evidence.opinions import joined
+from nvsim.mapping.evidence.opinions import with_second_opinion
 from nvsim.mapping.families import NETWORK_NORMAL
 from nvsim.mapping.views.floor_view import FloorView, measure
 from nvsim.mapping.views.looking import Ensemble, ViewSource, look_down
@@ -116,7 +124,7 @@ class Measurements:
     def knows_floor(self, viewpoint: Viewpoint, other: Viewpoint) -> bool:
         """Whether the corridor would be open if it had no obstacles. This needs no rendering."""
         corridor = _corridor(viewpoint, other.position[:2])
-        empty = nothing_stands(corridor, viewpoint.id, self._floor_at, self._support)
+        empty = evidence_without_obstacles(corridor, viewpoint.id, self._floor_at, self._support)
         return self._reaches(corridor, other) and decide(empty, self._config) == OPEN
 
     def _reaches(self, corridor: Corridor, other: Viewpoint) -> bool:
@@ -144,7 +152,7 @@ class Measurements:
 
     def _holds(self, evidence: Evidence, corridor: Corridor, viewpoint: Viewpoint) -> bool:
         heard = self._another(viewpoint) is None or evidence.second is not None
-        return heard and answers(evidence, corridor.length, corridor.heading, self._config)
+        return heard and is_sufficient(evidence, corridor.length, corridor.heading, self._config)
 
     def _another(self, viewpoint: Viewpoint) -> int | None:
         """The submap that gives a second opinion, in addition to the one that renders the viewpoint; None if there is
@@ -188,7 +196,7 @@ class Measurements:
             found = [replace(e, mass=self._mass(self._ensemble, e.submap, viewpoint, corridor)) for e in found]
         if len(found) == 1:
             return found[0]
-        return joined(found[0], found[1], self._strange(found[1].submap, viewpoint, corridor))
+        return with_second_opinion(found[0], found[1], self._strange(found[1].submap, viewpoint, corridor))
 
     def _free(self, view: FloorView, viewpoint: Viewpoint, corridor: Corridor) -> NDArray[np.bool_] | None:
         """(rows, cells) bool, floor that is free without a view; None if there is none. If known floor is required,

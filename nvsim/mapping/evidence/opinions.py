@@ -33,7 +33,7 @@ def opinions(evidence: Evidence, config: MappingConfig) -> tuple[Evidence, ...]:
     return evidence, second
 
 
-def joined(first: Evidence, second: Evidence, strange: NDArray[np.bool_]) -> Evidence:
+def with_second_opinion(first: Evidence, second: Evidence, strange: NDArray[np.bool_]) -> Evidence:
     """Return the evidence of one model, with that of another model of this corridor as its second opinion. In `strange`
     (rows, cells), where the other model was not trained, the values of the first are used for both."""
 

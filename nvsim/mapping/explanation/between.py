@@ -12,8 +12,8 @@ import numpy as np
 from nvsim.graph.quantities import evidence_along
 from nvsim.graph.types import Decision, Evidence, NavGraph, edge
 from nvsim.mapping.config import MappingConfig
-from nvsim.mapping.criteria import DECISIONS, OPEN, SPARED, lacking
-from nvsim.mapping.explanation.explain import Explanation, explain, laid_over
+from nvsim.mapping.criteria import DECISIONS, OPEN, SPARED, unmeasured_families
+from nvsim.mapping.explanation.explain import Explanation, combined_corridor, explain
 from nvsim.occupancy.types import FREE, OCCUPIED, OccupancyMap
 
 Source = Literal["measured", "others", ""]
@@ -84,13 +84,15 @@ def between(graph: NavGraph, a: str, b: str, config: MappingConfig, occupancy: O
 
 
 def _way(graph: NavGraph, here: str, there: str, config: MappingConfig) -> Way:
-    measured = [e for e in evidence_along(graph, (here, there)) if e.viewpoint == here and not lacking(e, config)]
+    measured = [
+        e for e in evidence_along(graph, (here, there)) if e.viewpoint == here and not unmeasured_families(e, config)
+    ]
     if measured:
         found = [explain(e, config) for e in measured]
         worst = min(range(len(found)), key=lambda i: found[i].decision == OPEN)
         return Way(here, there, "measured", 1.0, found[worst], _refusal(measured[worst]))
-    laid = laid_over(graph, here, there)
-    if laid is None or lacking(laid[0], config):
+    laid = combined_corridor(graph, here, there)
+    if laid is None or unmeasured_families(laid[0], config):
         return Way(here, there)
     return Way(here, there, "others", laid[1], explain(laid[0], config))
 

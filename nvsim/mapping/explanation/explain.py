@@ -20,7 +20,17 @@ from nvsim.graph.types import Decision, EdgeKey, Evidence, NavGraph
 from nvsim.mapping import criteria
 from nvsim.mapping.config import MappingConfig
 from nvsim.mapping.corridor import DEPTH, NEAR, WIDTH, Corridor
-from nvsim.mapping.criteria import CRITERIA, DECISIONS, DISPUTED, FULL, OPEN, corridor_of, decide, lacking, stricter
+from nvsim.mapping.criteria import (
+    CRITERIA,
+    DECISIONS,
+    DISPUTED,
+    FULL,
+    OPEN,
+    corridor_of,
+    decide,
+    strictest_decision,
+    unmeasured_families,
+)
 from nvsim.mapping.criterion import Criterion, Part, unmeasured
 from nvsim.mapping.evidence.opinions import opinions
 from nvsim.mapping.search.graph_builder import SAME
@@ -108,7 +118,7 @@ def explain(evidence: Evidence, config: MappingConfig) -> Explanation:
     several = [_explained(one, config) for one in opinions(evidence, config)]
     if len(several) == 1:
         return several[0]
-    decision = stricter([one.decision for one in several])
+    decision = strictest_decision([one.decision for one in several])
     first, second = sorted(
         several, key=lambda one: (one.failed is None, one.tightest.slack if one.failed is None else 0)
     )
@@ -116,7 +126,7 @@ def explain(evidence: Evidence, config: MappingConfig) -> Explanation:
 
 
 def _explained(evidence: Evidence, config: MappingConfig) -> Explanation:
-    for family in lacking(evidence, config):
+    for family in unmeasured_families(evidence, config):
         raise InputError(unmeasured(family))
     corridor = corridor_of(evidence, config)
     measures = []
@@ -156,7 +166,7 @@ _FREE = {c.plane: 0 if c.below else FULL[c.plane] for c in CRITERIA}  # values o
 _BESIDE = math.radians(60.0)  # maximum angle of two headings; other corridors share only the floor under the camera
 
 
-def closed(config: MappingConfig) -> Callable[[NavGraph, EdgeKey], bool]:
+def closed_path_test(config: MappingConfig) -> Callable[[NavGraph, EdgeKey], bool]:
     """Return (graph, pair of viewpoints) -> whether the path between the two is closed under `config`.
 
     Measured evidence along the path decides, or the detour of the trajectory. Without it, the cells of other corridors
@@ -165,17 +175,17 @@ def closed(config: MappingConfig) -> Callable[[NavGraph, EdgeKey], bool]:
     """
 
     def is_closed(graph: NavGraph, key: EdgeKey) -> bool:
-        laid = (laid_over(graph, here, there) for here, there in (key, key[::-1]))
+        laid = (combined_corridor(graph, here, there) for here, there in (key, key[::-1]))
         along = evidence_along(graph, key)
         if any(e.decision == "around" for e in along):
             return True  # the reason is not in the planes of the evidence
         relevant = along or [found[0] for found in laid if found is not None]
-        return any(decide(e, config) != OPEN for e in relevant if not lacking(e, config))
+        return any(decide(e, config) != OPEN for e in relevant if not unmeasured_families(e, config))
 
     return is_closed
 
 
-def laid_over(graph: NavGraph, here: str, there: str) -> tuple[Evidence, float] | None:
+def combined_corridor(graph: NavGraph, here: str, there: str) -> tuple[Evidence, float] | None:
     """Return the corridor from one viewpoint to the other, read from the corridors measured from the first, and the
     share of it that they cover, 0 to 1. Cells that none covers are free floor. Returns None if no corridor is near."""
     xy = np.array([graph.viewpoints[id].position[:2] for id in (here, there)])
@@ -223,7 +233,7 @@ def _turn(a: float, b: float) -> float:
     return abs((a - b + math.pi) % (2 * math.pi) - math.pi)
 
 
-def against(config: MappingConfig) -> Callable[[NavGraph, EdgeKey], str]:
+def closed_edge_reason(config: MappingConfig) -> Callable[[NavGraph, EdgeKey], str]:
     """Return (graph, edge) -> reason; "" if the evidence in both directions is open or missing. Evidence is ignored if
     it is stale because an end was moved, or if it lacks the data of a criterion."""
 
@@ -232,7 +242,7 @@ def against(config: MappingConfig) -> Callable[[NavGraph, EdgeKey], str]:
             for evidence in (graph.evidence[k] for k in graph.evidence_of.get(here, ())):
                 if evidence.viewpoint != here or evidence.stale or not _leads_to(evidence, graph, there):
                     continue
-                if lacking(evidence, config):
+                if unmeasured_families(evidence, config):
                     continue
                 decision = decide(evidence, config)
                 if decision == DISPUTED:
@@ -250,12 +260,12 @@ def _sides(evidence: Evidence, config: MappingConfig) -> str:
     return f"{clause}: {found.disagreement}"
 
 
-def margin(config: MappingConfig) -> Callable[[NavGraph, EdgeKey], float]:
+def smallest_margin(config: MappingConfig) -> Callable[[NavGraph, EdgeKey], float]:
     """Return (graph, edge) -> smallest distance of the evidence to the thresholds that decide, over both directions and
     all models. Negative if a criterion fails, NaN if nothing was measured or all evidence is stale."""
 
     def least(graph: NavGraph, key: EdgeKey) -> float:
-        found = [explain(e, config) for e in evidence_along(graph, key) if not lacking(e, config)]
+        found = [explain(e, config) for e in evidence_along(graph, key) if not unmeasured_families(e, config)]
         shown = [one for first in found for one in (first, first.other) if one is not None]
         return min((m.slack for one in shown for m in one.measures if m.decides), default=float("nan"))
 

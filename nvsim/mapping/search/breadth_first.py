@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from nvsim.graph.types import Decision, Evidence, Viewpoint
 from nvsim.mapping.corridor import DIRECTIONS
 from nvsim.mapping.criteria import OPEN, can_stand, floor_below
-from nvsim.mapping.search.graph_builder import SAME, apart
+from nvsim.mapping.search.graph_builder import SAME, level_distance
 from nvsim.mapping.search.survey import Survey
 
 _CROWDED = 0.5  # share of the merge radius within which no second viewpoint is placed, even behind an obstacle
@@ -108,13 +108,13 @@ class Search:
             return "distance"
         around = [v for v in self.draft.near(target, self._config.merge_radius) if v.id != viewpoint.id]
         if around and not self._config.checked_merges:
-            self.draft.join(viewpoint.id, around[0].id, "step" if apart(around[0], target) < SAME else "merge")
+            self.draft.join(viewpoint.id, around[0].id, "step" if level_distance(around[0], target) < SAME else "merge")
             return OPEN
-        if around and apart(around[0], target) < SAME:
+        if around and level_distance(around[0], target) < SAME:
             return self._join(viewpoint, around[0])
         if any(self._join(viewpoint, other) == OPEN for other in around):
             return OPEN
-        if around and apart(around[0], target) < _CROWDED * self._config.merge_radius:
+        if around and level_distance(around[0], target) < _CROWDED * self._config.merge_radius:
             return "merge"
         id = self.draft.id_at(target)
         if id in self._refused:

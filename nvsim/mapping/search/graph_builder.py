@@ -105,7 +105,7 @@ class GraphBuilder:
         """Return the evidence of the step from `viewpoint` that ends exactly at `other`; None if there is none."""
         for k in range(DIRECTIONS):
             evidence = self.evidence[viewpoint.id].get(k)
-            if evidence is not None and apart(other, evidence.target) < SAME:
+            if evidence is not None and level_distance(other, evidence.target) < SAME:
                 return evidence
         return None
 
@@ -138,7 +138,7 @@ class GraphBuilder:
         return hashlib.blake2b(name.encode(), digest_size=16).hexdigest()
 
 
-def apart(viewpoint: Viewpoint, xy: NDArray[np.floating] | tuple[float, float]) -> float:
+def level_distance(viewpoint: Viewpoint, xy: NDArray[np.floating] | tuple[float, float]) -> float:
     """Return the meters between a viewpoint and a position (2,), seen from above."""
     return math.hypot(viewpoint.position[0] - float(xy[0]), viewpoint.position[1] - float(xy[1]))
 

@@ -14,7 +14,7 @@ from nvsim.mapping.corridor import HeightAt, Lattice
 from nvsim.mapping.criteria import OPEN, decide
 from nvsim.mapping.evidence.climbing import CLIMB
 from nvsim.mapping.evidence.measuring import Measurements
-from nvsim.mapping.search.graph_builder import SAME, GraphBuilder, apart
+from nvsim.mapping.search.graph_builder import SAME, GraphBuilder, level_distance
 from nvsim.mapping.search.walk import Walk
 
 
@@ -114,7 +114,7 @@ class Survey:
     def _towards(self, viewpoint: Viewpoint, other: Viewpoint) -> Iterator[Evidence]:
         """Yield the stored evidence of corridors from one viewpoint to the position of another."""
         for evidence in list(self.draft.evidence[viewpoint.id].values()):
-            if evidence.joins == other.id or apart(other, evidence.target) < SAME:
+            if evidence.joins == other.id or level_distance(other, evidence.target) < SAME:
                 yield evidence
 
     def keep(self, evidence: Evidence) -> None:

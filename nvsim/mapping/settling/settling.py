@@ -22,10 +22,10 @@ from scipy.spatial import cKDTree
 
 from nvsim.graph.types import Viewpoint
 from nvsim.mapping.criteria import OPEN, can_stand
-from nvsim.mapping.search.graph_builder import SAME, SAME_FLOOR, STEEPEST, apart
+from nvsim.mapping.search.graph_builder import SAME, SAME_FLOOR, STEEPEST, level_distance
 from nvsim.mapping.search.survey import Survey
 from nvsim.mapping.settling.shortcuts import Shortcuts
-from nvsim.mapping.settling.ways import DETOUR, NEAR, Ways, untie
+from nvsim.mapping.settling.ways import DETOUR, NEAR, Ways, remove_ties
 
 _LINKS = 6  # maximum viewpoints, the nearest first, to which a new one is joined
 _SPACING = 0.3  # meters between the positions that are tried
@@ -52,7 +52,7 @@ class Filling:
         places = np.concatenate([self._walk.places, beside])
         for place in places[~self._covered(places)]:
             seen = self._seen(place)
-            if seen and apart(seen[0], place[:2]) < self._config.cover_distance:
+            if seen and level_distance(seen[0], place[:2]) < self._config.cover_distance:
                 continue
             missed.append(place)
             yield from self._stand(place, seen)
@@ -66,7 +66,7 @@ class Filling:
                 if tries == _HALFWAY or covered:
                     break
                 seen = self._seen(halfway)
-                if not seen or apart(seen[0], halfway[:2]) < self._config.merge_radius:
+                if not seen or level_distance(seen[0], halfway[:2]) < self._config.merge_radius:
                     continue
                 if self._walk.in_line(halfway, place):
                     tries += 1
@@ -92,7 +92,7 @@ class Filling:
 
     def _is_covered(self, place: NDArray[np.floating]) -> bool:
         seen = self._seen(place)
-        return bool(seen) and apart(seen[0], place[:2]) < self._config.cover_distance
+        return bool(seen) and level_distance(seen[0], place[:2]) < self._config.cover_distance
 
     def _seen(self, place: NDArray[np.floating]) -> list[Viewpoint]:
         """Return the viewpoints within one step to which known floor leads straight, the nearest first."""
@@ -145,7 +145,7 @@ class Settling:
         self._shorten()
         self._part()
         self._forget()
-        untie(self._ways)
+        remove_ties(self._ways)
         self._write()
 
     def _thin(self) -> dict[str, str]:

@@ -134,7 +134,7 @@ class Ways:
 _FAR = 12.0  # meters: maximum length of paths that part and meet again
 
 
-def untie(ways: Ways) -> None:
+def remove_ties(ways: Ways) -> None:
     """Remove edges until, of two paths that part and meet again, one is shorter by a centimeter, as far as edges can be
     spared. Each removed edge is the last one of such a path, the longer edge first. Paths of up to 12 m are examined,
     from one viewpoint after the other."""

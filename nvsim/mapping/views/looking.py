@@ -11,7 +11,7 @@ from typing import Protocol, runtime_checkable
 import numpy as np
 from numpy.typing import NDArray
 
-from nvsim.geometry.camera import Camera, Intrinsics, look
+from nvsim.geometry.camera import Camera, Intrinsics, camera_pose
 from nvsim.geometry.directions import Sphere
 from nvsim.mapping.config import MappingConfig
 from nvsim.mapping.corridor import DIRECTIONS, Corridor, HeightAt, headings
@@ -97,7 +97,7 @@ def camera_towards(position: NDArray[np.floating], heading: float, config: Mappi
 
 @lru_cache(maxsize=16)
 def _camera(place: tuple[float, float, float], heading: float, size: int) -> Camera:
-    return Camera(Intrinsics.from_fov(size, size, _FOV), look(np.array(place), heading, _PITCH))
+    return Camera(Intrinsics.from_fov(size, size, _FOV), camera_pose(np.array(place), heading, _PITCH))
 
 
 def look_down(
@@ -170,5 +170,5 @@ def _network_z(source: ViewSource, eye: Eye, output: RenderOutput) -> NDArray[np
         raise ValueError("the source has no network of normals, or rendered no colors for it")
     image = np.round(np.clip(output.rgb, 0.0, 1.0) * 255).astype(np.uint8)
     if isinstance(eye, Sphere):
-        eye = Camera(Intrinsics.from_fov(eye.width, eye.height, np.pi / 2), look(eye.position, eye.heading))
+        eye = Camera(Intrinsics.from_fov(eye.width, eye.height, np.pi / 2), camera_pose(eye.position, eye.heading))
     return np.ascontiguousarray(source.surface_normals.normals(image, eye)[..., 2])

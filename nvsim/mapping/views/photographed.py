@@ -137,7 +137,7 @@ def _is_dense(model: SubmapModel, camera: Camera, backend: Backend) -> Mask:
     return np.asarray((view.alpha >= _SOLID) & (view.rgb[..., 0] < _THICK * view.alpha))
 
 
-def share_of(directions: Mask) -> float:
+def share_of_sphere(directions: Mask) -> float:
     """The share of the sphere, 0 to 1, of the True pixels of six faces (6, S, S)."""
     offsets = (np.arange(directions.shape[-1]) + 0.5) / directions.shape[-1] * 2 - 1
     weight = (1 + offsets**2 + offsets[:, None] ** 2) ** -1.5  # solid angle of a pixel

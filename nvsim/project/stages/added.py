@@ -12,7 +12,7 @@ from pathlib import Path
 from nvsim.capture.findings import Findings
 from nvsim.capture.formats import read_raw
 from nvsim.capture.left_out import expand_list, names_in
-from nvsim.capture.multi_capture import SUFFIX, labels, listed, write_list
+from nvsim.capture.multi_capture import SUFFIX, labels, listed_captures, write_list
 from nvsim.capture.types import Capture
 from nvsim.errors import InputError
 from nvsim.events import Listener
@@ -26,7 +26,7 @@ from nvsim.reconstruction.footage_check import footage_at
 
 def sources(capture: Capture) -> list[Path]:
     """The captures that `capture` was read from, usually one. Raises InputError if its list cannot be read."""
-    return listed(capture.source) if capture.source.suffix == SUFFIX else [capture.source.resolve()]
+    return listed_captures(capture.source) if capture.source.suffix == SUFFIX else [capture.source.resolve()]
 
 
 def run(project: Project, source: Path, listen: Listener, leave_out: str = "") -> Capture:
@@ -46,7 +46,7 @@ def run(project: Project, source: Path, listen: Listener, leave_out: str = "") -
             "folder and import that folder into a new project."
         )
     held = sources(former)
-    new = listed(source) if source.suffix == SUFFIX else [source]
+    new = listed_captures(source) if source.suffix == SUFFIX else [source]
     for path in new:
         if any(path in (other, other.parent) or path.parent == other for other in held):
             raise InputError(f"{project.layout.root} already contains {path}; name another capture.")

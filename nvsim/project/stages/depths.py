@@ -20,7 +20,7 @@ from nvsim.errors import InputError
 from nvsim.events import Done, Listener, Log, Progress, Warning, silent
 from nvsim.project import ledger
 from nvsim.project.config import DepthUse
-from nvsim.project.earlier_results import listen_to_what_is_replaced
+from nvsim.project.earlier_results import report_replaced_result
 from nvsim.project.layout import ADDED, CLOUD
 from nvsim.project.project import Project
 from nvsim.project.stages.imported import capture_key
@@ -34,7 +34,7 @@ if TYPE_CHECKING:
 
 STAGE: StageName = "depth"
 _VERSION = 5  # of the committed data; increased when equal inputs give another result
-_BLOCK = 1 << 20  # points that are compared with the scan at the same time
+_BLOCK = 1 << 20  # points that are compared with the LiDAR scan at the same time
 _HOLE = 0.15  # meters; a LiDAR scan has a hole at points that are farther than this from all of its points
 
 
@@ -66,7 +66,7 @@ def run(
     from nvsim.depth.cloud_file import write_cloud
     from nvsim.depth.estimate import estimate_depth
 
-    listen_to_what_is_replaced(project, STAGE, listen)
+    report_replaced_result(project, STAGE, listen)
     resumed = ledger.begin(project, STAGE, key)
     folder = project.making(project.stage_results().made_at(STAGE)).layout.depth
     if not resumed:
@@ -95,7 +95,7 @@ def run(
     if not len(cloud.points):
         why = "the images share no visible surfaces, so obstacles on the floor are unknown without a LiDAR scan"
         listen(Warning(f"No point was found: {why}.", STAGE))
-    more = f", {summary['added']} of them in holes of the scan" if "added" in summary else ""
+    more = f", {summary['added']} of them in holes of the LiDAR scan" if "added" in summary else ""
     listen(Done(STAGE, f"depth of {len(capture.frames)} frames, {len(cloud.points)} points{more}", summary))
 
 
@@ -104,7 +104,7 @@ def why_not(cloud: Cloud | None, use: DepthUse) -> str:
     cloud is not a reason, because it has no points on bare walls."""
     if use == "never":
         return "it is disabled by --depth never"
-    return "the capture has a scan" if use == "auto" and cloud is not None and cloud.is_dense else ""
+    return "the capture has a LiDAR scan" if use == "auto" and cloud is not None and cloud.is_dense else ""
 
 
 def points_in_holes(cloud: FusedCloud, scan: Cloud) -> FusedCloud:

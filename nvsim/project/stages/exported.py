@@ -14,7 +14,7 @@ from nvsim.events import Listener, Progress, silent
 from nvsim.files import atomic
 from nvsim.project.occupancy_maps import occupancy_of
 from nvsim.project.project import Project
-from nvsim.project.work import lacks
+from nvsim.project.work import missing_result_error
 from nvsim.splats.floor_mesh import FloorMesh, floor_gaussians, floor_mesh
 from nvsim.splats.formats.choice import SUFFIXES, Format, write_splats
 from nvsim.splats.formats.glb import write_glb
@@ -33,12 +33,12 @@ def export_r2r(project: Project, out: Path, scan: str | None, frame: str, force:
     the frame of the capture is not upright, or if agents cannot use the graph and `force` is not set.
     """
     from nvsim.graph.connectivity import write_connectivity
-    from nvsim.graph.exports import refuse
+    from nvsim.graph.exports import check_exportable
     from nvsim.graph.sight import lines_of_sight
 
     graph = replace(project.need_graph(), scan=scan or project.scan_name)
     if not force:
-        refuse(graph)
+        check_exportable(graph)
     visible = lines_of_sight(graph, occupancy_of(project))  # by viewpoint id, so the frame does not matter
     if frame == "capture":
         alignment = project.need_capture().alignment
@@ -81,7 +81,7 @@ def export_splats(
     """
     scene, capture = project.scene(), project.need_capture()
     if scene is None:
-        raise lacks(project.layout.root, "train")
+        raise missing_result_error(project.layout.root, "train")
     missing = sorted(set(only) - set(scene.indices))
     if missing:
         raise InputError(f"Submap {missing[0]} is not trained; trained are {', '.join(map(str, scene.indices))}.")
@@ -96,7 +96,7 @@ def export_splats(
         listen(Progress(STAGE, done, len(chosen)))
         model = scene.model(submap.index)
         # The frame numbers of a previous cut may not match those of the present capture.
-        former = project.is_former("train")
+        former = project.uses_previous_submaps("train")
         places = submap.positions if former else capture.positions[list(submap.frames)]
         middle = np.mean(places, axis=0)
         gaussians, mesh = model.gaussians_at(middle), None

@@ -21,7 +21,7 @@ from nvsim.perception.roles import FAILURE_WORDS
 from nvsim.project import ledger
 from nvsim.project.config import CaptureConfig, FloorsConfig, held_out
 from nvsim.project.corrections import corrected_frames, corrections_key, discard_corrections
-from nvsim.project.earlier_results import listen_to_what_is_replaced
+from nvsim.project.earlier_results import report_replaced_result
 from nvsim.project.floor_heights import floor_of, floors_seen
 from nvsim.project.floor_provider import choose
 from nvsim.project.project import Project
@@ -154,7 +154,7 @@ def run(
     other = provider.open(capture)  # raises before any result is replaced
     if capture.cloud is None or not capture.cloud.is_dense:
         listen(Warning(_NOTHING_STANDS, STAGE))
-    listen_to_what_is_replaced(project, STAGE, listen)
+    report_replaced_result(project, STAGE, listen)
     resumed = ledger.begin(project, STAGE, key)
     # New results are made beside those in use, for the newest cut.
     found = project.stage_results()
@@ -260,13 +260,13 @@ def _supported(project: Project, frames: list[int], floor: FloorSurface, cloud: 
     """The floor that the masks of `frames` and the cloud support."""
     from nvsim.capture.masks import usable_of
     from nvsim.perception.segment import SegmentConfig, read_mask
-    from nvsim.perception.support import observe, walked
+    from nvsim.perception.support import observe, positions_at_common_heights
 
     capture, masks = project.need_capture(), (read_mask(project.mask_path(i)) for i in frames)
     cameras = [capture.frames[i].camera for i in frames]
     usable = usable_of((capture.frames[i] for i in frames), SegmentConfig().longest_side)
     found = observe(cameras, masks, floor, cloud, raised=raised_places(project), usable=usable)
-    return found.with_trajectory_floor(walked(capture.positions[frames], floor))
+    return found.with_trajectory_floor(positions_at_common_heights(capture.positions[frames], floor))
 
 
 def floors_key(project: Project) -> str:

@@ -18,9 +18,9 @@ from nvsim.events import Done, Listener, Log, Progress, Warning, silent
 from nvsim.files.reading import reading
 from nvsim.project import ledger
 from nvsim.project.config import CaptureConfig, PoseUse
-from nvsim.project.earlier_results import listen_to_what_is_replaced
+from nvsim.project.earlier_results import report_replaced_result
 from nvsim.project.project import Project
-from nvsim.project.work import StageName, lacks
+from nvsim.project.work import StageName, missing_result_error
 
 if TYPE_CHECKING:
     from nvsim.reconstruction.report import PosesReport
@@ -123,7 +123,7 @@ def run(
             "the length of a unit (--scale METERS)."
         )
     capture, adjusted = _posed(capture, config, listen)
-    listen_to_what_is_replaced(project, STAGE, listen)
+    report_replaced_result(project, STAGE, listen)
     with contextlib.suppress(InputError):  # an unreadable capture is imported again
         project.fix_cut()
     ledger.begin(project, STAGE, key)
@@ -177,10 +177,12 @@ def _without_faulty(capture: Capture, checked: Capture) -> Capture:
 
 def _posed(capture: Capture, config: CaptureConfig, listen: Listener) -> tuple[Capture, dict[str, float]]:
     """The capture with the poses that `config` selects, and the figures of the adjustment for the summary."""
-    from nvsim.poses.refinement import is_good, miss, refine
+    from nvsim.poses.refinement import is_good, median_epipolar_error, refine
 
     measured = capture.is_measured or bool(capture.scans or capture.depths)
-    if config.poses == "given" or (config.poses == "auto" and (measured or is_good(miss(capture.frames)))):
+    if config.poses == "given" or (
+        config.poses == "auto" and (measured or is_good(median_epipolar_error(capture.frames)))
+    ):
         return capture, {}
     found = refine(capture.frames, lambda done, of: listen(Progress(STAGE, done, of, "matches between images")))
     if found is None:
@@ -231,5 +233,5 @@ def capture_key(project: Project) -> str:
     """The key that all later stages depend on. Raises InputError if nothing is imported."""
     found = ledger.record(project, STAGE)
     if found is None:
-        raise lacks(project.layout.root, "import")
+        raise missing_result_error(project.layout.root, "import")
     return found.key

@@ -14,10 +14,10 @@ from nvsim.errors import InputError
 from nvsim.events import Done, Listener, Log, Progress, Warning, silent
 from nvsim.project import ledger
 from nvsim.project.config import CaptureConfig
-from nvsim.project.earlier_results import listen_to_what_is_replaced
+from nvsim.project.earlier_results import report_replaced_result
 from nvsim.project.layout import model_name
 from nvsim.project.project import Project
-from nvsim.project.work import StageName, lacks
+from nvsim.project.work import StageName, missing_result_error
 from nvsim.submaps.split import Submap
 
 if TYPE_CHECKING:
@@ -79,7 +79,7 @@ def run(project: Project, source: Path, config: CaptureConfig, listen: Listener 
     submaps = tuple(Submap(i, part.rows, part.rows, places[list(part.rows)]) for i, part in enumerate(parts))
     alignment = Alignment(scene.rotation, scene.scale, scene.scale_known)
     capture = Capture(source, FORMAT, (), None, alignment, places=places)
-    listen_to_what_is_replaced(project, STAGE, listen)
+    report_replaced_result(project, STAGE, listen)
     project.fix_cut()
     ledger.begin(project, STAGE, key)
     folder = project.making(project.stage_results().made_at(STAGE)).layout.imported
@@ -107,7 +107,7 @@ def imported_storeys(project: Project) -> tuple[list[float], list[tuple[int, ...
     its stair joins. Raises InputError if nothing is imported."""
     found = ledger.record(project, STAGE)
     if found is None or "parts" not in found.summary:
-        raise lacks(project.layout.root, STAGE)
+        raise missing_result_error(project.layout.root, STAGE)
     return list(map(float, found.summary["floors"])), [tuple(map(int, part)) for part in found.summary["parts"]]
 
 
@@ -128,13 +128,13 @@ def _fingerprint(source: Path) -> tuple[int, int]:
 
 def _cleaned(gaussians: Gaussians, levels: tuple[Level, ...], height: float, listen: Listener) -> Gaussians:
     """The Gaussians without floaters, fog, and those outside the building."""
-    from nvsim.scene_import.cleaning import floaters, outside
-    from nvsim.scene_import.parts import chosen
+    from nvsim.scene_import.cleaning import far_from_floor, floaters
+    from nvsim.scene_import.parts import select_gaussians
 
-    loose, far = floaters(gaussians, levels, height), outside(gaussians, levels)
+    loose, far = floaters(gaussians, levels, height), far_from_floor(gaussians, levels)
     text = (
         f"{int((loose | far).sum())} of {len(gaussians)} Gaussians are removed: {int((loose & ~far).sum())} floaters "
         f"that views see through, and {int(far.sum())} outside the building."
     )
     listen(Log(text, STAGE))
-    return chosen(gaussians, ~(loose | far))
+    return select_gaussians(gaussians, ~(loose | far))

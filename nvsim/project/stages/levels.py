@@ -11,11 +11,11 @@ import numpy as np
 from nvsim.events import Done, Listener, Log, Progress, silent
 from nvsim.files.atomic import make_folder, replacing
 from nvsim.project import ledger
-from nvsim.project.earlier_results import listen_to_what_is_replaced
+from nvsim.project.earlier_results import report_replaced_result
 from nvsim.project.project import Project
 from nvsim.project.stages.imported import capture_key
 from nvsim.project.stages.imported_splats import imported_storeys
-from nvsim.project.work import StageName, lacks
+from nvsim.project.work import StageName, missing_result_error
 
 if TYPE_CHECKING:
     from nvsim.geometry.floor_surface import FloorSurface
@@ -38,8 +38,8 @@ def run(project: Project, listen: Listener = silent) -> None:
         return
     started, scene = time.monotonic(), project.scene(colours=False)
     if scene is None:
-        raise lacks(project.layout.root, "import")
-    listen_to_what_is_replaced(project, STAGE, listen)
+        raise missing_result_error(project.layout.root, "import")
+    report_replaced_result(project, STAGE, listen)
     ledger.begin(project, STAGE, key)
     found = project.stage_results()
     newest = found.places.get("cut/submaps")

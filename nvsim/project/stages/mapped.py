@@ -23,7 +23,7 @@ from nvsim.perception.furniture import share_above_nothing, uneven_heights
 from nvsim.perception.normals_network import installed_normals, normals_model
 from nvsim.project import ledger
 from nvsim.project.corrections import corrections_key
-from nvsim.project.earlier_results import graph_in_file, listen_to_what_is_replaced
+from nvsim.project.earlier_results import graph_in_file, report_replaced_result
 from nvsim.project.floor_heights import floor_of
 from nvsim.project.graph import recorded
 from nvsim.project.photographed import PhotographedDirections, with_shares
@@ -32,7 +32,7 @@ from nvsim.project.scene_views import SceneViews
 from nvsim.project.stages.floors import floors_key, refresh_support, supporting_frames
 from nvsim.project.stages.imported import capture_key
 from nvsim.project.state import graph_table
-from nvsim.project.work import StageName, lacks
+from nvsim.project.work import StageName, missing_result_error
 from nvsim.render.backends import Backend
 
 STAGE: StageName = "map"
@@ -71,23 +71,23 @@ def run(
     check_normals(config)
     if not capture.alignment.scale_known and capture.has_images:
         listen(Warning(f"The graph is built in units of camera heights: {SCALE_ASSUMED}; {SCALE_IN_HEIGHTS}.", STAGE))
-    start = start_of(capture, config.start)
+    start = search_start(capture, config.start)
     refresh_support(project, listen)
     scene, support = project.scene(memory_budget, colours=False), project.support()
     if scene is None or support is None:
-        raise lacks(project.layout.root, "train")
-    previous = of_this_network(project.graph() if reapply else None, project, config)
+        raise missing_result_error(project.layout.root, "train")
+    previous = without_other_networks(project.graph() if reapply else None, project, config)
     if reapply and previous is None:
         raise InputError(f"{project.layout.root} has no graph to decide again; run `nvsim map --project` first.")
     started = time.monotonic()
-    listen_to_what_is_replaced(project, STAGE, listen)
+    report_replaced_result(project, STAGE, listen)
     unfinished = project.layout.partial_map
     if not ledger.begin(project, STAGE, key):
         unfinished.unlink(missing_ok=True)
     # Evidence of an interrupted or previous build, which may include places that the graph does not have.
     remembered = _evidence(unfinished)
     if remembered is None and reapply:
-        remembered = of_this_network(_evidence(project.layout.measured_map), project, config)
+        remembered = without_other_networks(_evidence(project.layout.measured_map), project, config)
     scan = project.scan_name
     result = build_map(
         SceneViews(scene, config, backend),
@@ -190,7 +190,7 @@ def _evidence(path: Path) -> NavGraph | None:
         return None
 
 
-def start_of(capture: Capture, start: str) -> NDArray[np.float64] | None:
+def search_start(capture: Capture, start: str) -> NDArray[np.float64] | None:
     """Start of the search, (3,) meters, world: the position of the named frame, or X,Y at the height of the nearest
     camera. None if `start` is empty. Raises InputError for all other values."""
     if not start:
@@ -257,7 +257,7 @@ def last_network(project: Project) -> str:
     return "" if last is None else str(last.summary.get(NETWORK, ""))
 
 
-def of_this_network(graph: NavGraph | None, project: Project, config: MappingConfig) -> NavGraph | None:
+def without_other_networks(graph: NavGraph | None, project: Project, config: MappingConfig) -> NavGraph | None:
     """`graph` without the evidence of a network that differs from the installed one."""
     asked = network_of(config)
     if graph is None or not asked or asked == last_network(project):

@@ -14,7 +14,7 @@ from nvsim.project.floor_heights import floor_of
 from nvsim.project.graph import thresholds_of
 from nvsim.project.project import Project
 from nvsim.project.scene_views import SceneViews
-from nvsim.project.work import lacks
+from nvsim.project.work import missing_result_error
 
 
 def measure(
@@ -35,7 +35,7 @@ def measure(
         config = replace(config, views=own.views, panorama_width=own.panorama_width)
     scene, support = project.scene(memory_budget), project.support()
     if scene is None or support is None:
-        raise lacks(project.layout.root, "train")
+        raise missing_result_error(project.layout.root, "train")
     capture, floor = project.need_capture(), floor_of(project)
     traversed = TraversedFloor(capture.positions, not capture.trajectory_counts)
     views = SceneViews(scene, config)

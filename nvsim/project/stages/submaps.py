@@ -10,7 +10,7 @@ import numpy as np
 from nvsim.errors import InputError
 from nvsim.events import Done, Listener, Log, Progress, Warning, silent
 from nvsim.project import ledger
-from nvsim.project.earlier_results import listen_to_what_is_replaced
+from nvsim.project.earlier_results import report_replaced_result
 from nvsim.project.project import Project
 from nvsim.project.stages.imported import capture_key
 from nvsim.project.state.cuts import write_rows
@@ -38,7 +38,7 @@ def run(project: Project, config: SubmapConfig, listen: Listener = silent) -> tu
     if len(submaps) < parts:
         text = f"The trajectory has {parts} storeys and stairs; fewer submaps mix their floors, so do not set a count."
         listen(Warning(text, STAGE))
-    listen_to_what_is_replaced(project, STAGE, listen)
+    report_replaced_result(project, STAGE, listen)
     cut = project.store_cut(submaps)
     summary = {"submaps": len(submaps), "frames": [len(s.frames) for s in submaps]}
     seconds = time.monotonic() - started

@@ -16,7 +16,7 @@ from nvsim.errors import InputError
 from nvsim.events import Done, Event, Listener, Log, Progress, silent
 from nvsim.project import ledger
 from nvsim.project.corrections import corrections_key
-from nvsim.project.earlier_results import listen_to_what_is_replaced
+from nvsim.project.earlier_results import report_replaced_result
 from nvsim.project.project import Project
 from nvsim.project.stages import training_pool
 from nvsim.project.stages.floors import floors_key
@@ -29,7 +29,7 @@ from nvsim.project.stages.submap_training import (
 )
 from nvsim.project.stages.submaps import submaps_of_capture
 from nvsim.project.state.results import remove_folder
-from nvsim.project.work import StageName, lacks
+from nvsim.project.work import StageName, missing_result_error
 from nvsim.submaps.split import Submap
 from nvsim.training.config import TrainingConfig
 from nvsim.training.devices.choice import gpu_name
@@ -58,8 +58,8 @@ def run(
     """
     submaps = submaps_of_capture(project)
     if not floors_key(project):
-        raise lacks(project.layout.root, "floors")
-    if project.is_former("floors"):
+        raise missing_result_error(project.layout.root, "floors")
+    if project.uses_previous_submaps("floors"):
         raise InputError(
             f"The floors of {project.layout.root} belong to another cut into submaps; run `nvsim floors --project` "
             "first."
@@ -91,7 +91,7 @@ def run(
     ledger.clear_unfinished(project, others)
     executor = executor or LocalPool()
     if left:
-        listen_to_what_is_replaced(project, STAGE, listen, tuple(s.index for s in left))
+        report_replaced_result(project, STAGE, listen, tuple(s.index for s in left))
         if not executor.remote:
             from nvsim.training.compilation import compile_ahead
 

@@ -13,7 +13,15 @@ from typing import Any
 
 from nvsim.errors import InputError
 from nvsim.files import tables
-from nvsim.files.databases import GuardedConnection, check_files, copied, damaged, make_file, open_to_read, refused
+from nvsim.files.databases import (
+    GuardedConnection,
+    check_files,
+    copied,
+    damaged_error,
+    make_file,
+    open_to_read,
+    sqlite_error,
+)
 from nvsim.files.tables import COUNT, NUMBER, TEXT, check_schema, harden
 from nvsim.project.state.results import Part, Result, Slot, StageResults, Unfinished, trusted, write
 from nvsim.project.work import STAGES
@@ -85,7 +93,7 @@ def create(path: Path) -> sqlite3.Connection:
         connection.execute("PRAGMA synchronous=FULL")
         update(connection, path, 0)
     except sqlite3.Error as error:
-        raise refused(path, error) from error
+        raise sqlite_error(path, error) from error
     return connection
 
 
@@ -139,10 +147,10 @@ def connect(path: Path, read_only: bool) -> sqlite3.Connection:
                 update(connection, path, version)
     except sqlite3.OperationalError as error:
         if not read_only:
-            raise refused(path, error) from error
+            raise sqlite_error(path, error) from error
         raise InputError(f"Cannot open {path}: {error}; check whether it is readable.") from error
     except sqlite3.DatabaseError as error:
-        raise damaged(path, error) from error
+        raise damaged_error(path, error) from error
     return connection
 
 

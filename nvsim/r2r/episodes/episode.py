@@ -132,9 +132,11 @@ def write_vlnce(episodes: Mapping[str, Sequence[Episode]], folder: Path) -> list
     for name, split in episodes.items():
         items = [_episode(id, episode, text, words) for id, episode, text in numbered(split)]
         files[folder / name / f"{name}.json.gz"] = {"episodes": items, "instruction_vocab": {"word_list": words}}
-        files[folder / name / f"{name}_gt.json.gz"] = {str(id): truth(one) for id, one, _ in numbered(split)}
+        files[folder / name / f"{name}_gt.json.gz"] = {
+            str(id): ground_truth_actions(one) for id, one, _ in numbered(split)
+        }
     for path, data in files.items():
-        atomic.write_bytes(path, zipped(data))
+        atomic.write_bytes(path, gzip_bytes(data))
     return list(files)
 
 
@@ -189,7 +191,7 @@ def scene_id(scan: str) -> str:
     return f"nvsim/{scan}/{scan}.glb"
 
 
-def truth(episode: Episode) -> dict[str, Any]:
+def ground_truth_actions(episode: Episode) -> dict[str, Any]:
     """Returns the actions of an episode and the places before them, as VLN-CE reads them."""
     walk = episode.walk
     places = in_habitat(np.column_stack([walk.places, episode.floors]))
@@ -204,7 +206,7 @@ def _length(path: NDArray[np.floating]) -> float:
     return float(np.linalg.norm(np.diff(path, axis=0), axis=1).sum())
 
 
-def zipped(data: Mapping[str, Any]) -> bytes:
+def gzip_bytes(data: Mapping[str, Any]) -> bytes:
     """Compresses data as gzip without a time stamp, so that equal data gives equal bytes."""
     buffer = io.BytesIO()
     with gzip.GzipFile(fileobj=buffer, mode="wb", mtime=0) as file:

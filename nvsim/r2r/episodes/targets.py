@@ -9,13 +9,13 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from nvsim.geometry.camera import Camera, Intrinsics, look
+from nvsim.geometry.camera import Camera, Intrinsics, camera_pose
 from nvsim.graph.types import NavGraph, Viewpoint
 from nvsim.r2r.episodes.acting import FreeSpace
 from nvsim.r2r.surroundings.doorways import without_islands
 from nvsim.r2r.surroundings.layers import CELL, Layers
 from nvsim.r2r.surroundings.survey import Surroundings, is_behind_a_wall
-from nvsim.r2r.surroundings.things import Thing, walls_of
+from nvsim.r2r.surroundings.things import FloorObject, walls_of
 
 Box = tuple[int, int, int, int]
 WIDTH, HEIGHT, VFOV = 640, 480, math.radians(60)
@@ -41,7 +41,7 @@ class Targets:
              without places are missing
     """
 
-    things: tuple[Thing, ...] = ()
+    things: tuple[FloorObject, ...] = ()
     bottoms: tuple[float, ...] = ()
     boxes: Mapping[str, Mapping[int, Mapping[int, Box]]] = field(default_factory=dict)
     places: Mapping[int, NDArray[np.float64]] = field(default_factory=dict)
@@ -73,7 +73,7 @@ def targets_of(
     return Targets(seen.things, bottoms, boxes, places)
 
 
-def box_in(camera: Camera, thing: Thing, bottom: float) -> tuple[Box, float] | None:
+def box_in(camera: Camera, thing: FloorObject, bottom: float) -> tuple[Box, float] | None:
     """Returns the box of an object in an image, and the share of the object inside the image; None if it is behind the
     camera. `bottom` is the world z of the floor under it. Occlusion is ignored."""
     corners = thing.cells[:, None] + np.array([[-0.5, -0.5], [-0.5, 0.5], [0.5, -0.5], [0.5, 0.5]]) * CELL
@@ -93,10 +93,10 @@ def box_in(camera: Camera, thing: Thing, bottom: float) -> tuple[Box, float] | N
 
 def camera_at(position: Sequence[float], heading: float, elevation: float = 0.0) -> Camera:
     """Returns a camera with MatterSim's views; `position` in meters, world, angles in radians."""
-    return Camera(Intrinsics.from_fov(WIDTH, HEIGHT, HFOV), look(np.array(position), heading, elevation))
+    return Camera(Intrinsics.from_fov(WIDTH, HEIGHT, HFOV), camera_pose(np.array(position), heading, elevation))
 
 
-def _boxes_from(viewpoint: Viewpoint, thing: Thing, bottom: float) -> dict[int, Box]:
+def _boxes_from(viewpoint: Viewpoint, thing: FloorObject, bottom: float) -> dict[int, Box]:
     found = {}
     for view in range(36):
         heading, elevation = math.radians(30 * (view % 12)), math.radians(30 * (view // 12 - 1))
@@ -106,12 +106,12 @@ def _boxes_from(viewpoint: Viewpoint, thing: Thing, bottom: float) -> dict[int, 
     return found
 
 
-def _storey_of(thing: Thing, storeys: Sequence[Layers]) -> int:
+def _storey_of(thing: FloorObject, storeys: Sequence[Layers]) -> int:
     highest = float(thing.points[:, 2].max()) - thing.top
     return min(range(len(storeys)), key=lambda level: abs(storeys[level].floor - highest))
 
 
-def _places_at(thing: Thing, space: FreeSpace, walls: NDArray[np.bool_]) -> NDArray[np.float64]:
+def _places_at(thing: FloorObject, space: FreeSpace, walls: NDArray[np.bool_]) -> NDArray[np.float64]:
     """Returns (N, 2) free places near an object, without a wall between."""
     layers = space.layers
     rows, columns = np.mgrid[0 : layers.shape[0] : _EVERY, 0 : layers.shape[1] : _EVERY]

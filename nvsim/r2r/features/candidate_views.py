@@ -28,10 +28,10 @@ from nvsim.files.atomic import as_input_error, make_own_folder, move_into_place,
 from nvsim.r2r.features.backbone import Backbone, Float32, Width
 from nvsim.r2r.features.candidates import candidates_of
 from nvsim.r2r.features.exported_scan import ExportedScan, ViewSource
-from nvsim.r2r.features.extraction import STAGE, provenance, read_ahead, through
+from nvsim.r2r.features.extraction import STAGE, compute_in_batches, provenance, read_ahead
 from nvsim.r2r.features.feature_files import about_of
 from nvsim.r2r.features.kept_rows import KeptRows, kept_rows
-from nvsim.r2r.features.layouts import Layout, lacking
+from nvsim.r2r.features.layouts import Layout, missing_package_error
 
 _LONGEST_KEY = 480  # bytes; LMDB allows 511
 
@@ -106,7 +106,7 @@ def extract_candidates(
     Raises InputError if views are missing (before any computation) or damaged, if the number of tokens does not match,
     if the package lmdb is missing, or if writing fails.
     """
-    if sentence := lacking(layout):
+    if sentence := missing_package_error(layout):
         raise InputError(sentence)
     if backbone.tokens not in (1, layout.tokens):
         raise InputError(
@@ -160,6 +160,6 @@ def _tokens(backbone: Backbone, fit: Width, prepared: Sequence[NDArray[np.generi
     """Returns (N, tokens or 1, width of the layout) of N prepared views."""
     if not prepared:
         return np.empty((0, 1, 1), np.float32)
-    rows = through(backbone, prepared)[:, : backbone.tokens * backbone.width]
+    rows = compute_in_batches(backbone, prepared)[:, : backbone.tokens * backbone.width]
     fitted = fit(rows.reshape(-1, backbone.width))
     return fitted.reshape(len(prepared), backbone.tokens, -1)

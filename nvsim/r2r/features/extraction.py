@@ -81,7 +81,7 @@ def extract(
             listen(Log(f"{done} of {len(places)} viewpoints are already computed", STAGE))
         with contextlib.closing(read_ahead([places[n][1:] for n in todo], backbone)) as read:
             for n, (prepared, size) in zip(todo, read):
-                rows = through(backbone, prepared)
+                rows = compute_in_batches(backbone, prepared)
                 values, logits = rows[:, : backbone.width], rows[:, backbone.width :][:, :classes]
                 row = np.ascontiguousarray(np.concatenate([fit(values), logits], axis=1), np.float32)
                 kept.put(keys[n], fingerprints[n], _SIZE.pack(*size) + row.tobytes())
@@ -107,7 +107,7 @@ def provenance(layout: Layout, backbone: Backbone, features: str) -> About:
     }
 
 
-def through(backbone: Backbone, prepared: Sequence[NDArray[Any]]) -> Float32:
+def compute_in_batches(backbone: Backbone, prepared: Sequence[NDArray[Any]]) -> Float32:
     """Computes (N, tokens * width + classes) float32 for any number N of prepared images, in batches."""
     batches = range(0, len(prepared), backbone.batch)
     return np.concatenate([backbone.features(prepared[at : at + backbone.batch]) for at in batches])

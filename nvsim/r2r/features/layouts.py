@@ -76,7 +76,7 @@ class Maker(NamedTuple):
         return "fixed projection of colors and edges; nothing was trained"
 
 
-def role(layout: Layout) -> str:
+def network_name(layout: Layout) -> str:
     """Returns the file name, without .onnx, of a network for the layout in the user's models folder."""
     return f"features.{layout.name}"
 
@@ -89,7 +89,7 @@ def maker_of(layout: Layout, model: Path | None = None, projection: bool = False
     """
     if model is not None:
         return Maker("named", model)
-    found = None if projection else find_file(role(layout))
+    found = None if projection else find_file(network_name(layout))
     if found is not None:
         return Maker("models folder", found)
     return Maker("projection" if projection or weights_file() is None else "trunk")
@@ -102,7 +102,7 @@ def weights_file() -> Path | None:
     return next((path for folder in folders for path in sorted(Path(folder, "models").glob("*.pth"))), None)
 
 
-def lacking(layout: Layout) -> str:
+def missing_package_error(layout: Layout) -> str:
     """Returns an error sentence if a package that the layout needs is missing, else ""."""
     if not layout.tokens or all(importlib.util.find_spec(name) for name in ("lmdb", "msgpack")):
         return ""

@@ -54,7 +54,7 @@ _WITHOUT = 0.6
 """Probability that the distance of a leg is omitted if a cue marks its end."""
 
 
-def follow(ground: Ground, start: int, heading: float, said: Sequence[Leg]) -> list[int] | None:
+def find_described_path(ground: Ground, start: int, heading: float, said: Sequence[Leg]) -> list[int] | None:
     """Finds the path from row `start` with first heading `heading` (radians) that fits the legs best.
 
     The cost is the sum of the squared errors of turns and distances, plus a fixed cost for each missing cue. Slopes
@@ -182,7 +182,7 @@ def instruct(
             described.append(words)
             details += [detail] if again else []
         if not each:
-            _, detail, again = say(ground, rows, task.heading)
+            _, detail, again = describe_path(ground, rows, task.heading)
             details += [detail] if again else []
         if len(details) == max(1, each):
             found[task.path_id] = max(details, key=DETAILS.index)
@@ -236,7 +236,7 @@ def _described(
     tries = {"short": _short, "detailed": _detailed, "rxr": _long}[register]
     for legs, detail in tries(ground, path, heading, random):
         said = rounded(with_one_name_each(legs), detail)
-        if follow(ground, path[0], heading, said) == path:
+        if find_described_path(ground, path[0], heading, said) == path:
             return _without_needless(ground, path, heading, said) if register == "short" else said, detail, True
     return said, detail, False
 
@@ -250,7 +250,7 @@ def _without_needless(ground: Ground, path: list[int], heading: float, said: lis
             if leg == said[i] or is_end or cue is not None and (cue.which < 0 or len(leg.cues) < 2):
                 continue
             fewer = [*said[:i], leg, *said[i + 1 :]]
-            if follow(ground, path[0], heading, fewer) == path:
+            if find_described_path(ground, path[0], heading, fewer) == path:
                 said = fewer
     return said
 
@@ -320,7 +320,7 @@ def _ends_by_sight(leg: Leg) -> bool:
     return any(cue.kind in ENDS for cue in leg.cues)
 
 
-def say(ground: Ground, path: list[int], heading: float) -> tuple[list[Leg], Detail, bool]:
+def describe_path(ground: Ground, path: list[int], heading: float) -> tuple[list[Leg], Detail, bool]:
     """Describes a path (rows of Ways) that begins with heading `heading` (radians).
 
     Returns the legs in the coarsest detail from which the follower finds the path, that detail, and True. If no detail
@@ -329,6 +329,6 @@ def say(ground: Ground, path: list[int], heading: float) -> tuple[list[Leg], Det
     legs = [replace(leg, cues=drop_redundant_cues(leg.cues)) for leg in ground.legs(path, heading)]
     for detail in DETAILS:
         said = rounded(legs, detail)
-        if follow(ground, path[0], heading, said) == path:
+        if find_described_path(ground, path[0], heading, said) == path:
             return said, detail, True
     return said, detail, False

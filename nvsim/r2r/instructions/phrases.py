@@ -13,7 +13,7 @@ from random import Random
 from nvsim.r2r.instructions.cues import Cue
 
 
-def any_of(text: str) -> str:
+def alternatives_pattern(text: str) -> str:
     """Returns a pattern of the alternatives in a text, which "|" separates and which may fill several lines."""
     return "[" + re.sub(r"\s*\|\s*", "|", " ".join(text.split())) + "]"
 
@@ -43,15 +43,15 @@ CORRIDOR = "[corridor|corridor|hallway|hallway|hall|passage|passageway|walkway|h
 DOOR = "[doorway|doorway|door|door|open door|door frame|entryway|opening|entrance]"
 FLOOR_OF = {"wooden": "wood", "tiled": "tiles"}
 """Adjective of a floor -> its material."""
-_SLIGHTLY = any_of("""
+_SLIGHTLY = alternatives_pattern("""
     bear left | veer left | turn slightly left | turn a little left | angle left | curve left | go slightly left
     | veer to the left | make a slight left | take a slight left | go diagonally left | turn a bit left | keep
     left | stay left | shift left | ease left | take a gentle left | turn gently left | make an easy left""")
-_LEFT = any_of("""
+_LEFT = alternatives_pattern("""
     turn left | turn left | turn left | make a left | take a left | go left | turn to the left | make a left turn
     | turn to your left | hang a left | face left | head left | take a left turn | rotate left | swing left | cut
     left | look left and go that way | pivot left | hook a left""")
-_SHARPLY = any_of("""
+_SHARPLY = alternatives_pattern("""
     turn sharply left | make a sharp left | take a sharp left | turn hard left | turn far to the left | make a
     tight left turn | take a hard left | make a hard left | make a very sharp left""")
 TURNS: dict[str, str] = {
@@ -61,7 +61,7 @@ TURNS: dict[str, str] = {
     "slightly right": _mirrored(_SLIGHTLY),
     "right": _mirrored(_LEFT),
     "sharply right": _mirrored(_SHARPLY),
-    "around": any_of("""
+    "around": alternatives_pattern("""
         turn around | turn around | turn around | turn back | make a U-turn | turn completely around | spin
         around | face the opposite direction | turn to face the other way | make a half turn | go the opposite
         way | do a 180 | turn 180 degrees | turn all the way around | reverse direction | turn fully around |

@@ -16,7 +16,7 @@ from nvsim.r2r.instructions.phrases import (
     NUMBERS,
     TURNS,
     Names,
-    any_of,
+    alternatives_pattern,
     one_of,
     sentence,
     spoken,
@@ -27,79 +27,79 @@ _STEP = "[walk|walk|go|go|head|step|move|pass|continue|proceed]"
 _NEXT = "[next|next|next|other|adjacent|adjoining]"
 _OUT = "[walk|go|head|step|move|come]"
 WALKS: dict[str, str] = {
-    "forward": any_of("""
+    "forward": alternatives_pattern("""
         [walk|go|head|move|continue|keep going|proceed] [forward|straight|straight ahead|ahead|straight on] | keep
         walking | continue on | keep going | walk on | keep moving | keep straight | go directly ahead | follow the
         path ahead | continue in the same direction | go straight forward | simply walk straight | walk further |
         move onward | stay straight | keep heading
         forwards"""),
-    "room": any_of("""
+    "room": alternatives_pattern("""
         cross the room | walk across the room | go across the room | head across the room | make your way across
         the room | walk to the [other|far|opposite] side of the room | cross the entire room | cross over to the
         far end of the room | go all the way across | walk the length of the room | walk across the floor"""),
-    "corridor": any_of(f"""
+    "corridor": alternatives_pattern(f"""
         [walk|go|head|continue|move|proceed|travel] [down|along] the {CORRIDOR} | follow the {CORRIDOR} | keep going
         down the {CORRIDOR} | go straight down the {CORRIDOR} | keep following the {CORRIDOR} | walk the
         whole length of the {CORRIDOR}"""),
-    "1": any_of(f"""
+    "1": alternatives_pattern(f"""
         {_STEP} through the {DOOR} | {_STEP} through the {DOOR} | [use|take] the {DOOR} | go on through the {DOOR}"""),
     "2": "[walk|go|pass|head|continue] through [two|both] [doorways|doors]",
-    "out room": any_of(f"""
+    "out room": alternatives_pattern(f"""
         [exit|leave] [the|this] room | [exit|leave] the room | {_OUT} out of the room | [exit|leave] the room
         [through|by|via] the {DOOR} | get out of the room | go out the {DOOR} of the room"""),
-    "out corridor": any_of(f"""
+    "out corridor": alternatives_pattern(f"""
         [exit|leave] the {CORRIDOR} [through|by|via] the {DOOR} | {_OUT} out of the {CORRIDOR}"""),
-    "into room": any_of(f"""
+    "into room": alternatives_pattern(f"""
         enter the {_NEXT} room | step inside the {_NEXT} room | {_OUT} into the {_NEXT} room | {_STEP} through
         the {DOOR} into the {_NEXT} room"""),
-    "into corridor": any_of(f"""
+    "into corridor": alternatives_pattern(f"""
         enter the {CORRIDOR} | {_OUT} into the {CORRIDOR} | {_STEP} through the {DOOR} into the {CORRIDOR}"""),
-    "room to corridor": any_of(f"""
+    "room to corridor": alternatives_pattern(f"""
         [exit|leave] the room into the {CORRIDOR} | {_OUT} out of the room into the {CORRIDOR} | leave the room
         and enter the {CORRIDOR} | {_OUT} out into the {CORRIDOR} from the room"""),
-    "room to room": any_of(f"""
+    "room to room": alternatives_pattern(f"""
         {_OUT} out of the room into the {_NEXT} one | leave the room and enter the {_NEXT} one | {_OUT} from
         this room into the {_NEXT} one"""),
-    "corridor to room": any_of(f"""
+    "corridor to room": alternatives_pattern(f"""
         [leave|exit] the {CORRIDOR} and enter the room | {_OUT} out of the {CORRIDOR} into the room | leave the
         {CORRIDOR} for the room | {_OUT} from the {CORRIDOR} into the room"""),
-    "up": any_of("""
+    "up": alternatives_pattern("""
         go up the stairs | walk up the stairs | climb the stairs | head up the stairs | take the stairs up | go
         upstairs | ascend the stairs | go up the staircase | climb up the steps | go up one flight"""),
-    "down": any_of("""
+    "down": alternatives_pattern("""
         go down the stairs | walk down the stairs | descend the stairs | head down the stairs | take the stairs
         down | go downstairs | go down the staircase | go down the steps | go down one flight |
         carefully walk down the stairs"""),
 }
 """Imperatives: of a walk without a landmark, along a corridor or a room, through doorways, and on stairs."""
-TOWARDS = any_of(f"""
+TOWARDS = alternatives_pattern(f"""
     {_GO} [toward|towards] the {{}} | {_GO} in the direction of the {{}} | head for the {{}} | approach the {{}}
     | move closer to the {{}} | keep the {{}} straight ahead | find the {{}} and head that way | go over toward
     the {{}} | notice the {{}} and walk toward it | aim for the {{}}""")
 _SIDE = "[on your left|on the left|to your left|on your left side|on the left-hand side]"
 PASSING = {
-    "": any_of("""
+    "": alternatives_pattern("""
         pass the {} | walk past the {} | go past the {} | continue past the {} | walk by the {} | go by the {} |
         move past the {} | leave the {} behind you | walk right past the {} | you will pass the {} | ignore the
         {} and keep going | go beyond the {} | pass alongside the {} | pass by the {}"""),
-    "left": any_of(f"""
+    "left": alternatives_pattern(f"""
         [walk|go|head|continue|move|keep going] past the {{}} {_SIDE} | you will pass the {{}} {_SIDE}"""),
 }
 PAST = {
     "": "[past the {}|passing the {}|going past the {}|going by the {}|leaving the {} behind|walking by the {}]",
-    "left": any_of(f"""
+    "left": alternatives_pattern(f"""
         past the {{}} {_SIDE} | passing the {{}} {_SIDE} | with the {{}} on your left | keeping the {{}} on your
         left | so that the {{}} is on your left"""),
 }
 """Of an object beside the way: as an imperative, and after another walk."""
 UNTIL = {
-    "": any_of("""
+    "": alternatives_pattern("""
         until you [reach|get to|come to|are near|are close to|arrive at|are next to] the {} | as far as the {} | all
         the way to the {} | until you're beside the {} | up to the {}"""),
     "left": "until the {} is [on|to] your left",
     "ahead": "[until you face the {}|until you are in front of the {}|right up to the {}|until you meet the {}]",
 }
-AT = any_of("""
+AT = alternatives_pattern("""
     at the {} | when you reach the {} | once you reach the {} | when you get to the {} | near the {} | upon
     arriving at the {} | as soon as you reach the {} | after reaching the {} | once you arrive at the {} | close to
     the {} | when you come to the {} | right at the {} | beside the {}""")
@@ -108,23 +108,23 @@ _HALT = "[stop|stop|stop|wait|wait|stand|pause|end|stay|remain|finish]"
 WALK_TO = "[walk|go|head|move|continue|proceed|walk over|go over|come] to the {}"
 """To an object at the end of the path, before the stop."""
 STOP_BY = {
-    "": any_of(f"""
+    "": alternatives_pattern(f"""
         {_HALT} [by|next to|beside|near|close to|at|alongside|adjacent to] the {{}} | {_HALT} [by|next
         to|beside|near|close to] the {{}} | {_HALT} [by|next to|near] the {{}} | come to a stop [near|by] the
         {{}} | your goal is near the {{}} | stop just short of the {{}} | stop right by the {{}} | stop right
         next to the {{}} | finish up near the {{}} | you should end up by the {{}} | stop in the area by the {{}}
         | the {{}} is your stopping point | don't go further than the {{}} | stop within a step of the {{}} |
         stop about two feet from the {{}} | stop once you've reached the {{}}"""),
-    "left": any_of(f"""
+    "left": alternatives_pattern(f"""
         {_HALT} [with the {{}} on your left|with the {{}} to your left] | {_HALT} [once|when] the {{}} is on your
         left | stop so that the {{}} is on your left"""),
-    "ahead": any_of(f"""
+    "ahead": alternatives_pattern(f"""
         {_HALT} [in front of|before|facing] the {{}} | stop right in front of the {{}} | {_HALT} directly before
         the {{}}"""),
 }
 for _table in (PASSING, PAST, UNTIL, STOP_BY):
     _table["right"] = _table["left"].replace("left", "right")
-STOPS = any_of("""
+STOPS = alternatives_pattern("""
     [stop|wait|stay|end|pause|remain|finish] there | stop | stop | [stop|wait] here | come to a stop | that is
     your destination | you have arrived | you are there | stop at that point | this is the goal | you've arrived
     | stand still | stay put | you're done | you made it | stop moving | stop right there | this is the spot |
@@ -135,7 +135,7 @@ RUG = {
     "off": "[step off the {}|walk off the {}|move off the {}]",
     "across": "[walk over the {}|cross the {}|walk across the {}|go over the {}]",
 }
-FLOOR = any_of("""
+FLOOR = alternatives_pattern("""
     step from the {0} floor onto the {1} one | leave the {0} flooring for the {1} one | cross from the {0} floor
     to the {1} floor | walk to where the {0} floor meets the {1} one | go from the {0} floor to the {1} one""")
 STAIRS = {"top": "[to the top|all the way up]", "bottom": "[to the bottom|all the way down]"}
@@ -149,7 +149,9 @@ ROUGHLY = {
     5.0: "[several steps|a short distance|a fair bit|a short way|a number of steps]",
     10.0: "[a long way|quite far|a good distance|pretty far|a long distance]",
 }
-_FORWARD = any_of("walk {} | go {} | go forward {} | move forward {} | walk {} ahead | walk straight {} | continue {}")
+_FORWARD = alternatives_pattern(
+    "walk {} | go {} | go forward {} | move forward {} | walk {} ahead | walk straight {} | continue {}"
+)
 _FIRST = (
     *[""] * 12,
     "first, ",

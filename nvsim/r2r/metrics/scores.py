@@ -24,7 +24,7 @@ _AT_ONCE = 1 << 22  # largest number of elements in an array
 Floats = NDArray[np.float64]
 
 
-def warped(
+def dtw_cost(
     cost: NDArray[np.float64],  # (B, P, R) meters between step p of a trajectory and step r of its reference
     steps: NDArray[np.int64],  # (B,) number of valid steps in P, 1 or more
     reference: NDArray[np.int64],  # (B,) number of valid steps in R, 1 or more
@@ -123,7 +123,7 @@ def _scored(metres: Floats, walked: list[list[int]], reference: list[list[int]])
     success = (ne < NEAR).astype(np.float64)
     shortest = metres[path[:, 0], goal]
     apart = metres[steps[:, :, None], path[:, None, :]]  # (B, P, R)
-    ndtw = np.exp(-warped(apart, counts, lengths) / (NEAR * lengths))
+    ndtw = np.exp(-dtw_cost(apart, counts, lengths) / (NEAR * lengths))
     counted = np.arange(path.shape[1]) < lengths[:, None]
     coverage = (np.exp(-apart.min(axis=1) / NEAR) * counted).sum(axis=1) / lengths
     expected = coverage * path_length

@@ -31,11 +31,11 @@ from nvsim.graph.types import NavGraph, Viewpoint
 from nvsim.project.photographed import PhotographedDirections
 from nvsim.project.project import Project
 from nvsim.project.stages.training_pool import BASE_BYTES, GAUSSIAN_BYTES
-from nvsim.project.work import lacks
+from nvsim.project.work import missing_result_error
 from nvsim.r2r.observations.layout import ScanPlaces, ScanSettings, png
 from nvsim.r2r.observations.record import Part, Record, key_of, written
 from nvsim.r2r.observations.skybox import Images, Painter, encode_images
-from nvsim.render.backends import Backend, chosen
+from nvsim.render.backends import Backend, resolve_backend
 from nvsim.splats.files import count_of, load_model
 from nvsim.splats.scene import SceneModel
 from nvsim.submaps.split import Submap
@@ -73,7 +73,7 @@ class Source:
         """Raises InputError if no model is trained, or the submap of a viewpoint has no model."""
         scene = project.scene(memory_budget=0)  # without a budget, only one model stays in memory
         if scene is None:
-            raise lacks(project.layout.root, "train")
+            raise missing_result_error(project.layout.root, "train")
         submaps = project.submaps("train")
         trained = tuple(s for s in submaps if s.index in scene.indices)
         if len(trained) < len(submaps):
@@ -138,7 +138,7 @@ def missing(
     source: Source, viewpoints: Mapping[str, Viewpoint], settings: ScanSettings, record: Record, backend: Backend
 ) -> Iterator[Todo]:
     """Yields the viewpoints that `record` does not list as finished from these models and settings."""
-    how = {**asdict(settings), "plans": None, "backend": chosen(backend), "made": MADE}
+    how = {**asdict(settings), "plans": None, "backend": resolve_backend(backend), "made": MADE}
     for v in viewpoints.values():
         submap = source.scene.nearest(np.array(v.position))
         key = key_of(how, source.keys[submap], v.position)

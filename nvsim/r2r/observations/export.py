@@ -24,7 +24,7 @@ from nvsim.files import atomic
 from nvsim.files.atomic import as_input_error
 from nvsim.files.locking import WriterLock
 from nvsim.graph.connectivity import check_scan_id, write_connectivity
-from nvsim.graph.exports import refuse
+from nvsim.graph.exports import check_exportable
 from nvsim.graph.types import NavGraph, Viewpoint
 from nvsim.project.project import Project
 from nvsim.r2r.observations import stub
@@ -35,7 +35,7 @@ from nvsim.r2r.observations.layout import ScanPlaces, ScanSettings
 from nvsim.r2r.observations.parts import split, write_parts
 from nvsim.r2r.observations.record import Record, key_of, part_on_disk, refuse_foreign, remove_leftovers
 from nvsim.r2r.observations.skybox import visible_from
-from nvsim.render.backends import Backend, chosen
+from nvsim.render.backends import Backend, resolve_backend
 from nvsim.splats.files import count_of
 
 PLANS, UNSEEN, GRAPH = "floor plans", "unseen directions", "connectivity"
@@ -79,7 +79,7 @@ class Prepared:
         if graph.scan == stub.SCAN:
             raise InputError(f"{stub.SCAN} is the name of the stub scan that agents need; choose another --scan.")
         if not force:
-            refuse(graph)
+            check_exportable(graph)
         parts = (graph,) if most is None else tuple(split(graph, most))
         places = tuple(ScanPlaces(root, part.scan) for part in parts)
         for scan_places in places:
@@ -95,7 +95,7 @@ class Prepared:
         import numba
 
         beside = stub.SCAN if with_stub and stub.is_wanted(self.places[0]) else ""
-        on_card, cores = chosen(backend) == "gsplat", numba.get_num_threads()
+        on_card, cores = resolve_backend(backend) == "gsplat", numba.get_num_threads()
         return estimate(tuple(self._counts(settings, backend)), settings, cores=cores, on_card=on_card, stub=beside)
 
     @property
@@ -215,7 +215,7 @@ def write_scan(
             "viewpoints": len(graph.viewpoints),
             "edges": len(graph.edges),
             "settings": asdict(settings),
-            "backend": chosen(backend),
+            "backend": resolve_backend(backend),
             **_ABOUT,
         }
         own = [name for name, has in ((PLANS, settings.plans), (UNSEEN, source.photographed is not None)) if has]

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from nvsim.figures import save_figure
 from nvsim.files import atomic
-from nvsim.geometry.camera import Camera, Intrinsics, look
+from nvsim.geometry.camera import Camera, Intrinsics, camera_pose
 from nvsim.graph.exports.picture import Area, Key, draw_areas, grouped
 from nvsim.graph.types import NavGraph
 from nvsim.r2r.observations.layout import png
@@ -94,7 +94,7 @@ class Frame:
         focal = _ALTITUDE / self.metres
         intrinsics = Intrinsics(self.width, self.height, focal, focal, self.width / 2, self.height / 2)
         middle = [(a + b) / 2 for a, b in zip(self.low, self.high, strict=True)]
-        return Camera(intrinsics, look(np.array([*middle, _ALTITUDE]), 0.0, -math.pi / 2))
+        return Camera(intrinsics, camera_pose(np.array([*middle, _ALTITUDE]), 0.0, -math.pi / 2))
 
 
 def draw_plan(

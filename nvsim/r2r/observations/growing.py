@@ -24,7 +24,7 @@ from nvsim.r2r.observations.surround import (
     seen_by,
     tiles_needed,
 )
-from nvsim.render.backends import Backend, chosen
+from nvsim.render.backends import Backend, resolve_backend
 from nvsim.render.equirectangular import axes_ahead
 from nvsim.render.kernel_types import TILE, Float32, Mask
 from nvsim.render.model import render_model
@@ -71,7 +71,7 @@ class GrowingSurround:
         """
         near = seen_by(camera)
         outside = _outside(camera, self._nominal)
-        whole = chosen(self._backend) == "gsplat"  # gsplat can only draw complete views
+        whole = resolve_backend(self._backend) == "gsplat"  # gsplat can only draw complete views
         todo = [(int(i), self._needed[i] & ~outside[i] & ~self._drawn[i]) for i in near]
         todo = [(i, tiles) for i, tiles in todo if tiles.any()]
         if todo and not whole:  # a graphics card caches the arrays of a model without appearance

@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from nvsim.errors import InputError
 from nvsim.files.images import decoded
 from nvsim.files.opening import read_bytes
-from nvsim.geometry.camera import Camera, Intrinsics, look
+from nvsim.geometry.camera import Camera, Intrinsics, camera_pose
 from nvsim.geometry.directions import face_axes, sweep
 from nvsim.geometry.floor_surface import FloorSurface
 from nvsim.graph.sight import FARTHEST_SEEN
@@ -113,7 +113,7 @@ class Skybox:
 def face_cameras(position: NDArray[np.floating], side: int) -> list[Camera]:
     """Returns six cameras of 90 degrees and `side` x `side` pixels at `position` (3,), for a level pose facing +y."""
     intrinsics = Intrinsics(side, side, side / 2, side / 2, side / 2, side / 2)
-    level = look(np.asarray(position, np.float64), 0.0)
+    level = camera_pose(np.asarray(position, np.float64), 0.0)
     cameras = []
     for axes in face_axes():
         pose = level.copy()
@@ -207,7 +207,7 @@ def strip_pixels(ways: NDArray[np.floating], side: int) -> tuple[NDArray[np.int6
 
     `side` is the side of a face in pixels.
     """
-    local = np.asarray(ways, np.float64) @ look(np.zeros(3), 0.0)[:3, :3]
+    local = np.asarray(ways, np.float64) @ camera_pose(np.zeros(3), 0.0)[:3, :3]
     on_faces = np.einsum("...i,fij->...fj", local, face_axes())
     face = on_faces[..., 2].argmax(axis=-1)
     right, down, ahead = np.moveaxis(np.take_along_axis(on_faces, face[..., None, None], axis=-2)[..., 0, :], -1, 0)

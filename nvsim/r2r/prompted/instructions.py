@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from nvsim.endpoint.asking import Unanswered, UnusableAnswer, ask_until_clear, each, json_object
+from nvsim.endpoint.asking import Unanswered, UnusableAnswer, ask_until_clear, json_object, run_in_parallel
 from nvsim.endpoint.budget import RequestEstimate, estimate_requests
 from nvsim.endpoint.client import Client
 from nvsim.endpoint.prompt import FOLDER, Prompt
@@ -78,7 +78,7 @@ class Writer:
         found: dict[int, tuple[str, ...]] = {}
         lacking: dict[int, Unanswered] = {}
         listen(Progress(STAGE, 0, len(tasks)))
-        for task, said in each(lambda task: self._asked(client, task), tasks, at_once):
+        for task, said in run_in_parallel(lambda task: self._asked(client, task), tasks, at_once):
             if isinstance(said, Unanswered):
                 lacking[task.path_id] = said
                 listen(Warning(f"path_id {task.path_id} has no instructions from the model: {said.why}.", STAGE))

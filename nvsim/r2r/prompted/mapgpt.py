@@ -15,7 +15,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 
-from nvsim.endpoint.asking import Unanswered, ask_until_clear, each
+from nvsim.endpoint.asking import Unanswered, ask_until_clear, run_in_parallel
 from nvsim.endpoint.budget import RequestEstimate, estimate_requests
 from nvsim.endpoint.client import Client
 from nvsim.endpoint.prompt import Prompt
@@ -84,7 +84,9 @@ def episodes_of(tasks: Sequence[Task], where: Path) -> list[tuple[str, Task]]:
     return [(id, task) for task in tasks for id in task.instr_ids]
 
 
-def rehearsed(agent: MapGpt, client: Client, episodes: Sequence[tuple[str, Task]], folder: Path) -> RequestEstimate:
+def estimate_episodes(
+    agent: MapGpt, client: Client, episodes: Sequence[tuple[str, Task]], folder: Path
+) -> RequestEstimate:
     """Estimates the size of all requests of the unfinished episodes.
 
     It assumes that the agent goes straight to the goal, and extrapolates from three episodes.
@@ -126,7 +128,9 @@ def run_mapgpt(
         else:
             found[id] = record
     listen(Progress(STAGE, len(found), len(episodes)))
-    for (id, _, _), record in each(lambda e: _walked(agent, client, folder, *e), todo, client.options.parallel):
+    for (id, _, _), record in run_in_parallel(
+        lambda e: _walked(agent, client, folder, *e), todo, client.options.parallel
+    ):
         found[id] = record
         if record.ended == "unanswered":
             listen(Warning(f"{id} ends at step {len(record.steps) + 1}: {record.why}.", STAGE))

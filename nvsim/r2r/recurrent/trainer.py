@@ -33,7 +33,7 @@ _CLIP = 5.0  # largest norm of the gradient
 _MOMENTS = ("step", "exp_avg", "exp_avg_sq")  # AdamW's state of a weight
 
 
-def imitation(rollout: Rollout, teacher: Sequence[Int64]) -> Tensor:
+def imitation_loss(rollout: Rollout, teacher: Sequence[Int64]) -> Tensor:
     """Returns the mean cross-entropy over all steps of all agents, a scalar.
 
     teacher   (n,) int64 for each step: the slot to take, -1 if the teacher knows no way
@@ -46,7 +46,7 @@ def imitation(rollout: Rollout, teacher: Sequence[Int64]) -> Tensor:
     return total / max(count, 1)
 
 
-def teacher_of(rollout: Rollout, world: World, episodes: Sequence[Episode], way: Way) -> list[Int64]:
+def teacher_actions(rollout: Rollout, world: World, episodes: Sequence[Episode], way: Way) -> list[Int64]:
     """Returns (n,) int64 for each step: the slot on the shortest path to the goal, from the agent's viewpoint.
 
     Agents that follow the path of the task get its next slot.
@@ -105,7 +105,7 @@ def _goals(episodes: Sequence[Episode]) -> Int64:
 
 
 @dataclass
-class Standing:
+class TrainingState:
     """The progress of a training.
 
     last       batch with which the phase ends
@@ -143,7 +143,7 @@ class Trainer:
         torch.manual_seed(learning.seed)
         self.model = RecurrentModel(model, len(self.words.words), self.world.width)
         self._new_optimizer()
-        self.at = Standing(learning.iterations)
+        self.at = TrainingState(learning.iterations)
         self._epoch, self._order = -1, np.empty(0, np.int64)
 
     def batch(self) -> float:
@@ -182,7 +182,7 @@ class Trainer:
         way = self.learning.way
         read = read_words(self.model, episodes)
         found = roll_out(self.model, self.world, episodes, read, way, self.learning.own_steps)
-        return imitation(found, teacher_of(found, self.world, episodes, way))
+        return imitation_loss(found, teacher_actions(found, self.world, episodes, way))
 
     def _a2c(self, episodes: Sequence[Episode]) -> torch.Tensor:
         learning, read = self.learning, read_words(self.model, episodes)
@@ -190,7 +190,9 @@ class Trainer:
         loss = actor_critic(own, rewards_of(own, self.world, episodes), learning)
         if learning.a2c_teacher:
             along = roll_out(self.model, self.world, episodes, read, "path", 0)
-            loss = loss + learning.a2c_teacher * imitation(along, teacher_of(along, self.world, episodes, "path"))
+            loss = loss + learning.a2c_teacher * imitation_loss(
+                along, teacher_actions(along, self.world, episodes, "path")
+            )
         return loss
 
     def _next(self, step: int) -> list[Episode]:
@@ -230,7 +232,7 @@ class Trainer:
                 kept = {key: stored[f"{key}/{name}"] for key in _MOMENTS if f"{key}/{name}" in stored}
                 if kept:
                     self.optimizer.state[parameter] = {key: torch.from_numpy(a.copy()) for key, a in kept.items()}
-            self.at = Standing(**{**checkpoint.progress, "best": tuple(checkpoint.progress["best"])})
+            self.at = TrainingState(**{**checkpoint.progress, "best": tuple(checkpoint.progress["best"])})
         except (KeyError, TypeError, RuntimeError) as error:
             raise InputError(
                 f"The checkpoint does not fit this training ({error}); delete it to train from the start."

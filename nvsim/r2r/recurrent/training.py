@@ -47,6 +47,7 @@ class Curves:
         atomic.write_text(self._path, "".join(to_json(metric) + "\n" for metric in kept))
 
     def add(self, name: str, value: float, step: int) -> None:
+        """Appends the value of a metric after `step` batches. Raises InputError if writing fails."""
         metric = Metric(STAGE, name, value, step)
         try:
             with open(plain_file(self._path, os.O_WRONLY | os.O_APPEND), "a", encoding="utf-8") as file:

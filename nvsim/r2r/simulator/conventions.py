@@ -41,7 +41,7 @@ class WrongType(InputError, TypeError):
     """Scalars were given where lists are needed, or the reverse. Matterport3DSimulator raises `TypeError`."""
 
 
-def names(given: str | Sequence[str], size: int, what: str) -> list[str]:
+def checked_names(given: str | Sequence[str], size: int, what: str) -> list[str]:
     """Returns the first `size` names; further values of a list are ignored, as in Matterport3DSimulator.
 
     Raises WrongType, BatchMismatch.
@@ -54,7 +54,7 @@ def names(given: str | Sequence[str], size: int, what: str) -> list[str]:
     return values[:size]
 
 
-def numbers(given: float | Sequence[float], size: int, what: str) -> list[float]:
+def checked_numbers(given: float | Sequence[float], size: int, what: str) -> list[float]:
     """Returns the first `size` numbers. Raises WrongType, BatchMismatch, and InvalidValue if one is not finite."""
     values = [float(value) for value in _listed(given, size, what, float, "fiub")]
     if not math.isfinite(sum(values)):  # a value is not finite, or the sum overflows
@@ -62,7 +62,7 @@ def numbers(given: float | Sequence[float], size: int, what: str) -> list[float]
     return values
 
 
-def counts(given: int | Sequence[int], size: int, what: str) -> list[int]:
+def checked_counts(given: int | Sequence[int], size: int, what: str) -> list[int]:
     """Returns the first `size` integers, 0 or more. Raises WrongType, BatchMismatch."""
     values = _listed(given, size, what, int, "iub")
     if min(values) < 0:

@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from nvsim.errors import InputError
 from nvsim.files.images import decoded, is_cut_off
 from nvsim.files.opening import read_bytes
-from nvsim.geometry.camera import look
+from nvsim.geometry.camera import camera_pose
 from nvsim.graph.skybox_files import FOLDER, SkyboxFiles
 from nvsim.r2r.simulator.conventions import InvalidValue
 from nvsim.r2r.simulator.scan import Scan, Scans
@@ -45,7 +45,7 @@ def rays_of(
     tangent = math.tan(vfov / 2)
     pixel = 2 * tangent / height
     plane = np.array([(0.5 - width / 2) * pixel, (0.5 - height / 2) * pixel, pixel, pixel])
-    view = np.linalg.inv(rotation) @ look(np.zeros(3), heading, elevation)[:3, :3]
+    view = np.linalg.inv(rotation) @ camera_pose(np.zeros(3), heading, elevation)[:3, :3]
     first = view @ np.array([plane[0], plane[1], 1.0])
     return np.stack([first, view[:, 0] * pixel, view[:, 1] * pixel]).astype(np.float32), plane.astype(np.float32)
 

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from nvsim.errors import InputError
-from nvsim.geometry.camera import Camera, Intrinsics, look
+from nvsim.geometry.camera import Camera, Intrinsics, camera_pose
 from nvsim.geometry.floor_surface import Floor
 from nvsim.graph.types import NavGraph, Viewpoint
 from nvsim.mapping.config import MappingConfig
@@ -181,7 +181,7 @@ class LiveImages:
             raise InvalidValue("The simulator draws no images; call setRenderingEnabled(True) before initialize.")
         focal = view.height / 2 / np.tan(view.vfov / 2)
         intrinsics = Intrinsics(view.width, view.height, focal, focal, view.width / 2, view.height / 2)
-        camera = Camera(intrinsics, look(position, heading, elevation))
+        camera = Camera(intrinsics, camera_pose(position, heading, elevation))
         try:
             model = scene.model_at(camera.position)[1]
             colour, solid = self._seen.image(model, camera, view.depth)

@@ -14,11 +14,20 @@ from functools import partial
 from typing import TYPE_CHECKING, Any
 
 from nvsim.geometry.directions import STEP
-from nvsim.r2r.simulator.conventions import InvalidValue, Minstd, NotStarted, Timers, WrongType, counts, names, numbers
+from nvsim.r2r.simulator.conventions import (
+    InvalidValue,
+    Minstd,
+    NotStarted,
+    Timers,
+    WrongType,
+    checked_counts,
+    checked_names,
+    checked_numbers,
+)
 from nvsim.r2r.simulator.images import Goal, Images, View, draw_all
 from nvsim.r2r.simulator.scan import Joined, Scans
 from nvsim.r2r.simulator.settings import Settings, source_of
-from nvsim.r2r.simulator.state import TURN, Batch, OffGraphPosition, SimState, black, position_of, turn
+from nvsim.r2r.simulator.state import TURN, Batch, OffGraphPosition, SimState, black_images, position_of, turn
 
 if TYPE_CHECKING:
     from nvsim.r2r.simulator.images import Drawn
@@ -54,7 +63,7 @@ class Simulator(Settings):
         """
         with self._lock:
             self._view = View(self.width, self.height, self.vfov, self.depth_enabled)
-            images = [black(self.width, self.height) for _ in range(self.batch_size)]
+            images = [black_images(self.width, self.height) for _ in range(self.batch_size)]
             scans, drawing = source_of(self)
             scans = scans if self._given is None else self._given
             if self.rendering_enabled and self.preloading:
@@ -111,8 +120,11 @@ class Simulator(Settings):
             if scalar and (self.batch_size != 1 or self.batched):
                 raise WrongType("After setBatchSize, newEpisode takes lists with one value for each environment.")
             size = self.batch_size
-            ids, viewpoints = names(scanId, size, "scanId"), names(viewpointId, size, "viewpointId")
-            headings, elevations = numbers(heading, size, "heading"), numbers(elevation, size, "elevation")
+            ids, viewpoints = checked_names(scanId, size, "scanId"), checked_names(viewpointId, size, "viewpointId")
+            headings, elevations = (
+                checked_numbers(heading, size, "heading"),
+                checked_numbers(elevation, size, "elevation"),
+            )
             if not self.initialized:
                 self.initialize()
             assert self._scans is not None and self._batch is not None
@@ -186,8 +198,11 @@ class Simulator(Settings):
                 return
         with self._lock, self._timers:
             size = batch.size
-            chosen = counts(index, size, "index")
-            headings, elevations = numbers(heading, size, "heading"), numbers(elevation, size, "elevation")
+            chosen = checked_counts(index, size, "index")
+            headings, elevations = (
+                checked_numbers(heading, size, "heading"),
+                checked_numbers(elevation, size, "elevation"),
+            )
             joined, places = batch.joined, batch.place.copy()
             for b, way in enumerate(chosen):
                 if way or joined is None:
@@ -291,6 +306,7 @@ class Simulator(Settings):
     # Timing -------------------------------------------------------------------------------------------------------
 
     def resetTimers(self) -> None:
+        """Sets the times of all parts to zero."""
         self._timers.reset()
 
     def timingInfo(self) -> str:

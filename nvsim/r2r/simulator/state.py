@@ -340,6 +340,6 @@ def position_of(batch: Batch, b: int) -> NDArray[np.float64]:
     return batch.beside[b].position if b in batch.beside else np.array(batch.joined.positions[batch.place[b]])
 
 
-def black(width: int, height: int) -> tuple[NDArray[Any], NDArray[Any]]:
+def black_images(width: int, height: int) -> tuple[NDArray[Any], NDArray[Any]]:
     """Returns black images (height, width, 3) uint8 and (height, width, 1) uint16."""
     return np.zeros((height, width, 3), np.uint8), np.zeros((height, width, 1), np.uint16)

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from nvsim.graph.quantities import slope_of
 from nvsim.graph.types import NavGraph
-from nvsim.r2r.surroundings.seen import Seen
+from nvsim.r2r.surroundings.seen import ViewFromViewpoint
 
 Scalar = TypeVar("Scalar", bound=np.generic)
 CELL = 0.05
@@ -40,7 +40,7 @@ class Layers:
     high     meters above the floor between which there are only walls, lintels and hanging objects
     """
 
-    seen: tuple[Seen, ...]
+    seen: tuple[ViewFromViewpoint, ...]
     floor: float
     low: tuple[float, float]
     voxels: NDArray[np.int32]
@@ -104,12 +104,12 @@ class Layers:
         return values[at[..., 0].clip(0, self.shape[0] - 1), at[..., 1].clip(0, self.shape[1] - 1)]
 
 
-def layers_of(seen: Sequence[Seen], graph: NavGraph) -> Iterator[Layers]:
+def layers_of(seen: Sequence[ViewFromViewpoint], graph: NavGraph) -> Iterator[Layers]:
     """Yields the storeys from the lowest: viewpoints joined by level edges, and parts of equal height.
 
     Viewpoints on stairs belong to no storey, because their heights differ from the others.
     """
-    groups: list[list[Seen]] = []
+    groups: list[list[ViewFromViewpoint]] = []
     for part in sorted(_level_parts(seen, graph), key=len, reverse=True):
         same = [group for group in groups if abs(_floor(group) - _floor(part)) < _APART]
         if same:
@@ -119,7 +119,7 @@ def layers_of(seen: Sequence[Seen], graph: NavGraph) -> Iterator[Layers]:
     return (_layers(tuple(group)) for group in sorted(groups, key=_floor))
 
 
-def _level_parts(seen: Sequence[Seen], graph: NavGraph) -> Iterator[list[Seen]]:
+def _level_parts(seen: Sequence[ViewFromViewpoint], graph: NavGraph) -> Iterator[list[ViewFromViewpoint]]:
     """Yields the viewpoints that level edges join, without landings of stairs."""
     import networkx as nx
 
@@ -138,11 +138,11 @@ def _level_parts(seen: Sequence[Seen], graph: NavGraph) -> Iterator[list[Seen]]:
             yield [one for one in seen if one.viewpoint.id in ids]
 
 
-def _floor(seen: Sequence[Seen]) -> float:
+def _floor(seen: Sequence[ViewFromViewpoint]) -> float:
     return float(np.median([one.floor for one in seen]))
 
 
-def _layers(seen: tuple[Seen, ...]) -> Layers:
+def _layers(seen: tuple[ViewFromViewpoint, ...]) -> Layers:
     places = np.array([s.viewpoint.position[:2] for s in seen])
     low = np.floor((places.min(axis=0) - 8.0) / CELL) * CELL
     columns, rows = (np.ceil((places.max(axis=0) + 8.0 - low) / CELL)).astype(int).tolist()

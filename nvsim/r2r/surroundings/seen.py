@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from nvsim.errors import InputError
 from nvsim.files.images import decoded
 from nvsim.files.opening import read_bytes
-from nvsim.geometry.camera import look
+from nvsim.geometry.camera import camera_pose
 from nvsim.geometry.directions import face_rays
 from nvsim.graph.types import NavGraph, Viewpoint
 from nvsim.r2r.observations.layout import ScanPlaces
@@ -62,7 +62,7 @@ def floor_patch(viewpoint: Viewpoint, strip: NDArray[np.uint8], metres: NDArray[
 
 
 @dataclass(frozen=True, eq=False)
-class Seen:
+class ViewFromViewpoint:
     """The view from a viewpoint.
 
     metres  (S, 6 S) float32 meters along the rays of a strip's pixels, 0 if there is no surface
@@ -101,7 +101,7 @@ def has_depth(places: ScanPlaces, graph: NavGraph) -> bool:
     return bool(included) and all(places.strip(id).is_file() and places.depth(id).is_file() for id in included)
 
 
-def look_around(root: Path, graph: NavGraph) -> Iterator[Seen]:
+def look_around(root: Path, graph: NavGraph) -> Iterator[ViewFromViewpoint]:
     """Yields the view from each included viewpoint of the scan in the export folder `root`.
 
     Poses must be level and face +y, as `nvsim export scan` writes them. Raises InputError if a strip is missing or
@@ -113,7 +113,7 @@ def look_around(root: Path, graph: NavGraph) -> Iterator[Seen]:
             yield _seen(places, viewpoint)
 
 
-def _seen(places: ScanPlaces, viewpoint: Viewpoint) -> Seen:
+def _seen(places: ScanPlaces, viewpoint: Viewpoint) -> ViewFromViewpoint:
     import cv2
 
     depth, path = read_depth(places, viewpoint.id), places.strip(viewpoint.id)
@@ -131,12 +131,12 @@ def _seen(places: ScanPlaces, viewpoint: Viewpoint) -> Seen:
     kept = (metres > 0.2) & (metres < _REACH)
     points = np.array(viewpoint.position, np.float32) + _directions(side)[kept] * metres[kept][:, None]
     underfoot = floor_patch(viewpoint, strip, depth / np.float32(UNITS_A_METRE))
-    return Seen(viewpoint, metres, points.astype(np.float32), colour[kept], underfoot)
+    return ViewFromViewpoint(viewpoint, metres, points.astype(np.float32), colour[kept], underfoot)
 
 
 @cache
 def _directions(side: int) -> NDArray[np.float32]:
     """Returns (side, 6 side, 3) float32 unit directions of a strip's pixels, world, for a pose that faces +y."""
-    rays = face_rays(side) @ look(np.zeros(3), 0.0)[:3, :3].T
+    rays = face_rays(side) @ camera_pose(np.zeros(3), 0.0)[:3, :3].T
     rays /= np.linalg.norm(rays, axis=-1, keepdims=True)
     return np.ascontiguousarray(np.concatenate(list(rays), axis=1), np.float32)

@@ -17,8 +17,8 @@ from nvsim.graph.types import NavGraph
 from nvsim.r2r.surroundings.doorways import Kind, doorways_between, kinds_of, without_islands
 from nvsim.r2r.surroundings.floor_kinds import floor_along, floor_kinds
 from nvsim.r2r.surroundings.layers import CELL, Layers
-from nvsim.r2r.surroundings.seen import Seen
-from nvsim.r2r.surroundings.things import Thing, find_things, walls_of
+from nvsim.r2r.surroundings.seen import ViewFromViewpoint
+from nvsim.r2r.surroundings.things import FloorObject, find_floor_objects, walls_of
 
 Side = Literal["left", "right"]
 Pair = tuple[str, str]
@@ -45,7 +45,7 @@ class Surroundings:
     floors   (from, to) -> names in FLOORS of the floor along the step, 0.2 m apart
     """
 
-    things: tuple[Thing, ...] = ()
+    things: tuple[FloorObject, ...] = ()
     kinds: Mapping[str, Kind] = field(default_factory=dict)
     visible: Mapping[str, tuple[tuple[int, float, float], ...]] = field(default_factory=dict)
     passed: Mapping[Pair, tuple[tuple[int, Side, float], ...]] = field(default_factory=dict)
@@ -56,7 +56,7 @@ class Surroundings:
 
 def surroundings_of(graph: NavGraph, storeys: list[Layers]) -> Surroundings:
     """Computes the surroundings from the storeys of the scan. Steps on stairs have none."""
-    things: list[Thing] = []
+    things: list[FloorObject] = []
     kinds: dict[str, Kind] = {}
     visible: dict[str, tuple[tuple[int, float, float], ...]] = {}
     passed: dict[Pair, tuple[tuple[int, Side, float], ...]] = {}
@@ -65,7 +65,7 @@ def surroundings_of(graph: NavGraph, storeys: list[Layers]) -> Surroundings:
     floors: dict[Pair, tuple[str, ...]] = {}
     for layers in storeys:
         at = {one.viewpoint.id: np.array(one.viewpoint.position) for one in layers.seen}
-        first, here = len(things), find_things(layers)
+        first, here = len(things), find_floor_objects(layers)
         things += here
         walls, standing = walls_of(layers), layers.between(0.4, 1.7) >= 4
         kinds_of_floor = floor_kinds(layers, walls)
@@ -96,7 +96,7 @@ def surroundings_of(graph: NavGraph, storeys: list[Layers]) -> Surroundings:
     return Surroundings(tuple(things), kinds, visible, passed, lengths, doors, floors)
 
 
-def _seen_by(one: Seen, things: list[Thing]) -> set[int]:
+def _seen_by(one: ViewFromViewpoint, things: list[FloorObject]) -> set[int]:
     """Returns the indices of objects of which a viewpoint sees enough."""
     found = set()
     for i, thing in enumerate(things):
@@ -108,7 +108,7 @@ def _seen_by(one: Seen, things: list[Thing]) -> set[int]:
 
 
 def is_behind_a_wall(
-    walls: NDArray[np.bool_], layers: Layers, place: NDArray[np.floating], thing: Thing
+    walls: NDArray[np.bool_], layers: Layers, place: NDArray[np.floating], thing: FloorObject
 ) -> bool:  # fmt: skip
     """Whether a wall or a lintel is between a place (2,), meters, and the nearest part of an object."""
     nearest = thing.cells[np.hypot(*(thing.cells - place).T).argmin()]
@@ -120,7 +120,7 @@ def is_behind_a_wall(
 
 
 def _where(
-    place: NDArray[np.float64], things: list[Thing], seen: set[int]
+    place: NDArray[np.float64], things: list[FloorObject], seen: set[int]
 ) -> Iterator[tuple[int, tuple[float, float]]]:
     for i in sorted(seen):
         metres = float(np.hypot(*(things[i].cells - place[:2]).T).min())
@@ -129,7 +129,7 @@ def _where(
 
 
 def _beside(
-    a: NDArray[np.float64], b: NDArray[np.float64], things: list[Thing], seen: set[int]
+    a: NDArray[np.float64], b: NDArray[np.float64], things: list[FloorObject], seen: set[int]
 ) -> Iterator[tuple[int, Side, float]]:
     """Yields objects that are clearly on one side of the way from `a` to `b`, not ahead of it or behind it."""
     length = float(np.linalg.norm(b[:2] - a[:2]))

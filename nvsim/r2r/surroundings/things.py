@@ -29,7 +29,7 @@ _ALONE = 0.3  # largest share of surrounding cells with another object; otherwis
 
 
 @dataclass(frozen=True, eq=False)
-class Thing:
+class FloorObject:
     """An object on the floor.
 
     colour   a name in COLOURS
@@ -62,7 +62,7 @@ def walls_of(layers: Layers) -> NDArray[np.bool_]:
     return layers.between(*layers.high) >= _WALL
 
 
-def find_things(layers: Layers) -> list[Thing]:
+def find_floor_objects(layers: Layers) -> list[FloorObject]:
     """Returns the objects of a storey that have a name, the largest first."""
     import cv2
 
@@ -122,7 +122,7 @@ def _smooth_names(layers: Layers, rows: NDArray[np.int64]) -> NDArray[np.int64]:
 
 def _thing(
     layers: Layers, rows: NDArray[np.int64], of_colour: NDArray[np.bool_], names: NDArray[np.int64], colour: str
-) -> Thing | None:
+) -> FloorObject | None:
     """Returns the object made of the voxels `rows`, or None if it cannot be named reliably."""
     import cv2
 
@@ -157,7 +157,7 @@ def _thing(
         return None  # the top is another object, or an artifact above this one
     if not _is_firm(layers, points):
         return None
-    return Thing(colour, shape, layers.centres_of(cells[:, ::-1]), points, top, (longer, shorter))
+    return FloorObject(colour, shape, layers.centres_of(cells[:, ::-1]), points, top, (longer, shorter))
 
 
 def _is_firm(layers: Layers, points: NDArray[np.float64]) -> bool:

@@ -25,7 +25,7 @@ NEAR = 3.0
 2019, section 4)."""
 
 
-def spread(paths: Sequence[Sequence[Hashable]], random: Random) -> Iterator[int]:
+def by_increasing_use(paths: Sequence[Sequence[Hashable]], random: Random) -> Iterator[int]:
     """Yields the indices of all `paths`, each once, by increasing use.
 
     The use of a path is the mean number of earlier paths through its viewpoints, plus the mean number of earlier ends
@@ -66,7 +66,7 @@ def join_tasks(
     first_id  path_id of the first joined path; the others follow
     """
     found = [joined for scan in ways for joined in _of_scan(tasks, scan, ways[scan], allowed[scan])]
-    chosen = islice(spread([[(task.scan, v) for v in task.path] for task in found], random), count)
+    chosen = islice(by_increasing_use([[(task.scan, v) for v in task.path] for task in found], random), count)
     return [replace(found[i], path_id=first_id + k) for k, i in enumerate(chosen)]
 
 

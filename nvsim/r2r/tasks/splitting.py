@@ -18,7 +18,7 @@ from nvsim.errors import InputError
 from nvsim.graph.paths import Ways
 from nvsim.graph.types import NavGraph
 from nvsim.r2r.observations.parts import LEAST, split
-from nvsim.r2r.tasks.joining import join_tasks, joined_instructions, spread
+from nvsim.r2r.tasks.joining import by_increasing_use, join_tasks, joined_instructions
 from nvsim.r2r.tasks.shortest import Bounds, Eligible, eligible_paths
 from nvsim.r2r.tasks.task import JoinedTask, Task
 
@@ -168,7 +168,7 @@ _Drawn = tuple[_Scan, tuple[int, ...]]
 
 def _drawn(scans: Sequence[_Scan], side: bool, count: int, random: Random) -> list[_Drawn]:
     """Returns up to `count` paths of one side, from the scans in turn."""
-    orders = [(scan, spread(scan.sides[side], random)) for scan in scans]
+    orders = [(scan, by_increasing_use(scan.sides[side], random)) for scan in scans]
     return list(islice(_in_turn(orders, side), count))
 
 

@@ -22,7 +22,7 @@ TURN = 0.01
 """Radians by which the moving camera turns per frame."""
 
 
-def furnished(gaussians: Gaussians, antialiased: bool = True, seed: int = 0) -> SubmapModel:
+def with_floor_and_background(gaussians: Gaussians, antialiased: bool = True, seed: int = 0) -> SubmapModel:
     """Adds the other parts of a trained submap to Gaussians: a background network, an uneven floor below them, and a
     floor texture of three levels. A frame of a splat file then includes all work."""
     r, f = np.random.default_rng(seed), np.float32

@@ -27,7 +27,7 @@ if TYPE_CHECKING:
 FOLDER = Path(nvsim_resources.__file__).parent / "shaders"
 
 
-def source(name: str, defines: dict[str, str] | None = None) -> str:
+def shader_source(name: str, defines: dict[str, str] | None = None) -> str:
     """The text of a shader with `defines` after its version line."""
     text = (FOLDER / name).read_text("utf-8")
     head, version, rest = text.partition("#version 330 core\n")
@@ -37,12 +37,12 @@ def source(name: str, defines: dict[str, str] | None = None) -> str:
 
 def splat_program(context: moderngl.Context) -> moderngl.Program:
     """The program that draws quads as color times alpha."""
-    return context.program(vertex_shader=source("splat.vert"), fragment_shader=source("splat.frag"))
+    return context.program(vertex_shader=shader_source("splat.vert"), fragment_shader=shader_source("splat.frag"))
 
 
 def close_program(context: moderngl.Context) -> moderngl.Program:
     """The program that marks pixels with a transmittance below `least` in the depth buffer."""
-    return context.program(vertex_shader=source("screen.vert"), fragment_shader=source("close.frag"))
+    return context.program(vertex_shader=shader_source("screen.vert"), fragment_shader=shader_source("close.frag"))
 
 
 def composite_program(context: moderngl.Context, sky: bool, levels: int) -> moderngl.Program:
@@ -56,7 +56,9 @@ def composite_program(context: moderngl.Context, sky: bool, levels: int) -> mode
         defines["LEVEL_SUM"] = " ".join(
             f"c += level_colour(level{i}, texels[{i}], share, footprint);" for i in range(levels)
         )
-    return context.program(vertex_shader=source("screen.vert"), fragment_shader=source("composite.frag", defines))
+    return context.program(
+        vertex_shader=shader_source("screen.vert"), fragment_shader=shader_source("composite.frag", defines)
+    )
 
 
 _SHARES = (0.1, 0.3, 1.0)

@@ -16,7 +16,7 @@ import numpy as np
 from nvsim.geometry.camera import Camera
 from nvsim.render.backends import Float32
 from nvsim.render.opengl.quads import QUAD_WIDTH, nearest_first, write_quads
-from nvsim.render.workspace import LOCK, RenderBuffers, ready
+from nvsim.render.workspace import LOCK, RenderBuffers, as_kernel_array
 from nvsim.splats.types import Gaussians, SubmapModel
 
 
@@ -50,7 +50,7 @@ class Sorter:
         """Prepares a frame. Its quads are in `memory` (N, QUAD_WIDTH), or in new memory if that is too small."""
         begin = time.perf_counter()
         g = model.gaussians_at(camera.position)
-        arrays = Gaussians(*(ready(a) for a in (g.means, g.log_scales, g.quats, g.opacity_logits, g.sh)))
+        arrays = Gaussians(*(as_kernel_array(a) for a in (g.means, g.log_scales, g.quats, g.opacity_logits, g.sh)))
         with LOCK:
             self._workspace.project(arrays, camera, model.antialiased)
             projected = time.perf_counter()

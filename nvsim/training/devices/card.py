@@ -104,10 +104,12 @@ class OnCard:
 
     @property
     def features(self) -> Float32 | None:
+        """(N, F) features of the colors; None without a color network."""
         return _array(self._groups[FEATURES].values) if FEATURES in self._groups else None
 
     @property
     def sums(self) -> Float32:
+        """(N, 3) statistics, see `strategies.types.Model`."""
         return _array(self._sums)
 
     def __len__(self) -> int:
@@ -123,6 +125,7 @@ class OnCard:
     def draw(
         self, camera: Camera, sh_degree: int | None, antialiased: bool, watch: Stopwatch
     ) -> tuple[Float32, Float32]:
+        """Color (H, W, 3) and transmittance (H, W) of the Gaussians."""
         self._take_back()
         tensors = {name: group.values for name, group in self._groups.items()}
         self._rows = None
@@ -141,6 +144,7 @@ class OnCard:
         return rgb, transmittance
 
     def differentiate(self, transmittance: Float32, d_rgb: Float32, d_alpha: Float32, watch: Stopwatch) -> None:
+        """Propagates the gradients `d_rgb` (H, W, 3) and `d_alpha` (H, W); `transmittance` is (H, W)."""
         drawn, self._drawn = self._drawn, None
         assert drawn is not None
         for group in self._groups.values():

@@ -10,7 +10,7 @@ from nvsim.training.devices.types import Held
 from nvsim.training.networks import Networks
 
 
-def held_on(gaussians: Gaussians, networks: Networks | None, config: TrainingConfig) -> Held:
+def hold_on_device(gaussians: Gaussians, networks: Networks | None, config: TrainingConfig) -> Held:
     """The Gaussians on the device `config.device`. Raises InputError as `choice.gpu_name` does."""
     place = choice.gpu_name(config.device)
     if place is None:

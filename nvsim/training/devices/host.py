@@ -51,6 +51,7 @@ class OnHost:
 
     @property
     def features(self) -> Float32 | None:
+        """(N, F) features of the colors; None without a color network."""
         return self.groups[FEATURES].values if FEATURES in self.groups else None
 
     def __len__(self) -> int:
@@ -59,6 +60,7 @@ class OnHost:
     def draw(
         self, camera: Camera, sh_degree: int | None, antialiased: bool, watch: Stopwatch
     ) -> tuple[Float32, Float32]:
+        """Color (H, W, 3) and transmittance (H, W) of the Gaussians."""
         k, shown = camera.intrinsics, self.gaussians
         self._tint = NO_TINT
         if self._networks is not None and self._colours is not None:
@@ -74,6 +76,7 @@ class OnHost:
         return rgb, transmittance
 
     def differentiate(self, transmittance: Float32, d_rgb: Float32, d_alpha: Float32, watch: Stopwatch) -> None:
+        """Propagates the gradients `d_rgb` (H, W, 3) and `d_alpha` (H, W); `transmittance` is (H, W)."""
         if self._no_depth.shape != transmittance.shape:
             self._no_depth = np.zeros(transmittance.shape, np.float32)
         self._workspace.draw_gradient(transmittance, d_rgb, d_alpha, self._no_depth)

@@ -15,7 +15,7 @@ from nvsim.geometry.floor_surface import FloorSurface
 from nvsim.splats.types import Gaussians, joined
 from nvsim.training.strategies.capped import neediest
 from nvsim.training.strategies.config import DensifyConfig
-from nvsim.training.strategies.division import find_removable, logit, split, taken
+from nvsim.training.strategies.division import copy_gaussians, find_removable, logit, split
 from nvsim.training.strategies.types import Float32, Model, Refinement, mean_gradient
 
 
@@ -75,7 +75,7 @@ class Adaptive:
             cloned, halved = self._chosen(gaussians, sums, lost, on_screen)
         stays = ~lost
         stays[halved] = False
-        born = joined(taken(gaussians, cloned), split(gaussians, halved, self._rng))
+        born = joined(copy_gaussians(gaussians, cloned), split(gaussians, halved, self._rng))
         return Refinement(np.flatnonzero(stays), born, np.concatenate([cloned, halved, halved]))
 
     def _chosen(

@@ -70,7 +70,7 @@ def _asked_for_body(path: Path) -> object:
 
 def _answer_to(response: bytes) -> object:
     """The result of the client for the bytes of a response, which a server on loopback sends."""
-    from nvsim.endpoint.answer import Kept
+    from nvsim.endpoint.answer import StoredAnswers
     from nvsim.endpoint.budget import Budget, Prices
     from nvsim.endpoint.client import Client
     from nvsim.endpoint.options import AskingOptions, Endpoint
@@ -78,7 +78,7 @@ def _answer_to(response: bytes) -> object:
 
     with workshop() as folder, _serving(response) as url:
         options = AskingOptions(attempts=1, timeout=1.8)
-        client = Client(Endpoint.of(url, "m"), Kept(folder), Budget(Prices()), options)
+        client = Client(Endpoint.of(url, "m"), StoredAnswers(folder), Budget(Prices()), options)
         client.may_send = True
         try:
             return client.ask(Request((Message("user", ("where?",)),)))
@@ -128,11 +128,11 @@ _URL = "http://127.0.0.1/v1"
 
 
 def _kept() -> list[Seed]:
-    from nvsim.endpoint.answer import Answer, Kept
+    from nvsim.endpoint.answer import Answer, StoredAnswers
     from nvsim.endpoint.request import Message, Request
 
     with workshop() as folder:
-        Kept(folder).put(
+        StoredAnswers(folder).put(
             "ab" * 16, _URL, "m", Request((Message("user", ("where?",)),)), Answer("there", "", False, 9, 2)
         )
         files = files_in(folder)
@@ -140,9 +140,9 @@ def _kept() -> list[Seed]:
 
 
 def _answers(path: Path) -> object:
-    from nvsim.endpoint.answer import Kept
+    from nvsim.endpoint.answer import StoredAnswers
 
-    kept = Kept(path)
+    kept = StoredAnswers(path)
     return kept.get("ab" * 16), kept.paid(_URL, "m")
 
 

@@ -173,9 +173,9 @@ def _cells() -> list[Seed]:
 
 
 def _cell(path: Path) -> object:
-    from nvsim.evaluation.validity import Kept
+    from nvsim.evaluation.validity import StoredMap
 
-    return Kept(path).read()
+    return StoredMap(path).read()
 
 
 def _truth() -> list[Seed]:
