@@ -71,19 +71,25 @@ def _pool(threads: int) -> ThreadPoolExecutor:
 _nearby: WeakKeyDictionary[Gaussians, Nearby] = WeakKeyDictionary()
 
 
+def nearby(gaussians: Gaussians) -> Nearby:
+    """The groups of neighbors of Gaussians that do not change, computed once."""
+    if gaussians not in _nearby:
+        _nearby[gaussians] = Nearby(gaussians)
+    return _nearby[gaussians]
+
+
 def render_geometry_views(
     models: Sequence[SubmapModel], views: Sequence[tuple[Camera, Mask]], channels: frozenset[str]
 ) -> list[RenderOutput]:
     """For each camera, the requested tiles (lines, columns) of its model's view, in the `channels` except color.
     Gaussians that are too wide to be splatted are drawn by rays, in front of all others."""
     for model in models:
-        if model.gaussians not in _nearby:
-            _nearby[model.gaussians] = Nearby(model.gaussians)
+        nearby(model.gaussians)  # before the threads, which would compute it several times
 
     def draw(i: int, workspace: RenderBuffers) -> RenderOutput:
         model, (camera, tiles) = models[i], views[i]
         # Few Gaussians are needed, and without colors they do not depend on the position.
-        rows = _nearby[model.gaussians].rows(camera, tiles)
+        rows = nearby(model.gaussians).rows(camera, tiles)
         wide = is_wide(model.gaussians, rows, camera)
         splats, asked = gray_gaussians(model.gaussians, rows[~wide]), (channels | {"alpha"}) - {"rgb"}
         view = render_over(splats, camera, asked, model.antialiased, tiles, "numba", workspace=workspace)[0]

@@ -32,7 +32,7 @@ class Nearby:
         means = gaussians.means
         whole = np.flatnonzero(np.isfinite(means).all(axis=1))  # the kernels skip the others
         scale = np.nan_to_num(gaussians.log_scales[whole].max(axis=1), nan=_WIDEST).clip(-_WIDEST, _WIDEST)
-        order = np.lexsort((_along_a_curve(means[whole]), scale > _WIDE))
+        order = np.lexsort((along_a_curve(means[whole]), scale > _WIDE))
         starts = np.arange(0, len(order), _RUN)
         self._runs = np.full((len(starts), _RUN), -1, np.int32)
         self._runs.reshape(-1)[: len(order)] = whole[order]
@@ -137,7 +137,7 @@ def _take(
         new_opacity_logits[i] = opacity_logits[row]
 
 
-def _along_a_curve(means: Float32) -> NDArray[np.int64]:
+def along_a_curve(means: Float32) -> NDArray[np.int64]:
     """(N,) the position of each of `means` (N, 3) along a Morton curve through cells around the median. Points farther
     out count as in the outermost cells."""
     if not len(means):

@@ -85,3 +85,23 @@ def test_a_thin_wall_is_seen_wherever_it_crosses_the_cells() -> None:
         found = Slice(gaussians(wall)).mass(AHEAD, flat_floor, 1.2)
         assert found[:, 2:-2].max(axis=0).min() > 127, "it closes the corridor from side to side"
         assert (found[:8] == 0).all() and (found[13:] == 0).all(), "and nothing else"
+
+
+def test_gaussians_outside_the_corridor_change_nothing() -> None:
+    # 5,000 Gaussians over 30 x 30 m, of which some are wide: a slice of only those near the corridor is equal.
+    random = np.random.default_rng(0)
+    n = 5000
+    means = random.uniform([-15, -15, -0.5], [15, 15, 3], (n, 3))
+    sizes = np.where(random.random(n) < 0.02, 0.8, 0.06)[:, None] * random.uniform(0.2, 1.0, (n, 3))
+    quats = random.normal(size=(n, 4))
+    whole = gaussians([*zip(means.tolist(), sizes.tolist(), quats.tolist(), [0.7] * n, strict=True)])  # type: ignore[list-item]
+    everywhere, found = Slice(whole), 0
+    for heading, x, y in random.uniform([0, -12, -12], [2 * np.pi, 12, 12], (20, 3)):
+        corridor = Corridor((x, y), (x + 2.5 * math.sin(heading), y + 2.5 * math.cos(heading)))
+        near = np.hypot(*(means[:, :2] - (x, y)).T) < 3.0 + 3.4 * sizes.max(axis=1)
+        fields = (whole.means, whole.log_scales, whole.quats, whole.opacity_logits, whole.sh)
+        alone = Slice(Gaussians(*(array[near] for array in fields)))
+        masses = everywhere.mass(corridor, flat_floor, 1.5), alone.mass(corridor, flat_floor, 1.5)
+        assert np.abs(masses[0].astype(int) - masses[1]).max() <= 1
+        found += int((masses[0] > 20).sum())
+    assert found > 500, "the corridors are not empty"
