@@ -46,15 +46,9 @@ from nvsim.poses.match_database import (
     write_database,
     write_geometries,
 )
-<<<<<<< HEAD
-from nvsim.poses.pieces import names_in, separated, split_after
-from nvsim.poses.pose_graph import Anchors, keeps_shape, median_depth, without_drift
-from nvsim.poses.straightening import anchors_of, contradicts_floor, held_together, leveled, straightened
-=======
 from nvsim.poses.pieces import names_in, split_after, split_into_pieces
-from nvsim.poses.pose_graph import Anchors, keeps_shape, without_drift
+from nvsim.poses.pose_graph import Anchors, keeps_shape, median_depth, without_drift
 from nvsim.poses.straightening import anchors_of, contradicts_floor, leveled, merge_turning_pieces, straightened
->>>>>>> h-docs
 from nvsim.poses.threads import thread_pool
 from nvsim.poses.two_views import TwoViews, from_matches, relative_pose
 
@@ -166,14 +160,8 @@ def _finished(models: list[pycolmap.Reconstruction], inputs: _Inputs, placed: Pl
     if images.ordered:
         for found in models:
             correct_rotations(found, inputs.views)
-<<<<<<< HEAD
         model, views, loops = _closed(*_joined(None, models, inputs), inputs, False)
         model, pieces = _joined_again(model, views, inputs)
-=======
-        model, loops = _closed(*_joined(None, models, inputs), inputs, False)
-        cuts = find_bends(poses_of(model), inputs.views)
-        pieces = split_after(firm_pieces(model, images.times), cuts)
->>>>>>> h-docs
         bent = contradicts_floor(model)
         if (bent or len(pieces[0]) < _ENOUGH * len(images.names)) and not images.clips.any():  # one video only
             placed([model])
@@ -262,7 +250,7 @@ def _joined_again(
     of the other stretch. The points of both stretches together are still accurate enough to place one on the other. If
     a piece is already where these points place it, the relative poses at its bend are wrong, and the bend is none."""
     for number in range(_JOINS + 1):
-        pieces = split_after(firm_pieces(model, inputs.images.times), bends(poses_of(model), inputs.views))
+        pieces = split_after(firm_pieces(model, inputs.images.times), find_bends(poses_of(model), inputs.views))
         large = [piece_of(model, p, inputs.keypoints) for p in pieces if len(p) >= _LEAST]
         poses, across = join(large) if len(large) > 1 else ({}, {})
         joined = [piece for piece in pieces if piece[0] in poses]

@@ -23,6 +23,7 @@ _BENT = 2.0  # degrees: of relative rotations that a video contradicts at a bend
 _PARALLAX = 1.0  # degrees between two rays of a point, at least
 _FEWEST_OF_VIEWS = 5  # matches of two views of panoramas, at least; they agree with those of all views
 _CONVERGED = 1e-5  # relative decrease of the cost; at zero, adjustment takes twice as long and moves cameras by 0.006 %
+_TRACKS = 700  # longest tracks of a frame of a video that mapping uses, about; adjustment uses all
 _ASTRAY = 4.0  # pixels: points with a larger reprojection error are removed
 
 
@@ -151,6 +152,7 @@ def global_mapping(
     if quick:
         options.mapper.ba_num_iterations = 1
         options.mapper.skip_retriangulation = True
+        options.mapper.track_required_tracks_per_view = _TRACKS
     if known_rig:
         options.min_num_matches = _FEWEST_OF_VIEWS
         options.mapper.refine_sensor_from_rig = False
