@@ -33,6 +33,7 @@ _FEW, _MANY = 0.05, 0.15  # shares of the patches under a level: up to 0.02 for 
 _NEAR, _SEVERAL = 1.0, 0.07  # meters below the cameras: a level this near is seldom the floor; then fewer are too many
 _DEEPER = 0.1  # meters: a clear level this far under the lowest strong one is the floor below stray points
 _AREA, _CLEAR = 0.05, 1.5  # share of the patches on a floor; times as many as just above it, where walls are uniform
+_PEAKED, _WIDE = 2.5, 0.12  # times the mean of all heights that floor has; least meters of a window where this shows
 _SLAB = 0.12, 0.5  # least and greatest meters from a ceiling to the floor above it
 
 
@@ -214,6 +215,9 @@ def _patches(points: Float64, surface: FloorSurface, window: float, below: float
     shared = gaussian_filter(np.sqrt(votes), (1.5, 1.5, 1.2), mode="constant")
     level = (shared.argmax(axis=2) + 0.5) * _LEVEL - window
     near = np.abs(above - level[cell[:, 1], cell[:, 0]]) <= 2 * _LEVEL
+    if window >= _WIDE:  # a front of furniture is at all heights, a floor at one
+        clear = shared.max(axis=2) > _PEAKED * shared.mean(axis=2)
+        near &= clear[cell[:, 1], cell[:, 0]]
     if not near.any():
         return np.empty((0, 3))
     points, above = points[near], above[near]

@@ -99,6 +99,17 @@ def test_fronts_of_cabinets_that_end_above_the_floor_do_not_hide_the_floor() -> 
     assert np.abs(surface.height_at(floor[:, :2])).max() < 0.05
 
 
+def test_fronts_of_beds_do_not_raise_the_floor_where_it_is_hidden() -> None:
+    rng = np.random.default_rng(4)
+    walk = walk_along_x(9, 1.4)
+    floor = scan(rng, lambda x: 0 * x, (-1, -1), (3.5, 1), 6000)
+    fronts = np.column_stack(
+        [rng.uniform(4.5, 9, 9000), rng.choice([-0.6, 0.6], 9000), rng.uniform(0.04, 0.5, 9000)]
+    ) + rng.normal(0, 0.01, (9000, 3))
+    surface = estimate_floor(cloud(floor, fronts, kind="depth"), walk)
+    assert error_along(surface, walk, lambda x: 0 * x) < 0.08
+
+
 def test_furniture_that_hides_the_floor_is_refused_with_its_level_named() -> None:
     rng = np.random.default_rng(4)
     walk = walk_along_x(3, 1.45)
