@@ -73,7 +73,10 @@ def render_over(
 
 
 def upload(gaussians: Gaussians, device: str) -> DeviceGaussians:
-    """Copies Gaussians to the device. Those that are not finite become transparent; the kernels skip them."""
+    """Copies Gaussians to the device. Those that are not finite become transparent; the kernels skip them. Without
+    Gaussians, the kernels of gsplat end the process, so one that is transparent takes their place."""
+    if not len(gaussians.means):
+        gaussians = _invisible(gaussians.sh.shape[1])
     arrays = (gaussians.means, gaussians.quats, gaussians.log_scales, gaussians.opacity_logits, gaussians.sh)
     means, quats, log_scales, logits, sh = (torch.from_numpy(np.ascontiguousarray(a)).to(device) for a in arrays)
     finite = torch.isfinite(torch.cat([means, quats, log_scales, logits[:, None]], dim=1)).all(dim=1)
@@ -85,6 +88,17 @@ def upload(gaussians: Gaussians, device: str) -> DeviceGaussians:
         torch.where(finite, logits.sigmoid(), 0.0),
         sh,
         _shortest_axes(quats, log_scales),
+    )
+
+
+def _invisible(coefficients: int) -> Gaussians:
+    """One Gaussian without opacity, with this number of coefficients per color."""
+    return Gaussians(
+        np.zeros((1, 3), np.float32),
+        np.zeros((1, 3), np.float32),
+        np.array([[1, 0, 0, 0]], np.float32),
+        np.full(1, -100, np.float32),
+        np.zeros((1, coefficients, 3), np.float32),
     )
 
 
