@@ -60,8 +60,9 @@ _LEAST = 8  # images of a piece that is joined to others, at least
 _SAMPLE = 60  # frames of a video from which the focal length is first estimated
 _ROUNDS, _MORE = 3, 1.1  # rounds of loop closure; loops over those of the last round, at least, for another round
 _HELD, _LOOSELY = 0.05, 0.3  # camera heights: standard deviation of a held camera; in the end, if there are loops
-_ENOUGH = 0.85  # share of the images in the largest piece below which the floor and the walls are used
+_ENOUGH = 0.85  # share of the images in the largest firm piece; below it, mapping is repeated, and the floor is used
 _LOOPS_LEFT = 0.5  # share of the loops that agree with a straightened video, at least
+_ATTEMPTS = 3  # to map a video that does not become firm
 _JOINS, _STAYED = 2, 0.05  # joins over bends, at most; median depths that a piece which is in place moves, at most
 _LOOSE = 0.03  # standard deviation of the log scale above which a straightened video is split
 _CENTERED = 30  # images that are needed to estimate the principal point
@@ -135,6 +136,7 @@ def find_poses(
         off = max(abs(cameras[k].mean_focal_length() / before[k].mean_focal_length() - 1) for k in cameras)
         if off < _FOCAL_OFF:
             break
+    models = _mapped_firmly(models, images, path, folder, report_progress) if images.ordered else models
     return _finished(models, _Inputs(images, keypoints, similar, views, path, folder, report_progress), placed)
 
 
@@ -422,6 +424,27 @@ def _mapped(
     set_cameras(path, cameras)
     write_geometries(path, views)
     return global_mapping(path, images.folder, folder / "mapped", names, quick=images.ordered)
+
+
+def _mapped_firmly(
+    models: list[pycolmap.Reconstruction],
+    images: ImageSet,
+    path: Path,
+    folder: Path,
+    report_progress: ProgressCallback,
+) -> list[pycolmap.Reconstruction]:
+    """Maps the video of the database again, with other random numbers, if `models` are not firm. Returns the
+    attempt with the largest firm piece."""
+    largest = len(firm_pieces(models[0], images.times)[0])
+    for attempt in range(1, _ATTEMPTS):
+        if largest >= _ENOUGH * len(images.names):
+            break
+        report_progress("mapping", attempt, _ATTEMPTS)
+        others = global_mapping(path, images.folder, folder / "mapped", quick=True, attempt=attempt)
+        firm = len(firm_pieces(others[0], images.times)[0]) if others else 0
+        if firm > largest:
+            models, largest = others, firm
+    return models
 
 
 def _cameras_of(model: pycolmap.Reconstruction, known: dict[int, pycolmap.Camera]) -> dict[int, pycolmap.Camera]:

@@ -23,7 +23,7 @@ _BENT = 2.0  # degrees: of relative rotations that a video contradicts at a bend
 _PARALLAX = 1.0  # degrees between two rays of a point, at least
 _FEWEST_OF_VIEWS = 5  # matches of two views of panoramas, at least; they agree with those of all views
 _CONVERGED = 1e-5  # relative decrease of the cost; at zero, adjustment takes twice as long and moves cameras by 0.006 %
-_TRACKS = 700  # longest tracks of a frame of a video that mapping uses, about; adjustment uses all
+_TRACKS = 700  # longest tracks of each frame of a video that another attempt of mapping uses, about
 _ASTRAY = 4.0  # pixels: points with a larger reprojection error are removed
 
 
@@ -136,23 +136,33 @@ def move_image(model: pycolmap.Reconstruction, number: int, pose: pycolmap.Rigid
 
 
 def global_mapping(
-    path: Path, images: Path, folder: Path, names: Sequence[str] = (), known_rig: bool = False, quick: bool = False
+    path: Path,
+    images: Path,
+    folder: Path,
+    names: Sequence[str] = (),
+    known_rig: bool = False,
+    quick: bool = False,
+    attempt: int = 0,
 ) -> list[pycolmap.Reconstruction]:
     """Reconstructs each connected part of the database (GLOMAP; Pan et al. 2024), the largest first.
 
     If `names` are given, only these images are used. `known_rig` says that the lenses and the poses of the cameras on
     their rig are exact. `quick` adjusts once and does not triangulate again: half the time, and as good for the frames
-    of a video, but it loses photographs."""
+    of a video, but it loses photographs. Where the images determine little, the result depends on the random positions
+    with which mapping begins. Every `attempt` has others. Those above 0 only use the longest tracks, which are the most
+    exact ones, but follow people too."""
     folder.mkdir(parents=True, exist_ok=True)
     options = pycolmap.GlobalPipelineOptions()
-    options.random_seed = 0
+    options.random_seed = attempt
+    if attempt:
+        options.mapper.random_seed = attempt
+        options.mapper.track_required_tracks_per_view = _TRACKS
     options.image_names = list(names)
     options.mapper.global_positioning.use_gpu = False
     options.mapper.bundle_adjustment.ceres.use_gpu = False
     if quick:
         options.mapper.ba_num_iterations = 1
         options.mapper.skip_retriangulation = True
-        options.mapper.track_required_tracks_per_view = _TRACKS
     if known_rig:
         options.min_num_matches = _FEWEST_OF_VIEWS
         options.mapper.refine_sensor_from_rig = False
