@@ -62,7 +62,7 @@ _ROUNDS, _MORE = 3, 1.1  # rounds of loop closure; loops over those of the last 
 _HELD, _LOOSELY = 0.05, 0.3  # camera heights: standard deviation of a held camera; in the end, if there are loops
 _ENOUGH = 0.85  # share of the images in the largest firm piece; below it, mapping is repeated, and the floor is used
 _LOOPS_LEFT = 0.5  # share of the loops that agree with a straightened video, at least
-_ATTEMPTS = 3  # to map a video that does not become firm
+_MAPPINGS, _ATTEMPTS = 2, 3  # with better focal lengths, at most; of a video that does not become firm, at most
 _JOINS, _STAYED = 2, 0.05  # joins over bends, at most; median depths that a piece which is in place moves, at most
 _LOOSE = 0.03  # standard deviation of the log scale above which a straightened video is split
 _CENTERED = 30  # images that are needed to estimate the principal point
@@ -121,10 +121,10 @@ def find_poses(
     cameras = _first_cameras(images, keypoints, matches)
     if images.ordered:
         cameras = _calibrated(images, cameras, keypoints, matches, path, folder, report_progress, placed)
-    for number in range(2):
+    for number in range(_MAPPINGS):
         found = _relative_poses(images, cameras, keypoints, matches, report_progress)
         views = consistent_pairs(found) if images.ordered else found
-        report_progress("mapping", number, 2)
+        report_progress("mapping", number, _MAPPINGS + _ATTEMPTS - 1)
         models = _mapped(images, cameras, views, path, folder)
         if not models:
             raise InputError(
@@ -246,13 +246,16 @@ def _joined_again(
     model: pycolmap.Reconstruction, views: dict[Pair, TwoViews], inputs: _Inputs
 ) -> tuple[pycolmap.Reconstruction, list[list[int]]]:
     """Joins the pieces between the bends of a video by points that they share. `views` connect its images. Returns the
-    reconstruction and its pieces, the largest first.
+    reconstruction with the largest piece, and its pieces, the largest first.
 
     Adjustment leaves a bend where two stretches of a loop are decimeters apart, because the images then show few points
     of the other stretch. The points of both stretches together are still accurate enough to place one on the other. If
     a piece is already where these points place it, the relative poses at its bend are wrong, and the bend is none."""
+    best: tuple[pycolmap.Reconstruction, list[list[int]]] | None = None
     for number in range(_JOINS + 1):
         pieces = split_after(firm_pieces(model, inputs.images.times), find_bends(poses_of(model), inputs.views))
+        if best is None or len(pieces[0]) > len(best[1][0]):
+            best = model, pieces
         large = [piece_of(model, p, inputs.keypoints) for p in pieces if len(p) >= _LEAST]
         poses, across = join(large) if len(large) > 1 else ({}, {})
         joined = [piece for piece in pieces if piece[0] in poses]
@@ -265,7 +268,8 @@ def _joined_again(
             views = views | {pair: from_matches(own) for pair, own in across.items() if pair not in views}
             write_geometries(inputs.path, views)
             model = _adjusted(poses, dict(model.cameras.items()), inputs, False)
-    return model, pieces
+    assert best is not None
+    return best
 
 
 def _joined(
@@ -439,7 +443,7 @@ def _mapped_firmly(
     for attempt in range(1, _ATTEMPTS):
         if largest >= _ENOUGH * len(images.names):
             break
-        report_progress("mapping", attempt, _ATTEMPTS)
+        report_progress("mapping", _MAPPINGS - 1 + attempt, _MAPPINGS + _ATTEMPTS - 1)
         others = global_mapping(path, images.folder, folder / "mapped", quick=True, attempt=attempt)
         firm = len(firm_pieces(others[0], images.times)[0]) if others else 0
         if firm > largest:
