@@ -26,12 +26,12 @@ from nvsim.poses.joining import join, piece_of
 from nvsim.poses.loops import close_loops
 from nvsim.poses.mapping import (
     adjust_all,
+    are_poses_near,
     consistent_pairs,
     contradicted_rotations,
     correct_rotations,
     find_bends,
     global_mapping,
-    is_near,
     poses_of,
     triangulated,
     with_rotation,
@@ -250,7 +250,7 @@ def _joined_again(
 
     Adjustment leaves a bend where two stretches of a loop are decimeters apart, because the images then show few points
     of the other stretch. The points of both stretches together are still accurate enough to place one on the other. If
-    a piece is already where these points place it, the relative poses at its bend are wrong, and the bend is none."""
+    a piece is already where these points place it, the relative poses at its bend are wrong, and there is no bend."""
     best: tuple[pycolmap.Reconstruction, list[list[int]]] | None = None
     for number in range(_JOINS + 1):
         pieces = split_after(firm_pieces(model, inputs.images.times), find_bends(poses_of(model), inputs.views))
@@ -261,7 +261,7 @@ def _joined_again(
         joined = [piece for piece in pieces if piece[0] in poses]
         if len(joined) < 2:
             break
-        if is_near(poses_of(model), poses, _STAYED * median_depth(model)):
+        if are_poses_near(poses_of(model), poses, _STAYED * median_depth(model)):
             apart = [piece for piece in pieces if piece[0] not in poses]
             return model, sorted([sorted(poses), *apart], key=len, reverse=True)
         if number < _JOINS:

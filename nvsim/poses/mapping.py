@@ -111,7 +111,7 @@ def find_bends(poses: Mapping[int, pycolmap.Rigid3d], found: Mapping[Pair, TwoVi
     return bent
 
 
-def is_near(one: Mapping[int, pycolmap.Rigid3d], other: Mapping[int, pycolmap.Rigid3d], distance: float) -> bool:
+def are_poses_near(one: Mapping[int, pycolmap.Rigid3d], other: Mapping[int, pycolmap.Rigid3d], distance: float) -> bool:
     """Whether each image of `other` has nearly the pose that it has in `one` (world to camera, by image number): the
     centers are at most `distance` apart, and the rotations differ by less than those at a bend."""
     return all(
