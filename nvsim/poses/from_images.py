@@ -26,6 +26,7 @@ from nvsim.poses.joining import join, piece_of
 from nvsim.poses.loops import close_loops
 from nvsim.poses.mapping import (
     adjust_all,
+    agreement_with,
     are_poses_near,
     consistent_pairs,
     contradicted_rotations,
@@ -48,6 +49,7 @@ from nvsim.poses.match_database import (
 )
 from nvsim.poses.pieces import names_in, split_after, split_into_pieces
 from nvsim.poses.pose_graph import Anchors, keeps_shape, median_depth, without_drift
+from nvsim.poses.positioning import map_video
 from nvsim.poses.straightening import anchors_of, contradicts_floor, leveled, merge_turning_pieces, straightened
 from nvsim.poses.threads import thread_pool
 from nvsim.poses.two_views import TwoViews, from_matches, relative_pose
@@ -60,10 +62,10 @@ _LEAST = 8  # images of a piece that is joined to others, at least
 _SAMPLE = 60  # frames of a video from which the focal length is first estimated
 _ROUNDS, _MORE = 3, 1.1  # rounds of loop closure; loops over those of the last round, at least, for another round
 _HELD, _LOOSELY = 0.05, 0.3  # camera heights: standard deviation of a held camera; in the end, if there are loops
-_ENOUGH = 0.85  # share of the images in the largest firm piece; below it, mapping is repeated, and the floor is used
+_ENOUGH = 0.85  # share of the images in the largest firm piece; below it, the floor is used
 _LOOPS_LEFT = 0.5  # share of the loops that agree with a straightened video, at least
-_MAPPINGS, _ATTEMPTS = 2, 3  # with better focal lengths, at most; of a video that does not become firm, at most
-_JOINS, _STAYED = 2, 0.05  # joins over bends, at most; median depths that a piece which is in place moves, at most
+_MAPPINGS = 2  # with better focal lengths, at most
+_JOINS, _STAYED = 2, 0.08  # joins over bends, at most; median depths that a piece which is in place moves, at most
 _LOOSE = 0.03  # standard deviation of the log scale above which a straightened video is split
 _CENTERED = 30  # images that are needed to estimate the principal point
 _FEWEST = {True: 15, False: 25}  # matches of a pair, at least: of neighbors, of other pairs
@@ -124,8 +126,8 @@ def find_poses(
     for number in range(_MAPPINGS):
         found = _relative_poses(images, cameras, keypoints, matches, report_progress)
         views = consistent_pairs(found) if images.ordered else found
-        report_progress("mapping", number, _MAPPINGS + _ATTEMPTS - 1)
-        models = _mapped(images, cameras, views, path, folder)
+        report_progress("mapping", number, _MAPPINGS)
+        models = _mapped(images, cameras, keypoints, views, path, folder)
         if not models:
             raise InputError(
                 f"The images in {images.folder} have too little in common for poses; film more slowly, with more "
@@ -136,7 +138,6 @@ def find_poses(
         off = max(abs(cameras[k].mean_focal_length() / before[k].mean_focal_length() - 1) for k in cameras)
         if off < _FOCAL_OFF:
             break
-    models = _mapped_firmly(models, images, path, folder, report_progress) if images.ordered else models
     return _finished(models, _Inputs(images, keypoints, similar, views, path, folder, report_progress), placed)
 
 
@@ -253,7 +254,7 @@ def _joined_again(
     a piece is already where these points place it, the relative poses at its bend are wrong, and there is no bend."""
     best: tuple[pycolmap.Reconstruction, list[list[int]]] | None = None
     for number in range(_JOINS + 1):
-        pieces = split_after(firm_pieces(model, inputs.images.times), find_bends(poses_of(model), inputs.views))
+        pieces = split_after(firm_pieces(model, inputs.images.times), _bends(model, inputs))
         if best is None or len(pieces[0]) > len(best[1][0]):
             best = model, pieces
         large = [piece_of(model, p, inputs.keypoints) for p in pieces if len(p) >= _LEAST]
@@ -270,6 +271,13 @@ def _joined_again(
             model = _adjusted(poses, dict(model.cameras.items()), inputs, False)
     assert best is not None
     return best
+
+
+def _bends(model: pycolmap.Reconstruction, inputs: _Inputs) -> list[int]:
+    def agreement(pair: Pair) -> float:
+        return agreement_with(model, pair, inputs.views[pair].matches, inputs.keypoints)
+
+    return find_bends(model.reg_image_ids(), inputs.views, agreement)
 
 
 def _joined(
@@ -306,7 +314,7 @@ def _adjusted(
         poses = {**poses, **{n: with_rotation(poses[n], rotation) for n, rotation in turned.items()}}
     model = triangulated(poses, cameras, inputs.path, inputs.images.folder, inputs.folder / "triangulated")
     for astray in (8.0, 4.0):
-        adjust_all(without_bad_points(model, astray), False, poses if held else None, _HELD)
+        adjust_all(without_bad_points(model, astray), False, poses if held else None, _HELD, coarse=True)
     return model
 
 
@@ -410,7 +418,7 @@ def _calibrated(
     inside = {p: own for p, own in matches.items() if start <= p[0] and p[1] < start + _SAMPLE}
     found = _relative_poses(images, cameras, keypoints, inside, report_progress)
     views = consistent_pairs(found)
-    models = _mapped(images, cameras, views, path, folder, images.names[start : start + _SAMPLE])
+    models = _mapped(images, cameras, keypoints, views, path, folder)
     if not models or models[0].num_reg_images() < _SAMPLE // 2:
         return cameras
     placed(models)
@@ -420,35 +428,16 @@ def _calibrated(
 def _mapped(
     images: ImageSet,
     cameras: dict[int, pycolmap.Camera],
+    keypoints: list[Keypoints],
     views: dict[Pair, TwoViews],
     path: Path,
     folder: Path,
-    names: Sequence[str] = (),
 ) -> list[pycolmap.Reconstruction]:
     set_cameras(path, cameras)
     write_geometries(path, views)
-    return global_mapping(path, images.folder, folder / "mapped", names, quick=images.ordered)
-
-
-def _mapped_firmly(
-    models: list[pycolmap.Reconstruction],
-    images: ImageSet,
-    path: Path,
-    folder: Path,
-    report_progress: ProgressCallback,
-) -> list[pycolmap.Reconstruction]:
-    """Maps the video of the database again, with other random numbers, if `models` are not firm. Returns the
-    attempt with the largest firm piece."""
-    largest = len(firm_pieces(models[0], images.times)[0])
-    for attempt in range(1, _ATTEMPTS):
-        if largest >= _ENOUGH * len(images.names):
-            break
-        report_progress("mapping", _MAPPINGS - 1 + attempt, _MAPPINGS + _ATTEMPTS - 1)
-        others = global_mapping(path, images.folder, folder / "mapped", quick=True, attempt=attempt)
-        firm = len(firm_pieces(others[0], images.times)[0]) if others else 0
-        if firm > largest:
-            models, largest = others, firm
-    return models
+    if images.ordered:
+        return map_video(path, cameras, images.camera, keypoints, views)
+    return global_mapping(path, images.folder, folder / "mapped")
 
 
 def _cameras_of(model: pycolmap.Reconstruction, known: dict[int, pycolmap.Camera]) -> dict[int, pycolmap.Camera]:

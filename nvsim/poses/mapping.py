@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from bisect import bisect_left
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -12,18 +12,20 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from nvsim.geometry.rotation import rotation_angle
-from nvsim.poses.match_database import Pair
-from nvsim.poses.two_views import TwoViews
+from nvsim.poses.match_database import Keypoints, Pair
+from nvsim.poses.two_views import TwoViews, share_that_fits
 
 _CERTAIN = 30  # matches of frames that are not next to each other and whose rotation cannot be checked, at least
 _DRIFT, _STEP = 1.5, 0.5  # degrees: allowed difference of a pair from the chained rotations, fixed and per frame
-_NEAR = 3  # images of a video between two whose rotations are compared, at most
+_NEAR, _FAR = 3, 8  # steps of a video between neighbors, and between images that are compared, at most
 _CONTRADICTED = 3.0  # degrees between two rotations of an image that contradict each other
-_BENT = 2.0  # degrees: of relative rotations that a video contradicts at a bend
+_BENT = 2.0  # degrees between two rotations of an image at a bend
+_AGREEING = 0.7  # share of the matches across a place of a video that agree with the poses, at least; else it is bent
+_NEARER = 0.3  # times the distance of the nearest points of an image: distance of other points, at least
 _PARALLAX = 1.0  # degrees between two rays of a point, at least
 _FEWEST_OF_VIEWS = 5  # matches of two views of panoramas, at least; they agree with those of all views
 _CONVERGED = 1e-5  # relative decrease of the cost; at zero, adjustment takes twice as long and moves cameras by 0.006 %
-_TRACKS = 700  # longest tracks of each frame of a video that another attempt of mapping uses, about
+_NEARLY = 1e-4  # the same, if another adjustment follows
 _ASTRAY = 4.0  # pixels: points with a larger reprojection error are removed
 
 
@@ -92,23 +94,43 @@ def contradicted_rotations(
         sure.add(n)
 
 
-def find_bends(poses: Mapping[int, pycolmap.Rigid3d], found: Mapping[Pair, TwoViews]) -> list[int]:
-    """Numbers of the images of a video after which the rotations of `poses` (world to camera, by image number)
-    contradict the relative poses `found` of the images before and after. Where the points of two stretches disagree,
-    adjustment bends the video at a weak place."""
-    numbers = sorted(poses)
-    off: list[list[tuple[float, int]]] = [[] for _ in numbers]
+def find_bends(images: Iterable[int], found: Mapping[Pair, TwoViews], agreement: Callable[[Pair], float]) -> list[int]:
+    """Numbers of the `images` of a video after which their poses are bent. `agreement` returns the share of the matches
+    of a pair in `found` that agree with the poses.
+
+    Where the points of two stretches disagree, adjustment bends the video at a weak place. Neighboring images still
+    agree there. Images that are farther apart do not, so they decide if there are any. Of the places in a row that they
+    span, the bend is the one with the least agreement."""
+    numbers = sorted(images)
+    known = set(numbers)
+    agreeing, counted = np.zeros((2, len(numbers))), np.zeros((2, len(numbers)))  # neighbors, other pairs
     for (i, j), views in found.items():
-        if j - i <= _NEAR and i + 1 in poses and j + 1 in poses:
-            model = poses[j + 1].rotation.matrix() @ poses[i + 1].rotation.matrix().T
-            angle = rotation_angle(model.T @ views.rotation)
-            for k in range(bisect_left(numbers, i + 1), bisect_left(numbers, j + 1)):
-                off[k].append((angle, len(views.matches)))
-    bent = []
-    for number, angles in zip(numbers, off):
-        if sum(w for angle, w in angles if angle > _BENT) > 0.5 * sum(w for _, w in angles):
-            bent.append(number)
-    return bent
+        if j - i <= _FAR and i + 1 in known and j + 1 in known:
+            between = slice(bisect_left(numbers, i + 1), bisect_left(numbers, j + 1))
+            agreeing[int(j - i > _NEAR), between] += agreement((i, j)) * len(views.matches)
+            counted[int(j - i > _NEAR), between] += len(views.matches)
+    far = counted[1] > 0
+    share = np.where(far, agreeing[1], agreeing[0]) / np.maximum(np.where(far, counted[1], counted[0]), 1)
+    overall = agreeing.sum(axis=0) / np.maximum(counted.sum(axis=0), 1)
+    bent = np.flatnonzero((share < _AGREEING) & (counted.sum(axis=0) > 0))
+    runs = np.split(bent, np.flatnonzero(np.diff(bent) > 1) + 1) if len(bent) else []
+    return [numbers[run[overall[run].argmin()]] for run in runs]
+
+
+def agreement_with(
+    model: pycolmap.Reconstruction, pair: Pair, matches: NDArray[np.uint32], keypoints: Sequence[Keypoints]
+) -> float:
+    """The share of the `matches` (M, 2) of two images, by index, that agree with their poses in the model, at distances
+    that the first image shows."""
+    first, second = (model.images[k + 1] for k in pair)
+    points = [model.points3D[p.point3D_id].xyz for p in first.points2D if p.has_point3D()]
+    if not points:
+        return 0.0
+    nearest = float(np.quantile(np.linalg.norm(np.array(points) - first.projection_center(), axis=1), 0.05))
+    cameras = (model.cameras[first.camera_id], model.cameras[second.camera_id])
+    places = (keypoints[pair[0]].places, keypoints[pair[1]].places)
+    relative = second.cam_from_world() * first.cam_from_world().inverse()
+    return share_that_fits(relative, cameras, places, matches, _NEARER * nearest)
 
 
 def are_poses_near(one: Mapping[int, pycolmap.Rigid3d], other: Mapping[int, pycolmap.Rigid3d], distance: float) -> bool:
@@ -135,34 +157,15 @@ def move_image(model: pycolmap.Reconstruction, number: int, pose: pycolmap.Rigid
     model.frames[model.images[number].frame_id].rig_from_world = pose
 
 
-def global_mapping(
-    path: Path,
-    images: Path,
-    folder: Path,
-    names: Sequence[str] = (),
-    known_rig: bool = False,
-    quick: bool = False,
-    attempt: int = 0,
-) -> list[pycolmap.Reconstruction]:
+def global_mapping(path: Path, images: Path, folder: Path, known_rig: bool = False) -> list[pycolmap.Reconstruction]:
     """Reconstructs each connected part of the database (GLOMAP; Pan et al. 2024), the largest first.
 
-    If `names` are given, only these images are used. `known_rig` says that the lenses and the poses of the cameras on
-    their rig are exact. `quick` adjusts once and does not triangulate again: half the time, and as good for the frames
-    of a video, but it loses photographs. Where the images determine little, the result depends on the random positions
-    with which mapping begins. Every `attempt` has others. Those above 0 only use the longest tracks, which are the most
-    exact ones, but follow people too."""
+    `known_rig` says that the lenses and the poses of the cameras on their rig are exact."""
     folder.mkdir(parents=True, exist_ok=True)
     options = pycolmap.GlobalPipelineOptions()
-    options.random_seed = attempt
-    if attempt:
-        options.mapper.random_seed = attempt
-        options.mapper.track_required_tracks_per_view = _TRACKS
-    options.image_names = list(names)
+    options.random_seed = 0
     options.mapper.global_positioning.use_gpu = False
     options.mapper.bundle_adjustment.ceres.use_gpu = False
-    if quick:
-        options.mapper.ba_num_iterations = 1
-        options.mapper.skip_retriangulation = True
     if known_rig:
         options.min_num_matches = _FEWEST_OF_VIEWS
         options.mapper.refine_sensor_from_rig = False
@@ -185,15 +188,11 @@ def keep_only(model: pycolmap.Reconstruction, numbers: Iterable[int]) -> None:
         model.deregister_frame(frame)
 
 
-def triangulated(
-    poses: Mapping[int, pycolmap.Rigid3d],
-    cameras: Mapping[int, pycolmap.Camera],
-    path: Path,
-    images: Path,
-    folder: Path,
+def reconstruction_of(
+    poses: Mapping[int, pycolmap.Rigid3d], cameras: Mapping[int, pycolmap.Camera], path: Path
 ) -> pycolmap.Reconstruction:
-    """A reconstruction with these cameras and poses (world to camera, by image number), and with points triangulated
-    from all verified pairs."""
+    """A reconstruction without points: these cameras, and the images of the database at `path` that have `poses`, world
+    to camera by image number, with their keypoints."""
     fresh = pycolmap.Reconstruction()
     for camera in cameras.values():
         fresh.add_camera_with_trivial_rig(camera)
@@ -203,6 +202,19 @@ def triangulated(
                 places = database.read_keypoints(old.image_id)[:, :2].astype(np.float64)
                 image = pycolmap.Image(name=old.name, camera_id=old.camera_id, image_id=old.image_id, keypoints=places)
                 fresh.add_image_with_trivial_frame(image, poses[old.image_id])
+    return fresh
+
+
+def triangulated(
+    poses: Mapping[int, pycolmap.Rigid3d],
+    cameras: Mapping[int, pycolmap.Camera],
+    path: Path,
+    images: Path,
+    folder: Path,
+) -> pycolmap.Reconstruction:
+    """A reconstruction with these cameras and poses (world to camera, by image number), and with points triangulated
+    from all verified pairs."""
+    fresh = reconstruction_of(poses, cameras, path)
     folder.mkdir(parents=True, exist_ok=True)
     options = pycolmap.IncrementalPipelineOptions()
     options.triangulation.min_angle = options.mapper.filter_min_tri_angle = _PARALLAX
@@ -215,20 +227,23 @@ def adjust_all(
     held: Mapping[int, pycolmap.Rigid3d] | None = None,
     deviation: float = 1.0,
     known_rig: bool = False,
+    coarse: bool = False,
+    scale: float = 1.0,
 ) -> pycolmap.Reconstruction:
     """Bundle adjustment of the model in place, with robust weights. Returns the model.
 
     It refines poses and points. It also refines focal lengths and distortion, unless they belong to a `known_rig`, and
     the principal points if `principal_points`. `held` has poses, world to camera by image number. If given, camera
-    centers stay near theirs, with a standard `deviation` in the unit of the model."""
+    centers stay near theirs, with a standard `deviation` in the unit of the model. A `coarse` adjustment takes half the
+    time and precedes another one. Observations with an error of `scale` pixels have half the weight."""
     options = pycolmap.BundleAdjustmentOptions()
     if known_rig:
         _keep_rig(options)
     options.print_summary = False
     options.ceres.loss_function_type = pycolmap.LossFunctionType.CAUCHY
-    options.ceres.loss_function_scale = 1.0
+    options.ceres.loss_function_scale = scale
     options.ceres.solver_options.max_num_iterations = 50
-    options.ceres.solver_options.function_tolerance = _CONVERGED
+    options.ceres.solver_options.function_tolerance = _NEARLY if coarse else _CONVERGED
     options.ceres.use_gpu = False
     options.refine_principal_point = principal_points
     if held is None:

@@ -291,18 +291,15 @@ def _upright(
     poses: Poses = {}
     parts: list[_Part] = []
     waiting: list[int] = []  # images between two pieces
-    for run in np.split(np.arange(len(piece_of)), np.flatnonzero(np.diff(piece_of)) + 1):
-        own = []
-        if piece_of[run[0]] >= 0:
-            for chunk in np.array_split(run, max(1, round(len(run) / _LENGTH))):
-                own.append(_part_of(model, seen, chunk, up, folder, int(piece_of[run[0]])))
-        own = _without_outliers(own)
-        heights = np.array([p.height for p in own])
-        if not np.isfinite(heights).any():
+    runs = np.split(np.arange(len(piece_of)), np.flatnonzero(np.diff(piece_of)) + 1)
+    found = [_parts_of(model, seen, run, up, folder, int(piece_of[run[0]])) for run in runs]
+    scales = _scales(found)
+    for run, own, scale in zip(runs, found, scales):
+        if not np.isfinite(scale):
             waiting += seen.numbers[run].tolist()
             continue
-        scale = 1 / float(np.exp(np.nanmedian(np.log(heights))))
-        turn = smallest_rotation(level @ np.nansum([p.up for p in own], axis=0), _UP) @ level
+        ups = np.nansum([p.up for p in own], axis=0)
+        turn = smallest_rotation(level @ ups, _UP) @ level if ups.any() else level
         numbers = seen.numbers[run].tolist()
         here = {n: _placed(given[n], turn, scale, center_of(given[numbers[0]]), np.zeros(3)) for n in numbers}
         between = {n: _placed(given[n], level, 1.0, np.zeros(3), np.zeros(3)) for n in waiting}
@@ -321,6 +318,35 @@ def _upright(
         poses |= {n: _centered(pose, centers[n]) for n, pose in between.items()}
         parts.append(_Part(waiting, -1, np.nan, _UNKNOWN, _UNKNOWN))
     return poses, parts
+
+
+def _parts_of(
+    model: pycolmap.Reconstruction,
+    seen: Observations,
+    run: NDArray[np.int64],
+    up: NDArray[np.float64],
+    folder: Path,
+    piece: int,
+) -> list[_Part]:
+    """The parts of the images `run` of a firm piece. Empty if they belong to no piece (-1)."""
+    chunks = np.array_split(run, max(1, round(len(run) / _LENGTH))) if piece >= 0 else []
+    return _without_outliers([_part_of(model, seen, chunk, up, folder, piece) for chunk in chunks])
+
+
+def _scales(runs: Sequence[Sequence[_Part]]) -> list[float]:
+    """The scale of each run of images of a firm piece, given its parts, so that its cameras are 1 above the floor. A
+    run that shows no floor gets the scale of the nearest that does. NaN for images of no piece, and for all if none
+    shows a floor."""
+    own = np.array([np.nanmedian(logs) if np.isfinite(logs).any() else np.nan for logs in map(_log_heights, runs)])
+    known = np.flatnonzero(np.isfinite(own))
+    if not len(known):
+        return [np.nan] * len(runs)
+    nearest = [known[np.abs(known - k).argmin()] for k in range(len(runs))]
+    return [float(np.exp(-own[n])) if parts else np.nan for n, parts in zip(nearest, runs)]
+
+
+def _log_heights(parts: Sequence[_Part]) -> NDArray[np.float64]:
+    return np.log([p.height for p in parts]) if parts else np.full(1, np.nan)
 
 
 def _part_of(

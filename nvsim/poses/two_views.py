@@ -74,6 +74,30 @@ def relative_pose(
     return TwoViews(rotation, agreed, True, geometry)
 
 
+def share_that_fits(
+    pose: pycolmap.Rigid3d,
+    cameras: tuple[pycolmap.Camera, pycolmap.Camera],
+    places: tuple[NDArray[np.float64], NDArray[np.float64]],
+    matches: NDArray[np.uint32],
+    nearest: float,
+) -> float:
+    """The share of the `matches` (M, 2) of two images that agree with a relative pose, second from first camera.
+
+    A match agrees if its rays meet in a point that is farther than `nearest`, in the unit of the pose, or if they are
+    parallel. `places` are the keypoints of the images (N, 2), pixels."""
+    pixel = max(cameras[0].width, cameras[0].height) / 640 / cameras[0].mean_focal_length()
+    one = rays_of(cameras[0], places[0][matches[:, 0]]) @ pose.rotation.matrix().T
+    other = rays_of(cameras[1], places[1][matches[:, 1]])
+    parallel = np.linalg.norm(one - other, axis=1) < _ROTATED * pixel
+    normal = np.cross(one, other)
+    size = np.maximum(np.linalg.norm(normal, axis=1), 1e-12)
+    # Rays that meet are in one plane with the line between the cameras. Their distances follow from the sine rule.
+    skew = np.abs(normal @ pose.translation) / size
+    depth = (np.cross(other, pose.translation) * normal).sum(axis=1) / size**2
+    meet = (depth > nearest) & (skew < _EPIPOLAR * pixel * np.maximum(depth, 1e-12))
+    return float(np.mean(parallel | meet))
+
+
 def from_matches(matches: NDArray[np.uint32]) -> TwoViews:
     """Two images that share these matches (M, 2), without a relative pose."""
     geometry = pycolmap.TwoViewGeometry()

@@ -182,19 +182,27 @@ def test_rotations_that_contradict_the_pairs_around_them_are_corrected(lost: tup
         assert angle_between(contradicted[n], rotations[n - 1]) < 0.1
 
 
-@pytest.mark.parametrize("degrees", [0.0, 1.0, 4.0])
-def test_a_bent_video_is_split_where_it_contradicts_its_pairs(degrees: float) -> None:
+@pytest.mark.parametrize("far", [0.3, 0.9])
+def test_a_video_is_split_where_images_apart_disagree(far: float) -> None:
     found = turning_video()
-    rotations = [np.eye(3)]
-    while (len(rotations) - 1, len(rotations)) in found:
-        bend = turned(degrees if len(rotations) == 5 else 0.0, (1, 0, 0))
-        rotations.append(bend @ found[len(rotations) - 1, len(rotations)].rotation @ rotations[-1])
-    poses = {n + 1: pycolmap.Rigid3d(pycolmap.Rotation3d(r), np.array([n, 0, 0.0])) for n, r in enumerate(rotations)}
-    found[8, 9] = wrong(found[8, 9], 20)  # one wrong pair is no bend
-    cuts = find_bends(poses, found)
-    assert cuts == ([5] if degrees > 2 else [])
-    assert split_after([sorted(poses)], cuts) == ([[*range(6, 13)], [*range(1, 6)]] if cuts else [[*range(1, 13)]])
+
+    def agreement(pair: Pair) -> float:
+        if pair == (8, 9):  # one wrong pair is no bend
+            return 0.0
+        crosses = pair[0] < 5 <= pair[1]
+        return (far if pair[1] - pair[0] > 3 and crosses else 1.0) - 0.1 * crosses
+
+    cuts = find_bends(range(1, 13), found, agreement)
+    assert cuts == ([5] if far < 0.5 else [])
+    assert split_after([[1, 2, 3, 4, 5, 6]], [4]) == [[1, 2, 3, 4], [5, 6]]
     assert split_after([[1, 2, 7, 8, 9], [3, 4]], [5, 6]) == [[7, 8, 9], [1, 2], [3, 4]]
+
+
+def test_neighbors_decide_where_no_images_apart_match() -> None:
+    found = {pair: views for pair, views in turning_video().items() if pair[1] - pair[0] < 5}
+    crossing = {pair for pair in found if pair[0] < 5 <= pair[1]}
+    assert find_bends(range(1, 13), found, lambda pair: 0.2 if pair in crossing else 1.0) == [5]
+    assert find_bends(range(1, 13), {}, lambda pair: 0.0) == []
 
 
 def test_the_angle_of_a_rotation_is_in_degrees() -> None:
