@@ -14,6 +14,7 @@ from nvsim.depth.view import View, Warp
 from nvsim.depth.visibility import Carver
 from nvsim.errors import InputError
 from nvsim.geometry.camera import Camera, Intrinsics
+from nvsim.project.ledger import key_of
 
 
 def room(rng: np.random.Generator) -> SeenPoints:
@@ -150,7 +151,14 @@ def test_a_thin_top_stays_that_few_near_cameras_show_and_many_far_ones_look_past
     assert not Carver(cameras[2:] + cameras[:1], (maps[2:] + maps[2:3]).__getitem__, 2).standing(top).any()
 
 
-@pytest.mark.parametrize("setting", ["planes", "nearest", "longest_side", "threads", "voxel", "window"])
+@pytest.mark.parametrize("setting", ["planes", "nearest", "longest_side", "threads", "voxel", "noise"])
 def test_a_setting_that_makes_no_sense_is_one_sentence(setting: str) -> None:
     with pytest.raises(InputError, match=rf"^Depth configuration: .*{setting}.*; change it and try again\.$"):
         DepthConfig(**{setting: 0})
+
+
+def test_constants_identify_a_result_and_the_number_of_threads_does_not(monkeypatch: pytest.MonkeyPatch) -> None:
+    assert key_of(DepthConfig(threads=7).key) == "94d033b987643284569f8cc3", "stored results would look outdated"
+    assert DepthConfig(steps=2).key != DepthConfig().key
+    monkeypatch.setattr(DepthConfig, "labels", LabelConfig(most=23))
+    assert key_of(DepthConfig().key) != "94d033b987643284569f8cc3"
