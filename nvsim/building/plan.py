@@ -157,7 +157,7 @@ class Opening:
 
 
 @dataclass(frozen=True)
-class Stop:
+class TrajectoryCorner:
     """A corner of the trajectory, meters; with `spin`, the camera turns in place there, the long way round."""
 
     x: float
@@ -174,7 +174,7 @@ class Plan:
     rooms: tuple[Room, ...]
     walls: tuple[Wall, ...]
     openings: tuple[Opening, ...]
-    stops: tuple[Stop, ...]
+    stops: tuple[TrajectoryCorner, ...]
     flight: Flight | None = None
 
     def room_at(self, x: float, y: float) -> Room | None:
@@ -216,7 +216,7 @@ class Plan:
             tuple(replace(r, rects=tuple(rect(q) for q in r.rects)) for r in self.rooms),
             tuple(wall(w) for w in self.walls),
             tuple(opening(o) for o in self.openings),
-            tuple(Stop(*point(s.x, s.y), s.spin) for s in self.stops),
+            tuple(TrajectoryCorner(*point(s.x, s.y), s.spin) for s in self.stops),
             None if self.flight is None else self.flight.mapped(point),
         )
 

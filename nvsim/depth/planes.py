@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from nvsim.depth.fusion import SeenPoints, normals_of
+from nvsim.depth.fusion import ObservedPoints, normals_of
 from nvsim.depth.view import matrix_of
 from nvsim.geometry.camera import Camera
 from nvsim.geometry.cells import distinct_cells
@@ -89,7 +89,7 @@ def mirrored(planes: list[Plane], eyes: Float64, points: Float64) -> NDArray[np.
     return behind
 
 
-def find_planes(parts: Iterable[SeenPoints]) -> list[Plane]:
+def find_planes(parts: Iterable[ObservedPoints]) -> list[Plane]:
     """The planes that contain the points of a building, largest first. `parts` has the points in the order of x."""
     points, eyes, say = _thinned(parts)
     if len(points) < 100:
@@ -127,7 +127,7 @@ def _between(plane: Plane, found: list[Plane]) -> Plane:
     return replace(plane, low=low, high=high)
 
 
-def _thinned(parts: Iterable[SeenPoints]) -> tuple[Float64, Float64, Float64]:
+def _thinned(parts: Iterable[ObservedPoints]) -> tuple[Float64, Float64, Float64]:
     """Point, camera position, and weight of every coarse cell, from points that are accurate enough.
 
     The coarse cells that a later part can have too stay open: their sums go on with its points."""

@@ -93,7 +93,7 @@ def calibrate(
         raise InputError(f"--want is {want:g}; give a share between 0 and 1, such as 0.99.")
     if not graph.evidence:
         raise InputError("The graph has no evidence for new decisions; build it with `nvsim map --project`.")
-    measure = _Measure(graph, occupancy, positions, robot_radius)
+    measure = _ThresholdScorer(graph, occupancy, positions, robot_radius)
     asked = [c for c in CRITERIA if c.asked(config)]
     sweeps = {}
     for criterion in asked:
@@ -126,7 +126,7 @@ def _suggestion(
     return {**found, "threshold": row["threshold"], **named, "share": row["share"], **change, "beyond": row["beyond"]}
 
 
-class _Measure:
+class _ThresholdScorer:
     """Computes the metrics of one set of thresholds."""
 
     def __init__(

@@ -27,7 +27,7 @@ from nvsim.graph.connectivity import SUFFIX, cut_off, read_connectivity, read_sc
 from nvsim.graph.types import NavGraph
 from nvsim.r2r.observations.export import GRAPH, PLANS, UNSEEN
 from nvsim.r2r.observations.layout import ScanPlaces, jpeg
-from nvsim.r2r.observations.record import Part, part_of, read_manifest
+from nvsim.r2r.observations.record import FinishedPart, part_of, read_manifest
 from nvsim.r2r.observations.skybox import focal_of, read_depth, skybox_of
 from nvsim.r2r.observations.surround import draw_surround
 from nvsim.splats import harmonics
@@ -51,7 +51,7 @@ class ScanFiles:
         self.places = places
         self.settings: dict[str, Any] = manifest.get("settings", {})
         try:
-            self.parts: dict[str, Part] = {name: part_of(data) for name, data in manifest["parts"].items()}
+            self.parts: dict[str, FinishedPart] = {name: part_of(data) for name, data in manifest["parts"].items()}
             self.size, self.quality = int(self.settings["size"]), int(self.settings["quality"])
         except (KeyError, TypeError, ValueError, AttributeError, OverflowError) as error:
             raise InputError(f"{places.manifest} is damaged; export the scan again.") from error

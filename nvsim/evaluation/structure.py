@@ -12,7 +12,7 @@ from types import MappingProxyType
 import numpy as np
 from numpy.typing import NDArray
 
-from nvsim.graph.paths import Ways
+from nvsim.graph.paths import PathGraph
 from nvsim.graph.structure import evenly_spaced_rows
 from nvsim.graph.types import NavGraph
 from nvsim.occupancy.geodesic import Geodesics
@@ -173,12 +173,12 @@ def map_structure(
     These paths are up to 2.8 % too long (`nvsim.occupancy.geodesic.ERROR`), so a detour is too small by up to as much.
     A metric without any pairs is 0.
     """
-    ways = Ways.of(graph)
+    ways = PathGraph.of(graph)
     over = MapPaths.of(occupancy, ways.places[:, :2], ways.floor, robot_radius)
     return {**_near(ways, over), **_detours(ways, over)}
 
 
-def _near(ways: Ways, over: MapPaths) -> dict[str, float | int]:
+def _near(ways: PathGraph, over: MapPaths) -> dict[str, float | int]:
     pairs = _pairs(ways, max(NEAR))
     pairs = pairs[over.straight(pairs)]
     apart = np.linalg.norm(ways.places[pairs[:, 0]] - ways.places[pairs[:, 1]], axis=1)
@@ -196,7 +196,7 @@ def _near(ways: Ways, over: MapPaths) -> dict[str, float | int]:
     return figures
 
 
-def _pairs(ways: Ways, reach: float) -> NDArray[np.int64]:
+def _pairs(ways: PathGraph, reach: float) -> NDArray[np.int64]:
     """(P, 2) rows of viewpoint pairs on one floor that are within reach."""
     from scipy.spatial import cKDTree
 
@@ -206,7 +206,7 @@ def _pairs(ways: Ways, reach: float) -> NDArray[np.int64]:
     return pairs[np.abs(ways.floor[pairs[:, 0]] - ways.floor[pairs[:, 1]]) <= LEVEL]
 
 
-def _detours(ways: Ways, map_paths: MapPaths) -> dict[str, float | int]:
+def _detours(ways: PathGraph, map_paths: MapPaths) -> dict[str, float | int]:
     rows = np.flatnonzero(map_paths.stand())
     fewest, most = _SOURCES
     sources = rows[evenly_spaced_rows(len(rows), int(np.clip(_WORK // max(map_paths.cells, 1), fewest, most)))]

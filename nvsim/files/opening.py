@@ -28,7 +28,7 @@ PROJECT_DATABASE = "project.db"
 """The file that identifies a project folder."""
 
 
-class NotPlain(InputError):
+class NotPlainFile(InputError):
     """The path is a link, a folder, a pipe or a device and must be a plain file."""
 
 
@@ -49,7 +49,7 @@ def own_file(path: Path, flags: int) -> int:
     first. The target of a link is not touched."""
     try:
         return plain_file(path, flags)
-    except NotPlain:
+    except NotPlainFile:
         stay_inside(path.parent)
         path.unlink()  # fails for a folder with the message of the system
         return os.open(path, flags | os.O_CREAT | os.O_EXCL | os.O_NOFOLLOW | os.O_CLOEXEC, 0o666)
@@ -63,7 +63,7 @@ def stay_inside(folder: Path) -> None:
             continue
         for above in at.parents:
             if (above / PROJECT_DATABASE).is_file() and not at.resolve().is_relative_to(above.resolve()):
-                raise NotPlain(
+                raise NotPlainFile(
                     f"{at} is a link that leads out of the project {above.name}, and NVSim does not write through it. "
                     "Replace the link with the folder itself."
                 )
@@ -85,9 +85,9 @@ def _entries(folder: Path) -> list[Path]:
         return []
 
 
-def _not_plain(path: Path) -> NotPlain:
+def _not_plain(path: Path) -> NotPlainFile:
     what = "a symbolic link" if path.is_symlink() else "not a plain file"
-    return NotPlain(f"{path} is {what}, and NVSim does not write through it; remove it and try again.")
+    return NotPlainFile(f"{path} is {what}, and NVSim does not write through it; remove it and try again.")
 
 
 def open_regular(path: Path, flags: int = os.O_RDONLY) -> int:

@@ -121,7 +121,12 @@ def _watching(end: float, raised: list[BaseException]) -> Generator[int, None, N
 
 
 def read(
-    connection: sqlite3.Connection, path: Path, table: str, columns: dict[str, Kind], rest: str = "", given: Row = ()
+    connection: sqlite3.Connection,
+    path: Path,
+    table: str,
+    columns: dict[str, CellType],
+    rest: str = "",
+    given: Row = (),
 ) -> list[Row]:
     """The `columns` of the rows of a table, each cell checked against its kind.
 
@@ -144,7 +149,7 @@ def read(
     return rows
 
 
-class Kind:
+class CellType:
     """The required type of a cell, its description in words, and optionally a test of the value."""
 
     def __init__(
@@ -153,19 +158,19 @@ class Kind:
         self.usual, self.words, self.fits, self.optional = usual, words, fits, optional
 
     @property
-    def or_null(self) -> Kind:
-        return Kind(self.usual, f"{self.words} or nothing", self.fits, True)
+    def or_null(self) -> CellType:
+        return CellType(self.usual, f"{self.words} or nothing", self.fits, True)
 
 
-TEXT = Kind(str, "a text")
-NAME = Kind(str, "a text of 1 to 1000 characters", lambda text: 0 < len(text) <= 1000)
-NUMBER = Kind(float, "a finite number", lambda value: abs(value) < 1e12)
-COUNT = Kind(int, "a whole number", lambda value: abs(value) < 1 << 31)
-FLAG = Kind(int, "0 or 1", lambda value: value in (0, 1))
-BLOB = Kind(bytes, "bytes")
+TEXT = CellType(str, "a text")
+NAME = CellType(str, "a text of 1 to 1000 characters", lambda text: 0 < len(text) <= 1000)
+NUMBER = CellType(float, "a finite number", lambda value: abs(value) < 1e12)
+COUNT = CellType(int, "a whole number", lambda value: abs(value) < 1 << 31)
+FLAG = CellType(int, "0 or 1", lambda value: value in (0, 1))
+BLOB = CellType(bytes, "bytes")
 
 
-def _fits(kind: Kind, cell: Any) -> bool:
+def _fits(kind: CellType, cell: Any) -> bool:
     return kind.fits is None or cell is None or kind.fits(cell)
 
 

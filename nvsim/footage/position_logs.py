@@ -34,7 +34,7 @@ from nvsim.files.reading import reading
 from nvsim.footage.sources import Footage
 
 if TYPE_CHECKING:
-    from nvsim.footage.extraction import Moment  # decodes images, which the window must not wait for
+    from nvsim.footage.extraction import VideoMoment  # decodes images, which the window must not wait for
 
 ODOMETRY = "odometry.csv"
 AR_ERROR, GPS_ERROR = 0.05, 5.0
@@ -91,7 +91,7 @@ def log_files(footage: Footage) -> tuple[Path, ...]:
     return tuple(reversed(unique.values()))
 
 
-def ar_positions(footage: Footage, moments: Mapping[str, Moment]) -> CameraPositions | None:
+def ar_positions(footage: Footage, moments: Mapping[str, VideoMoment]) -> CameraPositions | None:
     """Positions from the ARKit log next to a single video. None if there is none. Raises InputError if it is
     damaged."""
     path = next((file for file in log_files(footage) if file.name == ODOMETRY), None)
@@ -102,7 +102,7 @@ def ar_positions(footage: Footage, moments: Mapping[str, Moment]) -> CameraPosit
     return _known(f"the ARKit log {path.name}", False, names, places, AR_ERROR)
 
 
-def gps_positions(footage: Footage, moments: Mapping[str, Moment]) -> CameraPositions | None:
+def gps_positions(footage: Footage, moments: Mapping[str, VideoMoment]) -> CameraPositions | None:
     """Positions from the GPS of photos, or from the tracks next to videos. None if there are none.
 
     `moments` are those of a video. Raises InputError if a file is damaged, or if a track does not match the duration of

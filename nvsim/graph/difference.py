@@ -15,7 +15,7 @@ from typing import Any, TypeVar, cast
 
 from nvsim.graph.edits.change import copied
 from nvsim.graph.store import encode_evidence
-from nvsim.graph.touched import Touched, remember, touched_between
+from nvsim.graph.touched import TouchedElements, remember, touched_between
 from nvsim.graph.types import Edge, EdgeKey, Evidence, EvidenceKey, NavGraph, Viewpoint
 
 K = TypeVar("K", bound=Hashable)
@@ -112,7 +112,7 @@ V = TypeVar("V")
 
 
 @dataclass(frozen=True, eq=False)
-class Delta:
+class GraphDelta:
     """Elements to put and names to drop. Elements are added at the end, or replaced in place.
 
     viewpoints, edges, evidence           elements to put
@@ -135,7 +135,7 @@ class Delta:
     whole: NavGraph | None = None
 
 
-def delta_between(before: NavGraph, after: NavGraph) -> Delta:
+def delta_between(before: NavGraph, after: NavGraph) -> GraphDelta:
     """Return the delta that turns `before` into `after`."""
     touched = touched_between(before, after)
     viewpoints = _parts(before.viewpoints, after.viewpoints, touched.viewpoints if touched is not None else None)
@@ -144,10 +144,10 @@ def delta_between(before: NavGraph, after: NavGraph) -> Delta:
     ignored = None if before.ignored is after.ignored else after.ignored
     scan = None if before.scan == after.scan else after.scan
     orders = viewpoints[2], edges[2], evidence[2]
-    return Delta(viewpoints[0], edges[0], evidence[0], viewpoints[1], edges[1], evidence[1], ignored, scan, orders)
+    return GraphDelta(viewpoints[0], edges[0], evidence[0], viewpoints[1], edges[1], evidence[1], ignored, scan, orders)
 
 
-def folded(graph: NavGraph, deltas: Sequence[Delta]) -> NavGraph:
+def folded(graph: NavGraph, deltas: Sequence[GraphDelta]) -> NavGraph:
     """Return the graph after all of `deltas`. The graph is copied only once, even for many deltas."""
     for last in range(len(deltas) - 1, -1, -1):
         whole = deltas[last].whole
@@ -173,7 +173,7 @@ def folded(graph: NavGraph, deltas: Sequence[Delta]) -> NavGraph:
         next((d.ignored for d in reversed(deltas) if d.ignored is not None), graph.ignored),
     )
     if not any(turned):  # the note guarantees an unchanged order
-        remember(after, graph, Touched(tuple(touched[0]), tuple(touched[1]), tuple(touched[2])))
+        remember(after, graph, TouchedElements(tuple(touched[0]), tuple(touched[1]), tuple(touched[2])))
     return after
 
 
@@ -245,7 +245,7 @@ def _runs(names: Sequence[Key], wanted: Sequence[Key]) -> Runs:
     return tuple(runs)
 
 
-def check_steps(base: NavGraph, deltas: Iterable[Delta]) -> None:
+def check_steps(base: NavGraph, deltas: Iterable[GraphDelta]) -> None:
     """Check all steps in order. Raises ValueError that names the first inconsistent step."""
     viewpoints, edges, evidence = set(base.viewpoints), set(base.edges), set(base.evidence)
     degrees = Counter(end for key in edges for end in key)

@@ -6,7 +6,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 from typing import Any
 
-from nvsim.graph.difference import Delta, delta_between, folded
+from nvsim.graph.difference import GraphDelta, delta_between, folded
 from nvsim.graph.types import NavGraph
 
 # Budget in bytes for mappings that steps do not share. A larger budget would also slow down Python's garbage collector.
@@ -18,8 +18,8 @@ _STRIDE = 32  # if a distant graph is rebuilt, the graph this many steps earlier
 class GraphCache:
     """Holds one graph per step, numbered from 0."""
 
-    def __init__(self, graph: NavGraph, deltas: Iterable[Delta] = (), budget: int = _BUDGET) -> None:
-        self._deltas = [Delta(), *deltas]  # [i] leads from the graph of step i - 1 to that of step i
+    def __init__(self, graph: NavGraph, deltas: Iterable[GraphDelta] = (), budget: int = _BUDGET) -> None:
+        self._deltas = [GraphDelta(), *deltas]  # [i] leads from the graph of step i - 1 to that of step i
         self._kept: dict[int, NavGraph] = {0: graph}  # in order of use, the most recent at the end
         self._bytes: dict[int, int] = {}
         self._budget = budget
@@ -43,7 +43,7 @@ class GraphCache:
         rebuilt."""
         return max((i for i, kept in self._kept.items() if kept is graph), default=None)
 
-    def put(self, index: int, before: NavGraph, after: NavGraph) -> Delta:
+    def put(self, index: int, before: NavGraph, after: NavGraph) -> GraphDelta:
         """Store step `index`, which leads from `before`, the graph of the previous step, to `after`. Later steps are
         deleted. Returns the delta of the step."""
         delta = delta_between(before, after)

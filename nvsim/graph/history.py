@@ -7,7 +7,7 @@ from collections.abc import Callable, Collection
 from dataclasses import dataclass, replace
 from typing import Any, Protocol
 
-from nvsim.graph.difference import Delta
+from nvsim.graph.difference import GraphDelta
 from nvsim.graph.edits.change import EditError
 from nvsim.graph.graph_cache import GraphCache
 from nvsim.graph.selection import NOTHING, GraphSelection, existing_part
@@ -63,7 +63,7 @@ class Recorder(Protocol):
     @property
     def refusal(self) -> str | None: ...
 
-    def put(self, index: int, step: Step, delta: Delta) -> None:
+    def put(self, index: int, step: Step, delta: GraphDelta) -> None:
         """Record step `index` (1 and up) with its delta from the previous step. Later steps are removed."""
 
     def amend(self, index: int, step: Step) -> None:

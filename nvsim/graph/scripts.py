@@ -16,7 +16,7 @@ from nvsim.files.atomic import write_text
 from nvsim.files.opening import read_regular
 from nvsim.files.placeholders import stand_in
 from nvsim.files.reading import as_reading_error
-from nvsim.graph.difference import Delta, delta_between
+from nvsim.graph.difference import GraphDelta, delta_between
 from nvsim.graph.edits import EditError
 from nvsim.graph.history import History
 from nvsim.graph.operations import line_of, parse_line
@@ -95,7 +95,7 @@ def _is_script(lines: list[str]) -> bool:
     return True
 
 
-def _patch(delta: Delta, text: str) -> dict[str, Any] | None:
+def _patch(delta: GraphDelta, text: str) -> dict[str, Any] | None:
     if any(delta.orders) or not (delta.viewpoints or delta.edges or delta.no_viewpoints or delta.no_edges):
         return None
     values: dict[str, Any] = {

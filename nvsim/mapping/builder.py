@@ -26,10 +26,10 @@ from nvsim.mapping.explanation.poor_graph import (
     explain_small_graph,
 )
 from nvsim.mapping.explanation.trajectory_detour import TrajectoryDetour
-from nvsim.mapping.search.breadth_first import Search
+from nvsim.mapping.search.breadth_first import BreadthFirstSearch
 from nvsim.mapping.search.graph_builder import GraphBuilder, keep_edits
 from nvsim.mapping.search.survey import Survey
-from nvsim.mapping.search.walk import Covered, Walk
+from nvsim.mapping.search.walk import CoveredPositions, Walk
 from nvsim.mapping.settling.settling import Settling
 from nvsim.mapping.views.looking import ViewSource
 
@@ -103,7 +103,7 @@ def build_map(
     measurements = Measurements(source, floor_at, support, config, lattice, known, TraversedFloor(trajectory, scanned))
     walk = Walk(trajectory, support)
     survey = Survey(GraphBuilder(scan, walk.storey), lattice, measurements, walk, floor_at, config)
-    search = Search(survey)
+    search = BreadthFirstSearch(survey)
 
     def measured() -> NavGraph:
         return NavGraph(scan, evidence={e.key: e for e in measurements.everything()})
@@ -219,7 +219,7 @@ class _Explorer:
 
     def __init__(
         self,
-        search: Search,
+        search: BreadthFirstSearch,
         walk: Walk,
         config: MappingConfig,
         listen: Listener,
@@ -229,7 +229,7 @@ class _Explorer:
         self._listen = listen
         self._tried: set[int] = set()
         self._reach = config.cover_distance
-        self._covered = Covered(walk.places, search.draft, config.cover_distance, self.is_covered)
+        self._covered = CoveredPositions(walk.places, search.draft, config.cover_distance, self.is_covered)
         self._said = ""
         self._keep, self._kept, self._pause = keep, time.monotonic(), _KEEPING
 

@@ -16,7 +16,7 @@ from nvsim.files.placeholders import is_metadata_name
 from nvsim.files.reading import as_reading_error
 from nvsim.networks.description import Description, File
 from nvsim.networks.folder import models_folder
-from nvsim.networks.installed import BUNDLED, DESCRIPTION, Model, model_at, signature_of
+from nvsim.networks.installed import BUNDLED, DESCRIPTION, InstalledModel, model_at, signature_of
 from nvsim.networks.ready import fitting, known_descriptions, read_description
 
 _BESIDE = ("{stem}.onnx.data", "{stem}.onnx_data", "{stem}.data", "{stem}.bin")
@@ -24,7 +24,7 @@ _BESIDE = ("{stem}.onnx.data", "{stem}.onnx_data", "{stem}.data", "{stem}.bin")
 _LETTERS = frozenset("abcdefghijklmnopqrstuvwxyzABCDEFGHIJKLMNOPQRSTUVWXYZ0123456789-_.+")
 
 
-def add(paths: Sequence[Path], name: str = "", form: str = "", replace: bool = False) -> Model:
+def add(paths: Sequence[Path], name: str = "", form: str = "", replace: bool = False) -> InstalledModel:
     """Install the ONNX files at `paths`, which are files or folders, as one model.
 
     Without a `name`, the model gets the name of the known model that the files are named after. A TOML among the files
@@ -102,7 +102,7 @@ def _install(
     name: str,
     replace: bool,
     toml: Path | None,
-) -> Model:
+) -> InstalledModel:
     if not name or not set(name) <= _LETTERS or name.startswith(".") or len(name) > 80:
         raise InputError(f"A model cannot be called {name!r:.80}; use letters, digits, - and . (--name NAME).")
     if name.startswith(BUNDLED):

@@ -14,12 +14,12 @@ from nvsim.networks.onnx_session import Node
 
 
 @dataclass(frozen=True)
-class Bound:
+class BoundTensor:
     tensor: Tensor
     node: Node
 
 
-def bind(tensors: Sequence[Tensor], nodes: Sequence[Node], path: Path, inputs: bool) -> tuple[Bound, ...]:
+def bind(tensors: Sequence[Tensor], nodes: Sequence[Node], path: Path, inputs: bool) -> tuple[BoundTensor, ...]:
     """Each matched tensor of `tensors` with its input or output of the file at `path`.
 
     Two tensors may use one output. If several outputs could give one value, the first that exists is used.
@@ -60,7 +60,7 @@ def bind(tensors: Sequence[Tensor], nodes: Sequence[Node], path: Path, inputs: b
         raise InputError(
             f"{path} also takes {describe_nodes(left)}, which its description does not list; add it there."
         )
-    return tuple(Bound(tensors[i], found[i]) for i in sorted(found))
+    return tuple(BoundTensor(tensors[i], found[i]) for i in sorted(found))
 
 
 def _only(tensor: Tensor, nodes: Sequence[Node]) -> Node | None:

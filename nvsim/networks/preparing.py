@@ -8,7 +8,7 @@ from typing import Any, Literal, get_args
 import numpy as np
 from numpy.typing import NDArray
 
-from nvsim.networks.toml_table import Table
+from nvsim.networks.toml_table import TomlTable
 
 Image = NDArray[np.uint8]
 Resize = Literal["crop", "stretch", "corner", "centre"]
@@ -163,7 +163,7 @@ class Preparation:
         return canvas
 
 
-def preparation_in(table: Table, needs_size: bool = True) -> Preparation:
+def preparation_in(table: TomlTable, needs_size: bool = True) -> Preparation:
     """The preparation that a table of a description defines. A dynamic size, with `multiple` and `longest`, is allowed
     only if `needs_size` is False. Raises InputError if a value is wrong."""
     height, width = table.size(MOST_PIXELS, None if needs_size else (0, 0))

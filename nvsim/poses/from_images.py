@@ -47,7 +47,7 @@ from nvsim.poses.match_database import (
     write_geometries,
 )
 from nvsim.poses.pieces import names_in, split_after, split_into_pieces
-from nvsim.poses.pose_graph import Anchors, keeps_shape, median_depth, without_drift
+from nvsim.poses.pose_graph import PartAnchors, keeps_shape, median_depth, without_drift
 from nvsim.poses.straightening import anchors_of, contradicts_floor, leveled, merge_turning_pieces, straightened
 from nvsim.poses.threads import thread_pool
 from nvsim.poses.two_views import TwoViews, from_matches, relative_pose
@@ -137,11 +137,11 @@ def find_poses(
         if off < _FOCAL_OFF:
             break
     models = _mapped_firmly(models, images, path, folder, report_progress) if images.ordered else models
-    return _finished(models, _Inputs(images, keypoints, similar, views, path, folder, report_progress), placed)
+    return _finished(models, _MappingInputs(images, keypoints, similar, views, path, folder, report_progress), placed)
 
 
 @dataclass(frozen=True, eq=False)
-class _Inputs:
+class _MappingInputs:
     """Input of the steps after the first mapping: keypoints, pairs of similar images, relative poses `views` of pairs,
     `path` of the database, `folder` for files, and the progress callback. `matches` keeps those of possible loops."""
 
@@ -155,7 +155,7 @@ class _Inputs:
     matches: dict[Pair, NDArray[np.uint32]] = field(default_factory=dict)
 
 
-def _finished(models: list[pycolmap.Reconstruction], inputs: _Inputs, placed: Placed) -> FoundPoses:
+def _finished(models: list[pycolmap.Reconstruction], inputs: _MappingInputs, placed: Placed) -> FoundPoses:
     """Closes the loops of the first mapping of a video, adjusts, and splits the result into its firm pieces."""
     model, loops, held = models[0], list[Pair](), False
     images = inputs.images
@@ -200,7 +200,7 @@ def _finished(models: list[pycolmap.Reconstruction], inputs: _Inputs, placed: Pl
 
 
 def _straight(
-    models: list[pycolmap.Reconstruction], inputs: _Inputs
+    models: list[pycolmap.Reconstruction], inputs: _MappingInputs
 ) -> tuple[pycolmap.Reconstruction, list[Pair], list[list[int]]] | None:
     """Reconstructs a video with the help of its floor and walls. Returns the reconstruction, its loops, and its pieces;
     None if no floor is visible."""
@@ -216,12 +216,12 @@ def _straight(
 
 
 def _closed(
-    model: pycolmap.Reconstruction, views: dict[Pair, TwoViews], inputs: _Inputs, held: bool
+    model: pycolmap.Reconstruction, views: dict[Pair, TwoViews], inputs: _MappingInputs, held: bool
 ) -> tuple[pycolmap.Reconstruction, dict[Pair, TwoViews], list[Pair]]:
     """Closes loops. Returns the reconstruction, the image pairs that connect it, and its loops. If `held`, the floor
     and the walls hold its parts."""
 
-    def anchored(groups: list[list[int]]) -> Anchors:
+    def anchored(groups: list[list[int]]) -> PartAnchors:
         return anchors_of(model, groups, inputs.images.folder)
 
     seen_again, loops, tested = dict[Pair, TwoViews](), list[Pair](), set[Pair]()
@@ -243,7 +243,7 @@ def _closed(
 
 
 def _joined_again(
-    model: pycolmap.Reconstruction, views: dict[Pair, TwoViews], inputs: _Inputs
+    model: pycolmap.Reconstruction, views: dict[Pair, TwoViews], inputs: _MappingInputs
 ) -> tuple[pycolmap.Reconstruction, list[list[int]]]:
     """Joins the pieces between the bends of a video by points that they share. `views` connect its images. Returns the
     reconstruction with the largest piece, and its pieces, the largest first.
@@ -273,7 +273,7 @@ def _joined_again(
 
 
 def _joined(
-    base: pycolmap.Reconstruction | None, models: list[pycolmap.Reconstruction], inputs: _Inputs
+    base: pycolmap.Reconstruction | None, models: list[pycolmap.Reconstruction], inputs: _MappingInputs
 ) -> tuple[pycolmap.Reconstruction, dict[Pair, TwoViews]]:
     """Joins the firm pieces of a video. Returns the reconstruction and the image pairs that connect it.
 
@@ -297,7 +297,7 @@ def _joined(
 
 
 def _adjusted(
-    poses: Mapping[int, pycolmap.Rigid3d], cameras: Mapping[int, pycolmap.Camera], inputs: _Inputs, held: bool
+    poses: Mapping[int, pycolmap.Rigid3d], cameras: Mapping[int, pycolmap.Camera], inputs: _MappingInputs, held: bool
 ) -> pycolmap.Reconstruction:
     """Triangulates and adjusts the images at `poses`, world to camera by image number. If `held`, their unit is the
     camera height and the adjustment holds the cameras near these poses."""

@@ -67,10 +67,10 @@ def find_overlaps(frames: Sequence[Frame]) -> Overlaps:
     """Matches pairs of `frames` that are near in file order. If too few pairs match, it also compares frames whose
     poses are near. Images that cannot be read have no match."""
     with thread_pool() as pool:
-        return _Search(frames, lambda work, items: list(pool.map(work, items))).run()
+        return _OverlapSearch(frames, lambda work, items: list(pool.map(work, items))).run()
 
 
-class _Search:
+class _OverlapSearch:
     def __init__(self, frames: Sequence[Frame], mapped: Callable[..., list]) -> None:
         self._frames, self._mapped = frames, mapped
         self._order = _in_order(frames)

@@ -80,7 +80,7 @@ class _Loops:
 
 
 @dataclass(frozen=True, eq=False)
-class Anchors:
+class PartAnchors:
     """Height, vertical, and walls of each of K parts, NaN where unknown.
 
     height  (K,) float64, height of the cameras above the floor
@@ -99,15 +99,15 @@ def no_loops() -> _Loops:
     return _Loops(none, none, whole, whole, whole, np.zeros(0))
 
 
-def no_anchors(parts: int) -> Anchors:
+def no_anchors(parts: int) -> PartAnchors:
     """Anchors of `parts` parts without any known value."""
-    return Anchors(np.full(parts, np.nan), np.full((parts, 3), np.nan), np.full((parts, 3), np.nan))
+    return PartAnchors(np.full(parts, np.nan), np.full((parts, 3), np.nan), np.full((parts, 3), np.nan))
 
 
 def without_drift(
     model: pycolmap.Reconstruction,
     loops: Mapping[Pair, TwoViews],
-    anchored: Callable[[list[list[int]]], Anchors] | None = None,
+    anchored: Callable[[list[list[int]]], PartAnchors] | None = None,
     pieces: Sequence[Sequence[int]] = (),
 ) -> tuple[dict[int, pycolmap.Rigid3d], list[Pair]]:
     """Closes `loops`. Returns poses (world to camera, by image number) and the closed loops.
@@ -271,7 +271,7 @@ def _points_of_loops(
 
 
 def _solve(
-    loops: _Loops, pivot: NDArray[np.float64], joint: NDArray[np.float64], depth: float, anchors: Anchors
+    loops: _Loops, pivot: NDArray[np.float64], joint: NDArray[np.float64], depth: float, anchors: PartAnchors
 ) -> NDArray[np.float64]:
     """(K, 7) for each part: logarithm of scale, rotation vector, translation."""
     slip = np.tile([FIRM[0], *[FIRM[1]] * 3, *[FIRM[2] * depth] * 3], (len(joint), 1))
@@ -283,7 +283,7 @@ def solve(
     pivot: NDArray[np.float64],
     joint: NDArray[np.float64],
     slip: NDArray[np.float64],
-    anchors: Anchors,
+    anchors: PartAnchors,
 ) -> NDArray[np.float64]:
     """Moves parts so that loops close and anchors agree.
 

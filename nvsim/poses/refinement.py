@@ -34,7 +34,7 @@ ProgressCallback = Callable[[int, int], None]
 
 
 @dataclass(frozen=True, eq=False)
-class Refined:
+class RefinedPoses:
     """frames         the frames with their new poses
     before, after  median reprojection errors with the given and with the new poses, pixels
     metres         median distance by which cameras moved, meters; `degrees` is the median rotation
@@ -75,7 +75,7 @@ def is_good(missed: float | None) -> bool:
     return missed is None or missed < _GOOD
 
 
-def refine(frames: Sequence[Frame], report_progress: ProgressCallback = lambda done, of: None) -> Refined | None:
+def refine(frames: Sequence[Frame], report_progress: ProgressCallback = lambda done, of: None) -> RefinedPoses | None:
     """Returns the frames with poses that agree with the images. None if the refinement improves too little, or if no
     point is visible in several images. Cameras stay within centimeters of their given positions. The orientation and
     the size of the whole capture do not change."""
@@ -108,7 +108,7 @@ def refine(frames: Sequence[Frame], report_progress: ProgressCallback = lambda d
     moved = np.linalg.norm(adjusted.poses[:, :3, 3] - poses[:, :3, 3], axis=1)
     better = tuple(replace(f, camera_to_world=pose) for f, pose in zip(frames, adjusted.poses, strict=True))
     medians = float(np.median(moved)), float(np.degrees(np.median(turned)))
-    return Refined(better, adjusted.before, adjusted.after, *medians)
+    return RefinedPoses(better, adjusted.before, adjusted.after, *medians)
 
 
 def _seen(frame: Frame, most: int = MOST) -> tuple[Features, Camera]:

@@ -23,7 +23,7 @@ _STAIR = 0.6  # meters from the cameras on a stair to its sides
 _MARGIN = 8.0  # meters around the cameras
 
 
-class HasFloors(Protocol):
+class FloorSource(Protocol):
     """The part of a project that has the floors of its submaps."""
 
     def need_capture(self) -> Capture: ...
@@ -31,7 +31,7 @@ class HasFloors(Protocol):
     def surface(self, submap: int) -> FloorSurface | None: ...
 
 
-def floor_of(project: HasFloors) -> Floor:
+def floor_of(project: FloorSource) -> Floor:
     """One surface around the trajectory; flat at z = 0 while no floor is estimated. If storeys overlap, one surface per
     storey."""
     surfaces = {s.index: project.surface(s.index) for s in project.submaps("floors")}
@@ -49,7 +49,7 @@ def floor_of(project: HasFloors) -> Floor:
     return _joined(positions[:, :2], positions[:, :2], owners, known, _SPACING)
 
 
-def floors_seen(project: HasFloors) -> dict[int, FloorSurface]:
+def floors_seen(project: FloorSource) -> dict[int, FloorSurface]:
     """Frame index -> floor surface around the frame, one shared object for all frames that are segmented together.
 
     The surface is that of the submap with the frame in its core. If storeys overlap, it is that of the camera's storey
@@ -142,7 +142,7 @@ def _joined(
     return FloorSurface(heights, (float(low[0]), float(low[1])), spacing)
 
 
-def floor_beneath(project: HasFloors) -> Callable[[float, float, float], float] | None:
+def floor_beneath(project: FloorSource) -> Callable[[float, float, float], float] | None:
     """Function (x, y, z) -> height of the floor under this point, all in meters, world. The floor is that of the submap
     with the nearest camera, so that storeys stay separate. NaN more than 8 m from all cameras. Returns None while no
     floor is estimated."""

@@ -24,7 +24,7 @@ from nvsim.perception.floor_height import estimate_floor
 from nvsim.perception.support import FloorSupport
 from nvsim.perception.support import positions_at_common_heights as carried_as_usual
 from nvsim.project.floor_heights import floor_of
-from nvsim.project.occupancy_sources import STAGE, Rays, makers_of
+from nvsim.project.occupancy_sources import STAGE, MeasuredRays, makers_of
 from nvsim.project.project import Project
 
 _POINTS_PER_CELL = 2
@@ -120,7 +120,7 @@ def observed_occupancy(
 
 
 @dataclass(frozen=True, eq=False)
-class Built:
+class BuiltMap:
     """A built map and its statistics.
 
     cells_met  voxels crossed, summed over all rays
@@ -140,7 +140,7 @@ class Built:
 def build_occupancy(
     capture: Capture,
     project: Project | None,
-    rays: Rays,
+    rays: MeasuredRays,
     resolution: float = 0.05,
     heights: Heights | None = None,
     *,
@@ -148,7 +148,7 @@ def build_occupancy(
     walked: float = 0.0,
     camera_height: float | None = None,
     listen: Listener = silent,
-) -> Built:
+) -> BuiltMap:
     """Builds the map from `rays`, in the aligned frame.
 
     resolution     meters per cell
@@ -197,7 +197,7 @@ def build_occupancy(
     if rays.cloud is not None:
         note += f" {100 * unseen / len(rays.cloud):.0f} % of the points are visible from no camera and free no cells."
     provenance = Provenance(rays.source, note, heights.from_height, heights.to_height, makers_of(capture, project))
-    return Built(occupancy, provenance, grid.steps, unseen)
+    return BuiltMap(occupancy, provenance, grid.steps, unseen)
 
 
 def _with_walk(
@@ -212,12 +212,12 @@ def _with_walk(
     return replace(occupancy, cells=np.where(new, FREE, occupancy.cells)), int(new.sum())
 
 
-def _sweeps(rays: Rays, floor: FloorSurface) -> Iterator[Sweep]:
+def _sweeps(rays: MeasuredRays, floor: FloorSurface) -> Iterator[Sweep]:
     assert rays.sweeps is not None  # rays without a cloud have sweeps
     return rays.sweeps(floor)
 
 
-def _floor(capture: Capture, project: Project | None, rays: Rays, camera_height: float | None) -> FloorSurface:
+def _floor(capture: Capture, project: Project | None, rays: MeasuredRays, camera_height: float | None) -> FloorSurface:
     """The floor of the project if it was found, else an estimate from the measured points."""
     cloud = capture.cloud
     if project is not None:
@@ -235,7 +235,7 @@ def _floor(capture: Capture, project: Project | None, rays: Rays, camera_height:
     return estimate_floor(cloud, capture.positions, camera_height)
 
 
-def _seen(rays: Rays) -> Cloud:
+def _seen(rays: MeasuredRays) -> Cloud:
     """An even subset of the points of all sweeps."""
     share = max(1, _LEVELS // rays.count)
     parts = []

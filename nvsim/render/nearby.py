@@ -25,7 +25,7 @@ _REACH = math.sqrt(2 * math.log(255))  # standard deviations, as in the kernels
 _GRACE = 1.0  # pixels of margin for rounding in single precision
 
 
-class Nearby:
+class NeighborGroups:
     """The groups of neighboring Gaussians of one set, valid as long as the Gaussians do not move."""
 
     def __init__(self, gaussians: Gaussians) -> None:

@@ -16,7 +16,7 @@ from nvsim.building import BuildingConfig
 from nvsim.building.layouts import ENTRY, outer_walls
 from nvsim.building.painting import Image, blotches, paint_face, paint_floor
 from nvsim.building.placement import furnish
-from nvsim.building.plan import INNER_WALL, Opening, Plan, Rect, Room, Stop, Storey, Wall
+from nvsim.building.plan import INNER_WALL, Opening, Plan, Rect, Room, Storey, TrajectoryCorner, Wall
 from nvsim.building.raycast import make_solids
 from nvsim.building.scene import Scene
 from nvsim.building.solids import BACK, LEFT, TOP, Box, Color, Paint, wall_boxes
@@ -79,15 +79,32 @@ def _plan(route: Route, rng: np.random.Generator) -> tuple[Plan, list[Opening]]:
     return Plan(Rect(0, 0, length, depth), tuple(rooms), tuple(walls), tuple(openings), tuple(stops)), closed
 
 
-def _stops(route: Route, length: float, low: float, high: float, visits: list[Opening]) -> list[Stop]:
+def _stops(route: Route, length: float, low: float, high: float, visits: list[Opening]) -> list[TrajectoryCorner]:
     west, east = _CORRIDOR / 2, length - _CORRIDOR / 2
     if route == "loop":
-        around = [Stop(east, low), Stop(east, high), Stop(west, high), Stop(west, low)]
-        return [Stop(10.0, low - 0.1), *around, Stop(17.0, low + 0.1)]
+        around = [
+            TrajectoryCorner(east, low),
+            TrajectoryCorner(east, high),
+            TrajectoryCorner(west, high),
+            TrajectoryCorner(west, low),
+        ]
+        return [TrajectoryCorner(10.0, low - 0.1), *around, TrajectoryCorner(17.0, low + 0.1)]
     door = visits[0]
-    inside = Stop(door.centre, door.line - ENTRY)
-    visit = [Stop(door.centre, low), inside, Stop(door.centre + 0.2, door.line - 2.0), inside, Stop(door.centre, low)]
-    return [Stop(2.5, low), *visit, Stop(east, low - 0.1), Stop(east, high), Stop(2.5, high - 0.1)]
+    inside = TrajectoryCorner(door.centre, door.line - ENTRY)
+    visit = [
+        TrajectoryCorner(door.centre, low),
+        inside,
+        TrajectoryCorner(door.centre + 0.2, door.line - 2.0),
+        inside,
+        TrajectoryCorner(door.centre, low),
+    ]
+    return [
+        TrajectoryCorner(2.5, low),
+        *visit,
+        TrajectoryCorner(east, low - 0.1),
+        TrajectoryCorner(east, high),
+        TrajectoryCorner(2.5, high - 0.1),
+    ]
 
 
 def _leaves(doors: list[Opening], rng: np.random.Generator) -> list[Box]:

@@ -28,7 +28,7 @@ from nvsim_app.painting.tones import (
 RNG = np.random.default_rng(5)
 
 
-def pixel(painted: pictures.Painted, x: int, y: int) -> tuple[int, int, int, int]:
+def pixel(painted: pictures.PaintedImage, x: int, y: int) -> tuple[int, int, int, int]:
     color = painted.image.pixelColor(x, y)
     return color.red(), color.green(), color.blue(), color.alpha()
 

@@ -15,7 +15,7 @@ import pytest
 from nvsim.cli.main import main
 from nvsim.cluster.choice import open_executor
 from nvsim.cluster.config import ClusterConfig
-from nvsim.cluster.piece import Piece, pieces_at_once, threads_each
+from nvsim.cluster.piece import WorkItem, pieces_at_once, threads_each
 from nvsim.cluster.ray_pool import Attempt
 from nvsim.cluster.storage import StorageProbe
 from nvsim.cluster.versions import versions
@@ -23,7 +23,7 @@ from nvsim.errors import InputError
 from nvsim.events import Progress
 
 GB = 1_000_000_000
-PIECE = Piece("train", 3, "submap 3", 2, 2 * GB)
+PIECE = WorkItem("train", 3, "submap 3", 2, 2 * GB)
 
 
 @pytest.mark.parametrize(

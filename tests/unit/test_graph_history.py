@@ -8,7 +8,7 @@ import pytest
 
 from nvsim.benchmarks.graph import random_graph
 from nvsim.graph import edits
-from nvsim.graph.difference import Delta, Difference, delta_between, difference, folded
+from nvsim.graph.difference import Difference, GraphDelta, delta_between, difference, folded
 from nvsim.graph.edits import EditError
 from nvsim.graph.graph_cache import GraphCache
 from nvsim.graph.history import History, HistoryChange
@@ -153,7 +153,7 @@ def test_a_delta_keeps_an_order_that_puts_and_drops_cannot_give() -> None:
     assert same_graph(folded(before, [delta_between(before, made)]), renamed)
 
 
-def decoded_fold(before: NavGraph, deltas: list[Delta]) -> NavGraph:
+def decoded_fold(before: NavGraph, deltas: list[GraphDelta]) -> NavGraph:
     return folded(before, [decode_delta(encode_delta(delta)) for delta in deltas])
 
 

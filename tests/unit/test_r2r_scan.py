@@ -21,7 +21,7 @@ from scan_samples import IDS, graph, scan_project, two_rooms
 
 from nvsim.cluster.choice import open_executor
 from nvsim.cluster.config import ClusterConfig
-from nvsim.cluster.piece import Order, Piece
+from nvsim.cluster.piece import WorkCall, WorkItem
 from nvsim.errors import InputError
 from nvsim.events import Progress, Worker
 from nvsim.graph.connectivity import read_connectivity, read_scans, write_connectivity
@@ -349,7 +349,9 @@ def test_a_worker_that_reports_a_viewpoint_of_another_piece_is_refused(
     class Wrong:
         machines = (1,)
 
-        def run(self, pieces: list[Piece], begin: Callable[[Piece], Order]) -> Iterator[tuple[Piece, object]]:
+        def run(
+            self, pieces: list[WorkItem], begin: Callable[[WorkItem], WorkCall]
+        ) -> Iterator[tuple[WorkItem, object]]:
             begin(pieces[0])
             yield pieces[0], Progress("scan", 1, 1, id)
 

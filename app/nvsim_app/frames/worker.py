@@ -83,7 +83,7 @@ class Candidates:
 
 
 @dataclass(frozen=True, eq=False)
-class Prompted:
+class PromptResult:
     """add, take: (H, W) bool, the pixels to add to the mask and to remove from it."""
 
     frame: int
@@ -92,7 +92,7 @@ class Prompted:
 
 
 @dataclass(frozen=True)
-class Failed:
+class FailedRequest:
     """what: "thumbnail", "candidates" or "prompt"."""
 
     what: str
@@ -198,10 +198,10 @@ class Worker:
     def _make_candidates(self, frame: int) -> Candidates:
         return Candidates(frame, self._candidate_maker().make(frame))
 
-    def _prompt(self, request: PromptRequest) -> Prompted:
+    def _prompt(self, request: PromptRequest) -> PromptResult:
         points = np.array([point[:2] for point in request.points], float)
         on_floor = np.array([on for *_, on in request.points])
-        return Prompted(request.frame, *self._candidate_maker().prompt(request.frame, points, on_floor))
+        return PromptResult(request.frame, *self._candidate_maker().prompt(request.frame, points, on_floor))
 
     def _candidate_maker(self) -> CandidateMaker:
         if self._maker is None:
@@ -222,10 +222,10 @@ def _tried(what: str, frame: int, make: Callable[[int], object]) -> object:
     try:
         return make(frame)
     except InputError as error:
-        return Failed(what, frame, str(error))
+        return FailedRequest(what, frame, str(error))
     except Exception as error:
         traceback.print_exc()
-        return Failed(what, frame, f"Unexpected error: {error}")
+        return FailedRequest(what, frame, f"Unexpected error: {error}")
 
 
 def _kept(path: Path) -> dict[str, Any]:

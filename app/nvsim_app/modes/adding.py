@@ -15,7 +15,7 @@ from PySide6.QtCore import QPointF, Qt
 from PySide6.QtGui import QPainter
 
 from nvsim.graph.selection import GraphSelection
-from nvsim.mapping.explanation.between import Between
+from nvsim.mapping.explanation.between import PathExplanation
 from nvsim_app.layers.labels import short_ids
 from nvsim_app.look import colors, lengths
 from nvsim_app.modes.mode import GHOST, Mode, Pointer, dots, label, line
@@ -35,7 +35,7 @@ class AddEdgeMode(Mode):
     _start: str | None = None
     _now: Pointer | None = None
     _key: tuple[object, ...] | None = None  # inputs of the cached result
-    _between: Between | None = None
+    _between: PathExplanation | None = None
 
     def enter(self) -> None:
         chosen = self.context.editing.selection.viewpoints
@@ -130,7 +130,7 @@ class AddEdgeMode(Mode):
         if found is not None:
             label(painter, now.point + QPointF(0, 24), short_ids(self.context.document.graph, found.sentence), ink)
 
-    def _found(self, start: str, there: str) -> Between | None:
+    def _found(self, start: str, there: str) -> PathExplanation | None:
         """The evidence between the two viewpoints, computed once for each pair and graph."""
         document = self.context.document
         key = (document.graph, document.contents, start, there)

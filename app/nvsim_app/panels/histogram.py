@@ -11,7 +11,7 @@ from PySide6.QtCore import Qt
 from PySide6.QtWidgets import QComboBox, QHBoxLayout, QPushButton, QVBoxLayout, QWidget
 
 from nvsim.graph.edits import EditError
-from nvsim.graph.quantities import Kind, Known, quantity
+from nvsim.graph.quantities import Kind, QuantityInputs, quantity
 from nvsim.graph.selection import GraphSelection
 from nvsim_app.look import colors
 from nvsim_app.look.labels import Label
@@ -93,7 +93,7 @@ class HistogramPanel(QWidget):
         self._ids, self._values, self._trouble = (), np.zeros(0), "this graph has no such values"
         if graph is None:
             return
-        known = Known(self._document.contents.occupancy, clearness=self._document.evidence.at)
+        known = QuantityInputs(self._document.contents.occupancy, clearness=self._document.evidence.at)
         try:
             ids, found = quantity(graph, name, known, kind)
         except EditError as error:

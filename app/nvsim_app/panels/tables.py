@@ -24,7 +24,7 @@ from nvsim.graph.clearness_cache import ClearnessCache
 from nvsim.graph.edits import EditError
 from nvsim.graph.expression import by_expression
 from nvsim.graph.history import counted
-from nvsim.graph.quantities import Known
+from nvsim.graph.quantities import QuantityInputs
 from nvsim.graph.selection import GraphSelection
 from nvsim.graph.types import EdgeKey, NavGraph
 from nvsim_app.layers.labels import short_id
@@ -153,7 +153,7 @@ class TablePanel(QWidget):
                 frozenset(key for key in graph.edges if text in key[0] or text in key[1]),
             )
         return by_expression(
-            graph, text, Known(self._document.contents.occupancy, clearness=self._document.evidence.at)
+            graph, text, QuantityInputs(self._document.contents.occupancy, clearness=self._document.evidence.at)
         )
 
     def select_filtered(self) -> None:

@@ -15,14 +15,14 @@ from PySide6.QtWidgets import QButtonGroup, QComboBox, QHBoxLayout, QSlider, QTo
 from nvsim.events import Preview
 from nvsim.files.opening import read_regular
 from nvsim_app.frames.canvas import MODES, Canvas
-from nvsim_app.frames.pictures import Painted
+from nvsim_app.frames.pictures import PaintedImage
 from nvsim_app.jobs.history import image_key
 from nvsim_app.jobs.queue import JobHandle
 from nvsim_app.look.labels import Label, WrappingRow
 from nvsim_app.look.plain_text import plain, tip
 from nvsim_app.look.theme import GRID, HALF, type_font
 from nvsim_app.painting.primitives import chip, chip_box
-from nvsim_app.painting.tones import ALPHA, Reading
+from nvsim_app.painting.tones import ALPHA, ImageValues
 
 PARTS = {"Photo": (0, 0), "Model": (0, 1), "Alpha": (1, 0), "Background": (1, 1)}
 """The quarters of a preview image of a training: name -> row and column."""
@@ -294,7 +294,7 @@ class TrainingImages(QWidget):
         canvas.show_photo(photo, keep_zoom=True)
         canvas.show_render(shown)
 
-    def _quarter(self, handle: JobHandle, path: str, row: int, column: int) -> Painted | None:
+    def _quarter(self, handle: JobHandle, path: str, row: int, column: int) -> PaintedImage | None:
         """One quarter of an image file; None if the file cannot be read."""
         if path not in self._files:
             place = handle.picture(path)
@@ -303,8 +303,8 @@ class TrainingImages(QWidget):
         if image.isNull():
             return None
         pixels = _quarter(image, row, column)
-        alpha = Reading(ALPHA, (pixels & 0xFF) / np.float32(255)) if (row, column) == PARTS["Alpha"] else None
-        return Painted(pixels, opaque=True, reading=alpha)
+        alpha = ImageValues(ALPHA, (pixels & 0xFF) / np.float32(255)) if (row, column) == PARTS["Alpha"] else None
+        return PaintedImage(pixels, opaque=True, reading=alpha)
 
 
 def _quarter(image: QImage, row: int, column: int) -> NDArray[np.uint32]:

@@ -14,7 +14,7 @@ from shiboken6 import isValid
 
 from nvsim.graph import operation_table
 from nvsim.graph.history import Step
-from nvsim.graph.offers import Chosen, Needs, Number, Offer
+from nvsim.graph.offers import MenuEntry, NumberField, SelectedElements, SelectionNeeds
 from nvsim.graph.types import NavGraph
 from nvsim_app.actions import Action
 from nvsim_app.layers.labels import short_ids
@@ -42,7 +42,7 @@ class EditPart(Part):
         _edit("undo", "&Undo", "Undo the last step", 0, "Ctrl+Z", icon="undo", toolbar=True, enabled=can_undo),
         _edit("redo", "&Redo", "Redo the undone step", 0, "Ctrl+Shift+Z", icon="redo", toolbar=True, enabled=can_redo),
         _edit("remove", "&Delete", "Delete the selected viewpoints and edges from the graph", 1, "Del", icon="remove",
-              toolbar=True, enabled=with_chosen(Needs("things"))),
+              toolbar=True, enabled=with_chosen(SelectionNeeds("things"))),
     )  # fmt: skip
 
     @classmethod
@@ -110,11 +110,13 @@ class EditPart(Part):
 
     # Commands ----------------------------------------------------------------------------------------------------
 
-    def _chosen(self) -> Chosen:
+    def _chosen(self) -> SelectedElements:
         arrays, chosen = self.context.document.graph_arrays, self._editing.selection
-        return Chosen(sorted(chosen.viewpoints, key=lambda id: arrays.index.get(id, -1)), sorted(chosen.edges))
+        return SelectedElements(
+            sorted(chosen.viewpoints, key=lambda id: arrays.index.get(id, -1)), sorted(chosen.edges)
+        )
 
-    def _take(self, name: str, offer: Offer, _: bool = False) -> None:
+    def _take(self, name: str, offer: MenuEntry, _: bool = False) -> None:
         """Runs an offered operation on the selection, after its form if it has one."""
         if not offer.asks:
             self._run(name, offer, {})
@@ -126,7 +128,7 @@ class EditPart(Part):
             "height": partial(edit_commands.eye_height, self._editing),
         }
         fields = tuple(
-            replace(ask, default=starts[ask.name]()) if isinstance(ask, Number) and ask.name in starts else ask
+            replace(ask, default=starts[ask.name]()) if isinstance(ask, NumberField) and ask.name in starts else ask
             for ask in offer.asks
         )
         context = self.context
@@ -134,7 +136,7 @@ class EditPart(Part):
         self.form = Form(offer.id, offer.title, offer.about, fields, run, context.settings, context.window)
         bring_up(self.form)
 
-    def _run(self, name: str, offer: Offer, values: Mapping[str, Any]) -> None:
+    def _run(self, name: str, offer: MenuEntry, values: Mapping[str, Any]) -> None:
         chosen = self._chosen()
         after = None if offer.selects is None else offer.selects(chosen)
         self._editing.run(name, {**offer.arguments(chosen), **offer.values, **values}, selection=after)

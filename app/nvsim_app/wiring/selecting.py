@@ -8,7 +8,7 @@ import numpy as np
 
 from nvsim.graph import selection as selecting
 from nvsim.graph.edits import EditError
-from nvsim.graph.offers import Needs
+from nvsim.graph.offers import SelectionNeeds
 from nvsim.graph.selection import GraphSelection
 from nvsim.graph.types import NavGraph
 from nvsim_app.actions import Action
@@ -20,7 +20,7 @@ from nvsim_app.state.reasons import with_chosen, with_editing
 from nvsim_app.wiring.panels import MapPart
 from nvsim_app.wiring.part import Dock, Part, WindowContext
 
-_CHOSEN = with_chosen(Needs("things"), changes=False)
+_CHOSEN = with_chosen(SelectionNeeds("things"), changes=False)
 
 
 class SelectPart(Part):
@@ -36,7 +36,7 @@ class SelectPart(Part):
         Action("component", "Select &component", "Select everything that can be reached from the selection", "&Edit", 5,
                "Ctrl+Shift+K", enabled=_CHOSEN),
         Action("path", "Select pat&h between", "Select the shortest path of two viewpoints", "&Edit", 5, "Ctrl+Alt+P",
-               enabled=with_chosen(Needs("viewpoints", 2, 2), changes=False)),
+               enabled=with_chosen(SelectionNeeds("viewpoints", 2, 2), changes=False)),
         Action("select_expression", "Select by e&xpression…", "For example: degree > 4 and not reviewed", "&Edit", 5,
                "Ctrl+F", enabled=with_editing),
         Action("select_range", "Select by &range…", "Select a range of a histogram: length, degree, evidence…", "&Edit",

@@ -59,7 +59,7 @@ class JudgedView:
 
 
 @dataclass(frozen=True)
-class Counts:
+class ViewCounts:
     """Numbers of views per submap, the seed of drawn novel views, and the longest side of the images in pixels."""
 
     seen: int = 5
@@ -68,7 +68,9 @@ class Counts:
     longest: int = 640
 
 
-def judged_views(project: Project, submaps: Sequence[Submap], truth: Path | None, counts: Counts) -> list[JudgedView]:
+def judged_views(
+    project: Project, submaps: Sequence[Submap], truth: Path | None, counts: ViewCounts
+) -> list[JudgedView]:
     """The views of these submaps. Raises InputError if the capture or the ground truth cannot be read."""
     capture = project.need_capture()
     kept_out = held_out(len(capture.frames), capture_config(project).hold_out)
@@ -87,7 +89,7 @@ def judged_views(project: Project, submaps: Sequence[Submap], truth: Path | None
     return found
 
 
-def _seen(capture: Capture, index: int, submap: Submap, counts: Counts) -> JudgedView:
+def _seen(capture: Capture, index: int, submap: Submap, counts: ViewCounts) -> JudgedView:
     frame = capture.frames[index]
     camera = _within(frame.camera, counts.longest)
 
@@ -97,7 +99,7 @@ def _seen(capture: Capture, index: int, submap: Submap, counts: Counts) -> Judge
     return JudgedView(f"{submap.index:03d}_seen_{index:06d}", "seen", str(submap.index), camera, photo)
 
 
-def _true(view: NovelView, submap: Submap, counts: Counts) -> JudgedView:
+def _true(view: NovelView, submap: Submap, counts: ViewCounts) -> JudgedView:
     camera = _within(view.camera, counts.longest)
 
     def photo() -> Image:
@@ -108,7 +110,7 @@ def _true(view: NovelView, submap: Submap, counts: Counts) -> JudgedView:
 
 
 def _drawn(
-    project: Project, capture: Capture, submap: Submap, everything: Sequence[Submap], counts: Counts
+    project: Project, capture: Capture, submap: Submap, everything: Sequence[Submap], counts: ViewCounts
 ) -> list[JudgedView]:
     graph = project.graph()
     places = [] if graph is None else [np.array(v.position) for v in graph.viewpoints.values() if v.included]

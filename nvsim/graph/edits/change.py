@@ -13,8 +13,8 @@ from dataclasses import replace
 from types import MappingProxyType
 from typing import TypeVar
 
-from nvsim.errors import Refusal, shown
-from nvsim.graph.touched import Touched, remember
+from nvsim.errors import UserError, shown
+from nvsim.graph.touched import TouchedElements, remember
 from nvsim.graph.types import Edge, EdgeKey, Evidence, EvidenceKey, NavGraph, Viewpoint
 
 K = TypeVar("K")
@@ -22,7 +22,7 @@ V = TypeVar("V")
 Place = tuple[float, float, float]
 
 
-class EditError(Refusal):
+class EditError(UserError):
     """The edit is impossible on this graph. The message is one sentence with the reason."""
 
 
@@ -205,7 +205,9 @@ class Change:
                 after.__dict__[name] = MappingProxyType(own)
             elif name in self.graph.__dict__:
                 after.__dict__[name] = self.graph.__dict__[name]
-        touched = Touched(tuple(self._touched_viewpoints), tuple(self._touched_edges), tuple(self._touched_evidence))
+        touched = TouchedElements(
+            tuple(self._touched_viewpoints), tuple(self._touched_edges), tuple(self._touched_evidence)
+        )
         remember(after, self.graph, touched)
         return after
 

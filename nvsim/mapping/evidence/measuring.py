@@ -25,10 +25,10 @@ from nvsim.mapping.evidence.climbing import CLIMB, TraversedFloor, out_of_sight
 from nvsim.mapping.evidence.opinions import with_second_opinion
 from nvsim.mapping.families import NETWORK_NORMAL
 from nvsim.mapping.views.floor_view import FloorView, measure
-from nvsim.mapping.views.looking import Ensemble, ViewSource, look_down
+from nvsim.mapping.views.looking import MultiModelSource, ViewSource, look_down
 
 if TYPE_CHECKING:
-    from nvsim.mapping.slice_mass import Slice
+    from nvsim.mapping.slice_mass import SliceGaussians
 
 _SAME_FLOOR = 0.5  # meters
 _KEPT = 1 << 22  # maximum pixels of the cached views of recent viewpoints, if a network needs whole views
@@ -67,8 +67,8 @@ class Measurements:
         self._stairs: dict[str, bool] = {}
         self._ends: dict[tuple[tuple[float, ...], tuple[float, float]], float] = {}
         self._views: dict[str, list[dict[int, FloorView]]] = {}
-        self._ensemble = source if isinstance(source, Ensemble) else None
-        self._slices: dict[int, Slice] = {}
+        self._ensemble = source if isinstance(source, MultiModelSource) else None
+        self._slices: dict[int, SliceGaussians] = {}
         self.rendered_viewpoints = 0
         self.rendered_views = 0
 
@@ -229,11 +229,13 @@ class Measurements:
             self._stairs[viewpoint.id] = bool((np.abs(off) > CLIMB).any())
         return self._stairs[viewpoint.id] or corridor.climbs(self._floor_at)
 
-    def _mass(self, ensemble: Ensemble, submap: int, viewpoint: Viewpoint, corridor: Corridor) -> NDArray[np.uint8]:
-        from nvsim.mapping.slice_mass import Slice
+    def _mass(
+        self, ensemble: MultiModelSource, submap: int, viewpoint: Viewpoint, corridor: Corridor
+    ) -> NDArray[np.uint8]:
+        from nvsim.mapping.slice_mass import SliceGaussians
 
         if submap not in self._slices:
-            self._slices[submap] = Slice(ensemble.gaussians(submap))
+            self._slices[submap] = SliceGaussians(ensemble.gaussians(submap))
         return self._slices[submap].mass(corridor, self._floor_at, viewpoint.height)
 
 

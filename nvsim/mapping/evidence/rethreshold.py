@@ -13,7 +13,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from nvsim.graph.touched import Touched, remember
+from nvsim.graph.touched import TouchedElements, remember
 from nvsim.graph.types import Decision, Edge, EdgeOrigin, NavGraph, edge
 from nvsim.mapping.config import MappingConfig
 from nvsim.mapping.criteria import OPEN, SPARED
@@ -25,7 +25,7 @@ _OPEN = 0  # the code of OPEN
 
 
 @dataclass(frozen=True, eq=False)
-class Rethreshold:
+class ThresholdEffect:
     """The effect of `config` on the graph.
 
     appear, disappear   (M, 2) rows of the viewpoints that gain or lose an edge
@@ -131,7 +131,7 @@ class Rethresholder:
         self._free = np.array(free, bool)
         self._degree = np.bincount(np.array(list(ends), np.int64).reshape(-1), minlength=len(self.ids))
 
-    def decide(self, config: MappingConfig) -> Rethreshold:
+    def decide(self, config: MappingConfig) -> ThresholdEffect:
         """Return the effect of `config` on the graph."""
         codes = self._stack.decide(config)
         passes = codes == _OPEN
@@ -156,7 +156,7 @@ class Rethresholder:
         closed = np.zeros(len(codes), bool)
         for way in (self._forward, self._backward):
             closed[way[(way >= 0) & ~is_open]] = True
-        return Rethreshold(
+        return ThresholdEffect(
             config,
             np.stack([self._a[appear], self._b[appear]], axis=1),
             np.stack([self._a[disappear], self._b[disappear]], axis=1),
@@ -168,7 +168,7 @@ class Rethresholder:
             closed,
         )
 
-    def apply(self, redecision: Rethreshold) -> NavGraph:
+    def apply(self, redecision: ThresholdEffect) -> NavGraph:
         """Return the graph with the edges of `redecision`, and with its decisions in the evidence."""
         edges: dict[tuple[str, str], Edge] = dict(self.graph.edges)
         for a, b in redecision.disappear.tolist():
@@ -186,7 +186,7 @@ class Rethresholder:
         after = replace(self.graph, edges=edges, evidence=evidence)
         pairs = np.concatenate([redecision.disappear, redecision.appear]).tolist()
         touched = tuple(edge(self.ids[a], self.ids[b]).key for a, b in pairs)
-        remember(after, self.graph, Touched((), touched, tuple(changed)))
+        remember(after, self.graph, TouchedElements((), touched, tuple(changed)))
         return after
 
     def _word(self, i: int, code: int, closed: bool) -> Decision:

@@ -25,7 +25,7 @@ from nvsim.mapping.criteria import OPEN, can_stand
 from nvsim.mapping.search.graph_builder import SAME, SAME_FLOOR, STEEPEST, level_distance
 from nvsim.mapping.search.survey import Survey
 from nvsim.mapping.settling.shortcuts import Shortcuts
-from nvsim.mapping.settling.ways import DETOUR, NEAR, Ways, remove_ties
+from nvsim.mapping.settling.ways import DETOUR, NEAR, DraftGraph, remove_ties
 
 _LINKS = 6  # maximum viewpoints, the nearest first, to which a new one is joined
 _SPACING = 0.3  # meters between the positions that are tried
@@ -33,7 +33,7 @@ _NEAREST = 4  # number of nearest viewpoints that may cover a position, tested f
 _HALFWAY = 3  # maximum positions on the way to a position that no step reaches
 
 
-class Filling:
+class GapFiller:
     """Finds positions that the graph of `survey` does not cover and that have room, and measures around them."""
 
     def __init__(self, survey: Survey) -> None:
@@ -128,7 +128,7 @@ class Settling:
     def __init__(self, survey: Survey, progress: Callable[[], None]) -> None:
         self._survey, self._draft, self._config = survey, survey.draft, survey.config
         self._progress = progress
-        self._ways = Ways(survey.draft)
+        self._ways = DraftGraph(survey.draft)
         self._in_line: dict[tuple[str, str], bool] = {}
 
     def run(self) -> None:
@@ -219,7 +219,7 @@ class Settling:
     def _fill(self) -> None:
         if len(self._draft.viewpoints) >= self._config.max_viewpoints:
             return
-        for viewpoint, seen in Filling(self._survey).found():
+        for viewpoint, seen in GapFiller(self._survey).found():
             if not any(self._is_open(viewpoint, other, _LEAST) for other in seen):
                 self._draft.remove(viewpoint.id)
                 continue

@@ -17,7 +17,7 @@ from nvsim.kernel_threads import allowed
 from nvsim.mapping.criteria import can_stand
 from nvsim.mapping.search.survey import Survey
 from nvsim.mapping.search.walk import Walk
-from nvsim.mapping.settling.ways import Ways
+from nvsim.mapping.settling.ways import DraftGraph
 from nvsim.occupancy.grid_ways import Cell, GridWays
 
 _CELL = 0.1  # meters
@@ -26,7 +26,7 @@ _TIGHT = 2.0  # extra length of a path without any room, as a multiple of its le
 _STOREY = 1.5  # minimum meters between cameras of two storeys
 
 
-class KnownRoom:
+class WideKnownFloor:
     """Floor with at least `half_width` meters of known floor around it, at a resolution of 10 cm, without the areas
     that were closed."""
 
@@ -52,7 +52,7 @@ class KnownRoom:
     def lengths(self, start: NDArray[np.floating], ends: NDArray[np.floating], reach: float) -> NDArray[np.float64]:
         """Return (N,) meters of the paths from one camera (3,) to others (N, 3). Infinite if there is no path of at
         most `reach` meters."""
-        window = _Window(start, reach, self)
+        window = _CameraWindow(start, reach, self)
         cells = window.cells_of(ends)
         ways = window.ways(cells[cells[:, 0] >= 0], reach=reach)
         found = np.where(cells[:, 0] >= 0, ways.metres[cells[:, 0], cells[:, 1]], np.inf)
@@ -61,7 +61,7 @@ class KnownRoom:
     def way(self, start: NDArray[np.floating], end: NDArray[np.floating], reach: float) -> NDArray[np.float64]:
         """Return (K, 3) positions, meters, of a path from one camera (3,) to another within `reach` meters, at the
         height of the first. The path prefers the middle of the room to the shortest line. Empty if there is no path."""
-        window = _Window(start, reach, self)
+        window = _CameraWindow(start, reach, self)
         last = window.cells_of(np.asarray(end)[None])
         ways = window.ways(last, _TIGHT)
         if last[0, 0] < 0 or not np.isfinite(ways.metres[last[0, 0], last[0, 1]]):
@@ -102,10 +102,10 @@ class KnownRoom:
         return self.clearance(places) >= self.least
 
 
-class _Window:
+class _CameraWindow:
     """The cells within `reach` of a camera (3,), and which of them have room."""
 
-    def __init__(self, camera: NDArray[np.floating], reach: float, floor: KnownRoom) -> None:
+    def __init__(self, camera: NDArray[np.floating], reach: float, floor: WideKnownFloor) -> None:
         half = int(np.ceil(reach / _CELL))
         self._side, self._camera = 2 * half + 1, np.asarray(camera, np.float64)
         self._start: Cell = half, half
@@ -155,10 +155,10 @@ IsOpen = Callable[[Viewpoint, Viewpoint], bool]
 class Shortcuts:
     """Finds shortcuts in the graph of `survey`, whose viewpoints and edges are `ways`."""
 
-    def __init__(self, survey: Survey, ways: Ways, is_open: IsOpen, join: Join) -> None:
+    def __init__(self, survey: Survey, ways: DraftGraph, is_open: IsOpen, join: Join) -> None:
         self._survey, self._draft, self._ways = survey, survey.draft, ways
         self._is_open, self._join = is_open, join
-        self._room = KnownRoom(survey.walk, survey.config.half_width)
+        self._room = WideKnownFloor(survey.walk, survey.config.half_width)
         # _known: id -> id -> (meters over known floor, number of closed areas at that time). _hopeless: pairs without
         # stops -> number of closed areas at that time.
         self._known: dict[str, dict[str, tuple[float, int]]] = {}

@@ -17,7 +17,7 @@ DETOUR = 1.5  # maximum ratio by which a path may become longer
 _ROUNDING = 1e-6  # meters, more than the rounding error of a path
 
 
-class Ways:
+class DraftGraph:
     """Viewpoints of `draft` and edges between them. Other viewpoints are ignored."""
 
     def __init__(self, draft: GraphBuilder) -> None:
@@ -134,7 +134,7 @@ class Ways:
 _FAR = 12.0  # meters: maximum length of paths that part and meet again
 
 
-def remove_ties(ways: Ways) -> None:
+def remove_ties(ways: DraftGraph) -> None:
     """Remove edges until, of two paths that part and meet again, one is shorter by a centimeter, as far as edges can be
     spared. Each removed edge is the last one of such a path, the longer edge first. Paths of up to 12 m are examined,
     from one viewpoint after the other."""
@@ -149,7 +149,7 @@ def remove_ties(ways: Ways) -> None:
                     waiting.remove(start)
 
 
-def _untie_from(ways: Ways, start: str) -> set[str]:
+def _untie_from(ways: DraftGraph, start: str) -> set[str]:
     """Remove one edge, and return the viewpoints with paths within 12 m that may have used it. Returns an empty set if
     no paths from `start` are tied, or if no edge can be spared."""
     metres = ways.all_metres(start, _FAR)
@@ -163,7 +163,7 @@ def _untie_from(ways: Ways, start: str) -> set[str]:
     return set()
 
 
-def _last(ways: Ways, metres: dict[str, float], end: str) -> list[str]:
+def _last(ways: DraftGraph, metres: dict[str, float], end: str) -> list[str]:
     """Return the viewpoints before `end` on paths from the start that are as short as the shortest, the farthest from
     `end` first."""
     edges = [(length, id) for id, length in ways.around(end) if metres.get(id, math.inf) < metres[end]]

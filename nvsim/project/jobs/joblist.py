@@ -29,8 +29,8 @@ from nvsim.project.jobs.files import (
     STATE_AFTER_REQUEST,
     STATUS,
     WISH,
+    JobCommand,
     JobStatus,
-    Order,
     State,
     Wish,
     encode_order,
@@ -43,7 +43,7 @@ from nvsim.project.jobs.files import (
 from nvsim.project.layout import Layout
 from nvsim.project.work import WORK
 
-__all__ = ["Job", "JobList", "Order", "JobStatus", "State", "Wish"]
+__all__ = ["Job", "JobCommand", "JobList", "JobStatus", "State", "Wish"]
 
 STOPPED: tuple[State, ...] = ("paused", "interrupted", "failed", "cancelled")
 """The states of jobs that can be continued."""
@@ -65,7 +65,7 @@ class Job:
 
     number: int
     folder: Path
-    order: Order
+    order: JobCommand
     status: JobStatus
     ours: bool = True
 
@@ -96,7 +96,7 @@ class JobList:
     def __init__(self, root: Path) -> None:
         self.root = Path(root).expanduser().absolute()
         self.folder = Layout(self.root).jobs
-        self._orders: dict[int, tuple[Any, Order, bool]] = {}  # number -> stamp of the file, its order, ours
+        self._orders: dict[int, tuple[Any, JobCommand, bool]] = {}  # number -> stamp of the file, its order, ours
 
     # Reading ----------------------------------------------------------------------------------------------------
 
@@ -130,7 +130,7 @@ class JobList:
                 found.append((number, os.lstat(self.folder / f"{number:06d}" / STATUS).st_mtime_ns))
         return tuple(found)
 
-    def _order(self, number: int, folder: Path) -> tuple[Order, bool]:
+    def _order(self, number: int, folder: Path) -> tuple[JobCommand, bool]:
         """The order of a job and whether it is ours, read again only if the file has changed."""
         found = os.lstat(order_path(folder))
         stamp = (found.st_mtime_ns, found.st_ctime_ns, found.st_size, found.st_ino)
@@ -175,9 +175,9 @@ class JobList:
         self._make_folder()
         with self._locked():
             self._prune()
-            return self._store(Order(verb, tuple(arguments), title, heavy, time.time()), JobStatus())
+            return self._store(JobCommand(verb, tuple(arguments), title, heavy, time.time()), JobStatus())
 
-    def begin(self, order: Order) -> Job:
+    def begin(self, order: JobCommand) -> Job:
         """Records a command that this process runs, until `finish`. A command that was stopped before its end, and
         runs again, continues its job. Raises InputError if the disk reports an error."""
         self._make_folder()
@@ -294,7 +294,7 @@ class JobList:
 
     # Inside -----------------------------------------------------------------------------------------------------
 
-    def _store(self, order: Order, status: JobStatus | None = None) -> Job:
+    def _store(self, order: JobCommand, status: JobStatus | None = None) -> Job:
         """A new job. Without a status the process runs it itself, so it needs no proof if the secret is missing."""
         number = max(self._numbers(), default=0) + 1
         if number >= 10**_DIGITS:

@@ -117,7 +117,7 @@ def sentence(words: str) -> str:
     return words[0].upper() + words[1:] + "."
 
 
-class Names:
+class ObjectNames:
     """Names the objects of one instruction: an object keeps its noun, and a second mention has no color."""
 
     def __init__(self, random: Random) -> None:

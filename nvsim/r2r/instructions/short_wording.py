@@ -15,7 +15,7 @@ from nvsim.r2r.instructions.phrases import (
     DOOR,
     NUMBERS,
     TURNS,
-    Names,
+    ObjectNames,
     alternatives_pattern,
     one_of,
     sentence,
@@ -190,7 +190,7 @@ class _Clause:
 
 def short_instruction(said: Sequence[Leg], detail: Detail, random: Random) -> str:
     """Returns an instruction of the short register for legs that were rounded to `detail`."""
-    names = Names(random)
+    names = ObjectNames(random)
     clauses: list[_Clause] = []
     reached: Cue | None = None
     for i, leg in enumerate(said):
@@ -255,7 +255,7 @@ def _turn(leg: Leg, detail: Detail, random: Random) -> str:
     return "" if turn == "ahead" else spoken(TURNS[turn], random)
 
 
-def _moves(leg: Leg, names: Names, random: Random) -> list[str]:
+def _moves(leg: Leg, names: ObjectNames, random: Random) -> list[str]:
     """Returns the imperatives of a walk with its landmarks, in the order of the way."""
     door = min((cue.at for cue in leg.cues if cue.kind in ("through", "rug", "floor")), default=float("inf"))
     found: list[str] = []
@@ -283,7 +283,7 @@ def _moves(leg: Leg, names: Names, random: Random) -> list[str]:
     return found
 
 
-def _main(leg: Leg, names: Names, random: Random) -> str:
+def _main(leg: Leg, names: ObjectNames, random: Random) -> str:
     """Returns the imperative of the main landmark: stairs, doorway, floor, corridor, object ahead; "" without one."""
     if leg.slope != "level":
         return spoken(WALKS[leg.slope], random)

@@ -50,7 +50,7 @@ def _chosen(builder: ir.IRBuilder, vector: ir.Value, lanes: list[int]) -> ir.Val
     return builder.shuffle_vector(vector, ir.Constant(vector.type, ir.Undefined), mask)
 
 
-class _Row:
+class _TexelPair:
     """Two adjacent texels, six floats; no memory outside of them is read or written."""
 
     def __init__(
@@ -91,7 +91,7 @@ def _gather(
 
     def build(context: BaseContext, builder: ir.IRBuilder, signature: Signature, arguments: list[ir.Value]) -> ir.Value:
         array, at_low, at_high, *shares = arguments
-        rows = [_Row(context, builder, signature.args[0], array, at) for at in (at_low, at_high)]
+        rows = [_TexelPair(context, builder, signature.args[0], array, at) for at in (at_low, at_high)]
         flags = ("contract", "reassoc")
         left = right = None
         for row, (ours, next_) in zip(rows, (shares[:2], shares[2:]), strict=True):
@@ -122,7 +122,7 @@ def _spread(
 
     def build(context: BaseContext, builder: ir.IRBuilder, signature: Signature, arguments: list[ir.Value]) -> ir.Value:
         array, at, ours, next_, *colour = arguments
-        row = _Row(context, builder, signature.args[0], array, at)
+        row = _TexelPair(context, builder, signature.args[0], array, at)
         r, g, b = colour
         # Groups of four and two floats that do not overlap, so that additions of the next pixel to the same texels need
         # not wait for the cache.

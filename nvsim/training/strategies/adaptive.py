@@ -16,7 +16,7 @@ from nvsim.splats.types import Gaussians, joined
 from nvsim.training.strategies.capped import neediest
 from nvsim.training.strategies.config import DensifyConfig
 from nvsim.training.strategies.division import copy_gaussians, find_removable, logit, split
-from nvsim.training.strategies.types import Float32, Model, Refinement, mean_gradient
+from nvsim.training.strategies.types import Float32, GaussianModel, Refinement, mean_gradient
 
 
 class Adaptive:
@@ -27,10 +27,10 @@ class Adaptive:
     ) -> None:
         self._config, self._steps, self._cap, self._floor, self._rng = config, steps, cap, floor, rng
 
-    def before_update(self, model: Model, step: int) -> None:
+    def before_update(self, model: GaussianModel, step: int) -> None:
         """Does nothing."""
 
-    def after_update(self, model: Model, step: int) -> None:
+    def after_update(self, model: GaussianModel, step: int) -> None:
         """Refines or resets if it is due. Culling continues after growth has stopped, as in Splatfacto."""
         if step % self._config.every == 0 and not self.rests(step):
             model.refine(self.refined(model.gaussians, model.sums, step))
@@ -63,7 +63,7 @@ class Adaptive:
         return max(int(share * self._steps), 1) if share > 0 else 0
 
     def refined(self, gaussians: Gaussians, sums: Float32, step: int) -> Refinement:
-        """The refinement after `step`; `sums` (N, 3) as in `Model`."""
+        """The refinement after `step`; `sums` (N, 3) as in `GaussianModel`."""
         c, rules = self._config, self._config.adaptive
         lost = find_removable(gaussians, c.prune_opacity, c.largest, self._floor)
         on_screen = step <= rules.screen_stop * self._steps

@@ -84,9 +84,9 @@ def _unfinished() -> list[Seed]:
 
 
 def _finished(path: Path) -> object:
-    from nvsim.r2r.observations.record import Record
+    from nvsim.r2r.observations.record import ScanRecord
 
-    record = Record(_places(path), only_look=True)
+    record = ScanRecord(_places(path), only_look=True)
     return [record.finished(name, "key") for name in record.parts]
 
 

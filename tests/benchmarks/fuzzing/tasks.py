@@ -124,11 +124,11 @@ def _agents() -> list[Seed]:
 
     from nvsim.r2r.recurrent.dataset import SPECIAL, Vocabulary
     from nvsim.r2r.recurrent.model import RecurrentModel
-    from nvsim.r2r.recurrent.saved_agent import About, write_about, write_weights
+    from nvsim.r2r.recurrent.saved_agent import AgentDescription, write_about, write_weights
 
     words = Vocabulary((*SPECIAL, "go", "left"))
     with workshop() as folder:
-        write_about(folder, About(SMALL, words, 4, "chance", 10, {"steps": 3}, True))
+        write_about(folder, AgentDescription(SMALL, words, 4, "chance", 10, {"steps": 3}, True))
         write_weights(folder, RecurrentModel(SMALL, len(words.words), 4))
         files = files_in(folder)
     return each(files, "", {"agent.json": "json", "weights.safetensors": "tensors"})
