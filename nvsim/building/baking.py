@@ -90,7 +90,7 @@ def bake(
 
     def lit(albedo: Image, surface: int, boost: float = 1.0) -> Image:
         shade = _exposed(light[surface] * np.float32(gain * boost))
-        return np.asarray(albedo * _spread(shade, *albedo.shape[:2])[..., None], np.float32)
+        return np.asarray(albedo * _interpolate_light(shade, *albedo.shape[:2])[..., None], np.float32)
 
     # Painted, lit, and converted to bytes one by one, because a large building in floating point exceeds the memory.
     levels, glosses = [], []
@@ -204,7 +204,7 @@ def _blurred_inside(light: NDArray[np.float32]) -> NDArray[np.float32]:
     return soft
 
 
-def _spread(light: NDArray[np.float32], rows: int, columns: int) -> NDArray[np.float32]:
+def _interpolate_light(light: NDArray[np.float32], rows: int, columns: int) -> NDArray[np.float32]:
     """(rows, columns) interpolated from values at nodes that extend from edge to edge."""
     x = ((np.arange(columns) + 0.5) * ((light.shape[1] - 1) / columns)).astype(np.float32)
     y = ((np.arange(rows) + 0.5) * ((light.shape[0] - 1) / rows)).astype(np.float32)

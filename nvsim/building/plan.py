@@ -36,11 +36,11 @@ class Flight:
     @property
     def rect(self) -> Rect:
         """The ground under the treads, which is also the opening in the floor above, meters."""
-        return self._between(0, RISERS - 1)
+        return self._ground_between(0, RISERS - 1)
 
     def treads(self) -> list[tuple[Rect, float]]:
         """The ground of each tread and its height above the lower floor, meters, from the lowest tread on."""
-        return [(self._between(i, i + 1), (i + 1) * self.rise) for i in range(RISERS - 1)]
+        return [(self._ground_between(i, i + 1), (i + 1) * self.rise) for i in range(RISERS - 1)]
 
     @property
     def direction(self) -> NDArray[np.float64]:
@@ -62,7 +62,7 @@ class Flight:
         """The mirror image or quarter turn by `point`."""
         return replace(self, foot=point(*self.foot), head=point(*self.head))
 
-    def _between(self, first: int, last: int) -> Rect:
+    def _ground_between(self, first: int, last: int) -> Rect:
         """The ground between two risers, rounded to a micrometer, so that neighbors have exactly equal edges."""
         (x0, y0), (x1, y1) = self._at(first), self._at(last)
         low, high = (min(x0, x1), min(y0, y1)), (max(x0, x1), max(y0, y1))

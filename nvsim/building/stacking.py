@@ -42,7 +42,7 @@ def make_storeys(config: BuildingConfig, rng: np.random.Generator, upper: np.ran
     above = _refurnished(below, upper) if config.size == "full" else make_plan("small", upper, glazed, below.extent)
     return tuple(
         Storey(plan, k * (HEIGHT + SLAB))
-        for k, plan in enumerate(turn_randomly(_joined(config.size, below, above), rng))
+        for k, plan in enumerate(turn_randomly(_join_with_strip(config.size, below, above), rng))
     )
 
 
@@ -54,7 +54,7 @@ def _refurnished(plan: Plan, rng: np.random.Generator) -> Plan:
     return replace(plan, rooms=(*changed, *plan.rooms[len(rooms) :]))
 
 
-def _joined(size: str, below: Plan, above: Plan) -> tuple[Plan, Plan]:
+def _join_with_strip(size: str, below: Plan, above: Plan) -> tuple[Plan, Plan]:
     """Both plans with the strip beyond their far side. The upper plan is mirrored in x, so that its tour begins and
     ends on the side where the stairs arrive."""
     width, depth = below.extent.x1, below.extent.y1

@@ -184,7 +184,7 @@ def _chosen(models: list[ModelFolder], root: Path, findings: Findings) -> tuple[
     read."""
     together = numbered_with(models[0], models)
     lists: dict[ModelFolder, list[ImageRow] | InputError] = {}
-    for model in dict.fromkeys([*together, *models[:_COMPARED], *_beside(models[0], root)]):
+    for model in dict.fromkeys([*together, *models[:_COMPARED], *_other_numbered_models(models[0], root)]):
         try:
             with _reading(model, "images") as path:
                 lists[model] = _reader(model).read_images(path)
@@ -223,7 +223,7 @@ def _shown_name(model: ModelFolder) -> str:
     return shown(f"{model.folder.parent.name}/{model.folder.name}" if model.name == "." else model.name)
 
 
-def _beside(model: ModelFolder, root: Path) -> list[ModelFolder]:
+def _other_numbered_models(model: ModelFolder, root: Path) -> list[ModelFolder]:
     """The other numbered models beside `model`, if the user named a numbered model directly."""
     if model.folder != root or not root.name.isdigit():
         return []

@@ -235,7 +235,7 @@ def _read_depths(sensors: Path, tree: SensorTree, frames: list[RawFrame], findin
             if lens is not None and pose is not None:
                 placed, file = inverse(pose), sensors / "records_data" / fields[2]
                 is_raw = file.suffix.lower() not in (".png", ".tif", ".tiff", ".npy")
-                name = _beside(placed, at_time.get(float(timestamp or 0), []))
+                name = _nearest_frame_name(placed, at_time.get(float(timestamp or 0), []))
                 depths.append(DepthFile(file, lens, placed, name, is_raw=is_raw, unit=1.0 if is_raw else 0.001))
     except InputError as error:
         faults.error(str(error).rstrip("."), "records_depth.txt", "")
@@ -244,7 +244,7 @@ def _read_depths(sensors: Path, tree: SensorTree, frames: list[RawFrame], findin
     return depths
 
 
-def _beside(pose: NDArray[np.float64], frames: list[RawFrame]) -> str:
+def _nearest_frame_name(pose: NDArray[np.float64], frames: list[RawFrame]) -> str:
     """The name of the frame whose viewing direction is nearest to that of `pose` (4, 4); "" if none is within 30
     degrees, because such a camera shows other surfaces."""
     poses = [(f.name, f.camera_to_world) for f in frames if f.camera_to_world is not None]

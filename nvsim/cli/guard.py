@@ -12,7 +12,7 @@ import traceback
 from pathlib import Path
 from types import FrameType
 
-from nvsim.cli.console import advise, tell_failure, with_command_options
+from nvsim.cli.console import advise, report_failure, with_command_options
 from nvsim.cli.options import Command
 from nvsim.cli.terminal import say
 from nvsim.errors import InputError
@@ -60,7 +60,7 @@ def _stop(number: int, frame: FrameType | None) -> None:
 
 def _fail(verb: str, sentence: str, code: int, as_json: bool) -> int:
     sentence = with_command_options(sentence)
-    tell_failure(Failed(verb.split()[0], sentence, code), as_json)
+    report_failure(Failed(verb.split()[0], sentence, code), as_json)
     say(f"nvsim {verb}: {sentence}", error=True)
     return code
 

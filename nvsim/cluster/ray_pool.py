@@ -113,10 +113,10 @@ class RayPool:
                 while waiting and len(running) < most:
                     attempt = waiting.popleft()
                     running[self._submit(attempt, begin(attempt.piece))] = attempt
-                for stream in self._talking(running):
+                for stream in self._streams_with_messages(running):
                     attempt = running[stream]
                     piece = attempt.piece
-                    for kind, value in self._heard(stream):
+                    for kind, value in self._next_messages(stream):
                         if kind == "began":
                             attempt.worker = str(value)
                             yield piece, Worker(piece.stage, attempt.worker, piece.part, piece.words, "works")
@@ -167,14 +167,14 @@ class RayPool:
         )
         return task.remote(pickle.dumps((order.work, order.given)), attempt.piece.cores, versions())
 
-    def _talking(self, running: dict[Any, Attempt]) -> list[Any]:
+    def _streams_with_messages(self, running: dict[Any, Attempt]) -> list[Any]:
         """The streams that have a message; may be empty after a short wait."""
         if not running:
             return []
         self._ray.wait(list(running), num_returns=1, timeout=_LOOK)
         return list(self._ray.wait(list(running), num_returns=len(running), timeout=0)[0])
 
-    def _heard(self, stream: Any) -> list[tuple[str, Any]]:
+    def _next_messages(self, stream: Any) -> list[tuple[str, Any]]:
         """The next messages of a stream: pairs as `ray_task.serve` yields them, or ("lost", "") or ("memory", "")."""
         errors = self._ray.exceptions
         try:

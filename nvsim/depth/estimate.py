@@ -32,7 +32,7 @@ from nvsim.depth.files import (
 )
 from nvsim.depth.fusion import FusedCells, FusedCloud, Map, fuse, joined
 from nvsim.depth.labelling import label_planes
-from nvsim.depth.planes import Plane, find_planes, mirrored
+from nvsim.depth.planes import Plane, find_planes, is_behind_floor
 from nvsim.depth.refinement import refine, smooth_depth
 from nvsim.depth.smoothing import smooth, winner
 from nvsim.depth.sweep import sweep
@@ -266,7 +266,7 @@ def _certain(
     rows, columns = np.nonzero(sure)
     rays = camera.rays()[rows, columns]
     depth = 1 / inverse[rows, columns, None] / (rays @ camera.rotation[:, 2])[:, None]
-    behind = mirrored(planes, camera.position, camera.position + depth * rays)
+    behind = is_behind_floor(planes, camera.position, camera.position + depth * rays)
     sure[rows[behind], columns[behind]] = False
     return np.where(sure, inverse, 0).astype(np.float32)
 

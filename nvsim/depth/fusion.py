@@ -115,11 +115,11 @@ def joined(parts: Iterable[FusedCells]) -> FusedCloud:
         found: tuple[NDArray[Any], ...] = seen.points, seen.eyes - seen.points, part.colors, part.views
         for column, values in zip(columns, found, strict=True):
             column.append(values)
-    points, towards, colors, views = (_together(column) for column in columns)
+    points, towards, colors, views = (_concatenate_parts(column) for column in columns)
     return FusedCloud(points, colors, normals_of(points, towards), views)
 
 
-def _together(parts: list[NDArray[Any]]) -> NDArray[Any]:
+def _concatenate_parts(parts: list[NDArray[Any]]) -> NDArray[Any]:
     """The concatenated `parts`, which are removed from their list."""
     together = np.concatenate(parts)
     parts.clear()
@@ -203,7 +203,7 @@ class Fusion:
 
 
 @njit(cache=True, nogil=True)
-def _place(key: np.int64, keys: NDArray[np.int64], table: NDArray[np.int32]) -> np.int64:
+def _find_row(key: np.int64, keys: NDArray[np.int64], table: NDArray[np.int32]) -> np.int64:
     """The place in `table` (M,) of the row of `key` in `keys`, or an empty place for it. M is a power of two, and some
     places are empty."""
     mask = len(table) - 1
@@ -218,7 +218,7 @@ def _place(key: np.int64, keys: NDArray[np.int64], table: NDArray[np.int32]) -> 
 def _index(some: NDArray[np.int64], keys: NDArray[np.int64], table: NDArray[np.int32]) -> None:
     """Enter the first rows of `keys`, which are `some` (N,), in an empty table."""
     for i in range(len(some)):
-        table[_place(some[i], keys, table)] = i
+        table[_find_row(some[i], keys, table)] = i
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
@@ -261,7 +261,7 @@ def _add(
         span[0], span[1] = min(span[0], key), max(span[1], key)
         if key < limits[0] or key > limits[1]:
             continue
-        at = _place(key, keys, table)
+        at = _find_row(key, keys, table)
         if table[at] == _EMPTY:
             if filled == len(keys):
                 return i, filled

@@ -71,7 +71,7 @@ class Client:
             if not self.may_send:
                 raise InputError("A request has no stored answer, and nothing was sent; give --yes to send it.")
             with self.budget.holding(tokens_in(request), request.tokens):
-                found = self._answered(request)
+                found = self._request_answer(request)
                 self.kept.put(key, self.endpoint.url, self.endpoint.model, request, found)
                 self.budget.count(found, tokens_in(request))
         else:
@@ -81,7 +81,7 @@ class Client:
     def _key(self, request: Request) -> str:
         return request.key(self.endpoint.url, self.endpoint.model)
 
-    def _answered(self, request: Request) -> Answer:
+    def _request_answer(self, request: Request) -> Answer:
         why = ""
         attempt = respelled = 0
         while attempt < self.options.attempts:

@@ -39,7 +39,7 @@ class Corridors:
         at = np.array([row[e.viewpoint] for e in evidence], np.int64)
         xy = np.array([v.position[:2] for v in graph.viewpoints.values()], np.float64).reshape(-1, 2)
         self._stack = EvidenceStack(evidence, at, len(row))
-        ways = _ways(at, _leads(evidence, xy), len(row))
+        ways = _ways(at, _end_rows(evidence, xy), len(row))
         _, first, self._way = np.unique(ways, return_index=True, return_inverse=True)
         starts = xy[at[first]]
         stops = np.array([evidence[i].target for i in first], np.float64).reshape(-1, 2)
@@ -57,7 +57,7 @@ class Corridors:
         return np.asarray(good == count if config.both_ways else good > 0)
 
 
-def _leads(evidence: list[Evidence], xy: NDArray[np.float64]) -> NDArray[np.int64]:
+def _end_rows(evidence: list[Evidence], xy: NDArray[np.float64]) -> NDArray[np.int64]:
     """(E,) the row of the viewpoint at the end of each corridor, -1 if there is none."""
     from scipy.spatial import cKDTree
 

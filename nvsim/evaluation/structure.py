@@ -108,16 +108,18 @@ class MapPaths:
     def lengths(self, sources: NDArray[np.int64], ends: NDArray[np.int64]) -> Float64:
         """(S, E) meters of the shortest paths from the places `sources` (S,) to `ends` (E,), infinite if there is none.
         Paths are on one storey or use stairs through their centers."""
-        found = np.array([self._from(self.places[s], int(self.storeys[s]), ends) for s in sources])
+        found = np.array([self._meters_from_place(self.places[s], int(self.storeys[s]), ends) for s in sources])
         found = found.reshape(len(sources), len(ends))
         if not self.maps.stairs:
             return found
         stairs, between = self.maps.stairs, self._between_stairs()
-        to_ends, to_sources = (np.array([self._to(stair, rows) for stair in stairs]) for rows in (ends, sources))
+        to_ends, to_sources = (
+            np.array([self._meters_to_stair(stair, rows) for stair in stairs]) for rows in (ends, sources)
+        )
         over = (to_sources.T[:, :, None] + between).min(axis=1)  # from each source to each stair
         return np.asarray(np.minimum(found, (over[:, :, None] + to_ends[None]).min(axis=1)))
 
-    def _from(self, place: Float64, storey: int, ends: NDArray[np.int64]) -> Float64:
+    def _meters_from_place(self, place: Float64, storey: int, ends: NDArray[np.int64]) -> Float64:
         """(E,) meters from a place (2,) of a storey to those of `ends` on the same storey, infinite to the others."""
         found = np.full(len(ends), np.inf)
         here = self.storeys[ends] == storey
@@ -125,13 +127,13 @@ class MapPaths:
         found[here] = np.where(np.isnan(metres), np.inf, metres)
         return found
 
-    def _to(self, stair: Stair, rows: NDArray[np.int64]) -> Float64:
+    def _meters_to_stair(self, stair: Stair, rows: NDArray[np.int64]) -> Float64:
         """(R,) meters from the center of a stair to places on the storeys that it connects."""
         middle = np.mean(stair.outline, axis=0)
-        sides = [self._from(middle, k, rows) for k in (stair.lower, stair.upper)]
-        return np.minimum(*sides) + self._climb(stair) / 2
+        sides = [self._meters_from_place(middle, k, rows) for k in (stair.lower, stair.upper)]
+        return np.minimum(*sides) + self._extra_stair_length(stair) / 2
 
-    def _climb(self, stair: Stair) -> float:
+    def _extra_stair_length(self, stair: Stair) -> float:
         """Meters by which a stair is longer than its horizontal projection."""
         corners = np.array(stair.outline)
         run = float(np.linalg.norm(corners - np.roll(corners, -1, axis=0), axis=1).max())
@@ -148,7 +150,7 @@ class MapPaths:
                 for k in {one.lower, one.upper} & {other.lower, other.upper}:
                     metres = self._geodesics[k].lengths(middles[i], middles[j][None])[0]
                     if np.isfinite(metres):
-                        climbs = (self._climb(one) + self._climb(other)) / 2
+                        climbs = (self._extra_stair_length(one) + self._extra_stair_length(other)) / 2
                         apart[i, j] = apart[j, i] = min(apart[i, j], metres + climbs)
         for via in range(len(stairs)):
             apart = np.minimum(apart, apart[:, via, None] + apart[via])

@@ -231,7 +231,7 @@ def evaluate_validity(
                 listen(Log(f"Building the map of {row.name} by {' & '.join(criteria)}.", STAGE))
                 made_cell(project, runs[row], mapping, kept, known, listen)
                 built += 1
-            cells.append(_judged(row.name, criteria, kept, occupancy, walk, config.robot_radius, support.at))
+            cells.append(_evaluate_cell(row.name, criteria, kept, occupancy, walk, config.robot_radius, support.at))
             known.append(kept)
     reused = len(cells) - built
     return ValidityTable(
@@ -271,7 +271,7 @@ def _trained(
     return runs, len(todo)
 
 
-def _judged(
+def _evaluate_cell(
     model: str, criteria: Criteria, kept: StoredMap, occupancy: OccupancyMap, walk: Any, robot_radius: float, seen: Any
 ) -> ValidityCell:
     graph, report = kept.read()

@@ -32,7 +32,7 @@ _LIMITS = {
 Row = tuple[Any, ...]
 
 
-def harden(connection: sqlite3.Connection) -> None:
+def disable_code(connection: sqlite3.Connection) -> None:
     """Disables all code that the file defines, and makes SQLite check each page that it reads. Raises sqlite3.Error."""
     for limit, value in _LIMITS.items():
         connection.setlimit(limit, value)
@@ -140,12 +140,12 @@ def read(
     with reading_rows(connection, path):
         rows: list[Row] = connection.execute(f"SELECT {', '.join(columns)} FROM {table} {rest}", given).fetchall()
     for number, row in enumerate(rows, 1):
-        if tuple(map(type, row)) == usual and all(map(_fits, kinds, row)):
+        if tuple(map(type, row)) == usual and all(map(_is_of_type, kinds, row)):
             continue
         for name, kind, cell in zip(columns, kinds, row, strict=True):
-            if not (cell is None and kind.optional) and not (type(cell) is kind.usual and _fits(kind, cell)):
+            if not (cell is None and kind.optional) and not (type(cell) is kind.usual and _is_of_type(kind, cell)):
                 where = f"{path}: {name} of row {number} of the table {table}"
-                raise InputError(f"{where} is {_shown(cell)}, not {kind.words}; {_AGAIN}.")
+                raise InputError(f"{where} is {_cell_text(cell)}, not {kind.words}; {_AGAIN}.")
     return rows
 
 
@@ -170,11 +170,11 @@ FLAG = CellType(int, "0 or 1", lambda value: value in (0, 1))
 BLOB = CellType(bytes, "bytes")
 
 
-def _fits(kind: CellType, cell: Any) -> bool:
+def _is_of_type(kind: CellType, cell: Any) -> bool:
     return kind.fits is None or cell is None or kind.fits(cell)
 
 
-def _shown(cell: Any) -> str:
+def _cell_text(cell: Any) -> str:
     if cell is None:
         return "empty"
     if isinstance(cell, bytes):

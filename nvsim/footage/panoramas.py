@@ -274,7 +274,7 @@ class _Chooser:
         before = [frame_without_points(gray) for gray in grays] if first else self._tracked
         self._tracked = [tracked_into(old, gray) for old, gray in zip(before, grays, strict=True)]
         panorama.rays = self._rays()
-        moved, share, shared = self._moved(panorama.rays)
+        moved, share, shared = self._motion_since_chosen(panorama.rays)
         if first:
             yield self._choose(panorama)
             return
@@ -312,7 +312,7 @@ class _Chooser:
             found.update(zip(tracked.ids.tolist(), rays, strict=True))
         return found
 
-    def _moved(self, rays: dict[int, NDArray[np.float64]]) -> tuple[float, float, int]:
+    def _motion_since_chosen(self, rays: dict[int, NDArray[np.float64]]) -> tuple[float, float, int]:
         """Motion of the points of the last chosen panorama, without its rotation: the median in degrees. Also returns
         the share and the number of these points that are still tracked."""
         shared = [i for i in self._anchor if i in rays]

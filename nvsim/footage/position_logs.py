@@ -99,7 +99,7 @@ def ar_positions(footage: Footage, moments: Mapping[str, VideoMoment]) -> Camera
         return None
     log, names = read_odometry(path), tuple(moments)
     places = _places_at(log, np.array([moments[name].frame for name in names], np.float64))
-    return _known(f"the ARKit log {path.name}", False, names, places, AR_ERROR)
+    return _located_positions(f"the ARKit log {path.name}", False, names, places, AR_ERROR)
 
 
 def gps_positions(footage: Footage, moments: Mapping[str, VideoMoment]) -> CameraPositions | None:
@@ -126,7 +126,7 @@ def gps_positions(footage: Footage, moments: Mapping[str, VideoMoment]) -> Camer
     if not tracks:
         return None
     source = f"the GPS track {tracks[0]}" if len(tracks) == 1 else f"{len(tracks)} GPS tracks"
-    return _known(source, True, names, local_meters(degrees), GPS_ERROR)
+    return _located_positions(source, True, names, local_meters(degrees), GPS_ERROR)
 
 
 def local_meters(degrees: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -333,10 +333,10 @@ def _of_photographs(footage: Footage) -> CameraPositions | None:
         return None
     error = float(np.median(errors)) if errors else GPS_ERROR
     source = f"GPS of {len(names) // 2} photographs"
-    return _known(source, True, tuple(names), local_meters(np.array(degrees)), error)
+    return _located_positions(source, True, tuple(names), local_meters(np.array(degrees)), error)
 
 
-def _known(
+def _located_positions(
     source: str, is_gps: bool, names: tuple[str, ...], places: NDArray[np.float64], error: float
 ) -> CameraPositions:
     """The positions without images that have none."""

@@ -45,12 +45,12 @@ def difference(before: NavGraph, after: NavGraph) -> Difference:
     if touched is None:
         return Difference(*_compare(before.viewpoints, after.viewpoints), *_compare(before.edges, after.edges))
     return Difference(
-        *_among(touched.viewpoints, before.viewpoints, after.viewpoints),
-        *_among(touched.edges, before.edges, after.edges),
+        *_changed_names(touched.viewpoints, before.viewpoints, after.viewpoints),
+        *_changed_names(touched.edges, before.edges, after.edges),
     )
 
 
-def _among(names: Iterable[K], before: Mapping[K, Any], after: Mapping[K, Any]) -> _Parts:
+def _changed_names(names: Iterable[K], before: Mapping[K, Any], after: Mapping[K, Any]) -> _Parts:
     """Return the added, removed and changed names if only `names` can differ."""
     added, removed, changed = [], [], []
     for name in names:
@@ -147,12 +147,12 @@ def delta_between(before: NavGraph, after: NavGraph) -> GraphDelta:
     return GraphDelta(viewpoints[0], edges[0], evidence[0], viewpoints[1], edges[1], evidence[1], ignored, scan, orders)
 
 
-def folded(graph: NavGraph, deltas: Sequence[GraphDelta]) -> NavGraph:
+def apply_deltas(graph: NavGraph, deltas: Sequence[GraphDelta]) -> NavGraph:
     """Return the graph after all of `deltas`. The graph is copied only once, even for many deltas."""
     for last in range(len(deltas) - 1, -1, -1):
         whole = deltas[last].whole
         if whole is not None:
-            return folded(whole, deltas[last + 1 :])
+            return apply_deltas(whole, deltas[last + 1 :])
     if not deltas:
         return graph
     viewpoints, edges, evidence = copied(graph.viewpoints), copied(graph.edges), copied(graph.evidence)
@@ -208,7 +208,7 @@ def _parts(
     if before is after:
         return (), (), ()
     if touched is None:
-        put = {name: value for name, value in after.items() if not _same(before.get(name), value)}
+        put = {name: value for name, value in after.items() if not _is_equal(before.get(name), value)}
         dropped = tuple(name for name in before if name not in after)
         gone = set(dropped)
         order = [name for name in before if name not in gone] + [name for name in put if name not in before]
@@ -223,7 +223,7 @@ def _parts(
     return tuple(after[name] for name in (*inside, *end)), dropped, ()
 
 
-def _same(one: object, other: object) -> bool:
+def _is_equal(one: object, other: object) -> bool:
     """Whether two values are equal. A graph that was read again from disk consists of other objects."""
     if one is other or not (isinstance(one, Evidence) and isinstance(other, Evidence)):
         return one == other

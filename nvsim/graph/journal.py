@@ -208,12 +208,12 @@ class Journal:
         try:
             if self.refusal is None:
                 self.flush()
-                if not self._done_with:
+                if not self._is_deleted_on_close:
                     self._file.trim(KEPT_STEPS, KEPT_BYTES)
         finally:
             self._file.close()
             if self._lock is not None:
-                if self._done_with:
+                if self._is_deleted_on_close:
                     self._file.remove()
                 self._lock_path.unlink(missing_ok=True)
                 self._lock.release()
@@ -225,7 +225,7 @@ class Journal:
         self.close()
 
     @property
-    def _done_with(self) -> bool:
+    def _is_deleted_on_close(self) -> bool:
         """Whether closing deletes the journal."""
         return self._plain and (self._history is None or self._history.clean)
 

@@ -16,8 +16,8 @@ from typing import Any
 from nvsim.errors import InputError
 from nvsim.files.atomic import make_folder
 from nvsim.files.databases import check_files, make_file, open_to_read, sqlite_error
-from nvsim.files.tables import BLOB, COUNT, NUMBER, TEXT, check_schema, harden, read, reading_rows
-from nvsim.graph.difference import GraphDelta, folded
+from nvsim.files.tables import BLOB, COUNT, NUMBER, TEXT, check_schema, disable_code, read, reading_rows
+from nvsim.graph.difference import GraphDelta, apply_deltas
 from nvsim.graph.history import Step
 from nvsim.graph.journal_rows import decode_delta, decode_selection
 from nvsim.graph.store import decode_graph, encode_graph
@@ -217,7 +217,7 @@ class JournalFile:
             make_file(self.path)
             try:
                 self._connection = sqlite3.connect(self.path, timeout=10, isolation_level=None, check_same_thread=False)
-                harden(self._connection)
+                disable_code(self._connection)
                 self._connection.execute("PRAGMA journal_mode=WAL")
                 self._connection.execute("PRAGMA synchronous=FULL")
             except sqlite3.OperationalError as error:
@@ -261,7 +261,7 @@ def trim(connection: sqlite3.Connection, steps: int, size: int) -> int:
             raise ValueError(f"step {expected} is missing")
         deltas.append(decode_delta(delta))
         last = at
-    base = folded(decode_graph(connection.execute("SELECT graph FROM base").fetchone()[0]), deltas)
+    base = apply_deltas(decode_graph(connection.execute("SELECT graph FROM base").fetchone()[0]), deltas)
     connection.execute("UPDATE base SET graph = ?, at = ?", (encode_graph(base), last))
     connection.execute("DELETE FROM steps WHERE number <= ?", (count,))
     # Renumber through negative numbers, so that two rows never share a number.

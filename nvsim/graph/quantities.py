@@ -186,7 +186,7 @@ def _map(known: QuantityInputs) -> OccupancyMap:
     return known.occupancy
 
 
-def _stands(graph: NavGraph, known: QuantityInputs) -> Values:
+def _is_on_free_cell(graph: NavGraph, known: QuantityInputs) -> Values:
     """1 on a free cell of the map, 0 on other cells."""
     return (_map(known).at(places_of(graph)[:, :2]) == FREE).astype(np.float64)
 
@@ -215,7 +215,7 @@ VIEWPOINTS: Mapping[str, _Quantity] = {
     "storey": _storey,
     "evidence": _viewpoint_evidence,
     "photographed": _of_viewpoint("photographed", float),
-    "validity": _stands,
+    "validity": _is_on_free_cell,
 }
 EDGES: Mapping[str, _Quantity] = {
     "x": _middle(0),

@@ -14,7 +14,7 @@ from typing import Any
 from nvsim.errors import InputError
 from nvsim.files.atomic import write_text
 from nvsim.files.opening import read_regular
-from nvsim.files.placeholders import stand_in
+from nvsim.files.placeholders import placeholder_reason
 from nvsim.files.reading import as_reading_error
 from nvsim.graph.difference import GraphDelta, delta_between
 from nvsim.graph.edits import EditError
@@ -73,7 +73,7 @@ def script_lines(path: Path) -> list[str]:
     """Return the lines of a script. Raises InputError if it is not text or is too long."""
     try:
         data = read_regular(path, _MOST_BYTES)
-        if words := stand_in(data, len(data)):
+        if words := placeholder_reason(data, len(data)):
             raise InputError(f"{path} {words}.")
         return data.decode("utf-8").splitlines()
     except OSError as error:

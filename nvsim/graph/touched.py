@@ -47,7 +47,7 @@ def touched_between(one: NavGraph, other: NavGraph) -> TouchedElements | None:
     return _walk(one, other) or _walk(other, one)
 
 
-def shorten(after: NavGraph, before: NavGraph) -> None:
+def shorten_note(after: NavGraph, before: NavGraph) -> None:
     """Let the note on `after` refer directly to `before`. Use this if the graphs between them are about to be
     deleted."""
     touched = _walk(before, after)

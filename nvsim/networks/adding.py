@@ -34,7 +34,7 @@ def add(paths: Sequence[Path], name: str = "", form: str = "", replace: bool = F
     Raises InputError if no description matches, if a model of that name exists and `replace` is False, or if the files
     cannot be written. Nothing is changed in these cases.
     """
-    networks, toml = _found(paths)
+    networks, toml = _find_model_files(paths)
     if toml is not None:
         return _install(networks, toml.parent, read_description(toml), None, name or _own_name(toml), replace, toml)
     found = _form(networks, form)
@@ -43,7 +43,7 @@ def add(paths: Sequence[Path], name: str = "", form: str = "", replace: bool = F
     return _install(networks, networks[0].parent, description, found, chosen, replace, None)
 
 
-def _found(paths: Sequence[Path]) -> tuple[list[Path], Path | None]:
+def _find_model_files(paths: Sequence[Path]) -> tuple[list[Path], Path | None]:
     """The ONNX files, and the TOML that describes them, None without one."""
     every: list[Path] = []
     for path in paths:
@@ -124,11 +124,11 @@ def _install(
         else:
             write_text(made / DESCRIPTION, _written(form[0], files, sums))
         model_at(made / DESCRIPTION).open("cpu")
-        _put(made, target)
+        _install_folder(made, target)
     return model_at(target / DESCRIPTION)
 
 
-def _put(made: Path, target: Path) -> None:
+def _install_folder(made: Path, target: Path) -> None:
     """Move a complete model to its final folder. An existing model is moved away first, and restored if the move
     fails."""
     old = made.with_name(made.name + "-old")

@@ -48,7 +48,7 @@ from nvsim.poses.match_database import (
 )
 from nvsim.poses.pieces import names_in, split_after, split_into_pieces
 from nvsim.poses.pose_graph import PartAnchors, keeps_shape, median_depth, without_drift
-from nvsim.poses.straightening import anchors_of, contradicts_floor, leveled, merge_turning_pieces, straightened
+from nvsim.poses.straightening import anchors_of, contradicts_floor, level_and_scale, merge_turning_pieces, straightened
 from nvsim.poses.threads import thread_pool
 from nvsim.poses.two_views import TwoViews, from_matches, relative_pose
 
@@ -162,7 +162,7 @@ def _finished(models: list[pycolmap.Reconstruction], inputs: _MappingInputs, pla
     if images.ordered:
         for found in models:
             correct_rotations(found, inputs.views)
-        model, views, loops = _closed(*_joined(None, models, inputs), inputs, False)
+        model, views, loops = _closed(*_join_firm_pieces(None, models, inputs), inputs, False)
         model, pieces = _joined_again(model, views, inputs)
         bent = contradicts_floor(model)
         if (bent or len(pieces[0]) < _ENOUGH * len(images.names)) and not images.clips.any():  # one video only
@@ -186,7 +186,7 @@ def _finished(models: list[pycolmap.Reconstruction], inputs: _MappingInputs, pla
     separate = split_into_pieces(model, pieces, models, images.times)
     if model.num_reg_images() >= _CENTERED:
         adjust_all(model, True, poses_of(model) if held else None, _LOOSELY if loops else _HELD)
-    upright = tuple(images.ordered and leveled(piece, images.folder) for piece in separate)
+    upright = tuple(images.ordered and level_and_scale(piece, images.folder) for piece in separate)
     placed(separate)
     registered = set(names_in(model))
     return FoundPoses(
@@ -209,7 +209,7 @@ def _straight(
         return None
     write_geometries(inputs.path, inputs.views)
     base = _adjusted(poses, dict(models[0].cameras.items()), inputs, True)
-    model, _, loops = _closed(*_joined(base, models, inputs), inputs, True)
+    model, _, loops = _closed(*_join_firm_pieces(base, models, inputs), inputs, True)
     firm = firm_pieces(model, inputs.images.times, _LOOSE)
     pieces = merge_turning_pieces(model, firm, inputs.images.folder, inputs.views)
     return model, loops, pieces
@@ -272,7 +272,7 @@ def _joined_again(
     return best
 
 
-def _joined(
+def _join_firm_pieces(
     base: pycolmap.Reconstruction | None, models: list[pycolmap.Reconstruction], inputs: _MappingInputs
 ) -> tuple[pycolmap.Reconstruction, dict[Pair, TwoViews]]:
     """Joins the firm pieces of a video. Returns the reconstruction and the image pairs that connect it.

@@ -112,10 +112,10 @@ class _OverlapSearch:
         new = list(dict.fromkeys((min(p), max(p)) for p in pairs if p[0] != p[1]))
         new = [pair for pair in new if pair not in self._tried]
         missing = [i for i in dict.fromkeys(i for pair in new for i in pair) if i not in self._features]
-        self._features.update(zip(missing, self._mapped(self._seen, missing), strict=True))
+        self._features.update(zip(missing, self._mapped(self._features_of_image, missing), strict=True))
         self._tried.update(zip(new, self._mapped(self._compare, new), strict=True))
 
-    def _seen(self, index: int) -> Features:
+    def _features_of_image(self, index: int) -> Features:
         """The features of an image, in pixels of the stored image."""
         image = _image(self._frames[index])
         if image is None:

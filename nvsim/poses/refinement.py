@@ -58,7 +58,7 @@ def median_epipolar_error(frames: Sequence[Frame]) -> float | None:
     chosen = [pairs[k] for k in evenly_spaced(len(pairs), _SAMPLE)]
 
     def measured(pair: tuple[int, int]) -> float | None:
-        (one, first), (other, second) = (_seen(frames[k]) for k in pair)
+        (one, first), (other, second) = (_features_of_frame(frames[k]) for k in pair)
         found = matched(one, other, first, second)
         if not len(found):
             return None
@@ -85,7 +85,7 @@ def refine(frames: Sequence[Frame], report_progress: ProgressCallback = lambda d
     matches: list[NDArray[np.int64]] = []
     with thread_pool() as pool:
         most = max(_LEAST, min(MOST, _IN_ALL // max(1, len(frames))))
-        for found in pool.map(partial(_seen, most=most), frames):
+        for found in pool.map(partial(_features_of_frame, most=most), frames):
             seen.append(found)
             report_progress(done := done + 1, 2 * len(frames))
 
@@ -111,7 +111,7 @@ def refine(frames: Sequence[Frame], report_progress: ProgressCallback = lambda d
     return RefinedPoses(better, adjusted.before, adjusted.after, *medians)
 
 
-def _seen(frame: Frame, most: int = MOST) -> tuple[Features, Camera]:
+def _features_of_frame(frame: Frame, most: int = MOST) -> tuple[Features, Camera]:
     """The features of an image, and its camera. Empty for an image that cannot be read; other stages report it."""
     size = frame.intrinsics.within(_LONGEST_SIDE)
     camera = Camera(size, frame.camera_to_world)

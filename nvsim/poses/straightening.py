@@ -85,7 +85,7 @@ def straightened(models: Sequence[pycolmap.Reconstruction], folder: Path, times:
                 continue
             turn = _turned_on(poses, own)
             own = {n: _placed(pose, turn, 1.0, np.zeros(3), np.zeros(3)) for n, pose in own.items()}
-            start = _reckoned(poses, own, {})[first]
+            start = _dead_reckoned_centers(poses, own, {})[first]
             own = {n: _placed(pose, np.eye(3), 1.0, center_of(own[first]), start) for n, pose in own.items()}
             own_parts = [part.turned(turn, 1.0) for part in own_parts]
         poses |= own
@@ -93,7 +93,7 @@ def straightened(models: Sequence[pycolmap.Reconstruction], folder: Path, times:
     return _solved(poses, parts) if parts else {}
 
 
-def leveled(model: pycolmap.Reconstruction, folder: Path) -> bool:
+def level_and_scale(model: pycolmap.Reconstruction, folder: Path) -> bool:
     """Rotates a reconstruction in place so that z is up, and scales it so that its cameras are 1 above the floor.
     Returns False and changes nothing if no floor is clear."""
     numbers = sorted(model.reg_image_ids())
@@ -307,17 +307,17 @@ def _upright(
         here = {n: _placed(given[n], turn, scale, center_of(given[numbers[0]]), np.zeros(3)) for n in numbers}
         between = {n: _placed(given[n], level, 1.0, np.zeros(3), np.zeros(3)) for n in waiting}
         if poses:
-            centers = _reckoned(poses, here, between)
+            centers = _dead_reckoned_centers(poses, here, between)
             here = {n: _placed(pose, np.eye(3), 1.0, np.zeros(3), centers[numbers[0]]) for n, pose in here.items()}
         else:
-            centers = _reckoned({}, here, between)
+            centers = _dead_reckoned_centers({}, here, between)
         poses |= {n: _centered(pose, centers[n]) for n, pose in between.items()} | here
         parts += [_UprightPart(waiting, -1, np.nan, _UNKNOWN, _UNKNOWN)] if waiting else []
         parts += [part.turned(turn, scale) for part in own]
         waiting = []
     if poses and waiting:
         between = {n: _placed(given[n], level, 1.0, np.zeros(3), np.zeros(3)) for n in waiting}
-        centers = _reckoned(poses, {}, between)
+        centers = _dead_reckoned_centers(poses, {}, between)
         poses |= {n: _centered(pose, centers[n]) for n, pose in between.items()}
         parts.append(_UprightPart(waiting, -1, np.nan, _UNKNOWN, _UNKNOWN))
     return poses, parts
@@ -371,7 +371,7 @@ def _turned_on(before: Poses, after: Poses) -> NDArray[np.float64]:
     return np.asarray(Rotation.from_rotvec(yaw * _UP).as_matrix())
 
 
-def _reckoned(before: Poses, after: Poses, between: Poses) -> dict[int, NDArray[np.float64]]:
+def _dead_reckoned_centers(before: Poses, after: Poses, between: Poses) -> dict[int, NDArray[np.float64]]:
     """Camera centers of the images `between` and of the first image of `after`, by dead reckoning.
 
     The camera moves on from `before` in its viewing direction, and its speed changes evenly. While it rotates, it does
@@ -379,7 +379,7 @@ def _reckoned(before: Poses, after: Poses, between: Poses) -> dict[int, NDArray[
     side is missing, the speed of the other is used."""
     ends = [(before, max(before))] if before else []
     ends += [(after, min(after))] if after else []
-    speeds = [_speed(poses, at) for poses, at in ends]
+    speeds = [_median_step(poses, at) for poses, at in ends]
     poses = {**between, **{at: own[at] for own, at in ends}}
     numbers = sorted(poses)
     first, last = numbers[0], numbers[-1]
@@ -396,7 +396,7 @@ def _reckoned(before: Poses, after: Poses, between: Poses) -> dict[int, NDArray[
     return centers
 
 
-def _speed(poses: Poses, at: int) -> float:
+def _median_step(poses: Poses, at: int) -> float:
     """The median step per image of the images nearest to image `at`."""
     near = sorted(sorted(poses, key=lambda n: abs(n - at))[: _LAST + 1])
     steps = [np.linalg.norm(center_of(poses[j]) - center_of(poses[i])) / (j - i) for i, j in zip(near, near[1:])]

@@ -164,7 +164,7 @@ class _Process:
     ) -> Answer | ReportedInputError | OutOfMemory | ReportedBug:
         """Raises _Ended."""
         if not self.running:
-            raise _Ended(f"was read by a process that has ended{self._how()}")
+            raise _Ended(f"was read by a process that has ended{self._exit_description()}")
         with self._crash_in_words():
             if not self._ready:
                 self._receive(Limits(_START))
@@ -185,7 +185,7 @@ class _Process:
         except (EOFError, OSError):
             with contextlib.suppress(subprocess.TimeoutExpired):
                 self._process.wait(5)
-            words = f"crashed the program that reads it{self._how()}"
+            words = f"crashed the program that reads it{self._exit_description()}"
             self.end()
             raise _Ended(words) from None
 
@@ -215,7 +215,7 @@ class _Process:
         self.end()
         raise _Ended(f"gives no answer within {seconds:.3g} s")
 
-    def _how(self) -> str:
+    def _exit_description(self) -> str:
         """How the process ended, in parentheses."""
         code = self._process.poll()
         if code is None or code >= 0:

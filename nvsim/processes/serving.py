@@ -62,12 +62,12 @@ def limit_memory(more: int | None) -> None:
     files do not count. Has no effect if the system does not report the memory of a process."""
     hard = resource.getrlimit(resource.RLIMIT_DATA)[1]
     soft = hard
-    if more is not None and (held := _held()) is not None:
+    if more is not None and (held := _private_memory()) is not None:
         soft = held + more if hard == resource.RLIM_INFINITY else min(held + more, hard)
     resource.setrlimit(resource.RLIMIT_DATA, (soft, hard))
 
 
-def _held() -> int | None:
+def _private_memory() -> int | None:
     """Bytes of private memory that count toward RLIMIT_DATA."""
     with contextlib.suppress(OSError), open("/proc/self/status", encoding="ascii") as status:
         for line in status:

@@ -46,7 +46,7 @@ def floor_of(project: FloorSource) -> Floor:
         return stacked_floor(positions, owners, known, storeys)
     if len(known) == 1:
         return next(iter(known.values()))
-    return _joined(positions[:, :2], positions[:, :2], owners, known, _SPACING)
+    return _surface_around(positions[:, :2], positions[:, :2], owners, known, _SPACING)
 
 
 def floors_seen(project: FloorSource) -> dict[int, FloorSurface]:
@@ -107,9 +107,9 @@ def stacked_floor(
     floors = []
     for k in range(len(storeys.levels)):
         level, stair = storeys.part == 2 * k, np.abs(storeys.part - 2 * k) == 1
-        surface = _joined(positions[:, :2], positions[level, :2], owners[level], surfaces, _FINE)
+        surface = _surface_around(positions[:, :2], positions[level, :2], owners[level], surfaces, _FINE)
         if stair.any():
-            slope = _joined(positions[:, :2], positions[stair, :2], owners[stair], surfaces, _FINE)
+            slope = _surface_around(positions[:, :2], positions[stair, :2], owners[stair], surfaces, _FINE)
             rows, columns = surface.heights.shape
             x, y = (surface.origin[a] + _FINE * np.arange(n) for a, n in enumerate((columns, rows)))
             distance, _ = cKDTree(positions[stair, :2]).query(np.stack(np.meshgrid(x, y), axis=-1))
@@ -119,7 +119,7 @@ def stacked_floor(
     return StackedFloor(tuple(floors))
 
 
-def _joined(
+def _surface_around(
     around: NDArray[np.float64],
     places: NDArray[np.float64],
     owners: NDArray[np.int64],

@@ -176,7 +176,7 @@ def build_occupancy(
         low, high = np.minimum(low, rays.places[:, :2].min(axis=0)), np.maximum(high, rays.places[:, :2].max(axis=0))
         carried = float((rays.places[:, 2] - floor.height_at(rays.places[:, :2])).max())
         grid = RayGrid(low, high, resolution, floor, heights, top=min(carried, _HIGHEST))
-        unseen = grid.add_merged(rays.cloud, _apart(rays.places), reach)
+        unseen = grid.add_merged(rays.cloud, _spaced_places(rays.places), reach)
     else:
         grid = RayGrid(low, high, resolution, floor, heights)
         for done, sweep in enumerate(_sweeps(rays, floor)):
@@ -231,11 +231,11 @@ def _floor(capture: Capture, project: Project | None, rays: MeasuredRays, camera
             return floor
         cloud = project.scan()
     if cloud is None or not cloud.is_dense:
-        cloud = _seen(rays) if rays.source != "trained" else cloud
+        cloud = _subset_of_points(rays) if rays.source != "trained" else cloud
     return estimate_floor(cloud, capture.positions, camera_height)
 
 
-def _seen(rays: MeasuredRays) -> Cloud:
+def _subset_of_points(rays: MeasuredRays) -> Cloud:
     """An even subset of the points of all sweeps."""
     share = max(1, _LEVELS // rays.count)
     parts = []
@@ -245,7 +245,7 @@ def _seen(rays: MeasuredRays) -> Cloud:
     return Cloud(np.concatenate([np.empty((0, 3), np.float32), *parts]))
 
 
-def _apart(places: NDArray[np.float64]) -> NDArray[np.float64]:
+def _spaced_places(places: NDArray[np.float64]) -> NDArray[np.float64]:
     """A subset of `places` (N, 3): those at least 0.3 m from all previously selected ones."""
     from scipy.spatial import cKDTree
 

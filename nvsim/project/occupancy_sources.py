@@ -55,7 +55,7 @@ class MeasuredRays:
     note: str
 
 
-def capture_with_ranges(project: Project, listen: Listener) -> Capture:
+def find_capture_with_ranges(project: Project, listen: Listener) -> Capture:
     """The project's capture with LiDAR scans and depth images of its source. Projects do not store LiDAR scans, and
     older ones no depth images. Returns the stored capture with a warning if the source is missing or has changed."""
     from nvsim.capture.read import read
@@ -97,7 +97,7 @@ def find_rays(capture: Capture, project: Project | None, wanted: Wanted = "auto"
     for source, find in finders:
         if wanted in ("auto", source) and (found := find()) is not None:
             return found
-    raise _nothing(capture, project, wanted)
+    raise _no_rays_error(capture, project, wanted)
 
 
 def _of_scans(capture: Capture) -> MeasuredRays:
@@ -172,7 +172,7 @@ def _of_models(capture: Capture, project: Project) -> MeasuredRays | None:
     return MeasuredRays("trained", len(capture.frames), sweeps, None, capture.positions, reach, note)
 
 
-def _nothing(capture: Capture, project: Project | None, wanted: Wanted) -> InputError:
+def _no_rays_error(capture: Capture, project: Project | None, wanted: Wanted) -> InputError:
     if project is not None and wanted == "images":
         return missing_result_error(project.layout.root, "depth")
     if project is not None and wanted == "trained":

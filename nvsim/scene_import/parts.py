@@ -42,13 +42,13 @@ def find_stairs(surface: SurfacePoints, lower: Level, upper: Level) -> NDArray[n
     near, _ = cKDTree(points[between][:, :2]).query(points[:, :2], distance_upper_bound=_AROUND)
     points = points[near < _AROUND]
     for step, stride, cell in _LINKS:
-        path = _climb(points, lower, upper, top, np.array([stride, stride, step]), cell)
+        path = _path_up(points, lower, upper, top, np.array([stride, stride, step]), cell)
         if len(path):
             return path
     return none
 
 
-def _climb(
+def _path_up(
     points: NDArray[np.float64], lower: Level, upper: Level, top: float, link: NDArray[np.float64], cell: float
 ) -> NDArray[np.float64]:
     """(N, 3) the path over `points` (N, 3) from the lower to the upper storey, whose links are at most as long as

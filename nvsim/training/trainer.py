@@ -195,7 +195,7 @@ class _TrainingRun:
         if not self._order:
             self._order = self._rng.permutation(len(self._views)).tolist()
         index = self._order.pop()
-        view = self._sizes[coarseness(c, share)][index]
+        view = self._sizes[count_halvings(c, share)][index]
         canvas = self.fit.canvas(view.camera.intrinsics.width, view.camera.intrinsics.height)
         canvas.inlier[:] = True if view.usable is None else view.usable
         if c.random_background and not c.background:
@@ -254,7 +254,7 @@ class _TrainingRun:
         }
 
 
-def coarseness(config: TrainingConfig, share: float) -> int:
+def count_halvings(config: TrainingConfig, share: float) -> int:
     """How many times the images are halved when `share` of the steps are done."""
     if share >= config.coarse_share:
         return 0

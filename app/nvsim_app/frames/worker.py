@@ -128,13 +128,13 @@ class Worker:
         elif isinstance(request, CoverageRequest):
             self._coverage = self._read_coverage(number)
         elif isinstance(request, CandidateRequest):
-            self._requests.answer(number, _tried("candidates", request.frame, self._make_candidates))
+            self._requests.answer(number, _result_or_failure("candidates", request.frame, self._make_candidates))
         else:
-            self._requests.answer(number, _tried("prompt", request.frame, lambda _: self._prompt(request)))
+            self._requests.answer(number, _result_or_failure("prompt", request.frame, lambda _: self._prompt(request)))
 
     def _step(self) -> None:
         if self._thumbnails:
-            made = _tried("thumbnail", self._thumbnails.pop(), self._make_thumbnail)
+            made = _result_or_failure("thumbnail", self._thumbnails.pop(), self._make_thumbnail)
             self._requests.answer(self._number, made, more=bool(self._thumbnails))
         elif self._coverage is not None and next(self._coverage, self) is self:
             self._coverage = None
@@ -217,7 +217,7 @@ def thumbnail_path(layout: Layout, image_path: Path) -> Path:
     return layout.cache / "thumbnails" / f"{name}.jpg"
 
 
-def _tried(what: str, frame: int, make: Callable[[int], object]) -> object:
+def _result_or_failure(what: str, frame: int, make: Callable[[int], object]) -> object:
     """The result of `make`, or why there is none."""
     try:
         return make(frame)

@@ -116,14 +116,16 @@ class TablePanel(QWidget):
         shown = graph or _EMPTY
         ids = [id for id in shown.viewpoints if kept is None or id in kept.viewpoints]
         keys = [key for key in shown.edges if kept is None or key in kept.edges]
-        yield from self._unheard(self.viewpoints.show_slowly(ids, viewpoint_columns(shown)))
-        yield from self._unheard(self.edges.show_slowly(keys, edge_columns(shown, self._document.evidence)))
+        yield from self._without_selection_events(self.viewpoints.show_slowly(ids, viewpoint_columns(shown)))
+        yield from self._without_selection_events(
+            self.edges.show_slowly(keys, edge_columns(shown, self._document.evidence))
+        )
         n, m = self.viewpoints.rowCount(), self.edges.rowCount()
         self.tabs.setTabText(0, f"Viewpoints ({n:,})")
         self.tabs.setTabText(1, f"Edges ({m:,})")
         self._show_selection()
 
-    def _unheard(self, steps: Iterator[None]) -> Iterator[None]:
+    def _without_selection_events(self, steps: Iterator[None]) -> Iterator[None]:
         """Runs `steps`, and ignores selection changes that are caused by removed rows."""
         going_on = True
         while going_on:

@@ -76,7 +76,7 @@ class EditPart(Part):
             "redo": self._editing.redo,
             "remove": partial(edit_commands.remove_selection, self._editing),
             **{
-                o.id: partial(self._take, operation.name, o)
+                o.id: partial(self._run_offered_operation, operation.name, o)
                 for operation in operation_table.OPERATIONS.values()
                 for o in operation.offers
             },
@@ -116,7 +116,7 @@ class EditPart(Part):
             sorted(chosen.viewpoints, key=lambda id: arrays.index.get(id, -1)), sorted(chosen.edges)
         )
 
-    def _take(self, name: str, offer: MenuEntry, _: bool = False) -> None:
+    def _run_offered_operation(self, name: str, offer: MenuEntry, _: bool = False) -> None:
         """Runs an offered operation on the selection, after its form if it has one."""
         if not offer.asks:
             self._run(name, offer, {})
@@ -172,27 +172,27 @@ class FeedbackPart(Part):
         self._over = QTimer(self, singleShot=True, interval=SHOWN)
         self._over.timeout.connect(self._hint)
         context.document.editing.stepsChanged.connect(self._on_steps)
-        context.document.projectChanged.connect(self._look)
-        context.document.editing.notified.connect(self._look)
+        context.document.projectChanged.connect(self._record_history)
+        context.document.editing.notified.connect(self._record_history)
 
-    def _look(self, _: object = None) -> None:
+    def _record_history(self, _: object = None) -> None:
         """Records the current history without reporting it."""
         history = self.context.document.editing.history
         self._steps, self._index = ((), 0) if history is None else (history.steps, history.index)
 
     def _on_steps(self) -> None:
         steps, index = self._steps, self._index
-        self._look()
+        self._record_history()
         if not self._steps or not steps or self._steps[0] is not steps[0]:
             return  # another graph
         words, graph = "", self.context.document.graph
         undoes, redoes = self._key("undo", "undoes"), self._key("redo", "redoes")
         if index < self._index and self._steps[index + 1 : self._index + 1] == steps[index + 1 : self._index + 1]:
-            words = _said(graph, "Redone", self._steps[index + 1 : self._index + 1], undoes)
+            words = _describe_edits(graph, "Redone", self._steps[index + 1 : self._index + 1], undoes)
         elif index < self._index or (index == self._index and self._steps[index] is not steps[index]):
-            words = _said(graph, "", self._steps[self._index : self._index + 1], undoes)
+            words = _describe_edits(graph, "", self._steps[self._index : self._index + 1], undoes)
         elif index > self._index:
-            words = _said(graph, "Undone", steps[self._index + 1 : index + 1], redoes)
+            words = _describe_edits(graph, "Undone", steps[self._index + 1 : index + 1], redoes)
         if words and not self.context.part(CheckPart).reviewing:
             self._last_message = words
             self.context.modes.said.emit(words)
@@ -210,7 +210,7 @@ class FeedbackPart(Part):
             self.context.modes.said.emit(self.context.modes.current.hint)
 
 
-def _said(graph: NavGraph | None, what: str, steps: tuple[Step, ...], key: str) -> str:
+def _describe_edits(graph: NavGraph | None, what: str, steps: tuple[Step, ...], key: str) -> str:
     """One sentence about the edits among these steps; "" if there are none."""
     edits = [short_ids(graph, step.text) for step in steps if step.edit]
     if not edits:

@@ -167,7 +167,7 @@ class ExportPart(Part):
             return True
         return False
 
-    def _shown(self, graph: NavGraph) -> NavGraph:
+    def _visible_graph(self, graph: NavGraph) -> NavGraph:
         """The part of the graph on the visible storey."""
         index = self.context.document.shown_arrays.index
         if len(index) == len(graph.viewpoints):
@@ -188,7 +188,7 @@ class ExportPart(Part):
             return exports.write_geojson(graph, path)
         coloring = self.context.part(ColoringPart).coloring
         return save_figure(
-            draw_figure(self._shown(graph), self.context.document.contents.occupancy, coloring), path, kind
+            draw_figure(self._visible_graph(graph), self.context.document.contents.occupancy, coloring), path, kind
         )
 
     def _write_r2r(self, graph: NavGraph, folder: Path, force: bool) -> Path:

@@ -65,9 +65,13 @@ class SelectPart(Part):
 
     def handlers(self) -> Mapping[str, Callable[..., object]]:
         return {
-            "select_all": lambda: self._select(lambda graph, _: self._shown(selecting.everything(graph))),
+            "select_all": lambda: self._select(
+                lambda graph, _: self._without_hidden_storeys(selecting.everything(graph))
+            ),
             "select_none": lambda: self._editing.select(GraphSelection()),
-            "invert": lambda: self._select(lambda graph, chosen: self._shown(selecting.inverted(graph, chosen))),
+            "invert": lambda: self._select(
+                lambda graph, chosen: self._without_hidden_storeys(selecting.inverted(graph, chosen))
+            ),
             "grow": lambda: self._select(selecting.with_neighbors),
             "component": lambda: self._select(self._component),
             "path": self._path,
@@ -95,7 +99,7 @@ class SelectPart(Part):
         if self.tables.filter.text().strip() and self.tables.trouble.isHidden():
             self.context.scene.setFocus()
 
-    def _shown(self, chosen: GraphSelection) -> GraphSelection:
+    def _without_hidden_storeys(self, chosen: GraphSelection) -> GraphSelection:
         """Removes items on hidden storeys, because users cannot see what would happen to them."""
         index = self.context.document.shown_arrays.index
         edges = frozenset((a, b) for a, b in chosen.edges if a in index and b in index)

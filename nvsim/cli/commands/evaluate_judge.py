@@ -105,7 +105,7 @@ class EvaluateJudge:
                 assert self.out is not None
                 out = self.out
                 shown = _by_projects(self, out, listen) if self.projects else _by_folders(self)
-            judged = _judged(self, endpoints, shown, out, distance, why, listen)
+            judged = _collect_verdicts(self, endpoints, shown, out, distance, why, listen)
             files = write_report(judged, shown, out)
             results: dict[str, Any] = {"rows": table_rows(judged, shown), "files": [str(f) for f in files]}
             if self.project is not None:
@@ -192,7 +192,7 @@ def _by_projects(a: EvaluateJudge, out: Path, listen: Listener) -> list[Contesta
     from nvsim.project.project import Project
 
     with ExitStack() as stack:
-        opened = {name: stack.enter_context(Project.open(path)) for name, path in _named(a.projects).items()}
+        opened = {name: stack.enter_context(Project.open(path)) for name, path in _unique_names(a.projects).items()}
         first = next(iter(opened.values()))
         counts = ViewCounts(a.seen, a.novel, a.seed, a.image_width)
         views = judged_views(first, chosen_submaps(first, a.submaps), truth_of(first, a.truth), counts)
@@ -202,10 +202,10 @@ def _by_projects(a: EvaluateJudge, out: Path, listen: Listener) -> list[Contesta
 def _by_folders(a: EvaluateJudge) -> list[ContestantImages]:
     from nvsim.evaluation.judging.contestants import by_folders
 
-    return by_folders(_named(a.folders), a.reference)
+    return by_folders(_unique_names(a.folders), a.reference)
 
 
-def _named(paths: tuple[Path, ...]) -> dict[str, Path]:
+def _unique_names(paths: tuple[Path, ...]) -> dict[str, Path]:
     """Short unique name -> path, with the parent's name if two are equal. Raises InputError if a path is repeated."""
     resolved = [path.resolve() for path in paths]
     names = [path.stem if path.suffix == ".nvsim" else path.name for path in resolved]
@@ -217,7 +217,7 @@ def _named(paths: tuple[Path, ...]) -> dict[str, Path]:
     return dict(zip(full, paths))
 
 
-def _judged(
+def _collect_verdicts(
     a: EvaluateJudge,
     endpoints: dict[str, tuple[Endpoint, Prices]],
     shown: list[ContestantImages],

@@ -149,7 +149,9 @@ class JudgeRequester:
     def _verdict(self, client: Client, view: ContestantImages, a: str, b: str) -> Verdict:
         said: list[_JudgeAnswer] = []
         for order in ((a, b), (b, a)):
-            answer = ask_until_clear(client, self._request(client, view, *order), self._understood, self._again)
+            answer = ask_until_clear(
+                client, self._request(client, view, *order), self._understood, self._repeat_question
+            )
             if isinstance(answer, MissingAnswer):
                 return Verdict(view.name, view.kind, a, b, None, answer.why)
             said.append(answer.value)
@@ -172,7 +174,7 @@ class JudgeRequester:
         user = Message("user", self._prompt.fill("user", values))
         return Request((system, user), client.options.answer_tokens, client.options.detail)
 
-    def _again(self, wrong: str) -> str:
+    def _repeat_question(self, wrong: str) -> str:
         return self._prompt.text("again", {"wrong": wrong, "categories": ", ".join(self._known)})
 
     def _read(self, path: Path, name: str) -> SentImage:

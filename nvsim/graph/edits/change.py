@@ -101,14 +101,14 @@ class Change:
             around = {end for key in keys for end in key if end not in gone}
             for key in keys:
                 del edges[key]
-            _thin(adjacency, gone, around, gone)
+            _remove_from_index(adjacency, gone, around, gone)
             self._touched_edges |= keys
         if names:
             evidence, index = self._own_evidence(), self._own_evidence_of()
             around = {end for name in names for end in _ends(evidence[name]) if end not in gone}
             for name in names:
                 del evidence[name]
-            _thin(index, gone, around, names)
+            _remove_from_index(index, gone, around, names)
             self._touched_evidence |= names
         viewpoints = self._own_viewpoints()
         for id in gone:
@@ -242,7 +242,9 @@ class Change:
         return self._evidence_of
 
 
-def _thin(index: dict[str, tuple[K, ...]], gone: Iterable[str], around: Iterable[str], without: Container[K]) -> None:
+def _remove_from_index(
+    index: dict[str, tuple[K, ...]], gone: Iterable[str], around: Iterable[str], without: Container[K]
+) -> None:
     """Remove `gone` from an index, and the names `without` from the entries of `around`."""
     for id in gone:
         index.pop(id, None)

@@ -212,7 +212,7 @@ class _Lattice:
         """Return the meters that `id` moves (rounded, for a stable order) and its new position. It is whole steps from
         its parent, at least one, in the best direction."""
         found = []
-        for k, along in enumerate(self._along(parent, id)):
+        for k, along in enumerate(self._steps_along_axes(parent, id)):
             n = round(along) or (1 if along >= 0 else -1)
             spot = self._further(self.at[parent], {k: n})
             found.append((round(math.dist(self.place(spot), self.graph.viewpoints[id].position[:2]), 6), spot))
@@ -220,10 +220,10 @@ class _Lattice:
 
     def nearest(self, origin: str, id: str) -> _LatticePosition:
         """Return the position with the smallest move of `id`, along two perpendicular axes from `origin`."""
-        along = self._along(origin, id)
+        along = self._steps_along_axes(origin, id)
         return self._further(self.at[origin], {0: round(along[0]), 2: round(along[2])})
 
-    def _along(self, origin: str, id: str) -> list[float]:
+    def _steps_along_axes(self, origin: str, id: str) -> list[float]:
         """Steps from the position of `origin` to `id` along every axis."""
         x, y = self.place(self.at[origin])
         tx, ty, _ = self.graph.viewpoints[id].position

@@ -77,10 +77,10 @@ def words_of_saving(path: Path, original: Path | None, graph: NavGraph) -> str:
     words = f"Saved {path.name}."
     if original is not None:
         words += f" The original is kept as {original.name}."
-    return f"{words} {islands(graph)}".rstrip()
+    return f"{words} {disconnected_warning(graph)}".rstrip()
 
 
-def islands(graph: NavGraph) -> str:
+def disconnected_warning(graph: NavGraph) -> str:
     """Return a sentence if some viewpoints cannot reach others; "" otherwise."""
     groups = components(graph)
     if len(groups) < 2:

@@ -69,17 +69,17 @@ class Rethresholder:
         self._start = np.array([v.origin == "start" for v in viewpoints], bool)
         self._machine = np.array([v.origin in ("start", "step") for v in viewpoints], bool)
         xy = np.array([v.position[:2] for v in viewpoints], np.float64).reshape(-1, 2)
-        self._lead = self._leads(row, xy)
+        self._lead = self._end_rows(row, xy)
         self._far = np.zeros(count) if walk is None or not len(walk) else _distances(xy, np.asarray(walk)[:, :2])
         self._pair(count)
         self._match_edges(row)
         # Edges that settling omitted are not added, because another path exists.
         stored = np.array([e.decision == OPEN or e.decision in SPARED for e in self._evidence], bool)
-        self._stored = _either(self._forward, stored) | _either(self._backward, stored)
+        self._stored = _values_at_rows(self._forward, stored) | _values_at_rows(self._backward, stored)
         # Steps that a threshold stopped when the graph was built.
         self._stopped = np.array([e.decision in decision_names()[1:] and not e.joins for e in self._evidence], bool)
 
-    def _leads(self, row: Mapping[str, int], xy: NDArray[np.float64]) -> NDArray[np.int64]:
+    def _end_rows(self, row: Mapping[str, int], xy: NDArray[np.float64]) -> NDArray[np.int64]:
         """(E,) row of the viewpoint at the end of the corridor, -1 if there is none."""
         lead = np.full(len(self._evidence), -1, np.int64)
         if not len(xy) or not self._evidence:
@@ -135,7 +135,7 @@ class Rethresholder:
         """Return the effect of `config` on the graph."""
         codes = self._stack.decide(config)
         passes = codes == _OPEN
-        there, back = _either(self._forward, passes), _either(self._backward, passes)
+        there, back = _values_at_rows(self._forward, passes), _values_at_rows(self._backward, passes)
         if config.both_ways:
             is_open = (there | (self._forward < 0)) & (back | (self._backward < 0))
         else:
@@ -210,7 +210,7 @@ class Rethresholder:
         return result
 
 
-def _either(way: NDArray[np.int64], values: NDArray[np.bool_]) -> NDArray[np.bool_]:
+def _values_at_rows(way: NDArray[np.int64], values: NDArray[np.bool_]) -> NDArray[np.bool_]:
     """(P,) values at the rows of `way`, False for -1."""
     if not len(values):
         return np.zeros(len(way), bool)

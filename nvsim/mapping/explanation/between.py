@@ -77,7 +77,7 @@ def between(
     floor."""
     first, second = graph.viewpoints[a], graph.viewpoints[b]
     joined = edge(a, b).key in graph.edges
-    ways = _way(graph, a, b, config), _way(graph, b, a, config)
+    ways = _explain_direction(graph, a, b, config), _explain_direction(graph, b, a, config)
     blocked, unknown = _on_map(occupancy, first.position, second.position)
     rise = (second.position[2] - second.height) - (first.position[2] - first.height)
     metres = math.dist(first.position, second.position)
@@ -85,7 +85,7 @@ def between(
     return PathExplanation(joined, metres, rise, ways, blocked, unknown, sentence)
 
 
-def _way(graph: NavGraph, here: str, there: str, config: MappingConfig) -> DirectionExplanation:
+def _explain_direction(graph: NavGraph, here: str, there: str, config: MappingConfig) -> DirectionExplanation:
     measured = [
         e for e in evidence_along(graph, (here, there)) if e.viewpoint == here and not unmeasured_families(e, config)
     ]

@@ -57,9 +57,9 @@ class TrajectoryDetour:
         if along > max(self._times * straight, straight + _LONGER):
             return along
         count = max(2, int(np.ceil(straight / _SPACING)) + 1)
-        return self._between(ends[0] + np.linspace(0, 1, count)[:, None] * (ends[1] - ends[0]))
+        return self._longest_detour(ends[0] + np.linspace(0, 1, count)[:, None] * (ends[1] - ends[0]))
 
-    def _between(self, places: NDArray[np.float64]) -> float:
+    def _longest_detour(self, places: NDArray[np.float64]) -> float:
         """Return the longest detour in meters along the trajectory between two parts of it on both sides of one of the
         positions (M, 3); 0 if there is none. One part is the nearest in line with the position. Positions near the
         trajectory are skipped."""

@@ -195,12 +195,12 @@ class Shortcuts:
                 looks.append((id, far))
         # In parallel: each is a search over floor in a kernel, and no area is closed meanwhile.
         with ThreadPoolExecutor(allowed(), "shortcuts") as pool:
-            for _ in pool.map(self._look, *zip(*looks, strict=True)) if looks else ():
+            for _ in pool.map(self._measure_paths, *zip(*looks, strict=True)) if looks else ():
                 pass
         pairs = [(round(self._known[id][other][0], 3), id, other) for id, far in looks for other in far]
         return sorted(pair for pair in pairs if self._is_detour(pair[1], pair[2], pair[0]))
 
-    def _look(self, id: str, others: Sequence[str]) -> None:
+    def _measure_paths(self, id: str, others: Sequence[str]) -> None:
         """Compute the lengths of paths over known floor from a viewpoint to others, if they are unknown or an area near
         it was closed since."""
         known, here = self._known[id], np.array(self._draft.viewpoints[id].position)
@@ -224,7 +224,7 @@ class Shortcuts:
         stops = self._stops(*ends)
         here, new = ends[0], list[str]()
         for place in [*stops, None] if stops else []:
-            viewpoint = ends[1] if place is None else self._stand(place)
+            viewpoint = ends[1] if place is None else self._viewpoint_at(place)
             if viewpoint is None:
                 self._room.shut(np.array(place), _SHUT)
                 break
@@ -279,14 +279,14 @@ class Shortcuts:
         """(N,) bool: whether straight legs lead from a position (3,) to others (N, 3)."""
         found = np.hypot(*(ends - start)[:, :2].T) <= self._survey.config.reach
         near = np.flatnonzero(found)
-        legs = [_along(start, ends[k])[1:-1] for k in near]
+        legs = [_points_between(start, ends[k])[1:-1] for k in near]
         if legs:
             wide = self._room.is_wide(np.concatenate(legs))
             first = np.cumsum([0, *map(len, legs[:-1])])
             found[near] = np.logical_and.reduceat(wide, first)
         return found
 
-    def _stand(self, place: NDArray[np.float64]) -> Viewpoint | None:
+    def _viewpoint_at(self, place: NDArray[np.float64]) -> Viewpoint | None:
         """Return the viewpoint at a position, or one near enough; None if there is no room for one."""
         place = np.array([*place[:2], self._survey.walk.height(place)])
         near = [v for v in self._draft.near(place, _THERE) if v.id in self._ways]
@@ -303,7 +303,7 @@ class Shortcuts:
         return self._draft.viewpoints[viewpoint.id]
 
     def _shut(self, a: Viewpoint, b: Viewpoint) -> None:
-        leg = _along(np.array(a.position), np.array(b.position))
+        leg = _points_between(np.array(a.position), np.array(b.position))
         inner = leg[len(leg) // 5 : -(len(leg) // 5) or None]
         self._room.shut(inner[int(np.argmin(self._room.clearance(inner)))], _SHUT)
 
@@ -313,7 +313,7 @@ def _most(metres: float) -> float:
     return max(_DETOUR * metres, metres + _LOSS)
 
 
-def _along(a: NDArray[np.float64], b: NDArray[np.float64]) -> NDArray[np.float64]:
+def _points_between(a: NDArray[np.float64], b: NDArray[np.float64]) -> NDArray[np.float64]:
     """(K, 3) positions from a to b."""
     count = max(4, int(np.ceil(np.hypot(*(b - a)[:2]) / _SPACING)) + 1)
     return np.asarray(a + np.linspace(0, 1, count)[:, None] * (b - a))

@@ -67,13 +67,13 @@ class DraftGraph:
     def metres(self, a: str, b: str, most: float = math.inf) -> float:
         """Return the length in meters of the shortest path from one viewpoint to another; infinite if it is longer than
         `most`."""
-        return self._spread(a, most, b).get(b, math.inf)
+        return self._path_lengths_from(a, most, b).get(b, math.inf)
 
     def all_metres(self, start: str, most: float) -> dict[str, float]:
         """Return id -> meters from `start`, for all viewpoints that are at most `most` away."""
-        return self._spread(start, most)
+        return self._path_lengths_from(start, most)
 
-    def _spread(self, start: str, most: float, until: str | None = None) -> dict[str, float]:
+    def _path_lengths_from(self, start: str, most: float, until: str | None = None) -> dict[str, float]:
         """Return id -> meters from `start`, the nearest first, for all viewpoints that are at most `most` away. With
         `until`, the search ends there, and viewpoints are skipped if a path over them must exceed `most`. Dijkstra's
         algorithm; networkx takes ten times as long for such short paths, which are most of the work of settling."""
@@ -142,14 +142,14 @@ def remove_ties(ways: DraftGraph) -> None:
     while waiting:  # a removed edge can cause new ties
         for start in sorted(ways):
             while start in waiting:
-                touched = _untie_from(ways, start)
+                touched = _remove_tie_from(ways, start)
                 if touched:
                     waiting |= touched
                 else:
                     waiting.remove(start)
 
 
-def _untie_from(ways: DraftGraph, start: str) -> set[str]:
+def _remove_tie_from(ways: DraftGraph, start: str) -> set[str]:
     """Remove one edge, and return the viewpoints with paths within 12 m that may have used it. Returns an empty set if
     no paths from `start` are tied, or if no edge can be spared."""
     metres = ways.all_metres(start, _FAR)

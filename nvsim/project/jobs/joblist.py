@@ -117,7 +117,7 @@ class JobList:
             return None
         status = read_status(folder)
         if status.state == "running" and not worker_lock.is_held(folder):
-            status = self._left_by_the_dead(folder, status)
+            status = self._status_after_crash(folder, status)
         if not ours and status.state in ("queued", "paused", "interrupted"):
             status = replace(status, state="foreign", message="")
         return Job(number, folder, order, status, ours)
@@ -149,7 +149,7 @@ class JobList:
         return []
 
     @staticmethod
-    def _left_by_the_dead(folder: Path, status: JobStatus) -> JobStatus:
+    def _status_after_crash(folder: Path, status: JobStatus) -> JobStatus:
         wish = requested_state(folder)
         try:
             finished = os.lstat(folder / STATUS).st_mtime
@@ -187,8 +187,8 @@ class JobList:
                 same = replace(job.order, ordered=order.ordered) == order
                 if same and job.ours and job.status.state in STOPPED and not worker_lock.is_held(job.folder):
                     (job.folder / WISH).unlink(missing_ok=True)
-                    return self._take(job)
-            return self._take(self._store(order))
+                    return self._assign_job(job)
+            return self._assign_job(self._store(order))
 
     def again(self, number: int) -> None:
         """Puts a job that does not run back into the queue, to continue its work. Raises InputError if the job was
@@ -262,7 +262,7 @@ class JobList:
                 if not wanted or not job.ours or job.status.state != "queued" or (job.order.heavy and busy):
                     continue
                 with contextlib.suppress(BlockingIOError):  # processes of the previous run are still working
-                    return self._take(job)
+                    return self._assign_job(job)
         return None
 
     def finish(self, job: Job, code: int, message: str) -> JobStatus:
@@ -309,7 +309,7 @@ class JobList:
         write_text(order_path(folder), text)
         return Job(number, folder, order, status or JobStatus())
 
-    def _take(self, job: Job) -> Job:
+    def _assign_job(self, job: Job) -> Job:
         """Assigns a job to this process. Raises InputError, and BlockingIOError if another process runs it."""
         try:
             worker_lock.acquire(job.folder)

@@ -54,7 +54,7 @@ def run(project: Project, source: Path, listen: Listener, leave_out: str = "") -
     carried: list[tuple[Path, Path]] = []
     try:
         write_list([*held, *new], path)
-        _carry(project, former, labels(held)[0] if former.source.suffix != SUFFIX else "", carried)
+        _copy_corrections(project, former, labels(held)[0] if former.source.suffix != SUFFIX else "", carried)
         config = _left_out(project, former, labels(held)[0], leave_out)
         capture = imported.run(project, path, config, listen, former.alignment)
     except BaseException:  # also an interruption by the user
@@ -90,7 +90,7 @@ def _left_out(project: Project, former: Capture, label: str, more: str) -> Captu
     return replace(config, leave_out=",".join(part for part in (before, more) if part), model="")
 
 
-def _carry(project: Project, former: Capture, label: str, carried: list[tuple[Path, Path]]) -> None:
+def _copy_corrections(project: Project, former: Capture, label: str, carried: list[tuple[Path, Path]]) -> None:
     """Copies corrections to the new names of their frames. Appends (old, copy) to `carried` before each copy."""
     if not label:
         return

@@ -196,11 +196,13 @@ def _posed(capture: Capture, config: CaptureConfig, listen: Listener) -> tuple[C
     listen(Log(text, STAGE))
     figures = {"before_px": found.before, "after_px": found.after, "metres": found.metres, "degrees": found.degrees}
     rounded = {f"poses_{name}": round(value, 4) for name, value in figures.items()}
-    depths = _moved(capture.depths, capture.frames, found.frames)
+    depths = _depths_at_adjusted_poses(capture.depths, capture.frames, found.frames)
     return dataclasses.replace(capture, frames=found.frames, depths=depths), rounded
 
 
-def _moved(depths: Sequence[DepthFile], before: Sequence[Frame], after: Sequence[Frame]) -> tuple[DepthFile, ...]:
+def _depths_at_adjusted_poses(
+    depths: Sequence[DepthFile], before: Sequence[Frame], after: Sequence[Frame]
+) -> tuple[DepthFile, ...]:
     """The depth images at the adjusted poses of their frames."""
     import numpy as np
 

@@ -174,7 +174,7 @@ class _SubmapTraining:
         from nvsim.project.stages.training_remote import ModelFiles, RemoteTraining
 
         threads = self._config.threads or threads_each(executor.machines, min(at_once or len(chosen), len(chosen)))
-        needed = _needed(self._project, left, self._config)
+        needed = _memory_of_largest(self._project, left, self._config)
         pieces = [WorkItem(STAGE, s.index, f"submap {s.index}", threads, needed) for s in left]
         remote_training = RemoteTraining(self._project, self._config, storage, listen)
 
@@ -214,10 +214,12 @@ def train_key(project: Project, submap: Submap, config: TrainingConfig) -> str:
     corrected = corrections_key(project, training_frames(project, submap.index))
     depth = project.stage_results().depth
     seen = [depth.key] if depth else []  # without depth, the key has the form of versions without a depth stage
-    return ledger.key_of(STAGE, floors_key(project), submap.index, submap.frames, _same(config), *corrected, *seen)
+    return ledger.key_of(
+        STAGE, floors_key(project), submap.index, submap.frames, _result_settings(config), *corrected, *seen
+    )
 
 
-def _same(config: TrainingConfig) -> dict[str, object]:
+def _result_settings(config: TrainingConfig) -> dict[str, object]:
     default = TrainingConfig()
     same = dataclasses.replace(config, threads=default.threads, checkpoint_seconds=default.checkpoint_seconds)
     values = dataclasses.asdict(same)
@@ -227,7 +229,7 @@ def _same(config: TrainingConfig) -> dict[str, object]:
 
 def _finish(project: Project, index: int, config: TrainingConfig, found: TrainedSubmap, listen: Listener) -> None:
     seconds, figures = found.seconds, found.figures
-    batch = ledger.key_of(floors_key(project), _same(config))
+    batch = ledger.key_of(floors_key(project), _result_settings(config))
     used = ledger.add_model(project, index, seconds, figures, batch)
     listen(Done(STAGE, f"submap {index}: {figures['gaussians']} Gaussians in {seconds:.0f} s", figures))
     if not used:
@@ -238,10 +240,10 @@ def _finish(project: Project, index: int, config: TrainingConfig, found: Trained
 
 def _fitting(project: Project, submaps: Sequence[Submap], config: TrainingConfig) -> int:
     """The number of trainings that fit into the free memory."""
-    return training_pool.fitting(psutil.virtual_memory().available, _needed(project, submaps, config))
+    return training_pool.fitting(psutil.virtual_memory().available, _memory_of_largest(project, submaps, config))
 
 
-def _needed(project: Project, submaps: Sequence[Submap], config: TrainingConfig) -> int:
+def _memory_of_largest(project: Project, submaps: Sequence[Submap], config: TrainingConfig) -> int:
     """Memory in bytes of the largest training."""
     frames = project.need_capture().frames
     sizes = [frames[i].intrinsics.within(config.image_size) for i in submaps[0].frames]

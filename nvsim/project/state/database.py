@@ -16,13 +16,13 @@ from nvsim.files import tables
 from nvsim.files.databases import (
     GuardedConnection,
     check_files,
-    copied,
+    copy_to_memory,
     damaged_error,
     make_file,
     open_to_read,
     sqlite_error,
 )
-from nvsim.files.tables import COUNT, NUMBER, TEXT, check_schema, harden
+from nvsim.files.tables import COUNT, NUMBER, TEXT, check_schema, disable_code
 from nvsim.project.state.results import Slot, StagePart, StageResult, StageResults, UnfinishedPart, trusted, write
 from nvsim.project.work import STAGES
 
@@ -137,7 +137,7 @@ def connect(path: Path, read_only: bool) -> sqlite3.Connection:
             connection.close()
             return create(path)
         if read_only and version < VERSION:
-            connection = copied(connection)
+            connection = copy_to_memory(connection)
             update(connection, path, _version(connection))  # a writer may have updated it in the meantime
             connection.execute("PRAGMA query_only=1")
         if not read_only:
@@ -161,7 +161,7 @@ def check(connection: sqlite3.Connection, path: Path, read_only: bool) -> int:
     fails. Raises sqlite3.Error if the file is not a database.
     """
     try:
-        harden(connection)
+        disable_code(connection)
         version = _version(connection)
         if version > VERSION:
             raise InputError(

@@ -74,7 +74,7 @@ def cues_along(ids: Sequence[str], facing: float, seen: Surroundings) -> frozens
         return frozenset(_by(ids, 0.0, facing, seen))  # steps between storeys have no other cues
     length = sum(seen.metres[step] for step in steps)
     found = [*_doorways(ids, steps, seen), *_past(ids, steps, seen), *_by(ids, length, facing, seen)]
-    found += [*_floor(steps, seen), *_towards(ids, steps, facing, seen)]
+    found += [*_floor(steps, seen), *_cues_ahead(ids, steps, facing, seen)]
     return frozenset(found)
 
 
@@ -142,7 +142,7 @@ def _by(ids: Sequence[str], length: float, facing: float, seen: Surroundings) ->
             yield Cue("by", look, "right" if off > 0 else "left", length, i)
 
 
-def _towards(ids: Sequence[str], steps: Sequence[Pair], facing: float, seen: Surroundings) -> Iterator[Cue]:
+def _cues_ahead(ids: Sequence[str], steps: Sequence[Pair], facing: float, seen: Surroundings) -> Iterator[Cue]:
     """Finds objects ahead that are visible from the first and the last step, and that the leg does not reach."""
     if any(seen.doors[step] for step in steps):
         return

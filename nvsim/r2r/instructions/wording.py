@@ -9,7 +9,7 @@ from random import Random
 from nvsim.graph.quantities import Slope
 from nvsim.r2r.instructions.cues import Cue
 from nvsim.r2r.instructions.ground import Detail, Leg, View, degrees_of, hour_of, turn_of
-from nvsim.r2r.instructions.phrases import CORRIDOR, FLOOR_OF, ObjectNames, one_of, sentence, spoken
+from nvsim.r2r.instructions.phrases import CORRIDOR, FLOOR_OF, ObjectNames, choose_alternatives, one_of, sentence
 
 PAST = {
     "": ("passing the {}", "going past the {}"),
@@ -257,7 +257,7 @@ def long_instruction(
             found.append((sentence(opener + turn), i))
             opener = ""
             if seen:
-                found.append((sentence(spoken(_VIEW["ahead"], random).format(names.of(seen[0]))), i))
+                found.append((sentence(choose_alternatives(_VIEW["ahead"], random).format(names.of(seen[0]))), i))
         last = i + 1 == len(said)
         by = (
             next((cue for cue in sorted(leg.cues, key=lambda c: c.side == "") if cue.kind == "by"), None)
@@ -267,9 +267,14 @@ def long_instruction(
         found.append((sentence(opener + _walk(leg, by, not turn, names, random)), i))
         into = [cue.what for cue in leg.cues if cue.kind == "into"]
         if into:
-            found.append((sentence(spoken(_NOW, random).format(spoken(_PLACES[into[0]], random))), i + 1))
+            found.append(
+                (
+                    sentence(choose_alternatives(_NOW, random).format(choose_alternatives(_PLACES[into[0]], random))),
+                    i + 1,
+                )
+            )
         if by is not None:
-            found.append((sentence(spoken(_STAND[by.side], random).format(names.of(by))), i + 1))
+            found.append((sentence(choose_alternatives(_STAND[by.side], random).format(names.of(by))), i + 1))
     found.append((sentence(one_of(_ENDS, random)), len(said)))
     return found
 
@@ -277,16 +282,18 @@ def long_instruction(
 def _begin(view: View, names: ObjectNames, random: Random) -> list[str]:
     """Returns the sentences about the start."""
     ahead = [cue for cue in view.objects if cue.side == "ahead"]
-    place = spoken(_PLACES[view.kind], random)
+    place = choose_alternatives(_PLACES[view.kind], random)
     found = []
     if place or ahead:
-        facing = spoken(_FACING, random).format(names.of(ahead[0])) if ahead else ""
-        words = spoken(_BEGIN, random).format(place).rstrip()
+        facing = choose_alternatives(_FACING, random).format(names.of(ahead[0])) if ahead else ""
+        words = choose_alternatives(_BEGIN, random).format(place).rstrip()
         found.append(sentence(f"{words}, {facing}" if facing else words))
     for side in ("left", "right"):
         beside = [cue for cue in view.objects if cue.side == side and cue not in ahead]
         if beside and random.random() < 0.7:
-            found.append(sentence(spoken(_SIDES[side], random).replace("  ", " ").format(names.of(beside[0]))))
+            found.append(
+                sentence(choose_alternatives(_SIDES[side], random).replace("  ", " ").format(names.of(beside[0])))
+            )
     return found
 
 

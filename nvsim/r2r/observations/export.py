@@ -102,7 +102,7 @@ class PreparedExport:
     def free(self) -> int:
         """Free bytes on the disk of the folder. Raises InputError if they cannot be determined."""
         try:
-            return shutil.disk_usage(_there(self.root)).free
+            return shutil.disk_usage(_existing_parent(self.root)).free
         except OSError as error:
             raise as_input_error(self.root, error) from error
 
@@ -127,7 +127,7 @@ class PreparedExport:
             yield ScanCounts(graph.scan, len(graph.viewpoints), len(drawn), todo, plans, mean, masked)
 
 
-def _there(root: Path) -> Path:
+def _existing_parent(root: Path) -> Path:
     """Returns the folder itself, or its nearest parent that exists."""
     place = root.absolute()
     while not os.path.lexists(place) and place != place.parent:
@@ -136,7 +136,7 @@ def _there(root: Path) -> Path:
 
 
 def _refuse_unwritable(root: Path) -> None:
-    place = _there(root)
+    place = _existing_parent(root)
     why = errno.ENOTDIR if not place.is_dir() else 0 if os.access(place, os.W_OK | os.X_OK) else errno.EACCES
     if why:
         raise as_input_error(root, OSError(why, os.strerror(why)))

@@ -100,7 +100,7 @@ class InstructionWriter:
         given = json_object(text).get("instructions")
         if not isinstance(given, list) or not all(isinstance(one, str) for one in given):
             raise UnusableAnswer('"instructions" must be a list of texts')
-        texts = [" ".join(_whole(one).split()) for one in given]
+        texts = [" ".join(_without_surrogates(one).split()) for one in given]
         if len(texts) < self._count:
             raise UnusableAnswer(f"there were {len(texts)} instructions and not {self._count}")
         texts = texts[: self._count]
@@ -126,6 +126,6 @@ class InstructionWriter:
         return parts
 
 
-def _whole(text: str) -> str:
+def _without_surrogates(text: str) -> str:
     """Removes unpaired surrogates, which cannot be written to a text file."""
     return text.encode("utf-8", "ignore").decode()

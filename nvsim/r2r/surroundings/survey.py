@@ -86,7 +86,7 @@ def surroundings_of(graph: NavGraph, storeys: list[Layers]) -> Surroundings:
             doors[a, b], floors[a, b] = tuple(through), along
             doors[b, a], floors[b, a] = tuple(length - m for m in reversed(through)), along[::-1]
             for pair in ((a, b), (b, a)):
-                beside = _beside(at[pair[0]], at[pair[1]], here, sees[pair[0]])
+                beside = _objects_beside_path(at[pair[0]], at[pair[1]], here, sees[pair[0]])
                 start, ahead = at[pair[0]][:2], (at[pair[1]] - at[pair[0]])[:2] / max(length, 1e-9)
                 passed[pair] = tuple(
                     (first + i, side, metres)
@@ -128,7 +128,7 @@ def _where(
         yield i, (math.atan2(x, y), metres)
 
 
-def _beside(
+def _objects_beside_path(
     a: NDArray[np.float64], b: NDArray[np.float64], things: list[FloorObject], seen: set[int]
 ) -> Iterator[tuple[int, Side, float]]:
     """Yields objects that are clearly on one side of the way from `a` to `b`, not ahead of it or behind it."""

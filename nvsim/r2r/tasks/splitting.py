@@ -131,7 +131,9 @@ def sample_tasks(graphs: Iterable[NavGraph], unseen: Sequence[str], bounds: Path
     scans = [_scan(graph, unseen, bounds, amounts) for graph in graphs]
     wanted = {name: getattr(amounts, name) for name in SPLITS}
     seen = _drawn(scans, False, wanted["train"] + wanted["val_seen"], random)
-    found = dict(zip(("train", "val_seen"), _parted(seen, wanted["train"], wanted["val_seen"], random)))
+    found = dict(
+        zip(("train", "val_seen"), _split_train_and_val_seen(seen, wanted["train"], wanted["val_seen"], random))
+    )
     found["val_unseen"] = _drawn(scans, True, wanted["val_unseen"], random)
     for name in SPLITS:
         if wanted[name] and not found[name]:
@@ -183,7 +185,9 @@ def _in_turn(orders: list[tuple[_Scan, Iterator[int]]], side: bool) -> Iterator[
         orders = left
 
 
-def _parted(drawn: list[_Drawn], train: int, val_seen: int, random: Random) -> tuple[list[_Drawn], list[_Drawn]]:
+def _split_train_and_val_seen(
+    drawn: list[_Drawn], train: int, val_seen: int, random: Random
+) -> tuple[list[_Drawn], list[_Drawn]]:
     """Splits paths into train and val_seen, in the requested ratio if there are too few."""
     count = math.ceil(len(drawn) * val_seen / max(train + val_seen, 1))
     order = sorted(range(len(drawn)), key=lambda _: random.random())

@@ -77,7 +77,7 @@ class _TexelPair:
 
 # The two intrinsics are declared over types, after numba's typing context; kernels call them with values, without it.
 @intrinsic
-def _gather(
+def _blend_texels(
     typing_context: TypingContext,
     texels: types.Type,  # of (3 T,) float32
     low: types.Type,  # of uintp, as `high`
@@ -108,7 +108,7 @@ def _gather(
 
 
 @intrinsic
-def _spread(
+def _scatter_texels(
     typing_context: TypingContext,
     texels: types.Type,  # of (3 T,) float32
     low: types.Type,  # of uintp
@@ -212,7 +212,7 @@ def add_texture(
                     lower, w11 = weight - upper, upper * fc
                     w01 = lower * fc
                     at = np.uintp(places[i])
-                    colour = _gather(flat, at, at + columns, lower - w01, w01, upper - w11, w11)  # type: ignore[arg-type, call-arg, var-annotated]
+                    colour = _blend_texels(flat, at, at + columns, lower - w01, w01, upper - w11, w11)  # type: ignore[arg-type, call-arg, var-annotated]
                     reds[i] += colour[0]
                     greens[i] += colour[1]
                     blues[i] += colour[2]
@@ -258,8 +258,8 @@ def scatter_texture(
                     w01 = lower * fc
                     at = np.uintp(places[i])
                     red, green, blue = reds[i], greens[i], blues[i]
-                    _spread(flat, at, lower - w01, w01, red, green, blue)  # type: ignore[arg-type, call-arg]
-                    _spread(flat, at + columns, upper - w11, w11, red, green, blue)
+                    _scatter_texels(flat, at, lower - w01, w01, red, green, blue)  # type: ignore[arg-type, call-arg]
+                    _scatter_texels(flat, at + columns, upper - w11, w11, red, green, blue)
                     if weights.size > 0:
                         weights[at] += lower - w01
                         weights[at + np.uintp(1)] += w01

@@ -38,13 +38,13 @@ class Capped:
         room = self._cap - (len(gaussians) - int(lost.sum()))
         budget = min(room, int(c.capped.growth * len(gaussians))) if grows else 0
         wanting = np.flatnonzero((gradient > c.capped.gradient) & ~lost)
-        wanting = neediest(wanting, gradient, budget)
+        wanting = largest_gradients(wanting, gradient, budget)
         stays = ~lost
         stays[wanting] = False
         return Refinement(np.flatnonzero(stays), divide(gaussians, wanting), np.concatenate([wanting, wanting]))
 
 
-def neediest(wanting: np.ndarray, gradient: Float32, budget: int) -> np.ndarray:
+def largest_gradients(wanting: np.ndarray, gradient: Float32, budget: int) -> np.ndarray:
     """At most `budget` of the indices `wanting` (W,), those with the largest `gradient` (N,), in order."""
     if budget <= 0:
         return wanting[:0]
