@@ -288,7 +288,7 @@ class Import:
                 if self.understood != CaptureConfig(leave_out=leave_out):
                     raise InputError(
                         "An added capture has the scale and the held-out frames of the first; do not give --scale, "
-                        "--camera-height, --known-length, --hold-out, --images, --axes, --poses, --views and --mask. "
+                        "--camera-height, --known-length, --hold-out, --images, --axes, --poses, --views or --mask. "
                         "Instead of --model, name the model's folder."
                     )
                 added.run(project, self.capture, listen, leave_out)
