@@ -15,7 +15,7 @@ from nvsim.geometry.directions import cube
 from nvsim.mapping.config import MappingConfig
 from nvsim.mapping.corridor import Corridor, HeightAt, ahead, headings
 from nvsim.mapping.views.floor_view import pixels_read
-from nvsim.mapping.views.looking import camera_towards
+from nvsim.mapping.views.view_sources import camera_towards
 from nvsim.render.backends import Backend, resolve_backend
 from nvsim.render.model import render_model
 from nvsim.render.panorama import render_equirectangular

@@ -18,7 +18,7 @@ from nvsim.geometry.floor_surface import FloorSurface
 from nvsim.training.background.floor_paint import first_paint
 from nvsim.training.config import Device, preset
 from nvsim.training.devices import choice
-from nvsim.training.fit import STEP_PARTS, ModelFit
+from nvsim.training.model_fit import STEP_PARTS, ModelFit
 from nvsim.training.synthetic import EYE_HEIGHT, ROOM, photograph, synthetic_gaussians
 from nvsim.training.views import TrainingView
 

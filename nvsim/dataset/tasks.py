@@ -177,8 +177,8 @@ def _looked_at(
     from nvsim.r2r.episodes.targets import targets_of
     from nvsim.r2r.observations.layout import ScanPlaces
     from nvsim.r2r.surroundings.layers import layers_of
-    from nvsim.r2r.surroundings.seen import has_depth, look_around
     from nvsim.r2r.surroundings.survey import surroundings_of
+    from nvsim.r2r.surroundings.visibility import has_depth, look_around
 
     wants_episodes = options.vlnce or options.streamvln
     wants_words = options.landmarks and options.instructions > 0

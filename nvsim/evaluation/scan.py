@@ -20,7 +20,7 @@ from nvsim.geometry.directions import HEIGHT, STEP, VFOV, VIEWS, WIDTH, heading_
 from nvsim.graph.types import NavGraph
 from nvsim.project.project import Project
 from nvsim.project.work import missing_result_error
-from nvsim.r2r.observations.growing import PlacesSeen
+from nvsim.r2r.observations.incremental_surround import PlacesSeen
 from nvsim.render.model import render_model
 from nvsim.splats.types import SubmapModel
 

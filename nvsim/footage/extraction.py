@@ -16,7 +16,7 @@ from nvsim.files import atomic
 from nvsim.files.opening import is_regular, read_bytes, read_json
 from nvsim.files.reading import reading
 from nvsim.files.stored_arrays import read_arrays
-from nvsim.footage.choosing import choose_frames, point_positions
+from nvsim.footage.frame_choice import choose_frames, point_positions
 from nvsim.footage.sources import Footage
 
 LONGEST_SIDE = 1280

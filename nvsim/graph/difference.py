@@ -15,7 +15,7 @@ from typing import Any, TypeVar, cast
 
 from nvsim.graph.edits.change import copied
 from nvsim.graph.store import encode_evidence
-from nvsim.graph.touched import TouchedElements, remember, touched_between
+from nvsim.graph.touched_elements import TouchedElements, remember, touched_between
 from nvsim.graph.types import Edge, EdgeKey, Evidence, EvidenceKey, NavGraph, Viewpoint
 
 K = TypeVar("K", bound=Hashable)

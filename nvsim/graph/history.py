@@ -11,7 +11,7 @@ from nvsim.graph.difference import GraphDelta
 from nvsim.graph.edits.change import EditError
 from nvsim.graph.graph_cache import GraphCache
 from nvsim.graph.selection import NOTHING, GraphSelection, existing_part
-from nvsim.graph.touched import shorten_note
+from nvsim.graph.touched_elements import shorten_note
 from nvsim.graph.types import EdgeKey, NavGraph
 
 SHOWN = 8

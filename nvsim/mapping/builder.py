@@ -17,8 +17,8 @@ from nvsim.graph.paths import components
 from nvsim.graph.types import NavGraph
 from nvsim.mapping.config import MappingConfig
 from nvsim.mapping.corridor import HeightAt, Lattice, SupportAt
-from nvsim.mapping.evidence.climbing import TraversedFloor
 from nvsim.mapping.evidence.measuring import Measurements
+from nvsim.mapping.evidence.traversed_floor import TraversedFloor
 from nvsim.mapping.explanation.poor_graph import (
     NoViewpointFound,
     explain_disconnected_parts,
@@ -29,9 +29,9 @@ from nvsim.mapping.explanation.trajectory_detour import TrajectoryDetour
 from nvsim.mapping.search.breadth_first import BreadthFirstSearch
 from nvsim.mapping.search.graph_builder import GraphBuilder, keep_edits
 from nvsim.mapping.search.survey import Survey
-from nvsim.mapping.search.walk import CoveredPositions, Walk
+from nvsim.mapping.search.trajectory import CoveredPositions, Walk
 from nvsim.mapping.settling.settling import Settling
-from nvsim.mapping.views.looking import ViewSource
+from nvsim.mapping.views.view_sources import ViewSource
 
 STAGE = "map"
 _TRIES = 3  # positions on either side of a gap in the trajectory that are tried as a start

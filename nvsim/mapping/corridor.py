@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 
 from nvsim.graph.types import Evidence
 from nvsim.mapping.config import WIDEST, MappingConfig
-from nvsim.mapping.evidence.climbing import CLIMB
+from nvsim.mapping.evidence.traversed_floor import CLIMB
 
 HeightAt = Callable[[NDArray[np.floating]], NDArray[np.floating]]
 """The height of the floor (...) at world points (..., 3), meters. z of a point is the height of a camera, or of a

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from nvsim.graph.types import Decision, Evidence
 from nvsim.mapping.criterion import FULL, Criterion, Part
-from nvsim.mapping.evidence.opinions import opinions
+from nvsim.mapping.evidence.second_opinions import opinions
 from nvsim.mapping.families import NETWORK_NORMAL
 
 if TYPE_CHECKING:

@@ -11,7 +11,7 @@ from nvsim.files.opening import is_regular
 from nvsim.networks.description import IMPROVES, ROLE_WORDS, SINGLE_FILES, Role
 from nvsim.networks.folder import models_folder
 from nvsim.networks.installed import InstalledModel, bundled, installed
-from nvsim.networks.ready import known_descriptions
+from nvsim.networks.known_forms import known_descriptions
 
 
 @dataclass(frozen=True)

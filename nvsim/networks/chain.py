@@ -18,8 +18,8 @@ from nvsim.errors import InputError
 from nvsim.files.reading import reading
 from nvsim.networks.binding import BoundTensor, bind, describe_nodes
 from nvsim.networks.description import OF_PROMPTS, Constant, Description, Scheduler, Step
+from nvsim.networks.image_preparation import Image, Placement, Preparation
 from nvsim.networks.onnx_session import TYPES, Node, Provider, SharedFile, providers, shared_file
-from nvsim.networks.preparing import Image, Placement, Preparation
 
 
 class Ddim:

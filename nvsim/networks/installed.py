@@ -15,9 +15,15 @@ from nvsim.files.reading import reading
 from nvsim.networks.chain import Chain
 from nvsim.networks.description import ROLE_WORDS, Description, Role
 from nvsim.networks.folder import models_folder
+from nvsim.networks.known_forms import (
+    FOLDER,
+    description_from_legacy_toml,
+    fitting,
+    known_descriptions,
+    read_description,
+)
 from nvsim.networks.onnx_session import Provider, Session, Signature
 from nvsim.networks.parsing import description_in
-from nvsim.networks.ready import FOLDER, description_from_legacy_toml, fitting, known_descriptions, read_description
 from nvsim.networks.toml_table import LARGEST, parsed
 
 DESCRIPTION = "model.toml"

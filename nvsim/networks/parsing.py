@@ -28,7 +28,7 @@ from nvsim.networks.description import (
     Step,
     Tensor,
 )
-from nvsim.networks.preparing import preparation_in
+from nvsim.networks.image_preparation import preparation_in
 from nvsim.networks.toml_table import TomlTable
 
 _PERPENDICULAR = ({"right", "left"}, {"down", "up"}, {"forward", "backward"})

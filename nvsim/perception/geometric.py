@@ -17,7 +17,7 @@ from nvsim.geometry.sampling import evenly_spaced
 from nvsim.geometry.splatting import SplatCloud
 from nvsim.perception.appearance import FloorAppearance, FloorObservation
 from nvsim.perception.glass import GlassVotes
-from nvsim.perception.growing import grow
+from nvsim.perception.grabcut import grow
 from nvsim.perception.hybrid import large_regions
 from nvsim.perception.obstacles import split_obstacles
 from nvsim.perception.refine import RefineConfig, refine

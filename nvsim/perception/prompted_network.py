@@ -10,7 +10,7 @@ from nvsim.files.reading import reading
 from nvsim.geometry.camera import Camera
 from nvsim.networks.chain import Chain, ProcessedImage, Values
 from nvsim.networks.description import MaskResult, Points
-from nvsim.networks.preparing import Placement
+from nvsim.networks.image_preparation import Placement
 from nvsim.perception.roles import Image, Mask
 
 _NO_POINT = -1.0  # label of a padding point

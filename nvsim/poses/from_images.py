@@ -17,7 +17,6 @@ from numpy.typing import NDArray
 
 from nvsim.errors import InputError
 from nvsim.poses.features import NOTHING, Features, find_features
-from nvsim.poses.firmness import firm_pieces
 from nvsim.poses.focal_length import estimate_focal_length
 from nvsim.poses.guided_matching import guided_pairs
 from nvsim.poses.image_pairs import ALIKE, neighbor_pairs, similar_pairs
@@ -46,6 +45,7 @@ from nvsim.poses.match_database import (
     write_database,
     write_geometries,
 )
+from nvsim.poses.piece_reliability import firm_pieces
 from nvsim.poses.pieces import names_in, split_after, split_into_pieces
 from nvsim.poses.pose_graph import PartAnchors, keeps_shape, median_depth, without_drift
 from nvsim.poses.straightening import anchors_of, contradicts_floor, level_and_scale, merge_turning_pieces, straightened

@@ -18,7 +18,6 @@ from numpy.typing import NDArray
 from nvsim.errors import InputError
 from nvsim.geometry.rotation import rotation_angle
 from nvsim.poses.features import Features, match_features
-from nvsim.poses.firmness import Observations, observations_of, scale_deviation
 from nvsim.poses.from_images import FoundPoses, ProgressCallback, features_of_all
 from nvsim.poses.image_pairs import image_descriptors
 from nvsim.poses.image_set import ImageSet, RigOfViews
@@ -30,6 +29,7 @@ from nvsim.poses.mapping import (
     without_bad_points,
 )
 from nvsim.poses.match_database import Pair, keypoints_of, known_camera, write_database, write_geometries
+from nvsim.poses.piece_reliability import Observations, observations_of, scale_deviation
 from nvsim.poses.straightening import level_and_scale
 from nvsim.poses.threads import thread_pool
 from nvsim.poses.two_views import TwoViews

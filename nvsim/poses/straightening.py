@@ -20,8 +20,8 @@ from scipy.spatial.transform import Rotation
 
 from nvsim.geometry.rotation import rotation_angle, smallest_rotation
 from nvsim.poses.building_frame import camera_height, level_axes, up_of, wall_direction
-from nvsim.poses.firmness import Observations, firm_pieces, observations_of, shared_points
 from nvsim.poses.mapping import center_of, move_image, poses_of
+from nvsim.poses.piece_reliability import Observations, firm_pieces, observations_of, shared_points
 from nvsim.poses.pose_graph import FIRM, LOOSE, PartAnchors, no_anchors, no_loops, solve, transform_pose
 from nvsim.poses.two_views import TwoViews
 

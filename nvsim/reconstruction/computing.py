@@ -261,7 +261,7 @@ def _computed(request: _Request, tell: Callable[[Progress | Log | Warning], None
 
     from nvsim.poses.from_images import find_poses  # imported after decoding: the import takes seconds
     from nvsim.poses.pieces import without_bridges
-    from nvsim.reconstruction.growing import write_growing
+    from nvsim.reconstruction.growing_trajectory import write_growing
     from nvsim.reconstruction.weak_places import find_weak_places
 
     images, camera = stored.images, stored.images.cameras[0]

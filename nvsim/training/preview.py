@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from nvsim.files.atomic import write_bytes
 from nvsim.render.workspace import LOCK
-from nvsim.training.fit import ModelFit
+from nvsim.training.model_fit import ModelFit
 from nvsim.training.views import TrainingView
 
 MOST_STEPS = 20

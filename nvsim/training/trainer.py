@@ -23,9 +23,9 @@ from nvsim.splats.types import SubmapModel
 from nvsim.training import checkpoint as files
 from nvsim.training.background.floor_paint import first_paint
 from nvsim.training.config import TrainingConfig
-from nvsim.training.fit import ModelFit
 from nvsim.training.initialise import initial_gaussians
 from nvsim.training.loss.floor_aware import LossValues
+from nvsim.training.model_fit import ModelFit
 from nvsim.training.preview import PreviewFiles, is_run, preview, psnr_of
 from nvsim.training.rate_limiter import RateLimiter
 from nvsim.training.robust import robust_mask

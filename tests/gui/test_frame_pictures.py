@@ -12,7 +12,7 @@ from nvsim_app.drawing.painter import Painter
 from nvsim_app.drawing.render_child import Picture, Request, _answer
 from nvsim_app.frames import pictures
 from nvsim_app.frames.correction import Box
-from nvsim_app.painting.tones import (
+from nvsim_app.painting.value_colors import (
     ALPHA,
     CONFIRMED,
     DEPTH,

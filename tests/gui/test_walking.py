@@ -14,7 +14,7 @@ from pytestqt.qtbot import QtBot
 from nvsim.graph.types import NavGraph
 from nvsim_app.painting.cameras import ViewPose, walked
 from nvsim_app.state.document import Document
-from nvsim_app.state.on_floor import FreeFloor
+from nvsim_app.state.free_floor import FreeFloor
 from nvsim_app.wiring.window import MainWindow
 
 

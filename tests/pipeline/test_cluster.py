@@ -10,8 +10,8 @@ from pathlib import Path
 import cluster_work
 import pytest
 
-from nvsim.cluster.choice import open_executor
 from nvsim.cluster.config import ClusterConfig
+from nvsim.cluster.executor_choice import open_executor
 from nvsim.cluster.piece import Executor, Message, SentFile, StorageNotShared, Work, WorkCall, WorkItem, WorkResult
 from nvsim.errors import InputError
 from nvsim.events import Log, Warning, Worker

@@ -30,8 +30,8 @@ from nvsim.events import silent
 from nvsim.mapping.config import MappingConfig
 from nvsim.project.project import Project
 from nvsim.project.scene_views import LiveScene
-from nvsim.r2r.episodes.acting import ActionPath
 from nvsim.r2r.episodes.episode import Episode, write_streamvln
+from nvsim.r2r.episodes.episode_actions import ActionPath
 from nvsim.r2r.features.exported_scan import ExportedScan
 from nvsim.r2r.observations.export import PreparedExport
 from nvsim.r2r.simulator import Simulator

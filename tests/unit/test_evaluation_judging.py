@@ -16,7 +16,7 @@ from endpoint_server import Asked, Reply, Service, said, serving
 
 from nvsim.cli.main import main
 from nvsim.evaluation.interval import wilson
-from nvsim.evaluation.judging.contestants import by_folders
+from nvsim.evaluation.judging.compared_images import by_folders
 from nvsim.evaluation.judging.judges import by_lpips, by_sharpness, read_prompt
 from nvsim.evaluation.judging.report import draw_sunburst, file_name
 from nvsim.evaluation.judging.verdicts import (

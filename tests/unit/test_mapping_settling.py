@@ -18,7 +18,7 @@ from nvsim.mapping.builder import BuildResult, build_map
 from nvsim.mapping.config import MappingConfig
 from nvsim.mapping.evidence.rethreshold import Rethresholder
 from nvsim.mapping.search.graph_builder import GraphBuilder
-from nvsim.mapping.settling.ways import NEAR, DraftGraph, remove_ties
+from nvsim.mapping.settling.draft_graph import NEAR, DraftGraph, remove_ties
 from nvsim.occupancy.paths import segment_is_free
 from nvsim.occupancy.types import OCCUPIED, OccupancyMap
 

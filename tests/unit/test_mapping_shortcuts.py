@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from nvsim.evaluation.structure import map_structure
 from nvsim.mapping.builder import build_map
 from nvsim.mapping.config import MappingConfig
-from nvsim.mapping.search.walk import Walk
+from nvsim.mapping.search.trajectory import Walk
 from nvsim.mapping.settling.shortcuts import Shortcuts, WideKnownFloor
 from nvsim.occupancy.geodesic import Geodesics
 from nvsim.occupancy.grid_ways import ERROR

@@ -11,7 +11,7 @@ from described_models import described
 from prompted_networks import FORMS, LEAST, MORE, SIDE, pair
 
 from nvsim.networks.installed import InstalledModel, signature_of
-from nvsim.networks.ready import fitting, known_descriptions
+from nvsim.networks.known_forms import fitting, known_descriptions
 from nvsim.perception.prompted_network import PromptedNetwork
 
 SIZES = ((300, 480), (480, 300), (100, 130))  # wider, higher, and smaller than what the networks look at

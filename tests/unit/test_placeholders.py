@@ -22,7 +22,7 @@ from nvsim.files.placeholders import is_metadata_name, placeholder_reason
 from nvsim.files.stored_arrays import read_arrays
 from nvsim.graph.foreign import connectivity_files
 from nvsim.graph.scripts import script_lines
-from nvsim.networks.adding import add
+from nvsim.networks.installation import add
 from nvsim.networks.onnx_session import Session
 from nvsim.occupancy.read import read_map
 from nvsim.project.path_kind import check_openable, path_kind

@@ -12,7 +12,7 @@ from nvsim.benchmarks.map_builder import hall
 from nvsim.evaluation.scan import straight_view
 from nvsim.evaluation.scan_files import direction_model
 from nvsim.geometry.camera import Camera, Intrinsics, camera_pose
-from nvsim.r2r.observations.growing import GrowingSurround, PlacesSeen
+from nvsim.r2r.observations.incremental_surround import GrowingSurround, PlacesSeen
 from nvsim.r2r.observations.surround import draw_surround
 from nvsim.render.model import render_model
 from nvsim.splats.types import SubmapModel

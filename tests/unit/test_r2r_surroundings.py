@@ -38,11 +38,11 @@ from nvsim.r2r.instructions.wording import (
     cue_words,
     stop_words,
 )
+from nvsim.r2r.surroundings.floor_objects import FloorObject
 from nvsim.r2r.surroundings.layers import CELL, layers_of
 from nvsim.r2r.surroundings.naming import COLOURS, NAMELESS, Outline, Shape, lab_of, names_of, shape_of
-from nvsim.r2r.surroundings.seen import look_around
 from nvsim.r2r.surroundings.survey import Surroundings, surroundings_of
-from nvsim.r2r.surroundings.things import FloorObject
+from nvsim.r2r.surroundings.visibility import look_around
 from nvsim.r2r.tasks.shortest import PathBounds
 from nvsim.r2r.tasks.splitting import SPLITS, PathCounts, sample_tasks
 

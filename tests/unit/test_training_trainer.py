@@ -19,7 +19,7 @@ from nvsim.render.model import render_model
 from nvsim.splats.types import SubmapModel
 from nvsim.training import trainer
 from nvsim.training.config import PRESETS, TrainingConfig, preset
-from nvsim.training.fit import STEP_PARTS
+from nvsim.training.model_fit import STEP_PARTS
 from nvsim.training.preview import MOST_STEPS, PreviewFiles
 from nvsim.training.preview import preview as preview_of
 from nvsim.training.strategies.config import AdaptiveConfig, CappedConfig

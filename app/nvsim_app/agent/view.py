@@ -13,8 +13,8 @@ from PySide6.QtGui import QColor, QImage, QMouseEvent, QPainter, QPaintEvent, QP
 from PySide6.QtWidgets import QSizePolicy, QWidget
 
 from nvsim.geometry.directions import HEIGHT, WIDTH
+from nvsim_app.agent.agent_walk import AgentWalk
 from nvsim_app.agent.state import AgentState
-from nvsim_app.agent.walking import AgentWalk
 from nvsim_app.look import colors, lengths
 from nvsim_app.look.plain_text import lines, tip
 from nvsim_app.look.theme import type_font

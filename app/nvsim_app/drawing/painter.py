@@ -19,7 +19,7 @@ from nvsim.splats.types import SubmapModel
 from nvsim.submaps.split import Submap
 from nvsim_app.drawing.renderer_choice import AUTOMATIC, CPU, OPENGL, RendererChoice, SplatBudget
 from nvsim_app.look import colors
-from nvsim_app.painting.tones import CHANNELS, picture
+from nvsim_app.painting.value_colors import CHANNELS, picture
 
 CELL = 0.2  # meters
 REACH = 15.0  # meters around the trajectory; positions farther away belong to no submap

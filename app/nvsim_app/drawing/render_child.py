@@ -24,7 +24,7 @@ from nvsim_app.drawing.painter import LogRemark, Models, Painter, Renderer, Subm
 from nvsim_app.drawing.panorama_child import PanoramaDrawing, PanoramaRequest
 from nvsim_app.drawing.renderer_choice import AUTOMATIC, CPU
 from nvsim_app.drawing.warming import Warming
-from nvsim_app.painting.tones import CHANNELS, MEASURED, measured, picture
+from nvsim_app.painting.value_colors import CHANNELS, MEASURED, measured, picture
 from nvsim_app.processes.serving import Requests
 
 LOOK_AGAIN = 1.0  # seconds between two checks for a new version of a model in training

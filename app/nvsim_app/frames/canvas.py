@@ -18,7 +18,7 @@ from nvsim_app.frames.pictures import PaintedImage, difference
 from nvsim_app.look.plain_text import lines
 from nvsim_app.painting.legend import legend_box, paint_legend, paint_words, words_box
 from nvsim_app.painting.primitives import chip
-from nvsim_app.painting.tones import ImageValues
+from nvsim_app.painting.value_colors import ImageValues
 
 MODES = ("photo", "render", "wipe", "blink", "difference", "beside")
 BLINK = 600  # milliseconds

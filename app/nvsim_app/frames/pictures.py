@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 from PySide6.QtGui import QColor, QImage
 
 from nvsim_app.frames.correction import Box, Mask
-from nvsim_app.painting.tones import (
+from nvsim_app.painting.value_colors import (
     CONFIRMED,
     DEPTH,
     DEPTH_RANGE,

@@ -15,7 +15,7 @@ from PySide6.QtCore import QPointF, Qt
 from PySide6.QtGui import QPainter
 
 from nvsim.graph.selection import GraphSelection
-from nvsim.mapping.explanation.between import PathExplanation
+from nvsim.mapping.explanation.path_explanation import PathExplanation
 from nvsim_app.layers.labels import short_ids
 from nvsim_app.look import colors, lengths
 from nvsim_app.modes.mode import GHOST, Mode, Pointer, dots, label, line

@@ -7,7 +7,7 @@ from PySide6.QtGui import QColor, QFont, QFontMetricsF, QImage, QPainter, QPen
 
 from nvsim_app.look.theme import type_font
 from nvsim_app.painting.primitives import chip
-from nvsim_app.painting.tones import ValueScale
+from nvsim_app.painting.value_colors import ValueScale
 
 _WIDTH, _BAR, _MARGIN = 172.0, 9.0, 6.0  # pixels
 _SWATCH = 9.0

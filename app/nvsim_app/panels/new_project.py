@@ -21,7 +21,7 @@ from PySide6.QtWidgets import (
 )
 
 from nvsim.capture import formats
-from nvsim.capture.left_out import FROM_FILE, write_names
+from nvsim.capture.excluded_frames import FROM_FILE, write_names
 from nvsim.capture.multi_capture import SUFFIX, write_list
 from nvsim.errors import InputError
 from nvsim.files.user_folders import home

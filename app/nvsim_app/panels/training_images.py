@@ -22,7 +22,7 @@ from nvsim_app.look.labels import Label, WrappingRow
 from nvsim_app.look.plain_text import plain, tip
 from nvsim_app.look.theme import GRID, HALF, type_font
 from nvsim_app.painting.primitives import chip, chip_box
-from nvsim_app.painting.tones import ALPHA, ImageValues
+from nvsim_app.painting.value_colors import ALPHA, ImageValues
 
 PARTS = {"Photo": (0, 0), "Model": (0, 1), "Alpha": (1, 0), "Background": (1, 1)}
 """The quarters of a preview image of a training: name -> row and column."""

@@ -13,8 +13,8 @@ from nvsim.graph.types import EdgeKey, Evidence, NavGraph, edge
 from nvsim.mapping.config import MappingConfig
 from nvsim.mapping.corridor import DIRECTIONS
 from nvsim.mapping.criteria import DECISIONS, DISPUTED, OPEN, unmeasured_families
-from nvsim.mapping.explanation.between import PathExplanation, between
 from nvsim.mapping.explanation.explain import Explanation, explain, outline
+from nvsim.mapping.explanation.path_explanation import PathExplanation, between
 from nvsim_app.look import lengths
 from nvsim_app.look.plain_text import plain
 from nvsim_app.state.document import Document

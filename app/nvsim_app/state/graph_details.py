@@ -12,8 +12,8 @@ from nvsim.graph.selection import GraphSelection
 from nvsim.graph.types import Edge, EdgeKey, NavGraph, Viewpoint
 from nvsim.mapping.config import MappingConfig
 from nvsim.mapping.criteria import CRITERIA
-from nvsim.mapping.explanation.between import DirectionExplanation, PathExplanation
 from nvsim.mapping.explanation.explain import closed_edge_reason, smallest_margin
+from nvsim.mapping.explanation.path_explanation import DirectionExplanation, PathExplanation
 from nvsim_app.look import lengths
 
 MOST = 500  # maximum number of selected objects for which details are computed; else only the number is shown

@@ -182,7 +182,7 @@ def _work(requests: Requests, task: ModelTask) -> Found:
 
     found: Found = {"checked": {}, "added": ""}
     if task.add:
-        from nvsim.networks.adding import add
+        from nvsim.networks.installation import add
 
         found["added"] = add(list(task.add)).name
     if task.check:

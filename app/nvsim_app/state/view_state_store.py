@@ -8,7 +8,7 @@ from dataclasses import asdict, dataclass
 from typing import Any
 
 from nvsim_app.painting.cameras import ViewPose
-from nvsim_app.painting.tones import CHANNELS
+from nvsim_app.painting.value_colors import CHANNELS
 from nvsim_app.state.document import Selection
 
 MOST_KEYS = 1000

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from nvsim_app.painting import cameras
 from nvsim_app.painting.cameras import ViewPose
 from nvsim_app.state.document import Document
-from nvsim_app.state.on_floor import FreeFloor, floor_height
+from nvsim_app.state.free_floor import FreeFloor, floor_height
 from nvsim_app.views.navigation import Navigation, WalkLimits
 
 EYE = 1.5  # default camera height above the floor in meters, if there are no viewpoints

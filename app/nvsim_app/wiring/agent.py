@@ -11,12 +11,12 @@ from PySide6.QtWidgets import QApplication, QDockWidget
 from nvsim.geometry.directions import HEIGHT, WIDTH
 from nvsim.project.work import STAGE
 from nvsim_app.actions import Action
+from nvsim_app.agent.agent_walk import AgentWalk
 from nvsim_app.agent.child import AgentSource
 from nvsim_app.agent.mode import AgentMode
 from nvsim_app.agent.panel import AgentPanel
 from nvsim_app.agent.state import trajectory_json
 from nvsim_app.agent.view import AgentView
-from nvsim_app.agent.walking import AgentWalk
 from nvsim_app.layers.labels import short_id
 from nvsim_app.painting import cameras
 from nvsim_app.painting.picking import NEAR

@@ -12,7 +12,7 @@ from nvsim_app.frames.browser import TOOLS, FrameBrowser
 from nvsim_app.frames.canvas import MODES
 from nvsim_app.frames.link import FrameLink
 from nvsim_app.frames.state import FrameState, newest_scores
-from nvsim_app.painting.tones import CHANNELS
+from nvsim_app.painting.value_colors import CHANNELS
 from nvsim_app.panels.frames import FramePanel
 from nvsim_app.panels.help import open_help
 from nvsim_app.state.reasons import with_frame, with_masks, with_page, with_trajectory

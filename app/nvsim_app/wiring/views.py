@@ -12,7 +12,7 @@ from PySide6.QtCore import QSettings, QTimer
 from nvsim_app.actions import Action
 from nvsim_app.drawing.renderer_choice import PREFERENCES
 from nvsim_app.look.plain_text import caption
-from nvsim_app.painting.tones import CHANNELS
+from nvsim_app.painting.value_colors import CHANNELS
 from nvsim_app.panels.preferences import BUDGETS
 from nvsim_app.state.document import Document, Selection
 from nvsim_app.state.reasons import Reason, with_positions

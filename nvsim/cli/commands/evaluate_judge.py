@@ -15,7 +15,7 @@ from nvsim.errors import InputError
 if TYPE_CHECKING:
     from nvsim.endpoint.budget import Prices
     from nvsim.endpoint.options import Endpoint
-    from nvsim.evaluation.judging.contestants import ContestantImages
+    from nvsim.evaluation.judging.compared_images import ContestantImages
     from nvsim.evaluation.scores import Distance
     from nvsim.events import Listener
 
@@ -84,7 +84,7 @@ class EvaluateJudge:
         from nvsim.cli.consent import exit_code
         from nvsim.cli.console import event_listener
         from nvsim.cli.terminal import as_json
-        from nvsim.evaluation.judging.contestants import STAGE
+        from nvsim.evaluation.judging.compared_images import STAGE
         from nvsim.evaluation.judging.report import text_of, write_report
         from nvsim.evaluation.judging.verdicts import table_rows
         from nvsim.evaluation.scores import open_lpips
@@ -172,7 +172,7 @@ def _endpoints(a: EvaluateJudge) -> dict[str, tuple[Endpoint, Prices]]:
 def _by_presets(a: EvaluateJudge, project: Any, out: Path, listen: Listener) -> list[ContestantImages]:
     from nvsim.evaluation.ablation import chosen_submaps
     from nvsim.evaluation.ablation_runs import Budget, preset_rows
-    from nvsim.evaluation.judging.contestants import by_presets
+    from nvsim.evaluation.judging.compared_images import by_presets
     from nvsim.evaluation.judging.views import ViewCounts, judged_views
     from nvsim.evaluation.truth import truth_of
 
@@ -186,7 +186,7 @@ def _by_presets(a: EvaluateJudge, project: Any, out: Path, listen: Listener) -> 
 
 def _by_projects(a: EvaluateJudge, out: Path, listen: Listener) -> list[ContestantImages]:
     from nvsim.evaluation.ablation import chosen_submaps
-    from nvsim.evaluation.judging.contestants import by_projects
+    from nvsim.evaluation.judging.compared_images import by_projects
     from nvsim.evaluation.judging.views import ViewCounts, judged_views
     from nvsim.evaluation.truth import truth_of
     from nvsim.project.project import Project
@@ -200,7 +200,7 @@ def _by_projects(a: EvaluateJudge, out: Path, listen: Listener) -> list[Contesta
 
 
 def _by_folders(a: EvaluateJudge) -> list[ContestantImages]:
-    from nvsim.evaluation.judging.contestants import by_folders
+    from nvsim.evaluation.judging.compared_images import by_folders
 
     return by_folders(_unique_names(a.folders), a.reference)
 

@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING, Literal
 from nvsim.cli.arguments import Inline, Positional, ProjectArguments
 from nvsim.cli.console import event_listener
 from nvsim.cli.terminal import as_json, say
-from nvsim.cluster.choice import open_executor
 from nvsim.cluster.config import ClusterConfig
+from nvsim.cluster.executor_choice import open_executor
 from nvsim.errors import InputError
 from nvsim.occupancy.heights import Heights
 

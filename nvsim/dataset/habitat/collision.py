@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from nvsim.dataset.habitat.surface import SolidColumns
 from nvsim.graph.quantities import slope_of
 from nvsim.graph.types import NavGraph, Viewpoint
-from nvsim.r2r.episodes.acting import scanned_obstacles, visible_floor
+from nvsim.r2r.episodes.episode_actions import scanned_obstacles, visible_floor
 from nvsim.r2r.surroundings.layers import Layers
 
 HEIGHT = 1.8

@@ -22,7 +22,7 @@ from nvsim.endpoint.prompt import FOLDER, Prompt
 from nvsim.endpoint.request import Image as SentImage
 from nvsim.endpoint.request import Message, Part, Request
 from nvsim.errors import InputError
-from nvsim.evaluation.judging.contestants import STAGE, ContestantImages, read_shown
+from nvsim.evaluation.judging.compared_images import STAGE, ContestantImages, read_shown
 from nvsim.evaluation.judging.verdicts import JudgeVerdicts, Preference, Reason, Verdict, consistent_winner, pairs_of
 from nvsim.evaluation.scores import Distance, Image
 from nvsim.events import Listener, Progress, Warning, silent

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from nvsim.evaluation.judging.contestants import ContestantImages
+from nvsim.evaluation.judging.compared_images import ContestantImages
 from nvsim.evaluation.judging.verdicts import JudgeVerdicts, reasons_by_category, table_rows
 from nvsim.evaluation.table import Column, csv_table, text_table
 from nvsim.figures import FAINT, save_figure, style

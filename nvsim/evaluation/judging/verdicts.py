@@ -10,7 +10,7 @@ from typing import Any, Literal
 import numpy as np
 
 from nvsim.evaluation.interval import wilson
-from nvsim.evaluation.judging.contestants import ContestantImages
+from nvsim.evaluation.judging.compared_images import ContestantImages
 
 Preference = Literal["first", "second", "tie"]
 

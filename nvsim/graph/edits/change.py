@@ -14,7 +14,7 @@ from types import MappingProxyType
 from typing import TypeVar
 
 from nvsim.errors import UserError, shown
-from nvsim.graph.touched import TouchedElements, remember
+from nvsim.graph.touched_elements import TouchedElements, remember
 from nvsim.graph.types import Edge, EdgeKey, Evidence, EvidenceKey, NavGraph, Viewpoint
 
 K = TypeVar("K")

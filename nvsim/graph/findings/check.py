@@ -16,7 +16,7 @@ from nvsim.graph.findings.detours import DetourFindings, about_detour, influence
 from nvsim.graph.findings.elements import Neighbourhood, about_edge, about_pair, about_viewpoint, is_steep
 from nvsim.graph.findings.groups import ConnectedGroups
 from nvsim.graph.paths import components
-from nvsim.graph.touched import touched_between
+from nvsim.graph.touched_elements import touched_between
 from nvsim.graph.types import EdgeKey, NavGraph
 
 _NOTHING = Context()

@@ -17,7 +17,7 @@ from nvsim.mapping.config import MappingConfig
 from nvsim.mapping.corridor import DIRECTIONS
 from nvsim.mapping.criteria import DISPUTED, OPEN, cells_under_robot, corridor_of, standing
 from nvsim.mapping.criterion import FULL, Criterion, unmeasured
-from nvsim.mapping.evidence.opinions import opinions
+from nvsim.mapping.evidence.second_opinions import opinions
 
 _KEPT = 4  # maximum number of corridor widths whose sums are cached
 

@@ -21,11 +21,11 @@ from nvsim.mapping.corridor import (
     view_of,
 )
 from nvsim.mapping.criteria import OPEN, decide, is_sufficient
-from nvsim.mapping.evidence.climbing import CLIMB, TraversedFloor, out_of_sight
-from nvsim.mapping.evidence.opinions import with_second_opinion
+from nvsim.mapping.evidence.second_opinions import with_second_opinion
+from nvsim.mapping.evidence.traversed_floor import CLIMB, TraversedFloor, out_of_sight
 from nvsim.mapping.families import NETWORK_NORMAL
 from nvsim.mapping.views.floor_view import FloorView, measure
-from nvsim.mapping.views.looking import MultiModelSource, ViewSource, look_down
+from nvsim.mapping.views.view_sources import MultiModelSource, ViewSource, look_down
 
 if TYPE_CHECKING:
     from nvsim.mapping.slice_mass import SliceGaussians

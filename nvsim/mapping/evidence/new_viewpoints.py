@@ -14,9 +14,9 @@ from nvsim.graph.types import Evidence, NavGraph
 from nvsim.mapping.config import MappingConfig
 from nvsim.mapping.corridor import DIRECTIONS, HeightAt, Lattice, SupportAt
 from nvsim.mapping.criteria import OPEN, decide
-from nvsim.mapping.evidence.climbing import TraversedFloor
 from nvsim.mapping.evidence.measuring import Measurements
-from nvsim.mapping.views.looking import ViewSource
+from nvsim.mapping.evidence.traversed_floor import TraversedFloor
+from nvsim.mapping.views.view_sources import ViewSource
 
 STAGE = "evidence"
 _DETOUR = 1.5  # ratio to the straight distance

@@ -13,7 +13,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from nvsim.graph.touched import TouchedElements, remember
+from nvsim.graph.touched_elements import TouchedElements, remember
 from nvsim.graph.types import Decision, Edge, EdgeOrigin, NavGraph, edge
 from nvsim.mapping.config import MappingConfig
 from nvsim.mapping.criteria import OPEN, SPARED

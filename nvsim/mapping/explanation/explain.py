@@ -32,7 +32,7 @@ from nvsim.mapping.criteria import (
     unmeasured_families,
 )
 from nvsim.mapping.criterion import Criterion, Part, unmeasured
-from nvsim.mapping.evidence.opinions import opinions
+from nvsim.mapping.evidence.second_opinions import opinions
 from nvsim.mapping.search.graph_builder import SAME
 
 

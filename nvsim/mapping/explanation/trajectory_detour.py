@@ -8,7 +8,7 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from nvsim.mapping.search.walk import Walk
+from nvsim.mapping.search.trajectory import Walk
 
 _LINKED = 0.8  # maximum meters between positions of the trajectory between which the camera could have been carried
 _ASIDE = 0.4  # meters: a viewpoint also belongs to positions that are this much farther than the nearest

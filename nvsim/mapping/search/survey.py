@@ -12,10 +12,10 @@ from nvsim.graph.types import Decision, Evidence, Viewpoint, ViewpointOrigin
 from nvsim.mapping.config import WIDEST, MappingConfig
 from nvsim.mapping.corridor import HeightAt, Lattice
 from nvsim.mapping.criteria import OPEN, decide
-from nvsim.mapping.evidence.climbing import CLIMB
 from nvsim.mapping.evidence.measuring import Measurements
+from nvsim.mapping.evidence.traversed_floor import CLIMB
 from nvsim.mapping.search.graph_builder import SAME, GraphBuilder, level_distance
-from nvsim.mapping.search.walk import Walk
+from nvsim.mapping.search.trajectory import Walk
 
 
 class Survey:

@@ -24,8 +24,8 @@ from nvsim.graph.types import Viewpoint
 from nvsim.mapping.criteria import OPEN, can_stand
 from nvsim.mapping.search.graph_builder import SAME, SAME_FLOOR, STEEPEST, level_distance
 from nvsim.mapping.search.survey import Survey
+from nvsim.mapping.settling.draft_graph import DETOUR, NEAR, DraftGraph, remove_ties
 from nvsim.mapping.settling.shortcuts import Shortcuts
-from nvsim.mapping.settling.ways import DETOUR, NEAR, DraftGraph, remove_ties
 
 _LINKS = 6  # maximum viewpoints, the nearest first, to which a new one is joined
 _SPACING = 0.3  # meters between the positions that are tried

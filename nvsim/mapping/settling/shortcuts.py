@@ -16,8 +16,8 @@ from nvsim.graph.types import Viewpoint
 from nvsim.kernel_threads import allowed
 from nvsim.mapping.criteria import can_stand
 from nvsim.mapping.search.survey import Survey
-from nvsim.mapping.search.walk import Walk
-from nvsim.mapping.settling.ways import DraftGraph
+from nvsim.mapping.search.trajectory import Walk
+from nvsim.mapping.settling.draft_graph import DraftGraph
 from nvsim.occupancy.grid_ways import Cell, GridWays
 
 _CELL = 0.1  # meters

@@ -40,12 +40,12 @@ def run(
     Raises InputError if the check refuses the capture, or the scale of a capture other than a video is unknown.
     """
     from nvsim.capture.check import check
+    from nvsim.capture.excluded_frames import expand_list
     from nvsim.capture.findings import ASSUMED_HEIGHT, SCALE_ASSUMED, SCALE_IN_HEIGHTS, shown
-    from nvsim.capture.left_out import expand_list
     from nvsim.capture.read import read
     from nvsim.capture.store import fingerprint, save_capture
     from nvsim.footage.cut_options import cut_options
-    from nvsim.poses.finding import contradictions, with_poses
+    from nvsim.poses.pose_checks import contradictions, with_poses
     from nvsim.project.stages import imported_splats, posed
     from nvsim.reconstruction.report import report_beside
 

@@ -17,8 +17,8 @@ from numpy.typing import NDArray
 from nvsim.errors import InputError
 from nvsim.files.opening import opened, read_text
 from nvsim.files.reading import reading
+from nvsim.networks.image_preparation import Preparation, preparation_in
 from nvsim.networks.onnx_session import Provider, Session, providers
-from nvsim.networks.preparing import Preparation, preparation_in
 from nvsim.networks.toml_table import LARGEST, TomlTable, parsed
 from nvsim.r2r.features.backbone import Backbone, Float32, Projection
 from nvsim.r2r.features.layouts import CLASSES, Layout, maker_of

@@ -22,7 +22,7 @@ from torch.nn import functional
 from nvsim.errors import InputError
 from nvsim.files.opening import opened, refuse_placeholder
 from nvsim.files.reading import reading
-from nvsim.networks.preparing import Preparation
+from nvsim.networks.image_preparation import Preparation
 from nvsim.r2r.features.backbone import Float32
 from nvsim.r2r.features.layouts import weights_file
 

@@ -20,11 +20,11 @@ from nvsim.graph.types import NavGraph, Viewpoint
 from nvsim.mapping.config import MappingConfig
 from nvsim.mapping.corridor import Lattice, SupportAt
 from nvsim.mapping.criteria import DECISIONS, OPEN, can_stand, decide, floor_below
-from nvsim.mapping.evidence.climbing import TraversedFloor
 from nvsim.mapping.evidence.measuring import Measurements
-from nvsim.mapping.views.looking import ViewSource
+from nvsim.mapping.evidence.traversed_floor import TraversedFloor
+from nvsim.mapping.views.view_sources import ViewSource
 from nvsim.project.scene_views import LiveScene
-from nvsim.r2r.observations.growing import PlacesSeen
+from nvsim.r2r.observations.incremental_surround import PlacesSeen
 from nvsim.r2r.observations.skybox import UNITS_A_METRE, distances
 from nvsim.r2r.simulator.conventions import InvalidValue
 from nvsim.r2r.simulator.images import Goal, ViewSize

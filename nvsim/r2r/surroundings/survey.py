@@ -16,9 +16,9 @@ from nvsim.files import atomic
 from nvsim.graph.types import NavGraph
 from nvsim.r2r.surroundings.doorways import Kind, doorways_between, kinds_of, without_islands
 from nvsim.r2r.surroundings.floor_kinds import floor_along, floor_kinds
+from nvsim.r2r.surroundings.floor_objects import FloorObject, find_floor_objects, walls_of
 from nvsim.r2r.surroundings.layers import CELL, Layers
-from nvsim.r2r.surroundings.seen import ViewFromViewpoint
-from nvsim.r2r.surroundings.things import FloorObject, find_floor_objects, walls_of
+from nvsim.r2r.surroundings.visibility import ViewFromViewpoint
 
 Side = Literal["left", "right"]
 Pair = tuple[str, str]

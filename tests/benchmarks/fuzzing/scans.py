@@ -130,7 +130,7 @@ def _seen(path: Path) -> object:
     """Reads the surroundings of viewpoints as the generation of tasks does."""
     from nvsim.graph.connectivity import read_connectivity
     from nvsim.r2r.observations.skybox import visible_from
-    from nvsim.r2r.surroundings.seen import has_depth, look_around
+    from nvsim.r2r.surroundings.visibility import has_depth, look_around
 
     places = _places(path)
     graph = read_connectivity(places.connectivity)

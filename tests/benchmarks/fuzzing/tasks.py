@@ -162,7 +162,7 @@ def _judged() -> list[Seed]:
 
 def _shown(path: Path) -> object:
     """Reads images as `nvsim evaluate judge` does with two folders."""
-    from nvsim.evaluation.judging.contestants import by_folders, read_shown
+    from nvsim.evaluation.judging.compared_images import by_folders, read_shown
 
     shown = by_folders({"a": path / "a", "b": path / "b"}, None)
     return [read_shown(image).shape for view in shown for image in view.images.values()]

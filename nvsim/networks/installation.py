@@ -17,7 +17,7 @@ from nvsim.files.reading import as_reading_error
 from nvsim.networks.description import Description, File
 from nvsim.networks.folder import models_folder
 from nvsim.networks.installed import BUNDLED, DESCRIPTION, InstalledModel, model_at, signature_of
-from nvsim.networks.ready import fitting, known_descriptions, read_description
+from nvsim.networks.known_forms import fitting, known_descriptions, read_description
 
 _BESIDE = ("{stem}.onnx.data", "{stem}.onnx_data", "{stem}.data", "{stem}.bin")
 """File names that exporters give to the weights of a large network."""

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from nvsim.geometry.cells import grid_size
 from nvsim.mapping.corridor import SupportAt
-from nvsim.mapping.evidence.climbing import JUMP
+from nvsim.mapping.evidence.traversed_floor import JUMP
 from nvsim.mapping.search.graph_builder import GraphBuilder
 from nvsim.submaps.storeys import storeys_of
 

@@ -23,7 +23,7 @@ from nvsim.training.background.floor_rays import meet_floor
 from nvsim.training.background.harmonics import evaluate, evaluate_gradient, pack_camera
 from nvsim.training.background.texture import LearnedTexture
 from nvsim.training.config import LossConfig, TrainingConfig
-from nvsim.training.devices.held import hold_on_device
+from nvsim.training.devices.device_state import hold_on_device
 from nvsim.training.devices.types import FEATURES, Stopwatch
 from nvsim.training.exposure import Exposure
 from nvsim.training.loss.alpha import alpha_loss

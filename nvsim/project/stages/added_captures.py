@@ -9,9 +9,9 @@ from __future__ import annotations
 from dataclasses import replace
 from pathlib import Path
 
+from nvsim.capture.excluded_frames import expand_list, names_in
 from nvsim.capture.findings import Findings
 from nvsim.capture.formats import read_raw
-from nvsim.capture.left_out import expand_list, names_in
 from nvsim.capture.multi_capture import SUFFIX, labels, listed_captures, write_list
 from nvsim.capture.types import Capture
 from nvsim.errors import InputError
