@@ -7,7 +7,7 @@ _ENDLESS = re.compile(r"\S{301,}")
 _ADDRESS = re.compile(r" object at 0x[0-9a-f]+")
 
 
-class Refusal(Exception):
+class UserError(Exception):
     """The base of errors that one sentence explains to the user. The sentence may contain names and values from files:
     characters that cannot be printed are escaped, and very long words and sentences are shortened in the middle."""
 
@@ -17,7 +17,7 @@ class Refusal(Exception):
         super().__init__(text if len(text) <= _LONGEST else f"{text[:2500]} ... {text[-1400:]}")
 
 
-class InputError(Refusal):
+class InputError(UserError):
     """The input or the environment is wrong (a file, an option, a full disk).
 
     The message is one sentence for the user: the problem, the place (file, line, frame), and the fix.

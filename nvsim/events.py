@@ -144,12 +144,12 @@ def from_data(data: Any) -> Event:
     except TypeError as error:
         raise ValueError(f"not an event: {shown(error)}") from error
     for field in dataclasses.fields(kind):
-        if not _fits(getattr(event, field.name), field.type):
+        if not _has_type(getattr(event, field.name), field.type):
             raise ValueError(f"not an event: its {field.name} is not of the type {field.type}")
     return event
 
 
-def _fits(value: Any, kind: Any) -> bool:
+def _has_type(value: Any, kind: Any) -> bool:
     """Whether a value has the type of a field; an integer is also valid as a float."""
     if kind in ("int", "float"):
         return (isinstance(value, int) and not isinstance(value, bool)) or (

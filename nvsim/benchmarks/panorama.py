@@ -15,7 +15,7 @@ from nvsim.geometry.directions import cube
 from nvsim.mapping.config import MappingConfig
 from nvsim.mapping.corridor import Corridor, HeightAt, ahead, headings
 from nvsim.mapping.views.floor_view import pixels_read
-from nvsim.mapping.views.looking import camera_towards
+from nvsim.mapping.views.view_sources import camera_towards
 from nvsim.render.backends import Backend, resolve_backend
 from nvsim.render.model import render_model
 from nvsim.render.panorama import render_equirectangular
@@ -69,8 +69,8 @@ def measure(
 
     Raises InputError if the files of a submap cannot be read or the backend cannot run on this machine.
     """
-    views = [_Views(scene, place, floor_at, backend) for place in places]
-    parts: dict[str, Callable[[_Views], object]] = {
+    views = [_PositionViews(scene, place, floor_at, backend) for place in places]
+    parts: dict[str, Callable[[_PositionViews], object]] = {
         "traversability_ms": lambda v: v.look_down(regions=True),
         "traversability_whole_ms": lambda v: v.look_down(regions=False),
         "cube_regions_ms": lambda v: v.cube(regions=True),
@@ -100,7 +100,7 @@ def measure(
     }
 
 
-class _Views:
+class _PositionViews:
     """The views from one position. Their masks are computed before the measurement."""
 
     def __init__(

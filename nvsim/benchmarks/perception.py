@@ -11,8 +11,8 @@ import numpy as np
 from nvsim.errors import InputError
 from nvsim.geometry.camera import Camera, Intrinsics, camera_pose
 from nvsim.kernel_threads import cores
+from nvsim.networks.image_preparation import Image
 from nvsim.networks.installed import find_model
-from nvsim.networks.preparing import Image
 from nvsim.perception.normals_network import NormalsNetwork
 from nvsim.perception.semantic_network import SemanticNetwork
 

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from nvsim.geometry.directions import face_rays
 from nvsim.graph.skybox_files import FOLDER, SkyboxFiles
 from nvsim.r2r.simulator import Simulator
-from nvsim.r2r.simulator.images import View
+from nvsim.r2r.simulator.images import ViewSize
 
 if TYPE_CHECKING:
     from nvsim.r2r.simulator.live import LiveImages
@@ -156,7 +156,7 @@ def measure_images(
 def measure_live(images: LiveImages, scan: Scan, ids: list[str], stay: int, seconds: float) -> float:
     """Images of 640 x 480 pixels per second that are rendered live. Each position is new, and `stay` images in random
     directions are rendered there."""
-    r, view = np.random.default_rng(1), View(WIDTH, HEIGHT, VFOV, False)
+    r, view = np.random.default_rng(1), ViewSize(WIDTH, HEIGHT, VFOV, False)
     places = [scan.position[scan.ids.index(id)].astype(np.float64) for id in ids]
 
     def act(number: int) -> None:

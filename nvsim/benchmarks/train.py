@@ -18,7 +18,7 @@ from nvsim.geometry.floor_surface import FloorSurface
 from nvsim.training.background.floor_paint import first_paint
 from nvsim.training.config import Device, preset
 from nvsim.training.devices import choice
-from nvsim.training.fit import STEP_PARTS, Fit
+from nvsim.training.model_fit import STEP_PARTS, ModelFit
 from nvsim.training.synthetic import EYE_HEIGHT, ROOM, photograph, synthetic_gaussians
 from nvsim.training.views import TrainingView
 
@@ -71,7 +71,7 @@ def measure(
     torch.set_num_threads(1)
     try:
         start = synthetic_gaussians(gaussians, sh_degree, seed)
-        fit = Fit(start, *first_paint(views, floor, config, seed), floor, config)
+        fit = ModelFit(start, *first_paint(views, floor, config, seed), floor, config)
         inlier = np.ones((height, width), np.bool_)
         laps: dict[str, list[float]] = {name: [] for name in ("step", *STEP_PARTS)}
         for step in range(1, warm_up + steps + 1):

@@ -35,7 +35,7 @@ CLOUD = 200_000
 
 
 @dataclass(frozen=True)
-class Size:
+class ProjectSize:
     """The size of the project.
 
     submaps      number of rooms
@@ -48,7 +48,7 @@ class Size:
     viewpoints: int = 10_000
 
 
-def write_project(folder: Path, size: Size) -> Path:
+def write_project(folder: Path, size: ProjectSize) -> Path:
     """Creates the project at `folder` and returns `folder`. Raises InputError if the folder cannot be written or
     contains other files."""
     capture, submaps = _walk(size.submaps)
@@ -90,7 +90,7 @@ def _walk(rooms: int) -> tuple[Capture, tuple[Submap, ...]]:
     return Capture(Path("/nowhere"), "nerfstudio", tuple(frames), Cloud(cloud), Alignment.identity()), tuple(submaps)
 
 
-def _graph(size: Size) -> NavGraph:
+def _graph(size: ProjectSize) -> NavGraph:
     # One meter apart, as in graphs of buildings; many viewpoints are outside the rooms.
     columns = max(1, round(size.viewpoints**0.5))
     rows = max(1, round(size.viewpoints / columns))

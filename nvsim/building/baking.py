@@ -90,7 +90,7 @@ def bake(
 
     def lit(albedo: Image, surface: int, boost: float = 1.0) -> Image:
         shade = _exposed(light[surface] * np.float32(gain * boost))
-        return np.asarray(albedo * _spread(shade, *albedo.shape[:2])[..., None], np.float32)
+        return np.asarray(albedo * _interpolate_light(shade, *albedo.shape[:2])[..., None], np.float32)
 
     # Painted, lit, and converted to bytes one by one, because a large building in floating point exceeds the memory.
     levels, glosses = [], []
@@ -122,7 +122,7 @@ def _exposed(light: NDArray[np.float32]) -> NDArray[np.float32]:
     return np.asarray(np.minimum(light, 0.9) + 0.25 * (1 - np.exp(-over / 0.25)), np.float32)
 
 
-class _Place(NamedTuple):
+class _FaceRectangle(NamedTuple):
     """A surface as a rectangle: its lower corner, the two axes along it, its extent, and the texel size; meters."""
 
     corner: tuple[float, float, float]
@@ -137,7 +137,7 @@ def _base(box: Box, storeys: tuple[Storey, ...]) -> float:
     return max(s.floor for s in storeys if s.floor <= box.lo[2] or s is storeys[0])
 
 
-def _places(storeys: tuple[Storey, ...], boxes: list[Box], floor_texel: float) -> list[_Place]:
+def _places(storeys: tuple[Storey, ...], boxes: list[Box], floor_texel: float) -> list[_FaceRectangle]:
     places = []
     floors, ceilings = [s.floor for s in storeys], [s.floor + HEIGHT for s in storeys]
     for box in boxes:
@@ -150,16 +150,16 @@ def _places(storeys: tuple[Storey, ...], boxes: list[Box], floor_texel: float) -
             texel = _WALL_TEXEL if box.hi[2] in ceilings else _FINE_TEXEL
             buried = (face == BOTTOM and box.lo[2] in floors) or (face == TOP and box.hi[2] in ceilings)
             hidden = box.glass or buried
-            places.append(_Place((corner[0], corner[1], corner[2]), (u, v), extent, texel, hidden))
+            places.append(_FaceRectangle((corner[0], corner[1], corner[2]), (u, v), extent, texel, hidden))
     size = (storeys[0].plan.extent.x1, storeys[0].plan.extent.y1)
     for floor, ceiling in zip(floors, ceilings):
-        places.append(_Place((0.0, 0.0, floor), (0, 1), size, floor_texel))
-        places.append(_Place((0.0, 0.0, ceiling), (0, 1), size, _CEILING_TEXEL))
+        places.append(_FaceRectangle((0.0, 0.0, floor), (0, 1), size, floor_texel))
+        places.append(_FaceRectangle((0.0, 0.0, ceiling), (0, 1), size, _CEILING_TEXEL))
     return places
 
 
 def _albedo(
-    box: Box, face: int, place: _Place, base: float, rng: np.random.Generator, paint: FacePainter
+    box: Box, face: int, place: _FaceRectangle, base: float, rng: np.random.Generator, paint: FacePainter
 ) -> Image | None:
     if place.hidden:
         return None
@@ -167,7 +167,7 @@ def _albedo(
     return paint(box.face_paint(face), at, place.extent[0], place.extent[1], place.texel, rng)
 
 
-def _light(places: list[_Place], solids: Solids, lamps: NDArray[np.float64]) -> list[NDArray[np.float32]]:
+def _light(places: list[_FaceRectangle], solids: Solids, lamps: NDArray[np.float64]) -> list[NDArray[np.float32]]:
     """Relative irradiance on a coarse raster of every surface."""
     shapes = [
         (1 + max(1, round(p.extent[1] / _LIGHT_TEXEL)), 1 + max(1, round(p.extent[0] / _LIGHT_TEXEL))) for p in places
@@ -204,7 +204,7 @@ def _blurred_inside(light: NDArray[np.float32]) -> NDArray[np.float32]:
     return soft
 
 
-def _spread(light: NDArray[np.float32], rows: int, columns: int) -> NDArray[np.float32]:
+def _interpolate_light(light: NDArray[np.float32], rows: int, columns: int) -> NDArray[np.float32]:
     """(rows, columns) interpolated from values at nodes that extend from edge to edge."""
     x = ((np.arange(columns) + 0.5) * ((light.shape[1] - 1) / columns)).astype(np.float32)
     y = ((np.arange(rows) + 0.5) * ((light.shape[0] - 1) / rows)).astype(np.float32)
@@ -267,7 +267,7 @@ def _mips(radiance: Image) -> list[NDArray[np.uint8]]:
 
 
 def _packed(
-    chains: list[list[NDArray[np.uint8]]], places: list[_Place], gloss: NDArray[np.float32], gloss_texel: float
+    chains: list[list[NDArray[np.uint8]]], places: list[_FaceRectangle], gloss: NDArray[np.float32], gloss_texel: float
 ) -> Textures:
     table = np.zeros((len(chains), LEVELS, 3), np.int64)
     flat, at = [], 0

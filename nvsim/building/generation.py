@@ -90,7 +90,7 @@ def novel_cameras(scene: Scene, occupancy: OccupancyMap, rng: np.random.Generato
         places = places[[not hole.contains(x, y) for x, y in places]]
     distance, nearest = cKDTree(walk[:, :2]).query(places)
     allowed = np.flatnonzero((distance >= BESIDE[0]) & (distance <= BESIDE[1]))
-    chosen = _spread(places[allowed], min(COUNT[scene.config.size], len(allowed)), rng)
+    chosen = _farthest_point_order(places[allowed], min(COUNT[scene.config.size], len(allowed)), rng)
     cameras = []
     for i in allowed[chosen]:
         turn = np.radians(rng.uniform(*TURNED)) * rng.choice([-1.0, 1.0])
@@ -99,7 +99,7 @@ def novel_cameras(scene: Scene, occupancy: OccupancyMap, rng: np.random.Generato
     return cameras
 
 
-def _spread(places: NDArray[np.float64], count: int, rng: np.random.Generator) -> list[int]:
+def _farthest_point_order(places: NDArray[np.float64], count: int, rng: np.random.Generator) -> list[int]:
     """Indices in farthest-point order: each of the places (N, 2) is as far from those before it as possible."""
     if count == 0:
         return []

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from nvsim.building.plan import OUTER_WALL, Opening, Plan, Rect, Room, Stop, Wall
+from nvsim.building.plan import OUTER_WALL, Opening, Plan, Rect, Room, TrajectoryCorner, Wall
 
 ENTRY = 0.95  # meters inside a door before the trajectory turns
 
@@ -56,14 +56,14 @@ def _small(rng: np.random.Generator, glazed: bool, within: Rect | None) -> Plan:
     )
     west, east = (split * 0.42, depth * 0.55), (split + (width - split) * 0.58, depth * 0.55)
     stops = (
-        Stop(split * 0.36, 1.35),
-        Stop(*west, spin=True),
-        Stop(split - ENTRY, door.centre),
-        Stop(split + ENTRY, door.centre),
-        Stop(*east, spin=True),
-        Stop(split + ENTRY, door.centre),
-        Stop(split - ENTRY, door.centre),
-        Stop(split * 0.30, door.centre + 0.2),
+        TrajectoryCorner(split * 0.36, 1.35),
+        TrajectoryCorner(*west, spin=True),
+        TrajectoryCorner(split - ENTRY, door.centre),
+        TrajectoryCorner(split + ENTRY, door.centre),
+        TrajectoryCorner(*east, spin=True),
+        TrajectoryCorner(split + ENTRY, door.centre),
+        TrajectoryCorner(split - ENTRY, door.centre),
+        TrajectoryCorner(split * 0.30, door.centre + 0.2),
     )
     return Plan(Rect(0, 0, width, depth), rooms, tuple(walls), (door,), stops)
 
@@ -132,51 +132,58 @@ def _full(rng: np.random.Generator, glazed: bool) -> Plan:
     low_l, high_l = (0.5 * left, split_l * 0.4), (0.5 * left, depth - (depth - split_l) * 0.4)
     low_r, high_r = (width - 0.5 * right, split_r * 0.4), (width - 0.5 * right, depth - (depth - split_r) * 0.4)
 
-    def detour_across(o: Opening, line: float, sign: float, reach: float) -> list[Stop]:
+    def detour_across(o: Opening, line: float, sign: float, reach: float) -> list[TrajectoryCorner]:
         """The stops of a detour into a room and back. It leaves the corridor at y = `line`, meters, through the opening
         `o`, and visits both ends of the room, `reach` meters deep. `sign` is 1 if the room is above the corridor."""
-        inside = Stop(o.centre, o.line + sign * ENTRY)
+        inside = TrajectoryCorner(o.centre, o.line + sign * ENTRY)
         y = o.line + sign * reach * 0.52
         a, b = x1 + (x2 - x1) * 0.28, x1 + (x2 - x1) * 0.72
         far, near = (a, b) if abs(a - o.centre) > abs(b - o.centre) else (b, a)
-        return [Stop(o.centre, line), inside, Stop(far, y, True), Stop(near, y), inside, Stop(o.centre, line)]
+        return [
+            TrajectoryCorner(o.centre, line),
+            inside,
+            TrajectoryCorner(far, y, True),
+            TrajectoryCorner(near, y),
+            inside,
+            TrajectoryCorner(o.centre, line),
+        ]
 
     stops = [
         # once around: up on the left, with the room above and the core on the way, then the room below
-        Stop(xl, door_l1.centre),
-        Stop(xl, yt),
+        TrajectoryCorner(xl, door_l1.centre),
+        TrajectoryCorner(xl, yt),
         *detour_across(opening_t, yt, 1.0, above),
-        Stop(door_c.centre, yt),
-        Stop(door_c.centre, core.y1 - ENTRY),
-        Stop(middle, (core.y0 + core.y1) / 2 - 0.2, True),
-        Stop(door_c.centre, core.y1 - ENTRY),
-        Stop(door_c.centre, yt),
-        Stop(xr, yt),
-        Stop(xr, yb),
+        TrajectoryCorner(door_c.centre, yt),
+        TrajectoryCorner(door_c.centre, core.y1 - ENTRY),
+        TrajectoryCorner(middle, (core.y0 + core.y1) / 2 - 0.2, True),
+        TrajectoryCorner(door_c.centre, core.y1 - ENTRY),
+        TrajectoryCorner(door_c.centre, yt),
+        TrajectoryCorner(xr, yt),
+        TrajectoryCorner(xr, yb),
         *detour_across(door_b, yb, -1.0, below),
-        Stop(xl, yb),
+        TrajectoryCorner(xl, yb),
         # through both rooms on the left
-        Stop(xl, door_l1.centre),
-        Stop(x1 - ENTRY, door_l1.centre),
-        Stop(*low_l, True),
-        Stop(opening_l.centre, split_l - 0.6),
-        Stop(opening_l.centre, split_l + 0.6),
-        Stop(*high_l, True),
-        Stop(x1 - ENTRY, door_l2.centre),
-        Stop(xl, door_l2.centre),
+        TrajectoryCorner(xl, door_l1.centre),
+        TrajectoryCorner(x1 - ENTRY, door_l1.centre),
+        TrajectoryCorner(*low_l, True),
+        TrajectoryCorner(opening_l.centre, split_l - 0.6),
+        TrajectoryCorner(opening_l.centre, split_l + 0.6),
+        TrajectoryCorner(*high_l, True),
+        TrajectoryCorner(x1 - ENTRY, door_l2.centre),
+        TrajectoryCorner(xl, door_l2.centre),
         # and around the other way, through both rooms on the right
-        Stop(xl, yb),
-        Stop(xr, yb),
-        Stop(xr, door_r1.centre),
-        Stop(x2 + ENTRY, door_r1.centre),
-        Stop(*low_r, True),
-        Stop(opening_r.centre, split_r - 0.6),
-        Stop(opening_r.centre, split_r + 0.6),
-        Stop(*high_r, True),
-        Stop(x2 + ENTRY, door_r2.centre),
-        Stop(xr, door_r2.centre),
-        Stop(xr, yt),
-        Stop(xl, yt),
+        TrajectoryCorner(xl, yb),
+        TrajectoryCorner(xr, yb),
+        TrajectoryCorner(xr, door_r1.centre),
+        TrajectoryCorner(x2 + ENTRY, door_r1.centre),
+        TrajectoryCorner(*low_r, True),
+        TrajectoryCorner(opening_r.centre, split_r - 0.6),
+        TrajectoryCorner(opening_r.centre, split_r + 0.6),
+        TrajectoryCorner(*high_r, True),
+        TrajectoryCorner(x2 + ENTRY, door_r2.centre),
+        TrajectoryCorner(xr, door_r2.centre),
+        TrajectoryCorner(xr, yt),
+        TrajectoryCorner(xl, yt),
     ]
     openings = (door_l1, door_l2, door_r1, door_r2, door_b, opening_t, opening_l, opening_r, door_c)
     return Plan(Rect(0, 0, width, depth), tuple(rooms), tuple(walls), openings, tuple(stops))
@@ -194,7 +201,7 @@ _RASTER = 0.05  # meters: raster of the plan, equal to that of the true occupanc
 
 
 @dataclass(frozen=True)
-class _Street:
+class _HallPlan:
     """One hall from x = `start` to `end`, its middle at y = `middle`; the backs of its rows are at `low` and `high`."""
 
     start: float
@@ -216,7 +223,7 @@ def make_halls(area: float, rng: np.random.Generator, glazed: bool = False) -> P
     width = _on_raster(area / depth)
     cross = _CROSS if count > 1 else 0.0
     streets = [
-        _Street(cross, _on_raster(width - cross), *(_on_raster((k + s) * across) for s in (0, 0.5, 1)))
+        _HallPlan(cross, _on_raster(width - cross), *(_on_raster((k + s) * across) for s in (0, 0.5, 1)))
         for k in range(count)
     ]
     rooms, walls, openings = [], outer_walls(width, depth), []
@@ -248,7 +255,7 @@ def _hall(name: str, rect: Rect) -> Room:
 
 
 @dataclass(frozen=True)
-class _Row:
+class _ShopRow:
     """The shops along one side of a hall; `visits` has the opening and the ground of each shop."""
 
     rooms: list[Room]
@@ -257,12 +264,12 @@ class _Row:
     visits: list[tuple[Opening, Rect]]
 
 
-def _row(street: _Street, front: float, back: float, name: str, rng: np.random.Generator, glazed: bool) -> _Row:
+def _row(street: _HallPlan, front: float, back: float, name: str, rng: np.random.Generator, glazed: bool) -> _ShopRow:
     length = street.end - street.start
     count = max(2, round(length / float(np.mean(_WIDTH))))
     parts = np.cumsum(rng.uniform(*_WIDTH, count))
     edges = [street.start, *(_on_raster(street.start + length * p / parts[-1]) for p in parts[:-1]), street.end]
-    row = _Row([], [], [], [])
+    row = _ShopRow([], [], [], [])
     if street.start > 0:
         low, high = min(front, back), max(front, back)
         row.walls.extend([Wall("y", street.start, low, high), Wall("y", street.end, low, high)])
@@ -284,7 +291,7 @@ def _row(street: _Street, front: float, back: float, name: str, rng: np.random.G
     return row
 
 
-def _columns(street: _Street) -> list[Wall]:
+def _columns(street: _HallPlan) -> list[Wall]:
     """Columns along the middle of a hall, away from both ends."""
     room = street.end - street.start - 6.0
     count = int(room // _BETWEEN_COLUMNS)
@@ -294,31 +301,37 @@ def _columns(street: _Street) -> list[Wall]:
 
 
 def _tour(
-    streets: list[_Street], shops: list[list[tuple[Opening, Rect]]], width: float, rng: np.random.Generator
-) -> list[Stop]:
+    streets: list[_HallPlan], shops: list[list[tuple[Opening, Rect]]], width: float, rng: np.random.Generator
+) -> list[TrajectoryCorner]:
     """East along the lower shops of a street, west along its upper ones, then the next street; back through the
     east."""
     cross = streets[0].start
     west, east = (cross / 2, width - cross / 2) if cross else (1.2, width - 1.2)
-    stops: list[Stop] = []
+    stops: list[TrajectoryCorner] = []
     for k, street in enumerate(streets):
         low, high = _on_raster(street.middle - _LANE), _on_raster(street.middle + _LANE)
-        stops.append(Stop(west, low))
+        stops.append(TrajectoryCorner(west, low))
         for opening, rect in sorted(shops[2 * k], key=lambda visit: visit[0].centre):
             stops += _visit(opening, rect, low, -1.0, rng)
-        stops += [Stop(east, low), Stop(east, high)]
+        stops += [TrajectoryCorner(east, low), TrajectoryCorner(east, high)]
         for opening, rect in sorted(shops[2 * k + 1], key=lambda visit: -visit[0].centre):
             stops += _visit(opening, rect, high, 1.0, rng)
-        stops.append(Stop(west, high))
+        stops.append(TrajectoryCorner(west, high))
     if cross:
         last, first = streets[-1], streets[0]
-        stops += [Stop(west, last.middle + 0.5), Stop(east, last.middle + 0.5), Stop(east, first.middle)]
+        stops += [
+            TrajectoryCorner(west, last.middle + 0.5),
+            TrajectoryCorner(east, last.middle + 0.5),
+            TrajectoryCorner(east, first.middle),
+        ]
     return stops
 
 
-def _visit(opening: Opening, rect: Rect, lane: float, sign: float, rng: np.random.Generator) -> list[Stop]:
+def _visit(opening: Opening, rect: Rect, lane: float, sign: float, rng: np.random.Generator) -> list[TrajectoryCorner]:
     """From the lane at y = `lane` through the opening to the middle of the shop, a full turn there, and back."""
-    inside = Stop(opening.centre, opening.line + sign * ENTRY)
+    inside = TrajectoryCorner(opening.centre, opening.line + sign * ENTRY)
     x, y = rect.centre
-    middle = Stop(_on_raster(x + rng.uniform(-0.4, 0.4)), _on_raster(y + sign * rng.uniform(0.0, 0.6)), True)
-    return [Stop(opening.centre, lane), inside, middle, inside, Stop(opening.centre, lane)]
+    middle = TrajectoryCorner(
+        _on_raster(x + rng.uniform(-0.4, 0.4)), _on_raster(y + sign * rng.uniform(0.0, 0.6)), True
+    )
+    return [TrajectoryCorner(opening.centre, lane), inside, middle, inside, TrajectoryCorner(opening.centre, lane)]

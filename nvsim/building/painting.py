@@ -17,7 +17,7 @@ from nvsim.building.solids import Color, Paint
 Image = NDArray[np.float32]
 
 
-def blotches(rows: int, columns: int, grain: tuple[float, float], rng: np.random.Generator) -> Image:
+def smooth_noise(rows: int, columns: int, grain: tuple[float, float], rng: np.random.Generator) -> Image:
     """(rows, columns) smooth noise of mean 0 and deviation about 1; `grain` is the size of a blotch in texels (y,
     x)."""
     coarse = rng.standard_normal((int(rows / grain[0]) + 3, int(columns / grain[1]) + 3)).astype(np.float32)
@@ -38,25 +38,25 @@ def _plain(rows: int, columns: int, texel: float, paint: Paint, rng: np.random.G
 
 def _wood(rows: int, columns: int, texel: float, paint: Paint, rng: np.random.Generator) -> Image:
     along = (0.04, 0.6) if columns >= rows else (0.6, 0.04)
-    grain = blotches(rows, columns, (max(along[0] / texel, 1.5), max(along[1] / texel, 1.5)), rng)
+    grain = smooth_noise(rows, columns, (max(along[0] / texel, 1.5), max(along[1] / texel, 1.5)), rng)
     return _filled(rows, columns, paint.color) * (1 + 0.07 * grain[..., None])
 
 
 def _cloth(rows: int, columns: int, texel: float, paint: Paint, rng: np.random.Generator) -> Image:
     return _filled(rows, columns, paint.color) * (
-        1 + 0.035 * blotches(rows, columns, (0.08 / texel,) * 2, rng)[..., None]
+        1 + 0.035 * smooth_noise(rows, columns, (0.08 / texel,) * 2, rng)[..., None]
     )
 
 
 def _leaves(rows: int, columns: int, texel: float, paint: Paint, rng: np.random.Generator) -> Image:
     return _filled(rows, columns, paint.color) * (
-        1 + 0.16 * blotches(rows, columns, (0.09 / texel,) * 2, rng)[..., None]
+        1 + 0.16 * smooth_noise(rows, columns, (0.09 / texel,) * 2, rng)[..., None]
     )
 
 
 def _stone(rows: int, columns: int, texel: float, paint: Paint, rng: np.random.Generator) -> Image:
     return _filled(rows, columns, paint.color) * (
-        1 + 0.10 * blotches(rows, columns, (0.06 / texel,) * 2, rng)[..., None]
+        1 + 0.10 * smooth_noise(rows, columns, (0.06 / texel,) * 2, rng)[..., None]
     )
 
 
@@ -242,7 +242,7 @@ def _tiles(
     noise = np.random.Generator(np.random.PCG64(int(rng.integers(1 << 30)))).normal(0, 0.03, (64, 64))
     tone = _TONES[key] + noise[j[:, None] % 64, i[None, :] % 64]
     shape = (r1 - r0, c1 - c0)
-    tone = tone + 0.06 * blotches(*shape, (0.07 / texel, 0.07 / texel), rng)
+    tone = tone + 0.06 * smooth_noise(*shape, (0.07 / texel, 0.07 / texel), rng)
     grout = (np.mod(y, size) < 0.018)[:, None] | (np.mod(x, size) < 0.018)[None, :]
     tone = np.where(grout, -0.24, tone)
     return (color + tone[..., None]).astype(np.float32)
@@ -263,7 +263,7 @@ def _planks(
         _TONES[(lane[:, None] * 2 + index) % 5] * 0.85
         + rng.normal(0, 0.03, (lane.max() + 1, index.max() + 1))[np.broadcast_to(lane[:, None], index.shape), index]
     )
-    tone = tone + 0.06 * blotches(rows, columns, (0.035 / texel, 0.5 / texel), rng)
+    tone = tone + 0.06 * smooth_noise(rows, columns, (0.035 / texel, 0.5 / texel), rng)
     seam = (np.mod(y, width) < 0.012)[:, None] | (np.mod(along, 1.0) < 0.01)
     tone = np.where(seam, tone - 0.12, tone)
     image = (color * (1 + 2.2 * tone[..., None])).astype(np.float32)
@@ -289,6 +289,6 @@ def _rug(rows: int, columns: int, texel: float, rng: np.random.Generator) -> Ima
     edge = np.minimum(np.minimum(x, columns * texel - x), np.minimum(y, rows * texel - y))
     stripe = np.floor((x + y) / 0.12).astype(int) % 2 == 0
     image = np.where(((edge < 0.2) & stripe)[..., None], light, np.where((edge < 0.2)[..., None], dark, image))
-    return (image * (1 + 0.05 * blotches(rows, columns, (0.05 / texel, 0.05 / texel), rng)[..., None])).astype(
+    return (image * (1 + 0.05 * smooth_noise(rows, columns, (0.05 / texel, 0.05 / texel), rng)[..., None])).astype(
         np.float32
     )

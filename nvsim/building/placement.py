@@ -18,7 +18,7 @@ _DARK = Paint("plain", (0.16, 0.17, 0.19))
 
 
 @dataclass(frozen=True)
-class Piece:
+class FurniturePiece:
     """Boxes of a piece of furniture on a footprint of `width` x `depth` meters."""
 
     width: float
@@ -45,13 +45,13 @@ def _legs(w: float, d: float, height: float, thick: float, paint: Paint) -> list
     ]
 
 
-def _desk(rng: np.random.Generator) -> Piece:
+def _desk(rng: np.random.Generator) -> FurniturePiece:
     w, d = float(rng.uniform(1.3, 1.6)), 0.7
     wood = Paint("wood", _pick(rng, _WOODS))
     top = Paint("desk", wood.color, _pick(rng, _CLOTHS))
     x = w / 2
     screen = Paint("screen", (0.16, 0.2, 0.26), _pick(rng, _CLOTHS))
-    return Piece(
+    return FurniturePiece(
         w,
         d + 0.65,
         (
@@ -78,16 +78,16 @@ def _chair_boxes(rng: np.random.Generator, x: float, y: float, facing_wall: bool
     return boxes
 
 
-def _shelf(rng: np.random.Generator) -> Piece:
+def _shelf(rng: np.random.Generator) -> FurniturePiece:
     w, h = float(rng.uniform(1.0, 1.8)), float(rng.uniform(1.7, 2.1))
     wood = Paint("wood", _pick(rng, _WOODS))
-    return Piece(w, 0.34, (_block(0, 0, 0, w, 0.34, h, wood, (BACK, Paint("books", wood.color))),))
+    return FurniturePiece(w, 0.34, (_block(0, 0, 0, w, 0.34, h, wood, (BACK, Paint("books", wood.color))),))
 
 
-def _low_shelf(rng: np.random.Generator) -> Piece:
+def _low_shelf(rng: np.random.Generator) -> FurniturePiece:
     w = float(rng.uniform(1.0, 1.6))
     wood = Paint("wood", _pick(rng, _WOODS))
-    return Piece(
+    return FurniturePiece(
         w,
         0.38,
         (
@@ -97,17 +97,17 @@ def _low_shelf(rng: np.random.Generator) -> Piece:
     )
 
 
-def _cabinet(rng: np.random.Generator) -> Piece:
+def _cabinet(rng: np.random.Generator) -> FurniturePiece:
     w, h = float(rng.uniform(0.8, 1.2)), float(rng.uniform(0.9, 1.4))
     wood = Paint("wood", _pick(rng, _WOODS))
-    return Piece(w, 0.45, (_block(0, 0, 0, w, 0.45, h, wood, (BACK, Paint("drawers", wood.color))),))
+    return FurniturePiece(w, 0.45, (_block(0, 0, 0, w, 0.45, h, wood, (BACK, Paint("drawers", wood.color))),))
 
 
-def _sofa(rng: np.random.Generator) -> Piece:
+def _sofa(rng: np.random.Generator) -> FurniturePiece:
     w = float(rng.uniform(1.7, 2.1))
     cloth = Paint("cloth", _pick(rng, _CLOTHS))
     cushion = Paint("cloth", _pick(rng, _CLOTHS))
-    return Piece(
+    return FurniturePiece(
         w,
         0.85,
         (
@@ -120,14 +120,14 @@ def _sofa(rng: np.random.Generator) -> Piece:
     )
 
 
-def _low_table(rng: np.random.Generator) -> Piece:
+def _low_table(rng: np.random.Generator) -> FurniturePiece:
     w, d = float(rng.uniform(0.9, 1.2)), float(rng.uniform(0.5, 0.7))
     wood = Paint("wood", _pick(rng, _WOODS))
     top = Paint("desk", wood.color, _pick(rng, _CLOTHS))
-    return Piece(w, d, (_block(0, 0, 0.35, w, d, 0.40, wood, (TOP, top)), *_legs(w, d, 0.35, 0.06, wood)))
+    return FurniturePiece(w, d, (_block(0, 0, 0.35, w, d, 0.40, wood, (TOP, top)), *_legs(w, d, 0.35, 0.06, wood)))
 
 
-def _table(rng: np.random.Generator) -> Piece:
+def _table(rng: np.random.Generator) -> FurniturePiece:
     w, d = float(rng.uniform(1.4, 1.8)), 0.85
     wood = Paint("wood", _pick(rng, _WOODS))
     top = Paint("desk", wood.color, _pick(rng, _CLOTHS))
@@ -136,19 +136,19 @@ def _table(rng: np.random.Generator) -> Piece:
     for x in (0.12, w - 0.58):
         boxes += _chair_boxes(rng, x, 0.02, facing_wall=False)
         boxes += _chair_boxes(rng, x, d + 0.52, facing_wall=True)
-    return Piece(w, d + 1.0, tuple(boxes))
+    return FurniturePiece(w, d + 1.0, tuple(boxes))
 
 
 def _shifted(box: Box, y: float) -> Box:
     return Box((box.lo[0], box.lo[1] + y, box.lo[2]), (box.hi[0], box.hi[1] + y, box.hi[2]), box.paint, box.faces)
 
 
-def _counter(rng: np.random.Generator) -> Piece:
+def _counter(rng: np.random.Generator) -> FurniturePiece:
     w = float(rng.uniform(2.0, 2.6))
     body = Paint("drawers", _pick(rng, _WOODS))
     stone = Paint("stone", (0.42, 0.42, 0.44))
     over = Paint("drawers", body.color)
-    return Piece(
+    return FurniturePiece(
         w,
         0.62,
         (
@@ -159,15 +159,15 @@ def _counter(rng: np.random.Generator) -> Piece:
     )
 
 
-def _fridge(rng: np.random.Generator) -> Piece:
-    return Piece(0.65, 0.65, (_block(0, 0, 0, 0.65, 0.65, 1.8, Paint("drawers", (0.78, 0.79, 0.80))),))
+def _fridge(rng: np.random.Generator) -> FurniturePiece:
+    return FurniturePiece(0.65, 0.65, (_block(0, 0, 0, 0.65, 0.65, 1.8, Paint("drawers", (0.78, 0.79, 0.80))),))
 
 
-def _plant(rng: np.random.Generator) -> Piece:
+def _plant(rng: np.random.Generator) -> FurniturePiece:
     pot = Paint("plain", _pick(rng, _CLOTHS))
     leaves = Paint("leaves", (0.24, 0.42, 0.20))
     h = float(rng.uniform(0.9, 1.5))
-    return Piece(
+    return FurniturePiece(
         0.5,
         0.5,
         (
@@ -178,10 +178,10 @@ def _plant(rng: np.random.Generator) -> Piece:
     )
 
 
-def _cartons(rng: np.random.Generator) -> Piece:
+def _cartons(rng: np.random.Generator) -> FurniturePiece:
     card = Paint("carton", (0.66, 0.52, 0.36))
     h = float(rng.uniform(0.3, 0.45))
-    return Piece(
+    return FurniturePiece(
         0.8,
         0.5,
         (
@@ -192,22 +192,22 @@ def _cartons(rng: np.random.Generator) -> Piece:
     )
 
 
-def _platform(rng: np.random.Generator) -> Piece:
+def _platform(rng: np.random.Generator) -> FurniturePiece:
     """A stage of one step, 15 cm high."""
     w, d = float(rng.uniform(1.6, 2.0)), float(rng.uniform(1.0, 1.2))
-    return Piece(w, d, (_block(0, 0, 0, w, d, 0.15, Paint("wood", _pick(rng, _WOODS), (0.3, 0.2, 0.1))),))
+    return FurniturePiece(w, d, (_block(0, 0, 0, w, d, 0.15, Paint("wood", _pick(rng, _WOODS), (0.3, 0.2, 0.1))),))
 
 
-def _glass_screen(rng: np.random.Generator) -> Piece:
+def _glass_screen(rng: np.random.Generator) -> FurniturePiece:
     """A pane on two feet, which are too low to count as obstacles in a LiDAR scan."""
     w = float(rng.uniform(1.2, 1.6))
     metal = Paint("plain", (0.38, 0.39, 0.41))
     feet = [_block(x, 0, 0, x + 0.08, 0.4, 0.04, metal) for x in (0.1, w - 0.18)]
     pane = Box((0, 0.19, 0.02), (w, 0.21, 1.8), metal, glass=True)
-    return Piece(w, 0.4, (*feet, pane))
+    return FurniturePiece(w, 0.4, (*feet, pane))
 
 
-Maker = Callable[[np.random.Generator], Piece]
+Maker = Callable[[np.random.Generator], FurniturePiece]
 _AT_WALL: dict[str, tuple[Maker, ...]] = {
     "office": (_desk, _desk, _shelf, _desk, _cabinet, _platform, _plant, _low_shelf, _cartons),
     "lounge": (_sofa, _low_shelf, _platform, _plant, _sofa, _cabinet, _shelf),
@@ -259,7 +259,7 @@ def furnish(plan: Plan, walk: NDArray[np.float64], rng: np.random.Generator, sty
 def _try(
     plan: Plan,
     room: Room,
-    piece: Piece,
+    piece: FurniturePiece,
     taken: list[Rect],
     track: NDArray[np.float64],
     rng: np.random.Generator,
@@ -291,7 +291,7 @@ def _distance(spot: Rect, track: NDArray[np.float64]) -> float:
     return float(np.hypot(dx, dy).min())
 
 
-def _placed(box: Box, piece: Piece, turns: int, x: float, y: float) -> Box:
+def _placed(box: Box, piece: FurniturePiece, turns: int, x: float, y: float) -> Box:
     """A box of the piece after `turns` quarter turns (counter-clockwise), with the corner of the footprint at x, y."""
     (ax, ay, az), (bx, by, bz) = box.lo, box.hi
     w, d = piece.width, piece.depth

@@ -36,11 +36,11 @@ class Flight:
     @property
     def rect(self) -> Rect:
         """The ground under the treads, which is also the opening in the floor above, meters."""
-        return self._between(0, RISERS - 1)
+        return self._ground_between(0, RISERS - 1)
 
     def treads(self) -> list[tuple[Rect, float]]:
         """The ground of each tread and its height above the lower floor, meters, from the lowest tread on."""
-        return [(self._between(i, i + 1), (i + 1) * self.rise) for i in range(RISERS - 1)]
+        return [(self._ground_between(i, i + 1), (i + 1) * self.rise) for i in range(RISERS - 1)]
 
     @property
     def direction(self) -> NDArray[np.float64]:
@@ -62,7 +62,7 @@ class Flight:
         """The mirror image or quarter turn by `point`."""
         return replace(self, foot=point(*self.foot), head=point(*self.head))
 
-    def _between(self, first: int, last: int) -> Rect:
+    def _ground_between(self, first: int, last: int) -> Rect:
         """The ground between two risers, rounded to a micrometer, so that neighbors have exactly equal edges."""
         (x0, y0), (x1, y1) = self._at(first), self._at(last)
         low, high = (min(x0, x1), min(y0, y1)), (max(x0, x1), max(y0, y1))
@@ -157,7 +157,7 @@ class Opening:
 
 
 @dataclass(frozen=True)
-class Stop:
+class TrajectoryCorner:
     """A corner of the trajectory, meters; with `spin`, the camera turns in place there, the long way round."""
 
     x: float
@@ -174,7 +174,7 @@ class Plan:
     rooms: tuple[Room, ...]
     walls: tuple[Wall, ...]
     openings: tuple[Opening, ...]
-    stops: tuple[Stop, ...]
+    stops: tuple[TrajectoryCorner, ...]
     flight: Flight | None = None
 
     def room_at(self, x: float, y: float) -> Room | None:
@@ -216,7 +216,7 @@ class Plan:
             tuple(replace(r, rects=tuple(rect(q) for q in r.rects)) for r in self.rooms),
             tuple(wall(w) for w in self.walls),
             tuple(opening(o) for o in self.openings),
-            tuple(Stop(*point(s.x, s.y), s.spin) for s in self.stops),
+            tuple(TrajectoryCorner(*point(s.x, s.y), s.spin) for s in self.stops),
             None if self.flight is None else self.flight.mapped(point),
         )
 

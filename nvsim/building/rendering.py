@@ -186,7 +186,7 @@ def _in_the_pane(x, y, z, dx, dy, dz, distance, spread, solids, textures, people
 
 
 @njit(cache=True, error_model="numpy")
-def _seen(px, py, pose, lens, spread, solids, textures, people, clothes, mirrored):  # type: ignore[no-untyped-def]
+def _trace_pixel(px, py, pose, lens, spread, solids, textures, people, clothes, mirrored):  # type: ignore[no-untyped-def]
     """Color, depth, and surface at a pixel position. The color includes the gloss of the floor and glass in front."""
     ox, oy, oz = pose[0, 3], pose[1, 3], pose[2, 3]
     dx, dy, dz, scale = _ray(px, py, pose, lens)
@@ -259,7 +259,7 @@ def _mirror(pose, lens, rows, columns, solids, textures, people, clothes):  # ty
 def _first_pass(pose, lens, solids, textures, people, clothes, mirrored, color, depth, surface):  # type: ignore[no-untyped-def]
     for row in prange(depth.shape[0]):
         for column in range(depth.shape[1]):
-            r, g, b, t, hit = _seen(
+            r, g, b, t, hit = _trace_pixel(
                 column + 0.5, row + 0.5, pose, lens, 1.0 / lens[0], solids, textures, people, clothes, mirrored
             )
             color[row, column, 0], color[row, column, 1], color[row, column, 2] = r, g, b
@@ -282,7 +282,7 @@ def _smooth_edges(pose, lens, solids, textures, people, clothes, mirrored, color
                 continue
             red, green, blue = 0.0, 0.0, 0.0
             for k in range(4):
-                r, g, b, _, _ = _seen(
+                r, g, b, _, _ = _trace_pixel(
                     column + 0.25 + 0.5 * (k % 2), row + 0.25 + 0.5 * (k // 2), pose, lens, 1.0 / lens[0],
                     solids, textures, people, clothes, mirrored,
                 )  # fmt: skip

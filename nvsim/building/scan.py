@@ -28,7 +28,7 @@ def scan(scene: Scene, textures: Textures, rng: np.random.Generator) -> Cloud:
     # Glass is clean in a building of style "glass"; in the other styles it returns a few points.
     returns = 0.0 if scene.config.style == "glass" else _GLASS_RETURNS
     beams, turns = np.radians(np.linspace(-62, 48, 84)), 600
-    merged, pending = _Merged(), []
+    merged, pending = _VoxelFilter(), []
     for k, place in enumerate(places):
         azimuth = np.radians(np.arange(turns) * 360 / turns + rng.uniform(0, 360 / turns))
         elevation = beams + np.radians(rng.uniform(-0.5, 0.5))
@@ -48,7 +48,7 @@ def scan(scene: Scene, textures: Textures, rng: np.random.Generator) -> Cloud:
     return merged.cloud(most, rng)
 
 
-class _Merged:
+class _VoxelFilter:
     """Keeps the first point in each voxel."""
 
     def __init__(self) -> None:

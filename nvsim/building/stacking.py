@@ -19,8 +19,8 @@ from nvsim.building.plan import (
     Plan,
     Rect,
     Room,
-    Stop,
     Storey,
+    TrajectoryCorner,
     Wall,
     turn_randomly,
 )
@@ -42,7 +42,7 @@ def make_storeys(config: BuildingConfig, rng: np.random.Generator, upper: np.ran
     above = _refurnished(below, upper) if config.size == "full" else make_plan("small", upper, glazed, below.extent)
     return tuple(
         Storey(plan, k * (HEIGHT + SLAB))
-        for k, plan in enumerate(turn_randomly(_joined(config.size, below, above), rng))
+        for k, plan in enumerate(turn_randomly(_join_with_strip(config.size, below, above), rng))
     )
 
 
@@ -54,7 +54,7 @@ def _refurnished(plan: Plan, rng: np.random.Generator) -> Plan:
     return replace(plan, rooms=(*changed, *plan.rooms[len(rooms) :]))
 
 
-def _joined(size: str, below: Plan, above: Plan) -> tuple[Plan, Plan]:
+def _join_with_strip(size: str, below: Plan, above: Plan) -> tuple[Plan, Plan]:
     """Both plans with the strip beyond their far side. The upper plan is mirrored in x, so that its tour begins and
     ends on the side where the stairs arrive."""
     width, depth = below.extent.x1, below.extent.y1
@@ -65,13 +65,13 @@ def _joined(size: str, below: Plan, above: Plan) -> tuple[Plan, Plan]:
     ways = ((), ()) if size == "small" else (_to_the_far_room(below), _to_the_near_room(above))
     entry, landing = round(foot - _SHORT, 2), round(head + _LANDING, 2)
     low = _with_strip(below, flight, entry, (foot - _BEFORE, foot), (foot - _BEFORE, head + INNER_WALL / 2))
-    arrive = (*ways[0], Stop(entry, depth - ENTRY), Stop(entry, middle))
+    arrive = (*ways[0], TrajectoryCorner(entry, depth - ENTRY), TrajectoryCorner(entry, middle))
     low = replace(low, stops=(*low.stops, *arrive))
     far = head + 2 * _LANDING if width - head > 3 * _LANDING else width
     high = _with_strip(above.flipped_x(), flight, landing, (foot, far), (foot - INNER_WALL / 2, far))
     way = [replace(s, x=width - s.x) for s in ways[1]]
-    leave = (Stop(landing, middle), Stop(landing, depth - ENTRY), *way[::-1])
-    high = replace(high, stops=(*leave, *high.stops, *leave[::-1], Stop(entry, middle)))
+    leave = (TrajectoryCorner(landing, middle), TrajectoryCorner(landing, depth - ENTRY), *way[::-1])
+    high = replace(high, stops=(*leave, *high.stops, *leave[::-1], TrajectoryCorner(entry, middle)))
     return low, high
 
 
@@ -100,14 +100,14 @@ def _with_strip(
     )
 
 
-def _to_the_far_room(plan: Plan) -> tuple[Stop, ...]:
+def _to_the_far_room(plan: Plan) -> tuple[TrajectoryCorner, ...]:
     """From the end of a full building's tour to the room in the middle of its far side."""
     into = max((o for o in plan.openings if o.along == "x"), key=lambda o: o.line)
-    return Stop(into.centre, plan.stops[-1].y), Stop(into.centre, into.line + ENTRY)
+    return TrajectoryCorner(into.centre, plan.stops[-1].y), TrajectoryCorner(into.centre, into.line + ENTRY)
 
 
-def _to_the_near_room(plan: Plan) -> tuple[Stop, ...]:
+def _to_the_near_room(plan: Plan) -> tuple[TrajectoryCorner, ...]:
     """From the end of a full building's tour, and from its beginning, to the room in its far corner."""
     end = plan.stops[-1]
     into = min((o for o in plan.openings if o.along == "y" and o.centre == end.y), key=lambda o: o.line)
-    return end, Stop(into.line - ENTRY, end.y)
+    return end, TrajectoryCorner(into.line - ENTRY, end.y)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from nvsim.building.plan import GOING, LENGTH, Flight, Stop
+from nvsim.building.plan import GOING, LENGTH, Flight, TrajectoryCorner
 
 _CORNER = 0.6  # meters before a corner where the turn begins
 _LOOKING_DOWN = np.radians(20)
@@ -21,7 +21,7 @@ def _wrapped(angle: float) -> float:
     return float((angle + np.pi) % (2 * np.pi) - np.pi)
 
 
-def path(stops: tuple[Stop, ...]) -> NDArray[np.float64]:
+def path(stops: tuple[TrajectoryCorner, ...]) -> NDArray[np.float64]:
     """(N, 3) x, y and unwrapped heading (0 is +y, clockwise), meters and radians, every centimeter or half degree."""
     points = [np.array([s.x, s.y]) for s in stops]
     spins = [s.spin for s in stops]

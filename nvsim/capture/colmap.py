@@ -22,7 +22,7 @@ from nvsim.capture.colmap_layout import (
     EXTENSIONS,
     LISTS,
     RIG_LISTS,
-    Model,
+    ModelFolder,
     child_folders,
     is_technical,
     is_usual,
@@ -45,7 +45,7 @@ _SAME = 1e-4  # tolerance of rotation entries, and of a translation relative to 
 
 
 @dataclass(frozen=True)
-class Placement:
+class ImagePose:
     """Pose and rig of one image.
 
     pose    world-to-camera (4, 4), None if neither its frame nor the list of images gives one
@@ -60,7 +60,7 @@ class Placement:
 
 def place_images(
     images: Sequence[ImageRow], rigs: Sequence[RigRow], frames: Sequence[FrameRow], findings: Findings
-) -> list[Placement]:
+) -> list[ImagePose]:
     """The placement of each of `images`. If an image is on a frame, its pose comes from the frame and the rig;
     otherwise from the list of images."""
     by_number = {rig.number: rig for rig in rigs}
@@ -79,7 +79,7 @@ def place_images(
     return [_placement(row, on_frame.get(row.number), findings) for row in images]
 
 
-def _placement(row: ImageRow, on: tuple[FrameRow, RigRow] | None, findings: Findings) -> Placement:
+def _placement(row: ImageRow, on: tuple[FrameRow, RigRow] | None, findings: Findings) -> ImagePose:
     where = f"{row.where} ({row.name})"
     pose, rig_name, moment = None, "", float(row.number)
     if on is not None:
@@ -88,7 +88,7 @@ def _placement(row: ImageRow, on: tuple[FrameRow, RigRow] | None, findings: Find
         if len(rig.cameras) > 1:
             rig_name, moment = str(rig.number), float(frame.number)
     if pose is None:
-        return Placement(pose_from_quaternion(row.quaternion, row.translation, where, findings), rig_name, moment)
+        return ImagePose(pose_from_quaternion(row.quaternion, row.translation, where, findings), rig_name, moment)
     listed = pose_from_quaternion(row.quaternion, row.translation, where, Findings())
     if listed is not None and _differ(listed, pose):
         findings.warning(
@@ -96,7 +96,7 @@ def _placement(row: ImageRow, on: tuple[FrameRow, RigRow] | None, findings: Find
             where,
             "the pose of the frame is used, as in COLMAP",
         )
-    return Placement(pose, rig_name, moment)
+    return ImagePose(pose, rig_name, moment)
 
 
 def _pose_on(frame: FrameRow, rig: RigRow, camera: int) -> Pose | None:
@@ -178,13 +178,13 @@ def read(root: Path, findings: Findings) -> RawCapture:
     return RawCapture(root, "colmap", tuple(frames), _cloud(model, findings), metric=False)
 
 
-def _chosen(models: list[Model], root: Path, findings: Findings) -> tuple[Model, list[ImageRow]]:
+def _chosen(models: list[ModelFolder], root: Path, findings: Findings) -> tuple[ModelFolder, list[ImageRow]]:
     """The model to read, and its images. Of the models that the mapper wrote together, it is the one with the most
     images. A finding names the other models if they contain further images. Raises InputError if the model cannot be
     read."""
     together = numbered_with(models[0], models)
-    lists: dict[Model, list[ImageRow] | InputError] = {}
-    for model in dict.fromkeys([*together, *models[:_COMPARED], *_beside(models[0], root)]):
+    lists: dict[ModelFolder, list[ImageRow] | InputError] = {}
+    for model in dict.fromkeys([*together, *models[:_COMPARED], *_other_numbered_models(models[0], root)]):
         try:
             with _reading(model, "images") as path:
                 lists[model] = _reader(model).read_images(path)
@@ -213,31 +213,33 @@ def _chosen(models: list[Model], root: Path, findings: Findings) -> tuple[Model,
     return chosen, readable[chosen]
 
 
-def _words(model: Model, rows: list[ImageRow] | InputError, is_read: bool) -> str:
+def _words(model: ModelFolder, rows: list[ImageRow] | InputError, is_read: bool) -> str:
     if isinstance(rows, InputError):
         return f"{_shown_name(model)} (cannot be read: {shown(str(rows).rstrip('.'))})"
     return f"{_shown_name(model)} ({len(rows)} image{'' if len(rows) == 1 else 's'}{', read' if is_read else ''})"
 
 
-def _shown_name(model: Model) -> str:
+def _shown_name(model: ModelFolder) -> str:
     return shown(f"{model.folder.parent.name}/{model.folder.name}" if model.name == "." else model.name)
 
 
-def _beside(model: Model, root: Path) -> list[Model]:
+def _other_numbered_models(model: ModelFolder, root: Path) -> list[ModelFolder]:
     """The other numbered models beside `model`, if the user named a numbered model directly."""
     if model.folder != root or not root.name.isdigit():
         return []
     others = [folder for folder in child_folders(root.parent) if folder.name.isdigit() and folder != root]
     found = [(folder, model_extension(folder)) for folder in others[:_COMPARED]]
-    return [Model(folder, kind, f"{root.parent.name}/{folder.name}") for folder, kind in found if kind is not None]
+    return [
+        ModelFolder(folder, kind, f"{root.parent.name}/{folder.name}") for folder, kind in found if kind is not None
+    ]
 
 
-def _reader(model: Model) -> ModuleType:
+def _reader(model: ModelFolder) -> ModuleType:
     return colmap_binary if model.extension == ".bin" else colmap_text
 
 
 @contextmanager
-def _reading(model: Model, stem: str) -> Iterator[Path]:
+def _reading(model: ModelFolder, stem: str) -> Iterator[Path]:
     """The path of a model file. Errors while reading it in this context become InputError."""
     path = model.folder / f"{stem}{model.extension}"
     with reading(path, f"a list of COLMAP {stem}"):
@@ -253,7 +255,7 @@ def _lens(camera: CameraRow, findings: Findings) -> Lens | None:
     return read_lens(name, camera.width, camera.height, params, camera.where, findings)
 
 
-def _placements(model: Model, rows: list[ImageRow], findings: Findings) -> list[Placement]:
+def _placements(model: ModelFolder, rows: list[ImageRow], findings: Findings) -> list[ImagePose]:
     """The placement of each image. It follows rigs and frames if the model has both lists."""
     if any(file_size(model.folder / f"{stem}{model.extension}") is None for stem in RIG_LISTS):
         return place_images(rows, (), (), findings)
@@ -264,11 +266,11 @@ def _placements(model: Model, rows: list[ImageRow], findings: Findings) -> list[
     return place_images(rows, rigs, frames, findings)
 
 
-def _cloud(model: Model, findings: Findings) -> Cloud | None:
+def _cloud(model: ModelFolder, findings: Findings) -> Cloud | None:
     """The points of points3D.bin or .txt, or of a PLY file instead. Raises InputError if they cannot be read."""
     cloud = None
     for extension in (model.extension, *(x for x in EXTENSIONS if x != model.extension)):
-        other = Model(model.folder, extension, model.name)
+        other = ModelFolder(model.folder, extension, model.name)
         if file_size(model.folder / f"points3D{extension}") is not None:
             with _reading(other, "points3D") as path:
                 xyz, rgb = _reader(other).read_points(path)

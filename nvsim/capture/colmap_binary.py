@@ -28,7 +28,7 @@ _OTHER_COUNTS = {
 }  # parameter counts of models that NVSim does not support; the reader skips the parameters and names the model
 
 
-class _Cursor:
+class _FieldReader:
     """Reads fields sequentially. At the end of the file it raises InputError with the name of the record."""
 
     def __init__(self, path: Path) -> None:
@@ -88,7 +88,7 @@ _CAMERA_TYPE = 0
 
 def read_cameras(path: Path) -> list[CameraRow]:
     """The cameras. Raises InputError naming the record if it is not a camera."""
-    cursor = _Cursor(path)
+    cursor = _FieldReader(path)
     rows = []
     for _ in cursor.records("camera"):
         number, model, width, height = cursor.take(_CAMERA)
@@ -103,7 +103,7 @@ def read_cameras(path: Path) -> list[CameraRow]:
 
 def read_images(path: Path) -> list[ImageRow]:
     """The images. Raises InputError naming the record if it is not an image."""
-    cursor = _Cursor(path)
+    cursor = _FieldReader(path)
     rows = []
     for _ in cursor.records("image"):
         values = cursor.take(_IMAGE)
@@ -116,7 +116,7 @@ def read_images(path: Path) -> list[ImageRow]:
 
 def read_points(path: Path) -> tuple[NDArray[np.float64], NDArray[np.uint8]]:
     """(N, 3) float64 positions and (N, 3) uint8 RGB colors. Raises InputError naming the record."""
-    cursor = _Cursor(path)
+    cursor = _FieldReader(path)
     points, colors = [], []
     for _ in cursor.records("point"):
         values = cursor.take(_POINT)
@@ -128,7 +128,7 @@ def read_points(path: Path) -> tuple[NDArray[np.float64], NDArray[np.uint8]]:
 
 def read_rigs(path: Path) -> list[RigRow]:
     """The rigs. Raises InputError naming the record if it is not a rig."""
-    cursor = _Cursor(path)
+    cursor = _FieldReader(path)
     rows = []
     for _ in cursor.records("rig"):
         number, sensors = cursor.take(_RIG)
@@ -145,7 +145,7 @@ def read_rigs(path: Path) -> list[RigRow]:
 
 def read_frames(path: Path) -> list[FrameRow]:
     """The frames. Raises InputError naming the record if it is not a frame."""
-    cursor = _Cursor(path)
+    cursor = _FieldReader(path)
     rows = []
     for _ in cursor.records("frame"):
         number, rig, *pose, count = cursor.take(_FRAME)

@@ -26,7 +26,7 @@ _MOST = 200  # model folders
 
 
 @dataclass(frozen=True)
-class Model:
+class ModelFolder:
     """A folder with cameras and images as .bin or .txt.
 
     name  path relative to the searched folder, with forward slashes; "." for that folder itself
@@ -46,13 +46,13 @@ def model_extension(folder: Path) -> str | None:
     return None
 
 
-def models_in(root: Path) -> list[Model]:
+def models_in(root: Path) -> list[ModelFolder]:
     """All models in and below `root`: preferred layouts first, numbered models in numeric order."""
     found = []
     for folder in technical_folders(root):
         extension = model_extension(folder)
         if extension is not None:
-            found.append(Model(folder, extension, folder.relative_to(root).as_posix()))
+            found.append(ModelFolder(folder, extension, folder.relative_to(root).as_posix()))
     return sorted(found, key=lambda model: _rank(model.name))
 
 
@@ -80,7 +80,7 @@ def child_folders(folder: Path) -> list[Path]:
     return [folder / name for name in sorted(names, key=natural_order)]
 
 
-def is_usual(model: Model) -> bool:
+def is_usual(model: ModelFolder) -> bool:
     """Whether the model is at a path where COLMAP, nerfstudio, and 3D Gaussian Splatting write models."""
     return _rank(model.name)[0] == 0
 
@@ -96,7 +96,7 @@ def _rank(name: str) -> tuple[int, int, int, list[tuple[int, int, str]]]:
     return 1, name.count("/"), 0, natural_order(name)
 
 
-def numbered_with(model: Model, models: list[Model]) -> list[Model]:
+def numbered_with(model: ModelFolder, models: list[ModelFolder]) -> list[ModelFolder]:
     """`model` and the models that COLMAP's mapper wrote with it: the numbered folders with the same parent."""
     if not model.folder.name.isdigit():
         return [model]

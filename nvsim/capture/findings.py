@@ -111,7 +111,7 @@ class Findings:
 
 
 @dataclass(frozen=True)
-class Kind:
+class FindingGroup:
     """Equal findings at several places: severity and message, the consequence at the first place, all places, the names
     of all affected frames, and the option that fixes the first finding."""
 
@@ -136,13 +136,13 @@ class Kind:
         return f"{self.severity}: {self.message}{self.count}: {places}{more} ({self.consequence})"
 
 
-def grouped(findings: Iterable[Finding]) -> tuple[Kind, ...]:
+def grouped(findings: Iterable[Finding]) -> tuple[FindingGroup, ...]:
     """Findings grouped by severity and message, in order of first occurrence."""
     kinds: dict[tuple[Severity, str], list[Finding]] = {}
     for finding in findings:
         kinds.setdefault((finding.severity, finding.message), []).append(finding)
     return tuple(
-        Kind(
+        FindingGroup(
             severity,
             message,
             found[0].consequence,

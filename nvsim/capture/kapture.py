@@ -20,7 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from nvsim.capture.findings import Findings
-from nvsim.capture.kapture_tree import Pose, Tree
+from nvsim.capture.kapture_tree import Pose, SensorTree
 from nvsim.capture.moved_files import FolderFiles, report_moved
 from nvsim.capture.pointcloud import merge, read_cloud, stored_points, usable_cloud
 from nvsim.capture.raw import (
@@ -82,7 +82,7 @@ def _read(root: Path, findings: Findings) -> RawCapture:
     for name in ("sensors.txt", "records_camera.txt", "trajectories.txt"):
         if file_size(sensors / name) is None:
             raise InputError(f"{sensors / name} is missing; a kapture capture needs it.")
-    tree = Tree()
+    tree = SensorTree()
     _read_sensors(sensors / "sensors.txt", tree, findings)
     if file_size(sensors / "rigs.txt") is not None:
         _read_rigs(sensors / "rigs.txt", tree, findings)
@@ -141,7 +141,7 @@ def _pose(fields: list[str], where: str, findings: Findings) -> Pose | None:
     return pose_from_quaternion(np.array(values[:4]), np.array(values[4:]), where, findings)
 
 
-def _read_sensors(path: Path, tree: Tree, findings: Findings) -> None:
+def _read_sensors(path: Path, tree: SensorTree, findings: Findings) -> None:
     for where, fields in _rows(path, 3, findings):
         sensor, kind = fields[0], fields[2].lower()
         if sensor in tree.kinds:
@@ -173,7 +173,7 @@ def _depth_lens(fields: list[str], where: str, findings: Findings) -> Lens | Non
     return None
 
 
-def _read_rigs(path: Path, tree: Tree, findings: Findings) -> None:
+def _read_rigs(path: Path, tree: SensorTree, findings: Findings) -> None:
     for where, fields in _rows(path, 9, findings):
         pose = _pose(fields[2:9], where, findings)
         if pose is None:
@@ -182,14 +182,14 @@ def _read_rigs(path: Path, tree: Tree, findings: Findings) -> None:
             tree.mounts.setdefault(fields[1], []).append((fields[0], pose))
 
 
-def _read_trajectories(path: Path, tree: Tree, findings: Findings) -> None:
+def _read_trajectories(path: Path, tree: SensorTree, findings: Findings) -> None:
     for where, fields in _rows(path, 9, findings):
         timestamp = _timestamp(fields[0], where, findings)
         if timestamp is not None:
             tree.poses[fields[1], timestamp] = _pose(fields[2:9], where, findings)
 
 
-def _read_records(sensors: Path, tree: Tree, findings: Findings) -> list[RawFrame]:
+def _read_records(sensors: Path, tree: SensorTree, findings: Findings) -> list[RawFrame]:
     frames = []
     for where, fields in _rows(sensors / "records_camera.txt", 3, findings, maxsplit=2):
         timestamp = _timestamp(fields[0], where, findings)
@@ -209,7 +209,7 @@ def _read_records(sensors: Path, tree: Tree, findings: Findings) -> list[RawFram
     return _on_rigs(frames, tree)
 
 
-def _on_rigs(frames: list[RawFrame], tree: Tree) -> list[RawFrame]:
+def _on_rigs(frames: list[RawFrame], tree: SensorTree) -> list[RawFrame]:
     """The frames, with the id of each rig that carries several cameras."""
     if not tree.mounts:
         return with_rigs(frames, [frame.timestamp for frame in frames])
@@ -218,7 +218,7 @@ def _on_rigs(frames: list[RawFrame], tree: Tree) -> list[RawFrame]:
     return [replace(f, rig=rigs[f.sensor]) if cameras[rigs[f.sensor]] > 1 else f for f in frames]
 
 
-def _read_depths(sensors: Path, tree: Tree, frames: list[RawFrame], findings: Findings) -> list[DepthFile]:
+def _read_depths(sensors: Path, tree: SensorTree, frames: list[RawFrame], findings: Findings) -> list[DepthFile]:
     """Depth images: float32 in meters, row by row, or PNG, TIFF, or .npy files.
 
     Each belongs to the image with an equal timestamp and a similar viewing direction. Depth images without a pose or a
@@ -235,7 +235,7 @@ def _read_depths(sensors: Path, tree: Tree, frames: list[RawFrame], findings: Fi
             if lens is not None and pose is not None:
                 placed, file = inverse(pose), sensors / "records_data" / fields[2]
                 is_raw = file.suffix.lower() not in (".png", ".tif", ".tiff", ".npy")
-                name = _beside(placed, at_time.get(float(timestamp or 0), []))
+                name = _nearest_frame_name(placed, at_time.get(float(timestamp or 0), []))
                 depths.append(DepthFile(file, lens, placed, name, is_raw=is_raw, unit=1.0 if is_raw else 0.001))
     except InputError as error:
         faults.error(str(error).rstrip("."), "records_depth.txt", "")
@@ -244,7 +244,7 @@ def _read_depths(sensors: Path, tree: Tree, frames: list[RawFrame], findings: Fi
     return depths
 
 
-def _beside(pose: NDArray[np.float64], frames: list[RawFrame]) -> str:
+def _nearest_frame_name(pose: NDArray[np.float64], frames: list[RawFrame]) -> str:
     """The name of the frame whose viewing direction is nearest to that of `pose` (4, 4); "" if none is within 30
     degrees, because such a camera shows other surfaces."""
     poses = [(f.name, f.camera_to_world) for f in frames if f.camera_to_world is not None]
@@ -253,7 +253,7 @@ def _beside(pose: NDArray[np.float64], frames: list[RawFrame]) -> str:
     return best[2] if best[0] > _ALIKE else ""
 
 
-def _read_lidar(sensors: Path, tree: Tree, findings: Findings) -> tuple[Cloud | None, list[ScanFile]]:
+def _read_lidar(sensors: Path, tree: SensorTree, findings: Findings) -> tuple[Cloud | None, list[ScanFile]]:
     """All points in the world frame, and the LiDAR scans that have a pose."""
     clouds, scans = [], []
     files, found = FolderFiles(sensors / "records_data"), dict[Path, Path]()

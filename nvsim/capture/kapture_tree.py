@@ -15,7 +15,7 @@ _NESTED, _CARRIERS = 8, 64  # limits: levels of nested rigs, and carriers of one
 
 
 @dataclass
-class Tree:
+class SensorTree:
     """The content of the sensor files. Poses are (4, 4); None if the file omits the pose or it is not rigid."""
 
     kinds: dict[str, str] = field(default_factory=dict)

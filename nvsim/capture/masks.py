@@ -83,14 +83,14 @@ def _fault(frame: RawFrame) -> str:
         usable = decode_mask(frame.mask)
     except InputError as error:
         return str(error).replace(str(frame.mask.path), "the mask").rstrip(".")
-    if frame.lens is not None and not _fits(usable, frame.lens.width, frame.lens.height):
+    if frame.lens is not None and not _has_same_aspect(usable, frame.lens.width, frame.lens.height):
         height, width = usable.shape
         image = f"{frame.lens.width}x{frame.lens.height}"
         return f"the mask is {width}x{height} pixels, which does not fit an image of {image}"
     return "" if usable.any() else "the mask ignores the whole image"
 
 
-def _fits(usable: NDArray[np.bool_], width: int, height: int) -> bool:
+def _has_same_aspect(usable: NDArray[np.bool_], width: int, height: int) -> bool:
     """Whether the mask has the aspect ratio of an image of that size, within a pixel."""
     tall, wide = usable.shape
     return abs(wide * height - tall * width) <= max(width, height)
@@ -116,7 +116,7 @@ def usable_pixels(frame: Frame, intrinsics: Intrinsics) -> NDArray[np.bool_] | N
     if frame.mask is None:
         return None
     usable, lens = decode_mask(frame.mask), frame.lens
-    if not _fits(usable, lens.width, lens.height):
+    if not _has_same_aspect(usable, lens.width, lens.height):
         raise InputError(f"{frame.mask.path} does not fit its image, {lens.width}x{lens.height} pixels; {_AGAIN}.")
     if usable.shape != (lens.height, lens.width):
         size = (lens.width, lens.height)

@@ -95,14 +95,14 @@ class FolderFiles:
             if not missing:
                 continue
             if len(missing) < len(members):
-                best = [folder.resolve()] if folder.resolve() in self._walked else []
+                best = [folder.resolve()] if folder.resolve() in self._list_folders else []
             else:
                 best = self._best_folders(folder, missing)
             if len(best) > 1:
                 ambiguous.update(dict.fromkeys(missing, tuple(best)))
             elif best:
                 for path in missing:
-                    names = _matching(self._walked[best[0]], path.name)
+                    names = _matching(self._list_folders[best[0]], path.name)
                     if len(names) == 1:
                         found[path] = best[0] / names[0]
         users: dict[Path, list[Path]] = {}
@@ -120,7 +120,7 @@ class FolderFiles:
 
         Candidates are ranked by the longest common end of the paths, then the number of names, then full-size images
         over downscaled ones."""
-        folders = self._walked
+        folders = self._list_folders
         below = listed.relative_to(self.root) if listed.is_relative_to(self.root) else listed
         parts = tuple(part.casefold() for part in _parts(below))
         of_listed, of_end = _content(parts), _content(parts[-2:])
@@ -141,7 +141,7 @@ class FolderFiles:
         return sorted(path for path, value in rank.items() if value == best)
 
     @property
-    def _walked(self) -> dict[Path, _Folder]:
+    def _list_folders(self) -> dict[Path, _Folder]:
         if self._folders is None:
             self._folders = _walk(self.root)
         return self._folders

@@ -98,7 +98,7 @@ def read_several(path: Path, read: Callable[[Path, Findings], RawCapture], findi
     ]
     telling = next((raw for raw in raws if raw.metric is not None), raws[0])
     unit = telling.metric, tuple(scans), tuple(depths), telling.metric_because
-    return RawCapture(path, f"several ({formats})", tuple(frames), _joined(clouds), *unit)
+    return RawCapture(path, f"several ({formats})", tuple(frames), _join_clouds(clouds), *unit)
 
 
 def labels(sources: Sequence[Path]) -> list[str]:
@@ -112,7 +112,7 @@ def labels(sources: Sequence[Path]) -> list[str]:
     return found
 
 
-def _joined(clouds: Sequence[Cloud]) -> Cloud | None:
+def _join_clouds(clouds: Sequence[Cloud]) -> Cloud | None:
     """All points together. If some are from a scanner, only those, because the others are less accurate."""
     scanned = [c for c in clouds if c.kind == "lidar"]
     chosen = scanned or list(clouds)

@@ -33,7 +33,7 @@ class _Element:
 
 
 @dataclass(frozen=True)
-class Rows:
+class BinaryRows:
     """Layout of the points in a binary file: `count` records of `layout`, the first at byte `start`."""
 
     start: int
@@ -41,7 +41,7 @@ class Rows:
     layout: np.dtype[np.void]
 
 
-def binary_rows(path: Path, begin: bytes, size: int) -> Rows | None:
+def binary_rows(path: Path, begin: bytes, size: int) -> BinaryRows | None:
     """The layout from the bytes `begin`, which hold the header, of a file of `size` bytes; None for an ascii file.
 
     Raises InputError naming the file (and the line, in the header) if it is invalid or shorter than announced."""
@@ -53,7 +53,7 @@ def binary_rows(path: Path, begin: bytes, size: int) -> Rows | None:
     if start + element.count * layout.itemsize > size:
         present = max(0, size - start) // layout.itemsize
         raise InputError(f"{path} is truncated: {element.count} points announced, {present} present; copy it again.")
-    return Rows(start, element.count, layout)
+    return BinaryRows(start, element.count, layout)
 
 
 def text_rows(path: Path, begin: bytes) -> tuple[int, int, int, int, tuple[str, ...]]:

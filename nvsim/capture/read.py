@@ -16,11 +16,11 @@ from numpy.typing import NDArray
 
 from nvsim.capture.alignment import align, apply
 from nvsim.capture.axes import Axes, with_axes
+from nvsim.capture.excluded_frames import without_frames
 from nvsim.capture.findings import IMAGE_AMBIGUOUS, IMAGE_MISSING, Findings
 from nvsim.capture.formats import read_raw
 from nvsim.capture.image_folder import find_moved_images, resolve_images_in
 from nvsim.capture.images import image_header, is_turned
-from nvsim.capture.left_out import without_frames
 from nvsim.capture.masks import with_masks_beside
 from nvsim.capture.raw import FAR, LOST_FRAME, RawCapture, RawFrame, file_size
 from nvsim.capture.types import Alignment, Capture, Cloud

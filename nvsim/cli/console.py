@@ -107,7 +107,7 @@ def without_progress_bars() -> Iterator[None]:
         _terminal.start()
 
 
-def tell_failure(event: Failed, in_json: bool) -> None:
+def report_failure(event: Failed, in_json: bool) -> None:
     """Reports the failure of a command to a listening program."""
     if _redirected_to is not None:
         _redirected_to(event)

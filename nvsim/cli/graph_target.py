@@ -16,7 +16,7 @@ from nvsim.graph.edits import EditError
 from nvsim.graph.history import History
 from nvsim.graph.journal import Journal, sidecar
 from nvsim.graph.operations import EditContext
-from nvsim.graph.quantities import Known
+from nvsim.graph.quantities import QuantityInputs
 from nvsim.graph.types import NavGraph
 from nvsim.occupancy.heights import Heights
 from nvsim.occupancy.types import OccupancyMap
@@ -31,7 +31,7 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True, eq=False)
-class Source:
+class GraphWithContext:
     """A graph and its context.
 
     path, name    its file or project, and its name
@@ -61,7 +61,7 @@ def is_project(path: Path) -> bool:
 
 def sources(
     path: Path, limits: Limits | None = None, occupancy: Path | None = None, heights: Heights | None = None
-) -> Iterator[Source]:
+) -> Iterator[GraphWithContext]:
     """Yields every graph at `path`. `occupancy` is a map to use instead of the one found there, limited to `heights` if
     it has heights.
 
@@ -80,7 +80,7 @@ def sources(
 
         with Project.open(path) as project:
             context = context_of(project, limits, map)
-            yield Source(
+            yield GraphWithContext(
                 path, project.scan_name, project.need_graph(), context, smallest_margin(thresholds_of(project))
             )
         return
@@ -91,10 +91,10 @@ def sources(
         beside = foreign.beside.occupancy() if map is None else None
         terminal.notes(() if beside is None else beside.notes)
         context = foreign.context(limits, beside if map is None else map)
-        yield Source(file, foreign.scan, foreign.graph, context, None, foreign.sight(unknown=False))
+        yield GraphWithContext(file, foreign.scan, foreign.graph, context, None, foreign.sight(unknown=False))
 
 
-def one_source(path: Path, occupancy: Path | None = None, heights: Heights | None = None) -> Source:
+def one_source(path: Path, occupancy: Path | None = None, heights: Heights | None = None) -> GraphWithContext:
     """The one graph at `path`. Raises InputError if there are several."""
     found = sources(path, None, occupancy, heights)
     first = next(found)
@@ -122,7 +122,7 @@ class GraphTarget:
                 return project.need_graph()
         return self._foreign.graph
 
-    def known(self, expression: str) -> Known:
+    def known(self, expression: str) -> QuantityInputs:
         """Data that an expression may need: a map if it uses `validity`, and in a project the thresholds of the graph,
         for `evidence`."""
         margin = None
@@ -133,7 +133,7 @@ class GraphTarget:
 
             with Project.open(self.path) as project:
                 margin = of_thresholds(thresholds_of(project))
-        return Known(self._occupancy() if "validity" in expression else None, margin)
+        return QuantityInputs(self._occupancy() if "validity" in expression else None, margin)
 
     def surroundings(self) -> EditContext:
         from nvsim.graph.sight import sight_on

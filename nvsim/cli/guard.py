@@ -12,7 +12,7 @@ import traceback
 from pathlib import Path
 from types import FrameType
 
-from nvsim.cli.console import advise, tell_failure, with_command_options
+from nvsim.cli.console import advise, report_failure, with_command_options
 from nvsim.cli.options import Command
 from nvsim.cli.terminal import say
 from nvsim.errors import InputError
@@ -21,7 +21,7 @@ from nvsim.files.atomic import as_input_error
 from nvsim.plain_text import printable
 
 
-class Stopped(BaseException):
+class CommandStopped(BaseException):
     """A user or a program asked the command to stop (SIGTERM, Ctrl-C)."""
 
 
@@ -39,7 +39,7 @@ def guarded(verb: str, command: type[Command], argv: list[str]) -> int:
         return int(code or 0)
     except InputError as error:
         return _fail(verb, str(error), 2, as_json)
-    except Stopped:
+    except CommandStopped:
         return _fail(verb, "stopped; run the same command again to continue", 130, as_json)
     except BrokenPipeError:
         raise  # not a failure of the command
@@ -55,12 +55,12 @@ def guarded(verb: str, command: type[Command], argv: list[str]) -> int:
 
 
 def _stop(number: int, frame: FrameType | None) -> None:
-    raise Stopped
+    raise CommandStopped
 
 
 def _fail(verb: str, sentence: str, code: int, as_json: bool) -> int:
     sentence = with_command_options(sentence)
-    tell_failure(Failed(verb.split()[0], sentence, code), as_json)
+    report_failure(Failed(verb.split()[0], sentence, code), as_json)
     say(f"nvsim {verb}: {sentence}", error=True)
     return code
 

@@ -7,7 +7,6 @@ LIMIT = 25
 
 _CAPTURE = ("--scale", "--camera-height", "--up", "--images", "--axes", "--poses", "--hold-out")
 _CORRIDOR = ("--criteria", "--tau-alpha", "--tau-normal", "--support", "--robot-radius", "--margin", "--no-both-ways")
-_DEPTH = ("--longest-side", "--planes", "--nearest", "--farthest", "--baseline", "--sources", "--voxel", "--threads")
 _ENDPOINT = ("--endpoint", "--model", "--price-in", "--price-out", "--budget-money", "--yes")
 _PATHS = ("--train", "--val-seen", "--val-unseen", "--joined", "--seed")
 
@@ -26,10 +25,6 @@ COMMON: dict[str, dict[str, tuple[str, ...]]] = {
         "Training": ("--preset", "--device", "--train.steps", "--train.image-size", "--train.gaussian-cap"),
         "Map": ("--map.criteria", "--map.robot-radius", "--map.tau-dist", "--map.max-distance"),
         "The paper's method": ("--paper", "--paper-scale"),
-    },
-    "depth": {
-        "Project": ("--project", "--json", "--depth", "--executor"),
-        "Estimation": _DEPTH,
     },
     "train": {
         "Project": ("--project", "--json", "--submaps", "--at-once"),
@@ -101,10 +96,6 @@ COMMON: dict[str, dict[str, tuple[str, ...]]] = {
         "Views": ("--seen", "--novel", "--image-width", "--seed", "--truth", "--lpips"),
         "Training": ("--steps", "--gaussian-cap"),
         "Output": ("--out", "--json"),
-    },
-    "bench depth": {
-        "Measurement": ("--frames", "--json"),
-        "Estimation": _DEPTH,
     },
 }
 """Command -> heading -> options, for commands with more than LIMIT options."""

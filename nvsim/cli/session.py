@@ -41,7 +41,7 @@ def _recorded(project: Project, verb: str, listen: Listener) -> Iterator[Listene
         yield listen
         return
     from nvsim.project.jobs.files import EventWriter
-    from nvsim.project.jobs.joblist import JobList, Order
+    from nvsim.project.jobs.joblist import JobCommand, JobList
     from nvsim.project.layout import Layout
     from nvsim.project.work import WORK
 
@@ -49,7 +49,7 @@ def _recorded(project: Project, verb: str, listen: Listener) -> Iterator[Listene
     row = WORK.get(verb)
     title, heavy = (f"nvsim {verb}", True) if row is None else (row.title, row.heavy)
     jobs = JobList(project.root)
-    job = jobs.begin(Order(verb, arguments, title, heavy, time.time(), os.getcwd()))
+    job = jobs.begin(JobCommand(verb, arguments, title, heavy, time.time(), os.getcwd()))
     try:
         record = EventWriter(job.events)
     except OSError as error:

@@ -47,13 +47,13 @@ def guard_streams() -> None:
 
 def guarded_stream(stream: TextIO) -> Any:
     """A stream that replaces control characters in text written to `stream`, except line breaks and tabs."""
-    return stream if isinstance(stream, _Guarded) or stream is None else _Guarded(stream)
+    return stream if isinstance(stream, _ScreenedStream) or stream is None else _ScreenedStream(stream)
 
 
 def unguarded_stream(stream: Any) -> Any:
     """The stream behind a guard. It is for a library that moves the cursor with control characters and receives no
     control characters from outside."""
-    return stream.behind if isinstance(stream, _Guarded) else stream
+    return stream.behind if isinstance(stream, _ScreenedStream) else stream
 
 
 @contextmanager
@@ -69,7 +69,7 @@ def unguarded_streams(words: Iterable[str]) -> Iterator[None]:
         sys.stdout, sys.stderr = former
 
 
-class _Guarded:
+class _ScreenedStream:
     def __init__(self, behind: TextIO) -> None:
         self.behind = behind
 

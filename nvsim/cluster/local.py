@@ -15,14 +15,14 @@ from dataclasses import dataclass
 from multiprocessing.connection import Connection, wait
 from multiprocessing.process import BaseProcess
 
-from nvsim.cluster.piece import Finished, Message, MessageStream, Order, Piece, SentFile
+from nvsim.cluster.piece import Message, MessageStream, SentFile, WorkCall, WorkItem, WorkResult
 from nvsim.errors import InputError
 from nvsim.events import Event, Progress
 from nvsim.kernel_threads import cores
 
 
 @dataclass(frozen=True)
-class _Mistake:
+class _WorkError:
     sentence: str
     is_ours: bool
 
@@ -37,10 +37,10 @@ class LocalPool:
         """The cores of this machine."""
         return (cores(),)
 
-    def run(self, pieces: Sequence[Piece], begin: Callable[[Piece], Order], at_once: int = 0) -> MessageStream:
+    def run(self, pieces: Sequence[WorkItem], begin: Callable[[WorkItem], WorkCall], at_once: int = 0) -> MessageStream:
         """See `Executor.run`. The first child compiles the kernels. The others wait until it has made one step, and
         then read the kernels from the cache."""
-        waiting, running = list(pieces), dict[Connection, _Child]()
+        waiting, running = list(pieces), dict[Connection, _WorkerProcess]()
         most = at_once or len(waiting)
         warm = False
         try:
@@ -49,7 +49,7 @@ class LocalPool:
                     if running and (waiting[0].alone or any(c.piece.alone for c in running.values())):
                         break
                     piece = waiting.pop(0)
-                    child = _Child(piece, begin(piece))
+                    child = _WorkerProcess(piece, begin(piece))
                     if warm or not running:
                         child.connection.send(None)
                     running[child.connection] = child
@@ -57,15 +57,15 @@ class LocalPool:
                     assert isinstance(connection, Connection)
                     child = running[connection]
                     message = child.receive()
-                    if isinstance(message, _Mistake):
+                    if isinstance(message, _WorkError):
                         raise (RuntimeError if message.is_ours else InputError)(message.sentence)
-                    if not warm and isinstance(message, Progress | Finished):
+                    if not warm and isinstance(message, Progress | WorkResult):
                         warm = True
                         for other in running.values():
                             if other is not child:
                                 with contextlib.suppress(OSError):  # a dead child is reported when its pipe is read
                                     other.connection.send(None)
-                    if isinstance(message, Finished):
+                    if isinstance(message, WorkResult):
                         child.end(patience=2.0)
                         del running[connection]
                     yield child.piece, message
@@ -74,8 +74,8 @@ class LocalPool:
                 child.end()
 
 
-class _Child:
-    def __init__(self, piece: Piece, order: Order) -> None:
+class _WorkerProcess:
+    def __init__(self, piece: WorkItem, order: WorkCall) -> None:
         self.piece = piece
         context = multiprocessing.get_context("spawn")  # a fork of a process with thread pools may hang
         self.connection, theirs = context.Pipe()
@@ -83,13 +83,13 @@ class _Child:
         self._process.start()
         theirs.close()
 
-    def receive(self) -> Message | _Mistake:
+    def receive(self) -> Message | _WorkError:
         try:
-            message: Message | _Mistake = self.connection.recv()
+            message: Message | _WorkError = self.connection.recv()
             return message
         except (EOFError, OSError):
             self._process.join()
-            return _Mistake(
+            return _WorkError(
                 f"the work on {self.piece.words} ended unexpectedly (code {self._process.exitcode}), usually because "
                 "memory ran out. Run the same command again to continue, with --at-once 1 to use less memory.",
                 False,
@@ -106,7 +106,7 @@ class _Child:
         self.connection.close()
 
 
-class _Parent:
+class _PipeCaller:
     """The caller at the other end of a pipe."""
 
     def __init__(self, connection: Connection) -> None:
@@ -122,21 +122,21 @@ class _Parent:
         self._connection.recv()
 
 
-def _work(order: Order, connection: Connection) -> None:
+def _work(order: WorkCall, connection: Connection) -> None:
     import signal
 
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C reaches the whole process group; the parent handles it
     threading.Thread(target=_end_with_parent, daemon=True).start()
     try:
-        connection.send(Finished(order.work(_Parent(connection), *order.given)))
+        connection.send(WorkResult(order.work(_PipeCaller(connection), *order.given)))
     except InputError as error:
-        connection.send(_Mistake(str(error), False))
+        connection.send(_WorkError(str(error), False))
     except MemoryError:
-        connection.send(_Mistake("out of memory; use --at-once 1, more submaps or fewer Gaussians.", False))
+        connection.send(_WorkError("out of memory; use --at-once 1, more submaps or fewer Gaussians.", False))
     except (BrokenPipeError, EOFError):
         pass  # the parent has ended
     except Exception:
-        connection.send(_Mistake(traceback.format_exc(), True))
+        connection.send(_WorkError(traceback.format_exc(), True))
 
 
 def _end_with_parent() -> None:

@@ -12,7 +12,7 @@ from nvsim.events import Event
 
 
 @dataclass(frozen=True)
-class Piece:
+class WorkItem:
     """A piece of work that runs in its own process.
 
     stage   the stage that the piece belongs to
@@ -52,7 +52,7 @@ class SentFile:
 
 
 @dataclass(frozen=True)
-class Finished:
+class WorkResult:
     """The last message of a piece: the return value of its work."""
 
     value: Any
@@ -71,8 +71,8 @@ class StorageNotShared:
         return f"A machine of the cluster cannot read {self.path}"
 
 
-Message = Event | SentFile | StorageNotShared | Finished
-MessageStream = Generator[tuple[Piece, Message], None, None]
+Message = Event | SentFile | StorageNotShared | WorkResult
+MessageStream = Generator[tuple[WorkItem, Message], None, None]
 """The messages of all pieces in order of arrival. Closing the generator stops the pieces."""
 
 
@@ -94,7 +94,7 @@ Work = Callable[..., object]
 
 
 @dataclass(frozen=True)
-class Order:
+class WorkCall:
     """The work of a piece: the function, and its arguments after the caller."""
 
     work: Work
@@ -112,7 +112,7 @@ class Executor(Protocol):
     def machines(self) -> tuple[int, ...]:
         """The number of cores of each machine that can run pieces."""
 
-    def run(self, pieces: Sequence[Piece], begin: Callable[[Piece], Order], at_once: int = 0) -> MessageStream:
+    def run(self, pieces: Sequence[WorkItem], begin: Callable[[WorkItem], WorkCall], at_once: int = 0) -> MessageStream:
         """Runs the pieces in order, at most `at_once` at a time (0 for no limit), and yields their messages.
 
         The last message of each piece is Finished. `begin` returns the order of a piece when it starts. It is called

@@ -17,7 +17,7 @@ from types import ModuleType
 from typing import Any
 
 from nvsim.cluster import ray_task
-from nvsim.cluster.piece import Finished, Message, MessageStream, Order, Piece, StorageNotShared, pieces_at_once
+from nvsim.cluster.piece import Message, MessageStream, StorageNotShared, WorkCall, WorkItem, WorkResult, pieces_at_once
 from nvsim.cluster.versions import versions
 from nvsim.errors import InputError
 from nvsim.events import Log, Progress, Warning, Worker
@@ -31,7 +31,7 @@ count. A long training therefore finishes even on a cluster that removes machine
 class Attempt:
     """The state of a piece: its requested memory, consecutive losses, and progress."""
 
-    piece: Piece
+    piece: WorkItem
     bytes: int
     losses: int = 0
     worker: str = ""
@@ -101,7 +101,7 @@ class RayPool:
         found = (int(node.get("CPU", 0)) for node in self._nodes())
         return tuple(cores for cores in found if cores)
 
-    def run(self, pieces: Sequence[Piece], begin: Callable[[Piece], Order], at_once: int = 0) -> MessageStream:
+    def run(self, pieces: Sequence[WorkItem], begin: Callable[[WorkItem], WorkCall], at_once: int = 0) -> MessageStream:
         """See `Executor.run`. Also raises InputError if a piece lost its worker too often, or a worker has another
         version of NVSim."""
         waiting = deque(Attempt(piece, piece.bytes) for piece in pieces)
@@ -113,10 +113,10 @@ class RayPool:
                 while waiting and len(running) < most:
                     attempt = waiting.popleft()
                     running[self._submit(attempt, begin(attempt.piece))] = attempt
-                for stream in self._talking(running):
+                for stream in self._streams_with_messages(running):
                     attempt = running[stream]
                     piece = attempt.piece
-                    for kind, value in self._heard(stream):
+                    for kind, value in self._next_messages(stream):
                         if kind == "began":
                             attempt.worker = str(value)
                             yield piece, Worker(piece.stage, attempt.worker, piece.part, piece.words, "works")
@@ -133,7 +133,7 @@ class RayPool:
                         elif kind == "finished":
                             del running[stream]
                             yield piece, Worker(piece.stage, attempt.worker, piece.part, piece.words, "ended")
-                            assert isinstance(value, Finished)
+                            assert isinstance(value, WorkResult)
                             if isinstance(value.value, StorageNotShared):
                                 yield piece, value.value
                                 waiting.appendleft(attempt)
@@ -158,7 +158,7 @@ class RayPool:
         finally:
             self._end(list(running))
 
-    def _submit(self, attempt: Attempt, order: Order) -> Any:
+    def _submit(self, attempt: Attempt, order: WorkCall) -> Any:
         """The stream of a new task."""
         cores = min(attempt.piece.cores, max(self.machines, default=1))
         memory = min(attempt.bytes, self._most_bytes())
@@ -167,14 +167,14 @@ class RayPool:
         )
         return task.remote(pickle.dumps((order.work, order.given)), attempt.piece.cores, versions())
 
-    def _talking(self, running: dict[Any, Attempt]) -> list[Any]:
+    def _streams_with_messages(self, running: dict[Any, Attempt]) -> list[Any]:
         """The streams that have a message; may be empty after a short wait."""
         if not running:
             return []
         self._ray.wait(list(running), num_returns=1, timeout=_LOOK)
         return list(self._ray.wait(list(running), num_returns=len(running), timeout=0)[0])
 
-    def _heard(self, stream: Any) -> list[tuple[str, Any]]:
+    def _next_messages(self, stream: Any) -> list[tuple[str, Any]]:
         """The next messages of a stream: pairs as `ray_task.serve` yields them, or ("lost", "") or ("memory", "")."""
         errors = self._ray.exceptions
         try:
@@ -219,7 +219,7 @@ class RayPool:
     def _most_bytes(self) -> int:
         return int(max((node.get("memory", 0) for node in self._nodes()), default=0))
 
-    def _room(self, pieces: Sequence[Piece]) -> int:
+    def _room(self, pieces: Sequence[WorkItem]) -> int:
         """The number of tasks to submit at once: all that have room, and a few that wait."""
         return max(1, pieces_at_once(self.machines, max(p.cores for p in pieces))) + _AHEAD
 

@@ -12,7 +12,7 @@ import traceback
 from collections.abc import Iterator
 from contextlib import redirect_stderr, redirect_stdout
 
-from nvsim.cluster.piece import Finished, SentFile
+from nvsim.cluster.piece import SentFile, WorkResult
 from nvsim.errors import InputError
 from nvsim.events import Event, Log
 
@@ -22,7 +22,7 @@ _GATHER = 0.1  # seconds in which messages are collected into one
 _PATIENCE = 3.0  # seconds in which the work must end; it stops at its next message
 
 
-class _Stopped(BaseException):
+class _WorkStopped(BaseException):
     """The caller has stopped the work."""
 
 
@@ -32,7 +32,7 @@ def work(order: bytes, cores: int) -> Iterator[list[tuple[str, object]]]:
     Yields lists of pairs: "message" and an Event or SentFile. The last pair is "finished" and a Finished, "mistake" and
     a message for the user, "memory" if memory ran out, or "broken" and a traceback.
     """
-    driver = _Driver()
+    driver = _ClusterCaller()
     thread = threading.Thread(target=_do, args=(order, cores, driver), daemon=True)
     thread.start()
     try:
@@ -49,7 +49,7 @@ def work(order: bytes, cores: int) -> Iterator[list[tuple[str, object]]]:
             os._exit(1)
 
 
-class _Driver:
+class _ClusterCaller:
     """The caller at the other end of the cluster connection."""
 
     def __init__(self) -> None:
@@ -67,7 +67,7 @@ class _Driver:
 
     def put(self, kind: str, value: object) -> None:
         if self.stopped.is_set():
-            raise _Stopped
+            raise _WorkStopped
         self._messages.put((kind, value))
 
     def messages(self) -> list[tuple[str, object]]:
@@ -83,10 +83,10 @@ class _Driver:
         return found
 
 
-class _Lines(io.TextIOBase):
+class _LineForwarder(io.TextIOBase):
     """Converts the printed lines of libraries to events."""
 
-    def __init__(self, driver: _Driver) -> None:
+    def __init__(self, driver: _ClusterCaller) -> None:
         self._driver, self._rest = driver, ""
 
     def write(self, text: str) -> int:
@@ -97,18 +97,18 @@ class _Lines(io.TextIOBase):
         return len(text)
 
 
-def _do(order: bytes, cores: int, driver: _Driver) -> None:
+def _do(order: bytes, cores: int, driver: _ClusterCaller) -> None:
     try:
         import numba
 
         # Ray limits the threads of OpenMP to the cores of the task, but not those of numba.
         numba.set_num_threads(min(cores, int(numba.config.NUMBA_NUM_THREADS)))  # type: ignore[attr-defined]
         function, given = pickle.loads(order)  # writable arrays, unlike those of Ray's store
-        lines = _Lines(driver)
+        lines = _LineForwarder(driver)
         with redirect_stdout(lines), redirect_stderr(lines):
             value = function(driver, *given)
-        driver.put("finished", Finished(value))
-    except _Stopped:
+        driver.put("finished", WorkResult(value))
+    except _WorkStopped:
         pass
     except InputError as error:
         _last(driver, "mistake", str(error))
@@ -118,6 +118,6 @@ def _do(order: bytes, cores: int, driver: _Driver) -> None:
         _last(driver, "broken", traceback.format_exc())
 
 
-def _last(driver: _Driver, kind: str, value: str) -> None:
+def _last(driver: _ClusterCaller, kind: str, value: str) -> None:
     if not driver.stopped.is_set():
         driver.put(kind, value)

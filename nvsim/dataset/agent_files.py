@@ -46,7 +46,7 @@ _LEAST_USES = 5
 
 
 @dataclass(frozen=True)
-class Parts:
+class DatasetParts:
     """The parts of a dataset folder that the files of agents are made from.
 
     root        contains scans/ with connectivity/, tasks/, and features/ with the layouts of the agent
@@ -77,7 +77,7 @@ class Parts:
         write_candidates(self.exported.values(), self.root / CANDIDATES)
 
 
-Writer = Callable[[Parts, Path, str], None]
+Writer = Callable[[DatasetParts, Path, str], None]
 """Writes a file, or the files of a folder: (parts, path, split or scan)."""
 
 
@@ -113,7 +113,7 @@ class Agent:
 def linked(source: str) -> Writer:
     """A writer that links a file or a folder of the dataset; placeholders are replaced in `source`."""
 
-    def write(parts: Parts, path: Path, of: str) -> None:
+    def write(parts: DatasetParts, path: Path, of: str) -> None:
         _link(parts.root / _filled(source, of), path)
 
     return write
@@ -123,7 +123,7 @@ def _features(name: LayoutName) -> Writer:
     return linked(f"{FEATURES}/{LAYOUTS[name].file}")
 
 
-def _connectivity(parts: Parts, path: Path, of: str) -> None:
+def _connectivity(parts: DatasetParts, path: Path, of: str) -> None:
     from nvsim.r2r.observations import stub
 
     files = scan_files(parts.root / SCANS, parts.scans)
@@ -136,7 +136,7 @@ def _connectivity(parts: Parts, path: Path, of: str) -> None:
     stub.write_stub_graph(path)
 
 
-def _items(parts: Parts, split: str) -> Iterator[dict[str, Any]]:
+def _items(parts: DatasetParts, split: str) -> Iterator[dict[str, Any]]:
     """The tasks of a split as DUET's items: R2R's, with `instr_encodings` if there is a vocabulary."""
     for task in parts.splits[split]:
         item: dict[str, Any] = {
@@ -152,7 +152,7 @@ def _items(parts: Parts, split: str) -> Iterator[dict[str, Any]]:
         yield item
 
 
-def _single(parts: Parts, split: str) -> Iterator[dict[str, Any]]:
+def _single(parts: DatasetParts, split: str) -> Iterator[dict[str, Any]]:
     """The same, with one item for each instruction: `instr_id` and `instruction` replace the lists."""
     for item in _items(parts, split):
         texts, codes = item.pop("instructions"), item.pop("instr_encodings", None)
@@ -161,25 +161,25 @@ def _single(parts: Parts, split: str) -> Iterator[dict[str, Any]]:
             yield one if codes is None else {**one, "instr_encoding": codes[k]}
 
 
-def _encoded(parts: Parts, path: Path, split: str) -> None:
+def _encoded(parts: DatasetParts, path: Path, split: str) -> None:
     atomic.write_text(path, json.dumps(list(_items(parts, split))) + "\n")
 
 
-def _flat(parts: Parts, path: Path, split: str) -> None:
+def _flat(parts: DatasetParts, path: Path, split: str) -> None:
     atomic.write_text(path, json.dumps(list(_single(parts, split))) + "\n")
 
 
-def _pretraining(parts: Parts, path: Path, split: str) -> None:
+def _pretraining(parts: DatasetParts, path: Path, split: str) -> None:
     keys = ("instr_id", "scan", "path", "heading", "instr_encoding")
     items = [{key: item[key] for key in keys} | {"pos_vps": item["path"][-1:]} for item in _single(parts, split)]
     atomic.write_text(path, "".join(json.dumps(item) + "\n" for item in items))
 
 
-def _plain(parts: Parts, path: Path, split: str) -> None:
+def _plain(parts: DatasetParts, path: Path, split: str) -> None:
     write_tasks(path, parts.splits[split])
 
 
-def _id_paths(parts: Parts, path: Path, of: str) -> None:
+def _id_paths(parts: DatasetParts, path: Path, of: str) -> None:
     """The scan and the path of every path id, from which Recurrent-VLN-BERT computes nDTW."""
     tasks = (task for split in SPLITS for task in parts.splits[split])
     found = {str(task.path_id): [task.scan, list(task.path)] for task in tasks}
@@ -189,7 +189,7 @@ def _id_paths(parts: Parts, path: Path, of: str) -> None:
 def _vocabulary(*splits: str) -> Writer:
     """A writer of the words of splits in the order of their frequency, as EnvDrop's `build_vocab` finds them."""
 
-    def write(parts: Parts, path: Path, of: str) -> None:
+    def write(parts: DatasetParts, path: Path, of: str) -> None:
         texts = (text for split in splits for task in parts.splits[split] for text in task.instructions)
         counts = Counter(token for text in texts for token in _tokens(text))
         words = [word for word, count in counts.most_common() if count >= _LEAST_USES]
@@ -206,7 +206,7 @@ def _tokens(text: str) -> Iterator[str]:
 
 
 def _texts(write: Callable[[Path, Mapping[str, text_views.TextViews]], None]) -> Writer:
-    def write_scan(parts: Parts, path: Path, scan: str) -> None:
+    def write_scan(parts: DatasetParts, path: Path, scan: str) -> None:
         write(path, text_views.read_text_views(parts.root / TASKS / SURROUNDINGS, parts.exported[scan]))
 
     return write_scan
@@ -389,7 +389,7 @@ def check_agents(agents: Sequence[AgentName], vocabulary: Path | None, instructi
     return None if vocabulary is None else Vocabulary.read(vocabulary)
 
 
-def write_agent(parts: Parts, name: AgentName, folder: Path) -> list[Path]:
+def write_agent(parts: DatasetParts, name: AgentName, folder: Path) -> list[Path]:
     """Writes the files of an agent and a README.md into `folder`; returns their paths. Other files in the folder, such
     as checkpoints of the agent, stay.
 
@@ -412,11 +412,11 @@ def write_agent(parts: Parts, name: AgentName, folder: Path) -> list[Path]:
 
 def count_files(name: AgentName, scans: Sequence[str]) -> int:
     """Number of entries that `write_agent` returns."""
-    parts = Parts(Path(), tuple(scans))
+    parts = DatasetParts(Path(), tuple(scans))
     return 1 + sum(len(_values(pattern, parts)) for pattern in AGENTS[name].files)
 
 
-def _values(pattern: str, parts: Parts) -> tuple[str, ...]:
+def _values(pattern: str, parts: DatasetParts) -> tuple[str, ...]:
     """The values of the placeholder in a path, or one empty value."""
     if "{split}" in pattern:
         return (*SPLITS, "val_train_seen")

@@ -20,13 +20,13 @@ from nvsim.dataset.agent_files import (
     SCANS,
     TASKS,
     AgentName,
-    Parts,
+    DatasetParts,
     check_agents,
     write_agent,
 )
 from nvsim.dataset.clouds import dense_point_cloud
 from nvsim.dataset.tables import write_tables
-from nvsim.dataset.tasks import MadeTasks, TaskOptions, check_options, make_tasks
+from nvsim.dataset.tasks import TaskOptions, WrittenTasks, check_options, make_tasks
 from nvsim.errors import InputError
 from nvsim.events import Done, Listener, Log, Warning
 from nvsim.files import atomic
@@ -38,7 +38,7 @@ from nvsim.project.project import Project
 from nvsim.r2r.agents.baselines import Name as BaselineName
 from nvsim.r2r.features.layouts import LAYOUTS, missing_package_error
 from nvsim.r2r.features.layouts import Name as LayoutName
-from nvsim.r2r.observations.export import Prepared
+from nvsim.r2r.observations.export import PreparedExport
 from nvsim.r2r.observations.layout import ScanPlaces, ScanSettings
 from nvsim.r2r.observations.record import key_of
 from nvsim.r2r.tasks.splitting import SPLITS, sample_tasks
@@ -101,7 +101,9 @@ class DatasetOptions:
 
 
 @contextmanager
-def prepared(projects: Sequence[Path], out: Path, options: DatasetOptions) -> Iterator[list[tuple[Project, Prepared]]]:
+def prepared(
+    projects: Sequence[Path], out: Path, options: DatasetOptions
+) -> Iterator[list[tuple[Project, PreparedExport]]]:
     """Yields the projects, opened for reading, with their prepared scan exports.
 
     Raises InputError if an export may not start, if two projects have equal scan ids, if `out` contains other files, or
@@ -114,10 +116,10 @@ def prepared(projects: Sequence[Path], out: Path, options: DatasetOptions) -> It
     check_agents(options.agents, options.vocabulary, options.tasks.instructions)
     check_options(options.tasks)
     with ExitStack() as stack:
-        found: list[tuple[Project, Prepared]] = []
+        found: list[tuple[Project, PreparedExport]] = []
         for path in projects:
             project = stack.enter_context(Project.open(path))
-            found.append((project, Prepared.of(project, out / SCANS, None, options.force)))
+            found.append((project, PreparedExport.of(project, out / SCANS, None, options.force)))
         names = [one.graph.scan for _, one in found]
         for name in names:
             if names.count(name) > 1:
@@ -144,7 +146,7 @@ def export_dataset(projects: Sequence[Path], out: Path, options: DatasetOptions,
 
 
 def _export(
-    sources: Sequence[tuple[Project, Prepared]], out: Path, options: DatasetOptions, listen: Listener
+    sources: Sequence[tuple[Project, PreparedExport]], out: Path, options: DatasetOptions, listen: Listener
 ) -> dict[str, Any]:
     from nvsim.r2r.observations.export import export_scan
 
@@ -185,7 +187,7 @@ def _export(
 
 def _folders_of_agents(out: Path, scans: Sequence[str], options: DatasetOptions, listen: Listener) -> None:
     vocabulary = check_agents(options.agents, options.vocabulary, options.tasks.instructions)
-    parts = Parts(out, tuple(scans), vocabulary)
+    parts = DatasetParts(out, tuple(scans), vocabulary)
     if any(AGENTS[name].candidates for name in options.agents):
         parts.write_candidates()
     for name in options.agents:
@@ -240,7 +242,7 @@ def _record(out: Path) -> dict[str, Any]:
     return dict(data)
 
 
-def _baselines(out: Path, made: MadeTasks, seed: int, listen: Listener) -> dict[str, dict[str, Any]]:
+def _baselines(out: Path, made: WrittenTasks, seed: int, listen: Listener) -> dict[str, dict[str, Any]]:
     """Runs the baselines on every split that has paths; returns split -> agent -> metrics. The trajectories are written
     in the format of the R2R leaderboard."""
     from nvsim.evaluation.navigation import figures_of
@@ -273,7 +275,7 @@ def _scans(graphs: Sequence[NavGraph], places: Sequence[ScanPlaces]) -> dict[str
     }
 
 
-def _tasks(made: MadeTasks) -> dict[str, Any]:
+def _tasks(made: WrittenTasks) -> dict[str, Any]:
     splits = {name: len(tasks) for name, tasks in made.instructed.dataset.splits.items()}
     return {"paths": splits, "instructions": made.about, "episodes": made.episodes}
 

@@ -12,7 +12,7 @@ from nvsim.dataset.tables import DATA
 from nvsim.project.project import Project
 from nvsim.r2r.features.layouts import LAYOUTS
 from nvsim.r2r.observations.estimate import shortage, time_words
-from nvsim.r2r.observations.export import Prepared
+from nvsim.r2r.observations.export import PreparedExport
 from nvsim.r2r.tasks.splitting import sample_tasks
 
 # CPU seconds: features of a viewpoint by the network (_TRUNK) and by the projection, the survey of a viewpoint's
@@ -24,7 +24,7 @@ _ROW, _VIEWPOINT = 500, 600  # bytes
 _FRAMES, _FRAME, _FRAME_BYTES = 6.0, 0.15, 53_000  # frames of an episode per meter; CPU seconds and bytes of a frame
 
 
-def estimate_dataset(sources: Sequence[tuple[Project, Prepared]], options: DatasetOptions) -> dict[str, Any]:
+def estimate_dataset(sources: Sequence[tuple[Project, PreparedExport]], options: DatasetOptions) -> dict[str, Any]:
     """The estimate as a JSON-able dictionary, with the fields of `nvsim export scan --dry-run` and the number of paths
     by split.
 

@@ -20,7 +20,7 @@ from nvsim.files import atomic
 from nvsim.files.opening import read_json
 from nvsim.geometry.camera import Camera, Intrinsics, camera_pose
 from nvsim.r2r.episodes.episode import Episode, video_name
-from nvsim.r2r.observations.drawing import Source
+from nvsim.r2r.observations.drawing import ScanModels
 from nvsim.r2r.observations.layout import jpeg
 from nvsim.r2r.observations.record import key_of
 from nvsim.r2r.observations.skybox import as_bytes
@@ -36,7 +36,7 @@ _RECORD = "frames.json"
 
 
 def write_frames(
-    sources: Mapping[str, Source], episodes: Mapping[str, Sequence[Episode]], folder: Path, listen: Listener
+    sources: Mapping[str, ScanModels], episodes: Mapping[str, Sequence[Episode]], folder: Path, listen: Listener
 ) -> None:
     """Draws the frames of all episodes, split -> episodes. `sources` are the models by scan. Complete episodes with
     the same poses and models are kept, and folders of other episodes are removed.
@@ -54,7 +54,7 @@ def write_frames(
             listen(Progress(STAGE, done, count, episode.task.scan))
 
 
-def _draw(source: Source, episode: Episode, folder: Path) -> None:
+def _draw(source: ScanModels, episode: Episode, folder: Path) -> None:
     walk = episode.walk
     poses = [walk.places.tolist(), walk.headings.tolist(), episode.floors.tolist()]
     key = key_of(_MADE, dict(source.keys), poses)

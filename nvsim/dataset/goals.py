@@ -21,7 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from nvsim.files import atomic
-from nvsim.graph.paths import Ways
+from nvsim.graph.paths import PathGraph
 from nvsim.graph.types import NavGraph
 from nvsim.r2r.episodes.episode import gzip_bytes, in_habitat, rotation_of, scene_id
 from nvsim.r2r.episodes.targets import HEIGHT, HFOV, WIDTH, Targets, box_in, camera_at
@@ -44,8 +44,8 @@ class GoalScene:
     targets: Targets
 
     @cached_property
-    def _ways(self) -> Ways:
-        return Ways.of(self.graph)
+    def _ways(self) -> PathGraph:
+        return PathGraph.of(self.graph)
 
     @cached_property
     def _lengths(self) -> NDArray[np.float64]:

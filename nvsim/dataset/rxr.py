@@ -47,7 +47,7 @@ _TRACE = re.compile(r"\d{6,}_guide_pose_trace\.npz")
 
 
 @dataclass(frozen=True, eq=False)
-class Guide:
+class TimedInstruction:
     """An instruction with the times of its words.
 
     task    the path
@@ -70,7 +70,7 @@ class Guide:
         return instruction_id(self.task, self.number)
 
 
-def guide_of(task: Task, number: int, places: Sequence[int] = ()) -> Guide:
+def guide_of(task: Task, number: int, places: Sequence[int] = ()) -> TimedInstruction:
     """Returns the guide of an instruction. Without `places`, the words are spread evenly over the path."""
     words = task.instructions[number].split()
     if len(places) != len(words):
@@ -79,10 +79,10 @@ def guide_of(task: Task, number: int, places: Sequence[int] = ()) -> Guide:
     for word in words:
         starts.append(now)
         now += WORD + PAUSE * word.endswith((".", "!", "?"))
-    return Guide(task, number, tuple(places), np.array(starts, np.float64))
+    return TimedInstruction(task, number, tuple(places), np.array(starts, np.float64))
 
 
-def annotation_of(guide: Guide, split: str) -> dict[str, Any]:
+def annotation_of(guide: TimedInstruction, split: str) -> dict[str, Any]:
     """Returns the guide annotation with the keys of RxR."""
     task = guide.task
     return {
@@ -100,14 +100,14 @@ def annotation_of(guide: Guide, split: str) -> dict[str, Any]:
     }
 
 
-def _timed(guide: Guide) -> list[dict[str, Any]]:
+def _timed(guide: TimedInstruction) -> list[dict[str, Any]]:
     return [
         {"start_time": round(start, 2), "word": word, "end_time": round(start + WORD, 2)}
         for word, start in zip(guide.words, guide.starts.tolist())
     ]
 
 
-def pose_trace_of(guide: Guide, positions: NDArray[np.floating]) -> dict[str, NDArray[Any]]:
+def pose_trace_of(guide: TimedInstruction, positions: NDArray[np.floating]) -> dict[str, NDArray[Any]]:
     """Returns the arrays of a pose trace with n snapshots, k viewpoints, and m words.
 
     positions  (k, 3) meters, world, of the cameras along the path
@@ -241,7 +241,7 @@ def write_rxr(
     return written
 
 
-def _guides(tasks: Sequence[Task], places: Mapping[int, Sequence[Sequence[int]]]) -> Iterator[Guide]:
+def _guides(tasks: Sequence[Task], places: Mapping[int, Sequence[Sequence[int]]]) -> Iterator[TimedInstruction]:
     for task in tasks:
         known = places.get(task.path_id, ())
         for k, text in enumerate(task.instructions):
@@ -249,7 +249,7 @@ def _guides(tasks: Sequence[Task], places: Mapping[int, Sequence[Sequence[int]]]
                 yield guide_of(task, k, known[k] if k < len(known) else ())
 
 
-def _episode(episode: Episode, guide: Guide) -> dict[str, Any]:
+def _episode(episode: Episode, guide: TimedInstruction) -> dict[str, Any]:
     about = {
         "instruction_id": str(guide.id),
         "instruction_text": episode.task.instructions[guide.number],

@@ -25,8 +25,8 @@ from nvsim.r2r.tasks.exporting import (
     streamvln_files,
     vlnce_files,
 )
-from nvsim.r2r.tasks.shortest import Bounds
-from nvsim.r2r.tasks.splitting import Amounts, Dataset, sample_tasks
+from nvsim.r2r.tasks.shortest import PathBounds
+from nvsim.r2r.tasks.splitting import Dataset, PathCounts, sample_tasks
 
 if TYPE_CHECKING:
     from nvsim.r2r.episodes.episode import Episode
@@ -55,8 +55,8 @@ class TaskOptions:
     register: Register = "short"
     vlnce: bool = False
     streamvln: bool = False
-    amounts: Amounts = field(default_factory=Amounts)
-    bounds: Bounds = field(default_factory=Bounds)
+    amounts: PathCounts = field(default_factory=PathCounts)
+    bounds: PathBounds = field(default_factory=PathBounds)
     rxr: bool = False
     goals: bool = False
 
@@ -72,7 +72,7 @@ class TaskOptions:
 
 
 @dataclass(frozen=True, eq=False)
-class MadeTasks:
+class WrittenTasks:
     """Tasks that were made and written.
 
     instructed  the tasks with instructions, and those that the follower solves
@@ -109,7 +109,7 @@ def make_tasks(
     listen: Listener,
     clouds: Mapping[str, NDArray[np.floating]] = MappingProxyType({}),
     retell: Retell | None = None,
-) -> MadeTasks:
+) -> WrittenTasks:
     """Samples tasks of `graphs` and writes them into `out`.
 
     scans   export folder that contains the strips of the scans, None if there is none
@@ -161,7 +161,7 @@ def make_tasks(
 
         coarse = episodes_of(instructed.dataset.splits, scenes, listen, rxr.TURN) if o.vlnce else {}
         written += rxr.write_rxr(instructed, graphs, coarse, out / "rxr", listen)
-    return MadeTasks(instructed, about, written, episodes)
+    return WrittenTasks(instructed, about, written, episodes)
 
 
 def _looked_at(
@@ -177,8 +177,8 @@ def _looked_at(
     from nvsim.r2r.episodes.targets import targets_of
     from nvsim.r2r.observations.layout import ScanPlaces
     from nvsim.r2r.surroundings.layers import layers_of
-    from nvsim.r2r.surroundings.seen import has_depth, look_around
     from nvsim.r2r.surroundings.survey import surroundings_of
+    from nvsim.r2r.surroundings.visibility import has_depth, look_around
 
     wants_episodes = options.vlnce or options.streamvln
     wants_words = options.landmarks and options.instructions > 0

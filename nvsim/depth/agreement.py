@@ -60,7 +60,7 @@ def _compare(
 
 
 @dataclass(frozen=True, eq=False)
-class Agreed:
+class AgreedDepth:
     """inverse  (H, W) float32, 1 / meters: weighted mean of the depths that agree, 0 where unknown
     weight   (H, W) float32, sum of the weights of these depths
     views    (H, W) uint8, number of other maps that agree
@@ -79,7 +79,7 @@ def compare_depth_maps(
     others: list[tuple[Float32, Float32, Warp]],
     share: float,
     plane: float,
-) -> Agreed:
+) -> AgreedDepth:
     """Compare an inverse depth map `found` (H, W) and its `weight` (H, W) with the maps of other views.
 
     `others` holds the inverse depth map, the weights, and the warp to each other view. Two depths agree if their
@@ -102,4 +102,4 @@ def compare_depth_maps(
             views,
             through,
         )
-    return Agreed(total / mass, mass, views, through)
+    return AgreedDepth(total / mass, mass, views, through)

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import asdict, dataclass
+from typing import Any, ClassVar
 
 from nvsim.errors import InputError
 
@@ -43,7 +44,7 @@ class LabelConfig:
 
 @dataclass(frozen=True)
 class DepthConfig:
-    """How depth is estimated from images with camera poses."""
+    """How depth is estimated from images with camera poses. Class variables are constants, without an option."""
 
     longest_side: int = 400
     """Pixels: images are shrunk so that neither side exceeds it."""
@@ -57,53 +58,54 @@ class DepthConfig:
     """Meters between two cameras that measure depth best."""
     sources: int = 6
     """Number of neighboring images that each frame is compared with."""
-    refining: int = 6
-    """Number of these images that refine the depth between two tested depths."""
-    labelling: int = 6
-    """Number of neighboring images that decide which plane of the building a pixel shows."""
-    threshold: float = 1.5
-    """Gray levels by which a pixel is clearly brighter or darker than another."""
-    small: int = 20
-    """Cost of a depth change by one tested depth between two pixels, in bits of the census."""
-    large: float = 150.0
-    """Cost of any greater depth change between two pixels, in bits of the census."""
-    fall: float = 4.0
-    """Gray levels: a step of this size in the image halves the cost of a greater depth change."""
-    window: int = 9
-    """Pixels: side of the window in which depth between the tested depths is refined."""
     steps: int = 1
     """Number of refinement steps."""
     noise: float = 2.0
     """Standard deviation of the gray values."""
     margin: float = 0.02
     """Least margin of the best depth over the next best, as a share of cost. Otherwise the depth is unknown."""
-    finest: float = 0.001
-    """Lower limit of the standard deviation of inverse depth, in 1 / meter: the accuracy of poses and lenses."""
-    others: int = 8
-    """Number of depth maps that each depth map is compared with."""
     views: int = 3
     """Number of these depth maps that must agree."""
     share: float = 0.03
     """Depth maps agree within this share of the inverse depth, plus `plane`."""
-    plane: float = 0.003
-    """Tolerance that is added to `share`, in 1 / meter."""
-    certain: float = 0.01
-    """Largest relative uncertainty of a depth that planes have to follow."""
     voxel: float = 0.03
     """Meters: edge of the cells in which the point cloud is fused."""
     seen: int = 3
     """Least number of observations of a cell of the point cloud."""
-    firm: int = 10
-    """Cells with at least this many observations that no map sees through are compared with the depth of all images."""
     apart: float = 0.05
     """A depth is removed if it differs from such a cell by more than this share."""
-    witnesses: int = 12
-    """Number of depth maps from all around that check whether a depth is seen through."""
     seen_through: float = 0.1
     """A depth is removed if more than this share of the votes of these maps see through it."""
     threads: int = 2
     """Number of frames processed at the same time."""
-    labels: LabelConfig = field(default_factory=LabelConfig)
+
+    refining: ClassVar[int] = 6
+    """Number of these images that refine the depth between two tested depths."""
+    labelling: ClassVar[int] = 6
+    """Number of neighboring images that decide which plane of the building a pixel shows."""
+    threshold: ClassVar[float] = 1.5
+    """Gray levels by which a pixel is clearly brighter or darker than another."""
+    small: ClassVar[int] = 20
+    """Cost of a depth change by one tested depth between two pixels, in bits of the census."""
+    large: ClassVar[float] = 150.0
+    """Cost of any greater depth change between two pixels, in bits of the census."""
+    fall: ClassVar[float] = 4.0
+    """Gray levels: a step of this size in the image halves the cost of a greater depth change."""
+    window: ClassVar[int] = 9
+    """Pixels: side of the window in which depth between the tested depths is refined."""
+    finest: ClassVar[float] = 0.001
+    """Lower limit of the standard deviation of inverse depth, in 1 / meter: the accuracy of poses and lenses."""
+    others: ClassVar[int] = 8
+    """Number of depth maps that each depth map is compared with."""
+    plane: ClassVar[float] = 0.003
+    """Tolerance that is added to `share`, in 1 / meter."""
+    certain: ClassVar[float] = 0.01
+    """Largest relative uncertainty of a depth that planes have to follow."""
+    firm: ClassVar[int] = 10
+    """Cells with at least this many observations that no map sees through are compared with the depth of all images."""
+    witnesses: ClassVar[int] = 12
+    """Number of depth maps from all around that check whether a depth is seen through."""
+    labels: ClassVar[LabelConfig] = LabelConfig()
 
     def __post_init__(self) -> None:
         for what, fine in (
@@ -111,14 +113,18 @@ class DepthConfig:
             ("planes must be 8 to 1000", 8 <= self.planes <= 1000),
             ("nearest must be above 0 and below farthest", 0 < self.nearest < self.farthest < 1e4),
             ("baseline and voxel must be above 0", 0 < self.baseline < 1e4 and 1e-4 < self.voxel < 1e3),
-            ("sources, refining, labelling, others, views, seen and threads must be at least 1",
-             min(self.sources, self.refining, self.labelling, self.others, self.views, self.seen, self.threads) >= 1),
-            ("small and large must be 0 to 1000", 0 <= self.small <= 1000 and 0 <= self.large <= 1000),
-            ("firm must be at least 1, witnesses at least 0", self.firm >= 1 and self.witnesses >= 0),
+            ("sources, views, seen and threads must be at least 1",
+             min(self.sources, self.views, self.seen, self.threads) >= 1),
+            ("noise must be above 0", self.noise > 0),
             ("apart must be above 0, seen_through must be 0 to 1", self.apart > 0 and 0 <= self.seen_through <= 1),
-            ("fall, window, noise, finest and certain must be above 0",
-             min(self.fall, self.window, self.noise, self.finest, self.certain) > 0),
             ("steps must be 0 to 100", 0 <= self.steps <= 100),
         ):  # fmt: skip
             if not fine:
                 raise InputError(f"Depth configuration: {what}; change it and try again.")
+
+    @property
+    def key(self) -> dict[str, dict[str, Any]]:
+        """The values that identify a result: the options, except for the number of threads, and the constants."""
+        names = (name for name in type(self).__annotations__ if name not in ("threads", "labels"))
+        values = {name: getattr(self, name) for name in names}
+        return {DepthConfig.__name__: values | {"threads": DepthConfig.threads, "labels": asdict(self.labels)}}

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from nvsim.capture.depth_images import inverse_depth
 from nvsim.capture.types import Capture
-from nvsim.depth.agreement import Agreed, compare_depth_maps
+from nvsim.depth.agreement import AgreedDepth, compare_depth_maps
 from nvsim.depth.config import DepthConfig
 from nvsim.depth.files import (
     confidence_path,
@@ -30,9 +30,9 @@ from nvsim.depth.files import (
     write_depth,
     write_draft,
 )
-from nvsim.depth.fusion import FusedCloud, FusedPart, Map, fuse, joined
+from nvsim.depth.fusion import FusedCells, FusedCloud, Map, fuse, joined
 from nvsim.depth.labelling import label_planes
-from nvsim.depth.planes import Plane, find_planes, mirrored
+from nvsim.depth.planes import Plane, find_planes, is_behind_floor
 from nvsim.depth.refinement import refine, smooth_depth
 from nvsim.depth.smoothing import smooth, winner
 from nvsim.depth.sweep import sweep
@@ -86,7 +86,7 @@ def estimate_depth(
     frames = FramesInPhases(capture, folder, config)
     views, count = frames.views, len(capture.frames)
     cameras = [views.camera(i) for i in range(count)]
-    steps = _Steps(capture, config, listen, len(PHASES) * count)
+    steps = _FrameWorkers(capture, config, listen, len(PHASES) * count)
     if not all(depth_exists(folder, i) for i in range(count)):
         for phase in PHASES[:-1]:
             make_folder(folder / phase)
@@ -200,14 +200,14 @@ class FramesInPhases:
         kept = np.where(self.rest.contradicted_pixels(index), 0, inverse).astype(np.float32)
         write_depth(out, index, kept, np.rint(views).astype(np.uint8))
 
-    def _confirmed(self, phase: Phase, index: int) -> Agreed:
+    def _confirmed(self, phase: Phase, index: int) -> AgreedDepth:
         config = self._config
         near = neighbours(self.views.poses, index, config.others, config.baseline, 0.1)
         least = 0 if index in self._measured else config.views
         return _confirmed(self.views, index, near, self.maps[phase], config, least)
 
 
-class _Steps:
+class _FrameWorkers:
     """Runs the work of frames in parallel and reports the progress of the whole stage."""
 
     def __init__(self, capture: Capture, config: DepthConfig, listen: Listener, total: int) -> None:
@@ -243,7 +243,7 @@ def _confirmed(
     maps: Draft,
     config: DepthConfig,
     least: int,
-) -> Agreed:
+) -> AgreedDepth:
     """The depth of frame `index` confirmed by the frames `near`: the mean, and 0 where fewer than `least` agree."""
     found, weight = maps(index)
     camera = views.camera(index)
@@ -266,7 +266,7 @@ def _certain(
     rows, columns = np.nonzero(sure)
     rays = camera.rays()[rows, columns]
     depth = 1 / inverse[rows, columns, None] / (rays @ camera.rotation[:, 2])[:, None]
-    behind = mirrored(planes, camera.position, camera.position + depth * rays)
+    behind = is_behind_floor(planes, camera.position, camera.position + depth * rays)
     sure[rows[behind], columns[behind]] = False
     return np.where(sure, inverse, 0).astype(np.float32)
 
@@ -287,7 +287,7 @@ def _rest(cameras: list[Camera], maps: Draft, config: DepthConfig) -> DepthCheck
     return DepthCheck(np.concatenate(kept), cameras, inverse, config)
 
 
-def _fused(cameras: list[Camera], maps: Draft, config: DepthConfig, seen: int) -> Iterator[FusedPart]:
+def _fused(cameras: list[Camera], maps: Draft, config: DepthConfig, seen: int) -> Iterator[FusedCells]:
     """The cells of all maps with at least `seen` observations, without colors."""
 
     def read(index: int) -> Map:

@@ -50,7 +50,7 @@ class FusedCloud:
 
 
 @dataclass(frozen=True, eq=False)
-class SeenPoints:
+class ObservedPoints:
     """A part of the points that cameras saw.
 
     points   (N, 3) float32, meters, world
@@ -66,7 +66,7 @@ class SeenPoints:
 
 
 @dataclass(frozen=True, eq=False)
-class FusedPart:
+class FusedCells:
     """The cells of a part, sorted by x, then y, then z.
 
     seen    the weighted mean points of the N cells
@@ -74,20 +74,20 @@ class FusedPart:
     views   (N,) uint16, number of observations
     """
 
-    seen: SeenPoints
+    seen: ObservedPoints
     colors: NDArray[np.uint8]
     views: NDArray[np.uint16]
 
-    def where(self, kept: NDArray[np.bool_]) -> FusedPart:
+    def where(self, kept: NDArray[np.bool_]) -> FusedCells:
         """The cells with True in `kept` (N,)."""
         seen = self.seen
-        seen = SeenPoints(seen.points[kept], seen.eyes[kept], seen.say[kept], seen.end)
-        return FusedPart(seen, self.colors[kept], self.views[kept])
+        seen = ObservedPoints(seen.points[kept], seen.eyes[kept], seen.say[kept], seen.end)
+        return FusedCells(seen, self.colors[kept], self.views[kept])
 
 
 def fuse(
     cameras: Sequence[Camera], read: Callable[[int], Map], voxel: float, seen: int, threads: int
-) -> Iterator[FusedPart]:
+) -> Iterator[FusedCells]:
     """Fuse the maps that `read` gives for the index of each camera in cells of `voxel` meters, part by part.
 
     Only cells with at least `seen` observations and a positive weight are returned. Maps are read on `threads` threads
@@ -107,7 +107,7 @@ def fuse(
             first = part.last + 1
 
 
-def joined(parts: Iterable[FusedPart]) -> FusedCloud:
+def joined(parts: Iterable[FusedCells]) -> FusedCloud:
     """The point cloud of all parts."""
     columns: tuple[list[NDArray[Any]], ...] = [], [], [], []
     for part in parts:
@@ -115,11 +115,11 @@ def joined(parts: Iterable[FusedPart]) -> FusedCloud:
         found: tuple[NDArray[Any], ...] = seen.points, seen.eyes - seen.points, part.colors, part.views
         for column, values in zip(columns, found, strict=True):
             column.append(values)
-    points, towards, colors, views = (_together(column) for column in columns)
+    points, towards, colors, views = (_concatenate_parts(column) for column in columns)
     return FusedCloud(points, colors, normals_of(points, towards), views)
 
 
-def _together(parts: list[NDArray[Any]]) -> NDArray[Any]:
+def _concatenate_parts(parts: list[NDArray[Any]]) -> NDArray[Any]:
     """The concatenated `parts`, which are removed from their list."""
     together = np.concatenate(parts)
     parts.clear()
@@ -165,7 +165,7 @@ class Fusion:
             else:
                 self._reduce()
 
-    def cells(self, seen: int) -> FusedPart:
+    def cells(self, seen: int) -> FusedCells:
         """The cells with at least `seen` observations and a positive weight. No further points can be added."""
         sums = self._sums[: self._filled]
         chosen = np.flatnonzero((sums[:, 10] >= max(seen, 1)) & (sums[:, 9] > 0))
@@ -175,8 +175,8 @@ class Fusion:
         points, eyes = (sums[:, :3] / say).astype(np.float32), (sums[:, 6:9] / say).astype(np.float32)
         colors = np.clip(sums[:, 3:6] / say + 0.5, 0, 255).astype(np.uint8)
         end = np.inf if self.last == _LAST else ((self.last >> 42) - _FAR) * self.voxel
-        return FusedPart(
-            SeenPoints(points, eyes, say[:, 0].astype(np.float32), end),
+        return FusedCells(
+            ObservedPoints(points, eyes, say[:, 0].astype(np.float32), end),
             colors,
             sums[:, 10].clip(0, 65535).astype(np.uint16),
         )
@@ -203,7 +203,7 @@ class Fusion:
 
 
 @njit(cache=True, nogil=True)
-def _place(key: np.int64, keys: NDArray[np.int64], table: NDArray[np.int32]) -> np.int64:
+def _find_row(key: np.int64, keys: NDArray[np.int64], table: NDArray[np.int32]) -> np.int64:
     """The place in `table` (M,) of the row of `key` in `keys`, or an empty place for it. M is a power of two, and some
     places are empty."""
     mask = len(table) - 1
@@ -218,7 +218,7 @@ def _place(key: np.int64, keys: NDArray[np.int64], table: NDArray[np.int32]) -> 
 def _index(some: NDArray[np.int64], keys: NDArray[np.int64], table: NDArray[np.int32]) -> None:
     """Enter the first rows of `keys`, which are `some` (N,), in an empty table."""
     for i in range(len(some)):
-        table[_place(some[i], keys, table)] = i
+        table[_find_row(some[i], keys, table)] = i
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
@@ -261,7 +261,7 @@ def _add(
         span[0], span[1] = min(span[0], key), max(span[1], key)
         if key < limits[0] or key > limits[1]:
             continue
-        at = _place(key, keys, table)
+        at = _find_row(key, keys, table)
         if table[at] == _EMPTY:
             if filled == len(keys):
                 return i, filled

@@ -49,7 +49,7 @@ def label_planes(
     prior = np.array([_prior(planes[i], config) for i in chosen])
     cost = np.empty((*confirmed.shape, len(chosen) + 1), np.uint8)
     far = 1 / config.farthest
-    usual = max(_usual(photo, confirmed, forms, config.share, far) - config.good, 0.0)
+    usual = max(_usual_image_difference(photo, confirmed, forms, config.share, far) - config.good, 0.0)
     rule = (far, config.share, config.differ, config.worst, config.own + usual, config.unknown + usual)
     _fill(photo, confirmed, forms, extents, limits, prior, rule, cost)
     total = smooth(cost, view.grey, int(config.change), config.change, config.fall)
@@ -64,7 +64,9 @@ def _prior(plane: Plane, config: LabelConfig) -> float:
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _usual(photo: NDArray[np.uint8], confirmed: Float32, forms: NDArray[np.float64], share: float, far: float) -> float:
+def _usual_image_difference(
+    photo: NDArray[np.uint8], confirmed: Float32, forms: NDArray[np.float64], share: float, far: float
+) -> float:
     """The usual image difference here on a correct plane; 0 if confirmed depths support no plane.
 
     It is the mean cost of planes at pixels whose confirmed depth is on them. Noise, blur, and fine texture raise it."""

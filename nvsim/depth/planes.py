@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from nvsim.depth.fusion import SeenPoints, normals_of
+from nvsim.depth.fusion import ObservedPoints, normals_of
 from nvsim.depth.view import matrix_of
 from nvsim.geometry.camera import Camera
 from nvsim.geometry.cells import distinct_cells
@@ -71,7 +71,7 @@ class Plane:
         return np.asarray((self.normal @ camera.rotation @ np.linalg.inv(matrix_of(camera))) / distance)
 
 
-def mirrored(planes: list[Plane], eyes: Float64, points: Float64) -> NDArray[np.bool_]:
+def is_behind_floor(planes: list[Plane], eyes: Float64, points: Float64) -> NDArray[np.bool_]:
     """(N,) bool, True for world points (N, 3) behind a floor, seen from `eyes` (N, 3) or (3,), meters. Such points are
     reflections in the floor."""
     behind = np.zeros(len(points), bool)
@@ -89,7 +89,7 @@ def mirrored(planes: list[Plane], eyes: Float64, points: Float64) -> NDArray[np.
     return behind
 
 
-def find_planes(parts: Iterable[SeenPoints]) -> list[Plane]:
+def find_planes(parts: Iterable[ObservedPoints]) -> list[Plane]:
     """The planes that contain the points of a building, largest first. `parts` has the points in the order of x."""
     points, eyes, say = _thinned(parts)
     if len(points) < 100:
@@ -100,13 +100,13 @@ def find_planes(parts: Iterable[SeenPoints]) -> list[Plane]:
     level: list[Plane] = []
     up = np.flatnonzero(normals @ z > near)
     _parallel(points[up], say[up], z, level)
-    free = ~mirrored(level, eyes, points)
+    free = ~is_behind_floor(level, eyes, points)
     found: list[Plane] = []
     for normal in [z, -z, *_headings(normals[free])]:
         chosen = np.flatnonzero(free & (normals @ normal > near))
         taken = _parallel(points[chosen], say[chosen], normal, found)
         free[chosen[taken]] = False
-    return sorted((_between(plane, found) for plane in found), key=lambda p: -p.area)
+    return sorted((_crop_plane(plane, found) for plane in found), key=lambda p: -p.area)
 
 
 def _is_upright(normal: Float64) -> bool:
@@ -114,7 +114,7 @@ def _is_upright(normal: Float64) -> bool:
     return bool(abs(normal[2]) < 0.5)
 
 
-def _between(plane: Plane, found: list[Plane]) -> Plane:
+def _crop_plane(plane: Plane, found: list[Plane]) -> Plane:
     """`plane`, if vertical, cropped where its margin would extend into a floor or a ceiling of `found`."""
     if not _is_upright(plane.normal):
         return plane
@@ -127,7 +127,7 @@ def _between(plane: Plane, found: list[Plane]) -> Plane:
     return replace(plane, low=low, high=high)
 
 
-def _thinned(parts: Iterable[SeenPoints]) -> tuple[Float64, Float64, Float64]:
+def _thinned(parts: Iterable[ObservedPoints]) -> tuple[Float64, Float64, Float64]:
     """Point, camera position, and weight of every coarse cell, from points that are accurate enough.
 
     The coarse cells that a later part can have too stay open: their sums go on with its points."""

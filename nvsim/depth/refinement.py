@@ -58,12 +58,12 @@ def refine(
     tiny = noise * noise
     for grey, turned, shift in zip(sources, rotations, shifts, strict=True):
         _sample(reference, grey, turned, shift, found, moments)
-        _gather(np.asarray(cv2.blur(moments, (window, window)), np.float32), tiny, push, curve)
+        _add_image(np.asarray(cv2.blur(moments, (window, window)), np.float32), tiny, push, curve)
     return _stepped(found, push, curve, longest, tiny), curve * np.float32(window * window / (2 * tiny))
 
 
 @njit(cache=True, nogil=True, error_model="numpy", fastmath=True)
-def _at(grey: Float32, p: float, q: float) -> float:
+def _interpolate(grey: Float32, p: float, q: float) -> float:
     """`grey` (H, W) interpolated at column p and row q, which must be inside."""
     x, y = int(p), int(q)
     right, below = min(x + 1, grey.shape[1] - 1), min(y + 1, grey.shape[0] - 1)
@@ -101,9 +101,9 @@ def _sample(
             length = np.sqrt(du * du + dv * dv) + 1e-6
             # The slope comes from two samples half a pixel to either side.
             hx, hy = 0.5 * du / length, 0.5 * dv / length
-            ahead = _at(grey, min(max(p + hx, 0.0), wide), min(max(q + hy, 0.0), tall))
-            behind = _at(grey, min(max(p - hx, 0.0), wide), min(max(q - hy, 0.0), tall))
-            here, there, slope = reference[y, x], _at(grey, p, q), (ahead - behind) * length
+            ahead = _interpolate(grey, min(max(p + hx, 0.0), wide), min(max(q + hy, 0.0), tall))
+            behind = _interpolate(grey, min(max(p - hx, 0.0), wide), min(max(q - hy, 0.0), tall))
+            here, there, slope = reference[y, x], _interpolate(grey, p, q), (ahead - behind) * length
             if min(here, there, ahead, behind) < 0:
                 continue
             out[y, x, 0] = 1
@@ -119,7 +119,7 @@ def _sample(
 
 
 @njit(cache=True, nogil=True, error_model="numpy", fastmath=True)
-def _gather(moments: Float32, tiny: float, push: Float32, curve: Float32) -> None:
+def _add_image(moments: Float32, tiny: float, push: Float32, curve: Float32) -> None:
     """Add the contribution of one image to `push` and `curve` (H, W), from the window means of `_sample`'s output."""
     height, width = push.shape
     for y in range(height):

@@ -155,7 +155,7 @@ class DepthCheck:
         may = np.flatnonzero(
             np.linalg.norm(self._positions - self._positions[index], axis=1) < 2 * self._config.farthest
         )
-        overlap = np.array([_seen(self._cameras[int(j)], some) if j != index else 0.0 for j in may])
+        overlap = np.array([_share_in_view(self._cameras[int(j)], some) if j != index else 0.0 for j in may])
         may, overlap = may[overlap >= _OVERLAP], overlap[overlap >= _OVERLAP]
         far = np.linalg.norm(self._positions[may] - self._positions[index], axis=1)
         chosen: list[int] = []
@@ -176,7 +176,7 @@ def _points(camera: Camera, inverse: Float32) -> Float32:
     return np.asarray(camera.position + depth[:, None] * rays, np.float32)
 
 
-def _seen(camera: Camera, points: Float32) -> float:
+def _share_in_view(camera: Camera, points: Float32) -> float:
     """The share of points (N, 3) inside the camera's image, without regard to occlusion."""
     k = camera.intrinsics
     x, y, z = ((points - camera.position) @ camera.rotation).T

@@ -25,7 +25,7 @@ class UnusableAnswer(Exception):
 
 
 @dataclass(frozen=True)
-class Unanswered:
+class MissingAnswer:
     """No usable answer: the reason, whether the model refused, and the tokens spent (input, output)."""
 
     why: str
@@ -34,7 +34,7 @@ class Unanswered:
 
 
 @dataclass(frozen=True)
-class Understood(Generic[T]):
+class ParsedAnswer(Generic[T]):
     """A parsed answer, and the tokens spent (input, output)."""
 
     value: T
@@ -43,7 +43,7 @@ class Understood(Generic[T]):
 
 def ask_until_clear(
     client: Client, request: Request, understand: Callable[[str], T], again: Callable[[str], str]
-) -> Understood[T] | Unanswered:
+) -> ParsedAnswer[T] | MissingAnswer:
     """Asks the model, and parses its answer with `understand`. If `understand` raises UnusableAnswer, the model is
     asked again with the text that `again` makes of the reason, up to ASKED times. A refusal is not asked again.
 
@@ -53,17 +53,17 @@ def ask_until_clear(
         answer = client.ask(request)
         spent = spent[0] + answer.tokens_in, spent[1] + answer.tokens_out
         if answer.refusal:
-            return Unanswered(f"it refused ({answer.refusal[:200]})", True, spent)
+            return MissingAnswer(f"it refused ({answer.refusal[:200]})", True, spent)
         try:
-            return Understood(understand(answer.text), spent)
+            return ParsedAnswer(understand(answer.text), spent)
         except UnusableAnswer as unusable:
             why = str(unusable)
             if answer.cut_off:
                 why = f"the answer was cut off after {request.tokens} tokens"
                 if not answer.text:  # the model spent all tokens on thinking, and would do so again
-                    return Unanswered(f"{why}, before any text; raise the limit with --answer-tokens", False, spent)
+                    return MissingAnswer(f"{why}, before any text; raise the limit with --answer-tokens", False, spent)
         request = request.and_then(answer.text[:_LONGEST] or "(nothing)", again(why))
-    return Unanswered(why, False, spent)
+    return MissingAnswer(why, False, spent)
 
 
 def json_object(text: str) -> dict[str, Any]:

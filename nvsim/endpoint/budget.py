@@ -66,7 +66,7 @@ class Budget:
         """Reserves the largest cost of a request while it runs. Waits if other requests have reserved the rest. Raises
         BudgetSpent if the budget is too small even without other reservations."""
         with self._changed:
-            while not self._enough(tokens_in := math.ceil(estimate * self._counted), tokens_out):
+            while not self._is_within_budget(tokens_in := math.ceil(estimate * self._counted), tokens_out):
                 if not (self._held_in or self._held_out):
                     raise BudgetSpent(self._words())
                 self._changed.wait()
@@ -104,7 +104,7 @@ class Budget:
     def money(self) -> float | None:
         return self.prices.of(self.tokens_in, self.tokens_out)
 
-    def _enough(self, tokens_in: int, tokens_out: int) -> bool:
+    def _is_within_budget(self, tokens_in: int, tokens_out: int) -> bool:
         into, out = self.tokens_in + self._held_in + tokens_in, self.tokens_out + self._held_out + tokens_out
         money = self.prices.of(into, out)
         if self._most_money is not None and money is not None and money > self._most_money:

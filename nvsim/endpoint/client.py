@@ -71,7 +71,7 @@ class Client:
             if not self.may_send:
                 raise InputError("A request has no stored answer, and nothing was sent; give --yes to send it.")
             with self.budget.holding(tokens_in(request), request.tokens):
-                found = self._answered(request)
+                found = self._request_answer(request)
                 self.kept.put(key, self.endpoint.url, self.endpoint.model, request, found)
                 self.budget.count(found, tokens_in(request))
         else:
@@ -81,18 +81,18 @@ class Client:
     def _key(self, request: Request) -> str:
         return request.key(self.endpoint.url, self.endpoint.model)
 
-    def _answered(self, request: Request) -> Answer:
+    def _request_answer(self, request: Request) -> Answer:
         why = ""
         attempt = respelled = 0
         while attempt < self.options.attempts:
             self._wait()
             try:
                 return self._once(request)
-            except _Respelled:  # repeated at once, with the endpoint's option names
+            except _ParameterRenamed:  # repeated at once, with the endpoint's option names
                 respelled += 1
                 if respelled > _MOST_RESPELLED:
                     break
-            except _Later as later:
+            except _RetryLater as later:
                 why, attempt = str(later), attempt + 1
                 if attempt < self.options.attempts:
                     self._pause(later.seconds, attempt, why)
@@ -111,7 +111,7 @@ class Client:
             # Plain ASCII, because an answer that is sent back may contain halves of surrogate pairs.
             reply = self._connection.post(f"{self.endpoint.url}/chat/completions", json.dumps(question).encode())
         except NoReply as error:
-            raise _Later(str(error)) from error
+            raise _RetryLater(str(error)) from error
         except TooLarge as error:
             raise InputError(
                 f"{self.endpoint.url} sends an answer of more than {LARGEST >> 20} MB, which is not a model's answer; "
@@ -124,13 +124,13 @@ class Client:
     def _settled(self, reply: Reply, spelled: Mapping[str, str], request: Request) -> Answer:
         """Handles an HTTP status that is not success. A content filter gives an answer that is a refusal. Everything
         else raises _Later, _Respelled, or InputError."""
-        status, complaint = reply.status, _Complaint.of(reply.content)
+        status, complaint = reply.status, _EndpointError.of(reply.content)
         said = complaint.said
         who = f"{self.endpoint.url} returned status {status}"
         if complaint.code == "insufficient_quota":
             raise InputError(f"{who}: this key has no credit left ({said}); top it up and run the command again.")
         if status in _LATER or status >= 500:
-            raise _Later(f"status {status}: {said}", _asked_for(reply.headers))
+            raise _RetryLater(f"status {status}: {said}", _asked_for(reply.headers))
         if status in (401, 403):
             name = self.endpoint.variable
             raise InputError(f"{who}: the key in {name} is not accepted for {self.endpoint.model} ({said}); check it.")
@@ -143,7 +143,7 @@ class Client:
             if any(word in complaint.code or word in complaint.whole for word in _FILTERED):
                 return Answer("", refusal=said or "a filter", tokens_in=tokens_in(request), counted=False)
             if self._respell(f"{complaint.option} {complaint.whole}", spelled):
-                raise _Respelled
+                raise _ParameterRenamed
         raise InputError(f"{who}, so it rejects this request: {said}.")
 
     def _respell(self, complaint: str, spelled: Mapping[str, str]) -> bool:
@@ -184,18 +184,18 @@ class Client:
         self._connection.close()
 
 
-class _Later(Exception):
+class _RetryLater(Exception):
     def __init__(self, why: str, seconds: float | None = None) -> None:
         super().__init__(why)
         self.seconds = seconds
 
 
-class _Respelled(Exception):
+class _ParameterRenamed(Exception):
     pass
 
 
 @dataclass(frozen=True)
-class _Complaint:
+class _EndpointError:
     """The error that an endpoint reports for a failed request.
 
     said     its message, in one line of at most 200 characters
@@ -210,7 +210,7 @@ class _Complaint:
     whole: str
 
     @staticmethod
-    def of(content: bytes) -> _Complaint:
+    def of(content: bytes) -> _EndpointError:
         text = content.decode(errors="replace")
         try:
             body = _parsed(text)
@@ -220,7 +220,7 @@ class _Complaint:
         fields = error if isinstance(error, dict) else {}
         words = " ".join(str(fields.get("message") or error or "nothing").split())
         said = "".join(c if c.isprintable() else "?" for c in words[:200]).rstrip(".")
-        return _Complaint(said, str(fields.get("code") or ""), str(fields.get("param") or ""), str(error))
+        return _EndpointError(said, str(fields.get("code") or ""), str(fields.get("param") or ""), str(error))
 
 
 def _parsed(text: str) -> Any:
@@ -237,7 +237,7 @@ def _read(content: bytes, request: Request) -> Answer:
         message = choice["message"]
         text, refusal = message.get("content"), message.get("refusal")
     except (InputError, LookupError, TypeError, AttributeError) as error:
-        raise _Later(f"the response is not a chat completion: {shown(words)!r}") from error
+        raise _RetryLater(f"the response is not a chat completion: {shown(words)!r}") from error
     finish = choice.get("finish_reason")
     if isinstance(text, list):  # some servers answer in parts
         text = "".join(str(part.get("text", "")) for part in text if isinstance(part, dict))
@@ -246,7 +246,7 @@ def _read(content: bytes, request: Request) -> Answer:
     text = text if isinstance(text, str) else ""
     refusal = refusal if isinstance(refusal, str) else ""
     if not text and not refusal and finish != "length":
-        raise _Later("the answer is empty")
+        raise _RetryLater("the answer is empty")
     into, out = _usage(found.get("usage"))
     counted = into is not None and out is not None
     return Answer(

@@ -61,11 +61,11 @@ class Endpoint:
     def words(self) -> str:
         """The model, the address, and whether a key is sent, as text for the user. Unencrypted addresses are marked."""
         how = f"with the key in {self.variable}" if self.key else "without a key"
-        open_ = urlsplit(self.url).scheme == "http" and not self._near
+        open_ = urlsplit(self.url).scheme == "http" and not self._is_local
         return f"{self.model} at {self.url} ({how}{', UNENCRYPTED' if open_ else ''})"
 
     @property
-    def _near(self) -> bool:
+    def _is_local(self) -> bool:
         host = urlsplit(self.url).hostname or ""
         try:
             return ipaddress.ip_address(host).is_loopback

@@ -18,10 +18,10 @@ from nvsim.evaluation.ablation_runs import (
     ABLATION,
     COMPARISON,
     TABLES,
+    AblationRow,
     Budget,
-    Row,
-    Run,
     SharedViews,
+    TrainingRun,
     ablation_rows,
     finished,
     forget,
@@ -29,7 +29,7 @@ from nvsim.evaluation.ablation_runs import (
     progress_of_run,
     run_of,
 )
-from nvsim.evaluation.comparison import Shown, Tile
+from nvsim.evaluation.comparison import ComparedImage, Tile
 from nvsim.evaluation.scores import Distance, Image, Scores, mean_scores, score
 from nvsim.evaluation.table import SPREAD
 from nvsim.evaluation.truth import truth_of
@@ -58,7 +58,7 @@ _SHOWN_FRAMES = {1: 3, 2: 2}  # number of submaps -> shown frames per submap; 1 
 
 
 @dataclass(eq=False)
-class Scored:
+class ScoredRun:
     """frames and novel: metrics of every held-out frame and novel view; tiles: name of a shown image -> its tile."""
 
     frames: list[Scores]
@@ -68,7 +68,7 @@ class Scored:
     tiles: dict[str, Tile] = field(default_factory=dict)
 
 
-def totals(scored: Sequence[Scored]) -> dict[str, Any]:
+def totals(scored: Sequence[ScoredRun]) -> dict[str, Any]:
     """Means over all frames and views of some submaps. Seconds and Gaussians are sums."""
     return {
         **mean_scores([row for s in scored for row in s.frames]),
@@ -79,7 +79,7 @@ def totals(scored: Sequence[Scored]) -> dict[str, Any]:
     }
 
 
-class Bench:
+class SubmapViews:
     """The held-out `frames` and the `novel` views of one submap. `shown` frames, and about half as many novel views,
     are also stored as images. Raises InputError if an image cannot be read."""
 
@@ -102,12 +102,12 @@ class Bench:
         self._shown_novel = {v.name: v for v in (self._novel[i] for i in _chosen(shares, (shown + 1) // 2))}
 
     @property
-    def pictures(self) -> list[Shown]:
+    def pictures(self) -> list[ComparedImage]:
         """The images to show, with their ground truth."""
-        held = [Shown.of(f"held out: {name}", f.image, f.floor) for name, f in self._shown_frames.items()]
-        return held + [Shown.of(f"novel: {n}", v.image(), v.floor_mask()) for n, v in self._shown_novel.items()]
+        held = [ComparedImage.of(f"held out: {name}", f.image, f.floor) for name, f in self._shown_frames.items()]
+        return held + [ComparedImage.of(f"novel: {n}", v.image(), v.floor_mask()) for n, v in self._shown_novel.items()]
 
-    def score(self, model: SubmapModel) -> Scored:
+    def score(self, model: SubmapModel) -> ScoredRun:
         """Scores a model on these frames and views."""
 
         def render(camera: Camera) -> tuple[int, Image, Image]:
@@ -131,7 +131,7 @@ class Bench:
                 _, rgb, alpha = render(view.camera)
                 tiles[f"novel: {view.name}"] = Tile.of(rgb, alpha, figures)
         seconds = model.info.get("training_seconds", 0.0)
-        return Scored(frames, novel, float(str(seconds)), len(model.gaussians), tiles)
+        return ScoredRun(frames, novel, float(str(seconds)), len(model.gaussians), tiles)
 
 
 def _chosen(shares: Sequence[float], count: int) -> list[int]:
@@ -156,7 +156,7 @@ class AblationConfig:
 
 
 @dataclass(frozen=True, eq=False)
-class Table:
+class AblationTable:
     """One result table.
 
     rows    row, title, metrics, and metric + "_spread" if there are several seeds
@@ -170,11 +170,11 @@ class Table:
 
 
 @dataclass(frozen=True, eq=False)
-class Outcome:
+class AblationResult:
     """The tables by name, the images of the visual comparison, and the numbers of trained and reused runs."""
 
-    tables: dict[str, Table]
-    shown: list[Shown]
+    tables: dict[str, AblationTable]
+    shown: list[ComparedImage]
     trained: int
     reused: int
 
@@ -185,7 +185,7 @@ def evaluate_ablation(
     listen: Listener,
     truth: Path | None = None,
     distance: Distance | None = None,
-) -> Outcome:
+) -> AblationResult:
     """Trains missing runs and scores all of them. Raises InputError if the project has no floor masks or no held-out
     frames, or if a named submap or row does not exist."""
     chosen, tables, folder = chosen_submaps(project, config.submaps), _tables(config), truth_of(project, truth)
@@ -197,7 +197,7 @@ def evaluate_ablation(
         for seed in config.seeds
     }
     titles: dict[Path, str] = {}
-    distinct: dict[Path, Run] = {}
+    distinct: dict[Path, TrainingRun] = {}
     for (row, index, _), run in runs.items():
         titles.setdefault(run.folder, f"{row.title}, submap {index}")
         distinct.setdefault(run.folder, run)
@@ -207,8 +207,8 @@ def evaluate_ablation(
     todo = [run for run in distinct.values() if not run.is_done]
     listen(Log(f"{len(distinct)} runs, {len(distinct) - len(todo)} of them already finished.", STAGE))
     total, before = sum(run.config.steps for run in todo), 0
-    scored: dict[Path, Scored] = {}
-    shown: list[tuple[int, Shown]] = []
+    scored: dict[Path, ScoredRun] = {}
+    shown: list[tuple[int, ComparedImage]] = []
     for submap, bench in _benches(project, chosen, folder, distance):
         shown += [(submap.index, picture) for picture in bench.pictures]
         views = SharedViews(project, submap)
@@ -222,16 +222,16 @@ def evaluate_ablation(
     for name, lines in tables.items():
         of = {key: scored[run.folder] for key, run in runs.items() if key[0] in lines}
         result[name] = _table(lines, chosen, config.seeds, of, shown)
-    return Outcome(result, [s for _, s in shown], len(todo), len(distinct) - len(todo))
+    return AblationResult(result, [s for _, s in shown], len(todo), len(distinct) - len(todo))
 
 
 def _table(
-    lines: Sequence[Row],
+    lines: Sequence[AblationRow],
     submaps: Sequence[Submap],
     seeds: Sequence[int],
-    scored: dict[tuple[Row, int, int], Scored],
-    shown: Sequence[tuple[int, Shown]],
-) -> Table:
+    scored: dict[tuple[AblationRow, int, int], ScoredRun],
+    shown: Sequence[tuple[int, ComparedImage]],
+) -> AblationTable:
     rows, parts = [], []
     for row in lines:
         named = {"row": row.name, "title": row.title}
@@ -242,7 +242,7 @@ def _table(
         per_seed = [totals([scored[row, s.index, seed] for s in submaps]) for seed in seeds]
         rows.append({**named, **_over_seeds(per_seed)})
     tiles = [[scored[row, submap, seeds[0]].tiles[picture.name] for row in lines] for submap, picture in shown]
-    return Table(rows, parts, tiles)
+    return AblationTable(rows, parts, tiles)
 
 
 def _over_seeds(rows: Sequence[dict[str, Any]]) -> dict[str, Any]:
@@ -258,10 +258,10 @@ def _over_seeds(rows: Sequence[dict[str, Any]]) -> dict[str, Any]:
     return result
 
 
-def _tables(config: AblationConfig) -> dict[str, tuple[Row, ...]]:
+def _tables(config: AblationConfig) -> dict[str, tuple[AblationRow, ...]]:
     if not config.tables or not config.seeds:
         raise InputError("Name at least one of --tables and one of --seeds.")
-    made: dict[str, Callable[[], tuple[Row, ...]]] = {
+    made: dict[str, Callable[[], tuple[AblationRow, ...]]] = {
         ABLATION: lambda: ablation_rows(config.budget, config.rows),
         COMPARISON: lambda: preset_rows(config.budget, config.presets),
     }
@@ -282,7 +282,7 @@ def chosen_submaps(project: Project, only: tuple[int, ...]) -> list[Submap]:
 
 def _benches(
     project: Project, submaps: Sequence[Submap], truth: Path | None, distance: Distance | None
-) -> Iterator[tuple[Submap, Bench]]:
+) -> Iterator[tuple[Submap, SubmapViews]]:
     """Yields each submap with its bench, which is made on demand. Raises InputError if no submap has a held-out
     frame."""
     kept_out = set(held_out_frames(project))
@@ -298,4 +298,4 @@ def _benches(
     pictured = {submaps[int(k * every)].index for k in range(min(len(submaps), _SHOWN_SUBMAPS))}
     for submap in submaps:
         count = _SHOWN_FRAMES.get(len(submaps), 1) if submap.index in pictured else 0
-        yield submap, Bench(project, truth, frames[submap.index], novel[submap.index], distance, count)
+        yield submap, SubmapViews(project, truth, frames[submap.index], novel[submap.index], distance, count)

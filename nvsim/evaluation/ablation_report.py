@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from nvsim.evaluation.ablation import Outcome, Table
+from nvsim.evaluation.ablation import AblationResult, AblationTable
 from nvsim.evaluation.ablation_runs import ABLATION, COMPARISON
 from nvsim.evaluation.comparison import draw_comparison
 from nvsim.evaluation.table import ALPHA, NOVEL, WITH_FLOOR, WITHOUT_FLOOR, Column, csv_table, text_table
@@ -17,7 +17,7 @@ _HEADS = {
 _COST = (Column("seconds", "seconds", "training", 0), Column("gaussians", "Gaussians", "training", 0))
 
 
-def text_of(outcome: Outcome, lpips_why: str) -> str:
+def text_of(outcome: AblationResult, lpips_why: str) -> str:
     """The tables with notes. An asterisk marks the best value of a column."""
     parts = []
     for name, table in outcome.tables.items():
@@ -32,7 +32,7 @@ def text_of(outcome: Outcome, lpips_why: str) -> str:
     return "\n".join([*parts, *notes]) + "\n"
 
 
-def write_report(outcome: Outcome, folder: Path, lpips_why: str) -> list[Path]:
+def write_report(outcome: AblationResult, folder: Path, lpips_why: str) -> list[Path]:
     """Writes tables.txt, and a CSV file and an image per table; returns their paths. Raises InputError if the disk
     refuses."""
     files = [folder / "tables.txt"]
@@ -44,7 +44,7 @@ def write_report(outcome: Outcome, folder: Path, lpips_why: str) -> list[Path]:
     return files
 
 
-def csv_of(table: Table) -> str:
+def csv_of(table: AblationTable) -> str:
     """One line per row, seed, and submap, and one line per row with the means."""
     first = ["row", "title", "seed", "submap"]
     rows = [{**row, "seed": "mean", "submap": "mean"} for row in table.rows] + table.parts

@@ -50,7 +50,7 @@ Views = Callable[[], "list[TrainingView]"]
 
 
 @dataclass(frozen=True)
-class Row:
+class AblationRow:
     """A row of a table.
 
     name     identifies the row in files and options
@@ -81,7 +81,7 @@ class Budget:
         )
 
 
-def ablation_rows(budget: Budget, names: Sequence[str] = ()) -> tuple[Row, ...]:
+def ablation_rows(budget: Budget, names: Sequence[str] = ()) -> tuple[AblationRow, ...]:
     """The paper's second table, cumulative from Splatfacto-W to Splatfacto-i. If `names` is not empty, only these rows.
 
     The configurations are built from the last row upwards: each row is the next row without that row's change. Points
@@ -103,18 +103,18 @@ def ablation_rows(budget: Budget, names: Sequence[str] = ()) -> tuple[Row, ...]:
         "+ background floor loss",
         "- alpha loss (Splatfacto-i)",
     )
-    rows = tuple(Row(n, t, budget.applied(c)) for n, t, c in zip(ROWS, titles, configs, strict=True))
+    rows = tuple(AblationRow(n, t, budget.applied(c)) for n, t, c in zip(ROWS, titles, configs, strict=True))
     return _chosen(rows, names, "rows")
 
 
-def preset_rows(budget: Budget, names: Sequence[str] = ()) -> tuple[Row, ...]:
+def preset_rows(budget: Budget, names: Sequence[str] = ()) -> tuple[AblationRow, ...]:
     """One row per preset, from plain 3DGS to `nvsim`. If `names` is not empty, only these rows. Raises InputError if a
     name is not a preset."""
     order = sorted(PRESETS, key=lambda n: _ORDER.index(n) if n in _ORDER else len(_ORDER))
-    return _chosen(tuple(Row(n, n, budget.applied(preset(n))) for n in order), names, "presets")
+    return _chosen(tuple(AblationRow(n, n, budget.applied(preset(n))) for n in order), names, "presets")
 
 
-def _chosen(rows: tuple[Row, ...], names: Sequence[str], what: str) -> tuple[Row, ...]:
+def _chosen(rows: tuple[AblationRow, ...], names: Sequence[str], what: str) -> tuple[AblationRow, ...]:
     known = {row.name for row in rows}
     unknown = [n for n in names if n not in known]
     if unknown:
@@ -123,7 +123,7 @@ def _chosen(rows: tuple[Row, ...], names: Sequence[str], what: str) -> tuple[Row
 
 
 @dataclass(frozen=True)
-class Run:
+class TrainingRun:
     """A training run. The name of `folder` is the hash of all other fields and of the project's floor masks."""
 
     folder: Path
@@ -144,20 +144,20 @@ class Run:
         return (self.model_folder / DESCRIPTION).is_file()
 
 
-def run_of(project: Project, submap: Submap, config: TrainingConfig, seed: int) -> Run:
+def run_of(project: Project, submap: Submap, config: TrainingConfig, seed: int) -> TrainingRun:
     """The run of a configuration. The configuration's name, threads, and checkpoint interval do not affect the key."""
     plain = dataclasses.replace(config, name="", threads=0, checkpoint_seconds=0.0)
     program = (__version__, _VERSION)
     corrected = corrections_key(project, submap.frames)
     key = ledger.key_of("ablation", program, floors_key(project), submap.index, submap.frames, plain, seed, *corrected)
-    return Run(runs_folder(project) / key, submap, config, seed)
+    return TrainingRun(runs_folder(project) / key, submap, config, seed)
 
 
 def runs_folder(project: Project) -> Path:
     return project.layout.root / "ablation"
 
 
-def finished(project: Project, run: Run, views: Views, listen: Listener) -> SubmapModel:
+def finished(project: Project, run: TrainingRun, views: Views, listen: Listener) -> SubmapModel:
     """The model of a run. If it does not exist, it is trained, starting from a checkpoint if there is one.
 
     `views` returns the training images on demand. Raises InputError if the floor surface is missing or the disk
@@ -190,7 +190,7 @@ def finished(project: Project, run: Run, views: Views, listen: Listener) -> Subm
     return model
 
 
-def forget(run: Run) -> None:
+def forget(run: TrainingRun) -> None:
     """Deletes the run from the disk."""
     shutil.rmtree(run.folder, ignore_errors=True)
 
@@ -209,7 +209,7 @@ class SharedViews:
         self._size = 0
         self._views: list[TrainingView] = []
 
-    def of(self, run: Run) -> Views:
+    def of(self, run: TrainingRun) -> Views:
         def read() -> list[TrainingView]:
             if run.config.image_size != self._size:
                 self._views = views_of(self._project, self._submap, run.config)

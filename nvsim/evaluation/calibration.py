@@ -39,7 +39,7 @@ class Corridors:
         at = np.array([row[e.viewpoint] for e in evidence], np.int64)
         xy = np.array([v.position[:2] for v in graph.viewpoints.values()], np.float64).reshape(-1, 2)
         self._stack = EvidenceStack(evidence, at, len(row))
-        ways = _ways(at, _leads(evidence, xy), len(row))
+        ways = _ways(at, _end_rows(evidence, xy), len(row))
         _, first, self._way = np.unique(ways, return_index=True, return_inverse=True)
         starts = xy[at[first]]
         stops = np.array([evidence[i].target for i in first], np.float64).reshape(-1, 2)
@@ -57,7 +57,7 @@ class Corridors:
         return np.asarray(good == count if config.both_ways else good > 0)
 
 
-def _leads(evidence: list[Evidence], xy: NDArray[np.float64]) -> NDArray[np.int64]:
+def _end_rows(evidence: list[Evidence], xy: NDArray[np.float64]) -> NDArray[np.int64]:
     """(E,) the row of the viewpoint at the end of each corridor, -1 if there is none."""
     from scipy.spatial import cKDTree
 
@@ -93,7 +93,7 @@ def calibrate(
         raise InputError(f"--want is {want:g}; give a share between 0 and 1, such as 0.99.")
     if not graph.evidence:
         raise InputError("The graph has no evidence for new decisions; build it with `nvsim map --project`.")
-    measure = _Measure(graph, occupancy, positions, robot_radius)
+    measure = _ThresholdScorer(graph, occupancy, positions, robot_radius)
     asked = [c for c in CRITERIA if c.asked(config)]
     sweeps = {}
     for criterion in asked:
@@ -126,7 +126,7 @@ def _suggestion(
     return {**found, "threshold": row["threshold"], **named, "share": row["share"], **change, "beyond": row["beyond"]}
 
 
-class _Measure:
+class _ThresholdScorer:
     """Computes the metrics of one set of thresholds."""
 
     def __init__(

@@ -22,7 +22,7 @@ Bytes = NDArray[np.uint8]
 
 
 @dataclass(frozen=True, eq=False)
-class Shown:
+class ComparedImage:
     """An image on which all rows are compared: its name, (h, WIDTH, 3) uint8 RGB, and a mask of equal shape with
     non-floor pixels white, or None."""
 
@@ -31,9 +31,9 @@ class Shown:
     not_floor: Bytes | None
 
     @staticmethod
-    def of(name: str, image: Image, floor: NDArray[np.bool_] | None) -> Shown:
+    def of(name: str, image: Image, floor: NDArray[np.bool_] | None) -> ComparedImage:
         """From an image (H, W, 3) float32, 0 to 1, and its floor mask (H, W)."""
-        return Shown(name, _small(image), None if floor is None else _small(_grey((~floor).astype(np.float32))))
+        return ComparedImage(name, _small(image), None if floor is None else _small(_grey((~floor).astype(np.float32))))
 
 
 @dataclass(frozen=True, eq=False)
@@ -64,7 +64,9 @@ def _named(*figures: tuple[float, str, int]) -> str:
 
 
 @style()
-def draw_comparison(path: Path, titles: Sequence[str], shown: Sequence[Shown], tiles: Sequence[Sequence[Tile]]) -> Path:
+def draw_comparison(
+    path: Path, titles: Sequence[str], shown: Sequence[ComparedImage], tiles: Sequence[Sequence[Tile]]
+) -> Path:
     """Writes a PNG: `titles` above the columns, then for each of `shown` its `tiles`, one per title. Raises InputError
     if the disk refuses."""
     from matplotlib.backends.backend_agg import FigureCanvasAgg

@@ -40,16 +40,16 @@ def evaluate_floor(pairs: Sequence[tuple[Path, Path]]) -> dict[str, Any]:
     """
     from nvsim.perception.segment import read_mask
 
-    def masks() -> Iterator[Judged]:
+    def masks() -> Iterator[MaskWithTruth]:
         for mask, truth in pairs:
             expected = read_mask(truth)
             height, width = expected.shape
-            yield Judged(truth.name, read_mask(mask, width, height), expected)
+            yield MaskWithTruth(truth.name, read_mask(mask, width, height), expected)
 
     return floor_figures(masks())
 
 
-class Judged(NamedTuple):
+class MaskWithTruth(NamedTuple):
     """A mask and its ground truth, (H, W) bool, and (H, W) bool, which pixels count (None: all)."""
 
     name: str
@@ -58,7 +58,7 @@ class Judged(NamedTuple):
     known: NDArray[np.bool_] | None = None
 
 
-def floor_figures(masks: Iterable[Judged]) -> dict[str, Any]:
+def floor_figures(masks: Iterable[MaskWithTruth]) -> dict[str, Any]:
     """The metrics of `evaluate_floor` for masks in memory. Raises InputError if there are none."""
     rows: list[dict[str, Any]] = []
     true_positive = claimed = actual = 0
@@ -113,9 +113,9 @@ def evaluate_project_floor(
     if missing is not None:
         raise InputError(f"{missing} is missing; run `nvsim floors --project` first.")
 
-    def judged(index: int) -> Judged:
+    def judged(index: int) -> MaskWithTruth:
         name, (width, height) = project.need_capture().frames[index].name, known.size(index)
-        return Judged(
+        return MaskWithTruth(
             f"{PurePosixPath(name).stem}.png",
             read_mask(masks[index], width, height),
             *known.floor(index, width, height),
@@ -138,7 +138,7 @@ def _alone(
         raise InputError("The cues need networks; name them with --semantic and --normals, or give --cues 0.")
     straight = StraightNormals.of_capture(NormalsNetwork(faces.open()), project.need_capture().frames)
     hybrid = HybridFloor(SemanticNetwork(looks.open()), straight, RegionGrowing())
-    rows: dict[str, list[Judged]] = {"semantic": [], "normals": [], "hybrid": [], "masks": []}
+    rows: dict[str, list[MaskWithTruth]] = {"semantic": [], "normals": [], "hybrid": [], "masks": []}
     chosen = [known.frames[k] for k in evenly_spaced(len(known.frames), cues)]
     for done, i in enumerate(chosen):
         listen(Progress(STAGE, done, len(chosen), "cues"))
@@ -148,5 +148,5 @@ def _alone(
         expected = known.floor(i, width, height)
         own = read_mask(masks[i], width, height)
         for name, mask in zip(rows, (steps.semantic, steps.horizontal, steps.prompted, own), strict=True):
-            rows[name].append(Judged(frame.name, mask, *expected))
+            rows[name].append(MaskWithTruth(frame.name, mask, *expected))
     return {f"iou_{name}": floor_figures(judged)["miou"] for name, judged in rows.items()} | {"cues": len(chosen)}

@@ -62,7 +62,7 @@ class FrameTruth:
         the frame are unknown. Raises InputError if the true mask is missing."""
         frame = self.project.need_capture().frames[index]
         if self.labels is not None:
-            said, _ = self._said(index, width, height)
+            said, _ = self._labels_and_normals(index, width, height)
             return said == FLOOR, said != UNKNOWN
         return read_mask(self._file("floor", frame.name), width, height), np.ones((height, width), bool)
 
@@ -73,7 +73,7 @@ class FrameTruth:
 
         frame = self.project.need_capture().frames[index]
         if self.labels is not None:
-            return self._said(index, width, height)[1]
+            return self._labels_and_normals(index, width, height)[1]
         path = self._file("normals", frame.name)
         again = "a map of normals is a PNG of (n + 1) * 127.5, black where unknown"
         stored = decoded(read_bytes(path), path, cv2.IMREAD_COLOR, what="a map of normals", then=again)[..., ::-1]
@@ -83,7 +83,7 @@ class FrameTruth:
         there = (sized.max(axis=-1, keepdims=True) > 0) & (np.abs(length - 1) < 0.1)
         return np.where(there, found / np.maximum(length, 1e-6), 0).astype(np.float32)
 
-    def _said(self, index: int, width: int, height: int) -> tuple[NDArray[np.uint8], NDArray[np.float32]]:
+    def _labels_and_normals(self, index: int, width: int, height: int) -> tuple[NDArray[np.uint8], NDArray[np.float32]]:
         """Labels and normals from the point cloud, see CloudLabels.of. Raises InputError."""
         assert self.labels is not None
         frame = self.project.need_capture().frames[index]

@@ -88,7 +88,7 @@ def covered_areas(
     return (float(whole[0]), float(whole[1])), (float(shown[0]), float(shown[1]))
 
 
-def climbing(graph: NavGraph, maps: StoreyMaps, keys: list[tuple[str, str]]) -> list[tuple[str, str]]:
+def edges_between_storeys(graph: NavGraph, maps: StoreyMaps, keys: list[tuple[str, str]]) -> list[tuple[str, str]]:
     """The edges that lead from one storey to another."""
     sides = [maps.nearest(places_of(graph, [key[side] for key in keys])[1]) for side in (0, 1)]
     return [key for key, a, b in zip(keys, *sides, strict=True) if a != b]
@@ -253,7 +253,7 @@ def _seen(covered: NDArray[np.bool_], known: NDArray[np.bool_], occupancy: Occup
 def _on_stairs(
     graph: NavGraph, maps: StoreyMaps, edges: dict[tuple[str, str], bool], edges_robot: dict[tuple[str, str], bool]
 ) -> dict[str, float | int]:
-    between = climbing(graph, maps, list(edges))
+    between = edges_between_storeys(graph, maps, list(edges))
     return {
         "storeys": len(maps.storeys),
         "stair_edges": len(between),

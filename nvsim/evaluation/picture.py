@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from nvsim.evaluation.graph import judge, places_of
 from nvsim.figures import save_figure
-from nvsim.graph.exports.picture import KEYS, TRAJECTORY, Area, Key, draw_areas, extent, grouped
+from nvsim.graph.exports.picture import KEYS, TRAJECTORY, LegendRow, MapArea, draw_areas, extent, grouped
 from nvsim.graph.types import NavGraph
 from nvsim.occupancy.storeys import StoreyMaps
 from nvsim.occupancy.types import OccupancyMap
@@ -18,8 +18,8 @@ from nvsim.occupancy.types import OccupancyMap
 _KEYS = {
     "edge": replace(KEYS["step"], words="edges"),
     **{name: KEYS[name] for name in ("merge", "start", "node")},
-    "bad": Key("outside free cells", "#dc2828"),
-    "walk": Key("trajectory", TRAJECTORY, ""),
+    "bad": LegendRow("outside free cells", "#dc2828"),
+    "walk": LegendRow("trajectory", TRAJECTORY, ""),
 }
 _MARGIN = 0.5  # meters
 
@@ -76,7 +76,7 @@ def _area(
     edges: list[tuple[str, str]],
     occupancy: OccupancyMap | None,
     walk: NDArray[np.floating],
-) -> Area:
+) -> MapArea:
     places = np.array([graph.viewpoints[id].position[:2] for id in ids], np.float64).reshape(-1, 2)
     low, high = extent(occupancy, np.concatenate([walk[:, :2], places]), _MARGIN) or (np.zeros(2), np.ones(2))
-    return Area(low, high, ids, edges, occupancy, walk)
+    return MapArea(low, high, ids, edges, occupancy, walk)

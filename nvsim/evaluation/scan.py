@@ -20,7 +20,7 @@ from nvsim.geometry.directions import HEIGHT, STEP, VFOV, VIEWS, WIDTH, heading_
 from nvsim.graph.types import NavGraph
 from nvsim.project.project import Project
 from nvsim.project.work import missing_result_error
-from nvsim.r2r.observations.growing import PlacesSeen
+from nvsim.r2r.observations.incremental_surround import PlacesSeen
 from nvsim.render.model import render_model
 from nvsim.splats.types import SubmapModel
 
@@ -78,13 +78,13 @@ def straight_view(model: SubmapModel, camera: Camera) -> NDArray[np.float32]:
     for top in range(0, k.height, _PATCH):
         for left in range(0, k.width, _PATCH):
             part = rays[_FINER * top : _FINER * (top + _PATCH), _FINER * left : _FINER * (left + _PATCH)]
-            patch = _along(model, camera, part)
+            patch = _colors_along_rays(model, camera, part)
             size = part.shape[1] // _FINER, part.shape[0] // _FINER
             image[top : top + _PATCH, left : left + _PATCH] = cv2.resize(patch, size, interpolation=cv2.INTER_AREA)
     return image
 
 
-def _along(model: SubmapModel, camera: Camera, rays: NDArray[np.float32]) -> NDArray[np.float32]:
+def _colors_along_rays(model: SubmapModel, camera: Camera, rays: NDArray[np.float32]) -> NDArray[np.float32]:
     """(h, w, 3) colors along `rays` (h, w, 3), from one render whose axis is their mean direction."""
     ahead = rays.reshape(-1, 3).mean(axis=0, dtype=np.float64)
     ahead /= np.linalg.norm(ahead)
@@ -131,12 +131,14 @@ def evaluate_scan(
     result["edges"], result["edges_out_of_reach"] = len(files.graph.edges), len(unreached)
     problems += [f"No view of {a} offers the edge to {b}." for a, b in unreached]
     if not problems:
-        problems += _look(files, project, views, result, listen)
+        problems += _check_images(files, project, views, result, listen)
     result["problems"] = problems
     return result
 
 
-def _look(files: ScanFiles, project: Project | None, views: int, result: dict[str, Any], listen: Listener) -> list[str]:
+def _check_images(
+    files: ScanFiles, project: Project | None, views: int, result: dict[str, Any], listen: Listener
+) -> list[str]:
     """Adds the metrics that need images; returns the problems."""
     problems = []
     chosen = files.viewpoints[:: max(1, len(files.viewpoints) // _STRIPS)]

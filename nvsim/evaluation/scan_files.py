@@ -27,7 +27,7 @@ from nvsim.graph.connectivity import SUFFIX, cut_off, read_connectivity, read_sc
 from nvsim.graph.types import NavGraph
 from nvsim.r2r.observations.export import GRAPH, PLANS, UNSEEN
 from nvsim.r2r.observations.layout import ScanPlaces, jpeg
-from nvsim.r2r.observations.record import Part, part_of, read_manifest
+from nvsim.r2r.observations.record import FinishedPart, part_of, read_manifest
 from nvsim.r2r.observations.skybox import focal_of, read_depth, skybox_of
 from nvsim.r2r.observations.surround import draw_surround
 from nvsim.splats import harmonics
@@ -51,7 +51,7 @@ class ScanFiles:
         self.places = places
         self.settings: dict[str, Any] = manifest.get("settings", {})
         try:
-            self.parts: dict[str, Part] = {name: part_of(data) for name, data in manifest["parts"].items()}
+            self.parts: dict[str, FinishedPart] = {name: part_of(data) for name, data in manifest["parts"].items()}
             self.size, self.quality = int(self.settings["size"]), int(self.settings["quality"])
         except (KeyError, TypeError, ValueError, AttributeError, OverflowError) as error:
             raise InputError(f"{places.manifest} is damaged; export the scan again.") from error
@@ -80,14 +80,14 @@ class ScanFiles:
             if v.included and v.id not in drawn:
                 found.append(f"Viewpoint {v.id} is in the graph but has no images.")
         for part in self.parts.values():
-            found += filter(None, (self._wrong(name, *known) for name, known in part.files.items()))
+            found += filter(None, (self._file_problem(name, *known) for name, known in part.files.items()))
         return found + [problem for id in self.viewpoints for problem in self._unreadable(id)]
 
     def strip(self, viewpoint: str) -> NDArray[np.uint8]:
         """(S, 6 S, 3) uint8, the strip of a viewpoint. Raises InputError if it has another size or cannot be read."""
         return decode(self.places.strip(viewpoint), (6 * self.size, self.size))
 
-    def _wrong(self, name: str, size: int, digest: str) -> str | None:
+    def _file_problem(self, name: str, size: int, digest: str) -> str | None:
         path = self.places.root / name
         try:
             data = read_bytes(path)
@@ -198,7 +198,7 @@ def _rays(side: int, offset: float) -> NDArray[np.float64]:
     return np.asarray(local[None] @ (camera_pose(np.zeros(3), 0.0)[:3, :3] @ face_axes()).swapaxes(-1, -2)[:, None])
 
 
-def compass() -> SubmapModel:
+def direction_model() -> SubmapModel:
     """A model without Gaussians whose background color along a direction (x, y, z) is half the direction plus 0.5."""
     first = harmonics.basis(np.eye(3), 1)[:, 1:]  # (3, 3) the functions of degree 1 along x, y and z
     rest = np.zeros((24, 3), np.float32)
@@ -220,7 +220,7 @@ def compass() -> SubmapModel:
 def direction_errors(side: int, quality: int) -> dict[str, dict[str, float]]:
     """Face -> degrees. `turned` is the rotation of the whole face (best fit). `mean` is the mean error of its pixels,
     of which 8 bits and JPEG alone cause 0.1 to 0.2."""
-    model = compass()
+    model = direction_model()
     skybox = skybox_of(draw_surround(model, _HERE, focal_of(side)), model.floor, side)
     data = np.frombuffer(jpeg(skybox.colour, quality, whole_chroma=True), np.uint8)
     strip = np.asarray(cv2.imdecode(data, cv2.IMREAD_COLOR))[..., ::-1]

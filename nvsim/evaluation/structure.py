@@ -12,7 +12,7 @@ from types import MappingProxyType
 import numpy as np
 from numpy.typing import NDArray
 
-from nvsim.graph.paths import Ways
+from nvsim.graph.paths import PathGraph
 from nvsim.graph.structure import evenly_spaced_rows
 from nvsim.graph.types import NavGraph
 from nvsim.occupancy.geodesic import Geodesics
@@ -108,16 +108,18 @@ class MapPaths:
     def lengths(self, sources: NDArray[np.int64], ends: NDArray[np.int64]) -> Float64:
         """(S, E) meters of the shortest paths from the places `sources` (S,) to `ends` (E,), infinite if there is none.
         Paths are on one storey or use stairs through their centers."""
-        found = np.array([self._from(self.places[s], int(self.storeys[s]), ends) for s in sources])
+        found = np.array([self._meters_from_place(self.places[s], int(self.storeys[s]), ends) for s in sources])
         found = found.reshape(len(sources), len(ends))
         if not self.maps.stairs:
             return found
         stairs, between = self.maps.stairs, self._between_stairs()
-        to_ends, to_sources = (np.array([self._to(stair, rows) for stair in stairs]) for rows in (ends, sources))
+        to_ends, to_sources = (
+            np.array([self._meters_to_stair(stair, rows) for stair in stairs]) for rows in (ends, sources)
+        )
         over = (to_sources.T[:, :, None] + between).min(axis=1)  # from each source to each stair
         return np.asarray(np.minimum(found, (over[:, :, None] + to_ends[None]).min(axis=1)))
 
-    def _from(self, place: Float64, storey: int, ends: NDArray[np.int64]) -> Float64:
+    def _meters_from_place(self, place: Float64, storey: int, ends: NDArray[np.int64]) -> Float64:
         """(E,) meters from a place (2,) of a storey to those of `ends` on the same storey, infinite to the others."""
         found = np.full(len(ends), np.inf)
         here = self.storeys[ends] == storey
@@ -125,13 +127,13 @@ class MapPaths:
         found[here] = np.where(np.isnan(metres), np.inf, metres)
         return found
 
-    def _to(self, stair: Stair, rows: NDArray[np.int64]) -> Float64:
+    def _meters_to_stair(self, stair: Stair, rows: NDArray[np.int64]) -> Float64:
         """(R,) meters from the center of a stair to places on the storeys that it connects."""
         middle = np.mean(stair.outline, axis=0)
-        sides = [self._from(middle, k, rows) for k in (stair.lower, stair.upper)]
-        return np.minimum(*sides) + self._climb(stair) / 2
+        sides = [self._meters_from_place(middle, k, rows) for k in (stair.lower, stair.upper)]
+        return np.minimum(*sides) + self._extra_stair_length(stair) / 2
 
-    def _climb(self, stair: Stair) -> float:
+    def _extra_stair_length(self, stair: Stair) -> float:
         """Meters by which a stair is longer than its horizontal projection."""
         corners = np.array(stair.outline)
         run = float(np.linalg.norm(corners - np.roll(corners, -1, axis=0), axis=1).max())
@@ -148,7 +150,7 @@ class MapPaths:
                 for k in {one.lower, one.upper} & {other.lower, other.upper}:
                     metres = self._geodesics[k].lengths(middles[i], middles[j][None])[0]
                     if np.isfinite(metres):
-                        climbs = (self._climb(one) + self._climb(other)) / 2
+                        climbs = (self._extra_stair_length(one) + self._extra_stair_length(other)) / 2
                         apart[i, j] = apart[j, i] = min(apart[i, j], metres + climbs)
         for via in range(len(stairs)):
             apart = np.minimum(apart, apart[:, via, None] + apart[via])
@@ -173,12 +175,12 @@ def map_structure(
     These paths are up to 2.8 % too long (`nvsim.occupancy.geodesic.ERROR`), so a detour is too small by up to as much.
     A metric without any pairs is 0.
     """
-    ways = Ways.of(graph)
+    ways = PathGraph.of(graph)
     over = MapPaths.of(occupancy, ways.places[:, :2], ways.floor, robot_radius)
     return {**_near(ways, over), **_detours(ways, over)}
 
 
-def _near(ways: Ways, over: MapPaths) -> dict[str, float | int]:
+def _near(ways: PathGraph, over: MapPaths) -> dict[str, float | int]:
     pairs = _pairs(ways, max(NEAR))
     pairs = pairs[over.straight(pairs)]
     apart = np.linalg.norm(ways.places[pairs[:, 0]] - ways.places[pairs[:, 1]], axis=1)
@@ -196,7 +198,7 @@ def _near(ways: Ways, over: MapPaths) -> dict[str, float | int]:
     return figures
 
 
-def _pairs(ways: Ways, reach: float) -> NDArray[np.int64]:
+def _pairs(ways: PathGraph, reach: float) -> NDArray[np.int64]:
     """(P, 2) rows of viewpoint pairs on one floor that are within reach."""
     from scipy.spatial import cKDTree
 
@@ -206,7 +208,7 @@ def _pairs(ways: Ways, reach: float) -> NDArray[np.int64]:
     return pairs[np.abs(ways.floor[pairs[:, 0]] - ways.floor[pairs[:, 1]]) <= LEVEL]
 
 
-def _detours(ways: Ways, map_paths: MapPaths) -> dict[str, float | int]:
+def _detours(ways: PathGraph, map_paths: MapPaths) -> dict[str, float | int]:
     rows = np.flatnonzero(map_paths.stand())
     fewest, most = _SOURCES
     sources = rows[evenly_spaced_rows(len(rows), int(np.clip(_WORK // max(map_paths.cells, 1), fewest, most)))]

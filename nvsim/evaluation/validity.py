@@ -20,7 +20,16 @@ from typing import Any
 
 from nvsim import __version__
 from nvsim.errors import InputError
-from nvsim.evaluation.ablation_runs import Budget, Row, Run, SharedViews, finished, preset_rows, progress_of_run, run_of
+from nvsim.evaluation.ablation_runs import (
+    AblationRow,
+    Budget,
+    SharedViews,
+    TrainingRun,
+    finished,
+    preset_rows,
+    progress_of_run,
+    run_of,
+)
 from nvsim.evaluation.graph import evaluate_graph
 from nvsim.events import Listener, Log
 from nvsim.files import atomic
@@ -86,7 +95,7 @@ def cells_folder(project: Project) -> Path:
     return project.layout.root / "validity"
 
 
-def kept_cell(project: Project, runs: Sequence[Run], config: MappingConfig) -> StoredMap:
+def kept_cell(project: Project, runs: Sequence[TrainingRun], config: MappingConfig) -> StoredMap:
     """The folder of the map that these models, one per submap, give with `config`."""
     corrected = corrections_key(project, supporting_frames(project))
     program = (__version__, _VERSION)
@@ -96,7 +105,7 @@ def kept_cell(project: Project, runs: Sequence[Run], config: MappingConfig) -> S
 
 def made_cell(
     project: Project,
-    runs: Sequence[Run],
+    runs: Sequence[TrainingRun],
     config: MappingConfig,
     kept: StoredMap,
     known: Sequence[StoredMap],
@@ -165,7 +174,7 @@ class TableConfig:
 
 
 @dataclass(frozen=True, eq=False)
-class Cell:
+class ValidityCell:
     """Metrics of `evaluate_graph` and the build time of one map in seconds. If there is no map, `why` is the reason."""
 
     model: str
@@ -186,7 +195,7 @@ class ValidityTable:
 
     models: tuple[str, ...]
     columns: tuple[Criteria, ...]
-    cells: list[Cell]
+    cells: list[ValidityCell]
     left_out: str
     trained: int
     built: int
@@ -222,7 +231,7 @@ def evaluate_validity(
                 listen(Log(f"Building the map of {row.name} by {' & '.join(criteria)}.", STAGE))
                 made_cell(project, runs[row], mapping, kept, known, listen)
                 built += 1
-            cells.append(_judged(row.name, criteria, kept, occupancy, walk, config.robot_radius, support.at))
+            cells.append(_evaluate_cell(row.name, criteria, kept, occupancy, walk, config.robot_radius, support.at))
             known.append(kept)
     reused = len(cells) - built
     return ValidityTable(
@@ -241,7 +250,9 @@ def with_criteria(config: MappingConfig, criteria: Criteria) -> MappingConfig | 
         return None
 
 
-def _trained(project: Project, rows: Sequence[Row], seed: int, listen: Listener) -> tuple[dict[Row, list[Run]], int]:
+def _trained(
+    project: Project, rows: Sequence[AblationRow], seed: int, listen: Listener
+) -> tuple[dict[AblationRow, list[TrainingRun]], int]:
     """The finished runs of every row, one per submap, and the number of runs that were trained."""
     submaps = project.need_submaps()
     runs = {row: [run_of(project, submap, row.config, seed) for submap in submaps] for row in rows}
@@ -260,14 +271,14 @@ def _trained(project: Project, rows: Sequence[Row], seed: int, listen: Listener)
     return runs, len(todo)
 
 
-def _judged(
+def _evaluate_cell(
     model: str, criteria: Criteria, kept: StoredMap, occupancy: OccupancyMap, walk: Any, robot_radius: float, seen: Any
-) -> Cell:
+) -> ValidityCell:
     graph, report = kept.read()
     if graph is None:
-        return Cell(model, criteria, {}, None, str(report["why"]))
+        return ValidityCell(model, criteria, {}, None, str(report["why"]))
     figures = evaluate_graph(graph, occupancy, walk, robot_radius, seen=seen)
-    return Cell(model, criteria, {**figures, "seconds": report["seconds"]}, graph)
+    return ValidityCell(model, criteria, {**figures, "seconds": report["seconds"]}, graph)
 
 
 def _left_out(wanted: dict[Criteria, MappingConfig | None]) -> str:

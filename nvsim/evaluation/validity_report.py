@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from nvsim.evaluation.picture import draw_graph
 from nvsim.evaluation.table import EMPTY, Column, csv_table, text_table
-from nvsim.evaluation.validity import Cell, ValidityTable
+from nvsim.evaluation.validity import ValidityCell, ValidityTable
 from nvsim.files import atomic
 from nvsim.occupancy.types import OccupancyMap
 
@@ -42,7 +42,7 @@ def text_of(table: ValidityTable) -> str:
     return "\n".join([*parts, *notes, *([table.left_out] if table.left_out else [])]) + "\n"
 
 
-def _counted(cell: Cell, kind: str, suffix: str) -> str:
+def _counted(cell: ValidityCell, kind: str, suffix: str) -> str:
     f, name = cell.figures, f"{kind}_validity{suffix}"
     if not f.get(f"{kind}s"):
         return EMPTY
@@ -69,7 +69,7 @@ def latex_of(table: ValidityTable) -> str:
         "\\toprule",
         " & ".join(["", "\\textbf{Model}", *(f"\\textbf{{{head}}}" for head in heads)]) + " \\\\",
     ]
-    blocks: list[tuple[str, Callable[[Cell], str]]] = [
+    blocks: list[tuple[str, Callable[[ValidityCell], str]]] = [
         ("Node", lambda cell: _latex_cell(cell, "node")),
         ("Edge", lambda cell: _latex_cell(cell, "edge")),
         ("Coverage", lambda cell: f"{100 * cell.figures['coverage']:.1f}"),
@@ -84,7 +84,7 @@ def latex_of(table: ValidityTable) -> str:
     return "\n".join([*lines, "\\bottomrule", "\\end{tabular}"]) + "\n"
 
 
-def _latex_cell(cell: Cell, kind: str) -> str:
+def _latex_cell(cell: ValidityCell, kind: str) -> str:
     f, name = cell.figures, f"{kind}_validity"
     if not f[f"{kind}s"]:
         return "-"

@@ -12,7 +12,7 @@ from collections.abc import Callable, Collection, Iterator
 from pathlib import Path
 
 from nvsim.errors import InputError
-from nvsim.files.opening import NotPlain, stay_inside
+from nvsim.files.opening import NotPlainFile, stay_inside
 
 _REASONS = {
     errno.ENOSPC: "the disk is full; free some space and try again",
@@ -77,7 +77,7 @@ def make_own_folder(path: Path) -> Path:
     """Like `make_folder`, for a folder whose files will be replaced. Raises NotPlain if `path` is a link, so that no
     files elsewhere are replaced."""
     if path.is_symlink():
-        raise NotPlain(f"{path} is a link to a folder, and NVSim replaces no files through links; remove the link.")
+        raise NotPlainFile(f"{path} is a link to a folder, and NVSim replaces no files through links; remove the link.")
     return make_folder(path)
 
 

@@ -17,13 +17,13 @@ _NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)(e[+-]?\d+)?|[+-]?(inf|nan)", re.IG
 
 def csv_text(rows: Iterable[Sequence[object]], by: str = ",") -> str:
     """`rows` as lines of text with the separator `by`, quoted if needed; None is an empty cell."""
-    out = _Lines()
+    out = _LineCollector()
     # Python quotes a line break in a cell only if the line terminator contains it.
     csv.writer(out, delimiter=by, lineterminator="\r\n").writerows([_cell(value) for value in row] for row in rows)
     return "".join(f"{line[:-2]}\n" for line in out.lines)
 
 
-class _Lines:
+class _LineCollector:
     def __init__(self) -> None:
         self.lines: list[str] = []
 

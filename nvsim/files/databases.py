@@ -19,7 +19,7 @@ from typing import Any, TypeVar
 
 from nvsim.errors import InputError
 from nvsim.files.atomic import as_input_error
-from nvsim.files.opening import refuse_stand_in, stay_inside
+from nvsim.files.opening import refuse_placeholder, stay_inside
 
 _SMALLEST = 1024  # bytes; every database of NVSim is larger
 _SUPER = bytes.fromhex("d9d505f920a163d7")  # end of a rollback journal that names another file to delete
@@ -45,7 +45,7 @@ def check_files(path: Path) -> None:
             raise InputError(f"{file} is {what}, and NVSim does not open it; replace it with the file itself.")
         if not suffix and 0 < found.st_size < _SMALLEST:
             # Larger files are not opened: closing a second descriptor would release the locks of SQLite.
-            refuse_stand_in(file)
+            refuse_placeholder(file)
         if suffix == "-journal" and found.st_size >= len(_SUPER):
             with contextlib.suppress(OSError), open(file, "rb") as journal:
                 journal.seek(-len(_SUPER), os.SEEK_END)
@@ -128,11 +128,11 @@ def open_to_read(path: Path) -> GuardedConnection:
     InputError if `path` is not a plain file."""
     check_files(path)
     try:
-        return _tried(path, "mode=ro", GuardedConnection)
+        return _try_open(path, "mode=ro", GuardedConnection)
     except sqlite3.OperationalError:
         wal = path.with_name(path.name + "-wal")
         if not wal.is_file() or wal.stat().st_size == 0:
-            return _tried(path, "mode=ro&immutable=1", Snapshot)
+            return _try_open(path, "mode=ro&immutable=1", Snapshot)
         return _copied(path)
 
 
@@ -146,7 +146,7 @@ def stamp(path: Path) -> tuple[tuple[int, int], ...]:
     return tuple(found)
 
 
-def copied(connection: GuardedConnection) -> Snapshot:
+def copy_to_memory(connection: GuardedConnection) -> Snapshot:
     """A copy of the database in memory, which may be changed. Closes `connection`. Raises sqlite3.Error."""
     memory = Snapshot(":memory:", isolation_level=None, check_same_thread=False)
     memory.path = connection.path
@@ -155,7 +155,7 @@ def copied(connection: GuardedConnection) -> Snapshot:
     return memory
 
 
-def _tried(path: Path, flags: str, kind: type[GuardedConnection]) -> GuardedConnection:
+def _try_open(path: Path, flags: str, kind: type[GuardedConnection]) -> GuardedConnection:
     uri = f"file:{_quoted(path)}?{flags}"
     connection = sqlite3.connect(uri, uri=True, timeout=30, isolation_level=None, check_same_thread=False, factory=kind)
     connection.path = path

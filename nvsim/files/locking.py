@@ -12,7 +12,7 @@ from nvsim.files.atomic import as_input_error
 from nvsim.files.opening import plain_file
 
 
-class Held(InputError):
+class AlreadyLocked(InputError):
     """Another process holds the lock."""
 
 
@@ -34,7 +34,7 @@ class WriterLock:
         except BlockingIOError as error:
             holder = os.pread(descriptor, 32, 0).decode(errors="replace").strip() or "unknown"
             os.close(descriptor)
-            raise Held(
+            raise AlreadyLocked(
                 f"{path.parent} is being written by another NVSim process (pid {holder}); wait for it or stop it."
             ) from error
         except OSError as error:

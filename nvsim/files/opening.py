@@ -21,14 +21,14 @@ from pathlib import Path
 from typing import Any
 
 from nvsim.errors import InputError
-from nvsim.files.placeholders import HEAD, stand_in
+from nvsim.files.placeholders import HEAD, placeholder_reason
 from nvsim.files.reading import as_reading_error, reading
 
 PROJECT_DATABASE = "project.db"
 """The file that identifies a project folder."""
 
 
-class NotPlain(InputError):
+class NotPlainFile(InputError):
     """The path is a link, a folder, a pipe or a device and must be a plain file."""
 
 
@@ -49,7 +49,7 @@ def own_file(path: Path, flags: int) -> int:
     first. The target of a link is not touched."""
     try:
         return plain_file(path, flags)
-    except NotPlain:
+    except NotPlainFile:
         stay_inside(path.parent)
         path.unlink()  # fails for a folder with the message of the system
         return os.open(path, flags | os.O_CREAT | os.O_EXCL | os.O_NOFOLLOW | os.O_CLOEXEC, 0o666)
@@ -63,7 +63,7 @@ def stay_inside(folder: Path) -> None:
             continue
         for above in at.parents:
             if (above / PROJECT_DATABASE).is_file() and not at.resolve().is_relative_to(above.resolve()):
-                raise NotPlain(
+                raise NotPlainFile(
                     f"{at} is a link that leads out of the project {above.name}, and NVSim does not write through it. "
                     "Replace the link with the folder itself."
                 )
@@ -85,9 +85,9 @@ def _entries(folder: Path) -> list[Path]:
         return []
 
 
-def _not_plain(path: Path) -> NotPlain:
+def _not_plain(path: Path) -> NotPlainFile:
     what = "a symbolic link" if path.is_symlink() else "not a plain file"
-    return NotPlain(f"{path} is {what}, and NVSim does not write through it; remove it and try again.")
+    return NotPlainFile(f"{path} is {what}, and NVSim does not write through it; remove it and try again.")
 
 
 def open_regular(path: Path, flags: int = os.O_RDONLY) -> int:
@@ -166,7 +166,7 @@ def opened(path: Path) -> Iterator[FileIO]:
     try:
         found = os.fstat(descriptor)
         _refuse_unless_regular(path, found)  # checked again, because the file can be exchanged before it is opened
-        if words := stand_in(os.pread(descriptor, HEAD, 0), found.st_size):
+        if words := placeholder_reason(os.pread(descriptor, HEAD, 0), found.st_size):
             raise InputError(f"{path} {words}.")
     except OSError as error:
         os.close(descriptor)
@@ -178,7 +178,7 @@ def opened(path: Path) -> Iterator[FileIO]:
         yield file
 
 
-def refuse_stand_in(path: Path) -> None:
+def refuse_placeholder(path: Path) -> None:
     """Checks a file before a library opens it by name. A missing file passes. Raises InputError like `opened`."""
     if is_regular(path):
         with opened(path):
@@ -211,14 +211,14 @@ def read_bytes(path: Path, largest: int | None = None) -> bytes:
         if largest is not None and size_of(file) > largest:
             raise InputError(f"{path} has {size_of(file)} bytes, more than {largest}; choose another file.")
         try:
-            return file.read() if largest is None else _up_to(file, largest)
+            return file.read() if largest is None else _read_up_to(file, largest)
         except OSError as error:
             raise as_reading_error(path, error) from error
         except MemoryError as error:
             raise InputError(f"{path} is too large for the memory of this machine; use a smaller file.") from error
 
 
-def _up_to(file: FileIO, most: int) -> bytes:
+def _read_up_to(file: FileIO, most: int) -> bytes:
     # A file of the system (/proc) reports 0 bytes, and a file that is being written grows.
     parts = []
     while most > 0 and (part := file.read(min(most, 1 << 20))):

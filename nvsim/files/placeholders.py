@@ -14,7 +14,7 @@ import re
 from pathlib import Path
 
 HEAD = 512
-"""Bytes of a file that `stand_in` needs."""
+"""Bytes of a file that `placeholder_reason` needs."""
 _LONGEST_POINTER = 1024  # bytes; the specification of Git LFS allows fewer
 _AGAIN = "download the file itself again"
 _POINTERS = (
@@ -38,7 +38,7 @@ _APPLE_MAGIC = (b"\x00\x05\x16\x07", b"\x00\x05\x16\x00")
 _APPLE_PREFIX = "._"
 
 
-def stand_in(head: bytes, size: int) -> str:
+def placeholder_reason(head: bytes, size: int) -> str:
     """The kind of a placeholder and the fix, worded to follow the file name; "" for a usual file.
 
     head  the beginning of the file; `HEAD` bytes are enough

@@ -32,7 +32,7 @@ _LIMITS = {
 Row = tuple[Any, ...]
 
 
-def harden(connection: sqlite3.Connection) -> None:
+def disable_code(connection: sqlite3.Connection) -> None:
     """Disables all code that the file defines, and makes SQLite check each page that it reads. Raises sqlite3.Error."""
     for limit, value in _LIMITS.items():
         connection.setlimit(limit, value)
@@ -121,7 +121,12 @@ def _watching(end: float, raised: list[BaseException]) -> Generator[int, None, N
 
 
 def read(
-    connection: sqlite3.Connection, path: Path, table: str, columns: dict[str, Kind], rest: str = "", given: Row = ()
+    connection: sqlite3.Connection,
+    path: Path,
+    table: str,
+    columns: dict[str, CellType],
+    rest: str = "",
+    given: Row = (),
 ) -> list[Row]:
     """The `columns` of the rows of a table, each cell checked against its kind.
 
@@ -135,16 +140,16 @@ def read(
     with reading_rows(connection, path):
         rows: list[Row] = connection.execute(f"SELECT {', '.join(columns)} FROM {table} {rest}", given).fetchall()
     for number, row in enumerate(rows, 1):
-        if tuple(map(type, row)) == usual and all(map(_fits, kinds, row)):
+        if tuple(map(type, row)) == usual and all(map(_is_of_type, kinds, row)):
             continue
         for name, kind, cell in zip(columns, kinds, row, strict=True):
-            if not (cell is None and kind.optional) and not (type(cell) is kind.usual and _fits(kind, cell)):
+            if not (cell is None and kind.optional) and not (type(cell) is kind.usual and _is_of_type(kind, cell)):
                 where = f"{path}: {name} of row {number} of the table {table}"
-                raise InputError(f"{where} is {_shown(cell)}, not {kind.words}; {_AGAIN}.")
+                raise InputError(f"{where} is {_cell_text(cell)}, not {kind.words}; {_AGAIN}.")
     return rows
 
 
-class Kind:
+class CellType:
     """The required type of a cell, its description in words, and optionally a test of the value."""
 
     def __init__(
@@ -153,23 +158,23 @@ class Kind:
         self.usual, self.words, self.fits, self.optional = usual, words, fits, optional
 
     @property
-    def or_null(self) -> Kind:
-        return Kind(self.usual, f"{self.words} or nothing", self.fits, True)
+    def or_null(self) -> CellType:
+        return CellType(self.usual, f"{self.words} or nothing", self.fits, True)
 
 
-TEXT = Kind(str, "a text")
-NAME = Kind(str, "a text of 1 to 1000 characters", lambda text: 0 < len(text) <= 1000)
-NUMBER = Kind(float, "a finite number", lambda value: abs(value) < 1e12)
-COUNT = Kind(int, "a whole number", lambda value: abs(value) < 1 << 31)
-FLAG = Kind(int, "0 or 1", lambda value: value in (0, 1))
-BLOB = Kind(bytes, "bytes")
+TEXT = CellType(str, "a text")
+NAME = CellType(str, "a text of 1 to 1000 characters", lambda text: 0 < len(text) <= 1000)
+NUMBER = CellType(float, "a finite number", lambda value: abs(value) < 1e12)
+COUNT = CellType(int, "a whole number", lambda value: abs(value) < 1 << 31)
+FLAG = CellType(int, "0 or 1", lambda value: value in (0, 1))
+BLOB = CellType(bytes, "bytes")
 
 
-def _fits(kind: Kind, cell: Any) -> bool:
+def _is_of_type(kind: CellType, cell: Any) -> bool:
     return kind.fits is None or cell is None or kind.fits(cell)
 
 
-def _shown(cell: Any) -> str:
+def _cell_text(cell: Any) -> str:
     if cell is None:
         return "empty"
     if isinstance(cell, bytes):

@@ -19,7 +19,7 @@ from nvsim.capture.masks import decode_mask
 from nvsim.capture.types import MaskFile
 from nvsim.errors import InputError
 from nvsim.footage.sources import is_equirectangular
-from nvsim.footage.views import Views, covered, cut, join
+from nvsim.footage.views import Views, covered_pixels, cut, join
 
 _ROWS = 360  # height of the panoramas that are compared: a pixel is half a degree
 _MOST, _FEWEST = 48, 12  # panoramas that are compared: at most, to bound the memory; at least, for a result
@@ -69,7 +69,7 @@ class PanoramaSamples:
             return None
         below = np.array(self._kept)
         if self._views is not None:
-            below = _continued(below, covered(self._views, _ROWS)[_ROWS // 2 :])
+            below = _continued(below, covered_pixels(self._views, _ROWS)[_ROWS // 2 :])
         carrier = find_carrier(below)
         return None if carrier is None else np.concatenate([np.ones_like(carrier), ~carrier])
 
@@ -77,20 +77,25 @@ class PanoramaSamples:
 def find_carrier(below: NDArray[np.uint8]) -> NDArray[np.bool_] | None:
     """(R, 4R) bool mask of the carrier from the lower halves of gray panoramas `below` (N, R, 4R). None if no carrier
     is found. Pixels below a part of the carrier belong to it."""
-    smooth = np.array([_around(panorama, lambda image: cv2.GaussianBlur(image, (0, 0), _BLUR)) for panorama in below])
+    smooth = np.array(
+        [_change_around_seam(panorama, lambda image: cv2.GaussianBlur(image, (0, 0), _BLUR)) for panorama in below]
+    )
     middle = np.median(smooth, axis=0)
-    low, high = _around(middle, lambda i: cv2.erode(i, _SWAY)), _around(middle, lambda i: cv2.dilate(i, _SWAY))
+    low, high = (
+        _change_around_seam(middle, lambda i: cv2.erode(i, _SWAY)),
+        _change_around_seam(middle, lambda i: cv2.dilate(i, _SWAY)),
+    )
     change = np.percentile(np.maximum(np.maximum(low - smooth, smooth - high), 0), _USUAL, axis=0)
     expected = np.percentile(change, _CALM, axis=1)
     for row in range(1, len(expected)):
         expected[row] = max(expected[row], _FADING * expected[row - 1])
     steady = change < _STEADY * expected[:, None]
     steady[:_HIGHEST] = False
-    steady = _around(steady, lambda image: cv2.morphologyEx(image, cv2.MORPH_CLOSE, _GAP)) > 0
+    steady = _change_around_seam(steady, lambda image: cv2.morphologyEx(image, cv2.MORPH_CLOSE, _GAP)) > 0
     parts = cv2.connectedComponents(np.tile(steady, 2).astype(np.uint8))[1]  # two copies, so that the edges connect
     grounded = np.isin(parts, parts[-1][parts[-1] > 0])
     carrier = np.logical_or.accumulate(np.logical_or(*np.split(grounded, 2, axis=1)), axis=0)
-    carrier = _around(carrier, lambda image: cv2.morphologyEx(image, cv2.MORPH_OPEN, _GAP)) > 0
+    carrier = _change_around_seam(carrier, lambda image: cv2.morphologyEx(image, cv2.MORPH_OPEN, _GAP)) > 0
     weight = np.cos(np.pi / 2 * (np.arange(len(carrier)) + 0.5) / len(carrier))[_HIGHEST:]
     share = float(weight @ carrier[_HIGHEST:].mean(axis=1) / weight.sum())
     return carrier if _LEAST < share < _LARGEST else None
@@ -103,7 +108,7 @@ def _continued(below: NDArray[np.uint8], seen: NDArray[np.bool_]) -> NDArray[np.
     return below[:, rows, np.arange(seen.shape[1])]
 
 
-def _around(image: NDArray[np.generic], change: Callable[[MatLike], MatLike]) -> NDArray[np.float32]:
+def _change_around_seam(image: NDArray[np.generic], change: Callable[[MatLike], MatLike]) -> NDArray[np.float32]:
     """`change` of an image (R, C) whose left and right edges connect and whose last row repeats."""
     wrapped = np.pad(image.astype(np.float32), ((0, 0), (_BORDER, _BORDER)), mode="wrap")
     changed = change(np.pad(wrapped, ((0, _BORDER), (0, 0)), mode="edge"))

@@ -16,7 +16,7 @@ from nvsim.files import atomic
 from nvsim.files.opening import is_regular, read_bytes, read_json
 from nvsim.files.reading import reading
 from nvsim.files.stored_arrays import read_arrays
-from nvsim.footage.choosing import choose_frames, point_positions
+from nvsim.footage.frame_choice import choose_frames, point_positions
 from nvsim.footage.sources import Footage
 
 LONGEST_SIDE = 1280
@@ -55,7 +55,7 @@ class ExtractedFrames:
 
 
 @dataclass(frozen=True)
-class Moment:
+class VideoMoment:
     """Position of a chosen frame in its video.
 
     clip     index of the video
@@ -68,7 +68,7 @@ class Moment:
     seconds: float
 
 
-def read_moments(folder: Path) -> dict[str, Moment]:
+def read_moments(folder: Path) -> dict[str, VideoMoment]:
     """The moments of video frames in `folder`, by file name ("0_000012.jpg"). Empty if the folder has no list of
     frames. Raises InputError if the list is damaged."""
     path = folder / _LIST
@@ -80,7 +80,7 @@ def read_moments(folder: Path) -> dict[str, Moment]:
         names = [str(name) for name in listed["names"]]
         seconds = [float(s) for s in listed.get("seconds", [np.nan] * len(names))]
         return {
-            name: Moment(int(clip), int(Path(name).stem.rpartition("_")[2]), at)
+            name: VideoMoment(int(clip), int(Path(name).stem.rpartition("_")[2]), at)
             for name, clip, at in zip(names, listed["clips"], seconds, strict=True)
         }
 

@@ -39,7 +39,7 @@ _LIST = "frames.json"
 
 
 @dataclass(frozen=True, eq=False)
-class Panoramas:
+class ExtractedPanoramas:
     """Panoramas that were chosen and stored as views.
 
     folder     folder of the images: side0/NAME, side1/NAME, ...
@@ -72,7 +72,7 @@ def extract_panoramas(
     folder: Path,
     options: CutOptions | None = None,
     looked_at: Callable[[int, int], None] = lambda done, total: None,
-) -> Panoramas:
+) -> ExtractedPanoramas:
     """Writes the chosen panoramas of `footage` to `folder` as views, and their masks to a folder next to it.
 
     If an earlier run finished them, they are read. Raises InputError for files that cannot be decoded, for sizes that
@@ -137,7 +137,7 @@ def _write_masks(usable: NDArray[np.bool_], views: Views, names: list[str], fold
                 atomic.write_bytes((folder / views.names(name)[k]).with_suffix(".png"), as_png(mask))
 
 
-def _read(folder: Path, wanted: dict[str, object], views: Views) -> Panoramas | None:
+def _read(folder: Path, wanted: dict[str, object], views: Views) -> ExtractedPanoramas | None:
     """The panoramas in `folder` if they belong to the files, the views, and the mask that `wanted` lists."""
     path = folder / _LIST
     with reading(path, "a list of panoramas", "remove the folder and run the command again"):
@@ -151,7 +151,7 @@ def _read(folder: Path, wanted: dict[str, object], views: Views) -> Panoramas | 
         masks = tuple(cut_mask(read_panorama_mask(whole), views)) if whole.is_file() else ()
         clips, blurred = np.array(listed["clips"], np.int64), np.array(listed["blurred"], bool)
         seconds = np.array(listed["seconds"], np.float64)
-        return Panoramas(folder, names, views, clips, seconds, blurred, int(listed["looked_at"]), masks)
+        return ExtractedPanoramas(folder, names, views, clips, seconds, blurred, int(listed["looked_at"]), masks)
 
 
 def _views(footage: Footage, count: int) -> Views:
@@ -274,7 +274,7 @@ class _Chooser:
         before = [frame_without_points(gray) for gray in grays] if first else self._tracked
         self._tracked = [tracked_into(old, gray) for old, gray in zip(before, grays, strict=True)]
         panorama.rays = self._rays()
-        moved, share, shared = self._moved(panorama.rays)
+        moved, share, shared = self._motion_since_chosen(panorama.rays)
         if first:
             yield self._choose(panorama)
             return
@@ -312,7 +312,7 @@ class _Chooser:
             found.update(zip(tracked.ids.tolist(), rays, strict=True))
         return found
 
-    def _moved(self, rays: dict[int, NDArray[np.float64]]) -> tuple[float, float, int]:
+    def _motion_since_chosen(self, rays: dict[int, NDArray[np.float64]]) -> tuple[float, float, int]:
         """Motion of the points of the last chosen panorama, without its rotation: the median in degrees. Also returns
         the share and the number of these points that are still tracked."""
         shared = [i for i in self._anchor if i in rays]

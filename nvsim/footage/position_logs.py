@@ -34,7 +34,7 @@ from nvsim.files.reading import reading
 from nvsim.footage.sources import Footage
 
 if TYPE_CHECKING:
-    from nvsim.footage.extraction import Moment  # decodes images, which the window must not wait for
+    from nvsim.footage.extraction import VideoMoment  # decodes images, which the window must not wait for
 
 ODOMETRY = "odometry.csv"
 AR_ERROR, GPS_ERROR = 0.05, 5.0
@@ -91,7 +91,7 @@ def log_files(footage: Footage) -> tuple[Path, ...]:
     return tuple(reversed(unique.values()))
 
 
-def ar_positions(footage: Footage, moments: Mapping[str, Moment]) -> CameraPositions | None:
+def ar_positions(footage: Footage, moments: Mapping[str, VideoMoment]) -> CameraPositions | None:
     """Positions from the ARKit log next to a single video. None if there is none. Raises InputError if it is
     damaged."""
     path = next((file for file in log_files(footage) if file.name == ODOMETRY), None)
@@ -99,10 +99,10 @@ def ar_positions(footage: Footage, moments: Mapping[str, Moment]) -> CameraPosit
         return None
     log, names = read_odometry(path), tuple(moments)
     places = _places_at(log, np.array([moments[name].frame for name in names], np.float64))
-    return _known(f"the ARKit log {path.name}", False, names, places, AR_ERROR)
+    return _located_positions(f"the ARKit log {path.name}", False, names, places, AR_ERROR)
 
 
-def gps_positions(footage: Footage, moments: Mapping[str, Moment]) -> CameraPositions | None:
+def gps_positions(footage: Footage, moments: Mapping[str, VideoMoment]) -> CameraPositions | None:
     """Positions from the GPS of photos, or from the tracks next to videos. None if there are none.
 
     `moments` are those of a video. Raises InputError if a file is damaged, or if a track does not match the duration of
@@ -126,7 +126,7 @@ def gps_positions(footage: Footage, moments: Mapping[str, Moment]) -> CameraPosi
     if not tracks:
         return None
     source = f"the GPS track {tracks[0]}" if len(tracks) == 1 else f"{len(tracks)} GPS tracks"
-    return _known(source, True, names, local_meters(degrees), GPS_ERROR)
+    return _located_positions(source, True, names, local_meters(degrees), GPS_ERROR)
 
 
 def local_meters(degrees: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -333,10 +333,10 @@ def _of_photographs(footage: Footage) -> CameraPositions | None:
         return None
     error = float(np.median(errors)) if errors else GPS_ERROR
     source = f"GPS of {len(names) // 2} photographs"
-    return _known(source, True, tuple(names), local_meters(np.array(degrees)), error)
+    return _located_positions(source, True, tuple(names), local_meters(np.array(degrees)), error)
 
 
-def _known(
+def _located_positions(
     source: str, is_gps: bool, names: tuple[str, ...], places: NDArray[np.float64], error: float
 ) -> CameraPositions:
     """The positions without images that have none."""

@@ -80,7 +80,7 @@ def tracked_into(before: TrackedFrame, gray: NDArray[np.uint8], steps: int = 1) 
         return frame_without_points(gray)
     clearest = before.places[np.argsort(-before.clear, kind="stable")[:_CLEAREST]]
     motion = np.linalg.matrix_power(before.motion, steps)
-    found, good = _flow(before.gray, gray, clearest, _after(clearest, motion), _LEVELS)
+    found, good = _flow(before.gray, gray, clearest, _apply_homography(clearest, motion), _LEVELS)
     if good.sum() < 0.5 * len(clearest):
         still, good_still = _flow(before.gray, gray, clearest, clearest, _LEVELS)
         if good_still.sum() > good.sum():
@@ -88,9 +88,9 @@ def tracked_into(before: TrackedFrame, gray: NDArray[np.uint8], steps: int = 1) 
     homography = _homography(clearest[good], found[good])
     if homography is None:
         homography = np.eye(3)
-        found, good = _flow(before.gray, gray, before.places, _after(before.places, motion), _LEVELS)
+        found, good = _flow(before.gray, gray, before.places, _apply_homography(before.places, motion), _LEVELS)
     else:
-        found, good = _flow(before.gray, gray, before.places, _after(before.places, homography), 1)
+        found, good = _flow(before.gray, gray, before.places, _apply_homography(before.places, homography), 1)
     strength = cv2.cornerMinEigenVal(gray, 5)
     x, y = np.rint(found[good]).astype(int).T
     return TrackedFrame(gray, before.ids[good], found[good], np.asarray(strength[y, x], np.float32), homography)
@@ -107,7 +107,7 @@ def _homography(places: NDArray[np.float32], found: NDArray[np.float32]) -> NDAr
     return None if motion is None else np.asarray(motion, np.float64)
 
 
-def _after(places: NDArray[np.float32], motion: NDArray[np.float64]) -> NDArray[np.float32]:
+def _apply_homography(places: NDArray[np.float32], motion: NDArray[np.float64]) -> NDArray[np.float32]:
     """Positions `places` (N, 2) after a homography."""
     return np.asarray(cv2.perspectiveTransform(places[:, None].astype(np.float64), motion)[:, 0], np.float32)
 

@@ -94,7 +94,7 @@ def join(images: Sequence[NDArray[np.uint8]], views: Views, height: int) -> NDAr
     return panorama
 
 
-def covered(views: Views, height: int) -> NDArray[np.bool_]:
+def covered_pixels(views: Views, height: int) -> NDArray[np.bool_]:
     """(height, 2 * height) bool, the pixels of an equirectangular image that a view shows."""
     return np.any([x >= 0 for x, _ in _inverse_maps(height, views)], axis=0)
 

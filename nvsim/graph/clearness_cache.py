@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from nvsim.graph.quantities import clearness
-from nvsim.graph.touched import touched_between
+from nvsim.graph.touched_elements import touched_between
 from nvsim.graph.types import EdgeKey, NavGraph
 
 STRIDE = 64  # edges that `fill` computes between two yields

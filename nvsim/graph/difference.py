@@ -15,7 +15,7 @@ from typing import Any, TypeVar, cast
 
 from nvsim.graph.edits.change import copied
 from nvsim.graph.store import encode_evidence
-from nvsim.graph.touched import Touched, remember, touched_between
+from nvsim.graph.touched_elements import TouchedElements, remember, touched_between
 from nvsim.graph.types import Edge, EdgeKey, Evidence, EvidenceKey, NavGraph, Viewpoint
 
 K = TypeVar("K", bound=Hashable)
@@ -45,12 +45,12 @@ def difference(before: NavGraph, after: NavGraph) -> Difference:
     if touched is None:
         return Difference(*_compare(before.viewpoints, after.viewpoints), *_compare(before.edges, after.edges))
     return Difference(
-        *_among(touched.viewpoints, before.viewpoints, after.viewpoints),
-        *_among(touched.edges, before.edges, after.edges),
+        *_changed_names(touched.viewpoints, before.viewpoints, after.viewpoints),
+        *_changed_names(touched.edges, before.edges, after.edges),
     )
 
 
-def _among(names: Iterable[K], before: Mapping[K, Any], after: Mapping[K, Any]) -> _Parts:
+def _changed_names(names: Iterable[K], before: Mapping[K, Any], after: Mapping[K, Any]) -> _Parts:
     """Return the added, removed and changed names if only `names` can differ."""
     added, removed, changed = [], [], []
     for name in names:
@@ -112,7 +112,7 @@ V = TypeVar("V")
 
 
 @dataclass(frozen=True, eq=False)
-class Delta:
+class GraphDelta:
     """Elements to put and names to drop. Elements are added at the end, or replaced in place.
 
     viewpoints, edges, evidence           elements to put
@@ -135,7 +135,7 @@ class Delta:
     whole: NavGraph | None = None
 
 
-def delta_between(before: NavGraph, after: NavGraph) -> Delta:
+def delta_between(before: NavGraph, after: NavGraph) -> GraphDelta:
     """Return the delta that turns `before` into `after`."""
     touched = touched_between(before, after)
     viewpoints = _parts(before.viewpoints, after.viewpoints, touched.viewpoints if touched is not None else None)
@@ -144,15 +144,15 @@ def delta_between(before: NavGraph, after: NavGraph) -> Delta:
     ignored = None if before.ignored is after.ignored else after.ignored
     scan = None if before.scan == after.scan else after.scan
     orders = viewpoints[2], edges[2], evidence[2]
-    return Delta(viewpoints[0], edges[0], evidence[0], viewpoints[1], edges[1], evidence[1], ignored, scan, orders)
+    return GraphDelta(viewpoints[0], edges[0], evidence[0], viewpoints[1], edges[1], evidence[1], ignored, scan, orders)
 
 
-def folded(graph: NavGraph, deltas: Sequence[Delta]) -> NavGraph:
+def apply_deltas(graph: NavGraph, deltas: Sequence[GraphDelta]) -> NavGraph:
     """Return the graph after all of `deltas`. The graph is copied only once, even for many deltas."""
     for last in range(len(deltas) - 1, -1, -1):
         whole = deltas[last].whole
         if whole is not None:
-            return folded(whole, deltas[last + 1 :])
+            return apply_deltas(whole, deltas[last + 1 :])
     if not deltas:
         return graph
     viewpoints, edges, evidence = copied(graph.viewpoints), copied(graph.edges), copied(graph.evidence)
@@ -173,7 +173,7 @@ def folded(graph: NavGraph, deltas: Sequence[Delta]) -> NavGraph:
         next((d.ignored for d in reversed(deltas) if d.ignored is not None), graph.ignored),
     )
     if not any(turned):  # the note guarantees an unchanged order
-        remember(after, graph, Touched(tuple(touched[0]), tuple(touched[1]), tuple(touched[2])))
+        remember(after, graph, TouchedElements(tuple(touched[0]), tuple(touched[1]), tuple(touched[2])))
     return after
 
 
@@ -208,7 +208,7 @@ def _parts(
     if before is after:
         return (), (), ()
     if touched is None:
-        put = {name: value for name, value in after.items() if not _same(before.get(name), value)}
+        put = {name: value for name, value in after.items() if not _is_equal(before.get(name), value)}
         dropped = tuple(name for name in before if name not in after)
         gone = set(dropped)
         order = [name for name in before if name not in gone] + [name for name in put if name not in before]
@@ -223,7 +223,7 @@ def _parts(
     return tuple(after[name] for name in (*inside, *end)), dropped, ()
 
 
-def _same(one: object, other: object) -> bool:
+def _is_equal(one: object, other: object) -> bool:
     """Whether two values are equal. A graph that was read again from disk consists of other objects."""
     if one is other or not (isinstance(one, Evidence) and isinstance(other, Evidence)):
         return one == other
@@ -245,7 +245,7 @@ def _runs(names: Sequence[Key], wanted: Sequence[Key]) -> Runs:
     return tuple(runs)
 
 
-def check_steps(base: NavGraph, deltas: Iterable[Delta]) -> None:
+def check_steps(base: NavGraph, deltas: Iterable[GraphDelta]) -> None:
     """Check all steps in order. Raises ValueError that names the first inconsistent step."""
     viewpoints, edges, evidence = set(base.viewpoints), set(base.edges), set(base.evidence)
     degrees = Counter(end for key in edges for end in key)

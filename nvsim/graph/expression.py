@@ -15,7 +15,7 @@ import numpy as np
 
 from nvsim.errors import shown
 from nvsim.graph.edits.change import EditError
-from nvsim.graph.quantities import EDGES, VIEWPOINTS, Kind, Known, Values, quantity
+from nvsim.graph.quantities import EDGES, VIEWPOINTS, Kind, QuantityInputs, Values, quantity
 from nvsim.graph.selection import NOTHING, GraphSelection
 from nvsim.graph.types import NavGraph
 
@@ -36,7 +36,9 @@ _ARITHMETIC: Mapping[type[ast.operator], Callable[[Any, Any], Any]] = {
 _LONGEST = 2000  # maximum characters of an expression
 
 
-def by_expression(graph: NavGraph, text: str, known: Known | None = None, kind: Kind | None = None) -> GraphSelection:
+def by_expression(
+    graph: NavGraph, text: str, known: QuantityInputs | None = None, kind: Kind | None = None
+) -> GraphSelection:
     """Return the viewpoints and edges for which an expression is true.
 
     The quantities in the expression determine the kind. Viewpoints are selected if all quantities exist for viewpoints,

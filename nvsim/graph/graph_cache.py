@@ -6,7 +6,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 from typing import Any
 
-from nvsim.graph.difference import Delta, delta_between, folded
+from nvsim.graph.difference import GraphDelta, apply_deltas, delta_between
 from nvsim.graph.types import NavGraph
 
 # Budget in bytes for mappings that steps do not share. A larger budget would also slow down Python's garbage collector.
@@ -18,8 +18,8 @@ _STRIDE = 32  # if a distant graph is rebuilt, the graph this many steps earlier
 class GraphCache:
     """Holds one graph per step, numbered from 0."""
 
-    def __init__(self, graph: NavGraph, deltas: Iterable[Delta] = (), budget: int = _BUDGET) -> None:
-        self._deltas = [Delta(), *deltas]  # [i] leads from the graph of step i - 1 to that of step i
+    def __init__(self, graph: NavGraph, deltas: Iterable[GraphDelta] = (), budget: int = _BUDGET) -> None:
+        self._deltas = [GraphDelta(), *deltas]  # [i] leads from the graph of step i - 1 to that of step i
         self._kept: dict[int, NavGraph] = {0: graph}  # in order of use, the most recent at the end
         self._bytes: dict[int, int] = {}
         self._budget = budget
@@ -43,7 +43,7 @@ class GraphCache:
         rebuilt."""
         return max((i for i, kept in self._kept.items() if kept is graph), default=None)
 
-    def put(self, index: int, before: NavGraph, after: NavGraph) -> Delta:
+    def put(self, index: int, before: NavGraph, after: NavGraph) -> GraphDelta:
         """Store step `index`, which leads from `before`, the graph of the previous step, to `after`. Later steps are
         deleted. Returns the delta of the step."""
         delta = delta_between(before, after)
@@ -59,16 +59,16 @@ class GraphCache:
         start = max(i for i in self._kept if i < index)
         graph = self._kept[start]
         if index - start > 2 * _STRIDE:
-            halfway = folded(graph, self._deltas[start + 1 : index - _STRIDE + 1])
+            halfway = apply_deltas(graph, self._deltas[start + 1 : index - _STRIDE + 1])
             self._keep(index - _STRIDE, graph, halfway)
             start, graph = index - _STRIDE, halfway
-        made = folded(graph, self._deltas[start + 1 : index + 1])
+        made = apply_deltas(graph, self._deltas[start + 1 : index + 1])
         self._keep(index, graph, made)
         return made
 
     def _keep(self, index: int, before: NavGraph, graph: NavGraph) -> None:
         self._kept[index] = graph
-        self._bytes[index] = sum(_ENTRY * len(own) for own in _own(before, graph))
+        self._bytes[index] = sum(_ENTRY * len(own) for own in _unshared_mappings(before, graph))
         used = sum(self._bytes.values())
         for oldest in [i for i in self._kept if i not in (0, index)]:
             if used <= self._budget:
@@ -77,7 +77,7 @@ class GraphCache:
             del self._kept[oldest]
 
 
-def _own(before: NavGraph, graph: NavGraph) -> list[Mapping[Any, Any]]:
+def _unshared_mappings(before: NavGraph, graph: NavGraph) -> list[Mapping[Any, Any]]:
     """Return the mappings of `graph` that it does not share with `before`."""
     mappings: list[Mapping[Any, Any]] = []
     for name in ("viewpoints", "edges", "evidence"):

@@ -7,11 +7,11 @@ from collections.abc import Callable, Collection
 from dataclasses import dataclass, replace
 from typing import Any, Protocol
 
-from nvsim.graph.difference import Delta
+from nvsim.graph.difference import GraphDelta
 from nvsim.graph.edits.change import EditError
 from nvsim.graph.graph_cache import GraphCache
 from nvsim.graph.selection import NOTHING, GraphSelection, existing_part
-from nvsim.graph.touched import shorten
+from nvsim.graph.touched_elements import shorten_note
 from nvsim.graph.types import EdgeKey, NavGraph
 
 SHOWN = 8
@@ -63,7 +63,7 @@ class Recorder(Protocol):
     @property
     def refusal(self) -> str | None: ...
 
-    def put(self, index: int, step: Step, delta: Delta) -> None:
+    def put(self, index: int, step: Step, delta: GraphDelta) -> None:
         """Record step `index` (1 and up) with its delta from the previous step. Later steps are removed."""
 
     def amend(self, index: int, step: Step) -> None:
@@ -187,7 +187,7 @@ class History:
         )
         if merged:
             earlier = self._graphs[self._index - 1]
-            shorten(graph, earlier)
+            shorten_note(graph, earlier)
             self._index -= 1
         else:
             earlier = before

@@ -18,11 +18,11 @@ from typing import Any
 
 from nvsim.errors import InputError
 from nvsim.files.databases import check_files
-from nvsim.files.locking import Held, WriterLock
-from nvsim.graph.difference import Delta, check_steps
+from nvsim.files.locking import AlreadyLocked, WriterLock
+from nvsim.graph.difference import GraphDelta, check_steps
 from nvsim.graph.graph_cache import GraphCache
 from nvsim.graph.history import History, Step
-from nvsim.graph.journal_file import JournalFile, Newer, Written
+from nvsim.graph.journal_file import JournalContent, JournalFile, NewerJournal
 from nvsim.graph.journal_rows import encode_delta, encode_selection, fingerprint
 from nvsim.graph.selection import NOTHING, existing_part
 from nvsim.graph.types import NavGraph
@@ -68,7 +68,7 @@ class Journal:
         self._wake = threading.Event()
         self._writer: threading.Thread | None = None
         self._closed = False
-        self._pending: dict[int, tuple[Step, Delta | None]] = {}
+        self._pending: dict[int, tuple[Step, GraphDelta | None]] = {}
         self._cut: int | None = None
         self._marks: dict[str, Any] = {}
         self._base: NavGraph | None = None  # to be written with the first step
@@ -86,7 +86,7 @@ class Journal:
         name = path.parent.name if not plain else path.name.removeprefix(".").removesuffix(".edits")
         try:
             return Journal(path, WriterLock(lock_path), None, plain)
-        except Held:
+        except AlreadyLocked:
             why, busy = "is being edited in another window; here it", True
         except InputError as error:
             why, busy = f"cannot be edited ({str(error).rstrip('.')}); it", False
@@ -140,7 +140,7 @@ class Journal:
 
     # Recorder of the history ------------------------------------------------------------------------------------
 
-    def put(self, index: int, step: Step, delta: Delta) -> None:
+    def put(self, index: int, step: Step, delta: GraphDelta) -> None:
         with self._state:
             for later in [i for i in self._pending if i >= index]:
                 del self._pending[later]
@@ -208,12 +208,12 @@ class Journal:
         try:
             if self.refusal is None:
                 self.flush()
-                if not self._done_with:
+                if not self._is_deleted_on_close:
                     self._file.trim(KEPT_STEPS, KEPT_BYTES)
         finally:
             self._file.close()
             if self._lock is not None:
-                if self._done_with:
+                if self._is_deleted_on_close:
                     self._file.remove()
                 self._lock_path.unlink(missing_ok=True)
                 self._lock.release()
@@ -225,7 +225,7 @@ class Journal:
         self.close()
 
     @property
-    def _done_with(self) -> bool:
+    def _is_deleted_on_close(self) -> bool:
         """Whether closing deletes the journal."""
         return self._plain and (self._history is None or self._history.clean)
 
@@ -233,7 +233,7 @@ class Journal:
     def _lock_path(self) -> Path:
         return self.path.with_name(f"{self.path.name}.lock")
 
-    def _keep(self, pending: dict[int, tuple[Step, Delta | None]], cut: int | None, marks: dict[str, Any]) -> None:
+    def _keep(self, pending: dict[int, tuple[Step, GraphDelta | None]], cut: int | None, marks: dict[str, Any]) -> None:
         """Put unwritten steps back, below newer ones."""
         with self._state:
             newer = self._cut
@@ -266,7 +266,7 @@ class Journal:
         except InputError as error:
             self.trouble = str(error)  # the journal keeps its length; the next step reports a full disk as well
 
-    def _read(self) -> Written | None:
+    def _read(self) -> JournalContent | None:
         try:
             if self.refusal is None:
                 self._trim()
@@ -274,7 +274,7 @@ class Journal:
             if written is not None:
                 check_steps(written.base, (delta for _, delta in written.steps))
             return written
-        except Newer:
+        except NewerJournal:
             raise
         except (
             *(InputError, sqlite3.Error, ValueError, KeyError, TypeError, IndexError, EOFError),

@@ -16,8 +16,8 @@ from typing import Any
 from nvsim.errors import InputError
 from nvsim.files.atomic import make_folder
 from nvsim.files.databases import check_files, make_file, open_to_read, sqlite_error
-from nvsim.files.tables import BLOB, COUNT, NUMBER, TEXT, check_schema, harden, read, reading_rows
-from nvsim.graph.difference import Delta, folded
+from nvsim.files.tables import BLOB, COUNT, NUMBER, TEXT, check_schema, disable_code, read, reading_rows
+from nvsim.graph.difference import GraphDelta, apply_deltas
 from nvsim.graph.history import Step
 from nvsim.graph.journal_rows import decode_delta, decode_selection
 from nvsim.graph.store import decode_graph, encode_graph
@@ -49,12 +49,12 @@ def _kind(step: Step) -> int:
     return _OUTSIDE if step.outside else int(step.edit)
 
 
-class Newer(InputError):
+class NewerJournal(InputError):
     """A newer version of NVSim wrote the file."""
 
 
 @dataclass(frozen=True)
-class Written:
+class JournalContent:
     """The content of a journal.
 
     base    the first graph
@@ -67,7 +67,7 @@ class Written:
 
     base: NavGraph
     begun: float
-    steps: list[tuple[Step, Delta]]
+    steps: list[tuple[Step, GraphDelta]]
     index: int
     clean: int
     saved: str
@@ -128,7 +128,7 @@ class JournalFile:
             self._undo(connection)
             raise sqlite_error(self.path, error) from error
 
-    def read(self) -> Written | None:
+    def read(self) -> JournalContent | None:
         """Return the content of the journal; None if nothing is written. Raises sqlite3.DatabaseError, ValueError,
         KeyError, TypeError or IndexError if the file is damaged, and Newer if a later version wrote it."""
         if not self.exists:
@@ -139,7 +139,9 @@ class JournalFile:
             self.exists = False
             return None
         if version > _VERSION:
-            raise Newer(f"The history of edits {self.path} was written by a newer NVSim; update NVSim to continue it.")
+            raise NewerJournal(
+                f"The history of edits {self.path} was written by a newer NVSim; update NVSim to continue it."
+            )
         check_schema(connection, self.path, _SCHEMA)
         bases = read(connection, self.path, "base", {"graph": BLOB, "at": NUMBER}, "LIMIT 1")
         if not bases:
@@ -147,7 +149,7 @@ class JournalFile:
         blob, begun = bases[0]
         with reading_rows(connection, self.path):
             marks = dict(connection.execute("SELECT name, value FROM marks LIMIT 100"))
-        steps: list[tuple[Step, Delta]] = []
+        steps: list[tuple[Step, GraphDelta]] = []
         try:
             for number, text, at, edit, merge, operation, selection, delta in read(
                 connection, self.path, "steps", _STEP, "ORDER BY number"
@@ -164,7 +166,7 @@ class JournalFile:
         index, clean = int(marks["index"]), int(marks["clean"])
         if not (0 <= index <= len(steps) and -1 <= clean <= len(steps)):
             raise ValueError("its current step is missing")
-        return Written(decode_graph(blob), float(begun), steps, index, clean, str(marks["saved"]))
+        return JournalContent(decode_graph(blob), float(begun), steps, index, clean, str(marks["saved"]))
 
     def trim(self, steps: int, size: int) -> int:
         """Fold the oldest steps into the first graph, see `trim`. Returns how many.
@@ -215,7 +217,7 @@ class JournalFile:
             make_file(self.path)
             try:
                 self._connection = sqlite3.connect(self.path, timeout=10, isolation_level=None, check_same_thread=False)
-                harden(self._connection)
+                disable_code(self._connection)
                 self._connection.execute("PRAGMA journal_mode=WAL")
                 self._connection.execute("PRAGMA synchronous=FULL")
             except sqlite3.OperationalError as error:
@@ -259,7 +261,7 @@ def trim(connection: sqlite3.Connection, steps: int, size: int) -> int:
             raise ValueError(f"step {expected} is missing")
         deltas.append(decode_delta(delta))
         last = at
-    base = folded(decode_graph(connection.execute("SELECT graph FROM base").fetchone()[0]), deltas)
+    base = apply_deltas(decode_graph(connection.execute("SELECT graph FROM base").fetchone()[0]), deltas)
     connection.execute("UPDATE base SET graph = ?, at = ?", (encode_graph(base), last))
     connection.execute("DELETE FROM steps WHERE number <= ?", (count,))
     # Renumber through negative numbers, so that two rows never share a number.

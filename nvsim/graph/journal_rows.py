@@ -9,7 +9,7 @@ import struct
 import zlib
 from typing import Any
 
-from nvsim.graph.difference import Delta, Runs
+from nvsim.graph.difference import GraphDelta, Runs
 from nvsim.graph.selection import NOTHING, GraphSelection
 from nvsim.graph.store import (
     decode_evidence,
@@ -27,7 +27,7 @@ _PARTS, _WHOLE = b"P", b"W"
 _MOST = 256 << 20  # maximum size of an inflated step or selection in bytes
 
 
-def encode_delta(delta: Delta) -> bytes:
+def encode_delta(delta: GraphDelta) -> bytes:
     """Encode a delta: kind, length of the deflated JSON (uint32, little endian), the JSON, the evidence."""
     blobs = [encode_evidence(e) for e in delta.evidence]
     values: dict[str, Any] = {
@@ -48,11 +48,11 @@ def encode_delta(delta: Delta) -> bytes:
     return b"".join([_PARTS, struct.pack("<I", len(text)), text, *blobs])
 
 
-def decode_delta(data: bytes) -> Delta:
+def decode_delta(data: bytes) -> GraphDelta:
     """Decode a delta. Raises ValueError, KeyError, TypeError, IndexError, zlib.error, struct.error or InputError if the
     data is invalid."""
     if data[:1] == _WHOLE:
-        return Delta(whole=decode_graph(data[1:]))  # version 1 stored no orders
+        return GraphDelta(whole=decode_graph(data[1:]))  # version 1 stored no orders
     if data[:1] != _PARTS:
         raise ValueError("a step of an unknown kind")
     (size,) = struct.unpack_from("<I", data, 1)
@@ -65,7 +65,7 @@ def decode_delta(data: bytes) -> Delta:
     texts = [*no_viewpoints, *(ignored or {}).values(), *([] if scan is None else [scan])]
     if not all(isinstance(text, str) for text in texts):
         raise ValueError("a step with values of a wrong type")
-    return Delta(
+    return GraphDelta(
         tuple(map(viewpoint_of, values.get("viewpoints", ()))),
         tuple(map(edge_of, values.get("edges", ()))),
         tuple(evidence),

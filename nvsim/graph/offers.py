@@ -12,7 +12,7 @@ from nvsim.graph.types import EdgeKey
 
 
 @dataclass(frozen=True)
-class Chosen:
+class SelectedElements:
     """The selection: ids in the order of the graph, so that a recorded edit repeats exactly, and keys of edges."""
 
     viewpoints: Sequence[str]
@@ -20,7 +20,7 @@ class Chosen:
 
 
 @dataclass(frozen=True)
-class Needs:
+class SelectionNeeds:
     """How many elements must be selected, and of which kind. `most` None means any number."""
 
     of: Literal["viewpoints", "edges", "things"]
@@ -43,7 +43,7 @@ class Needs:
 
 
 @dataclass(frozen=True)
-class Number:
+class NumberField:
     """A number field of a form. `unit` is shown after the number; `decimals` 0 makes it an integer."""
 
     name: str
@@ -57,7 +57,7 @@ class Number:
 
 
 @dataclass(frozen=True)
-class Choice:
+class ChoiceField:
     """A form field with a few answers: JSON value -> label."""
 
     name: str
@@ -66,12 +66,12 @@ class Choice:
     tip: str = ""
 
 
-def _ids(chosen: Chosen) -> dict[str, Any]:
+def _ids(chosen: SelectedElements) -> dict[str, Any]:
     return {"ids": list(chosen.viewpoints)}
 
 
 @dataclass(frozen=True)
-class Offer:
+class MenuEntry:
     """A menu entry for an operation.
 
     id         unique id of the command
@@ -91,13 +91,13 @@ class Offer:
     text: str
     tip: str
     section: int
-    needs: Needs
+    needs: SelectionNeeds
     shortcut: str = ""
     values: Mapping[str, Any] = field(default_factory=dict)
-    arguments: Callable[[Chosen], dict[str, Any]] = _ids
-    asks: tuple[Number | Choice, ...] = ()
+    arguments: Callable[[SelectedElements], dict[str, Any]] = _ids
+    asks: tuple[NumberField | ChoiceField, ...] = ()
     about: str = ""
-    selects: Callable[[Chosen], GraphSelection] | None = None
+    selects: Callable[[SelectedElements], GraphSelection] | None = None
 
     @property
     def title(self) -> str:
@@ -105,6 +105,6 @@ class Offer:
         return self.text.replace("&", "").removesuffix("…")
 
 
-def selection_arguments(chosen: Chosen) -> dict[str, Any]:
+def selection_arguments(chosen: SelectedElements) -> dict[str, Any]:
     """Return the arguments of an operation that takes both viewpoints and edges."""
     return {"viewpoints": list(chosen.viewpoints), "edges": [list(key) for key in sorted(chosen.edges)]}

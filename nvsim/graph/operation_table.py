@@ -13,7 +13,7 @@ from nvsim.graph import edits
 from nvsim.graph.arguments import Argument, checked
 from nvsim.graph.edits import EditError, Visible
 from nvsim.graph.history import counted, named
-from nvsim.graph.offers import Choice, Needs, Number, Offer, selection_arguments
+from nvsim.graph.offers import ChoiceField, MenuEntry, NumberField, SelectionNeeds, selection_arguments
 from nvsim.graph.selection import selection
 from nvsim.graph.types import NavGraph
 
@@ -44,7 +44,7 @@ class Operation:
     function: Callable[..., NavGraph]
     arguments: tuple[Argument, ...]
     words: Callable[[Mapping[str, Any]], str]
-    offers: tuple[Offer, ...] = ()
+    offers: tuple[MenuEntry, ...] = ()
 
 
 def _pure(function: Callable[..., NavGraph]) -> Callable[..., NavGraph]:
@@ -99,7 +99,7 @@ _IDS = Argument("ids", "viewpoints", "ids of viewpoints")
 _HEIGHT = Argument("height", "number", "height of the camera above the floor in meters", 1.5)
 _ID = Argument("id", "name", "id of the new viewpoint; derived from its position by default", None)
 _SUBMAP = Argument("submap", "integer", "index of the submap that renders it; -1 for none", -1)
-_SOME = Needs("viewpoints")
+_SOME = SelectionNeeds("viewpoints")
 _PAIRS = Argument("pairs", "edges", "pairs of ids")
 _MARKED = (
     Argument("viewpoints", "viewpoints", "ids of viewpoints", ()),
@@ -138,12 +138,12 @@ OPERATIONS: dict[str, Operation] = _table(
         ),
         lambda a: "Split an edge",
         (
-            Offer(
+            MenuEntry(
                 "split",
                 "S&plit",
                 "Add a viewpoint in the middle of the edge",
                 2,
-                Needs("edges", 1, 1),
+                SelectionNeeds("edges", 1, 1),
                 arguments=lambda c: {"edge": list(c.edges[0])},
             ),
         ),
@@ -176,7 +176,7 @@ OPERATIONS: dict[str, Operation] = _table(
         (_IDS, Argument("included", "flag", "false excludes them", True)),
         lambda a: f"{'Include' if a['included'] else 'Exclude'} {_viewpoints(a)}",
         (
-            Offer(
+            MenuEntry(
                 "exclude",
                 "&Exclude",
                 "Keep the viewpoints in the file, but not in navigation",
@@ -185,7 +185,7 @@ OPERATIONS: dict[str, Operation] = _table(
                 "X",
                 {"included": False},
             ),
-            Offer(
+            MenuEntry(
                 "include",
                 "&Include",
                 "Use the viewpoints in navigation again",
@@ -210,13 +210,13 @@ OPERATIONS: dict[str, Operation] = _table(
         (_IDS, Argument("height", "number", "height above the floor in meters")),
         lambda a: f"Set the height of {_viewpoints(a)} to {a['height']:g} m",
         (
-            Offer(
+            MenuEntry(
                 "set_height",
                 "Set &height…",
                 "Set the height of the camera above the floor",
                 3,
                 _SOME,
-                asks=(Number("height", "Height above the floor", 1.5, 0.05, 10.0),),
+                asks=(NumberField("height", "Height above the floor", 1.5, 0.05, 10.0),),
                 about="Moves the cameras of the selected viewpoints up or down. The floor does not change.",
             ),
         ),
@@ -232,12 +232,12 @@ OPERATIONS: dict[str, Operation] = _table(
         ),
         lambda a: f"Merge {_viewpoints(a)}",
         (
-            Offer(
+            MenuEntry(
                 "merge",
                 "Mer&ge",
                 "Merge the viewpoints into one that has all their edges",
                 2,
-                Needs("viewpoints", 2),
+                SelectionNeeds("viewpoints", 2),
                 "Ctrl+M",
                 {"middle": True},
             ),
@@ -250,13 +250,13 @@ OPERATIONS: dict[str, Operation] = _table(
         (_IDS, Argument("even", "flag", "true spaces them evenly", False)),
         lambda a: f"{'Space evenly' if a['even'] else 'Straighten'} {_viewpoints(a)}",
         (
-            Offer(
+            MenuEntry(
                 "straighten",
                 "Strai&ghten…",
                 "Move a chain of viewpoints onto the line between its ends",
                 3,
-                Needs("viewpoints", 3),
-                asks=(Choice("even", "Along the line", {False: "keep the distances", True: "space evenly"}),),
+                SelectionNeeds("viewpoints", 3),
+                asks=(ChoiceField("even", "Along the line", {False: "keep the distances", True: "space evenly"}),),
                 about="Moves the selected chain of viewpoints onto the line between its ends.",
             ),
         ),
@@ -273,15 +273,15 @@ OPERATIONS: dict[str, Operation] = _table(
         ),
         lambda a: f"Align {_viewpoints(a)}",
         (
-            Offer(
+            MenuEntry(
                 "align",
                 "&Align to the lattice…",
                 "Move viewpoints to positions on the lattice",
                 3,
                 _SOME,
                 asks=(
-                    Number("spacing", "Step length", 2.5, 0.1, 20.0),
-                    Number("offset", "Rotation", 7.5, -45.0, 45.0, "°", 1),
+                    NumberField("spacing", "Step length", 2.5, 0.1, 20.0),
+                    NumberField("offset", "Rotation", 7.5, -45.0, 45.0, "°", 1),
                 ),
                 about="Moves the selected viewpoints to lattice positions: whole steps in one of eight directions from "
                 "viewpoints that are already aligned.",
@@ -300,13 +300,13 @@ OPERATIONS: dict[str, Operation] = _table(
         ),
         lambda a: f"Copy {_viewpoints(a)} by {a['dz']:g} m",
         (
-            Offer(
+            MenuEntry(
                 "copy_to_floor",
                 "Cop&y to another floor…",
                 "Copy the viewpoints and their edges to a higher or lower floor",
                 3,
                 _SOME,
-                asks=(Number("dz", "Higher by", 3.0, -100.0, 100.0),),
+                asks=(NumberField("dz", "Higher by", 3.0, -100.0, 100.0),),
                 about="Copies the selected viewpoints and the edges between them.",
             ),
         ),
@@ -318,12 +318,12 @@ OPERATIONS: dict[str, Operation] = _table(
         (_PAIRS,),
         lambda a: f"Add {named(a['pairs'], 'edge')}",
         (
-            Offer(
+            MenuEntry(
                 "join",
                 "&Join",
                 "Add an edge between the two viewpoints",
                 2,
-                Needs("viewpoints", 2, 2),
+                SelectionNeeds("viewpoints", 2, 2),
                 "Ctrl+J",
                 arguments=lambda c: {"pairs": [list(c.viewpoints)]},
                 selects=lambda c: selection(edges=[(c.viewpoints[0], c.viewpoints[1])]),
@@ -348,16 +348,16 @@ OPERATIONS: dict[str, Operation] = _table(
         ),
         lambda a: f"Connect visible viewpoints within {a['distance']:g} m",
         (
-            Offer(
+            MenuEntry(
                 "connect_visible",
                 "&Connect visible…",
                 "Join all selected viewpoints that see each other within a distance",
                 2,
-                Needs("viewpoints", 2),
+                SelectionNeeds("viewpoints", 2),
                 arguments=lambda c: {"viewpoints": list(c.viewpoints)},
                 asks=(
-                    Number("distance", "Maximum distance", 3.0, 0.1, 50.0),
-                    Number("steep", "Maximum slope", 45.0, 1.0, 90.0, "°", 0, "Prevents edges between floors"),
+                    NumberField("distance", "Maximum distance", 3.0, 0.1, 50.0),
+                    NumberField("steep", "Maximum slope", 45.0, 1.0, 90.0, "°", 0, "Prevents edges between floors"),
                 ),
                 about="Joins all pairs of selected viewpoints that are close enough and see each other. Visibility "
                 "comes from the map, or from the lists of the file if there is no map.",
@@ -371,22 +371,22 @@ OPERATIONS: dict[str, Operation] = _table(
         (*_MARKED, Argument("reviewed", "flag", "false removes the mark", True)),
         lambda a: f"Mark {_marked(a)} as {'reviewed' if a['reviewed'] else 'not reviewed'}",
         (
-            Offer(
+            MenuEntry(
                 "reviewed",
                 "Mark as re&viewed",
                 "You checked it and found it correct",
                 4,
-                Needs("things"),
+                SelectionNeeds("things"),
                 "Y",
                 {"reviewed": True},
                 selection_arguments,
             ),
-            Offer(
+            MenuEntry(
                 "unreviewed",
                 "Mark as not reviewed",
                 "It needs another review",
                 4,
-                Needs("things"),
+                SelectionNeeds("things"),
                 "Shift+Y",
                 {"reviewed": False},
                 selection_arguments,
@@ -400,22 +400,22 @@ OPERATIONS: dict[str, Operation] = _table(
         (*_MARKED, Argument("locked", "flag", "false unlocks", True)),
         lambda a: f"{'Lock' if a['locked'] else 'Unlock'} {_marked(a)}",
         (
-            Offer(
+            MenuEntry(
                 "lock",
                 "&Lock",
                 "Protect it from edits until it is unlocked",
                 4,
-                Needs("things"),
+                SelectionNeeds("things"),
                 "",
                 {"locked": True},
                 selection_arguments,
             ),
-            Offer(
+            MenuEntry(
                 "unlock",
                 "U&nlock",
                 "Allow edits to change it again",
                 4,
-                Needs("things"),
+                SelectionNeeds("things"),
                 "",
                 {"locked": False},
                 selection_arguments,

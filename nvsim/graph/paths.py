@@ -55,7 +55,7 @@ SAME_LENGTH = 0.01
 
 
 @dataclass(frozen=True, eq=False)
-class Ways:
+class PathGraph:
     """The included viewpoints and the edges between them, as arrays.
 
     ids     (N) in file order
@@ -72,7 +72,7 @@ class Ways:
     length: NDArray[np.float64]
 
     @classmethod
-    def of(cls, graph: NavGraph) -> Ways:
+    def of(cls, graph: NavGraph) -> PathGraph:
         ids = tuple(id for id, v in graph.viewpoints.items() if v.included)
         row = {id: i for i, id in enumerate(ids)}
         places = np.array([graph.viewpoints[id].position for id in ids], np.float64).reshape(-1, 3)

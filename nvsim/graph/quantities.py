@@ -32,7 +32,7 @@ _SAME = 0.01  # meters: a step that ends this close to a viewpoint leads to it
 
 
 @dataclass(frozen=True)
-class Known:
+class QuantityInputs:
     """Optional inputs of quantities, in addition to the graph.
 
     occupancy  map for `validity`
@@ -46,11 +46,11 @@ class Known:
 
 
 Values = NDArray[Any]
-_Quantity = Callable[[NavGraph, Known], Values]
+_Quantity = Callable[[NavGraph, QuantityInputs], Values]
 
 
 def quantity(
-    graph: NavGraph, name: str, known: Known | None = None, kind: Kind | None = None
+    graph: NavGraph, name: str, known: QuantityInputs | None = None, kind: Kind | None = None
 ) -> tuple[tuple[Any, ...], Values]:
     """Return the ids of viewpoints or the keys of edges in file order, and their (N,) values. Values are floats, with
     NaN if unknown, bools, or strings.
@@ -64,7 +64,7 @@ def quantity(
         found = tables[each].get(name)
         if found is not None:
             names: tuple[Any, ...] = tuple(graph.viewpoints if each == "viewpoints" else graph.edges)
-            return names, found(graph, known or Known())
+            return names, found(graph, known or QuantityInputs())
     names_known = sorted({n for each in wanted for n in tables[each]})
     raise EditError(f"There is no quantity {name!r}; choose one of {', '.join(names_known)}.")
 
@@ -116,28 +116,28 @@ def _at_start(of_viewpoint: _Quantity) -> _Quantity:
     return lambda graph, known: of_viewpoint(graph, known)[ends_of(graph)[:, 0]]
 
 
-def _degree(graph: NavGraph, known: Known) -> Values:
+def _degree(graph: NavGraph, known: QuantityInputs) -> Values:
     return np.array([len(graph.neighbours(id)) for id in graph.viewpoints], np.float64)
 
 
-def _component(graph: NavGraph, known: Known) -> Values:
+def _component(graph: NavGraph, known: QuantityInputs) -> Values:
     """0 for the largest component; -1 for excluded viewpoints."""
     number = {id: i for i, group in enumerate(components(graph)) for id in group}
     return np.array([number.get(id, -1) for id in graph.viewpoints], np.float64)
 
 
-def _storey(graph: NavGraph, known: Known) -> Values:
+def _storey(graph: NavGraph, known: QuantityInputs) -> Values:
     """1 for the lowest storey."""
     heights = np.array([v.height for v in graph.viewpoints.values()], np.float64)
     return storey_numbers(places_of(graph)[:, 2] - heights).astype(np.float64)
 
 
-def _length(graph: NavGraph, known: Known) -> Values:
+def _length(graph: NavGraph, known: QuantityInputs) -> Values:
     ends = places_of(graph)[ends_of(graph)]
     return np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1)
 
 
-def _slope(graph: NavGraph, known: Known) -> Values:
+def _slope(graph: NavGraph, known: QuantityInputs) -> Values:
     """Degrees between the horizontal and the line from floor to floor."""
     feet = places_of(graph)
     feet[:, 2] -= [v.height for v in graph.viewpoints.values()]
@@ -154,22 +154,22 @@ def clearness(graph: NavGraph, key: EdgeKey) -> float:
     return 1.0 - max(found) / 255.0 if found else math.nan
 
 
-def _alpha(graph: NavGraph, known: Known) -> Values:
+def _alpha(graph: NavGraph, known: QuantityInputs) -> Values:
     return 1.0 - _clear(graph, known)
 
 
-def _clear(graph: NavGraph, known: Known) -> Values:
+def _clear(graph: NavGraph, known: QuantityInputs) -> Values:
     of = known.clearness or clearness
     return np.array([of(graph, key) for key in graph.edges], np.float64)
 
 
-def _evidence(graph: NavGraph, known: Known) -> Values:
+def _evidence(graph: NavGraph, known: QuantityInputs) -> Values:
     if known.margin is None:
         return _clear(graph, known)
     return np.array([known.margin(graph, key) for key in graph.edges], np.float64)
 
 
-def _viewpoint_evidence(graph: NavGraph, known: Known) -> Values:
+def _viewpoint_evidence(graph: NavGraph, known: QuantityInputs) -> Values:
     """The smallest value of the viewpoint's edges."""
     least = np.full(len(graph.viewpoints), math.nan)
     values = _evidence(graph, known)
@@ -180,18 +180,18 @@ def _viewpoint_evidence(graph: NavGraph, known: Known) -> Values:
     return least
 
 
-def _map(known: Known) -> OccupancyMap:
+def _map(known: QuantityInputs) -> OccupancyMap:
     if known.occupancy is None:
         raise EditError("Validity needs an occupancy map, and there is none.")
     return known.occupancy
 
 
-def _stands(graph: NavGraph, known: Known) -> Values:
+def _is_on_free_cell(graph: NavGraph, known: QuantityInputs) -> Values:
     """1 on a free cell of the map, 0 on other cells."""
     return (_map(known).at(places_of(graph)[:, :2]) == FREE).astype(np.float64)
 
 
-def _runs(graph: NavGraph, known: Known) -> Values:
+def _runs(graph: NavGraph, known: QuantityInputs) -> Values:
     """1 for an edge over free cells only, 0 for other edges."""
     from nvsim.occupancy.paths import segments_are_free, standing_room
 
@@ -215,7 +215,7 @@ VIEWPOINTS: Mapping[str, _Quantity] = {
     "storey": _storey,
     "evidence": _viewpoint_evidence,
     "photographed": _of_viewpoint("photographed", float),
-    "validity": _stands,
+    "validity": _is_on_free_cell,
 }
 EDGES: Mapping[str, _Quantity] = {
     "x": _middle(0),

@@ -20,7 +20,7 @@ def distance(margin: float) -> str:
 
 
 @dataclass(frozen=True)
-class Doubt:
+class DoubtfulEdge:
     """An edge to review.
 
     edge    its key
@@ -41,7 +41,7 @@ class Review:
         self._margin = margin
         self._known: dict[EdgeKey, tuple[tuple[int, ...], float]] = {}
 
-    def order(self, graph: NavGraph) -> list[Doubt]:
+    def order(self, graph: NavGraph) -> list[DoubtfulEdge]:
         """Return the edges between included viewpoints that are not reviewed, in this order:
 
         1. edges about which two submap models disagree, by margin
@@ -58,18 +58,18 @@ class Review:
                 length = math.dist(a.position, b.position)
                 person = edge.origin == "person"
                 why = f"{'a user joined them and ' if person else ''}nothing was measured along its {length:.1f} m"
-                doubts.append(((0 if person else 1, -length), Doubt(key, margin, why)))
+                doubts.append(((0 if person else 1, -length), DoubtfulEdge(key, margin, why)))
             elif any(e.decision == "disputed" for e in evidence_along(graph, key)):
                 why = f"two submap models disagree about it, and one contradicts it by {distance(margin)}"
-                doubts.append(((-1, margin), Doubt(key, margin, why)))
+                doubts.append(((-1, margin), DoubtfulEdge(key, margin, why)))
             else:
                 sense = "contradicts it" if margin < 0 else "supports it"
                 why = f"the evidence {sense} by {distance(margin)}"
-                doubts.append(((2, margin), Doubt(key, margin, why)))
+                doubts.append(((2, margin), DoubtfulEdge(key, margin, why)))
         doubts.sort(key=lambda item: item[0])
         return [doubt for _, doubt in doubts]
 
-    def next(self, graph: NavGraph, after: EdgeKey | None = None) -> Doubt | None:
+    def next(self, graph: NavGraph, after: EdgeKey | None = None) -> DoubtfulEdge | None:
         """Return the edge to review after `after`, or the least certain one. None if all edges are reviewed."""
         order = self.order(graph)
         at = next((i + 1 for i, doubt in enumerate(order) if doubt.edge == after), 0)

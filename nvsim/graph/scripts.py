@@ -14,9 +14,9 @@ from typing import Any
 from nvsim.errors import InputError
 from nvsim.files.atomic import write_text
 from nvsim.files.opening import read_regular
-from nvsim.files.placeholders import stand_in
+from nvsim.files.placeholders import placeholder_reason
 from nvsim.files.reading import as_reading_error
-from nvsim.graph.difference import Delta, delta_between
+from nvsim.graph.difference import GraphDelta, delta_between
 from nvsim.graph.edits import EditError
 from nvsim.graph.history import History
 from nvsim.graph.operations import line_of, parse_line
@@ -73,7 +73,7 @@ def script_lines(path: Path) -> list[str]:
     """Return the lines of a script. Raises InputError if it is not text or is too long."""
     try:
         data = read_regular(path, _MOST_BYTES)
-        if words := stand_in(data, len(data)):
+        if words := placeholder_reason(data, len(data)):
             raise InputError(f"{path} {words}.")
         return data.decode("utf-8").splitlines()
     except OSError as error:
@@ -95,7 +95,7 @@ def _is_script(lines: list[str]) -> bool:
     return True
 
 
-def _patch(delta: Delta, text: str) -> dict[str, Any] | None:
+def _patch(delta: GraphDelta, text: str) -> dict[str, Any] | None:
     if any(delta.orders) or not (delta.viewpoints or delta.edges or delta.no_viewpoints or delta.no_edges):
         return None
     values: dict[str, Any] = {

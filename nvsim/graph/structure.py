@@ -7,7 +7,7 @@ from collections.abc import Iterable
 import numpy as np
 from numpy.typing import NDArray
 
-from nvsim.graph.paths import Ways
+from nvsim.graph.paths import PathGraph
 from nvsim.graph.types import NavGraph
 
 EXACT = 500
@@ -35,7 +35,7 @@ def structure(graphs: NavGraph | Iterable[NavGraph]) -> dict[str, float | int]:
     degrees, lengths, nearest, clustering = [], [], [], []
     tied = episodes = np.zeros(2, np.int64)
     for graph in [graphs] if isinstance(graphs, NavGraph) else graphs:
-        ways = Ways.of(graph)
+        ways = PathGraph.of(graph)
         degrees.append(np.bincount(ways.ends.ravel(), minlength=len(ways.ids)).astype(np.float64))
         lengths.append(ways.length)
         nearest.append(_nearest(ways.places))
@@ -69,7 +69,7 @@ def evenly_spaced_rows(count: int, most: int) -> NDArray[np.int64]:
     return np.sort(np.random.default_rng(0).choice(count, most, replace=False))
 
 
-def _ties(ways: Ways) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+def _ties(ways: PathGraph) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
     """Return (2,) the numbers of tied and of all pairs, and (2,) these numbers for pairs that make episodes."""
     tied, episodes = np.zeros(2, np.int64), np.zeros(2, np.int64)
     fewest, most, least = _EPISODE

@@ -17,8 +17,8 @@ from nvsim.graph.paths import components
 from nvsim.graph.types import NavGraph
 from nvsim.mapping.config import MappingConfig
 from nvsim.mapping.corridor import HeightAt, Lattice, SupportAt
-from nvsim.mapping.evidence.climbing import TraversedFloor
 from nvsim.mapping.evidence.measuring import Measurements
+from nvsim.mapping.evidence.traversed_floor import TraversedFloor
 from nvsim.mapping.explanation.poor_graph import (
     NoViewpointFound,
     explain_disconnected_parts,
@@ -26,12 +26,12 @@ from nvsim.mapping.explanation.poor_graph import (
     explain_small_graph,
 )
 from nvsim.mapping.explanation.trajectory_detour import TrajectoryDetour
-from nvsim.mapping.search.breadth_first import Search
+from nvsim.mapping.search.breadth_first import BreadthFirstSearch
 from nvsim.mapping.search.graph_builder import GraphBuilder, keep_edits
 from nvsim.mapping.search.survey import Survey
-from nvsim.mapping.search.walk import Covered, Walk
+from nvsim.mapping.search.trajectory import CoveredPositions, Walk
 from nvsim.mapping.settling.settling import Settling
-from nvsim.mapping.views.looking import ViewSource
+from nvsim.mapping.views.view_sources import ViewSource
 
 STAGE = "map"
 _TRIES = 3  # positions on either side of a gap in the trajectory that are tried as a start
@@ -103,7 +103,7 @@ def build_map(
     measurements = Measurements(source, floor_at, support, config, lattice, known, TraversedFloor(trajectory, scanned))
     walk = Walk(trajectory, support)
     survey = Survey(GraphBuilder(scan, walk.storey), lattice, measurements, walk, floor_at, config)
-    search = Search(survey)
+    search = BreadthFirstSearch(survey)
 
     def measured() -> NavGraph:
         return NavGraph(scan, evidence={e.key: e for e in measurements.everything()})
@@ -219,7 +219,7 @@ class _Explorer:
 
     def __init__(
         self,
-        search: Search,
+        search: BreadthFirstSearch,
         walk: Walk,
         config: MappingConfig,
         listen: Listener,
@@ -229,7 +229,7 @@ class _Explorer:
         self._listen = listen
         self._tried: set[int] = set()
         self._reach = config.cover_distance
-        self._covered = Covered(walk.places, search.draft, config.cover_distance, self.is_covered)
+        self._covered = CoveredPositions(walk.places, search.draft, config.cover_distance, self.is_covered)
         self._said = ""
         self._keep, self._kept, self._pause = keep, time.monotonic(), _KEEPING
 

@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 
 from nvsim.graph.types import Evidence
 from nvsim.mapping.config import WIDEST, MappingConfig
-from nvsim.mapping.evidence.climbing import CLIMB
+from nvsim.mapping.evidence.traversed_floor import CLIMB
 
 HeightAt = Callable[[NDArray[np.floating]], NDArray[np.floating]]
 """The height of the floor (...) at world points (..., 3), meters. z of a point is the height of a camera, or of a
@@ -86,7 +86,7 @@ class Corridor:
 
     def _place(self, found: NDArray[np.float64]) -> None:
         x, y = ahead(self.heading, 1.0).tolist()
-        along = _along(self.rows)
+        along = _meters_ahead(self.rows)
         found[..., 0] = (self.start[0] + along * x) + _ACROSS * y
         found[..., 1] = (self.start[1] + along * y) - _ACROSS * x
 
@@ -130,7 +130,7 @@ def row_median(heights: NDArray[np.float64]) -> float:
 
 
 @lru_cache(maxsize=256)
-def _along(rows: int) -> NDArray[np.float64]:
+def _meters_ahead(rows: int) -> NDArray[np.float64]:
     """(rows, 1) meters ahead to the middle of each row, read-only."""
     return np.asarray(NEAR + (np.arange(rows)[:, None] + 0.5) * DEPTH)
 
@@ -192,10 +192,10 @@ class Lattice:
         start, counts = self._at[id]
         moved = self._moved(counts, direction)
         offset = sum((n * step for n, step in zip(moved, self._steps, strict=True)), np.zeros(2))
-        offset += self._beside(start, moved)
+        offset += self._random_offset(start, moved)
         return float(start[0] + offset[0]), float(start[1] + offset[1])
 
-    def _beside(self, start: tuple[float, float], counts: tuple[int, ...]) -> NDArray[np.float64]:
+    def _random_offset(self, start: tuple[float, float], counts: tuple[int, ...]) -> NDArray[np.float64]:
         """(2,) meters, uniform in a disc of radius `jitter`; zero for the start itself."""
         if not self._jitter or not any(counts):
             return np.zeros(2)

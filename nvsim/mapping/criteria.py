@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from nvsim.graph.types import Decision, Evidence
 from nvsim.mapping.criterion import FULL, Criterion, Part
-from nvsim.mapping.evidence.opinions import opinions
+from nvsim.mapping.evidence.second_opinions import opinions
 from nvsim.mapping.families import NETWORK_NORMAL
 
 if TYPE_CHECKING:
@@ -72,7 +72,7 @@ means of alpha and normal)."""
 
 
 @dataclass(frozen=True)
-class Words:
+class DecisionTexts:
     """Texts of a decision: a label for lists, a clause for sentences, and a remedy for users."""
 
     label: str
@@ -80,53 +80,55 @@ class Words:
     remedy: str
 
 
-DECISIONS: Mapping[Decision, Words] = {
-    "alpha": Words(
+DECISIONS: Mapping[Decision, DecisionTexts] = {
+    "alpha": DecisionTexts(
         "blocked",
         "an obstacle is in the corridor",
         "photograph the place from more sides, or raise the alpha limits if it is free",
     ),
-    "normal": Words(
+    "normal": DecisionTexts(
         "not level",
         "a surface in the corridor does not face up",
         "photograph its floor from above, or lower the limits of the upward normal if it is level",
     ),
-    "network-normal": Words(
+    "network-normal": DecisionTexts(
         "not level (network)",
         "according to the network, a surface in the corridor does not face up",
         "check the place in a panorama, or lower the limits of the network's normal if its floor is level",
     ),
-    "depth": Words(
+    "depth": DecisionTexts(
         "depth ends early",
         "the rendered depth ends before the floor of the corridor",
         "photograph the place from more sides, or lower the depth limits if it is free",
     ),
-    "slice": Words(
+    "slice": DecisionTexts(
         "Gaussians in the way",
         "Gaussians are between the floor and the camera in the corridor",
         "photograph the place from more sides, or raise the slice limits if it is free",
     ),
-    "unknown": Words(
+    "unknown": DecisionTexts(
         "floor not seen",
         "no image and no LiDAR scan shows floor along the corridor",
         "photograph the floor there, looking down by 20 to 30 degrees from two or three places, or correct its masks",
     ),
-    "disputed": Words(
+    "disputed": DecisionTexts(
         "models disagree",
         "the model of one submap shows the corridor free, but that of another does not",
         "compare the views of both models, or photograph the place where the submaps meet from more sides",
     ),
-    "return": Words("not free both ways", "the corridor back is not free", "photograph the place in both directions"),
-    "distance": Words("too far out", "it leads too far from the trajectory", "raise max_distance"),
-    "limit": Words("limit reached", "the search had reached its limit of viewpoints", "raise max_viewpoints"),
-    "merge": Words(
+    "return": DecisionTexts(
+        "not free both ways", "the corridor back is not free", "photograph the place in both directions"
+    ),
+    "distance": DecisionTexts("too far out", "it leads too far from the trajectory", "raise max_distance"),
+    "limit": DecisionTexts("limit reached", "the search had reached its limit of viewpoints", "raise max_viewpoints"),
+    "merge": DecisionTexts(
         "too close",
         "another viewpoint is near its end, and the path to that viewpoint is not free",
         "lower the merge radius",
     ),
-    "spare": Words("not needed", "another path is hardly longer", "lower the stretch of settling"),
-    "served": Words("covered by others", "other viewpoints are near its end", "lower the merge radius"),
-    "around": Words(
+    "spare": DecisionTexts("not needed", "another path is hardly longer", "lower the stretch of settling"),
+    "served": DecisionTexts("covered by others", "other viewpoints are near its end", "lower the merge radius"),
+    "around": DecisionTexts(
         "trajectory detour",
         "the trajectory makes a long detour around it, and photographs do not show glass panes",
         "walk through it while taking photographs, or add the edge manually if it is free",

@@ -27,7 +27,7 @@ _GROUP = 64  # neighboring Gaussians that are skipped together
 _WIDE = 1.0  # meters; Gaussians with a larger radius have their own groups, because they extend far
 
 
-class Slice:
+class SliceGaussians:
     """The Gaussians of one submap model, prepared for sums over corridors."""
 
     def __init__(self, gaussians: Gaussians) -> None:

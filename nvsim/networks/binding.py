@@ -14,12 +14,12 @@ from nvsim.networks.onnx_session import Node
 
 
 @dataclass(frozen=True)
-class Bound:
+class BoundTensor:
     tensor: Tensor
     node: Node
 
 
-def bind(tensors: Sequence[Tensor], nodes: Sequence[Node], path: Path, inputs: bool) -> tuple[Bound, ...]:
+def bind(tensors: Sequence[Tensor], nodes: Sequence[Node], path: Path, inputs: bool) -> tuple[BoundTensor, ...]:
     """Each matched tensor of `tensors` with its input or output of the file at `path`.
 
     Two tensors may use one output. If several outputs could give one value, the first that exists is used.
@@ -45,7 +45,9 @@ def bind(tensors: Sequence[Tensor], nodes: Sequence[Node], path: Path, inputs: b
             found[i] = named
     while True:
         free = [n for n in nodes if n not in found.values()]
-        chosen = next(((i, n) for i, t in enumerate(tensors) if wanted(i) and (n := _only(t, free))), None)
+        chosen = next(
+            ((i, n) for i, t in enumerate(tensors) if wanted(i) and (n := _best_matching_node(t, free))), None
+        )
         if chosen is None:
             break
         found[chosen[0]] = chosen[1]
@@ -60,10 +62,10 @@ def bind(tensors: Sequence[Tensor], nodes: Sequence[Node], path: Path, inputs: b
         raise InputError(
             f"{path} also takes {describe_nodes(left)}, which its description does not list; add it there."
         )
-    return tuple(Bound(tensors[i], found[i]) for i in sorted(found))
+    return tuple(BoundTensor(tensors[i], found[i]) for i in sorted(found))
 
 
-def _only(tensor: Tensor, nodes: Sequence[Node]) -> Node | None:
+def _best_matching_node(tensor: Tensor, nodes: Sequence[Node]) -> Node | None:
     """The node that matches the shape of a tensor best; None if there is none, or if several match equally well."""
     if tensor.shape is None:
         return None

@@ -10,12 +10,12 @@ from typing import Any, get_args
 from nvsim.files.opening import is_regular
 from nvsim.networks.description import IMPROVES, ROLE_WORDS, SINGLE_FILES, Role
 from nvsim.networks.folder import models_folder
-from nvsim.networks.installed import Model, bundled, installed
-from nvsim.networks.ready import known_descriptions
+from nvsim.networks.installed import InstalledModel, bundled, installed
+from nvsim.networks.known_forms import known_descriptions
 
 
 @dataclass(frozen=True)
-class Listed:
+class ListedModel:
     """An installed model, as text."""
 
     name: str
@@ -30,7 +30,7 @@ class Listed:
 
 
 @dataclass(frozen=True)
-class Known:
+class KnownForm:
     """A form for which NVSim has a description."""
 
     form: str
@@ -42,20 +42,20 @@ class Known:
 
 
 @dataclass(frozen=True)
-class Lacking:
+class MissingRole:
     """A role for which no model is installed."""
 
     role: str
     improves: str
-    known: tuple[Known, ...]
+    known: tuple[KnownForm, ...]
 
 
 @dataclass(frozen=True)
 class Catalogue:
     folder: Path
-    models: tuple[Listed, ...]
+    models: tuple[ListedModel, ...]
     problems: tuple[str, ...]
-    lacking: tuple[Lacking, ...]
+    lacking: tuple[MissingRole, ...]
 
     def as_dict(self) -> dict[str, Any]:
         return {**asdict(self), "folder": str(self.folder)}
@@ -70,21 +70,21 @@ def catalogue() -> Catalogue:
         models_folder(),
         (*map(_listed, (*models, *bundled())), *_single_files()),
         tuple(problems),
-        tuple(Lacking(ROLE_WORDS[r], IMPROVES[r], _known(r)) for r in roles if r not in played),
+        tuple(MissingRole(ROLE_WORDS[r], IMPROVES[r], _known(r)) for r in roles if r not in played),
     )
 
 
-def _listed(model: Model) -> Listed:
+def _listed(model: InstalledModel) -> ListedModel:
     d = model.description
     title = d.title if d else f"installed as {', '.join(p.name for p in model.files)}; its form is detected on opening"
     paths = model.sources
-    return Listed(
+    return ListedModel(
         model.name, ROLE_WORDS[model.role], title, IMPROVES[model.role], d.made_by if d else "",
         d.licence if d else "", d.source if d else "", tuple(p.name for p in paths), _megabytes(paths),
     )  # fmt: skip
 
 
-def _single_files() -> list[Listed]:
+def _single_files() -> list[ListedModel]:
     found = []
     try:
         names = sorted(os.listdir(models_folder()))
@@ -95,13 +95,15 @@ def _single_files() -> list[Listed]:
         kind = name.split(".")[0]
         if kind in SINGLE_FILES and name.endswith(".onnx") and is_regular(path):
             title = "an image distance" if kind == "lpips" else "a feature backbone"
-            found.append(Listed(path.stem, kind, title, SINGLE_FILES[kind], "", "", "", (name,), _megabytes([path])))
+            found.append(
+                ListedModel(path.stem, kind, title, SINGLE_FILES[kind], "", "", "", (name,), _megabytes([path]))
+            )
     return found
 
 
-def _known(role: Role) -> tuple[Known, ...]:
+def _known(role: Role) -> tuple[KnownForm, ...]:
     return tuple(
-        Known(form, d.title, d.names, d.made_by, d.licence, d.source)
+        KnownForm(form, d.title, d.names, d.made_by, d.licence, d.source)
         for form, d in known_descriptions().items()
         if d.role == role
     )

@@ -16,10 +16,10 @@ from numpy.typing import NDArray
 
 from nvsim.errors import InputError
 from nvsim.files.reading import reading
-from nvsim.networks.binding import Bound, bind, describe_nodes
+from nvsim.networks.binding import BoundTensor, bind, describe_nodes
 from nvsim.networks.description import OF_PROMPTS, Constant, Description, Scheduler, Step
+from nvsim.networks.image_preparation import Image, Placement, Preparation
 from nvsim.networks.onnx_session import TYPES, Node, Provider, SharedFile, providers, shared_file
-from nvsim.networks.preparing import Image, Placement, Preparation
 
 
 class Ddim:
@@ -64,14 +64,14 @@ Rays = Callable[[Placement], NDArray[np.float32]]
 
 
 @dataclass(frozen=True)
-class _Run:
+class _BoundStep:
     """A step with its file and its bound tensors."""
 
     step: Step
     path: Path
     file: SharedFile
-    inputs: tuple[Bound, ...]
-    outputs: tuple[Bound, ...]
+    inputs: tuple[BoundTensor, ...]
+    outputs: tuple[BoundTensor, ...]
 
     @property
     def names(self) -> list[str]:
@@ -80,7 +80,7 @@ class _Run:
 
 
 @dataclass(frozen=True, eq=False)
-class Shown:
+class ProcessedImage:
     """An image that a model has processed: every value that does not depend on a prompt, and the placement of the image
     in each of the description's images, by name."""
 
@@ -107,8 +107,8 @@ class Chain:
         self.images = _sized(description, runs)
         self._ddim = {name: Ddim(scheduler) for name, scheduler in description.schedulers.items()}
         # Steps that depend on a prompt run once per prompt; all others run once per image.
-        self._once: list[_Run] = []
-        self._each: list[_Run] = []
+        self._once: list[_BoundStep] = []
+        self._each: list[_BoundStep] = []
         prompted = set(OF_PROMPTS)
         for run in runs:
             if any(prompted.intersection(b.tensor.values) for b in run.inputs):
@@ -123,7 +123,7 @@ class Chain:
         """Whether the model needs the rays of an image's pixels."""
         return any("rays" in t.values for step in self.description.steps for t in step.inputs)
 
-    def show(self, image: Image, rays: Rays | None = None) -> Shown:
+    def show(self, image: Image, rays: Rays | None = None) -> ProcessedImage:
         """Process an image (H, W, 3) uint8 RGB. `rays` is called if the model needs the rays of pixels."""
         values: Values = {"height_width": np.array(image.shape[:2])}
         placements = {}
@@ -134,9 +134,9 @@ class Chain:
             values["rays"] = rays(placements[self.description.result.image])
         for run in self._once:
             self._run(run, values)
-        return Shown(image, values, placements)
+        return ProcessedImage(image, values, placements)
 
-    def ask(self, shown: Shown, given: Mapping[str, NDArray[Any]]) -> Values:
+    def ask(self, shown: ProcessedImage, given: Mapping[str, NDArray[Any]]) -> Values:
         """Every value for a prompt, by name. `given` holds the prompt: points (K, 2) float32 in pixel indices of the
         network's image, and labels (K,) float32."""
         values = {**shown.values, **given}
@@ -158,7 +158,7 @@ class Chain:
             )
         return found.astype(np.float32)
 
-    def _run(self, run: _Run, values: Values) -> None:
+    def _run(self, run: _BoundStep, values: Values) -> None:
         with reading(run.path, "a network that runs", "export it again"):
             if not run.step.loop:
                 self._once_through(run, values)
@@ -170,13 +170,13 @@ class Chain:
                 self._once_through(run, values)
                 values[said.state] = ddim.step(values[said.state], values[said.prediction], int(timestep))
 
-    def _once_through(self, run: _Run, values: Values) -> None:
+    def _once_through(self, run: _BoundStep, values: Values) -> None:
         feed = {b.node.name: self._fed(b, values) for b in run.inputs}
         found = dict(zip(run.names, run.file.run(run.names, feed), strict=True))
         for b in run.outputs:
             values[b.tensor.values[0]] = _copied(_changed(np.asarray(found[b.node.name]), b), b)
 
-    def _fed(self, bound: Bound, values: Values) -> NDArray[Any]:
+    def _fed(self, bound: BoundTensor, values: Values) -> NDArray[Any]:
         """The array for an input of the network."""
         parts = [self._value(name, values, bound.node) for name in bound.tensor.values]
         value = _changed(parts[0] if len(parts) == 1 else np.concatenate(parts, axis=1), bound)
@@ -194,13 +194,13 @@ class Chain:
         return _constant(constant, values, node)
 
 
-def _bound(step: Step, path: Path, file: SharedFile) -> _Run:
+def _bound(step: Step, path: Path, file: SharedFile) -> _BoundStep:
     takes, gives = file.session.signature
     inputs = bind(step.inputs, takes, path, inputs=True)
-    return _Run(step, path, file, inputs, bind(step.outputs, gives, path, inputs=False))
+    return _BoundStep(step, path, file, inputs, bind(step.outputs, gives, path, inputs=False))
 
 
-def _sized(description: Description, runs: Sequence[_Run]) -> dict[str, Preparation]:
+def _sized(description: Description, runs: Sequence[_BoundStep]) -> dict[str, Preparation]:
     """The images of the description, in the sizes that the files require."""
     images = dict(description.images)
     for run in runs:
@@ -224,14 +224,14 @@ def _sized(description: Description, runs: Sequence[_Run]) -> dict[str, Preparat
     return images
 
 
-def _changed(value: NDArray[Any], bound: Bound) -> NDArray[Any]:
+def _changed(value: NDArray[Any], bound: BoundTensor) -> NDArray[Any]:
     tensor = bound.tensor
     if tensor.item is not None:
         value = value[tensor.item : tensor.item + 1]
     return value * tensor.factor if tensor.factor != 1 else value
 
 
-def _copied(value: NDArray[Any], bound: Bound) -> NDArray[Any]:
+def _copied(value: NDArray[Any], bound: BoundTensor) -> NDArray[Any]:
     return np.repeat(value, bound.tensor.copies, axis=0) if bound.tensor.copies > 1 else value
 
 

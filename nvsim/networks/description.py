@@ -9,7 +9,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import Literal
 
-from nvsim.networks.preparing import Preparation
+from nvsim.networks.image_preparation import Preparation
 
 Role = Literal["semantic", "normals", "prompted"]
 Meaning = Literal["logits", "probabilities", "labels"]

@@ -36,7 +36,7 @@ _SHORT = 4096  # bytes of a name or of an external data entry
 
 
 @dataclass
-class External:
+class ExternalTensor:
     """A tensor in another file, as described in the ONNX file. `said` holds all entries: location, offset, length."""
 
     name: str = ""
@@ -65,7 +65,7 @@ def check_external_data(path: Path) -> int:
     return total + sum(sizes.values())
 
 
-def _check(path: Path, tensor: External, sizes: dict[Path, int]) -> None:
+def _check(path: Path, tensor: ExternalTensor, sizes: dict[Path, int]) -> None:
     """Raises InputError unless the file of a tensor may be opened. Otherwise adds its size to `sizes`."""
     about = f"{path}: the weights {shown(tensor.name)}"
     said = dict(tensor.said)
@@ -113,7 +113,7 @@ def _check(path: Path, tensor: External, sizes: dict[Path, int]) -> None:
 # The encoding --------------------------------------------------------------------------------------------------------
 
 
-def _tensors(data: mmap.mmap) -> Iterator[External]:
+def _tensors(data: mmap.mmap) -> Iterator[ExternalTensor]:
     """The tensors of a model in other files. Raises ValueError or IndexError if `data` is not a message."""
     left = [("model", 0, len(data), 0)]
     while left:
@@ -131,8 +131,8 @@ def _tensors(data: mmap.mmap) -> Iterator[External]:
                 left.append((within[number], at, to, depth + 1))
 
 
-def _tensor(data: mmap.mmap, start: int, end: int) -> External:
-    found = External()
+def _tensor(data: mmap.mmap, start: int, end: int) -> ExternalTensor:
+    found = ExternalTensor()
     for number, wire, at, to in _fields(data, start, end):
         if number == _LOCATION and wire == _VARINT:
             found.is_external |= _varint(data, at, to)[0] != 0

@@ -15,9 +15,15 @@ from nvsim.files.reading import reading
 from nvsim.networks.chain import Chain
 from nvsim.networks.description import ROLE_WORDS, Description, Role
 from nvsim.networks.folder import models_folder
+from nvsim.networks.known_forms import (
+    FOLDER,
+    description_from_legacy_toml,
+    fitting,
+    known_descriptions,
+    read_description,
+)
 from nvsim.networks.onnx_session import Provider, Session, Signature
 from nvsim.networks.parsing import description_in
-from nvsim.networks.ready import FOLDER, description_from_legacy_toml, fitting, known_descriptions, read_description
 from nvsim.networks.toml_table import LARGEST, parsed
 
 DESCRIPTION = "model.toml"
@@ -32,7 +38,7 @@ _OURS: dict[str, Role] = {"bundled-floor": "semantic", "bundled-normals": "norma
 
 
 @dataclass(frozen=True)
-class Model:
+class InstalledModel:
     """An installed model. `description` is None if the files must be opened to detect their form."""
 
     name: str
@@ -104,22 +110,22 @@ class _Problem:
     message: str
 
 
-def installed() -> tuple[list[Model], list[str]]:
+def installed() -> tuple[list[InstalledModel], list[str]]:
     """The models sorted by name, and a message for each invalid description."""
     models, problems = _installed()
     return models, [problem.message for problem in problems]
 
 
-def _installed() -> tuple[list[Model], list[_Problem]]:
+def _installed() -> tuple[list[InstalledModel], list[_Problem]]:
     """The models sorted by name, and the models that cannot be used."""
     folder = models_folder()
-    found: dict[str, Model] = {}
+    found: dict[str, InstalledModel] = {}
     problems = []
     for name, (role, files) in OLD.items():
         paths = tuple(folder / file for file in files)
         there = [path for path in paths if is_regular(path)]
         if len(there) == len(paths):
-            found[name] = Model(name, role, folder, None, None, paths)
+            found[name] = InstalledModel(name, role, folder, None, None, paths)
         elif there:
             (missing, *_) = (path for path in paths if path not in there)
             message = f"{missing} is missing; a prompted model consists of an encoder and a decoder."
@@ -134,11 +140,11 @@ def _installed() -> tuple[list[Model], list[_Problem]]:
     return [found[name] for name in sorted(found)], problems
 
 
-def model_at(path: Path) -> Model:
+def model_at(path: Path) -> InstalledModel:
     """The model that the TOML at `path` describes. Raises InputError if it is invalid."""
     description = read_description(path)
     files = tuple(path.parent / file.name for file in description.files.values())
-    return Model(_name_of(path), description.role, path.parent, path, description, files)
+    return InstalledModel(_name_of(path), description.role, path.parent, path, description, files)
 
 
 def _name_of(path: Path) -> str:
@@ -146,7 +152,7 @@ def _name_of(path: Path) -> str:
     return path.parent.name if path.name == DESCRIPTION else path.stem
 
 
-def bundled() -> list[Model]:
+def bundled() -> list[InstalledModel]:
     """The models that come with NVSim. Their descriptions are in `nvsim_resources/models/bundled`."""
     found = []
     for name, role in _OURS.items():
@@ -156,17 +162,17 @@ def bundled() -> list[Model]:
     return found
 
 
-def bundled_model(role: Role) -> Model | None:
+def bundled_model(role: Role) -> InstalledModel | None:
     """The model of a role that comes with NVSim, None if there is none."""
     return next((model for model in bundled() if model.role == role), None)
 
 
-def models_of(role: Role) -> list[Model]:
+def models_of(role: Role) -> list[InstalledModel]:
     """The installed models of a role; models without a description are last."""
     return sorted((m for m in installed()[0] if m.role == role), key=lambda m: (m.description is None, m.name))
 
 
-def find_model(role: Role, name: str = "") -> Model | None:
+def find_model(role: Role, name: str = "") -> InstalledModel | None:
     """The model of a role by its name; "bundled" selects the model that comes with NVSim.
 
     Without a name, it is the first installed model, or None. Raises InputError if no model has that name, or if the

@@ -25,7 +25,7 @@ class Node:
 
 
 @dataclass(frozen=True)
-class Load:
+class LoadRequest:
     """Request to load a file, which replaces the file loaded so far. The answer is Loaded or Failed."""
 
     path: Path
@@ -34,7 +34,7 @@ class Load:
 
 
 @dataclass(frozen=True)
-class Loaded:
+class LoadedModel:
     """metadata  properties stored in the file
     provider  the first of the providers that onnxruntime could use
     """
@@ -46,7 +46,7 @@ class Loaded:
 
 
 @dataclass(frozen=True)
-class Run:
+class RunRequest:
     """Request for the outputs `names` (None for all) for inputs by name. The answer is a list of arrays or Failed."""
 
     names: list[str] | None
@@ -54,7 +54,7 @@ class Run:
 
 
 @dataclass(frozen=True)
-class Failed:
+class RunFailure:
     """The reason why the network does not run, in the words of onnxruntime."""
 
     reason: str
@@ -69,15 +69,15 @@ class OnnxServer:
         onnxruntime.set_default_logger_severity(4)
         self._session: Any = None
 
-    def __call__(self, request: Load | Run) -> Loaded | Failed | list[Any]:
-        if isinstance(request, Load):
+    def __call__(self, request: LoadRequest | RunRequest) -> LoadedModel | RunFailure | list[Any]:
+        if isinstance(request, LoadRequest):
             return self._load(request)
         try:
             return list(self._session.run(request.names, request.feed))
         except Exception as error:  # onnxruntime's exceptions have no narrower common base class
-            return Failed(_reason_of(error))
+            return RunFailure(_reason_of(error))
 
-    def _load(self, request: Load) -> Loaded | Failed:
+    def _load(self, request: LoadRequest) -> LoadedModel | RunFailure:
         import onnxruntime
 
         self._session = None  # frees the memory of the previous session
@@ -89,9 +89,9 @@ class OnnxServer:
         try:
             session = onnxruntime.InferenceSession(str(request.path), options, providers=list(request.providers))
         except Exception as error:
-            return Failed(_reason_of(error))
+            return RunFailure(_reason_of(error))
         with reading(request.path, "an ONNX network", "export it again"):
-            found = Loaded(
+            found = LoadedModel(
                 _nodes(session.get_inputs()),
                 _nodes(session.get_outputs()),
                 dict(session.get_modelmeta().custom_metadata_map),

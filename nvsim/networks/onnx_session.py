@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 from nvsim.errors import InputError
 from nvsim.kernel_threads import allowed
 from nvsim.networks.external_data import check_external_data
-from nvsim.networks.onnx_server import Failed, Load, Loaded, Node, OnnxServer, Run
+from nvsim.networks.onnx_server import LoadedModel, LoadRequest, Node, OnnxServer, RunFailure, RunRequest
 from nvsim.processes.child import Child, Limits
 
 Provider = Literal["auto", "cpu", "cuda"]
@@ -74,12 +74,14 @@ class Session:
 
     def __init__(self, path: Path, providers: Sequence[str] = ("CPUExecutionProvider",)) -> None:
         self._path, self._bytes = path, check_external_data(path)
-        self._child: Child[Load | Run, Any] = Child(OnnxServer, str(path), "export it again, or use another network")
+        self._child: Child[LoadRequest | RunRequest, Any] = Child(
+            OnnxServer, str(path), "export it again, or use another network"
+        )
         weakref.finalize(self, self._child.release)
-        found = self._child.ask(Load(path, tuple(providers), allowed()), self._limits(0))
-        if isinstance(found, Failed):
+        found = self._child.ask(LoadRequest(path, tuple(providers), allowed()), self._limits(0))
+        if isinstance(found, RunFailure):
             raise InputError(f"{path} cannot be loaded as an ONNX network ({found.reason}); export it again.")
-        loaded: Loaded = found
+        loaded: LoadedModel = found
         self.inputs, self.outputs, self.metadata = loaded.inputs, loaded.outputs, loaded.metadata
         self.provider = loaded.provider
         if loaded.provider not in providers:
@@ -91,8 +93,8 @@ class Session:
         `feed` holds one array per input, by name, with the shape in `inputs`. Raises DoesNotRun if the network rejects
         its inputs. Raises InputError if it crashes or needs too much time or memory."""
         limits = self._limits(sum(value.nbytes for value in feed.values()))
-        found = self._child.ask(Run(None if names is None else list(names), dict(feed)), limits)
-        if isinstance(found, Failed):
+        found = self._child.ask(RunRequest(None if names is None else list(names), dict(feed)), limits)
+        if isinstance(found, RunFailure):
             raise DoesNotRun(self._path, found.reason)
         return list(found)
 

@@ -28,8 +28,8 @@ from nvsim.networks.description import (
     Step,
     Tensor,
 )
-from nvsim.networks.preparing import preparation_in
-from nvsim.networks.toml_table import Table
+from nvsim.networks.image_preparation import preparation_in
+from nvsim.networks.toml_table import TomlTable
 
 _PERPENDICULAR = ({"right", "left"}, {"down", "up"}, {"forward", "backward"})
 _MOST_SIDE = 1 << 16
@@ -39,7 +39,7 @@ T = TypeVar("T")
 
 def description_in(values: dict[str, Any], path: Path) -> Description:
     """The description in the parsed TOML `values` of the file `path`. Raises InputError if a key is wrong."""
-    table = Table(values, path)
+    table = TomlTable(values, path)
     role: Role = table.one_of("role", get_args(Role))
     steps = table.tables("steps")
     description = Description(
@@ -62,7 +62,7 @@ def description_in(values: dict[str, Any], path: Path) -> Description:
     return description
 
 
-def _each(table: Table, read: Callable[[Table], T]) -> dict[str, T]:
+def _each(table: TomlTable, read: Callable[[TomlTable], T]) -> dict[str, T]:
     found = {}
     for key in table.keys():  # noqa: SIM118  (a Table is not a dict)
         inner = table.table(key)
@@ -71,7 +71,7 @@ def _each(table: Table, read: Callable[[Table], T]) -> dict[str, T]:
     return found
 
 
-def _file(table: Table) -> File:
+def _file(table: TomlTable) -> File:
     name = table.word("file")
     beside = table.words("beside", ())
     for each in (name, *beside):
@@ -81,7 +81,7 @@ def _file(table: Table) -> File:
     return File(name, beside, table.word("sha256", ""))
 
 
-def _step(table: Table) -> Step:
+def _step(table: TomlTable) -> Step:
     inputs, outputs = (
         tuple(_tensor(t, several=key == "inputs") for t in table.tables(key)) for key in ("inputs", "outputs")
     )
@@ -90,7 +90,7 @@ def _step(table: Table) -> Step:
     return step
 
 
-def _tensor(table: Table, several: bool) -> Tensor:
+def _tensor(table: TomlTable, several: bool) -> Tensor:
     tensor = Tensor(
         table.words("value") if several else (table.word("value"),),
         table.words("name", ()),
@@ -107,7 +107,7 @@ def _tensor(table: Table, several: bool) -> Tensor:
     return tensor
 
 
-def _constant(table: Table) -> Constant:
+def _constant(table: TomlTable) -> Constant:
     shape = table.wholes("shape", _MOST_SIDE) if "shape" in table else None
     if "seed" in table:
         seed = table.whole("seed", 1 << 30, least=0)
@@ -123,7 +123,7 @@ def _constant(table: Table) -> Constant:
     return Constant(numbers, shape)
 
 
-def _scheduler(table: Table) -> Scheduler:
+def _scheduler(table: TomlTable) -> Scheduler:
     least, most = table.number("first_beta", Scheduler.first_beta), table.number("last_beta", Scheduler.last_beta)
     trained = table.whole("trained", 10_000, Scheduler.trained)
     if not 0 < least <= most < 1:
@@ -143,13 +143,13 @@ def _scheduler(table: Table) -> Scheduler:
     )
 
 
-def _points(table: Table) -> Points:
+def _points(table: TomlTable) -> Points:
     points = Points(table.word("image", ""), table.flag("padding", False), table.flag("negatives", True))
     table.refuse_others()
     return points
 
 
-def _result(table: Table, role: Role) -> Result:
+def _result(table: TomlTable, role: Role) -> Result:
     value, image = table.word("value"), table.word("image", "")
     result: Result
     if role == "prompted":
@@ -172,11 +172,11 @@ def _result(table: Table, role: Role) -> Result:
     return result
 
 
-def _channels_last(table: Table) -> bool:
+def _channels_last(table: TomlTable) -> bool:
     return bool(table.one_of("layout", ("NCHW", "NHWC"), "NCHW") == "NHWC")
 
 
-def _axes(table: Table) -> tuple[Direction, Direction, Direction]:
+def _axes(table: TomlTable) -> tuple[Direction, Direction, Direction]:
     axes = table.words("axes")
     right = "three of right or left, down or up, forward or backward, each once, out of the surface"
     if len(axes) != 3 or not all(sum(a in pair for a in axes) == 1 for pair in _PERPENDICULAR):

@@ -23,7 +23,7 @@ def parsed(text: str, path: Path) -> dict[str, Any]:
         return tomllib.loads(text)
 
 
-class Table:
+class TomlTable:
     """Reads values from a table of the file `path`, and records which keys were read.
 
     `where` names the table within the file, "" for the whole file. A missing value becomes the `default`; without a
@@ -127,19 +127,19 @@ class Table:
         value = self._taken(key, default, "a text of 1 to 200 characters, or a list of them", fits)
         return (value,) if isinstance(value, str) else tuple(value)
 
-    def table(self, key: str) -> Table:
+    def table(self, key: str) -> TomlTable:
         """The table at `key`, empty if it is missing."""
         value = self._taken(key, {}, "a table", lambda v: isinstance(v, dict))
-        return Table(value, self.path, f"{self._where}{key}.")
+        return TomlTable(value, self.path, f"{self._where}{key}.")
 
-    def tables(self, key: str) -> list[Table]:
+    def tables(self, key: str) -> list[TomlTable]:
         """The list of tables at `key`, empty if it is missing."""
 
         def fits(value: Any) -> bool:
             return isinstance(value, list) and len(value) <= 100 and all(isinstance(v, dict) for v in value)
 
         value = self._taken(key, [], "a list of tables", fits)
-        return [Table(v, self.path, f"{self._where}{key}[{n}].") for n, v in enumerate(value, 1)]
+        return [TomlTable(v, self.path, f"{self._where}{key}[{n}].") for n, v in enumerate(value, 1)]
 
     def refuse_others(self) -> None:
         """Raises InputError if the table has a key that was never read."""

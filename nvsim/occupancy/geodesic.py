@@ -26,7 +26,7 @@ class Geodesics:
         NaN if the start or the end is not in the room, infinite if there is no path. A length is too long by a share of
         at most ERROR, and by half a cell at each end."""
         start, ends = np.asarray(start, np.float64).reshape(1, 2), np.asarray(ends, np.float64).reshape(-1, 2)
-        first, last = self._at(start)[0], self._at(ends)
+        first, last = self._cells_of_points(start)[0], self._cells_of_points(ends)
         found = np.full(len(ends), np.nan)
         if first[0] < 0:
             return found
@@ -41,7 +41,7 @@ class Geodesics:
         found[free] = straight[free]
         return np.asarray(np.maximum(found, straight))
 
-    def _at(self, xy: NDArray[np.float64]) -> NDArray[np.int64]:
+    def _cells_of_points(self, xy: NDArray[np.float64]) -> NDArray[np.int64]:
         """(N, 2) row and column of the cell of each point, -1 outside the room."""
         index = np.asarray(self._occupancy.index(xy), np.int64)
         inside: NDArray[np.bool_] = np.all((index >= 0) & (index < self._room.shape), axis=1)

@@ -31,7 +31,7 @@ _NODE = {"OcTree": 5, "ColorOcTree": 8, "OcTreeStamped": 5, "1": 5}
 
 
 @dataclass(frozen=True, eq=False)
-class Tree:
+class OccupancyTree:
     """resolution  meters, edge of a voxel
     leaves      (N, 5) int32: x, y, z and size in voxels from the corner of the tree, and FREE or OCCUPIED
     """
@@ -40,7 +40,7 @@ class Tree:
     leaves: NDArray[np.int32]
 
 
-def read_tree(path: Path) -> Tree:
+def read_tree(path: Path) -> OccupancyTree:
     """The leaves of the tree in a .bt or .ot file; its first line decides the format. Raises InputError if the file is
     not a complete tree of a supported kind."""
     content = read_bytes(path)
@@ -65,7 +65,7 @@ def read_tree(path: Path) -> Tree:
             f"{path} ends in the middle of the tree, is deeper than {DEPTH} levels, or has values that are not finite; "
             "copy it again."
         )
-    return Tree(resolution, leaves[:count].copy())
+    return OccupancyTree(resolution, leaves[:count].copy())
 
 
 def _header(path: Path, content: bytes) -> tuple[float, str, NDArray[np.uint8]]:

@@ -13,7 +13,7 @@ from nvsim.files.opening import is_regular, opened
 from nvsim.files.reading import reading
 from nvsim.geometry.camera import Camera, Intrinsics, camera_pose
 from nvsim.networks.chain import Chain
-from nvsim.networks.installed import Model
+from nvsim.networks.installed import InstalledModel
 from nvsim.perception.normals_network import NormalsNetwork
 from nvsim.perception.prompted_network import PromptedNetwork
 from nvsim.perception.semantic_network import SemanticNetwork
@@ -22,7 +22,7 @@ _SIZE = 240, 320  # of the test image
 
 
 @dataclass(frozen=True)
-class Checked:
+class ModelCheck:
     """problem  a sentence, "" if the model matches its description
     says     the model's output for a test image, in words
     seconds  time for one image, measured on the second call
@@ -33,7 +33,7 @@ class Checked:
     seconds: float = 0.0
 
 
-def check(model: Model) -> Checked:
+def check(model: InstalledModel) -> ModelCheck:
     """Opens a model and runs it twice on a test image."""
     try:
         _sums(model)
@@ -41,12 +41,12 @@ def check(model: Model) -> Checked:
         _answer(chain)
         start = time.perf_counter()
         says = _answer(chain)
-        return Checked("", says, time.perf_counter() - start)
+        return ModelCheck("", says, time.perf_counter() - start)
     except InputError as error:
-        return Checked(str(error))
+        return ModelCheck(str(error))
 
 
-def _sums(model: Model) -> None:
+def _sums(model: InstalledModel) -> None:
     """Raises InputError if a file is missing or differs from the installed one."""
     for file in model.description.files.values() if model.description else ():
         for name in (file.name, *file.beside):

@@ -94,7 +94,7 @@ class CloudLabels:
         height = places[:, 2] - surface.height_at(places[:, :2])
         alike = np.ones(len(rows), bool)
         if image is not None and self.cloud.colors is not None:
-            alike = _alike(image, depth.shape, rows, columns, self.cloud.colors[index])
+            alike = _similar_pixels(image, depth.shape, rows, columns, self.cloud.colors[index])
         said = np.full(len(rows), UNKNOWN, np.uint8)
         said[(np.abs(height) > _STANDING) & (radii[index] > 0)] = OTHER
         said[(np.abs(height) < _LEVEL) & (facing[:, 2] > 0.8)] = FLOOR
@@ -111,7 +111,7 @@ class CloudLabels:
         )
 
 
-def _alike(
+def _similar_pixels(
     image: NDArray[np.uint8], shape: tuple[int, ...], rows: NDArray[np.intp], columns: NDArray[np.intp],
     colors: NDArray[np.uint8],
 ) -> NDArray[np.bool_]:  # fmt: skip

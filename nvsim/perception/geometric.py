@@ -17,7 +17,7 @@ from nvsim.geometry.sampling import evenly_spaced
 from nvsim.geometry.splatting import SplatCloud
 from nvsim.perception.appearance import FloorAppearance, FloorObservation
 from nvsim.perception.glass import GlassVotes
-from nvsim.perception.growing import grow
+from nvsim.perception.grabcut import grow
 from nvsim.perception.hybrid import large_regions
 from nvsim.perception.obstacles import split_obstacles
 from nvsim.perception.refine import RefineConfig, refine
@@ -112,7 +112,7 @@ class Projection:
     before: Float32
 
 
-class _OwnDepth(NamedTuple):
+class _DepthMasks(NamedTuple):
     """Masks (h, w) bool from the depth of an image: pixels at the depth of the floor, pixels before the floor, and
     pixels with a known depth."""
 
@@ -182,7 +182,7 @@ class GeometricFloor:
         import cv2
 
         seen = self.project(camera)
-        floor, own = seen.floor, _OwnDepth(*np.zeros((3, *seen.floor.shape), bool))
+        floor, own = seen.floor, _DepthMasks(*np.zeros((3, *seen.floor.shape), bool))
         if depth is not None:
             floor, own = self._with_depth(seen, camera, depth)
         view = self._observe_floor(seen, image)
@@ -217,7 +217,7 @@ class GeometricFloor:
         return FloorMask(mask, mask, doubtful=sized & ~mask)
 
     def _as_it_looks(
-        self, floor: Mask, seen: Projection, own: _OwnDepth, looks: Float32, upward: Float32 | None
+        self, floor: Mask, seen: Projection, own: _DepthMasks, looks: Float32, upward: Float32 | None
     ) -> Mask:
         """The `floor` from the depth of images, with the additions and removals of networks; all (h, w), except
         `upward`, which can have any size."""
@@ -233,7 +233,7 @@ class GeometricFloor:
         floor |= seen.hidden & ~own.before & ~front & (looks > c.filled_behind)
         return np.asarray(floor & (~front | own.known | (looks >= c.filled_wall) | stairs))
 
-    def _with_depth(self, seen: Projection, camera: Camera, depth: Float32) -> tuple[Mask, _OwnDepth]:
+    def _with_depth(self, seen: Projection, camera: Camera, depth: Float32) -> tuple[Mask, _DepthMasks]:
         """The floor of a projection after the image's own depth is applied, and the masks of that depth."""
         import cv2
 
@@ -245,7 +245,7 @@ class GeometricFloor:
         level = known & (np.abs(own - ground) < self.config.level * ground)
         before = known & (own < (1 - self.config.before) * ground)
         floor = _without_specks((seen.floor & ~before) | level, self.config.speck)
-        return floor, _OwnDepth(level, before, own > 0)
+        return floor, _DepthMasks(level, before, own > 0)
 
     def likeness(self, camera: Camera, image: Image) -> Float32:
         """(h, w) float32 at the working size, 0 to 1: how similar `image` (H, W, 3) is to floor, by the colors that

@@ -89,10 +89,10 @@ class HybridFloor:
             missing: Failure = "no-looks" if not looks.any() else "no-candidates" if flat.any() else "no-flat"
             return HybridSteps(looks, flat, candidates, points, candidates, normals, missing)
         prompted = self.prompted.mask(normal_picture(normals), points, camera)
-        prompted, failure = self._judged(prompted, candidates, looks | flat)
+        prompted, failure = self._apply_failure_rules(prompted, candidates, looks | flat)
         return HybridSteps(looks, flat, candidates, points, prompted, normals, failure)
 
-    def _judged(self, prompted: Mask, candidates: Mask, plausible: Mask) -> tuple[Mask, Failure]:
+    def _apply_failure_rules(self, prompted: Mask, candidates: Mask, plausible: Mask) -> tuple[Mask, Failure]:
         """The final mask (H, W), and the failure rule that made it."""
         if (prompted & ~plausible).sum() > self.config.beyond * prompted.sum():
             return candidates, "beyond"

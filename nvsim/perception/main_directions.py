@@ -47,11 +47,11 @@ def main_headings(images: Iterable[Float32]) -> tuple[float, ...]:
     left, found = np.ones(len(headings), bool), list[float]()
     while True:
         heading = _peak(headings[left], weights[left])
-        near = np.abs(_between(headings, heading)) < _NEAR
+        near = np.abs(_quarter_turn_difference(headings, heading)) < _NEAR
         if weights[near & left].sum() < _LEAST:
             return tuple(found)
         found.append(heading)
-        left &= np.abs(_between(headings, heading)) > _APART
+        left &= np.abs(_quarter_turn_difference(headings, heading)) > _APART
         if not left.any():
             return tuple(found)
 
@@ -80,7 +80,7 @@ def _of_image(normals: Float32, headings: tuple[float, ...]) -> float | None:
     if len(walls) < _BINS:
         return headings[0]
     own = _peak(walls, np.ones(len(walls)))
-    if _share(walls, own) > _OWN and min(abs(float(_between(own, h))) for h in headings) > _APART:
+    if _share(walls, own) > _OWN and min(abs(float(_quarter_turn_difference(own, h))) for h in headings) > _APART:
         return None
     return max(headings, key=lambda heading: _share(walls, heading))
 
@@ -97,18 +97,18 @@ def _peak(headings: NDArray[np.float32], weights: NDArray[np.float64]) -> float:
     counts, _ = np.histogram(headings, _BINS, (0.0, _QUARTER), weights=weights)
     smooth = sum(np.roll(counts, k) for k in range(-3, 4))
     middle = (float(np.argmax(smooth)) + 0.5) * _QUARTER / _BINS
-    off = _between(headings, middle)
+    off = _quarter_turn_difference(headings, middle)
     near = np.abs(off) < np.radians(6)
     return float((middle + np.median(off[near])) % _QUARTER) if near.any() else middle
 
 
-def _between(a: NDArray[np.float32] | float, b: float) -> NDArray[np.float32]:
+def _quarter_turn_difference(a: NDArray[np.float32] | float, b: float) -> NDArray[np.float32]:
     """The angle from `b` to `a`, from -pi / 4 to pi / 4."""
     return np.asarray((a - b + _QUARTER / 2) % _QUARTER - _QUARTER / 2)
 
 
 def _share(headings: NDArray[np.float32], heading: float) -> float:
-    return float((np.abs(_between(headings, heading)) < _NEAR).mean())
+    return float((np.abs(_quarter_turn_difference(headings, heading)) < _NEAR).mean())
 
 
 @dataclass(frozen=True)

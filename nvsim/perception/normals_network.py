@@ -13,7 +13,7 @@ from nvsim.geometry.camera import Camera, level_of
 from nvsim.networks.chain import Chain
 from nvsim.networks.description import Direction, NormalsResult
 from nvsim.networks.folder import models_folder
-from nvsim.networks.installed import Model, find_model
+from nvsim.networks.installed import InstalledModel, find_model
 from nvsim.perception.placed_rays import placed_rays
 from nvsim.perception.roles import Float32, Image
 
@@ -98,7 +98,7 @@ class NormalsNetwork:
             )
 
 
-def normals_model(name: str = "") -> Model | None:
+def normals_model(name: str = "") -> InstalledModel | None:
     """The user's model of normals with this name, or the first one; None if there is none."""
     return find_model("normals", name)
 

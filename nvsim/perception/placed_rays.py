@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from nvsim.geometry.camera import Camera, Intrinsics, level_rays
-from nvsim.networks.preparing import Placement
+from nvsim.networks.image_preparation import Placement
 
 
 def placed_rays(camera: Camera, place: Placement) -> NDArray[np.float32]:

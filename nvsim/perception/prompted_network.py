@@ -8,9 +8,9 @@ from numpy.typing import NDArray
 from nvsim.errors import InputError
 from nvsim.files.reading import reading
 from nvsim.geometry.camera import Camera
-from nvsim.networks.chain import Chain, Shown, Values
+from nvsim.networks.chain import Chain, ProcessedImage, Values
 from nvsim.networks.description import MaskResult, Points
-from nvsim.networks.preparing import Placement
+from nvsim.networks.image_preparation import Placement
 from nvsim.perception.roles import Image, Mask
 
 _NO_POINT = -1.0  # label of a padding point
@@ -24,7 +24,7 @@ class PromptedNetwork:
         assert isinstance(chain.description.result, MaskResult)
         self._chain, self._result = chain, chain.description.result
         self._points = chain.description.points or Points()
-        self._shown: Shown | None = None
+        self._shown: ProcessedImage | None = None
 
     def mask(self, picture: Image, points: NDArray[np.floating], camera: Camera) -> Mask:
         """The region (H, W) bool of `picture` (H, W, 3) that contains the `points` (K, 2), see PromptedMask."""
@@ -49,12 +49,12 @@ class PromptedNetwork:
         with reading(path, "a network that gives masks at points", "export it again"):
             return self._best(values, shown)
 
-    def _placed(self, points: NDArray[np.floating], shown: Shown) -> NDArray[np.float32]:
+    def _placed(self, points: NDArray[np.floating], shown: ProcessedImage) -> NDArray[np.float32]:
         if self._points.image:
             return shown.placements[self._points.image].points(points)
         return np.asarray(points, np.float32) - 0.5
 
-    def _best(self, values: Values, shown: Shown) -> Mask:
+    def _best(self, values: Values, shown: ProcessedImage) -> Mask:
         masks = self._chain.value(values, self._result.value)
         if masks.ndim < 2 or masks.size == 0:
             raise InputError(f"{list(self._chain.paths.values())[-1]} gives no masks; export it again.")

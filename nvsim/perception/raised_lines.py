@@ -140,7 +140,7 @@ def _of_camera(
     near = near[np.argsort(apart[near], kind="stable")]
     if len(near) > c.most:
         near = near[np.linspace(0, len(near) - 1, c.most).astype(np.int64)]
-    starts, ends = _above(camera, segments[index], floor, c)
+    starts, ends = _segments_above(camera, segments[index], floor, c)
     if not len(near) or not len(starts):
         return np.zeros((0, 6))
     asked, shown, on_floor = (np.zeros(starts.shape[:2], np.int64) for _ in range(3))
@@ -156,7 +156,7 @@ def _of_camera(
     return np.column_stack(rows)[sure]
 
 
-def _above(camera: Camera, segments: Float64, floor: float, c: LineConfig) -> tuple[Float64, Float64]:
+def _segments_above(camera: Camera, segments: Float64, floor: float, c: LineConfig) -> tuple[Float64, Float64]:
     """The starts and the ends (n, 1 + heights, 3) of the segments (m, 4) that can be near the floor. The first are on
     the floor, the others at the heights `c.heights` above it."""
     k, height = camera.intrinsics, camera.position[2] - floor
@@ -206,13 +206,13 @@ def _cells(start: Float64, end: Float64, edge: float) -> list[Cell]:
     return [(int(x), int(y)) for x, y in np.unique(np.floor(places / edge).astype(np.int64), axis=0)]
 
 
-def _around(cell: Cell) -> list[Cell]:
+def _adjacent_cells(cell: Cell) -> list[Cell]:
     return [(cell[0] + x, cell[1] + y) for x in (-1, 0, 1) for y in (-1, 0, 1)]
 
 
 def _has(known: dict[Cell, float], cell: Cell, height: float, level: float) -> bool:
     """Whether `cell` or a cell beside it is known at about that height."""
-    return any(abs(known[at] - height) <= level + 1e-9 for at in _around(cell) if at in known)
+    return any(abs(known[at] - height) <= level + 1e-9 for at in _adjacent_cells(cell) if at in known)
 
 
 def _agreed(cells: list[list[Cell]], lines: RaisedLines, positions: Float64, c: LineConfig) -> dict[Cell, float]:
@@ -223,13 +223,13 @@ def _agreed(cells: list[list[Cell]], lines: RaisedLines, positions: Float64, c: 
             seen.setdefault(cell, []).append(i)
     found: dict[Cell, float] = {}
     for cell in seen:
-        near = np.array(sorted({i for at in _around(cell) for i in seen.get(at, ())}))
+        near = np.array(sorted({i for at in _adjacent_cells(cell) for i in seen.get(at, ())}))
         if len(near) < c.places:
             continue
         best = 0
         for height in np.unique(lines.height[near]):
             alike = near[np.abs(lines.height[near] - height) <= c.level + 1e-9]
-            count = _spread(positions[np.unique(lines.camera[alike]), :2], c.spread)
+            count = _count_spread_places(positions[np.unique(lines.camera[alike]), :2], c.spread)
             if count > best:
                 best, at = count, float(height)
         if best >= c.places:
@@ -237,7 +237,7 @@ def _agreed(cells: list[list[Cell]], lines: RaisedLines, positions: Float64, c: 
     return found
 
 
-def _spread(places: Float64, apart: float) -> int:
+def _count_spread_places(places: Float64, apart: float) -> int:
     """The number of places (n, 2), selected in order, that are more than `apart` from those selected earlier."""
     kept = np.zeros((0, 2))
     for place in places:

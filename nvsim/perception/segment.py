@@ -132,7 +132,7 @@ def learnt_floor(
 ) -> tuple[GeometricFloor, Cloud | None]:
     """The provider for the frames `members`, which share a floor surface, and the cloud that it uses. The provider has
     learned the color of the floor. Raises InputError for an image that cannot be read."""
-    near = _around(capture.positions, members, surface)
+    near = _frames_near_submap(capture.positions, members, surface)
 
     def camera(index: int) -> Camera:
         frame = capture.frames[index]
@@ -155,7 +155,7 @@ def learnt_floor(
     return floor, cloud
 
 
-def _around(positions: NDArray[np.float64], members: list[int], surface: FloorSurface) -> list[int]:
+def _frames_near_submap(positions: NDArray[np.float64], members: list[int], surface: FloorSurface) -> list[int]:
     """The frames at `positions` (N, 3) that see the floor of the `members`: the members, and frames near them on their
     storey. The floor behind a glass wall can belong to the next submap."""
     from scipy.spatial import cKDTree

@@ -11,7 +11,7 @@ from nvsim.errors import InputError
 from nvsim.geometry.camera import Camera
 from nvsim.networks.chain import Chain, Values
 from nvsim.networks.description import FloorResult
-from nvsim.networks.preparing import Placement
+from nvsim.networks.image_preparation import Placement
 from nvsim.perception.placed_rays import placed_rays
 from nvsim.perception.roles import Float32, Image
 

@@ -68,11 +68,11 @@ class Stairs:
         found = met.reshape(-1).astype(np.float64)
         eye = np.asarray(origin, np.float64)
         for low, high in self._boxes():
-            near, far = _crossed(eye, flat, low, high)
+            near, far = _ray_box_entries(eye, flat, low, high)
             crossing = np.flatnonzero((far > near) & (found > near))
             for start in range(0, len(crossing), _CHUNK):
                 part = crossing[start : start + _CHUNK]
-                found[part] = self._along(eye, flat[part], near[part], far[part])
+                found[part] = self._meters_to_stairs(eye, flat[part], near[part], far[part])
         return found.reshape(shape).astype(np.float32)
 
     def _boxes(self) -> list[tuple[NDArray[np.float64], NDArray[np.float64]]]:
@@ -86,7 +86,7 @@ class Stairs:
             boxes.append((np.append(low, heights.min() - 0.1), np.append(high, heights.max() + 0.1)))
         return boxes
 
-    def _along(
+    def _meters_to_stairs(
         self,
         origin: NDArray[np.float64],  # (3,)
         rays: NDArray[np.float64],  # (M, 3)
@@ -108,10 +108,12 @@ class Stairs:
         drop = np.abs(heights[row, first + 1] - heights[row, first]) > _STEEP * run + 0.02
         beneath = over[:, 0] <= 0
         return np.where(
-            beneath, np.inf, np.where(enters.any(axis=1), np.where(drop, np.inf, hit), self._beyond(origin, rays, far))
+            beneath,
+            np.inf,
+            np.where(enters.any(axis=1), np.where(drop, np.inf, hit), self._meters_to_floor_behind(origin, rays, far)),
         )
 
-    def _beyond(
+    def _meters_to_floor_behind(
         self, origin: NDArray[np.float64], rays: NDArray[np.float64], far: NDArray[np.float64]
     ) -> NDArray[np.float64]:
         """(M,) meters to the floor behind the stairs, by the fixed-point iteration of `FloorSurface.meet`."""
@@ -143,7 +145,7 @@ def _with_neighbours(nodes: Mask, heights: Float32, drop: float) -> Mask:
     return found
 
 
-def _crossed(
+def _ray_box_entries(
     origin: NDArray[np.float64], rays: NDArray[np.float64], low: NDArray[np.float64], high: NDArray[np.float64]
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """(M,) meters to the points where rays (M, 3) enter a box from `low` (3,) to `high` (3,), and where they leave it.

@@ -85,7 +85,7 @@ class FloorSupport:
         _fill_discs(cells, (positions[:, :2] - origin) / self.spacing - 0.5, radius / self.spacing)
         if self.blocked is not None:
             cells[here] &= self.cells | ~self.blocked
-            through = _crossed(positions[:, :2], FloorSupport(cells, corner, self.spacing))
+            through = _unsupported_places(positions[:, :2], FloorSupport(cells, corner, self.spacing))
             _fill_discs(cells, (through - origin) / self.spacing - 0.5, radius / self.spacing)
         if self.thin is not None:
             cells[here] &= ~self.thin
@@ -113,7 +113,7 @@ def _fill_discs(cells: Mask, centres: NDArray[np.floating], reach: float) -> Non
         cells[r0:r1, c0:c1] |= (y[r0:r1] - row) ** 2 + (x[:, c0:c1] - column) ** 2 <= reach**2
 
 
-def _crossed(positions: NDArray[np.floating], support: FloorSupport) -> NDArray[np.float64]:
+def _unsupported_places(positions: NDArray[np.floating], support: FloorSupport) -> NDArray[np.float64]:
     """(K, 2) unsupported places on a trajectory over positions (N, 2), meters, that it crossed in one step between
     supported floor."""
     places = places_between(positions, _APART, STRIDE)

@@ -28,7 +28,7 @@ _LONGEST = 1.0  # meters that a point may move in a round
 
 
 @dataclass(frozen=True, eq=False)
-class Adjusted:
+class AdjustedPoses:
     """poses     (N, 4, 4) float64, camera to world
     before    median reprojection error with the given poses and points triangulated from them, pixels
     after     median reprojection error with the adjusted poses and points, pixels
@@ -41,19 +41,19 @@ class Adjusted:
     features: NDArray[np.int64]
 
 
-def adjust(cameras: Sequence[Camera], tracks: Tracks) -> Adjusted:
+def adjust(cameras: Sequence[Camera], tracks: Tracks) -> AdjustedPoses:
     """Adjusts the poses of `cameras` (one for each frame) to `tracks`; pixels and meters. A camera without features
     keeps its pose. Raises ValueError if there is no track."""
     if not len(tracks.point):
         raise ValueError("there is no track")
-    work = _Work(cameras, tracks)
+    work = _AdjustmentState(cameras, tracks)
     errors = [work.round(_ASTRAY[0 if number < 2 else 1]) for number in range(_ROUNDS) if not work.is_done]
     _, _, _, counts = work.errors(_ASTRAY[1])
     features = np.bincount(tracks.frame[counts], minlength=len(cameras))
-    return Adjusted(work.poses, errors[0], work.error(_ASTRAY[1]), features)
+    return AdjustedPoses(work.poses, errors[0], work.error(_ASTRAY[1]), features)
 
 
-class _Work:
+class _AdjustmentState:
     """Poses and points during the adjustment."""
 
     def __init__(self, cameras: Sequence[Camera], tracks: Tracks) -> None:

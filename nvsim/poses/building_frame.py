@@ -15,7 +15,7 @@ import numpy as np
 import pycolmap
 from numpy.typing import NDArray
 
-from nvsim.poses.firmness import Observations
+from nvsim.poses.piece_reliability import Observations
 
 _STEEP = 4.0  # largest distance of a floor point, in units of its drop below the camera
 _SAME = 0.03  # difference of the logarithms of two heights of the same floor

@@ -17,7 +17,6 @@ from numpy.typing import NDArray
 
 from nvsim.errors import InputError
 from nvsim.poses.features import NOTHING, Features, find_features
-from nvsim.poses.firmness import firm_pieces
 from nvsim.poses.focal_length import estimate_focal_length
 from nvsim.poses.guided_matching import guided_pairs
 from nvsim.poses.image_pairs import ALIKE, neighbor_pairs, similar_pairs
@@ -47,10 +46,11 @@ from nvsim.poses.match_database import (
     write_database,
     write_geometries,
 )
+from nvsim.poses.piece_reliability import firm_pieces
 from nvsim.poses.pieces import names_in, split_after, split_into_pieces
-from nvsim.poses.pose_graph import Anchors, keeps_shape, median_depth, without_drift
+from nvsim.poses.pose_graph import PartAnchors, keeps_shape, median_depth, without_drift
 from nvsim.poses.positioning import map_video
-from nvsim.poses.straightening import anchors_of, contradicts_floor, leveled, merge_turning_pieces, straightened
+from nvsim.poses.straightening import anchors_of, contradicts_floor, level_and_scale, merge_turning_pieces, straightened
 from nvsim.poses.threads import thread_pool
 from nvsim.poses.two_views import TwoViews, from_matches, relative_pose
 
@@ -138,11 +138,11 @@ def find_poses(
         off = max(abs(cameras[k].mean_focal_length() / before[k].mean_focal_length() - 1) for k in cameras)
         if off < _FOCAL_OFF:
             break
-    return _finished(models, _Inputs(images, keypoints, similar, views, path, folder, report_progress), placed)
+    return _finished(models, _MappingInputs(images, keypoints, similar, views, path, folder, report_progress), placed)
 
 
 @dataclass(frozen=True, eq=False)
-class _Inputs:
+class _MappingInputs:
     """Input of the steps after the first mapping: keypoints, pairs of similar images, relative poses `views` of pairs,
     `path` of the database, `folder` for files, and the progress callback. `matches` keeps those of possible loops."""
 
@@ -156,14 +156,14 @@ class _Inputs:
     matches: dict[Pair, NDArray[np.uint32]] = field(default_factory=dict)
 
 
-def _finished(models: list[pycolmap.Reconstruction], inputs: _Inputs, placed: Placed) -> FoundPoses:
+def _finished(models: list[pycolmap.Reconstruction], inputs: _MappingInputs, placed: Placed) -> FoundPoses:
     """Closes the loops of the first mapping of a video, adjusts, and splits the result into its firm pieces."""
     model, loops, held = models[0], list[Pair](), False
     images = inputs.images
     if images.ordered:
         for found in models:
             correct_rotations(found, inputs.views)
-        model, views, loops = _closed(*_joined(None, models, inputs), inputs, False)
+        model, views, loops = _closed(*_join_firm_pieces(None, models, inputs), inputs, False)
         model, pieces = _joined_again(model, views, inputs)
         bent = contradicts_floor(model)
         if (bent or len(pieces[0]) < _ENOUGH * len(images.names)) and not images.clips.any():  # one video only
@@ -187,7 +187,7 @@ def _finished(models: list[pycolmap.Reconstruction], inputs: _Inputs, placed: Pl
     separate = split_into_pieces(model, pieces, models, images.times)
     if model.num_reg_images() >= _CENTERED:
         adjust_all(model, True, poses_of(model) if held else None, _LOOSELY if loops else _HELD)
-    upright = tuple(images.ordered and leveled(piece, images.folder) for piece in separate)
+    upright = tuple(images.ordered and level_and_scale(piece, images.folder) for piece in separate)
     placed(separate)
     registered = set(names_in(model))
     return FoundPoses(
@@ -201,7 +201,7 @@ def _finished(models: list[pycolmap.Reconstruction], inputs: _Inputs, placed: Pl
 
 
 def _straight(
-    models: list[pycolmap.Reconstruction], inputs: _Inputs
+    models: list[pycolmap.Reconstruction], inputs: _MappingInputs
 ) -> tuple[pycolmap.Reconstruction, list[Pair], list[list[int]]] | None:
     """Reconstructs a video with the help of its floor and walls. Returns the reconstruction, its loops, and its pieces;
     None if no floor is visible."""
@@ -210,19 +210,19 @@ def _straight(
         return None
     write_geometries(inputs.path, inputs.views)
     base = _adjusted(poses, dict(models[0].cameras.items()), inputs, True)
-    model, _, loops = _closed(*_joined(base, models, inputs), inputs, True)
+    model, _, loops = _closed(*_join_firm_pieces(base, models, inputs), inputs, True)
     firm = firm_pieces(model, inputs.images.times, _LOOSE)
     pieces = merge_turning_pieces(model, firm, inputs.images.folder, inputs.views)
     return model, loops, pieces
 
 
 def _closed(
-    model: pycolmap.Reconstruction, views: dict[Pair, TwoViews], inputs: _Inputs, held: bool
+    model: pycolmap.Reconstruction, views: dict[Pair, TwoViews], inputs: _MappingInputs, held: bool
 ) -> tuple[pycolmap.Reconstruction, dict[Pair, TwoViews], list[Pair]]:
     """Closes loops. Returns the reconstruction, the image pairs that connect it, and its loops. If `held`, the floor
     and the walls hold its parts."""
 
-    def anchored(groups: list[list[int]]) -> Anchors:
+    def anchored(groups: list[list[int]]) -> PartAnchors:
         return anchors_of(model, groups, inputs.images.folder)
 
     seen_again, loops, tested = dict[Pair, TwoViews](), list[Pair](), set[Pair]()
@@ -244,7 +244,7 @@ def _closed(
 
 
 def _joined_again(
-    model: pycolmap.Reconstruction, views: dict[Pair, TwoViews], inputs: _Inputs
+    model: pycolmap.Reconstruction, views: dict[Pair, TwoViews], inputs: _MappingInputs
 ) -> tuple[pycolmap.Reconstruction, list[list[int]]]:
     """Joins the pieces between the bends of a video by points that they share. `views` connect its images. Returns the
     reconstruction with the largest piece, and its pieces, the largest first.
@@ -273,15 +273,15 @@ def _joined_again(
     return best
 
 
-def _bends(model: pycolmap.Reconstruction, inputs: _Inputs) -> list[int]:
+def _bends(model: pycolmap.Reconstruction, inputs: _MappingInputs) -> list[int]:
     def agreement(pair: Pair) -> float:
         return agreement_with(model, pair, inputs.views[pair].matches, inputs.keypoints)
 
     return find_bends(model.reg_image_ids(), inputs.views, agreement)
 
 
-def _joined(
-    base: pycolmap.Reconstruction | None, models: list[pycolmap.Reconstruction], inputs: _Inputs
+def _join_firm_pieces(
+    base: pycolmap.Reconstruction | None, models: list[pycolmap.Reconstruction], inputs: _MappingInputs
 ) -> tuple[pycolmap.Reconstruction, dict[Pair, TwoViews]]:
     """Joins the firm pieces of a video. Returns the reconstruction and the image pairs that connect it.
 
@@ -305,7 +305,7 @@ def _joined(
 
 
 def _adjusted(
-    poses: Mapping[int, pycolmap.Rigid3d], cameras: Mapping[int, pycolmap.Camera], inputs: _Inputs, held: bool
+    poses: Mapping[int, pycolmap.Rigid3d], cameras: Mapping[int, pycolmap.Camera], inputs: _MappingInputs, held: bool
 ) -> pycolmap.Reconstruction:
     """Triangulates and adjusts the images at `poses`, world to camera by image number. If `held`, their unit is the
     camera height and the adjustment holds the cameras near these poses."""

@@ -26,7 +26,7 @@ _FASTER = 3.0  # largest step between pieces, in units of the usual step
 
 
 @dataclass(frozen=True, eq=False)
-class Piece:
+class PosePiece:
     """numbers  (I,) int64, numbers of the images, increasing
     poses    world to camera, by image number
     points   (P, 3) float64, points that two or more of the images show
@@ -45,10 +45,10 @@ class Piece:
         pose = self.poses[number]
         return np.asarray(-pose.rotation.matrix().T @ pose.translation)
 
-    def moved(self, by: pycolmap.Sim3d) -> Piece:
+    def moved(self, by: pycolmap.Sim3d) -> PosePiece:
         """The piece, transformed by a similarity."""
         matrix = by.scale * by.rotation.matrix()
-        return Piece(
+        return PosePiece(
             self.numbers,
             {n: by.transform_camera_world(pose) for n, pose in self.poses.items()},
             self.points @ matrix.T + by.translation,
@@ -57,7 +57,7 @@ class Piece:
         )
 
 
-def piece_of(model: pycolmap.Reconstruction, numbers: Sequence[int], keypoints: Sequence[Keypoints]) -> Piece:
+def piece_of(model: pycolmap.Reconstruction, numbers: Sequence[int], keypoints: Sequence[Keypoints]) -> PosePiece:
     """The images `numbers` of a model as a piece, with the points that their SIFT features show."""
     inside = set(int(n) for n in numbers)
     descriptors = {n: root_sift(keypoints[n - 1].features) for n in inside}
@@ -71,7 +71,7 @@ def piece_of(model: pycolmap.Reconstruction, numbers: Sequence[int], keypoints: 
             looks.append(mean / np.linalg.norm(mean))
             seen.append(elements)
     poses = {n: model.images[n].cam_from_world() for n in inside}
-    return Piece(
+    return PosePiece(
         np.array(sorted(inside), np.int64),
         poses,
         np.array(points, np.float64).reshape(-1, 3),
@@ -80,7 +80,7 @@ def piece_of(model: pycolmap.Reconstruction, numbers: Sequence[int], keypoints: 
     )
 
 
-def join(pieces: Sequence[Piece]) -> tuple[dict[int, pycolmap.Rigid3d], dict[Pair, NDArray[np.uint32]]]:
+def join(pieces: Sequence[PosePiece]) -> tuple[dict[int, pycolmap.Rigid3d], dict[Pair, NDArray[np.uint32]]]:
     """Joins to the largest piece all pieces that match it.
 
     Returns the poses, world to camera, by image number. Also returns matches (M, 2) of keypoints that show one point in
@@ -100,7 +100,7 @@ def join(pieces: Sequence[Piece]) -> tuple[dict[int, pycolmap.Rigid3d], dict[Pai
                 continue
             for a, b in zip(here, there, strict=True):
                 _note(shared, rest[k].seen[a], base.seen[b])
-            base = Piece(
+            base = PosePiece(
                 np.sort(np.concatenate([base.numbers, moved.numbers])),
                 base.poses | moved.poses,
                 np.concatenate([base.points, moved.points]),
@@ -118,7 +118,9 @@ def _enough(shared: dict[Pair, dict[int, int]]) -> dict[Pair, NDArray[np.uint32]
     return {pair: np.array(sorted(found.items()), np.uint32) for pair, found in shared.items() if len(found) >= 4}
 
 
-def _similarity(piece: Piece, base: Piece) -> tuple[int, pycolmap.Sim3d | None, NDArray[np.int64], NDArray[np.int64]]:
+def _similarity(
+    piece: PosePiece, base: PosePiece
+) -> tuple[int, pycolmap.Sim3d | None, NDArray[np.int64], NDArray[np.int64]]:
     """How many points agree, the similarity that moves `piece` onto `base`, and the agreeing points of both."""
     nothing = np.zeros(0, np.int64)
     pairs = match_descriptors(piece.looks, base.looks, _RATIO)
@@ -141,7 +143,7 @@ def _similarity(piece: Piece, base: Piece) -> tuple[int, pycolmap.Sim3d | None, 
     return len(agreed), found["tgt_from_src"], agreed[:, 0], agreed[:, 1]
 
 
-def _continuous(base: Piece, moved: Piece) -> bool:
+def _continuous(base: PosePiece, moved: PosePiece) -> bool:
     """Whether no step between an image of one piece and the next image of the other is far longer than usual."""
     numbers = np.sort(np.concatenate([base.numbers, moved.numbers]))
     centers = np.array([(base if int(n) in base.poses else moved).center(int(n)) for n in numbers])

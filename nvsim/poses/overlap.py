@@ -67,10 +67,10 @@ def find_overlaps(frames: Sequence[Frame]) -> Overlaps:
     """Matches pairs of `frames` that are near in file order. If too few pairs match, it also compares frames whose
     poses are near. Images that cannot be read have no match."""
     with thread_pool() as pool:
-        return _Search(frames, lambda work, items: list(pool.map(work, items))).run()
+        return _OverlapSearch(frames, lambda work, items: list(pool.map(work, items))).run()
 
 
-class _Search:
+class _OverlapSearch:
     def __init__(self, frames: Sequence[Frame], mapped: Callable[..., list]) -> None:
         self._frames, self._mapped = frames, mapped
         self._order = _in_order(frames)
@@ -112,10 +112,10 @@ class _Search:
         new = list(dict.fromkeys((min(p), max(p)) for p in pairs if p[0] != p[1]))
         new = [pair for pair in new if pair not in self._tried]
         missing = [i for i in dict.fromkeys(i for pair in new for i in pair) if i not in self._features]
-        self._features.update(zip(missing, self._mapped(self._seen, missing), strict=True))
+        self._features.update(zip(missing, self._mapped(self._features_of_image, missing), strict=True))
         self._tried.update(zip(new, self._mapped(self._compare, new), strict=True))
 
-    def _seen(self, index: int) -> Features:
+    def _features_of_image(self, index: int) -> Features:
         """The features of an image, in pixels of the stored image."""
         image = _image(self._frames[index])
         if image is None:

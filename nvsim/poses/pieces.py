@@ -11,8 +11,8 @@ import pycolmap
 from numpy.typing import NDArray
 
 from nvsim.geometry.rotation import rotation_angle
-from nvsim.poses.firmness import firm_pieces
 from nvsim.poses.mapping import keep_only
+from nvsim.poses.piece_reliability import firm_pieces
 
 _BRIDGE, _TURNED = 3, 25.0  # images in a row that may be removed; degrees from the image before to the image after
 

@@ -80,7 +80,7 @@ class _Loops:
 
 
 @dataclass(frozen=True, eq=False)
-class Anchors:
+class PartAnchors:
     """Height, vertical, and walls of each of K parts, NaN where unknown.
 
     height  (K,) float64, height of the cameras above the floor
@@ -99,15 +99,15 @@ def no_loops() -> _Loops:
     return _Loops(none, none, whole, whole, whole, np.zeros(0))
 
 
-def no_anchors(parts: int) -> Anchors:
+def no_anchors(parts: int) -> PartAnchors:
     """Anchors of `parts` parts without any known value."""
-    return Anchors(np.full(parts, np.nan), np.full((parts, 3), np.nan), np.full((parts, 3), np.nan))
+    return PartAnchors(np.full(parts, np.nan), np.full((parts, 3), np.nan), np.full((parts, 3), np.nan))
 
 
 def without_drift(
     model: pycolmap.Reconstruction,
     loops: Mapping[Pair, TwoViews],
-    anchored: Callable[[list[list[int]]], Anchors] | None = None,
+    anchored: Callable[[list[list[int]]], PartAnchors] | None = None,
     pieces: Sequence[Sequence[int]] = (),
 ) -> tuple[dict[int, pycolmap.Rigid3d], list[Pair]]:
     """Closes `loops`. Returns poses (world to camera, by image number) and the closed loops.
@@ -139,17 +139,17 @@ def without_drift(
     joint = np.array([centers[part[0]] for part in rows[1:]])
     groups = [numbers[part].tolist() for part in rows]
     anchors = no_anchors(len(rows)) if anchored is None else anchored(groups)
-    plausible = _near(seen, moves, pivot, len(pairs), _PLAUSIBLE * depth)
+    plausible = _near_pairs(seen, moves, pivot, len(pairs), _PLAUSIBLE * depth)
     if anchored is not None and plausible.any() and _open(seen, plausible) < _CLOSED * depth:
         return poses, [pair for pair, use in zip(pairs, plausible, strict=True) if use]
     for _ in range(_GROWTHS):  # closed loops bring the two views of other loops near each other
-        grown = used | _near(seen, moves, pivot, len(pairs), _PLAUSIBLE * depth)
+        grown = used | _near_pairs(seen, moves, pivot, len(pairs), _PLAUSIBLE * depth)
         if (grown == used).all():
             break
         used = grown
         moves = _solve(seen.at(used[seen.pair]), pivot, joint, depth, anchors)
     while used.any():
-        agree = used & _near(seen, moves, pivot, len(pairs), 2 * _OFF * depth)
+        agree = used & _near_pairs(seen, moves, pivot, len(pairs), 2 * _OFF * depth)
         if (agree == used).all():
             break
         used = agree
@@ -179,13 +179,13 @@ def keeps_shape(before: pycolmap.Reconstruction, after: pycolmap.Reconstruction)
     return sum(bent) <= _FEW_BENT * len(bent)
 
 
-def _near(
+def _near_pairs(
     seen: _Loops, moves: NDArray[np.float64], pivot: NDArray[np.float64], count: int, most: float
 ) -> NDArray[np.bool_]:
     """(count,) bool, pairs of images with enough points and a median distance below `most` after `moves`."""
     off = np.linalg.norm(
-        _moved(moves[seen.first_part], pivot[seen.first_part], seen.first)
-        - _moved(moves[seen.second_part], pivot[seen.second_part], seen.second),
+        _apply_similarities(moves[seen.first_part], pivot[seen.first_part], seen.first)
+        - _apply_similarities(moves[seen.second_part], pivot[seen.second_part], seen.second),
         axis=1,
     )
     own = [off[seen.pair == k] for k in range(count)]
@@ -271,7 +271,7 @@ def _points_of_loops(
 
 
 def _solve(
-    loops: _Loops, pivot: NDArray[np.float64], joint: NDArray[np.float64], depth: float, anchors: Anchors
+    loops: _Loops, pivot: NDArray[np.float64], joint: NDArray[np.float64], depth: float, anchors: PartAnchors
 ) -> NDArray[np.float64]:
     """(K, 7) for each part: logarithm of scale, rotation vector, translation."""
     slip = np.tile([FIRM[0], *[FIRM[1]] * 3, *[FIRM[2] * depth] * 3], (len(joint), 1))
@@ -283,7 +283,7 @@ def solve(
     pivot: NDArray[np.float64],
     joint: NDArray[np.float64],
     slip: NDArray[np.float64],
-    anchors: Anchors,
+    anchors: PartAnchors,
 ) -> NDArray[np.float64]:
     """Moves parts so that loops close and anchors agree.
 
@@ -315,13 +315,14 @@ def solve(
         slips = np.concatenate(
             [
                 moves[after, :4] - moves[before, :4],
-                _moved(moves[after], pivot[after], joint) - _moved(moves[before], pivot[before], joint),
+                _apply_similarities(moves[after], pivot[after], joint)
+                - _apply_similarities(moves[before], pivot[before], joint),
             ],
             axis=1,
         )
-        open_ = _moved(moves[loops.first_part], pivot[loops.first_part], loops.first) - _moved(
-            moves[loops.second_part], pivot[loops.second_part], loops.second
-        )
+        open_ = _apply_similarities(
+            moves[loops.first_part], pivot[loops.first_part], loops.first
+        ) - _apply_similarities(moves[loops.second_part], pivot[loops.second_part], loops.second)
         off = np.linalg.norm(open_, axis=1) * loops.sure
         # The Cauchy loss is applied here because it is used for loops and walls only.
         weight = np.sqrt(np.log1p(off**2)) / np.maximum(off, 1e-9) * loops.sure
@@ -348,7 +349,9 @@ def solve(
     return np.asarray(found.x.reshape(parts, 7))
 
 
-def _moved(moves: NDArray[np.float64], pivot: NDArray[np.float64], points: NDArray[np.float64]) -> NDArray[np.float64]:
+def _apply_similarities(
+    moves: NDArray[np.float64], pivot: NDArray[np.float64], points: NDArray[np.float64]
+) -> NDArray[np.float64]:
     """(N, 3) points after the similarities `moves` (N, 7) about `pivot` (N, 3)."""
     turned = Rotation.from_rotvec(moves[:, 1:4]).apply(points - pivot)
     return np.asarray(np.exp(moves[:, :1]) * turned + pivot + moves[:, 4:])
@@ -357,6 +360,6 @@ def _moved(moves: NDArray[np.float64], pivot: NDArray[np.float64], points: NDArr
 def transform_pose(pose: pycolmap.Rigid3d, move: NDArray[np.float64], pivot: NDArray[np.float64]) -> pycolmap.Rigid3d:
     """A pose, world to camera, after the similarity `move` (7,) of the world about `pivot` (3,)."""
     rotation = pose.rotation.matrix()
-    center = _moved(move[None], pivot[None], (-rotation.T @ pose.translation)[None])[0]
+    center = _apply_similarities(move[None], pivot[None], (-rotation.T @ pose.translation)[None])[0]
     turned = rotation @ Rotation.from_rotvec(move[1:4]).as_matrix().T
     return pycolmap.Rigid3d(pycolmap.Rotation3d(turned), -turned @ center)

@@ -34,7 +34,7 @@ ProgressCallback = Callable[[int, int], None]
 
 
 @dataclass(frozen=True, eq=False)
-class Refined:
+class RefinedPoses:
     """frames         the frames with their new poses
     before, after  median reprojection errors with the given and with the new poses, pixels
     metres         median distance by which cameras moved, meters; `degrees` is the median rotation
@@ -58,7 +58,7 @@ def median_epipolar_error(frames: Sequence[Frame]) -> float | None:
     chosen = [pairs[k] for k in evenly_spaced(len(pairs), _SAMPLE)]
 
     def measured(pair: tuple[int, int]) -> float | None:
-        (one, first), (other, second) = (_seen(frames[k]) for k in pair)
+        (one, first), (other, second) = (_features_of_frame(frames[k]) for k in pair)
         found = matched(one, other, first, second)
         if not len(found):
             return None
@@ -75,7 +75,7 @@ def is_good(missed: float | None) -> bool:
     return missed is None or missed < _GOOD
 
 
-def refine(frames: Sequence[Frame], report_progress: ProgressCallback = lambda done, of: None) -> Refined | None:
+def refine(frames: Sequence[Frame], report_progress: ProgressCallback = lambda done, of: None) -> RefinedPoses | None:
     """Returns the frames with poses that agree with the images. None if the refinement improves too little, or if no
     point is visible in several images. Cameras stay within centimeters of their given positions. The orientation and
     the size of the whole capture do not change."""
@@ -85,7 +85,7 @@ def refine(frames: Sequence[Frame], report_progress: ProgressCallback = lambda d
     matches: list[NDArray[np.int64]] = []
     with thread_pool() as pool:
         most = max(_LEAST, min(MOST, _IN_ALL // max(1, len(frames))))
-        for found in pool.map(partial(_seen, most=most), frames):
+        for found in pool.map(partial(_features_of_frame, most=most), frames):
             seen.append(found)
             report_progress(done := done + 1, 2 * len(frames))
 
@@ -108,10 +108,10 @@ def refine(frames: Sequence[Frame], report_progress: ProgressCallback = lambda d
     moved = np.linalg.norm(adjusted.poses[:, :3, 3] - poses[:, :3, 3], axis=1)
     better = tuple(replace(f, camera_to_world=pose) for f, pose in zip(frames, adjusted.poses, strict=True))
     medians = float(np.median(moved)), float(np.degrees(np.median(turned)))
-    return Refined(better, adjusted.before, adjusted.after, *medians)
+    return RefinedPoses(better, adjusted.before, adjusted.after, *medians)
 
 
-def _seen(frame: Frame, most: int = MOST) -> tuple[Features, Camera]:
+def _features_of_frame(frame: Frame, most: int = MOST) -> tuple[Features, Camera]:
     """The features of an image, and its camera. Empty for an image that cannot be read; other stages report it."""
     size = frame.intrinsics.within(_LONGEST_SIDE)
     camera = Camera(size, frame.camera_to_world)

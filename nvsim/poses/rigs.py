@@ -18,7 +18,6 @@ from numpy.typing import NDArray
 from nvsim.errors import InputError
 from nvsim.geometry.rotation import rotation_angle
 from nvsim.poses.features import Features, match_features
-from nvsim.poses.firmness import Observations, observations_of, scale_deviation
 from nvsim.poses.from_images import FoundPoses, ProgressCallback, features_of_all
 from nvsim.poses.image_pairs import image_descriptors
 from nvsim.poses.image_set import ImageSet, RigOfViews
@@ -30,7 +29,8 @@ from nvsim.poses.mapping import (
     without_bad_points,
 )
 from nvsim.poses.match_database import Pair, keypoints_of, known_camera, write_database, write_geometries
-from nvsim.poses.straightening import leveled
+from nvsim.poses.piece_reliability import Observations, observations_of, scale_deviation
+from nvsim.poses.straightening import level_and_scale
 from nvsim.poses.threads import thread_pool
 from nvsim.poses.two_views import TwoViews
 
@@ -108,7 +108,7 @@ def find_rig_poses(
     lost = np.setdiff1d(np.arange(len(spheres)), pieces[0])
     others = [len({int(rig.frame[i - 1]) for i in m.reg_image_ids()}) for m in models[1:]]
     sizes = (len(pieces[0]), *sorted([*(len(piece) for piece in pieces[1:]), *others], reverse=True))
-    upright = (images.ordered and leveled(model, images.folder),)
+    upright = (images.ordered and level_and_scale(model, images.folder),)
     posed = FoundPoses(
         (model,),
         tuple(float(c.mean_focal_length()) for c in model.cameras.values()),

@@ -20,9 +20,9 @@ from scipy.spatial.transform import Rotation
 
 from nvsim.geometry.rotation import rotation_angle, smallest_rotation
 from nvsim.poses.building_frame import camera_height, level_axes, up_of, wall_direction
-from nvsim.poses.firmness import Observations, firm_pieces, observations_of, shared_points
 from nvsim.poses.mapping import center_of, move_image, poses_of
-from nvsim.poses.pose_graph import FIRM, LOOSE, Anchors, no_anchors, no_loops, solve, transform_pose
+from nvsim.poses.piece_reliability import Observations, firm_pieces, observations_of, shared_points
+from nvsim.poses.pose_graph import FIRM, LOOSE, PartAnchors, no_anchors, no_loops, solve, transform_pose
 from nvsim.poses.two_views import TwoViews
 
 _LENGTH = 12  # images of a part
@@ -50,7 +50,7 @@ Poses = dict[int, pycolmap.Rigid3d]
 
 
 @dataclass(frozen=True, eq=False)
-class _Part:
+class _UprightPart:
     """numbers  numbers of the images
     piece    number of the firm piece that contains the part, -1 if none
     height   height of the cameras above the floor, NaN if unknown
@@ -64,7 +64,7 @@ class _Part:
     up: NDArray[np.float64]
     wall: NDArray[np.float64]
 
-    def turned(self, rotation: NDArray[np.float64], scale: float) -> _Part:
+    def turned(self, rotation: NDArray[np.float64], scale: float) -> _UprightPart:
         return replace(self, height=self.height * scale, up=rotation @ self.up, wall=rotation @ self.wall)
 
 
@@ -74,7 +74,7 @@ def straightened(models: Sequence[pycolmap.Reconstruction], folder: Path, times:
     The result contains the reconstructions that follow each other in time and show a floor. It is empty if none shows a
     floor. `folder` has the images. `times` (N,) are the seconds of image numbers 1 to N."""
     poses: Poses = {}
-    parts: list[_Part] = []
+    parts: list[_UprightPart] = []
     for model in sorted(models, key=lambda m: min(m.reg_image_ids())):
         own, own_parts = _upright(model, folder, times, 1 + max((p.piece for p in parts), default=-1))
         if not own:
@@ -85,7 +85,7 @@ def straightened(models: Sequence[pycolmap.Reconstruction], folder: Path, times:
                 continue
             turn = _turned_on(poses, own)
             own = {n: _placed(pose, turn, 1.0, np.zeros(3), np.zeros(3)) for n, pose in own.items()}
-            start = _reckoned(poses, own, {})[first]
+            start = _dead_reckoned_centers(poses, own, {})[first]
             own = {n: _placed(pose, np.eye(3), 1.0, center_of(own[first]), start) for n, pose in own.items()}
             own_parts = [part.turned(turn, 1.0) for part in own_parts]
         poses |= own
@@ -93,7 +93,7 @@ def straightened(models: Sequence[pycolmap.Reconstruction], folder: Path, times:
     return _solved(poses, parts) if parts else {}
 
 
-def leveled(model: pycolmap.Reconstruction, folder: Path) -> bool:
+def level_and_scale(model: pycolmap.Reconstruction, folder: Path) -> bool:
     """Rotates a reconstruction in place so that z is up, and scales it so that its cameras are 1 above the floor.
     Returns False and changes nothing if no floor is clear."""
     numbers = sorted(model.reg_image_ids())
@@ -259,7 +259,7 @@ def _is_held(model: pycolmap.Reconstruction, before: list[int], after: list[int]
 
 def anchors_of(
     model: pycolmap.Reconstruction, groups: Sequence[Sequence[int]], folder: Path, walls: bool = True
-) -> Anchors:
+) -> PartAnchors:
     """Floor height, vertical, and wall direction of groups of images, given by number. `folder` has the images. If not
     `walls`, wall directions are not estimated."""
     seen = observations_of(model)
@@ -270,13 +270,13 @@ def anchors_of(
     return _anchors(_without_outliers([_part_of(model, seen, own, up, folder if walls else None, 0) for own in rows]))
 
 
-def _anchors(parts: Sequence[_Part]) -> Anchors:
-    return Anchors(*(np.array([getattr(p, name) for p in parts]) for name in ("height", "up", "wall")))
+def _anchors(parts: Sequence[_UprightPart]) -> PartAnchors:
+    return PartAnchors(*(np.array([getattr(p, name) for p in parts]) for name in ("height", "up", "wall")))
 
 
 def _upright(
     model: pycolmap.Reconstruction, folder: Path, times: NDArray[np.float64], first_piece: int
-) -> tuple[Poses, list[_Part]]:
+) -> tuple[Poses, list[_UprightPart]]:
     """The images of a reconstruction, piece by piece upright and in camera heights, and their parts. Empty if it shows
     no floor."""
     seen = observations_of(model)
@@ -289,7 +289,7 @@ def _upright(
     given = {n: model.images[n].cam_from_world() for n in seen.numbers.tolist()}
     level = smallest_rotation(up, _UP)
     poses: Poses = {}
-    parts: list[_Part] = []
+    parts: list[_UprightPart] = []
     waiting: list[int] = []  # images between two pieces
     runs = np.split(np.arange(len(piece_of)), np.flatnonzero(np.diff(piece_of)) + 1)
     found = [_parts_of(model, seen, run, up, folder, int(piece_of[run[0]])) for run in runs]
@@ -304,19 +304,19 @@ def _upright(
         here = {n: _placed(given[n], turn, scale, center_of(given[numbers[0]]), np.zeros(3)) for n in numbers}
         between = {n: _placed(given[n], level, 1.0, np.zeros(3), np.zeros(3)) for n in waiting}
         if poses:
-            centers = _reckoned(poses, here, between)
+            centers = _dead_reckoned_centers(poses, here, between)
             here = {n: _placed(pose, np.eye(3), 1.0, np.zeros(3), centers[numbers[0]]) for n, pose in here.items()}
         else:
-            centers = _reckoned({}, here, between)
+            centers = _dead_reckoned_centers({}, here, between)
         poses |= {n: _centered(pose, centers[n]) for n, pose in between.items()} | here
-        parts += [_Part(waiting, -1, np.nan, _UNKNOWN, _UNKNOWN)] if waiting else []
+        parts += [_UprightPart(waiting, -1, np.nan, _UNKNOWN, _UNKNOWN)] if waiting else []
         parts += [part.turned(turn, scale) for part in own]
         waiting = []
     if poses and waiting:
         between = {n: _placed(given[n], level, 1.0, np.zeros(3), np.zeros(3)) for n in waiting}
-        centers = _reckoned(poses, {}, between)
+        centers = _dead_reckoned_centers(poses, {}, between)
         poses |= {n: _centered(pose, centers[n]) for n, pose in between.items()}
-        parts.append(_Part(waiting, -1, np.nan, _UNKNOWN, _UNKNOWN))
+        parts.append(_UprightPart(waiting, -1, np.nan, _UNKNOWN, _UNKNOWN))
     return poses, parts
 
 
@@ -356,7 +356,7 @@ def _part_of(
     up: NDArray[np.float64],
     folder: Path | None,
     piece: int,
-) -> _Part:
+) -> _UprightPart:
     """The part of images `rows` with its height, vertical, and walls. `folder` has the images; None skips the walls."""
     mask = np.zeros(len(seen.numbers), bool)
     mask[rows] = True
@@ -366,10 +366,10 @@ def _part_of(
     images = [(model.images[int(seen.numbers[k])], seen.rotation[k]) for k in lined]
     views = [(image.name, model.cameras[image.camera_id], rotation) for image, rotation in images]
     wall = None if folder is None else wall_direction(folder, views, up if floor is None else own_up)
-    return _Part(seen.numbers[rows].tolist(), piece, height, own_up, _UNKNOWN if wall is None else wall)
+    return _UprightPart(seen.numbers[rows].tolist(), piece, height, own_up, _UNKNOWN if wall is None else wall)
 
 
-def _without_outliers(parts: list[_Part]) -> list[_Part]:
+def _without_outliers(parts: list[_UprightPart]) -> list[_UprightPart]:
     """The parts of a piece without outlying heights, which belong to a table or a stair and not to the floor."""
     logs = np.log([p.height for p in parts])
     kept = []
@@ -397,7 +397,7 @@ def _turned_on(before: Poses, after: Poses) -> NDArray[np.float64]:
     return np.asarray(Rotation.from_rotvec(yaw * _UP).as_matrix())
 
 
-def _reckoned(before: Poses, after: Poses, between: Poses) -> dict[int, NDArray[np.float64]]:
+def _dead_reckoned_centers(before: Poses, after: Poses, between: Poses) -> dict[int, NDArray[np.float64]]:
     """Camera centers of the images `between` and of the first image of `after`, by dead reckoning.
 
     The camera moves on from `before` in its viewing direction, and its speed changes evenly. While it rotates, it does
@@ -405,7 +405,7 @@ def _reckoned(before: Poses, after: Poses, between: Poses) -> dict[int, NDArray[
     side is missing, the speed of the other is used."""
     ends = [(before, max(before))] if before else []
     ends += [(after, min(after))] if after else []
-    speeds = [_speed(poses, at) for poses, at in ends]
+    speeds = [_median_step(poses, at) for poses, at in ends]
     poses = {**between, **{at: own[at] for own, at in ends}}
     numbers = sorted(poses)
     first, last = numbers[0], numbers[-1]
@@ -422,14 +422,14 @@ def _reckoned(before: Poses, after: Poses, between: Poses) -> dict[int, NDArray[
     return centers
 
 
-def _speed(poses: Poses, at: int) -> float:
+def _median_step(poses: Poses, at: int) -> float:
     """The median step per image of the images nearest to image `at`."""
     near = sorted(sorted(poses, key=lambda n: abs(n - at))[: _LAST + 1])
     steps = [np.linalg.norm(center_of(poses[j]) - center_of(poses[i])) / (j - i) for i, j in zip(near, near[1:])]
     return float(np.median(steps)) if steps else 0.0
 
 
-def _solved(poses: Poses, parts: list[_Part]) -> Poses:
+def _solved(poses: Poses, parts: list[_UprightPart]) -> Poses:
     """The poses after one adjustment of all parts to their floor heights, verticals, and walls."""
     pivot = np.array([np.mean([center_of(poses[n]) for n in p.numbers], axis=0) for p in parts])
     joint = np.array([center_of(poses[p.numbers[0]]) for p in parts[1:]]).reshape(-1, 3)

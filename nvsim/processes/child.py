@@ -24,7 +24,16 @@ from typing import Any, Generic, NoReturn, TypeVar
 import psutil
 
 from nvsim.errors import InputError
-from nvsim.processes.messages import Answer, Mistake, Notice, OutOfMemory, Refused, Request, receive, send
+from nvsim.processes.messages import (
+    Answer,
+    Notice,
+    OutOfMemory,
+    ReportedBug,
+    ReportedInputError,
+    Request,
+    receive,
+    send,
+)
 
 RequestT = TypeVar("RequestT")
 AnswerT = TypeVar("AnswerT")
@@ -91,7 +100,7 @@ class Child(Generic[RequestT, AnswerT]):
         if isinstance(answer, Answer):
             value: AnswerT = answer.value
             return value
-        if isinstance(answer, Refused):
+        if isinstance(answer, ReportedInputError):
             raise InputError(answer.sentence)
         if isinstance(answer, OutOfMemory):
             most = f"more than {(limits.memory or 0) / 1e9:.2g} GB of" if limits.memory else "too much"
@@ -152,10 +161,10 @@ class _Process:
 
     def answer(
         self, request: Request, limits: Limits, hear: Callable[[Any], object]
-    ) -> Answer | Refused | OutOfMemory | Mistake:
+    ) -> Answer | ReportedInputError | OutOfMemory | ReportedBug:
         """Raises _Ended."""
         if not self.running:
-            raise _Ended(f"was read by a process that has ended{self._how()}")
+            raise _Ended(f"was read by a process that has ended{self._exit_description()}")
         with self._crash_in_words():
             if not self._ready:
                 self._receive(Limits(_START))
@@ -163,7 +172,7 @@ class _Process:
             send(self._connection, request)
         while True:
             with self._crash_in_words():
-                found: Answer | Notice | Refused | OutOfMemory | Mistake = self._receive(limits)
+                found: Answer | Notice | ReportedInputError | OutOfMemory | ReportedBug = self._receive(limits)
             if not isinstance(found, Notice):
                 return found
             hear(found.value)
@@ -176,7 +185,7 @@ class _Process:
         except (EOFError, OSError):
             with contextlib.suppress(subprocess.TimeoutExpired):
                 self._process.wait(5)
-            words = f"crashed the program that reads it{self._how()}"
+            words = f"crashed the program that reads it{self._exit_description()}"
             self.end()
             raise _Ended(words) from None
 
@@ -206,7 +215,7 @@ class _Process:
         self.end()
         raise _Ended(f"gives no answer within {seconds:.3g} s")
 
-    def _how(self) -> str:
+    def _exit_description(self) -> str:
         """How the process ended, in parentheses."""
         code = self._process.poll()
         if code is None or code >= 0:

@@ -29,7 +29,7 @@ class Notice:
 
 
 @dataclass(frozen=True)
-class Refused:
+class ReportedInputError:
     """An InputError of the child."""
 
     sentence: str
@@ -41,7 +41,7 @@ class OutOfMemory:
 
 
 @dataclass(frozen=True)
-class Mistake:
+class ReportedBug:
     """An exception in the child that is a bug in NVSim."""
 
     traceback: str

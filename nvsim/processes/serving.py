@@ -15,7 +15,7 @@ from multiprocessing.connection import Connection
 from typing import Any
 
 from nvsim.errors import InputError
-from nvsim.processes.messages import Answer, Mistake, Notice, OutOfMemory, Refused, receive, send
+from nvsim.processes.messages import Answer, Notice, OutOfMemory, ReportedBug, ReportedInputError, receive, send
 
 _F_SETSIG = 10  # Linux constant of fcntl that Python does not define
 
@@ -36,7 +36,7 @@ def main(connection: int, life: int, worker: str) -> None:
         except Exception:
             send(pipe, Answer(None))
             receive(pipe)
-            send(pipe, Mistake(traceback.format_exc()))
+            send(pipe, ReportedBug(traceback.format_exc()))
             return
         while True:
             request = receive(pipe)
@@ -44,15 +44,15 @@ def main(connection: int, life: int, worker: str) -> None:
             send(pipe, _answered(answer, request.value))
 
 
-def _answered(answer: Any, request: Any) -> Answer | Refused | OutOfMemory | Mistake:
+def _answered(answer: Any, request: Any) -> Answer | ReportedInputError | OutOfMemory | ReportedBug:
     try:
         return Answer(answer(request))
     except InputError as error:
-        return OutOfMemory() if isinstance(error.__cause__, MemoryError) else Refused(str(error))
+        return OutOfMemory() if isinstance(error.__cause__, MemoryError) else ReportedInputError(str(error))
     except MemoryError:
         return OutOfMemory()
     except Exception:
-        return Mistake(traceback.format_exc())
+        return ReportedBug(traceback.format_exc())
     finally:
         limit_memory(None)  # no limit applies while the answer is sent
 
@@ -62,12 +62,12 @@ def limit_memory(more: int | None) -> None:
     files do not count. Has no effect if the system does not report the memory of a process."""
     hard = resource.getrlimit(resource.RLIMIT_DATA)[1]
     soft = hard
-    if more is not None and (held := _held()) is not None:
+    if more is not None and (held := _private_memory()) is not None:
         soft = held + more if hard == resource.RLIM_INFINITY else min(held + more, hard)
     resource.setrlimit(resource.RLIMIT_DATA, (soft, hard))
 
 
-def _held() -> int | None:
+def _private_memory() -> int | None:
     """Bytes of private memory that count toward RLIMIT_DATA."""
     with contextlib.suppress(OSError), open("/proc/self/status", encoding="ascii") as status:
         for line in status:

@@ -13,12 +13,12 @@ from nvsim.graph.store import decode_graph, encode_graph
 from nvsim.project.project import Project
 from nvsim.project.state import cuts, graph_table, results
 from nvsim.project.state.cuts import load_cut
-from nvsim.project.state.results import NOWHERE, Result, bytes_of
+from nvsim.project.state.results import NOWHERE, StageResult, bytes_of
 from nvsim.project.work import STAGES
 
 
 @dataclass(frozen=True)
-class Kept:
+class KeptResult:
     """A result that can be restored: its stage, its description, and its size on disk in bytes."""
 
     stage: str
@@ -31,11 +31,11 @@ def megabytes(bytes: int) -> str:
     return f"{bytes / 1e6:,.0f} MB" if bytes >= 1e6 else f"{bytes / 1e3:,.0f} kB"
 
 
-def kept_results(project: Project) -> tuple[Kept, ...]:
+def kept_results(project: Project) -> tuple[KeptResult, ...]:
     """The results that can be restored, at most one per stage, in the order of the stages."""
     now, root = project.stage_results(), project.root
     return tuple(
-        Kept(stage, describe(result, stage), bytes_of(root, result, now.in_use(stage, root)))
+        KeptResult(stage, describe(result, stage), bytes_of(root, result, now.in_use(stage, root)))
         for stage in STAGES
         if (result := now.get("previous", stage)) is not None
     )
@@ -59,7 +59,7 @@ def restore(project: Project, stage: str) -> str:
         project.fix_cut()
     now = project.stage_results().in_use(stage, root)
     if now is not None and stage == "map":
-        now = Result(now.parts, graph_in_file(project))
+        now = StageResult(now.parts, graph_in_file(project))
     cut, graph = before.files.get("cut/submaps"), before.files.get("graph")
     submaps = None if cut is None else load_cut(root / cut)
     restored = None if graph is None else decode_graph(read_bytes(root / graph))
@@ -88,7 +88,7 @@ def discard(project: Project, stage: str) -> int:
     return freed
 
 
-def need_kept(project: Project, stage: str) -> Result:
+def need_kept(project: Project, stage: str) -> StageResult:
     """The previous result of a stage. Raises InputError if there is none."""
     found = project.stage_results().get("previous", stage)
     if found is None:
@@ -117,7 +117,7 @@ def replaced_result_sentence(project: Project, stage: str, only: tuple[int, ...]
         return ""
     former = stage == "train" and stage in now.former
     if stage == "train" and only and not former and found.parts:
-        found = Result({number: part for number, part in found.parts.items() if number in only})
+        found = StageResult({number: part for number, part in found.parts.items() if number in only})
         if not found.parts:
             return ""
     if stage in ("import", "submaps", "map"):
@@ -138,7 +138,7 @@ def report_replaced_result(project: Project, stage: str, listen: Listener, only:
         listen(Log(sentence, stage))
 
 
-def describe(result: Result, stage: str, former: bool = False) -> str:
+def describe(result: StageResult, stage: str, former: bool = False) -> str:
     """A result in words, for example "the models of 3 submaps (2000 steps, finished 2026-11-22 05:31)"."""
     what, figures = _what(result, stage)
     ended = max((part.finished for part in result.parts.values()), default=0.0)
@@ -147,7 +147,7 @@ def describe(result: Result, stage: str, former: bool = False) -> str:
     return f"{what}{' of the previous cut' if former else ''}{f' ({about})' if about else ''}"
 
 
-def _what(result: Result, stage: str) -> tuple[str, list[str]]:
+def _what(result: StageResult, stage: str) -> tuple[str, list[str]]:
     parts = result.parts
     summary = parts[min(parts)].summary if parts else {}
     if stage == "train":

@@ -23,7 +23,7 @@ _STAIR = 0.6  # meters from the cameras on a stair to its sides
 _MARGIN = 8.0  # meters around the cameras
 
 
-class HasFloors(Protocol):
+class FloorSource(Protocol):
     """The part of a project that has the floors of its submaps."""
 
     def need_capture(self) -> Capture: ...
@@ -31,7 +31,7 @@ class HasFloors(Protocol):
     def surface(self, submap: int) -> FloorSurface | None: ...
 
 
-def floor_of(project: HasFloors) -> Floor:
+def floor_of(project: FloorSource) -> Floor:
     """One surface around the trajectory; flat at z = 0 while no floor is estimated. If storeys overlap, one surface per
     storey."""
     surfaces = {s.index: project.surface(s.index) for s in project.submaps("floors")}
@@ -46,10 +46,10 @@ def floor_of(project: HasFloors) -> Floor:
         return stacked_floor(positions, owners, known, storeys)
     if len(known) == 1:
         return next(iter(known.values()))
-    return _joined(positions[:, :2], positions[:, :2], owners, known, _SPACING)
+    return _surface_around(positions[:, :2], positions[:, :2], owners, known, _SPACING)
 
 
-def floors_seen(project: HasFloors) -> dict[int, FloorSurface]:
+def floors_seen(project: FloorSource) -> dict[int, FloorSurface]:
     """Frame index -> floor surface around the frame, one shared object for all frames that are segmented together.
 
     The surface is that of the submap with the frame in its core. If storeys overlap, it is that of the camera's storey
@@ -107,9 +107,9 @@ def stacked_floor(
     floors = []
     for k in range(len(storeys.levels)):
         level, stair = storeys.part == 2 * k, np.abs(storeys.part - 2 * k) == 1
-        surface = _joined(positions[:, :2], positions[level, :2], owners[level], surfaces, _FINE)
+        surface = _surface_around(positions[:, :2], positions[level, :2], owners[level], surfaces, _FINE)
         if stair.any():
-            slope = _joined(positions[:, :2], positions[stair, :2], owners[stair], surfaces, _FINE)
+            slope = _surface_around(positions[:, :2], positions[stair, :2], owners[stair], surfaces, _FINE)
             rows, columns = surface.heights.shape
             x, y = (surface.origin[a] + _FINE * np.arange(n) for a, n in enumerate((columns, rows)))
             distance, _ = cKDTree(positions[stair, :2]).query(np.stack(np.meshgrid(x, y), axis=-1))
@@ -119,7 +119,7 @@ def stacked_floor(
     return StackedFloor(tuple(floors))
 
 
-def _joined(
+def _surface_around(
     around: NDArray[np.float64],
     places: NDArray[np.float64],
     owners: NDArray[np.int64],
@@ -142,7 +142,7 @@ def _joined(
     return FloorSurface(heights, (float(low[0]), float(low[1])), spacing)
 
 
-def floor_beneath(project: HasFloors) -> Callable[[float, float, float], float] | None:
+def floor_beneath(project: FloorSource) -> Callable[[float, float, float], float] | None:
     """Function (x, y, z) -> height of the floor under this point, all in meters, world. The floor is that of the submap
     with the nearest camera, so that storeys stay separate. NaN more than 8 m from all cameras. Returns None while no
     floor is estimated."""

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any, Literal
 from nvsim.capture.types import Capture, Cloud
 from nvsim.errors import InputError
 from nvsim.networks.description import Role
-from nvsim.networks.installed import Model, bundled_model, find_model
+from nvsim.networks.installed import InstalledModel, bundled_model, find_model
 from nvsim.project.config import FloorsConfig
 
 if TYPE_CHECKING:
@@ -41,7 +41,7 @@ class FloorProvider:
     """
 
     how: Literal["geometry", "fused", "hybrid"]
-    models: dict[Role, Model]
+    models: dict[Role, InstalledModel]
     because: str = ""
 
     @property
@@ -82,7 +82,7 @@ class FloorProvider:
         """
         if self.how == "geometry":
             return None
-        hybrid = Hybrid(self, capture)
+        hybrid = HybridProvider(self, capture)
         hybrid.open_all()
         if self.how == "fused":
             return hybrid.fused
@@ -90,7 +90,7 @@ class FloorProvider:
         return hybrid
 
 
-class Hybrid:
+class HybridProvider:
     """The hybrid for all submaps. Each network is opened once, at its first use."""
 
     def __init__(self, provider: FloorProvider, capture: Capture) -> None:
@@ -186,10 +186,10 @@ def choose(config: FloorsConfig, scan: Callable[[], Cloud | None]) -> FloorProvi
     return FloorProvider("hybrid", models, "only networks can show obstacles on the floor")
 
 
-def _models(config: FloorsConfig, roles: tuple[Role, ...], ours: bool = False) -> dict[Role, Model]:
+def _models(config: FloorsConfig, roles: tuple[Role, ...], ours: bool = False) -> dict[Role, InstalledModel]:
     """The installed models of the roles; with `ours`, the bundled model if none is installed. Raises InputError if a
     named model is not installed."""
-    found: dict[Role, Model] = {}
+    found: dict[Role, InstalledModel] = {}
     for role in roles:
         name = getattr(config, role)
         model = None if name == GEOMETRY else find_model(role, "" if name == AUTO else name)

@@ -21,7 +21,7 @@ from nvsim.perception.roles import Failure, Mask
 from nvsim.project import ledger
 from nvsim.project.config import FloorsConfig
 from nvsim.project.floor_heights import floors_seen
-from nvsim.project.floor_provider import ROLES, FloorProvider, Hybrid, choose
+from nvsim.project.floor_provider import ROLES, FloorProvider, HybridProvider, choose
 from nvsim.project.project import Project
 from nvsim.project.stages.floors import floors_key
 from nvsim.project.work import missing_result_error
@@ -80,7 +80,7 @@ class CandidateMaker:
     def __init__(self, project: Project) -> None:
         self._project = project
         self._provider: FloorProvider | None = None
-        self._opened: Hybrid | None = None
+        self._opened: HybridProvider | None = None
         self._floors: tuple[str, dict[int, FloorSurface]] | None = None
         self._hybrids: dict[int, HybridFloor] = {}
 
@@ -121,7 +121,7 @@ class CandidateMaker:
             raise InputError(f"{missing} is missing; run `nvsim floors --project` again.")
         if id(surface) not in self._hybrids:
             if self._opened is None:
-                self._opened = Hybrid(provider, capture)
+                self._opened = HybridProvider(provider, capture)
             members = [i for i, s in floors.items() if s is surface]
             self._hybrids[id(surface)] = self._opened(*learnt_floor(capture, members, surface, SegmentConfig()))
         return self._hybrids[id(surface)]
@@ -132,7 +132,7 @@ class CandidateMaker:
         if "prompted" not in provider.models:
             return None
         if provider != self._provider or self._opened is None:
-            self._provider, self._opened = provider, Hybrid(provider, self._project.need_capture())
+            self._provider, self._opened = provider, HybridProvider(provider, self._project.need_capture())
             self._hybrids.clear()
         return self._opened.prompted
 

@@ -80,7 +80,7 @@ def context_on(occupancy: OccupancyMap | None, project: Project, limits: Limits 
 def _detour_between(project: Project) -> TrajectoryDetour | None:
     """None if the trajectory is no evidence (with a LiDAR scan, which shows glass), or no floor is known yet."""
     from nvsim.mapping.explanation.trajectory_detour import TrajectoryDetour
-    from nvsim.mapping.search.walk import Walk
+    from nvsim.mapping.search.trajectory import Walk
 
     capture, support = project.capture(), project.support()
     if capture is None or support is None or not capture.trajectory_counts:

@@ -16,7 +16,7 @@ from nvsim import __version__
 from nvsim.files.atomic import remove
 from nvsim.project.project import Project
 from nvsim.project.state import results
-from nvsim.project.state.results import Part, Result, StageResults, remove_folder
+from nvsim.project.state.results import StagePart, StageResult, StageResults, remove_folder
 from nvsim.project.work import StageName
 
 TRAIN: StageName = "train"
@@ -34,7 +34,7 @@ def key_of(*parts: object) -> str:
     return hashlib.sha256(text.encode()).hexdigest()[:24]
 
 
-def record(project: Project, stage: str, part: int = 0) -> Part | None:
+def record(project: Project, stage: str, part: int = 0) -> StagePart | None:
     """A part of a stage in use, even while it is being made again; None if it was never finished. Raises InputError if
     it is damaged."""
     found = project.stage_results().part(stage, part)
@@ -61,9 +61,9 @@ def begin(project: Project, stage: str, key: str, part: int = 0) -> bool:
     return False
 
 
-def made(summary: Mapping[str, Any], key: str, seconds: float, settings: str = "", batch: str = "") -> Part:
+def made(summary: Mapping[str, Any], key: str, seconds: float, settings: str = "", batch: str = "") -> StagePart:
     """A part of a stage that finished just now."""
-    return Part(key, seconds, time.time(), json.dumps(summary), __version__, settings, batch)
+    return StagePart(key, seconds, time.time(), json.dumps(summary), __version__, settings, batch)
 
 
 def finish(
@@ -100,7 +100,7 @@ def finish(
         new["cut/floors"] = newest
     replaced = found.in_use(stage, root) if part == 0 and keep else None
     if replaced is not None:
-        replaced = Result(replaced.parts, {**replaced.files, **(before or {})})
+        replaced = StageResult(replaced.parts, {**replaced.files, **(before or {})})
     found = found.finished(stage, parts, new | dict(files or {}), replaced)
     with project.transaction() as c:
         results.write(c, found)
@@ -112,9 +112,9 @@ def finish(
 def forget(project: Project, stage: str) -> None:
     """Removes the records of a stage, as if it had never run."""
     found = project.stage_results()
-    in_use = found.get("in use", stage) or Result()
+    in_use = found.get("in use", stage) or StageResult()
     unfinished = {key: work for key, work in found.unfinished.items() if key[0] != stage}
-    found = replace(found, unfinished=unfinished).put("in use", stage, Result({}, in_use.files))
+    found = replace(found, unfinished=unfinished).put("in use", stage, StageResult({}, in_use.files))
     project.set_stage_results(found)
 
 
@@ -135,13 +135,13 @@ def waiting_submaps(project: Project) -> tuple[int, ...]:
     return tuple(sorted(_newest(found).parts)) if TRAIN in found.former else ()
 
 
-def _newest(found: StageResults) -> Result:
+def _newest(found: StageResults) -> StageResult:
     """The finished models of the newest cut, which may not be in use yet."""
     if TRAIN not in found.former:
-        return found.get("in use", TRAIN) or Result()
+        return found.get("in use", TRAIN) or StageResult()
     waiting, newest = found.get("next", TRAIN), found.places["cut/submaps"]
     if waiting is None or waiting.files.get("cut/train") != newest:
-        return Result(files={"cut/train": newest})
+        return StageResult(files={"cut/train": newest})
     return waiting
 
 
@@ -159,18 +159,18 @@ def add_model(project: Project, submap: int, seconds: float, figures: dict[str, 
     found = found.dropped(TRAIN, submap)
     if TRAIN in found.former:
         new = _newest(found)
-        new = Result({**new.parts, submap: part}, {**new.files, **files})
+        new = StageResult({**new.parts, submap: part}, {**new.files, **files})
         used = set(new.parts) >= {s.index for s in project.submaps()}
         if used:
             found = found.put("previous", TRAIN, former).put_to_use(TRAIN, new)
         found = found.put("next", TRAIN, None if used else new)
     else:
-        before, in_use = None, found.get("in use", TRAIN) or Result()
+        before, in_use = None, found.get("in use", TRAIN) or StageResult()
         parts = in_use.parts
         if all(p.batch != batch for p in parts.values()) or (submap in parts and parts[submap].batch == batch):
             before = former
             earlier = {index: replace(part, batch="") for index, part in parts.items()}
-            found = found.put("in use", TRAIN, Result(earlier, in_use.files))
+            found = found.put("in use", TRAIN, StageResult(earlier, in_use.files))
         if "cut/submaps" in found.places:
             files["cut/train"] = found.places["cut/submaps"]
         found = found.finished(TRAIN, {submap: replace(part, batch=batch)}, files, before).put("next", TRAIN, None)

@@ -24,7 +24,7 @@ from nvsim.perception.floor_height import estimate_floor
 from nvsim.perception.support import FloorSupport
 from nvsim.perception.support import positions_at_common_heights as carried_as_usual
 from nvsim.project.floor_heights import floor_of
-from nvsim.project.occupancy_sources import STAGE, Rays, makers_of
+from nvsim.project.occupancy_sources import STAGE, MeasuredRays, makers_of
 from nvsim.project.project import Project
 
 _POINTS_PER_CELL = 2
@@ -120,7 +120,7 @@ def observed_occupancy(
 
 
 @dataclass(frozen=True, eq=False)
-class Built:
+class BuiltMap:
     """A built map and its statistics.
 
     cells_met  voxels crossed, summed over all rays
@@ -140,7 +140,7 @@ class Built:
 def build_occupancy(
     capture: Capture,
     project: Project | None,
-    rays: Rays,
+    rays: MeasuredRays,
     resolution: float = 0.05,
     heights: Heights | None = None,
     *,
@@ -148,7 +148,7 @@ def build_occupancy(
     walked: float = 0.0,
     camera_height: float | None = None,
     listen: Listener = silent,
-) -> Built:
+) -> BuiltMap:
     """Builds the map from `rays`, in the aligned frame.
 
     resolution     meters per cell
@@ -176,7 +176,7 @@ def build_occupancy(
         low, high = np.minimum(low, rays.places[:, :2].min(axis=0)), np.maximum(high, rays.places[:, :2].max(axis=0))
         carried = float((rays.places[:, 2] - floor.height_at(rays.places[:, :2])).max())
         grid = RayGrid(low, high, resolution, floor, heights, top=min(carried, _HIGHEST))
-        unseen = grid.add_merged(rays.cloud, _apart(rays.places), reach)
+        unseen = grid.add_merged(rays.cloud, _spaced_places(rays.places), reach)
     else:
         grid = RayGrid(low, high, resolution, floor, heights)
         for done, sweep in enumerate(_sweeps(rays, floor)):
@@ -197,7 +197,7 @@ def build_occupancy(
     if rays.cloud is not None:
         note += f" {100 * unseen / len(rays.cloud):.0f} % of the points are visible from no camera and free no cells."
     provenance = Provenance(rays.source, note, heights.from_height, heights.to_height, makers_of(capture, project))
-    return Built(occupancy, provenance, grid.steps, unseen)
+    return BuiltMap(occupancy, provenance, grid.steps, unseen)
 
 
 def _with_walk(
@@ -212,12 +212,12 @@ def _with_walk(
     return replace(occupancy, cells=np.where(new, FREE, occupancy.cells)), int(new.sum())
 
 
-def _sweeps(rays: Rays, floor: FloorSurface) -> Iterator[Sweep]:
+def _sweeps(rays: MeasuredRays, floor: FloorSurface) -> Iterator[Sweep]:
     assert rays.sweeps is not None  # rays without a cloud have sweeps
     return rays.sweeps(floor)
 
 
-def _floor(capture: Capture, project: Project | None, rays: Rays, camera_height: float | None) -> FloorSurface:
+def _floor(capture: Capture, project: Project | None, rays: MeasuredRays, camera_height: float | None) -> FloorSurface:
     """The floor of the project if it was found, else an estimate from the measured points."""
     cloud = capture.cloud
     if project is not None:
@@ -231,11 +231,11 @@ def _floor(capture: Capture, project: Project | None, rays: Rays, camera_height:
             return floor
         cloud = project.scan()
     if cloud is None or not cloud.is_dense:
-        cloud = _seen(rays) if rays.source != "trained" else cloud
+        cloud = _subset_of_points(rays) if rays.source != "trained" else cloud
     return estimate_floor(cloud, capture.positions, camera_height)
 
 
-def _seen(rays: Rays) -> Cloud:
+def _subset_of_points(rays: MeasuredRays) -> Cloud:
     """An even subset of the points of all sweeps."""
     share = max(1, _LEVELS // rays.count)
     parts = []
@@ -245,7 +245,7 @@ def _seen(rays: Rays) -> Cloud:
     return Cloud(np.concatenate([np.empty((0, 3), np.float32), *parts]))
 
 
-def _apart(places: NDArray[np.float64]) -> NDArray[np.float64]:
+def _spaced_places(places: NDArray[np.float64]) -> NDArray[np.float64]:
     """A subset of `places` (N, 3): those at least 0.3 m from all previously selected ones."""
     from scipy.spatial import cKDTree
 

@@ -33,7 +33,7 @@ _STANDS = 0.5  # alpha from which a pixel shows an obstacle
 
 
 @dataclass(frozen=True, eq=False)
-class Rays:
+class MeasuredRays:
     """Measured rays.
 
     source  kind of the measurement
@@ -55,7 +55,7 @@ class Rays:
     note: str
 
 
-def capture_with_ranges(project: Project, listen: Listener) -> Capture:
+def find_capture_with_ranges(project: Project, listen: Listener) -> Capture:
     """The project's capture with LiDAR scans and depth images of its source. Projects do not store LiDAR scans, and
     older ones no depth images. Returns the stored capture with a warning if the source is missing or has changed."""
     from nvsim.capture.read import read
@@ -80,14 +80,14 @@ def capture_with_ranges(project: Project, listen: Listener) -> Capture:
     return replace(stored, scans=found.scans, depths=stored.depths or found.depths)
 
 
-def find_rays(capture: Capture, project: Project | None, wanted: Wanted = "auto") -> Rays:
+def find_rays(capture: Capture, project: Project | None, wanted: Wanted = "auto") -> MeasuredRays:
     """The rays of `capture` as read from its source, and of the `project` that it was imported into.
 
     "auto" selects the best available source: LiDAR scans with known scanner positions, depth images, a point cloud,
     estimated depth, or rendered depth of trained models. Raises InputError if the wanted source is missing.
     """
     scans = scans_with_places(capture.scans)
-    finders: list[tuple[Source, Callable[[], Rays | None]]] = [
+    finders: list[tuple[Source, Callable[[], MeasuredRays | None]]] = [
         ("lidar", lambda: _of_scans(capture) if scans else None),
         ("depth", lambda: _of_depths(capture)),
         ("lidar", lambda: _of_cloud(capture)),
@@ -97,26 +97,28 @@ def find_rays(capture: Capture, project: Project | None, wanted: Wanted = "auto"
     for source, find in finders:
         if wanted in ("auto", source) and (found := find()) is not None:
             return found
-    raise _nothing(capture, project, wanted)
+    raise _no_rays_error(capture, project, wanted)
 
 
-def _of_scans(capture: Capture) -> Rays:
+def _of_scans(capture: Capture) -> MeasuredRays:
     scans = scans_with_places(capture.scans)
     places = np.array([scan.to_world[:3, 3] for scan in scans])
     note = f"{len(scans)} LiDAR scans, with rays from the positions of the scanner."
-    return Rays("lidar", len(scans), lambda _: scan_sweeps(scans), None, places, _REACH["lidar"], note)
+    return MeasuredRays("lidar", len(scans), lambda _: scan_sweeps(scans), None, places, _REACH["lidar"], note)
 
 
-def _of_depths(capture: Capture) -> Rays | None:
+def _of_depths(capture: Capture) -> MeasuredRays | None:
     depths = capture.depths
     if not depths:
         return None
     places = np.array([depth.camera_to_world[:3, 3] for depth in depths])
     note = f"{len(depths)} depth images of the capture."
-    return Rays("depth", len(depths), lambda _: depth_sweeps(depths, _PIXELS), None, places, _REACH["depth"], note)
+    return MeasuredRays(
+        "depth", len(depths), lambda _: depth_sweeps(depths, _PIXELS), None, places, _REACH["depth"], note
+    )
 
 
-def _of_cloud(capture: Capture) -> Rays | None:
+def _of_cloud(capture: Capture) -> MeasuredRays | None:
     cloud = capture.cloud
     if cloud is None or cloud.kind != "lidar" or not len(cloud.points):
         return None
@@ -124,10 +126,10 @@ def _of_cloud(capture: Capture) -> Rays | None:
         f"A cloud of {len(cloud.points)} points without sensor positions; rays were cast from the nearest cameras "
         "with a free line of sight to each point."
     )
-    return Rays("lidar", 1, None, cloud.points, capture.positions, _REACH["lidar"], note)
+    return MeasuredRays("lidar", 1, None, cloud.points, capture.positions, _REACH["lidar"], note)
 
 
-def _of_images(capture: Capture, project: Project) -> Rays | None:
+def _of_images(capture: Capture, project: Project) -> MeasuredRays | None:
     if project.stage_results().depth is None:
         return None
     from nvsim.depth.files import read_depth
@@ -138,10 +140,10 @@ def _of_images(capture: Capture, project: Project) -> Rays | None:
             yield sweep_of_depth(frame.camera.scaled(depth.shape[1], depth.shape[0]), depth)
 
     note = f"Depth that was estimated from {len(capture.frames)} images, which is noisier than a LiDAR scan."
-    return Rays("images", len(capture.frames), sweeps, None, capture.positions, _REACH["images"], note)
+    return MeasuredRays("images", len(capture.frames), sweeps, None, capture.positions, _REACH["images"], note)
 
 
-def _of_models(capture: Capture, project: Project) -> Rays | None:
+def _of_models(capture: Capture, project: Project) -> MeasuredRays | None:
     scene = project.scene()
     if scene is None:
         return None
@@ -167,10 +169,10 @@ def _of_models(capture: Capture, project: Project) -> Rays | None:
         "The rendered depth of trained models, the weakest source: it has their errors, and cannot be used to evaluate "
         "graphs from these models."
     )
-    return Rays("trained", len(capture.frames), sweeps, None, capture.positions, reach, note)
+    return MeasuredRays("trained", len(capture.frames), sweeps, None, capture.positions, reach, note)
 
 
-def _nothing(capture: Capture, project: Project | None, wanted: Wanted) -> InputError:
+def _no_rays_error(capture: Capture, project: Project | None, wanted: Wanted) -> InputError:
     if project is not None and wanted == "images":
         return missing_result_error(project.layout.root, "depth")
     if project is not None and wanted == "trained":

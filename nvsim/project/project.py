@@ -20,7 +20,7 @@ from nvsim.files.databases import Snapshot, sqlite_error, stamp
 from nvsim.files.locking import WriterLock
 from nvsim.files.opening import refuse_links_out
 from nvsim.files.reading import reading
-from nvsim.files.tables import NAME, NUMBER, TEXT, Kind, Row
+from nvsim.files.tables import NAME, NUMBER, TEXT, CellType, Row
 from nvsim.graph.types import NavGraph
 from nvsim.project.layout import ADDED, CLOUD, Layout
 from nvsim.project.state import cuts, database, graph_table, results
@@ -155,7 +155,7 @@ class Project:
 
     # Reading ----------------------------------------------------------------------------------------------------
 
-    def read(self, table: str, columns: dict[str, Kind], rest: str = "", given: Row = ()) -> list[Row]:
+    def read(self, table: str, columns: dict[str, CellType], rest: str = "", given: Row = ()) -> list[Row]:
         """Rows of the database, each cell checked against its kind (`nvsim.files.tables`). Raises InputError if it is
         damaged."""
         return tables.read(self.connection, self._database, table, columns, rest, given)

@@ -15,7 +15,7 @@ from nvsim.geometry.directions import Sphere
 from nvsim.geometry.floor_surface import Floor
 from nvsim.graph.types import NavGraph
 from nvsim.mapping.config import MappingConfig
-from nvsim.mapping.evidence.climbing import TraversedFloor
+from nvsim.mapping.evidence.traversed_floor import TraversedFloor
 from nvsim.mapping.families import NETWORK_NORMAL
 from nvsim.perception.normals_network import NormalsNetwork, installed_normals
 from nvsim.perception.stacked_support import StackedSupport

@@ -17,7 +17,7 @@ StageName = Literal["import", "submaps", "depth", "floors", "train", "map"]
 STAGES: tuple[StageName, ...] = get_args(StageName)
 
 
-class Work(NamedTuple):
+class ProjectCommand(NamedTuple):
     """A command that works on a project.
 
     verb   `nvsim VERB` runs it
@@ -41,7 +41,7 @@ class Work(NamedTuple):
         return self.verb.startswith("evaluate ")
 
 
-class Stage(NamedTuple):
+class StageTexts(NamedTuple):
     """Texts about a stage, by the state of its result.
 
     result    the result, as in "the project has no RESULT yet"
@@ -63,126 +63,132 @@ class Stage(NamedTuple):
         return f"The capture has grown since {self.made}." if self.made else ""
 
 
-WORK: dict[str, Work] = {
+WORK: dict[str, ProjectCommand] = {
     row.verb: row
     for row in (
-        Work("import", "Import a capture", "read a capture into a project", None),
-        Work("submaps", "Cut into submaps", "cut the trajectory into overlapping submaps", "import"),
-        Work("depth", "Estimate depth", "estimate depth from the images if the capture has no LiDAR scan", "import"),
-        Work("floors", "Find the floor", "find the floor in every frame", "submaps"),
-        Work("train", "Train", "fit the floor-aware Gaussian model of each submap", "floors"),
-        Work("map", "Build the map", "build the navigation graph from the trained models", "train"),
-        Work("evaluate views", "Evaluate views", "compute PSNR, SSIM and LPIPS of the held-out frames", "train"),
-        Work(
+        ProjectCommand("import", "Import a capture", "read a capture into a project", None),
+        ProjectCommand("submaps", "Cut into submaps", "cut the trajectory into overlapping submaps", "import"),
+        ProjectCommand(
+            "depth", "Estimate depth", "estimate depth from the images if the capture has no LiDAR scan", "import"
+        ),
+        ProjectCommand("floors", "Find the floor", "find the floor in every frame", "submaps"),
+        ProjectCommand("train", "Train", "fit the floor-aware Gaussian model of each submap", "floors"),
+        ProjectCommand("map", "Build the map", "build the navigation graph from the trained models", "train"),
+        ProjectCommand(
+            "evaluate views", "Evaluate views", "compute PSNR, SSIM and LPIPS of the held-out frames", "train"
+        ),
+        ProjectCommand(
             "evaluate floor",
             "Evaluate floor masks",
             "compute the IoU of the floor masks against ground truth",
             "floors",
         ),
-        Work(
+        ProjectCommand(
             "evaluate depth", "Evaluate depth", "compute the error of the estimated depth against true depth", "depth"
         ),
-        Work(
+        ProjectCommand(
             "evaluate graph",
             "Evaluate the graph",
             "compute validity, coverage and structure of the graph against an occupancy map",
             "map",
             heavy=False,
         ),
-        Work(
+        ProjectCommand(
             "evaluate calibration",
             "Calibrate the thresholds",
             "show benefit and cost of each threshold of the map builder, against an occupancy map",
             "map",
             heavy=False,
         ),
-        Work(
+        ProjectCommand(
             "evaluate ablation",
             "Run the ablation",
             "run the paper's ablation and the comparison of the presets",
             "floors",
         ),
-        Work(
+        ProjectCommand(
             "evaluate validity-table",
             "Compare maps of all presets",
             "train the presets, build their maps under each set of criteria, and print the paper's table of validities",
             "floors",
         ),
-        Work(
+        ProjectCommand(
             "export r2r",
             "Export R2R",
             "write R2R connectivity and scans.txt, which agents read unchanged",
             "map",
             heavy=False,
         ),
-        Work(
+        ProjectCommand(
             "export scan",
             "Export scan for agents",
             "write a scan in Matterport's layout: connectivity, skyboxes with depth, views, floor plans",
             "map",
             draws=True,
         ),
-        Work(
+        ProjectCommand(
             "export features",
             "Export features for agents",
             "write features of the views of an exported scan in the file formats of agents",
             "map",
         ),
-        Work(
+        ProjectCommand(
             "export tasks",
             "Export tasks",
             "sample paths of a benchmark from exported scans, with instructions, as R2R_<split>.json",
             "map",
             heavy=False,
         ),
-        Work(
+        ProjectCommand(
             "export dataset",
             "Export a dataset",
             "make a benchmark: a scan for agents, features, tasks with instructions, and a table of baselines",
             "map",
             draws=True,
         ),
-        Work(
+        ProjectCommand(
             "export splats",
             "Export splats",
             "write trained submaps as PLY, compressed PLY or SPZ, and their floors as glTF",
             "train",
             heavy=False,
         ),
-        Work(
+        ProjectCommand(
             "r2r train",
             "Train an agent",
             "train an agent that reads instructions on exported scans, tasks and features",
             "map",
         ),
-        Work("video", "Video", "render a camera path as video frames", "train", heavy=False),
-        Work("demo", "The built-in building", "run the whole job on the built-in building, then open the window", None),
-        Work("restore", "Earlier results", "restore the previous result of a stage, or delete it", None),
+        ProjectCommand("video", "Video", "render a camera path as video frames", "train", heavy=False),
+        ProjectCommand(
+            "demo", "The built-in building", "run the whole job on the built-in building, then open the window", None
+        ),
+        ProjectCommand("restore", "Earlier results", "restore the previous result of a stage, or delete it", None),
     )
 }
 """All commands that can be jobs, by verb."""
 
-STAGE: dict[StageName, Stage] = {
-    "import": Stage("capture", "the project has no capture yet", "", "", "import CAPTURE"),
-    "submaps": Stage(
+STAGE: dict[StageName, StageTexts] = {
+    "import": StageTexts("capture", "the project has no capture yet", "", "", "import CAPTURE"),
+    "submaps": StageTexts(
         "submaps", "the trajectory is not divided into submaps yet", "it was divided into submaps", "", "submaps"
     ),
-    "depth": Stage("depth", "no depth is estimated yet", "depth was estimated", "", "depth"),
-    "floors": Stage(
+    "depth": StageTexts("depth", "no depth is estimated yet", "depth was estimated", "", "depth"),
+    "floors": StageTexts(
         "floor masks",
         "the floor is not found in the frames yet",
         "the floor was found",
         "The floor belongs to a previous cut into submaps.",
         "floors",
     ),
-    "train": Stage(
+    "train": StageTexts(
         "trained submap",
         "no submap is trained completely yet",
         "the submaps were trained",
         "The models in use belong to a previous cut into submaps.",
         "train",
     ),
-    "map": Stage("navigation graph", "no navigation graph is built yet", "the map was built", "", "map"),
+    "map": StageTexts("navigation graph", "no navigation graph is built yet", "the map was built", "", "map"),
 }
 SPLAT_STAGES: tuple[StageName, ...] = ("import", "floors", "map")
 """The stages of a project from splat files. Its submaps and models are part of the import."""

@@ -116,7 +116,7 @@ def _row(item: Any, where: str) -> tuple[Key, Verdict]:
 
 
 @dataclass(frozen=True)
-class Entry:
+class TaskEntry:
     """A task and the name of its file without .json: `split` is R2R_train and so on."""
 
     split: str
@@ -128,15 +128,15 @@ class Entry:
 
 
 @dataclass(frozen=True)
-class Folder:
+class TaskFolder:
     """The tasks of a folder. `review_file` stores the verdicts about them."""
 
     review_file: Path
-    entries: tuple[Entry, ...]
+    entries: tuple[TaskEntry, ...]
     review: Review
 
 
-def read_folder(*paths: Path) -> Folder:
+def read_folder(*paths: Path) -> TaskFolder:
     """Reads tasks files of one folder, or a folder with R2R_*.json and R4R_*.json.
 
     Raises InputError if there is no file, one is unreadable, or they are in different folders.
@@ -152,12 +152,12 @@ def read_folder(*paths: Path) -> Folder:
         raise InputError(
             "The tasks files are in several folders; name the files of one folder, which also stores their review."
         )
-    entries = tuple(Entry(file.stem, task) for file in found for task in read_tasks(file))
+    entries = tuple(TaskEntry(file.stem, task) for file in found for task in read_tasks(file))
     review_file = parents.pop() / FOLDER / FILE
-    return Folder(review_file, entries, read_review(review_file))
+    return TaskFolder(review_file, entries, read_review(review_file))
 
 
-def counts_of(folder: Folder) -> list[dict[str, str | int]]:
+def counts_of(folder: TaskFolder) -> list[dict[str, str | int]]:
     """Returns for each split the numbers of tasks, and of accepted, rejected, unread and rewritten ones."""
     rows: dict[str, dict[str, str | int]] = {}
     for entry in folder.entries:
@@ -171,7 +171,7 @@ def counts_of(folder: Folder) -> list[dict[str, str | int]]:
 
 
 def export_reviewed(
-    entries: Iterable[Entry], review: Review, out: Path, unread: bool = False, overwrite: bool = False
+    entries: Iterable[TaskEntry], review: Review, out: Path, unread: bool = False, overwrite: bool = False
 ) -> list[Path]:
     """Writes the accepted tasks with their rewritten instructions as `<split>.json` into `out`; returns the paths.
 

@@ -9,7 +9,7 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import NDArray
 
-from nvsim.building.painting import Image, blotches, paint_face
+from nvsim.building.painting import Image, paint_face, smooth_noise
 from nvsim.building.plan import Plan, Rect
 from nvsim.building.solids import Paint
 
@@ -122,7 +122,7 @@ def _flat(rows: int, columns: int, tone: Tone) -> Image:
 
 
 def _noise(rows: int, columns: int, metres: float, texel: float, rng: Rng) -> Image:
-    return blotches(rows, columns, (max(metres / texel, 1.0),) * 2, rng)
+    return smooth_noise(rows, columns, (max(metres / texel, 1.0),) * 2, rng)
 
 
 def _plain(rows: int, columns: int, texel: float, rng: Rng) -> Image:
@@ -173,7 +173,7 @@ def _planks_along(rows: int, columns: int, texel: float, rng: Rng) -> Image:
     along = x[None, :] / length + rng.uniform(0, 1, lane.max() + 1)[lane][:, None]
     index = np.floor(along).astype(int)
     tone = rng.normal(0, rng.uniform(0.02, 0.15), (32, 32))[lane[:, None] % 32, index % 32]
-    grain = blotches(rows, columns, (max(0.01 / texel, 1.0), max(0.4 / texel, 1.0)), rng)
+    grain = smooth_noise(rows, columns, (max(0.01 / texel, 1.0), max(0.4 / texel, 1.0)), rng)
     tone = tone + rng.uniform(0.01, 0.08) * grain
     seam = (np.mod(y, width) < rng.uniform(0.002, 0.012))[:, None] | (np.mod(along, 1.0) < 0.006)
     tone = np.where(seam, tone - rng.uniform(0, 0.3), tone)

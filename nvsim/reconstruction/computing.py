@@ -160,7 +160,7 @@ def _report_end(report: PosesReport, listen: Listener) -> PosesReport:
     return report
 
 
-def _refuse_other(folder: Path, stamp: Stamp, known: PosesReport | None, begun: _Begun | None) -> None:
+def _refuse_other(folder: Path, stamp: Stamp, known: PosesReport | None, begun: _UnfinishedPoses | None) -> None:
     """Raises InputError if `folder` has files that the computation would replace but that belong to other footage."""
     if begun is not None:
         if begun.stamp != stamp:
@@ -173,7 +173,7 @@ def _refuse_other(folder: Path, stamp: Stamp, known: PosesReport | None, begun: 
 
 
 @dataclass(frozen=True)
-class _Begun:
+class _UnfinishedPoses:
     """The files of an unfinished computation, the version of its settings, and its options for panoramas."""
 
     stamp: Stamp
@@ -181,7 +181,7 @@ class _Begun:
     options: CutOptions | None
 
 
-def _begun(folder: Path) -> _Begun | None:
+def _begun(folder: Path) -> _UnfinishedPoses | None:
     """The unfinished computation in `folder`, or None. Raises InputError if its record is damaged."""
     path = folder / WORK / _BEGUN
     if not is_regular(path):
@@ -192,7 +192,7 @@ def _begun(folder: Path) -> _Begun | None:
         stamp = tuple((str(name), int(size), int(changed)) for name, size, changed in data["stamp"])
         views, mask = data.get("views"), data.get("mask")
         given = None if views is None and mask is None else CutOptions(views and int(views), mask and Path(str(mask)))
-        return _Begun(stamp, int(data["settings"]), given)
+        return _UnfinishedPoses(stamp, int(data["settings"]), given)
 
 
 @dataclass(frozen=True)
@@ -249,7 +249,7 @@ def _computed(request: _Request, tell: Callable[[Progress | Log | Warning], None
     atomic.write_text(work / _BEGUN, json.dumps(begun))
     for part in (folder / REPORT, folder / _MODEL, *(p for p in work.iterdir() if p.name != _BEGUN)):
         atomic.remove(part)
-    progress = _Pace(tell)
+    progress = _ProgressForwarder(tell)
     if is_panoramic(footage):
         from nvsim.reconstruction.panoramas import pose_panoramas
 
@@ -261,7 +261,7 @@ def _computed(request: _Request, tell: Callable[[Progress | Log | Warning], None
 
     from nvsim.poses.from_images import find_poses  # imported after decoding: the import takes seconds
     from nvsim.poses.pieces import without_bridges
-    from nvsim.reconstruction.growing import write_growing
+    from nvsim.reconstruction.growing_trajectory import write_growing
     from nvsim.reconstruction.weak_places import find_weak_places
 
     images, camera = stored.images, stored.images.cameras[0]
@@ -311,7 +311,7 @@ def _stored(report: PosesReport, models: Sequence[pycolmap.Reconstruction], fold
     return report
 
 
-class _Pace:
+class _ProgressForwarder:
     """Forwards progress as a share of all steps that never decreases, at most ten times per second within a step."""
 
     def __init__(self, tell: Callable[[Progress | Log | Warning], None]) -> None:

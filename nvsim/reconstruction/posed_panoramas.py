@@ -71,7 +71,7 @@ def is_used(folder: Path) -> bool:
 
 
 @dataclass(frozen=True)
-class _Mark:
+class _PanoramaRecord:
     """The record of panoramas whose views are in a folder.
 
     files  stamps of the list and of its images
@@ -89,16 +89,16 @@ class _Mark:
         return options is None or options.agrees(self.views, self.mask)
 
 
-def _mark(folder: Path) -> _Mark | None:
+def _mark(folder: Path) -> _PanoramaRecord | None:
     if not is_used(folder):
         return None
     data = read_json(folder / _MARK, "a record of panoramas", "remove the folder")
     with reading(folder / _MARK, "a record of panoramas", "remove the folder"):
         files, mask = (tuple((str(p), int(n), int(t)) for p, n, t in data.get(key, ())) for key in ("files", "mask"))
-        return _Mark(files, bool(data["whole"]), int(data.get("views", VIEWS)), mask)
+        return _PanoramaRecord(files, bool(data["whole"]), int(data.get("views", VIEWS)), mask)
 
 
-def _write_mark(mark: _Mark, folder: Path) -> None:
+def _write_mark(mark: _PanoramaRecord, folder: Path) -> None:
     atomic.write_text(folder / _MARK, json.dumps(asdict(mark)))
 
 
@@ -129,7 +129,7 @@ def cut_posed_panoramas(file: Path, folder: Path, listen: Listener, options: Cut
     entries: list[dict[str, Any]] = tree["frames"]
     names = _names(file, entries)
     atomic.make_folder(folder)
-    begun = _Mark(stamp, False, options.count, options.stamp)
+    begun = _PanoramaRecord(stamp, False, options.count, options.stamp)
     _write_mark(begun, folder)
     _remove_made(folder)
     frames, views, samples = list[list[dict[str, Any]]](), None, PanoramaSamples()

@@ -49,7 +49,7 @@ def views_around(position: NDArray[np.floating], width: int, heading: float) -> 
 
 
 @njit(forceinline=True, fastmath=FLAGS, error_model="numpy")
-def _place(
+def _project_to_view(
     axes: Float32,  # (views, 3, 3) as in `resample`
     view: int,
     focal: np.float32,  # pixels
@@ -97,7 +97,7 @@ def _weigh_pixel(
 def _add(
     views: Float32,  # (views, S, S, 4)
     view: int,
-    u: np.float32,  # column and line of `_place`
+    u: np.float32,  # column and line of `_project_to_view`
     v: np.float32,
     weight: np.float32,
     pixel: Float32,  # (4,) to which the sample is added
@@ -145,7 +145,7 @@ def resample(
                         for part in range(4):
                             vertical, horizontal = elevations[2 * row + (part >> 1)], azimuths[2 * column + (part & 1)]
                             x, y, z = horizontal[0] * vertical[1], horizontal[1] * vertical[1], vertical[0]
-                            u, v = _place(axes, view, focal, side, x, y, z)
+                            u, v = _project_to_view(axes, view, focal, side, x, y, z)
                             if first.shape[0] > 0:
                                 _add(first, view, u, v, weight, pixels[0])
                             if second.shape[0] > 0:
@@ -178,7 +178,7 @@ def _mark_seen(
                     for part in range(4):
                         vertical, horizontal = elevations[2 * row + (part >> 1)], azimuths[2 * column + (part & 1)]
                         x, y, z = horizontal[0] * vertical[1], horizontal[1] * vertical[1], vertical[0]
-                        u, v = _place(axes, view, focal, side, x, y, z)
+                        u, v = _project_to_view(axes, view, focal, side, x, y, z)
                         at, down = np.int64(u), np.int64(v)
                         seen[view, down, at] = True
                         seen[view, down, at + 1] = True

@@ -18,7 +18,7 @@ from nvsim.render.backends import RenderOutput, expected_depth
 from nvsim.render.by_rays import draw_by_rays, is_wide
 from nvsim.render.kernel_types import Float32, Mask
 from nvsim.render.model import render_over
-from nvsim.render.nearby import Nearby, gray_gaussians
+from nvsim.render.nearby import NeighborGroups, gray_gaussians
 from nvsim.render.workspace import LOCK, RenderBuffers
 from nvsim.splats.types import Gaussians, SubmapModel
 
@@ -68,13 +68,13 @@ def _pool(threads: int) -> ThreadPoolExecutor:
     return ThreadPoolExecutor(threads, "view")
 
 
-_nearby: WeakKeyDictionary[Gaussians, Nearby] = WeakKeyDictionary()
+_nearby: WeakKeyDictionary[Gaussians, NeighborGroups] = WeakKeyDictionary()
 
 
-def nearby(gaussians: Gaussians) -> Nearby:
+def nearby(gaussians: Gaussians) -> NeighborGroups:
     """The groups of neighbors of Gaussians that do not change, computed once."""
     if gaussians not in _nearby:
-        _nearby[gaussians] = Nearby(gaussians)
+        _nearby[gaussians] = NeighborGroups(gaussians)
     return _nearby[gaussians]
 
 

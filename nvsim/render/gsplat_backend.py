@@ -173,7 +173,7 @@ SIGMAS = 3.0
 
 
 @dataclass(frozen=True, eq=False)
-class Drawn:
+class GsplatOutput:
     """rgb            (H, W, 3) not clamped
     transmittance  (H, W), 1 - alpha
 
@@ -213,7 +213,7 @@ def rasterize(
     camera: Camera,
     antialiased: bool = True,
     sh_degree: int | None = None,
-) -> Drawn:
+) -> GsplatOutput:
     """Draws Gaussians; differentiable in all five tensors, float32 on one device: `means` (N, 3) and so on, see the
     signature. `sh_degree` limits the degree of the coefficients that are evaluated; the rest get zero gradients."""
     import gsplat
@@ -241,4 +241,4 @@ def rasterize(
         render_mode="RGB",
         rasterize_mode="antialiased" if antialiased else "classic",
     )
-    return Drawn(drawn[0], 1 - alphas[0, ..., 0], info["means2d"], info["radii"], info["conics"])
+    return GsplatOutput(drawn[0], 1 - alphas[0, ..., 0], info["means2d"], info["radii"], info["conics"])

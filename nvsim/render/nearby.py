@@ -25,7 +25,7 @@ _REACH = math.sqrt(2 * math.log(255))  # standard deviations, as in the kernels
 _GRACE = 1.0  # pixels of margin for rounding in single precision
 
 
-class Nearby:
+class NeighborGroups:
     """The groups of neighboring Gaussians of one set, valid as long as the Gaussians do not move."""
 
     def __init__(self, gaussians: Gaussians) -> None:
@@ -116,7 +116,7 @@ def gray_gaussians(gaussians: Gaussians, rows: Int64) -> Gaussians:
     means, log_scales, quats, opacities = (
         as_kernel_array(a) for a in (g.means, g.log_scales, g.quats, g.opacity_logits)
     )
-    _take(
+    _copy_rows(
         means, log_scales, quats, opacities, rows,
         taken.means, taken.log_scales, taken.quats, taken.opacity_logits, taken.sh,
     )  # fmt: skip
@@ -124,7 +124,7 @@ def gray_gaussians(gaussians: Gaussians, rows: Int64) -> Gaussians:
 
 
 @njit(cache=True, nogil=True)
-def _take(
+def _copy_rows(
     means: Float32, log_scales: Float32, quats: Float32, opacity_logits: Float32, rows: Int64,
     new_means: Float32, new_log_scales: Float32, new_quats: Float32, new_opacity_logits: Float32, sh: Float32,
 ) -> None:  # fmt: skip

@@ -32,7 +32,7 @@ _ZERO, _ONE, _DC = _F(0), _F(1), _F(harmonics.DC)
 
 
 @njit(forceinline=True, fastmath=FLAGS, error_model="numpy")
-def _gather(
+def _write_parameters(
     at: int,  # row of splats
     count: int,  # rows, at most CHUNK
     means: Float32,  # (3 N,) meters, world
@@ -172,7 +172,7 @@ def _project_gradient_part(
     written, past = first, first + visible[block]
     for at in range(first, past, CHUNK):
         count = min(CHUNK, past - at)
-        _gather(
+        _write_parameters(
             at,
             count,
             flat_means,

@@ -66,7 +66,7 @@ def render_regions(
                 setattr(view, channel, getattr(coloured, channel))
     found = iter(drawn)
     sizes = ((c.intrinsics.height, c.intrinsics.width) for c in cameras)
-    return [_nothing(size, channels) if w is None else next(found) for w, size in zip(wanted, sizes, strict=True)]
+    return [_empty_output(size, channels) if w is None else next(found) for w, size in zip(wanted, sizes, strict=True)]
 
 
 def model_of(scene: SceneModel | SubmapModel, position: NDArray[np.floating]) -> SubmapModel:
@@ -74,7 +74,7 @@ def model_of(scene: SceneModel | SubmapModel, position: NDArray[np.floating]) ->
     return scene if isinstance(scene, SubmapModel) else scene.model_at(np.asarray(position))[1]
 
 
-def _nothing(size: tuple[int, int], channels: frozenset[str]) -> RenderOutput:
+def _empty_output(size: tuple[int, int], channels: frozenset[str]) -> RenderOutput:
     view = RenderOutput()
     for channel in channels:
         shape = (*size, 3) if channel in ("rgb", "normal") else size

@@ -28,7 +28,7 @@ def floaters(gaussians: Gaussians, levels: tuple[Level, ...], height: float) -> 
     seen, through = np.zeros(len(gaussians), np.int32), np.zeros(len(gaussians), np.int32)
     everything = np.ones((_SIDE, _SIDE), bool)
     for level in levels:
-        for place in level.places[_spread(level.places)]:
+        for place in level.places[_spread_views(level.places)]:
             eye = place + [0.0, 0.0, height]
             cameras = [Camera(intrinsics, camera_pose(eye, k * np.pi / 2)) for k in range(4)]
             near = np.flatnonzero((np.abs(gaussians.means - eye) < _FARTHEST).all(axis=1))
@@ -58,7 +58,7 @@ def far_from_floor(gaussians: Gaussians, levels: tuple[Level, ...]) -> NDArray[n
     return np.asarray(away[cells[:, 0], cells[:, 1]] > _OUTSIDE)
 
 
-def _spread(places: NDArray[np.float64]) -> list[int]:
+def _spread_views(places: NDArray[np.float64]) -> list[int]:
     """Rows of at most _VIEWS places (N, 3), each far from those before."""
     rows = [0]
     apart = np.linalg.norm(places - places[0], axis=1)

@@ -42,13 +42,13 @@ def find_stairs(surface: SurfacePoints, lower: Level, upper: Level) -> NDArray[n
     near, _ = cKDTree(points[between][:, :2]).query(points[:, :2], distance_upper_bound=_AROUND)
     points = points[near < _AROUND]
     for step, stride, cell in _LINKS:
-        path = _climb(points, lower, upper, top, np.array([stride, stride, step]), cell)
+        path = _path_up(points, lower, upper, top, np.array([stride, stride, step]), cell)
         if len(path):
             return path
     return none
 
 
-def _climb(
+def _path_up(
     points: NDArray[np.float64], lower: Level, upper: Level, top: float, link: NDArray[np.float64], cell: float
 ) -> NDArray[np.float64]:
     """(N, 3) the path over `points` (N, 3) from the lower to the upper storey, whose links are at most as long as
@@ -114,7 +114,7 @@ _OFF = 0.3  # meters from the height of a storey at which a place is on a stair
 
 
 @dataclass(frozen=True, eq=False)
-class Part:
+class ScenePart:
     """A storey, or a stair.
 
     storeys    the storey, or the two storeys that a stair joins, numbered from 0
@@ -131,7 +131,7 @@ class Part:
 
 def divide(
     gaussians: Gaussians, surface: SurfacePoints, storeys: Storeys, height: float
-) -> tuple[tuple[Part, ...], NDArray[np.float64]]:
+) -> tuple[tuple[ScenePart, ...], NDArray[np.float64]]:
     """The parts of a scene, lowest first, and the places (N, 3) meters of viewpoints `height` meters above the floor:
     those of each storey, then those along each stair."""
     levels = storeys.levels
@@ -141,12 +141,12 @@ def divide(
     places = np.concatenate(groups) + [0.0, 0.0, height]
     rows = [list(range(firsts[k], firsts[k + 1])) for k in range(len(groups))]
     floors = [level.height for level in levels]
-    parts: list[Part] = []
+    parts: list[ScenePart] = []
     for k, level in enumerate(levels):
         low = -np.inf if k == 0 else floors[k] - _OVERLAP
         high = np.inf if k + 1 == len(floors) else floors[k + 1] + _OVERLAP
         z = gaussians.means[:, 2]
-        parts.append(Part((k,), (), level.surface, select_gaussians(gaussians, (z >= low) & (z <= high))))
+        parts.append(ScenePart((k,), (), level.surface, select_gaussians(gaussians, (z >= low) & (z <= high))))
         if k < len(stairs) and len(stairs[k]):
             own = rows[len(levels) + k]
             steps = [i for i in own if floors[k] + _OFF < places[i, 2] - height < floors[k + 1] - _OFF]
@@ -155,9 +155,9 @@ def divide(
             if steps:
                 slope = stair_floor(places[own], height - _NOSES)
                 near = _is_near(gaussians, stairs[k], floors[k] - _OVERLAP, floors[k + 1] + _OVERLAP)
-                parts.append(Part((k, k + 1), tuple(steps), slope, select_gaussians(gaussians, near)))
+                parts.append(ScenePart((k, k + 1), tuple(steps), slope, select_gaussians(gaussians, near)))
     return tuple(
-        Part(p.storeys, p.rows or tuple(sorted(rows[p.storeys[0]])), p.surface, p.gaussians) for p in parts
+        ScenePart(p.storeys, p.rows or tuple(sorted(rows[p.storeys[0]])), p.surface, p.gaussians) for p in parts
     ), places
 
 

@@ -25,7 +25,7 @@ import safetensors.numpy
 
 from nvsim.errors import InputError, shown
 from nvsim.files import atomic
-from nvsim.files.opening import opened, read_json, refuse_stand_in
+from nvsim.files.opening import opened, read_json, refuse_placeholder
 from nvsim.geometry.floor_surface import FloorSurface
 from nvsim.splats.appearance import describe, read_appearance, tensors_of
 from nvsim.splats.ply import read_gaussians, write_ply
@@ -93,10 +93,10 @@ def save_model(model: SubmapModel, folder: Path) -> None:
     try:
         before = {path.name for path in folder.iterdir()}
         write_ply(staged, model.gaussians, model.antialiased)
-        files = dict([_named(staged, _GAUSSIANS)])
+        files = dict([_rename_by_content(staged, _GAUSSIANS)])
         staged = folder / f".{_NETWORKS[0]}{_NETWORKS[1]}"
         atomic.write_bytes(staged, safetensors.numpy.save(_tensors(model)))
-        files |= dict([_named(staged, _NETWORKS)])
+        files |= dict([_rename_by_content(staged, _NETWORKS)])
         text = json.dumps({**_description(model), "files": files}, indent=1)
         atomic.write_text(folder / DESCRIPTION, text + "\n")
     except OSError as error:
@@ -111,7 +111,7 @@ def save_model(model: SubmapModel, folder: Path) -> None:
                 atomic.remove(folder / name)
 
 
-def _named(staged: Path, kind: tuple[str, str]) -> tuple[str, dict[str, Any]]:
+def _rename_by_content(staged: Path, kind: tuple[str, str]) -> tuple[str, dict[str, Any]]:
     """Renames a file after its content; returns that name and the fingerprint."""
     fingerprint = _fingerprint(staged)
     name = f"{kind[0]}-{fingerprint['sha256'][:16]}{kind[1]}"
@@ -236,7 +236,7 @@ def _check_sizes(paths: tuple[Path, ...], files: dict[str, Any]) -> None:
     # Sizes are checked before anything is read, so that a truncated file is reported at once.
     for path in paths:
         if path.stat().st_size != files[path.name]["bytes"]:
-            refuse_stand_in(path)
+            refuse_placeholder(path)
             raise InputError(f"{path} is damaged: its size does not match model.json; train this submap again.")
 
 

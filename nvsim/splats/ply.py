@@ -15,7 +15,7 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from nvsim.capture.ply import Rows, binary_rows, text_rows
+from nvsim.capture.ply import BinaryRows, binary_rows, text_rows
 from nvsim.errors import InputError
 from nvsim.files import atomic
 from nvsim.files.opening import opened, size_of
@@ -28,7 +28,7 @@ _LONGEST_VALUE = 64
 _SHORTEST_VALUE = 2
 
 
-class Prepared(Protocol):
+class GaussianAllocator(Protocol):
     """Allocates so many Gaussians; returns them and, by property name, the array that stores the property."""
 
     def __call__(
@@ -36,7 +36,7 @@ class Prepared(Protocol):
     ) -> tuple[Gaussians, dict[str, NDArray[np.float32]]]: ...
 
 
-def read_ascii(path: Path, file: FileIO, begin: bytes, prepared: Prepared) -> Gaussians:
+def read_ascii(path: Path, file: FileIO, begin: bytes, prepared: GaussianAllocator) -> Gaussians:
     """Reads Gaussians from a file. `begin` contains its complete and valid header. Raises InputError naming the invalid
     line, or if the file ends early."""
     end, header, skipped, count, names = text_rows(path, begin)
@@ -202,7 +202,7 @@ def read_gaussians(path: Path, hashed: bool) -> tuple[Gaussians, str | None]:
 
 
 def _blocks(
-    path: Path, file: FileIO, rows: Rows, targets: dict[str, NDArray[np.float32]]
+    path: Path, file: FileIO, rows: BinaryRows, targets: dict[str, NDArray[np.float32]]
 ) -> Iterator[NDArray[np.void]]:
     """Reads the rows block by block into `targets`, and yields each block before it is overwritten."""
     file.seek(rows.start)

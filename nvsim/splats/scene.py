@@ -162,11 +162,11 @@ class SceneModel:
                 if found is not None:
                     return found
                 self._loading[index] = needed
-                self._let_go(keep=0)
+                self._unload_least_used(keep=0)
                 # A model that is being loaded ahead can be unloaded only after it is loaded.
                 while self._taken() > self._budget and len(self._loading) > 1:
                     self._changed.wait()
-                    self._let_go(keep=0)
+                    self._unload_least_used(keep=0)
             model = None
             try:
                 model = self._with_folder(index, self._load)
@@ -219,7 +219,7 @@ class SceneModel:
                 fits = self._fits_beside_the_last(needed)
                 if fits:
                     self._loading[index] = needed
-                    self._let_go(keep=1)
+                    self._unload_least_used(keep=1)
             if fits:
                 model = self._with_folder(index, self._load)
         except Exception:
@@ -241,10 +241,10 @@ class SceneModel:
                 self._loaded[index] = model
                 if ahead:
                     self._loaded.move_to_end(last)  # the one in use stays the most recent
-                self._let_go(keep=1)
+                self._unload_least_used(keep=1)
             self._changed.notify_all()
 
-    def _let_go(self, keep: int) -> None:
+    def _unload_least_used(self, keep: int) -> None:
         """Unloads the least recently used models while the budget is exceeded, except the last `keep`."""
         while len(self._loaded) > keep and self._taken() > self._budget:
             self._loaded.popitem(last=False)

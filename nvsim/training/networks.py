@@ -14,7 +14,7 @@ from nvsim.splats.harmonics import DC
 from nvsim.splats.types import Appearance, Background, Embedding, Gaussians
 from nvsim.training.appearance import LinearColours, NetworkColours, baked
 from nvsim.training.config import AppearanceConfig, TrainingConfig
-from nvsim.training.optimizer import Group, Parameters, generator_of, send_back
+from nvsim.training.optimizer import ParameterGroup, Parameters, generator_of, send_back
 from nvsim.training.views import TrainingView
 
 HIDDEN = 64
@@ -144,14 +144,14 @@ class Networks:
         self._taken = self.seen = torch.zeros(0)
         self._coefficients = torch.zeros(0)
 
-    def groups(self) -> dict[str, Group]:
+    def groups(self) -> dict[str, ParameterGroup]:
         """The parameters that the optimizer updates, by name, without the features of the Gaussians."""
         rate = self._config.rate
-        groups = {"embedding": Group.of(self.embedding.values, rate.embedding, self.embedding.gradient)}
+        groups = {"embedding": ParameterGroup.of(self.embedding.values, rate.embedding, self.embedding.gradient)}
         if self.background is not None:
-            groups["network"] = Group.of(self.background.values, rate.network, self.background.gradient)
+            groups["network"] = ParameterGroup.of(self.background.values, rate.network, self.background.gradient)
         if self.colours is not None:
-            groups["colours"] = Group.of(self.colours.values, rate.network, self.colours.gradient)
+            groups["colours"] = ParameterGroup.of(self.colours.values, rate.network, self.colours.gradient)
         return groups
 
     def look(self, position: NDArray[np.floating], name: str | None = None) -> None:

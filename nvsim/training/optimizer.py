@@ -102,7 +102,7 @@ def _adam(
 
 
 @dataclass(eq=False)
-class Group:
+class ParameterGroup:
     """Parameters (N, ...) float32 with their gradient and both moments (N, ...). `rates` are per element, for as many
     whole rows as give BLOCK elements or more."""
 
@@ -113,13 +113,13 @@ class Group:
     second: Float32
 
     @staticmethod
-    def of(values: Float32, rates: Float32 | float, gradient: Float32 | None = None) -> Group:
+    def of(values: Float32, rates: Float32 | float, gradient: Float32 | None = None) -> ParameterGroup:
         """A group with zero moments. `values` (N, ...) and `gradient` (N, ...) are kept, not copied."""
         columns = int(np.prod(values.shape[1:], dtype=int))
         rows = LANES * -(-BLOCK // (LANES * columns))
         spread = np.broadcast_to(np.asarray(rates, np.float32), (rows, columns)).copy().reshape(-1)
         gradient = np.zeros_like(values) if gradient is None else gradient
-        return Group(values, gradient, spread, np.zeros_like(values), np.zeros_like(values))
+        return ParameterGroup(values, gradient, spread, np.zeros_like(values), np.zeros_like(values))
 
     def step(self, count: int, scale: float = 1.0) -> None:
         """Makes the `count`-th update (from 1) with all rates times `scale`."""

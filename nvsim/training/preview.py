@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from nvsim.files.atomic import write_bytes
 from nvsim.render.workspace import LOCK
-from nvsim.training.fit import Fit
+from nvsim.training.model_fit import ModelFit
 from nvsim.training.views import TrainingView
 
 MOST_STEPS = 20
@@ -22,7 +22,7 @@ KEPT_RUNS = 2
 QUALITY = 92  # of JPEG
 
 
-def preview(fit: Fit, view: TrainingView) -> NDArray[np.uint8]:
+def preview(fit: ModelFit, view: TrainingView) -> NDArray[np.uint8]:
     """(2 H, 2 W, 3) uint8 RGB. Above are image and model; below are the alpha of the Gaussians and the background with
     the floor texture alone. Alpha should be black on the floor."""
     model, alpha = fit.composite(view.camera)

@@ -23,9 +23,9 @@ from nvsim.splats.types import SubmapModel
 from nvsim.training import checkpoint as files
 from nvsim.training.background.floor_paint import first_paint
 from nvsim.training.config import TrainingConfig
-from nvsim.training.fit import Fit
 from nvsim.training.initialise import initial_gaussians
 from nvsim.training.loss.floor_aware import LossValues
+from nvsim.training.model_fit import ModelFit
 from nvsim.training.preview import PreviewFiles, is_run, preview, psnr_of
 from nvsim.training.rate_limiter import RateLimiter
 from nvsim.training.robust import robust_mask
@@ -82,14 +82,16 @@ def train_submap(
     # Only a color network benefits from several threads; otherwise a second pool would compete with numba's.
     torch.set_num_threads(chosen if config.appearance.kind == "network" else 1)
     try:
-        run = _Run(views, cloud, floor, config, seed, submap, listen)
+        run = _TrainingRun(views, cloud, floor, config, seed, submap, listen)
         if checkpoint is not None:
             key = files.fingerprint(views, cloud, floor, config, seed)
             try:
                 run.attach(checkpoint, key)
             except InputError as error:
                 listen(Warning(f"{error} Training starts again.", STAGE))
-                run = _Run(views, cloud, floor, config, seed, submap, listen)  # the first can be partly restored
+                run = _TrainingRun(
+                    views, cloud, floor, config, seed, submap, listen
+                )  # the first can be partly restored
                 run.save_to(checkpoint, key)
         return run.finish(preview, live, watched)
     finally:
@@ -97,7 +99,7 @@ def train_submap(
         torch.set_num_threads(torch_threads)
 
 
-class _Run:
+class _TrainingRun:
     def __init__(
         self,
         views: Sequence[TrainingView],
@@ -116,7 +118,7 @@ class _Run:
         self._rng = np.random.default_rng(seed)
         gaussians = initial_gaussians(views, cloud, floor, config, self._rng)
         networks, texture = first_paint(self._sizes[min(1, len(self._sizes) - 1)], floor, config, seed)
-        self.fit = Fit(gaussians, networks, texture, floor, config, len(views))
+        self.fit = ModelFit(gaussians, networks, texture, floor, config, len(views))
         self._strategy = strategy_of(config, floor, self._rng)
         k = views[0].camera.intrinsics
         self._robust = robust_mask(config, len(views), k.width, k.height)
@@ -193,7 +195,7 @@ class _Run:
         if not self._order:
             self._order = self._rng.permutation(len(self._views)).tolist()
         index = self._order.pop()
-        view = self._sizes[coarseness(c, share)][index]
+        view = self._sizes[count_halvings(c, share)][index]
         canvas = self.fit.canvas(view.camera.intrinsics.width, view.camera.intrinsics.height)
         canvas.inlier[:] = True if view.usable is None else view.usable
         if c.random_background and not c.background:
@@ -252,7 +254,7 @@ class _Run:
         }
 
 
-def coarseness(config: TrainingConfig, share: float) -> int:
+def count_halvings(config: TrainingConfig, share: float) -> int:
     """How many times the images are halved when `share` of the steps are done."""
     if share >= config.coarse_share:
         return 0

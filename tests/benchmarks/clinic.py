@@ -14,9 +14,9 @@ from numpy.typing import NDArray
 
 from nvsim.building import BuildingConfig
 from nvsim.building.layouts import ENTRY, outer_walls
-from nvsim.building.painting import Image, blotches, paint_face, paint_floor
+from nvsim.building.painting import Image, paint_face, paint_floor, smooth_noise
 from nvsim.building.placement import furnish
-from nvsim.building.plan import INNER_WALL, Opening, Plan, Rect, Room, Stop, Storey, Wall
+from nvsim.building.plan import INNER_WALL, Opening, Plan, Rect, Room, Storey, TrajectoryCorner, Wall
 from nvsim.building.raycast import make_solids
 from nvsim.building.scene import Scene
 from nvsim.building.solids import BACK, LEFT, TOP, Box, Color, Paint, wall_boxes
@@ -79,15 +79,32 @@ def _plan(route: Route, rng: np.random.Generator) -> tuple[Plan, list[Opening]]:
     return Plan(Rect(0, 0, length, depth), tuple(rooms), tuple(walls), tuple(openings), tuple(stops)), closed
 
 
-def _stops(route: Route, length: float, low: float, high: float, visits: list[Opening]) -> list[Stop]:
+def _stops(route: Route, length: float, low: float, high: float, visits: list[Opening]) -> list[TrajectoryCorner]:
     west, east = _CORRIDOR / 2, length - _CORRIDOR / 2
     if route == "loop":
-        around = [Stop(east, low), Stop(east, high), Stop(west, high), Stop(west, low)]
-        return [Stop(10.0, low - 0.1), *around, Stop(17.0, low + 0.1)]
+        around = [
+            TrajectoryCorner(east, low),
+            TrajectoryCorner(east, high),
+            TrajectoryCorner(west, high),
+            TrajectoryCorner(west, low),
+        ]
+        return [TrajectoryCorner(10.0, low - 0.1), *around, TrajectoryCorner(17.0, low + 0.1)]
     door = visits[0]
-    inside = Stop(door.centre, door.line - ENTRY)
-    visit = [Stop(door.centre, low), inside, Stop(door.centre + 0.2, door.line - 2.0), inside, Stop(door.centre, low)]
-    return [Stop(2.5, low), *visit, Stop(east, low - 0.1), Stop(east, high), Stop(2.5, high - 0.1)]
+    inside = TrajectoryCorner(door.centre, door.line - ENTRY)
+    visit = [
+        TrajectoryCorner(door.centre, low),
+        inside,
+        TrajectoryCorner(door.centre + 0.2, door.line - 2.0),
+        inside,
+        TrajectoryCorner(door.centre, low),
+    ]
+    return [
+        TrajectoryCorner(2.5, low),
+        *visit,
+        TrajectoryCorner(east, low - 0.1),
+        TrajectoryCorner(east, high),
+        TrajectoryCorner(2.5, high - 0.1),
+    ]
 
 
 def _leaves(doors: list[Opening], rng: np.random.Generator) -> list[Box]:
@@ -191,8 +208,8 @@ def clinic_floor(plan: Plan, texel: float, rng: np.random.Generator) -> tuple[Im
         for r in room.rects if room.kind == "corridor" else ():
             r0, r1, c0, c1 = (round(v / texel) for v in (r.y0, r.y1, r.x0, r.x1))
             rows, columns = image[r0:r1, c0:c1].shape[:2]
-            speckle = blotches(rows, columns, (2.0, 2.0), rng) * 0.035
-            worn = blotches(rows, columns, (0.7 / texel, 0.7 / texel), rng) * 0.02
+            speckle = smooth_noise(rows, columns, (2.0, 2.0), rng) * 0.035
+            worn = smooth_noise(rows, columns, (0.7 / texel, 0.7 / texel), rng) * 0.02
             image[r0:r1, c0:c1] = np.array((0.50, 0.53, 0.52), np.float32) * (1 + speckle + worn)[..., None]
     return image, gloss
 
@@ -201,7 +218,7 @@ def clinic_ceiling(plan: Plan, texel: float, rng: np.random.Generator) -> Image:
     """A ceiling (R, C, 3) of mineral tiles of 0.6 m in a grid; a few have a stain or a vent."""
     rows, columns = round(plan.extent.y1 / texel), round(plan.extent.x1 / texel)
     image = np.full((rows, columns, 3), (0.80, 0.80, 0.78), np.float32)
-    image *= (1 + 0.012 * blotches(rows, columns, (2.0, 2.0), rng))[..., None]
+    image *= (1 + 0.012 * smooth_noise(rows, columns, (2.0, 2.0), rng))[..., None]
     tile = round(0.6 / texel)
     for r in range(0, rows, tile):
         for c in range(0, columns, tile):
@@ -233,8 +250,8 @@ def detailed_face(
         image = np.array(paint_face(paint, at, width, height, texel, rng), np.float32)
     if min(rows, columns) > 8:
         grain = 0.006 if kind.startswith("wall") else 0.03 if kind in ("wood", "cloth", "desk", "drawers") else 0.012
-        image *= (1 + grain * blotches(rows, columns, (2.0, 2.0), rng))[..., None]
-        image *= (1 + 0.7 * grain * blotches(rows, columns, (9.0, 7.0), rng))[..., None]
+        image *= (1 + grain * smooth_noise(rows, columns, (2.0, 2.0), rng))[..., None]
+        image *= (1 + 0.7 * grain * smooth_noise(rows, columns, (9.0, 7.0), rng))[..., None]
     return np.asarray(np.clip(image, 0, 1), np.float32)
 
 
@@ -259,7 +276,7 @@ def _door(rows: int, columns: int, paint: Paint, rng: np.random.Generator) -> Im
     """A leaf with grain, a metal kick plate, a handle, and sometimes a narrow window."""
     image = np.array(paint_face(Paint("wood", paint.color), (0, 0), columns, rows, 1.0, rng), np.float32)
     image[...] = np.array(paint.color, np.float32)
-    image *= (1 + 0.05 * blotches(rows, columns, (max(rows / 4, 2), max(columns / 40, 1.5)), rng))[..., None]
+    image *= (1 + 0.05 * smooth_noise(rows, columns, (max(rows / 4, 2), max(columns / 40, 1.5)), rng))[..., None]
     if columns < 20:
         return image
     image[: rows // 8] = _METAL
@@ -291,10 +308,10 @@ def _label(rows: int, columns: int, text: str, paint: Paint) -> Image:
 def _print(rows: int, columns: int, rng: np.random.Generator) -> Image:
     """A framed picture: random clouds of color and shapes."""
     image = np.empty((rows, columns, 3), np.float32)
-    light = 0.10 * blotches(rows, columns, (max(rows / 5, 2), max(columns / 5, 2)), rng)
+    light = 0.10 * smooth_noise(rows, columns, (max(rows / 5, 2), max(columns / 5, 2)), rng)
     for c in range(3):
-        big = blotches(rows, columns, (max(rows / 3, 2), max(columns / 3, 2)), rng)
-        small = blotches(rows, columns, (max(rows / 14, 2), max(columns / 14, 2)), rng)
+        big = smooth_noise(rows, columns, (max(rows / 3, 2), max(columns / 3, 2)), rng)
+        small = smooth_noise(rows, columns, (max(rows / 14, 2), max(columns / 14, 2)), rng)
         image[..., c] = 0.45 + light + 0.06 * big + 0.03 * small
     if min(rows, columns) < 16:
         return image

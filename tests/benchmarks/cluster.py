@@ -33,8 +33,8 @@ import tyro
 from harness import report
 
 from nvsim.building import BuildingConfig, generate
-from nvsim.cluster.choice import open_executor
 from nvsim.cluster.config import ClusterConfig, Storage
+from nvsim.cluster.executor_choice import open_executor
 from nvsim.events import Event, Worker, silent
 from nvsim.project.config import CaptureConfig
 from nvsim.project.project import Project

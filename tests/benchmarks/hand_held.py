@@ -31,7 +31,7 @@ from rooms import KINDS, make_room
 
 from nvsim.building import BuildingConfig, baking
 from nvsim.building.baking import Painters, Textures, bake
-from nvsim.building.rendering import _mirror, _seen
+from nvsim.building.rendering import _mirror, _trace_pixel
 from nvsim.building.scene import Scene, make_person, make_scene
 from nvsim.building.truth import occupancy
 from nvsim.building.walk import path, with_floor_heights
@@ -232,7 +232,7 @@ def _expose(poses, offsets, lens, radial, solids, textures, people, clothes, mir
                 for _ in range(6):
                     factor = 1.0 + radial * (x * x + y * y)
                     x, y = xd / factor, yd / factor
-                r, g, b, _, _ = _seen(
+                r, g, b, _, _ = _trace_pixel(
                     x * lens[0] + lens[2], y * lens[1] + lens[3], poses[row % poses.shape[0], s], lens, 1.0 / lens[0],
                     solids, textures, people, clothes, mirrored,
                 )  # fmt: skip

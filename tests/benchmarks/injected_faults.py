@@ -32,7 +32,7 @@ from nvsim.capture.formats import read_raw
 from nvsim.capture.raw import RawCapture, inverse
 from nvsim.geometry.lens import Lens
 from nvsim.poses.features import MOST, find_features, match_features
-from nvsim.poses.finding import of_poses, with_poses
+from nvsim.poses.pose_checks import of_poses, with_poses
 
 REPOSITORY = Path(__file__).resolve().parents[2]
 GL = np.diag([1.0, -1.0, -1.0, 1.0])

@@ -23,7 +23,7 @@ from nvsim.evaluation.scores import psnr
 from nvsim.geometry.camera import Camera, camera_pose
 from nvsim.geometry.directions import STEP, sweep
 from nvsim.project.project import Project
-from nvsim.r2r.observations.growing import PlacesSeen
+from nvsim.r2r.observations.incremental_surround import PlacesSeen
 from nvsim.render.model import render_model
 
 

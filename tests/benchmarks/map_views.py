@@ -30,7 +30,7 @@ from nvsim.mapping.corridor import DIRECTIONS, Corridor, HeightAt, SupportAt, vi
 from nvsim.mapping.criteria import OPEN, decide
 from nvsim.mapping.families import NormalSource
 from nvsim.mapping.views.floor_view import measure
-from nvsim.mapping.views.looking import look_down
+from nvsim.mapping.views.view_sources import look_down
 from nvsim.perception.normals_network import normals_model
 from nvsim.project.floor_heights import floor_of
 from nvsim.project.project import Project

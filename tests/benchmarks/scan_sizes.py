@@ -14,7 +14,7 @@ from pathlib import Path
 import tyro
 
 from nvsim.project.project import Project
-from nvsim.r2r.observations.export import Prepared, export_scan
+from nvsim.r2r.observations.export import PreparedExport, export_scan
 from nvsim.r2r.observations.layout import ScanSettings
 
 ALL = ScanSettings(faces=True, views=True)
@@ -34,7 +34,7 @@ class Arguments:
 def measure(project: Project, settings: ScanSettings) -> None:
     with tempfile.TemporaryDirectory() as folder:
         root = Path(folder) / "scans"
-        said = Prepared.of(project, root).estimate(settings, True, "auto")
+        said = PreparedExport.of(project, root).estimate(settings, True, "auto")
         began = time.perf_counter()
         places = export_scan(project, root, settings=settings)[0]
         took = time.perf_counter() - began

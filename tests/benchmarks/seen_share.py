@@ -22,7 +22,7 @@ import tyro
 from numpy.typing import NDArray
 
 from nvsim.building import BuildingConfig, generate
-from nvsim.building.generation import ROOM, _spread
+from nvsim.building.generation import ROOM, _farthest_point_order
 from nvsim.building.rendering import render
 from nvsim.building.scene import CAMERA_HEIGHT, Scene, make_scene, textures_of
 from nvsim.building.truth import true_occupancy
@@ -88,7 +88,7 @@ def _measured(project: Project, building: Scene, count: int) -> dict[str, float]
     offsets = (np.arange(SIDE) + 0.5) / SIDE * 2 - 1
     angle = np.broadcast_to((1 + offsets**2 + offsets[:, None] ** 2) ** -1.5, (6, SIDE, SIDE))
     errors, masks, dense = [], [], []
-    for x, y in places[_spread(places, count, np.random.default_rng(0))]:
+    for x, y in places[_farthest_point_order(places, count, np.random.default_rng(0))]:
         eye = np.array([x, y, building.storeys[0].floor + CAMERA_HEIGHT])
         at = to_aligned_frame(eye, alignment)
         views = render_cube(scene, at, _FINE * SIDE)

@@ -14,7 +14,7 @@ from nvsim.mapping.config import MappingConfig
 from nvsim.mapping.corridor import DIRECTIONS, Corridor, HeightAt, SupportAt, ahead, headings
 from nvsim.mapping.criteria import corridor_of
 from nvsim.mapping.views.floor_view import measure
-from nvsim.mapping.views.looking import look_down
+from nvsim.mapping.views.view_sources import look_down
 from nvsim.project.scene_views import SceneViews
 from nvsim.render.model import render_model
 from nvsim.splats.scene import SceneModel

@@ -16,7 +16,7 @@ from PySide6.QtCore import QPoint, QSettings, Qt, QTimer
 from PySide6.QtTest import QTest
 from PySide6.QtWidgets import QApplication
 
-from nvsim_app.benchmarks.window import Probe
+from nvsim_app.benchmarks.window import GapRecorder
 from nvsim_app.forms.form import CommandForm
 from nvsim_app.inspector.panel import InspectorPanel
 from nvsim_app.panels.frames import FramePanel
@@ -95,7 +95,7 @@ def play(session: Session, capture: Path, folder: Path) -> dict[str, object]:
     # Long enough for a picture of the model in training, which comes after 10 s.
     training = run("train", {"config.steps": "2400", "config.image_size": "128", "config.gaussian_cap": "6000"})
     until(lambda: training.history.share > 0.02, "the first steps")
-    probe = Probe(window)
+    probe = GapRecorder(window)
     probe.start()
     until(lambda: window.scene.picture is not None or training.state == "done", "the model in training in the view")
     seen["live"] = training.state == "running" and window.scene.picture is not None

@@ -18,7 +18,7 @@ from nvsim.occupancy.read import read_map
 from nvsim.project.project import Project
 from nvsim_app.processes.child import Child
 from nvsim_app.session import Session
-from nvsim_app.state.side_work import CALIBRATION, Asked
+from nvsim_app.state.side_work import CALIBRATION, CalibrationRequest
 from nvsim_app.wiring.thresholds import CalibratePart, ThresholdPart
 
 WANT = 0.5
@@ -30,9 +30,9 @@ def project(tmp_path: Path) -> Path:
     return demo_project.write_project(tmp_path / "demo.nvsim", count=500, models=0)
 
 
-def asked(project: Path, **other: object) -> Asked:
+def asked(project: Path, **other: object) -> CalibrationRequest:
     with Project.open(project) as opened:
-        return replace(Asked(project, opened.need_graph(), MappingConfig(), want=WANT), **other)
+        return replace(CalibrationRequest(project, opened.need_graph(), MappingConfig(), want=WANT), **other)
 
 
 @pytest.fixture

@@ -10,7 +10,7 @@ from PySide6.QtWidgets import QLabel
 from nvsim.graph import operation_table
 from nvsim.graph.arguments import Argument
 from nvsim.graph.edits import set_height
-from nvsim.graph.offers import Needs, Offer
+from nvsim.graph.offers import MenuEntry, SelectionNeeds
 from nvsim_app.state.document import Document
 from nvsim_app.wiring import window as window_module
 from nvsim_app.wiring.part import Dock, Part
@@ -58,7 +58,11 @@ def test_an_operation_with_an_offer_stands_in_the_menu(
         lambda graph, surroundings, ids: set_height(graph, ids, 0.5),
         (Argument("ids", "viewpoints", "ids of viewpoints"),),
         lambda a: "Kneel",
-        (Offer("kneel", "&Kneel", "Lower the cameras to half a metre", 3, Needs("viewpoints"), "Ctrl+Alt+K"),),
+        (
+            MenuEntry(
+                "kneel", "&Kneel", "Lower the cameras to half a metre", 3, SelectionNeeds("viewpoints"), "Ctrl+Alt+K"
+            ),
+        ),
     )
     monkeypatch.setitem(operation_table.OPERATIONS, "kneel", row)
     window = make_window(document)

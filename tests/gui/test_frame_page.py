@@ -33,7 +33,7 @@ from nvsim_app.frames.canvas import MODES
 from nvsim_app.frames.frame_data import read_matter
 from nvsim_app.frames.link import FrameLink
 from nvsim_app.frames.panes import Zoom, panes
-from nvsim_app.painting.tones import ALPHA, CONFIRMED, DEPTH
+from nvsim_app.painting.value_colors import ALPHA, CONFIRMED, DEPTH
 from nvsim_app.state.document import Document
 from nvsim_app.wiring.frames import FramePart
 from nvsim_app.wiring.window import MainWindow

@@ -36,7 +36,7 @@ from nvsim_app.frames.worker import thumbnail_path
 from nvsim_app.panels.frames import FramePanel
 from nvsim_app.state.document import Document
 from nvsim_app.state.loading import Contents, ProjectReader
-from nvsim_app.state.results import Result, tables_of
+from nvsim_app.state.results import EvaluationResult, tables_of
 
 PATIENCE = 240_000  # milliseconds until an expected event counts as missing, also on a busy machine
 pytestmark = pytest.mark.timeout(1800)
@@ -144,10 +144,10 @@ def shown_rows(panel: FramePanel) -> list[int]:
     return [panel.filter.mapToSource(panel.filter.index(r, 0)).row() for r in range(panel.filter.rowCount())]
 
 
-def evaluated(at: float, **psnr: float) -> Result:
+def evaluated(at: float, **psnr: float) -> EvaluationResult:
     """An evaluation with rows for the frames f4, f12, ... as `evaluate views` prints them."""
     rows = [{"frame": int(f[1:]), "submap": 0, "psnr": v, "ssim": round(1 - v / 100, 3)} for f, v in psnr.items()]
-    return Result("job 1", "Evaluate views", at, tables_of({"psnr": 1.0, "per_frame": rows}))
+    return EvaluationResult("job 1", "Evaluate views", at, tables_of({"psnr": 1.0, "per_frame": rows}))
 
 
 def test_held_out_frames_are_found_and_the_worst_stands_first(panel: FramePanel, document: Document) -> None:
@@ -188,7 +188,7 @@ def test_a_held_out_row_shows_its_mark_and_figures_in_little_room(panel: FramePa
 
 
 def test_an_evaluation_of_something_else_gives_frames_no_score() -> None:
-    floor = Result("job 2", "Evaluate floor", 9.0, tables_of({"per_frame": [{"frame": 1, "iou": 0.5}]}))
+    floor = EvaluationResult("job 2", "Evaluate floor", 9.0, tables_of({"per_frame": [{"frame": 1, "iou": 0.5}]}))
     assert newest_scores([floor, evaluated(3.0, f1=20.0)]).at == 3.0
     assert newest_scores([floor]) == Scores()
 

@@ -12,7 +12,7 @@ from nvsim_app.drawing.painter import Painter
 from nvsim_app.drawing.render_child import Picture, Request, _answer
 from nvsim_app.frames import pictures
 from nvsim_app.frames.correction import Box
-from nvsim_app.painting.tones import (
+from nvsim_app.painting.value_colors import (
     ALPHA,
     CONFIRMED,
     DEPTH,
@@ -28,7 +28,7 @@ from nvsim_app.painting.tones import (
 RNG = np.random.default_rng(5)
 
 
-def pixel(painted: pictures.Painted, x: int, y: int) -> tuple[int, int, int, int]:
+def pixel(painted: pictures.PaintedImage, x: int, y: int) -> tuple[int, int, int, int]:
     color = painted.image.pixelColor(x, y)
     return color.red(), color.green(), color.blue(), color.alpha()
 

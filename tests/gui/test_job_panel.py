@@ -39,7 +39,7 @@ class Pipeline:
         else:
             worker_lock.release(folder)
         (folder / STATUS).write_text(encode_status(JobStatus(state, started=1000.0)))
-        self.queue._look()
+        self.queue._update_jobs()
 
     def handle(self, number: int) -> JobHandle:
         found = self.queue.handle(number)
@@ -86,7 +86,7 @@ def test_rows_are_updated_in_place_while_a_job_runs(pipeline: Pipeline, qtbot: Q
     assert model.index(0, 2).data() == "25 %"
     events.write_text(events.read_text() + event_line(Progress("train", 2, 4, "a part"), 2.0))
     with qtbot.waitSignal(model.dataChanged), qtbot.assertNotEmitted(model.modelReset):
-        pipeline.queue._look()
+        pipeline.queue._update_jobs()
     assert model.index(0, 2).data() == "50 %"
     pipeline.panel.grab()  # paints the progress bars
 
@@ -182,7 +182,7 @@ def test_a_click_counts_if_the_list_changes_while_the_button_is_pressed(pipeline
     qtbot.mousePress(pause, Qt.MouseButton.LeftButton)
     job = jobs.add("export splats", ["--project", str(jobs.root)], "Export")
     pipeline.queue.forget(pipeline.handle(3))
-    pipeline.queue._look()
+    pipeline.queue._update_jobs()
     assert [row.handle and row.handle.number for row in pipeline.panel.model.rows] == [1, 2, job.number]
     QApplication.processEvents()
     below = QApplication.widgetAt(pause.mapToGlobal(pause.rect().center()))

@@ -18,7 +18,7 @@ from nvsim.project.jobs.files import STATUS, encode_status, event_line
 from nvsim.project.jobs.joblist import JobList, JobStatus, State, Wish
 from nvsim.project.jobs.worker_lock import is_held
 from nvsim.project.project import Project
-from nvsim_app.jobs.history import MOST_POINTS, MOST_WORKERS, JobReport, Series
+from nvsim_app.jobs.history import MOST_POINTS, MOST_WORKERS, JobReport, MetricSeries
 from nvsim_app.jobs.queue import JobHandle, JobQueue
 from nvsim_app.panels.jobs import JobPanel
 
@@ -170,7 +170,7 @@ def test_rate_and_time_left_come_from_the_last_half_minute() -> None:
 
 
 def test_a_series_goes_back_with_the_checkpoint_and_never_grows_without_end() -> None:
-    series = Series()
+    series = MetricSeries()
     for step in range(100):
         series.add(step, step)
     series.add(50, -1.0)

@@ -15,7 +15,7 @@ from PySide6.QtGui import QDragEnterEvent, QDropEvent
 from PySide6.QtWidgets import QApplication
 from pytestqt.qtbot import QtBot
 
-from nvsim.capture.findings import SCALE_UNKNOWN, Kind
+from nvsim.capture.findings import SCALE_UNKNOWN, FindingGroup
 from nvsim.errors import InputError
 from nvsim_app.jobs.queries import CheckResult, result_of
 from nvsim_app.panels.new_project import NewProject, NewProjectDialog
@@ -67,7 +67,7 @@ def test_the_scale_is_asked_for_where_it_is_unknown(qtbot: QtBot, tmp_path: Path
     dialog.setAttribute(Qt.WidgetAttribute.WA_DeleteOnClose, False)
     qtbot.addWidget(dialog)
     dialog.project.setText(str(tmp_path / "new.nvsim"))
-    dialog.show_result(CheckResult(False, (Kind("warning", SCALE_UNKNOWN, "it asks", ("x",), ()),)))
+    dialog.show_result(CheckResult(False, (FindingGroup("warning", SCALE_UNKNOWN, "it asks", ("x",), ()),)))
     assert not dialog.run_button.isEnabled() and "height of the cameras" in dialog.verdict.text()
     dialog.show_result(CheckResult(False, ()))
     assert dialog.run_button.isEnabled()

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import pytest
 
-from nvsim_app.drawing.picture_feed import SMALLEST, Pacing
+from nvsim_app.drawing.picture_feed import SMALLEST, ImageSizeControl
 
 
 def settle(
     nanoseconds_per_pixel: float, fixed_ms: float, width: int = 1280, height: int = 720
 ) -> tuple[int, int, float]:
-    pacing = Pacing(40.0)
+    pacing = ImageSizeControl(40.0)
     for _ in range(80):
         w, h = pacing.moving_size(width, height)
         cost = fixed_ms + w * h * nanoseconds_per_pixel * 1e-6

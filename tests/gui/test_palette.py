@@ -6,7 +6,7 @@ import pytest
 from PySide6.QtCore import Qt
 from pytestqt.qtbot import QtBot
 
-from nvsim_app.palette.entries import Entry, match_score
+from nvsim_app.palette.entries import PaletteEntry, match_score
 from nvsim_app.state.document import Document
 from nvsim_app.wiring import actions
 from nvsim_app.wiring.appearance import PalettePart
@@ -18,7 +18,7 @@ def part(window: MainWindow) -> PalettePart:
     return window.part(PalettePart)
 
 
-def rows(part: PalettePart) -> list[Entry]:
+def rows(part: PalettePart) -> list[PaletteEntry]:
     return [part.view.list.item(i).data(Qt.ItemDataRole.UserRole) for i in range(part.view.list.count())]
 
 

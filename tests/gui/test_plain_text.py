@@ -27,7 +27,7 @@ from nvsim_app.panels.help import HelpWindow
 from nvsim_app.panels.results import ResultPanel
 from nvsim_app.panels.validation import ValidationPanel
 from nvsim_app.state.document import Document
-from nvsim_app.state.results import Result, Table
+from nvsim_app.state.results import EvaluationResult, ResultTable
 from nvsim_app.wiring.checking import ComparePart
 from nvsim_app.wiring.files import RecentPart
 from nvsim_app.wiring.frames import FramePart
@@ -242,7 +242,7 @@ def test_texts_of_pages_menus_and_results_are_text(attacked: MainWindow, fifo: P
     rows = tuple((f"{evil}{i}", float(i), evil) for i in range(5))
     results = window.panels["results"]
     assert isinstance(results, ResultPanel)
-    results.show_results([Result("x", evil, 1.7e9, (Table(evil, ("name", evil, f"{evil}2"), rows),))])
+    results.show_results([EvaluationResult("x", evil, 1.7e9, (ResultTable(evil, ("name", evil, f"{evil}2"), rows),))])
     assert _shown(window) == [] and results.plot.isVisibleTo(results)
     document.select()
     # Nothing to show: what is missing, and the projects of late.

@@ -9,12 +9,12 @@ from PySide6.QtCore import QSettings
 from PySide6.QtWidgets import QWidget
 from pytestqt.qtbot import QtBot
 
-from nvsim_app.processes.child import Program
+from nvsim_app.processes.child import ChildProgram
 from nvsim_app.session import Session
 from nvsim_app.start import application
 from nvsim_app.start.application import WORDS, Preparing
 
-BUSY = Program(side_work.until_asked, "busy", "It fails")
+BUSY = ChildProgram(side_work.until_asked, "busy", "It fails")
 
 
 @pytest.fixture
@@ -41,7 +41,7 @@ def test_the_status_bar_says_what_is_going_on_and_stops_when_it_is_over(qtbot: Q
 
 
 def test_nothing_is_said_where_it_was_done_before(qtbot: QtBot, session: Session) -> None:
-    made = Preparing(session.window, session, Program(side_work.nothing, "idle", "It fails"))
+    made = Preparing(session.window, session, ChildProgram(side_work.nothing, "idle", "It fails"))
     made.begin()
     qtbot.waitUntil(lambda: made._process.running, timeout=10_000)
     qtbot.waitUntil(lambda: not made._process.running, timeout=10_000)

@@ -161,14 +161,14 @@ def test_a_project_on_a_full_disk_can_be_looked_at(project: Path, history: bool)
 
 def test_a_snapshot_follows_what_others_write_later(project: Path, monkeypatch: pytest.MonkeyPatch) -> None:
 
-    usual = databases._tried
+    usual = databases._try_open
 
     def no_shared_memory(path: Path, flags: str, kind: type[sqlite3.Connection]) -> sqlite3.Connection:
         if "immutable" not in flags:
             raise sqlite3.OperationalError("unable to open database file")
         return usual(path, flags, kind)
 
-    monkeypatch.setattr(databases, "_tried", no_shared_memory)
+    monkeypatch.setattr(databases, "_try_open", no_shared_memory)
     opened = Project.open(project)
     monkeypatch.undo()
     first = opened.revision()

@@ -12,7 +12,7 @@ import pytest
 from pytestqt.qtbot import QtBot
 
 from nvsim.errors import InputError
-from nvsim_app.benchmarks.window import Probe
+from nvsim_app.benchmarks.window import GapRecorder
 from nvsim_app.drawing.painter import Renderer
 from nvsim_app.drawing.picture_feed import RenderLink
 from nvsim_app.drawing.render_child import Picture, Request
@@ -105,7 +105,7 @@ def test_heavy_drawing_is_not_felt_in_the_window(link: RenderLink, qtbot: QtBot)
     """Views that compute for 600 ms each: drawn in the window, every one would keep its loop away for as long."""
     link.open(demo_room.RoomSource(burn=0.6))
     qtbot.waitUntil(lambda: link.ready, timeout=20_000)
-    probe, count = Probe(), []
+    probe, count = GapRecorder(), []
     link.arrived.connect(count.append)
     probe.start()
     for i in range(8):

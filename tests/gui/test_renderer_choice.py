@@ -16,10 +16,10 @@ from nvsim.errors import InputError
 from nvsim.geometry.camera import Camera
 from nvsim.geometry.floor_surface import FloorSurface
 from nvsim.splats.types import Gaussians, SubmapModel
-from nvsim_app.drawing.painter import NEUTRAL, Models, Painter, Remark
+from nvsim_app.drawing.painter import NEUTRAL, LogRemark, Models, Painter
 from nvsim_app.drawing.picture_feed import RenderLink
 from nvsim_app.drawing.render_child import ProjectSource, Request
-from nvsim_app.drawing.renderer_choice import AUTOMATIC, CPU, OPENGL, ROUNDS, Choice
+from nvsim_app.drawing.renderer_choice import AUTOMATIC, CPU, OPENGL, ROUNDS, RendererChoice
 from nvsim_app.painting.cameras import ViewPose
 from nvsim_app.state.document import Document
 from nvsim_app.wiring.window import MainWindow
@@ -58,8 +58,8 @@ def painter(make: Callable[[], FakeCard], model: SubmapModel = MODEL) -> Painter
     return Painter(Models(lambda camera: (4, model)), make)
 
 
-def timed(times: dict[str, float], submap: int = 0) -> Choice:
-    choice = Choice()
+def timed(times: dict[str, float], submap: int = 0) -> RendererChoice:
+    choice = RendererChoice()
     while (name := choice.to_time(submap)) is not None:
         choice.add(submap, name, times[name])
     return choice
@@ -71,7 +71,7 @@ def test_the_faster_one_draws() -> None:
 
 
 def test_a_slow_first_frame_decides_nothing() -> None:
-    choice = Choice()
+    choice = RendererChoice()
     for ms in (400.0, 3.0, 3.0):
         choice.add(0, OPENGL, ms)
     for _ in range(ROUNDS):
@@ -80,7 +80,7 @@ def test_a_slow_first_frame_decides_nothing() -> None:
 
 
 def test_a_submap_that_was_not_timed_is_drawn_as_the_last_one() -> None:
-    assert Choice().faster(0) == CPU
+    assert RendererChoice().faster(0) == CPU
     assert timed({CPU: 15.0, OPENGL: 3.0}).faster(1) == OPENGL
 
 
@@ -162,7 +162,7 @@ def test_remarks_of_the_process_reach_the_window(qtbot: QtBot, tmp_path: Path) -
     """A real process: at rest it compares the renderers, or says that it cannot."""
     project = demo_project.write_project(tmp_path / "demo.nvsim", count=400, models=1)
     link = RenderLink()
-    remarks: list[Remark] = []
+    remarks: list[LogRemark] = []
     link.remarked.connect(remarks.append)
     try:
         link.open(ProjectSource(project))
@@ -176,9 +176,9 @@ def test_remarks_of_the_process_reach_the_window(qtbot: QtBot, tmp_path: Path) -
 
 
 def test_a_remark_goes_to_the_log_and_a_warning_is_shown(window: MainWindow) -> None:
-    window.scene.link.remarked.emit(Remark("The CPU draws: 3 ms."))
+    window.scene.link.remarked.emit(LogRemark("The CPU draws: 3 ms."))
     assert "The CPU draws: 3 ms." in window.panels["log"].toPlainText() and not window.notice_area.texts
-    window.scene.link.remarked.emit(Remark("OpenGL failed.", "trace", warning=True))
+    window.scene.link.remarked.emit(LogRemark("OpenGL failed.", "trace", warning=True))
     assert window.notice_area.texts == ["OpenGL failed."]
 
 

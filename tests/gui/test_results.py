@@ -13,7 +13,15 @@ from pytestqt.qtbot import QtBot
 from nvsim.project.jobs.joblist import JobList
 from nvsim_app.look.notices import Notices
 from nvsim_app.panels.results import ResultModel, ResultPanel
-from nvsim_app.state.results import SUMMARY, Result, result_of_job, stored_result, tables_of, value_words, words_of
+from nvsim_app.state.results import (
+    SUMMARY,
+    EvaluationResult,
+    result_of_job,
+    stored_result,
+    tables_of,
+    value_words,
+    words_of,
+)
 
 FIGURES = {
     "psnr": 20.5,
@@ -66,7 +74,7 @@ def test_the_panel_shows_copies_and_saves(qtbot: QtBot, tmp_path: Path, monkeypa
     panel.resize(900, 220)
     panel.show()
     assert panel.empty.isVisible()
-    panel.show_results([Result("job 1", "Evaluate views", 10.0, tables_of(FIGURES))])
+    panel.show_results([EvaluationResult("job 1", "Evaluate views", 10.0, tables_of(FIGURES))])
     panel.tables.setCurrentText("Per frame")
     assert panel.model.rowCount() == 2 and panel.columns.currentText() == "PSNR"
     qtbot.mouseClick(panel.copy, Qt.MouseButton.LeftButton)

@@ -15,8 +15,8 @@ from pytestqt.qtbot import QtBot
 from nvsim_app.look import colors
 from nvsim_app.painting.cameras import ViewPose, overview, seen_from_frame
 from nvsim_app.state.document import Document
+from nvsim_app.state.free_floor import trajectory_on_floor
 from nvsim_app.state.loading import Contents
-from nvsim_app.state.on_floor import trajectory_on_floor
 from nvsim_app.views.scene_view import SceneView
 from nvsim_app.wiring.window import MainWindow
 

@@ -22,7 +22,7 @@ from nvsim_app.panels.help import DOCS, HelpWindow, find, open_help, pages
 from nvsim_app.session import Session
 from nvsim_app.start.application import left_open
 from nvsim_app.state.document import Document, Selection
-from nvsim_app.state.view_state_store import Left, decode, encode
+from nvsim_app.state.view_state_store import StoredViewState, decode, encode
 from nvsim_app.state.view_states import ViewState, ViewStates, changes
 from nvsim_app.wiring.camera_path import CameraPathPart
 from nvsim_app.wiring.views import ViewsPart
@@ -115,7 +115,7 @@ def test_going_back_is_undone_by_going_forward(headings: list[int], data: st.Dat
 @pytest.mark.parametrize("text", ["", "{", "[]", '{"pose": 3, "channel": "rgb", "selection": {}}', '{"pose": null}'])
 def test_what_somebody_wrote_into_the_settings_is_no_view(text: str) -> None:
     assert decode(text) is None
-    left = Left(POSE, "alpha", Selection(frame=3), 3, (1.0, 2.0, 3.0, 4.0), (0.5, -0.5, 2.0), (POSE,))
+    left = StoredViewState(POSE, "alpha", Selection(frame=3), 3, (1.0, 2.0, 3.0, 4.0), (0.5, -0.5, 2.0), (POSE,))
     assert decode(encode(left)) == left
 
 

@@ -7,7 +7,7 @@ from pathlib import Path
 from PySide6.QtCore import Qt
 from pytestqt.qtbot import QtBot
 
-from nvsim.project.jobs.files import Order
+from nvsim.project.jobs.files import JobCommand
 from nvsim.project.jobs.joblist import Job, JobList, JobStatus
 from nvsim.r2r.metrics.submission import write_submission
 from nvsim.r2r.reviewing import Review, read_review
@@ -101,7 +101,7 @@ def test_exported_tasks_open_with_their_path_on_the_map(window: MainWindow, qtbo
     tasks = [Task(i, graph.scan, ends, 0.5, (LONG,)) for i, ends in enumerate(list(graph.edges)[:3])]
     out.mkdir()
     write_tasks(out / "R2R_train.json", tasks)
-    order = Order("export tasks", (f"--out={out}",), "Export tasks")
+    order = JobCommand("export tasks", (f"--out={out}",), "Export tasks")
     job = Job(1, project / "jobs" / "1", order, JobStatus("done"), ours=True)
     part.context.jobs.ended.emit(JobHandle(JobList(project), job, window))
     panel = part.panel

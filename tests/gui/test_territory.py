@@ -8,7 +8,7 @@ import pytest
 
 from nvsim.geometry.floor_surface import FloorSurface
 from nvsim.splats.types import SubmapModel
-from nvsim_app.drawing.painter import CELL, Territory, _by_kernels
+from nvsim_app.drawing.painter import CELL, SubmapGrid, _by_kernels
 from nvsim_app.look import colors
 from nvsim_app.painting.cameras import ViewPose
 
@@ -25,7 +25,7 @@ def nearest(submaps, x: float, y: float) -> tuple[int, float]:
 
 
 def test_the_nearest_submap_owns_a_place(submaps) -> None:
-    territory = Territory(submaps)
+    territory = SubmapGrid(submaps)
     places = np.random.default_rng(1).uniform((0, 0), (demo_room.WIDTH, demo_room.DEPTH), (300, 2))
     for place, owner in zip(places, territory.owner_at(places), strict=True):
         expected, margin = nearest(submaps, *place)
@@ -34,7 +34,7 @@ def test_the_nearest_submap_owns_a_place(submaps) -> None:
 
 def test_nobody_owns_what_is_far_away_or_unknown(submaps) -> None:
     places = np.array([[500.0, 0.0], [np.nan, 1.0], [-40.0, 2.0]])
-    assert Territory(submaps).owner_at(places).tolist() == [-1, -1, -1]
+    assert SubmapGrid(submaps).owner_at(places).tolist() == [-1, -1, -1]
 
 
 def test_the_floor_is_in_the_colour_of_the_submap_that_stands_on_it(submaps) -> None:
@@ -43,7 +43,7 @@ def test_the_floor_is_in_the_colour_of_the_submap_that_stands_on_it(submaps) -> 
     model = SubmapModel(gaussians(4000), None, floor_texture(), FloorSurface.flat(0.0))
     x, y, _ = submaps[1].positions[len(submaps[1].positions) // 2]
     camera = ViewPose((x, y, 1.5), elevation=-1.4).camera(64, 48)
-    picture = _by_kernels(model, camera, "submap", Territory(submaps))
+    picture = _by_kernels(model, camera, "submap", SubmapGrid(submaps))
     direction = camera.rays()[24, 32].astype(float)
     place = camera.position + direction * (camera.position[2] / -direction[2])
     owner, _ = nearest(submaps, *place[:2])

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from nvsim.render.backends import RenderOutput
-from nvsim_app.painting.tones import CHANNELS, DEPTH_RANGE, picture, ramp
+from nvsim_app.painting.value_colors import CHANNELS, DEPTH_RANGE, picture, ramp
 
 
 def view() -> RenderOutput:

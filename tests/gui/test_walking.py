@@ -14,7 +14,7 @@ from pytestqt.qtbot import QtBot
 from nvsim.graph.types import NavGraph
 from nvsim_app.painting.cameras import ViewPose, walked
 from nvsim_app.state.document import Document
-from nvsim_app.state.on_floor import Ground
+from nvsim_app.state.free_floor import FreeFloor
 from nvsim_app.wiring.window import MainWindow
 
 
@@ -91,7 +91,7 @@ def test_without_a_map_evidence_stops_a_walk_and_without_that_the_places_where_s
     graph = document.contents.graph
     document.set_contents(replace(document.contents, graph=replace(graph, evidence={})))
     assert free(8.0, 3.0, 1.5) and not free(7.0, -3.0, 1.5)
-    assert not Ground(document).free(8.0, 3.0, 9.0), "another storey"
+    assert not FreeFloor(document).free(8.0, 3.0, 9.0), "another storey"
 
 
 def test_the_floor_under_the_eye_counts_and_not_that_of_the_storey_above(

@@ -13,7 +13,7 @@ from PySide6.QtCore import QSettings, Qt
 from PySide6.QtWidgets import QApplication, QDockWidget, QTabBar, QToolBar
 from pytestqt.qtbot import QtBot
 
-from nvsim_app.drawing.render_child import Trouble
+from nvsim_app.drawing.render_child import RenderError
 from nvsim_app.look import theme
 from nvsim_app.look.notices import Notices
 from nvsim_app.panels.stages import StageBar
@@ -93,7 +93,7 @@ def test_the_theme_switches_and_is_remembered(window: MainWindow, settings: QSet
 
 
 def test_trouble_in_the_renderer_is_a_notice(window: MainWindow) -> None:
-    window.scene.link.troubled.emit(Trouble("The model is damaged.", "trace", fatal=True))
+    window.scene.link.troubled.emit(RenderError("The model is damaged.", "trace", fatal=True))
     assert window.notice_area.texts == ["The model is damaged."]
     assert window.scene.note == "The model is damaged."
 

@@ -10,9 +10,9 @@ from pathlib import Path
 import cluster_work
 import pytest
 
-from nvsim.cluster.choice import open_executor
 from nvsim.cluster.config import ClusterConfig
-from nvsim.cluster.piece import Executor, Finished, Message, Order, Piece, SentFile, StorageNotShared, Work
+from nvsim.cluster.executor_choice import open_executor
+from nvsim.cluster.piece import Executor, Message, SentFile, StorageNotShared, Work, WorkCall, WorkItem, WorkResult
 from nvsim.errors import InputError
 from nvsim.events import Log, Warning, Worker
 
@@ -25,16 +25,16 @@ def executor(ray_head: str) -> Iterator[Executor]:
         yield found
 
 
-def pieces(count: int, cores: int = 1, size: int = 50 * MIB) -> list[Piece]:
-    return [Piece("sums", i, f"sum {i}", cores, size) for i in range(count)]
+def pieces(count: int, cores: int = 1, size: int = 50 * MIB) -> list[WorkItem]:
+    return [WorkItem("sums", i, f"sum {i}", cores, size) for i in range(count)]
 
 
-def done(executor: Executor, ordered: list[Piece], work: Work, *given: object) -> list[tuple[int, Message]]:
-    return [(p.part, m) for p, m in executor.run(ordered, lambda piece: Order(work, given))]
+def done(executor: Executor, ordered: list[WorkItem], work: Work, *given: object) -> list[tuple[int, Message]]:
+    return [(p.part, m) for p, m in executor.run(ordered, lambda piece: WorkCall(work, given))]
 
 
 def values(told: list[tuple[int, Message]]) -> dict[int, object]:
-    return {part: m.value for part, m in told if isinstance(m, Finished)}
+    return {part: m.value for part, m in told if isinstance(m, WorkResult)}
 
 
 def test_every_piece_is_done_once_and_what_it_says_is_heard(executor: Executor) -> None:
@@ -67,9 +67,9 @@ def test_a_piece_that_lacked_memory_begins_again_with_twice_as_much(executor: Ex
 def test_a_killed_worker_is_replaced_and_begin_is_asked_again(executor: Executor, tmp_path: Path) -> None:
     asked = []
 
-    def begin(piece: Piece) -> Order:
+    def begin(piece: WorkItem) -> WorkCall:
         asked.append(piece.part)
-        return Order(cluster_work.die, (tmp_path, 4, True))  # more often than it may without getting further
+        return WorkCall(cluster_work.die, (tmp_path, 4, True))  # more often than it may without getting further
 
     told = [(p.part, m) for p, m in executor.run(pieces(1), begin)]
     assert values(told) == {0: 4}
@@ -87,8 +87,8 @@ def test_what_does_not_see_the_files_is_ordered_anew_and_files_come_back(executo
     path.write_bytes(b"1" * 1000)
     told: list[Message] = []
 
-    def begin(piece: Piece) -> Order:
-        return Order(cluster_work.send_back, (path, any(isinstance(m, StorageNotShared) for m in told)))
+    def begin(piece: WorkItem) -> WorkCall:
+        return WorkCall(cluster_work.send_back, (path, any(isinstance(m, StorageNotShared) for m in told)))
 
     for _, message in executor.run(pieces(1), begin):
         told.append(message)
@@ -101,7 +101,7 @@ def test_what_does_not_see_the_files_is_ordered_anew_and_files_come_back(executo
 
 def test_who_stops_listening_stops_the_workers(executor: Executor, tmp_path: Path) -> None:
     path = tmp_path / "count"
-    with closing(executor.run(pieces(1), lambda piece: Order(cluster_work.count_slowly, (path,)))) as told:
+    with closing(executor.run(pieces(1), lambda piece: WorkCall(cluster_work.count_slowly, (path,)))) as told:
         next(m for _, m in told if isinstance(m, Log))
     before = path.read_text()
     time.sleep(0.5)

@@ -116,7 +116,7 @@ def test_a_bend_is_straightened_by_what_both_stretches_show(
     cameras = {number - 1: camera for number, camera in poses.model.cameras.items()}
     views = consistent_pairs(from_images._relative_poses(images, cameras, keypoints, matches, lambda *_: None))
     write_geometries(path, views)
-    inputs = from_images._Inputs(images, keypoints, [], views, path, tmp_path, lambda step, done, total: None)
+    inputs = from_images._MappingInputs(images, keypoints, [], views, path, tmp_path, lambda step, done, total: None)
     straight = poses_of(poses.model)
     last = sorted(straight)[len(straight) // 2]
     pivot = np.asarray(poses.model.images[last].projection_center())

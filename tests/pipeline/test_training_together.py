@@ -15,8 +15,8 @@ import psutil
 import pytest
 
 from nvsim.building import BuildingConfig, generate
-from nvsim.cluster.choice import open_executor
 from nvsim.cluster.config import ClusterConfig
+from nvsim.cluster.executor_choice import open_executor
 from nvsim.cluster.storage import StorageProbe
 from nvsim.depth.config import DepthConfig
 from nvsim.errors import InputError

@@ -6,7 +6,7 @@ from pathlib import Path
 
 from nvsim.networks.chain import Chain
 from nvsim.networks.installed import DESCRIPTION, model_at
-from nvsim.networks.ready import known_descriptions
+from nvsim.networks.known_forms import known_descriptions
 
 
 def described(form: str, *paths: Path, more: str = "") -> Chain:

@@ -19,7 +19,7 @@ from nvsim.events import Done, Event, Log, Warning
 
 ROOT = Path(__file__).parents[2]
 OTHERS = {
-    *("--head", "--generate"),  # of Ray and of openssl, in nvsim/cluster/connecting.py
+    *("--head", "--generate"),  # of Ray and of openssl, in nvsim/cluster/ray_connection.py
     *("--version", "--tyro-"),  # of nvsim itself, and of the parser
     *("--bench", "--bench-edits", "--theme", "--screenshot", "--renderer"),  # of python -m nvsim_app
 }

@@ -21,7 +21,7 @@ from scan_samples import scan_project
 from test_dataset import FEW, row
 
 from nvsim.cli.main import main
-from nvsim.dataset.agent_files import AGENTS, AgentName, Parts, write_agent
+from nvsim.dataset.agent_files import AGENTS, AgentName, DatasetParts, write_agent
 from nvsim.dataset.frames import write_frames
 from nvsim.dataset.text_views import read_text_views
 from nvsim.dataset.word_pieces import Vocabulary
@@ -30,12 +30,12 @@ from nvsim.events import silent
 from nvsim.mapping.config import MappingConfig
 from nvsim.project.project import Project
 from nvsim.project.scene_views import LiveScene
-from nvsim.r2r.episodes.acting import Walk
 from nvsim.r2r.episodes.episode import Episode, write_streamvln
+from nvsim.r2r.episodes.episode_actions import ActionPath
 from nvsim.r2r.features.exported_scan import ExportedScan
-from nvsim.r2r.observations.export import Prepared
+from nvsim.r2r.observations.export import PreparedExport
 from nvsim.r2r.simulator import Simulator
-from nvsim.r2r.simulator.images import View
+from nvsim.r2r.simulator.images import ViewSize
 from nvsim.r2r.simulator.live import LiveImages
 from nvsim.r2r.tasks.task import Task
 
@@ -285,20 +285,20 @@ def test_navgpt2_finds_the_row_of_every_candidate(dataset: Path) -> None:
 def test_streamvln_finds_a_frame_before_every_action(tmp_path: Path) -> None:
     root = scan_project(tmp_path)
     with Project.open(root) as project:
-        source = Prepared.of(project, tmp_path / "scans").source
+        source = PreparedExport.of(project, tmp_path / "scans").source
         # Two turns to the left and two steps ahead, from 1.6 m on along x.
         headings = np.radians([90.0, 75.0, 60.0, 60.0, 60.0])
         places = np.array(
             [[3.6, 3.0]] * 3 + [[3.6 + k * 0.25 * math.sin(headings[-1]), 3.0 + k * 0.125] for k in (1, 2)]
         )
-        walk = Walk((2, 2, 1, 1, 0), places, headings)
+        walk = ActionPath((2, 2, 1, 1, 0), places, headings)
         task = Task(7, "hall", ("a", "b"), float(headings[0]), ("Go.",))
         episode = Episode(task, np.zeros((2, 3)), walk, np.full(5, 0.1))
         episodes = {"train": [episode], "val_seen": [], "val_unseen": []}
         write_frames({"hall": source}, episodes, tmp_path / "frames", silent)
         write_streamvln(episodes, tmp_path / "tasks" / "streamvln")
         folder = tmp_path / "agents" / "streamvln"
-        write_agent(Parts(tmp_path, ("hall",)), "streamvln", folder)
+        write_agent(DatasetParts(tmp_path, ("hall",)), "streamvln", folder)
 
         # As StreamVLN's dataset: the frames of an item are those in its folder rgb, in the order of their names.
         (item,) = load(folder / "train" / "annotations.json")
@@ -306,7 +306,7 @@ def test_streamvln_finds_a_frame_before_every_action(tmp_path: Path) -> None:
         names = sorted(one.name for one in frames.iterdir())
         assert item["actions"] == [-1, 2, 2, 1, 1] and names == [f"{i:03d}.jpg" for i in range(5)]
         live = LiveScene(row(), "hall", MappingConfig(), None, source.scene, None, None, None)  # type: ignore[arg-type]
-        view = View(640, 480, 2 * math.atan(0.75 * math.tan(math.radians(39.5))), False)
+        view = ViewSize(640, 480, 2 * math.atan(0.75 * math.tan(math.radians(39.5))), False)
         for name, place, heading in zip(names, places, headings):
             expected, _ = LiveImages(live).draw_from(np.array([*place, 1.35]), float(heading), 0.0, view)
             found = cv2.imread(str(frames / name)).astype(float)
@@ -317,7 +317,9 @@ def test_streamvln_finds_a_frame_before_every_action(tmp_path: Path) -> None:
         write_frames({"hall": source}, episodes, tmp_path / "frames", silent)
         kept = tmp_path / "frames" / "train" / "hall_r2r_000007"
         assert (kept / "rgb" / "000.jpg").stat().st_mtime_ns == drawn
-        turned = replace(episode, task=replace(task, path_id=8), walk=Walk((2, 0), places[:2], headings[:2] + 0.1))
+        turned = replace(
+            episode, task=replace(task, path_id=8), walk=ActionPath((2, 0), places[:2], headings[:2] + 0.1)
+        )
         turned = replace(turned, floors=episode.floors[:2])
         write_frames({"hall": source}, {"train": [turned]}, tmp_path / "frames", silent)
         assert [one.name for one in (tmp_path / "frames" / "train").iterdir()] == ["hall_r2r_000008"]

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from nvsim.poses.building_frame import camera_height, up_of, wall_direction
-from nvsim.poses.firmness import Observations, observations_of
+from nvsim.poses.piece_reliability import Observations, observations_of
 
 HIGH = 1.5  # meters of the camera above the floor
 UP = np.array([0, 0, 1.0])

@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 
 from nvsim.capture.check import check
+from nvsim.capture.excluded_frames import expand_list, write_names
 from nvsim.capture.findings import Finding, grouped
-from nvsim.capture.left_out import expand_list, write_names
 from nvsim.capture.read import read
 from nvsim.cli.main import main
 from nvsim.errors import InputError

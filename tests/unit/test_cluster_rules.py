@@ -13,9 +13,9 @@ from pathlib import Path
 import pytest
 
 from nvsim.cli.main import main
-from nvsim.cluster.choice import open_executor
 from nvsim.cluster.config import ClusterConfig
-from nvsim.cluster.piece import Piece, pieces_at_once, threads_each
+from nvsim.cluster.executor_choice import open_executor
+from nvsim.cluster.piece import WorkItem, pieces_at_once, threads_each
 from nvsim.cluster.ray_pool import Attempt
 from nvsim.cluster.storage import StorageProbe
 from nvsim.cluster.versions import versions
@@ -23,7 +23,7 @@ from nvsim.errors import InputError
 from nvsim.events import Progress
 
 GB = 1_000_000_000
-PIECE = Piece("train", 3, "submap 3", 2, 2 * GB)
+PIECE = WorkItem("train", 3, "submap 3", 2, 2 * GB)
 
 
 @pytest.mark.parametrize(
@@ -108,7 +108,7 @@ def test_an_address_where_nothing_answers_is_a_sentence_in_bounded_time() -> Non
 def test_ray_is_imported_where_it_is_asked_for_and_nowhere_else() -> None:
     program = (
         "import sys, nvsim.cli.commands.stages, nvsim.cli.commands.run, nvsim.cluster.ray_pool\n"
-        "from nvsim.cluster.choice import open_executor\nfrom nvsim.cluster.config import ClusterConfig\n"
+        "from nvsim.cluster.executor_choice import open_executor\nfrom nvsim.cluster.config import ClusterConfig\n"
         "with open_executor(ClusterConfig()): sys.exit('ray' in sys.modules)"
     )
     assert subprocess.run([sys.executable, "-c", program]).returncode == 0

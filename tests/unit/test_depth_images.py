@@ -333,13 +333,13 @@ def test_a_project_uses_depth_images_like_a_scan(tmp_path: Path) -> None:
 
 
 def test_depth_images_move_with_the_poses_of_their_frames(tmp_path: Path) -> None:
-    from nvsim.project.stages.imported import _moved
+    from nvsim.project.stages.imported import _depths_at_adjusted_poses
 
     capture = read(write_room(tmp_path), scale=1.0)
     shift = np.eye(4)
     shift[:3, 3] = [0.01, -0.02, 0.03]
     after = [replace(f, camera_to_world=shift @ f.camera_to_world) for f in capture.frames]
-    for depth, frame in zip(_moved(capture.depths, capture.frames, after), after, strict=True):
+    for depth, frame in zip(_depths_at_adjusted_poses(capture.depths, capture.frames, after), after, strict=True):
         assert np.allclose(depth.camera_to_world, frame.camera_to_world)
 
 

@@ -7,16 +7,17 @@ import pytest
 
 from nvsim.depth.census import census_of
 from nvsim.depth.config import DepthConfig, LabelConfig
-from nvsim.depth.fusion import SeenPoints
+from nvsim.depth.fusion import ObservedPoints
 from nvsim.depth.labelling import label_planes
 from nvsim.depth.planes import find_planes
 from nvsim.depth.view import View, Warp
 from nvsim.depth.visibility import Carver
 from nvsim.errors import InputError
 from nvsim.geometry.camera import Camera, Intrinsics
+from nvsim.project.ledger import key_of
 
 
-def room(rng: np.random.Generator) -> SeenPoints:
+def room(rng: np.random.Generator) -> ObservedPoints:
     """A room of 6 x 4 x 2.5 m seen from its middle, every face by points with 1 cm of noise."""
     size = np.array([6.0, 4.0, 2.5])
     faces = []
@@ -27,7 +28,7 @@ def room(rng: np.random.Generator) -> SeenPoints:
             faces.append(points)
     points = np.concatenate(faces) + 0.01 * rng.standard_normal((36000, 3))
     eyes = np.full_like(points, 0.0) + [3.0, 2.0, 1.2]
-    return SeenPoints(points.astype(np.float32), eyes.astype(np.float32), np.full(len(points), 2e4, np.float32))
+    return ObservedPoints(points.astype(np.float32), eyes.astype(np.float32), np.full(len(points), 2e4, np.float32))
 
 
 def test_the_six_faces_of_a_room_are_found_to_the_centimetre() -> None:
@@ -51,7 +52,7 @@ def test_a_wall_stands_behind_what_hangs_on_it() -> None:
     screen = rng.uniform([5.92, 1.2, 0.5], [5.92, 2.8, 1.5], (1500, 3)) + 0.01 * rng.standard_normal((1500, 3))
     points = np.concatenate([found.points[~bare], screen]).astype(np.float32)
     eyes = np.full_like(points, 0.0) + np.float32([3.0, 2.0, 1.2])
-    planes = find_planes([SeenPoints(points, eyes, np.full(len(points), 2e4, np.float32))])
+    planes = find_planes([ObservedPoints(points, eyes, np.full(len(points), 2e4, np.float32))])
     [wall] = [p for p in planes if p.normal[0] < -0.9 and p.offset < -5]
     assert wall.offset == pytest.approx(-6.0, abs=0.02)
 
@@ -89,10 +90,10 @@ def test_what_shines_in_a_floor_is_no_plane_below_it_and_a_storey_below_is() -> 
     mirror = above.points * [1, 1, -1]  # the room as its floor shows it
     points, eyes = np.concatenate([above.points, mirror]), np.concatenate([above.eyes, above.eyes])
     say = np.concatenate([above.say, above.say])
-    offsets = sorted(round(p.offset, 1) for p in find_planes([SeenPoints(points, eyes, say)]))
+    offsets = sorted(round(p.offset, 1) for p in find_planes([ObservedPoints(points, eyes, say)]))
     assert np.allclose(offsets, [-6.0, -4.0, -2.5, 0.0, 0.0, 0.0], atol=0.05)
     down = np.float32([0, 0, -3.0])  # seen from within
-    storeys = SeenPoints(
+    storeys = ObservedPoints(
         np.concatenate([above.points, above.points + down]), np.concatenate([above.eyes, above.eyes + down]), say
     )
     floors = sorted(round(p.offset, 1) for p in find_planes([storeys]) if p.normal[2] > 0.9)
@@ -107,7 +108,7 @@ def test_points_that_are_known_well_decide_where_a_plane_lies() -> None:
     say = np.full(8000, 1.1e4)
     say[:400] = 1e7
     eyes = np.zeros_like(wall) + [0.0, 2.0, 1.0]
-    (found,) = find_planes([SeenPoints(*(a.astype(np.float32) for a in (wall, eyes, say)))])
+    (found,) = find_planes([ObservedPoints(*(a.astype(np.float32) for a in (wall, eyes, say)))])
     assert abs(found.offset + 2.0) < 0.015
 
 
@@ -150,7 +151,14 @@ def test_a_thin_top_stays_that_few_near_cameras_show_and_many_far_ones_look_past
     assert not Carver(cameras[2:] + cameras[:1], (maps[2:] + maps[2:3]).__getitem__, 2).standing(top).any()
 
 
-@pytest.mark.parametrize("setting", ["planes", "nearest", "longest_side", "threads", "voxel", "window"])
+@pytest.mark.parametrize("setting", ["planes", "nearest", "longest_side", "threads", "voxel", "noise"])
 def test_a_setting_that_makes_no_sense_is_one_sentence(setting: str) -> None:
     with pytest.raises(InputError, match=rf"^Depth configuration: .*{setting}.*; change it and try again\.$"):
         DepthConfig(**{setting: 0})
+
+
+def test_constants_identify_a_result_and_the_number_of_threads_does_not(monkeypatch: pytest.MonkeyPatch) -> None:
+    assert key_of(DepthConfig(threads=7).key) == "94d033b987643284569f8cc3", "stored results would look outdated"
+    assert DepthConfig(steps=2).key != DepthConfig().key
+    monkeypatch.setattr(DepthConfig, "labels", LabelConfig(most=23))
+    assert key_of(DepthConfig().key) != "94d033b987643284569f8cc3"

@@ -33,11 +33,17 @@ def points() -> np.ndarray:
     return np.concatenate([wall, post]).astype(np.float32)
 
 
-def said_against(changed: np.ndarray, cloud: np.ndarray | None = None, **config: float) -> np.ndarray:
+class WithoutWitnesses(DepthConfig):
+    witnesses = 0
+
+
+def said_against(
+    changed: np.ndarray, cloud: np.ndarray | None = None, config: type[DepthConfig] = DepthConfig
+) -> np.ndarray:
     maps = [true_map(camera) for camera in CAMERAS]
     maps[HERE] = changed
-    voxel = {"voxel": 0.035, "farthest": 10.0} | config
-    rest = DepthCheck(points() if cloud is None else cloud, CAMERAS, maps.__getitem__, DepthConfig(**voxel))  # type: ignore[arg-type]
+    settings = config(voxel=0.035, farthest=10.0)
+    rest = DepthCheck(points() if cloud is None else cloud, CAMERAS, maps.__getitem__, settings)
     return rest.contradicted_pixels(HERE)
 
 
@@ -52,7 +58,7 @@ def test_nothing_is_said_against_what_is_true_but_beside_borders() -> None:
 def test_a_map_that_looks_through_a_wall_is_contradicted_by_what_stands_there() -> None:
     wrong = true_map(CAMERAS[HERE])
     wrong[10:30, 5:25] = 1 / 5.5
-    spoken = said_against(wrong, witnesses=0)
+    spoken = said_against(wrong, config=WithoutWitnesses)
     assert spoken[10:30, 5:25].all()
     assert not spoken[35:, 5:25].any()
 
@@ -62,7 +68,7 @@ def test_a_depth_in_the_air_is_contradicted_by_who_sees_through_it_though_no_clo
     wrong[10:30, 5:25] = 1 / 3.0
     nothing = np.empty((0, 3), np.float32)
     assert said_against(wrong, nothing)[10:30, 5:25].all()
-    assert not said_against(wrong, nothing, witnesses=0).any()
+    assert not said_against(wrong, nothing, WithoutWitnesses).any()
 
 
 @pytest.mark.parametrize("off", [0.97, 1.03])

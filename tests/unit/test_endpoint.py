@@ -19,7 +19,14 @@ import pytest
 from endpoint_server import Asked, Reply, Service, said, serving, wrong
 
 from nvsim.endpoint.answer import StoredAnswers
-from nvsim.endpoint.asking import Unanswered, Understood, UnusableAnswer, ask_until_clear, json_object, run_in_parallel
+from nvsim.endpoint.asking import (
+    MissingAnswer,
+    ParsedAnswer,
+    UnusableAnswer,
+    ask_until_clear,
+    json_object,
+    run_in_parallel,
+)
 from nvsim.endpoint.budget import Budget, BudgetSpent, Prices, estimate_requests, image_tokens, tokens_in
 from nvsim.endpoint.client import Client, Unreachable
 from nvsim.endpoint.options import AskingOptions, Endpoint, OneEndpoint
@@ -218,7 +225,7 @@ def test_senseless_answers_are_asked_for_again_with_what_was_wrong(tmp_path: Pat
     with serving(lambda n, asked: said(replies[n])) as service:
         for _ in range(2):  # the second time nothing is sent
             found = ask_until_clear(client(service, tmp_path), question(), understand, again)
-            assert found == Understood("a door", (300, 30))
+            assert found == ParsedAnswer("a door", (300, 30))
     assert len(service.asked) == 3
     last = service.asked[-1].body["messages"]
     assert [m["role"] for m in last] == ["system", "user", "assistant", "user", "assistant", "user"]
@@ -226,13 +233,13 @@ def test_senseless_answers_are_asked_for_again_with_what_was_wrong(tmp_path: Pat
     assert last[5]["content"] == "Not so: place must be a text."
     with serving(lambda n, asked: said("never")) as stubborn:
         gave_up = ask_until_clear(client(stubborn, tmp_path / "2"), question(), understand, again)
-    assert gave_up == Unanswered("there was no JSON object in the answer", False, (300, 30))
+    assert gave_up == MissingAnswer("there was no JSON object in the answer", False, (300, 30))
     with serving(lambda n, asked: said(None, refusal="No.")) as shy:
         refused = ask_until_clear(client(shy, tmp_path / "3"), question(), understand, again)
-    assert refused == Unanswered("it refused (No.)", True, (100, 10)) and len(shy.asked) == 1
+    assert refused == MissingAnswer("it refused (No.)", True, (100, 10)) and len(shy.asked) == 1
     with serving(lambda n, asked: said("", finish="length")) as thinking:
         spent = ask_until_clear(client(thinking, tmp_path / "4"), question(), understand, again)
-    assert isinstance(spent, Unanswered) and "--answer-tokens" in spent.why and len(thinking.asked) == 1
+    assert isinstance(spent, MissingAnswer) and "--answer-tokens" in spent.why and len(thinking.asked) == 1
 
 
 def test_json_is_found_among_words() -> None:

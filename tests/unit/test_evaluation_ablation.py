@@ -12,10 +12,10 @@ import numpy as np
 import pytest
 
 from nvsim.errors import InputError
-from nvsim.evaluation.ablation import Outcome, Scored, Table, _over_seeds, totals
+from nvsim.evaluation.ablation import AblationResult, AblationTable, ScoredRun, _over_seeds, totals
 from nvsim.evaluation.ablation_report import text_of, write_report
 from nvsim.evaluation.ablation_runs import ROWS, Budget, ablation_rows, preset_rows, run_of
-from nvsim.evaluation.comparison import WIDTH, Shown, Tile
+from nvsim.evaluation.comparison import WIDTH, ComparedImage, Tile
 from nvsim.project import ledger
 from nvsim.project.project import Project
 from nvsim.submaps.split import Submap
@@ -65,8 +65,8 @@ def test_one_configuration_is_one_run_whatever_it_is_called_and_any_other_is_not
 
 
 def test_figures_are_means_over_frames_and_spread_over_seeds() -> None:
-    a = Scored([{"psnr": 20.0}, {"psnr": 24.0}], [{"novel_psnr": 18.0}], 10.0, 100)
-    b = Scored([{"psnr": 31.0}], [{"novel_psnr": float("nan")}], 5.0, 50)
+    a = ScoredRun([{"psnr": 20.0}, {"psnr": 24.0}], [{"novel_psnr": 18.0}], 10.0, 100)
+    b = ScoredRun([{"psnr": 31.0}], [{"novel_psnr": float("nan")}], 5.0, 50)
     both = totals([a, b])
     assert both == {"psnr": 25.0, "novel_psnr": 18.0, "frames": 3, "seconds": 15.0, "gaussians": 150}
     over = _over_seeds([both, {**both, "psnr": 27.0, "novel_psnr": None}])
@@ -78,11 +78,11 @@ def test_figures_are_means_over_frames_and_spread_over_seeds() -> None:
 FIGURES = {"psnr": 20.0, "psnr_nonfloor": 21.0, "alpha_floor": 0.5, "alpha_nonfloor": 0.9}
 
 
-def outcome() -> Outcome:
+def outcome() -> AblationResult:
     image = np.full((48, 64, 3), 0.25, np.float32)
     floor = np.zeros((48, 64), bool)
     floor[24:] = True
-    shown = [Shown.of("held out: a.jpg", image, floor), Shown.of("novel: 001", image, None)]
+    shown = [ComparedImage.of("held out: a.jpg", image, floor), ComparedImage.of("novel: 001", image, None)]
     novel = {"novel_psnr": 20.0, "novel_psnr_down": 19.0, "novel_alpha_floor": float("nan")}
     tiles = [
         [Tile.of(np.full_like(image, level), np.full((48, 64), 1 - level, np.float32), f) for level in (0.5, 0.75)]
@@ -98,7 +98,9 @@ def outcome() -> Outcome:
         "gaussians": 9,
     }
     rows = [row, {**row, "row": "ours", "title": "ours, a longer title", "psnr": 22.0}]
-    return Outcome({"ablation": Table(rows, [{**r, "seed": 0, "submap": 0} for r in rows], tiles)}, shown, 2, 0)
+    return AblationResult(
+        {"ablation": AblationTable(rows, [{**r, "seed": 0, "submap": 0} for r in rows], tiles)}, shown, 2, 0
+    )
 
 
 def test_report_writes_text_csv_and_a_picture_whose_tiles_are_what_was_rendered(tmp_path: Path) -> None:

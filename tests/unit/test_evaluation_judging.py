@@ -16,11 +16,11 @@ from endpoint_server import Asked, Reply, Service, said, serving
 
 from nvsim.cli.main import main
 from nvsim.evaluation.interval import wilson
-from nvsim.evaluation.judging.contestants import by_folders
+from nvsim.evaluation.judging.compared_images import by_folders
 from nvsim.evaluation.judging.judges import by_lpips, by_sharpness, read_prompt
 from nvsim.evaluation.judging.report import draw_sunburst, file_name
 from nvsim.evaluation.judging.verdicts import (
-    Judged,
+    JudgeVerdicts,
     Reason,
     Verdict,
     consistent_winner,
@@ -117,13 +117,13 @@ def test_a_judge_with_one_taste_wins_in_both_orders(
     assert [re.sub(r".*, ", "", p["image"]) for p in transcript if isinstance(p, dict)][0] in LEVELS
 
 
-def _judged(out: Path, name: str) -> Judged:
+def _judged(out: Path, name: str) -> JudgeVerdicts:
     found = next(one for one in json.loads((out / "verdicts.json").read_text()) if one["judge"] == name)
     verdicts = [
         Verdict(**{**v, "said": tuple(v["said"]), "reasons": tuple(Reason(**r) for r in v["reasons"])})
         for v in found["verdicts"]
     ]
-    return Judged(name, found["what"], verdicts)
+    return JudgeVerdicts(name, found["what"], verdicts)
 
 
 def test_a_judge_that_likes_what_comes_first_gives_ties_alone(folders: list[str], tmp_path: Path) -> None:
@@ -215,13 +215,13 @@ def test_points_are_the_papers(tmp_path: Path, folders: list[str]) -> None:
     shown = by_folders({"ours": Path(folders[0]), "theirs": Path(folders[1])}, None)
     won = ["ours"] * 250 + [""] * 80 + ["theirs"] * 45 + [None]
     verdicts = [Verdict(str(i), "novel", "ours", "theirs", w) for i, w in enumerate(won)]
-    (row,) = table_rows([Judged("j", "", verdicts)], shown)
+    (row,) = table_rows([JudgeVerdicts("j", "", verdicts)], shown)
     assert (row["points_a"], row["points_b"], row["pairs"], row["ties"], row["unanswered"]) == (290, 85, 375, 80, 1)
     assert (round(row["share_a"]), round(row["tie_rate"])) == (77, 21) and row["seen_share"] is None
     turned = [
         Verdict(str(i), "novel", "ours", "theirs", w and {"ours": "theirs"}.get(w, "ours")) for i, w in enumerate(won)
     ]
-    (row,) = table_rows([Judged("j", "", turned)], shown)
+    (row,) = table_rows([JudgeVerdicts("j", "", turned)], shown)
     assert (row["a"], row["points_a"]) == ("theirs", 290)
 
 

@@ -12,7 +12,7 @@ import pytest
 from columns import Columns, flat_floor, room
 
 from nvsim.evaluation.graph import evaluate_graph
-from nvsim.evaluation.validity import COLUMNS, Cell, ValidityTable, with_criteria
+from nvsim.evaluation.validity import COLUMNS, ValidityCell, ValidityTable, with_criteria
 from nvsim.evaluation.validity_report import csv_of, latex_of, text_of, write_validity
 from nvsim.graph.types import NavGraph, Viewpoint, edge
 from nvsim.mapping.builder import build_map
@@ -50,7 +50,10 @@ def table() -> ValidityTable:
     graph = NavGraph("t", viewpoints, {("a", "b"): edge("a", "b"), ("a", "c"): edge("a", "c")})
     figures = {**evaluate_graph(graph, OCCUPANCY, WALK[:, :2], seen=lambda xy: xy[..., 0] < 3), "seconds": 1.5}
     criteria = ("alpha", "normal")
-    cells = [Cell("nvsim", criteria, figures, graph), Cell("3dgs", criteria, {}, None, "Nobody can stand anywhere.")]
+    cells = [
+        ValidityCell("nvsim", criteria, figures, graph),
+        ValidityCell("3dgs", criteria, {}, None, "Nobody can stand anywhere."),
+    ]
     return ValidityTable(("nvsim", "3dgs"), (criteria,), cells, "Skipped: depth; no such criterion.", 2, 1, 0)
 
 
@@ -75,7 +78,7 @@ def test_latex_has_a_cell_for_every_model_and_column(table: ValidityTable) -> No
 
 def test_an_empty_map_has_no_validity(table: ValidityTable) -> None:
     figures = evaluate_graph(NavGraph("t"), OCCUPANCY, WALK[:, :2])
-    empty = ValidityTable(("m",), (("alpha",),), [Cell("m", ("alpha",), figures, NavGraph("t"))], "", 0, 0, 1)
+    empty = ValidityTable(("m",), (("alpha",),), [ValidityCell("m", ("alpha",), figures, NavGraph("t"))], "", 0, 0, 1)
     assert "0/0" not in text_of(empty) + latex_of(empty)
 
 

@@ -9,7 +9,7 @@ from known_reconstruction import FOCAL, center_of, facing, pose, reconstruction,
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from nvsim.poses.firmness import Observations, firm_pieces, observations_of, scale_deviation
+from nvsim.poses.piece_reliability import Observations, firm_pieces, observations_of, scale_deviation
 
 AHEAD = np.array([0.0, 1.0, 0.0])
 

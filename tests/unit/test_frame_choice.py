@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 from textured_video import HEIGHT, WIDTH, blurred, shifted, texture, view, write_video
 
 from nvsim.errors import InputError
-from nvsim.footage.choosing import ChosenFrame, choose_frames, point_positions
 from nvsim.footage.extraction import extract_frames
+from nvsim.footage.frame_choice import ChosenFrame, choose_frames, point_positions
 from nvsim.footage.sources import Footage
 from nvsim.footage.tracking import TrackedFrame
 

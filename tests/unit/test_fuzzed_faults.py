@@ -17,7 +17,7 @@ from nvsim.graph.edits import EditError
 from nvsim.project.state import results
 from nvsim.project.state.cuts import load_cut, save_cut
 from nvsim.r2r.observations.layout import ScanPlaces
-from nvsim.r2r.observations.record import Part, Record
+from nvsim.r2r.observations.record import FinishedPart, ScanRecord
 from nvsim.submaps.split import Submap
 
 
@@ -60,7 +60,7 @@ def test_a_deeply_nested_line_of_a_journal_is_no_line(tmp_path: Path) -> None:
     places = ScanPlaces(tmp_path, "house")
     places.journal.parent.mkdir(parents=True)
     places.journal.write_text('{"a":' * 100_000 + "\n")
-    assert not Record(places).parts
+    assert not ScanRecord(places).parts
 
 
 def test_a_cut_at_an_absurd_place_is_refused(tmp_path: Path) -> None:
@@ -73,7 +73,7 @@ def test_a_cut_at_an_absurd_place_is_refused(tmp_path: Path) -> None:
 @pytest.mark.parametrize("figures", ['{"a": 1 "b"}', "[1]", "[" * 99_999])
 def test_a_damaged_summary_of_a_stage_names_the_database(figures: str) -> None:
     with pytest.raises(InputError, match="is damaged"):
-        _ = results.Part("k", 1.0, 1.0, figures).summary
+        _ = results.StagePart("k", 1.0, 1.0, figures).summary
 
 
 def test_a_file_whose_name_holds_nul_is_not_looked_for(tmp_path: Path) -> None:
@@ -90,5 +90,5 @@ def test_an_image_header_without_pixels_has_no_size() -> None:
 
 
 def test_a_file_of_a_journal_whose_name_cannot_be_encoded_is_missing(tmp_path: Path) -> None:
-    part = Part("key", {"\ud800.jpg": (1, "0" * 64)})
+    part = FinishedPart("key", {"\ud800.jpg": (1, "0" * 64)})
     assert not part.is_there(tmp_path)

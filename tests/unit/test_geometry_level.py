@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from nvsim.geometry.camera import Camera, Intrinsics, camera_pose, level_of, level_rays
-from nvsim.networks.preparing import Placement
+from nvsim.networks.image_preparation import Placement
 from nvsim.perception.placed_rays import placed_rays
 
 LENS = Intrinsics.from_fov(64, 48, 1.2)

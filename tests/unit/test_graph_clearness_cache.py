@@ -15,7 +15,7 @@ from nvsim.graph.clearness_cache import ClearnessCache
 from nvsim.graph.edits import EditError
 from nvsim.graph.history import History
 from nvsim.graph.operations import perform
-from nvsim.graph.quantities import Known, clearness, quantity
+from nvsim.graph.quantities import QuantityInputs, clearness, quantity
 from nvsim.graph.types import EdgeKey, Evidence, NavGraph
 
 
@@ -95,7 +95,7 @@ def test_quantities_and_expressions_may_ask_what_is_kept() -> None:
     kept.follow(graph)
     for name in ("evidence", "alpha"):
         plain = quantity(graph, name, kind="edges")[1]
-        assert quantity(graph, name, Known(clearness=kept.at), "edges")[1] == pytest.approx(plain, nan_ok=True)
+        assert quantity(graph, name, QuantityInputs(clearness=kept.at), "edges")[1] == pytest.approx(plain, nan_ok=True)
 
 
 def test_filling_stops_when_another_graph_is_followed() -> None:

@@ -19,7 +19,14 @@ from nvsim.errors import InputError
 from nvsim.figures import save_figure
 from nvsim.graph import edits
 from nvsim.graph.connectivity import read_connectivity, write_connectivity
-from nvsim.graph.exports import Anchor, check_exportable, draw, findings_that_break_agents, write_geojson, write_graphml
+from nvsim.graph.exports import (
+    GeoAnchor,
+    check_exportable,
+    draw,
+    findings_that_break_agents,
+    write_geojson,
+    write_graphml,
+)
 from nvsim.graph.findings import Context
 from nvsim.graph.sight import lines_of_sight
 from nvsim.graph.types import NavGraph, Viewpoint, edge
@@ -65,7 +72,7 @@ def ecef(longitude: float, latitude: float, height: float) -> np.ndarray:
 
 @pytest.mark.parametrize("latitude", [0.0, 48.26, -67.0])
 def test_an_anchor_keeps_distances_and_directions(latitude: float) -> None:
-    anchor = Anchor(latitude, 11.67, bearing=30.0)
+    anchor = GeoAnchor(latitude, 11.67, bearing=30.0)
     origin = ecef(*anchor.place(0, 0, 0))
     for x, y in ((100.0, 0.0), (0.0, 100.0), (-70.0, 45.0)):
         assert np.linalg.norm(ecef(*anchor.place(x, y, 0)) - origin) == pytest.approx(np.hypot(x, y), abs=2e-3)
@@ -76,7 +83,7 @@ def test_an_anchor_keeps_distances_and_directions(latitude: float) -> None:
 
 def test_places_off_the_earth_are_refused() -> None:
     with pytest.raises(InputError, match="not valid"):
-        Anchor(95.0, 0.0)
+        GeoAnchor(95.0, 0.0)
 
 
 def test_pictures_show_the_map_the_edges_and_the_viewpoints(tmp_path: Path) -> None:

@@ -8,7 +8,7 @@ import pytest
 
 from nvsim.benchmarks.graph import random_graph
 from nvsim.graph import edits
-from nvsim.graph.difference import Delta, Difference, delta_between, difference, folded
+from nvsim.graph.difference import Difference, GraphDelta, apply_deltas, delta_between, difference
 from nvsim.graph.edits import EditError
 from nvsim.graph.graph_cache import GraphCache
 from nvsim.graph.history import History, HistoryChange
@@ -145,16 +145,16 @@ def test_a_delta_keeps_an_order_that_puts_and_drops_cannot_give() -> None:
     both = NavGraph("row", dict(reversed(list(renamed.viewpoints.items()))), renamed.edges)
     for after in (turned, renamed, both):
         delta = delta_between(before, after)
-        assert same_graph(folded(before, [delta]), after)
+        assert same_graph(apply_deltas(before, [delta]), after)
         assert same_graph(decoded_fold(before, [delta]), after)
-    assert same_graph(folded(before, [delta_between(before, renamed), delta_between(renamed, both)]), both)
+    assert same_graph(apply_deltas(before, [delta_between(before, renamed), delta_between(renamed, both)]), both)
     # Of what was made again another delta is made.
-    made = folded(before, [delta_between(before, renamed)])
-    assert same_graph(folded(before, [delta_between(before, made)]), renamed)
+    made = apply_deltas(before, [delta_between(before, renamed)])
+    assert same_graph(apply_deltas(before, [delta_between(before, made)]), renamed)
 
 
-def decoded_fold(before: NavGraph, deltas: list[Delta]) -> NavGraph:
-    return folded(before, [decode_delta(encode_delta(delta)) for delta in deltas])
+def decoded_fold(before: NavGraph, deltas: list[GraphDelta]) -> NavGraph:
+    return apply_deltas(before, [decode_delta(encode_delta(delta)) for delta in deltas])
 
 
 def test_a_step_holds_what_it_changed_and_no_more() -> None:
@@ -174,7 +174,7 @@ def test_a_step_holds_what_it_changed_and_no_more() -> None:
         delta = delta_between(graph, after)
         blob = encode_delta(delta)
         assert len(blob) < most < len(encode_graph(graph)) / 4, (name, len(blob))
-        assert same_graph(folded(graph, [decode_delta(blob)]), after), name
+        assert same_graph(apply_deltas(graph, [decode_delta(blob)]), after), name
 
 
 @pytest.mark.parametrize(

@@ -12,7 +12,7 @@ from hypothesis import settings
 from hypothesis import strategies as st
 from hypothesis.stateful import RuleBasedStateMachine, initialize, invariant, rule, run_state_machine_as_test
 
-from nvsim.graph.difference import delta_between, difference, folded
+from nvsim.graph.difference import apply_deltas, delta_between, difference
 from nvsim.graph.edits import EditError
 from nvsim.graph.history import History
 from nvsim.graph.journal import Journal
@@ -180,7 +180,7 @@ class EditorMachine(RuleBasedStateMachine):
             for name, found in vars(noted).items():
                 other = getattr(compared, name)
                 assert found == other if name.startswith("added") else sorted(found) == sorted(other), name
-        assert same_graph(folded(before, [delta_between(before, after)]), after)
+        assert same_graph(apply_deltas(before, [delta_between(before, after)]), after)
 
     def _follow(self) -> None:
         """The model takes over what the history says it is, after the steps that both must share."""

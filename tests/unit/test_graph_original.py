@@ -13,7 +13,7 @@ from nvsim.errors import InputError
 from nvsim.files import atomic
 from nvsim.graph import edits
 from nvsim.graph.connectivity import write_connectivity
-from nvsim.graph.foreign import ForeignFile, islands, words_of_saving
+from nvsim.graph.foreign import ForeignFile, disconnected_warning, words_of_saving
 from nvsim.graph.types import NavGraph, Viewpoint, edge
 
 
@@ -104,7 +104,7 @@ def test_the_words_name_the_original_and_the_islands(path: Path) -> None:
     words = words_of_saving(path, file.original, file.graph)
     assert words.startswith("Saved house_connectivity.json. The original is kept as house_connectivity.json~.")
     assert words.endswith("The graph has 2 disconnected islands (3, 2 viewpoints).")
-    assert islands(row()) == ""
+    assert disconnected_warning(row()) == ""
 
 
 def nvsim(*words: object) -> subprocess.CompletedProcess[str]:

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 
 from nvsim.graph.edits import EditError, mark_reviewed, set_included
 from nvsim.graph.expression import by_expression
-from nvsim.graph.quantities import Known, quantity
+from nvsim.graph.quantities import QuantityInputs, quantity
 from nvsim.graph.selection import (
     NOTHING,
     component,
@@ -121,7 +121,7 @@ def test_evidence_of_an_edge_is_what_was_measured_along_it_and_is_not_stale() ->
 def test_validity_is_read_from_the_map() -> None:
     cells = np.full((60, 60), FREE, np.uint8)
     cells[30, 35] = OCCUPIED  # x 0.5 to 0.6, y 0 to 0.1: between m and e1
-    known = Known(OccupancyMap(cells, 0.1, (-3.0, -3.0)))
+    known = QuantityInputs(OccupancyMap(cells, 0.1, (-3.0, -3.0)))
     graph = crossing()
     assert ("e1", "m") in by_expression(graph, "validity < 1", known, "edges").edges
     assert ("m", "n1") not in by_expression(graph, "validity < 1", known, "edges").edges

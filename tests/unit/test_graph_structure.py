@@ -12,7 +12,7 @@ from columns import fill, room
 
 from nvsim.evaluation.graph import evaluate_graph
 from nvsim.evaluation.structure import MapPaths, map_structure
-from nvsim.graph.paths import SAME_LENGTH, Ways
+from nvsim.graph.paths import SAME_LENGTH, PathGraph
 from nvsim.graph.structure import structure
 from nvsim.graph.types import NavGraph, Viewpoint, edge
 from nvsim.occupancy.geodesic import Geodesics
@@ -69,7 +69,7 @@ def test_ties_are_those_that_a_list_of_shortest_paths_has(seed: int) -> None:
     reference = nx.Graph()
     reference.add_nodes_from(names)
     reference.add_weighted_edges_from((a, b, math.dist(places[a], places[b])) for a, b in kept)
-    ways, found, expected = Ways.of(graph), [], []
+    ways, found, expected = PathGraph.of(graph), [], []
     for i, a in enumerate(names):
         far, edges, second = ways.tied(i)
         for j, b in enumerate(names):

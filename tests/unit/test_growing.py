@@ -10,7 +10,7 @@ import pytest
 from known_reconstruction import facing, pose, reconstruction, seen_from
 
 from nvsim.errors import InputError
-from nvsim.reconstruction.growing import GROWING, read_growing, write_growing
+from nvsim.reconstruction.growing_trajectory import GROWING, read_growing, write_growing
 
 
 def walk(count: int, step: float) -> pycolmap.Reconstruction:

@@ -25,7 +25,7 @@ from nvsim.graph.operations import perform
 from nvsim.graph.scripts import HEAD, script, write_script
 from nvsim.graph.types import Edge, NavGraph, Viewpoint
 from nvsim.project.project import Project
-from nvsim.project.state.results import Part, Result, StageResults, tidy
+from nvsim.project.state.results import StagePart, StageResult, StageResults, tidy
 
 PART = "0, '{}', '', '', '')"  # the end of a row of stage_parts, from the time, with its summary
 ENDLESS = "WITH RECURSIVE n(i) AS (SELECT 1 UNION ALL SELECT i + 1 FROM n) SELECT {columns} FROM n"
@@ -146,7 +146,7 @@ def test_what_is_stored_of_the_import_is_taken_only_as_what_it_must_be(house: Pa
     from nvsim.project.stages.imported import capture_config
 
     with Project.open(house, writable=True) as project:
-        project.set_stage_results(StageResults({("in use", "import"): Result({0: Part("k", settings=text)})}))
+        project.set_stage_results(StageResults({("in use", "import"): StageResult({0: StagePart("k", settings=text)})}))
         with pytest.raises(InputError, match="import it again"):
             capture_config(project)
 
@@ -161,7 +161,7 @@ def test_previous_map_is_restored_only_from_a_graph_file_of_the_project(
     (house.parent / "outside").write_bytes(encode_graph(a_graph()))
     monkeypatch.setattr(earlier_results, "describe", lambda result, stage: "restored")
     with Project.open(house, writable=True) as project:
-        project.set_stage_results(StageResults({("previous", "map"): Result({}, {"graph": place})}))
+        project.set_stage_results(StageResults({("previous", "map"): StageResult({}, {"graph": place})}))
         with pytest.raises(InputError, match="is missing"):
             earlier_results.restore(project, "map")
         project.set_stage_results(project.stage_results())

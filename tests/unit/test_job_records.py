@@ -12,13 +12,13 @@ from pathlib import Path
 import pytest
 from test_first_changes import two_viewpoints
 
-from nvsim.cli.guard import Stopped
+from nvsim.cli.guard import CommandStopped
 from nvsim.cli.main import main
 from nvsim.cli.session import working
 from nvsim.errors import InputError
 from nvsim.events import Done, Progress
 from nvsim.project.jobs import worker_lock
-from nvsim.project.jobs.files import EventFile, Order, order_path, proof_of
+from nvsim.project.jobs.files import EventFile, JobCommand, order_path, proof_of
 from nvsim.project.jobs.joblist import JobList
 from nvsim.project.project import Project
 
@@ -44,7 +44,7 @@ def test_a_command_leaves_its_order_its_events_and_its_end(root: Path) -> None:
     assert Progress("train", 1, 2) in [event for _, event in EventFile(job.events).read()]
 
 
-@pytest.mark.parametrize(("error", "state"), [(InputError("no floor"), "failed"), (Stopped(), "interrupted")])
+@pytest.mark.parametrize(("error", "state"), [(InputError("no floor"), "failed"), (CommandStopped(), "interrupted")])
 def test_a_command_that_runs_again_continues_its_job(root: Path, error: BaseException, state: str) -> None:
     with pytest.raises(type(error)), working(root, "train", False):
         raise error
@@ -82,7 +82,7 @@ def test_a_refused_import_leaves_no_files(root: Path) -> None:
 
 def test_the_window_continues_a_command_in_its_folder(root: Path) -> None:
     jobs = JobList(root)
-    order = Order("export r2r", ("--project", "house.nvsim", "--out", "out"), "Export R2R", folder=os.getcwd())
+    order = JobCommand("export r2r", ("--project", "house.nvsim", "--out", "out"), "Export R2R", folder=os.getcwd())
     job = jobs.begin(order)
     worker_lock.release(job.folder)  # as if it was killed
     (job,) = jobs.jobs()
@@ -94,7 +94,7 @@ def test_the_window_continues_a_command_in_its_folder(root: Path) -> None:
 
 def test_a_command_that_the_window_does_not_offer_cannot_be_continued(root: Path) -> None:
     jobs = JobList(root)
-    job = jobs.begin(Order("run", ("x",), "nvsim run", folder=os.getcwd()))
+    job = jobs.begin(JobCommand("run", ("x",), "nvsim run", folder=os.getcwd()))
     worker_lock.release(job.folder)
     assert jobs.jobs()[0].status.state == "interrupted" and not jobs.jobs()[0].resumable
     with pytest.raises(InputError, match="cannot be a job"):

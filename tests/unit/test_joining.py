@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from nvsim.poses.features import Features
-from nvsim.poses.joining import Piece, join, piece_of
+from nvsim.poses.joining import PosePiece, join, piece_of
 from nvsim.poses.match_database import Keypoints
 
 APART = pycolmap.Sim3d(0.4, pycolmap.Rotation3d(Rotation.from_euler("xyz", [0.3, -0.8, 1.1]).as_matrix()), [3, -2, 1.0])
@@ -32,7 +32,7 @@ def piece(
     looks: NDArray[np.int64],
     noise: float = 0.0,
     points: NDArray[np.float64] | None = None,
-) -> Piece:
+) -> PosePiece:
     """Images `first` to `last`. It has a point for each of `looks` (rows of a table of random descriptors), at
     `points`, or where the number of the look says."""
     rng = np.random.default_rng(first)
@@ -42,7 +42,7 @@ def piece(
     numbers = np.arange(first, last + 1)
     seen = [[(int(numbers[k % len(numbers)]), k), (int(numbers[(k + 1) % len(numbers)]), k)] for k in range(len(looks))]
     moved = places + rng.normal(0, noise, places.shape)
-    return Piece(numbers, {int(n): poses[int(n)] for n in numbers}, moved, table[looks], seen)
+    return PosePiece(numbers, {int(n): poses[int(n)] for n in numbers}, moved, table[looks], seen)
 
 
 def numbers(first: int, last: int) -> NDArray[np.int64]:
@@ -73,7 +73,7 @@ def test_wrong_likenesses_among_right_ones_do_not_move_a_piece() -> None:
     second = piece(poses, 25, 40, numbers(120, 300), 0.005)
     points = second.points.copy()
     points[:40] = points[np.random.default_rng(3).permutation(40)]
-    wrong = Piece(second.numbers, second.poses, points, second.looks, second.seen)
+    wrong = PosePiece(second.numbers, second.poses, points, second.looks, second.seen)
     found, _ = join([piece(poses, 1, 24, numbers(0, 200), 0.005), wrong.moved(APART)])
     assert sorted(found) == list(range(1, 41))
     assert_at(found, poses, 0.05)
@@ -143,9 +143,9 @@ def test_images_of_two_pieces_may_alternate() -> None:
     poses = walk()
     base, other = piece(poses, 1, 40, numbers(0, 200)), piece(poses, 1, 40, numbers(120, 300))
 
-    def every_second(one: Piece, first: int) -> Piece:
+    def every_second(one: PosePiece, first: int) -> PosePiece:
         kept = one.numbers[first::2]
-        return Piece(kept, {int(n): poses[int(n)] for n in kept}, one.points, one.looks, one.seen)
+        return PosePiece(kept, {int(n): poses[int(n)] for n in kept}, one.points, one.looks, one.seen)
 
     found, _ = join([every_second(base, 0), every_second(other, 1).moved(APART)])
     assert sorted(found) == list(range(1, 41))

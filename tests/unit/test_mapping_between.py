@@ -11,7 +11,7 @@ from test_mapping_unmeasured import CONFIG, built, start_of, with_neighbour
 
 from nvsim.graph import edits
 from nvsim.mapping.criteria import OPEN, decide
-from nvsim.mapping.explanation.between import between
+from nvsim.mapping.explanation.path_explanation import between
 from nvsim.occupancy.types import OCCUPIED
 
 POST = (3.55, 1.85, 3.85, 2.15)

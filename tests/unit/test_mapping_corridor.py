@@ -16,7 +16,7 @@ from nvsim.mapping.config import MappingConfig
 from nvsim.mapping.corridor import CELLS, DEPTH, NEAR, WIDTH, Corridor, view_of
 from nvsim.mapping.criteria import can_stand, decide, is_sufficient
 from nvsim.mapping.views.floor_view import measure
-from nvsim.mapping.views.looking import camera_towards, look_down
+from nvsim.mapping.views.view_sources import camera_towards, look_down
 from nvsim.occupancy.types import OCCUPIED
 
 CONFIG = MappingConfig(margin=0.0)

@@ -12,7 +12,7 @@ from nvsim.mapping.config import MappingConfig
 from nvsim.mapping.corridor import Corridor
 from nvsim.mapping.criteria import corridor_of, decide
 from nvsim.mapping.views.floor_view import FloorView, measure
-from nvsim.mapping.views.looking import camera_towards
+from nvsim.mapping.views.view_sources import camera_towards
 
 CONFIG = MappingConfig(criteria=("depth",), lattice_offset=0.0)
 HEIGHT = 1.5

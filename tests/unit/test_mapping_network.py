@@ -28,7 +28,7 @@ from nvsim.mapping.criteria import decide
 from nvsim.mapping.evidence.rethreshold import Rethresholder
 from nvsim.mapping.families import with_normals
 from nvsim.mapping.views.floor_view import measure
-from nvsim.mapping.views.looking import look_down
+from nvsim.mapping.views.view_sources import look_down
 from nvsim.project import ledger, pipeline
 from nvsim.project.config import CaptureConfig, RunConfig
 from nvsim.project.project import Project

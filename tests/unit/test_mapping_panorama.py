@@ -22,7 +22,7 @@ from nvsim.mapping.config import MappingConfig
 from nvsim.mapping.corridor import Corridor, ahead, headings
 from nvsim.mapping.criteria import corridor_of, decide
 from nvsim.mapping.views.floor_view import FloorView, measure
-from nvsim.mapping.views.looking import look_down
+from nvsim.mapping.views.view_sources import look_down
 from nvsim.occupancy.types import OCCUPIED
 from nvsim.render.backends import RenderOutput
 from nvsim.render.panorama import render_equirectangular

@@ -15,7 +15,7 @@ from nvsim.mapping.builder import BuildResult, build_map
 from nvsim.mapping.config import MappingConfig
 from nvsim.mapping.corridor import Corridor
 from nvsim.mapping.views.floor_view import measure
-from nvsim.mapping.views.looking import look_down
+from nvsim.mapping.views.view_sources import look_down
 from nvsim.render.backends import RenderOutput
 from nvsim.render.model import render_model
 from nvsim.render.scene import render_regions

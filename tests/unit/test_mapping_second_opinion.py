@@ -20,7 +20,7 @@ from nvsim.mapping.builder import BuildResult, build_map
 from nvsim.mapping.config import MappingConfig
 from nvsim.mapping.corridor import CELLS, DEPTH, NEAR, WIDTH
 from nvsim.mapping.criteria import can_stand, decide
-from nvsim.mapping.evidence.measuring import Ensemble
+from nvsim.mapping.evidence.measuring import MultiModelSource
 from nvsim.mapping.evidence.rethreshold import Rethresholder
 from nvsim.mapping.explanation.explain import closed_edge_reason, explain, smallest_margin
 from nvsim.occupancy.types import OCCUPIED
@@ -73,7 +73,7 @@ def crosses(graph: NavGraph, key: tuple[str, str]) -> bool:
 
 def test_no_edge_leads_through_what_one_of_two_models_shows() -> None:
     pair = Pair()
-    assert isinstance(pair, Ensemble) and not isinstance(Columns(ROOM), Ensemble)
+    assert isinstance(pair, MultiModelSource) and not isinstance(Columns(ROOM), MultiModelSource)
     graph, alone = built(pair).graph, built(Columns(ROOM)).graph
     assert any(crosses(alone, key) for key in alone.edges) and not any(crosses(graph, key) for key in graph.edges)
     for (id, _), evidence in graph.evidence.items():

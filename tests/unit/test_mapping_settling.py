@@ -18,7 +18,7 @@ from nvsim.mapping.builder import BuildResult, build_map
 from nvsim.mapping.config import MappingConfig
 from nvsim.mapping.evidence.rethreshold import Rethresholder
 from nvsim.mapping.search.graph_builder import GraphBuilder
-from nvsim.mapping.settling.ways import NEAR, Ways, remove_ties
+from nvsim.mapping.settling.draft_graph import NEAR, DraftGraph, remove_ties
 from nvsim.occupancy.paths import segment_is_free
 from nvsim.occupancy.types import OCCUPIED, OccupancyMap
 
@@ -128,7 +128,7 @@ def test_untying_a_grid_keeps_it_together_and_leaves_no_edge_that_could_be_spare
     ids = {cell: f"{cell[0]}{cell[1]}" for cell in cells}
     for (x, y), id in ids.items():
         draft.put(Viewpoint(id, (2.0 * x, 2.0 * y, 1.2)))
-    found = Ways(draft)
+    found = DraftGraph(draft)
     found.add(ids.values())
     for (x, y), id in ids.items():
         for other in ((x + 1, y), (x, y + 1), (x + 1, y + 1), (x + 1, y - 1)):
@@ -151,7 +151,7 @@ def test_a_way_is_as_long_whatever_is_left_aside_on_the_search_for_it() -> None:
     draft = GraphBuilder("test")
     for i, (x, y) in enumerate(rng.uniform(0, 12, (90, 2)).tolist()):
         draft.put(Viewpoint(str(i), (x, y, 1.2)))
-    found = Ways(draft)
+    found = DraftGraph(draft)
     found.add(draft.viewpoints)
     for a in found:
         for b in found:
@@ -165,7 +165,7 @@ def test_a_way_is_as_long_whatever_is_left_aside_on_the_search_for_it() -> None:
                 assert found.metres(a, b, most) == (far if far <= most else np.inf)
 
 
-def _graph(found: Ways) -> nx.Graph:
+def _graph(found: DraftGraph) -> nx.Graph:
     graph = nx.Graph()
     graph.add_nodes_from(found)
     graph.add_weighted_edges_from((a, b, found.apart(a, b)) for a, b in found.edges())
@@ -193,7 +193,7 @@ def test_of_two_near_viewpoints_the_one_that_nobody_reaches_goes() -> None:
     places = {"a": (0.0, 0.0), "b": (1.0, 0.0), "c": (2.0, 0.0), "alone": (1.0, 0.7)}
     for id, (x, y) in places.items():
         draft.viewpoints[id] = Viewpoint(id, (x, y, 1.2), 1.2, "step")
-    found = Ways(draft)
+    found = DraftGraph(draft)
     found.add(places)
     found.join("a", "b")
     found.join("b", "c")

@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 from nvsim.evaluation.structure import map_structure
 from nvsim.mapping.builder import build_map
 from nvsim.mapping.config import MappingConfig
-from nvsim.mapping.search.walk import Walk
-from nvsim.mapping.settling.shortcuts import KnownRoom, Shortcuts
+from nvsim.mapping.search.trajectory import Walk
+from nvsim.mapping.settling.shortcuts import Shortcuts, WideKnownFloor
 from nvsim.occupancy.geodesic import Geodesics
 from nvsim.occupancy.grid_ways import ERROR
 from nvsim.occupancy.paths import standing_room
@@ -31,12 +31,12 @@ def cluttered(seed: int) -> OccupancyMap:
     return occupancy
 
 
-def known(occupancy: OccupancyMap) -> tuple[KnownRoom, NDArray[np.float64]]:
+def known(occupancy: OccupancyMap) -> tuple[WideKnownFloor, NDArray[np.float64]]:
     """The room of a walk along the left wall, and places all over the map."""
     xy = np.column_stack([np.full(40, 0.6), np.linspace(0.5, 4.5, 40)])
     walk = Walk(np.column_stack([xy, np.full(len(xy), 1.2)]), Columns(occupancy).support)
     x, y = np.meshgrid(np.arange(0.5, 3.5, 0.4), np.arange(0.5, 4.6, 0.4))
-    return KnownRoom(walk, HALF_WIDTH), np.column_stack([x.ravel(), y.ravel(), np.full(x.size, 1.2)])
+    return WideKnownFloor(walk, HALF_WIDTH), np.column_stack([x.ravel(), y.ravel(), np.full(x.size, 1.2)])
 
 
 @pytest.mark.parametrize("seed", [0, 1, 3, 4, 5, 6, 7, 8])
@@ -66,7 +66,7 @@ def test_a_way_keeps_to_the_middle_and_goes_around_what_was_shut() -> None:
     np.testing.assert_allclose(between[:, 1], 1.3, atol=0.25)
     floor.shut(np.array([2.5, 1.3, 1.2]), 0.8)
     assert not len(floor.way(start, end, 3.0)), "the passage is shut, and there is no other in reach"
-    assert len(KnownRoom(floor._walk, 0.9).way(start, end, 6.0)) == 0, "too narrow for a wide robot"
+    assert len(WideKnownFloor(floor._walk, 0.9).way(start, end, 6.0)) == 0, "too narrow for a wide robot"
 
 
 def test_a_window_tells_the_clearance_of_its_places_also_where_much_was_shut() -> None:
@@ -77,7 +77,7 @@ def test_a_window_tells_the_clearance_of_its_places_also_where_much_was_shut() -
         floor.shut(place, 0.3)
     x, y = 0.6 + 0.1 * np.arange(-40, 41), 2.4 + 0.1 * np.arange(-40, 41)
     grid = np.stack([*np.meshgrid(x, y), np.full((len(y), len(x)), 1.2)], axis=-1)
-    before = KnownRoom(floor._walk, HALF_WIDTH).clearance_over(x, y, 1.2)
+    before = WideKnownFloor(floor._walk, HALF_WIDTH).clearance_over(x, y, 1.2)
     expected = floor._walk.clearance_at(grid.reshape(-1, 3)).reshape(before.shape)
     np.testing.assert_array_equal(before, expected)
     for place in places[places[:, 2] == 1.2]:

@@ -13,7 +13,7 @@ from scipy.stats import multivariate_normal
 
 from nvsim.geometry.rotation import matrix_from_quaternion
 from nvsim.mapping.corridor import CELLS, DEPTH, NEAR, WIDTH, Corridor
-from nvsim.mapping.slice_mass import ABOVE_FLOOR, Slice
+from nvsim.mapping.slice_mass import ABOVE_FLOOR, SliceGaussians
 from nvsim.splats.types import Gaussians
 
 AHEAD = Corridor((0.0, 0.0), (0.0, 2.5))
@@ -52,7 +52,9 @@ def test_one_gaussian_covers_what_its_integral_says(heading: float, top: float) 
     mean = np.array([*(np.array([3.0, -2.0]) + 0.5 * forward), 0.35])
     deviations, quat = np.array([0.12, 0.05, 0.2]), np.array([0.9, 0.2, -0.3, 0.25])
     axes = matrix_from_quaternion(quat) * deviations
-    found = Slice(gaussians([(tuple(mean), tuple(deviations), tuple(quat), 0.8)])).mass(corridor, flat_floor, top)
+    found = SliceGaussians(gaussians([(tuple(mean), tuple(deviations), tuple(quat), 0.8)])).mass(
+        corridor, flat_floor, top
+    )
     truth = covered(corridor, mean, axes @ axes.T, 0.8, ABOVE_FLOOR, top)
     assert found / 255 == pytest.approx(truth, abs=1.5 / 255) and truth.max() > 0.3
 
@@ -63,7 +65,7 @@ def test_one_gaussian_covers_what_its_integral_says(heading: float, top: float) 
 def test_only_what_stands_between_floor_and_camera_counts(z: float, seen: bool) -> None:
     sheet = [((x, y, z), (0.05, 0.05, 0.01), (1.0, 0.0, 0.0, 0.0), 0.95)
              for x in np.arange(-0.5, 0.51, 0.05) for y in np.arange(1.0, 1.51, 0.05)]  # fmt: skip
-    found = Slice(gaussians(sheet)).mass(AHEAD, flat_floor, 1.2)
+    found = SliceGaussians(gaussians(sheet)).mass(AHEAD, flat_floor, 1.2)
     along = NEAR + (np.arange(AHEAD.rows) + 0.5) * DEPTH
     inside = (along > 1.05) & (along < 1.45)
     assert (found[inside] > 250).all() == seen and (found[inside] < 5).all() != seen
@@ -71,7 +73,7 @@ def test_only_what_stands_between_floor_and_camera_counts(z: float, seen: bool) 
 
 
 def test_the_floor_that_counts_is_that_of_the_cell() -> None:
-    lump = Slice(gaussians([((0.0, 1.0, 0.5), (0.05, 0.05, 0.05), (1.0, 0.0, 0.0, 0.0), 0.9)]))
+    lump = SliceGaussians(gaussians([((0.0, 1.0, 0.5), (0.05, 0.05, 0.05), (1.0, 0.0, 0.0, 0.0), 0.9)]))
     assert lump.mass(AHEAD, flat_floor, 1.2).max() > 150
     for height in (-2.0, 0.7):  # far below the lump, and above it
         assert lump.mass(AHEAD, lambda xy, h=height: np.full(xy.shape[:-1], h), 1.2).max() == 0  # type: ignore[misc]
@@ -82,7 +84,7 @@ def test_a_thin_wall_is_seen_wherever_it_crosses_the_cells() -> None:
     for y in np.linspace(1.0, 1.1, 7):
         wall = [((x, y, z), (0.03, 0.002, 0.03), (1.0, 0.0, 0.0, 0.0), 0.9)
                 for x in np.arange(-0.5, 0.51, 0.03) for z in np.arange(0.05, 1.2, 0.03)]  # fmt: skip
-        found = Slice(gaussians(wall)).mass(AHEAD, flat_floor, 1.2)
+        found = SliceGaussians(gaussians(wall)).mass(AHEAD, flat_floor, 1.2)
         assert found[:, 2:-2].max(axis=0).min() > 127, "it closes the corridor from side to side"
         assert (found[:8] == 0).all() and (found[13:] == 0).all(), "and nothing else"
 
@@ -95,12 +97,12 @@ def test_gaussians_outside_the_corridor_change_nothing() -> None:
     sizes = np.where(random.random(n) < 0.02, 0.8, 0.06)[:, None] * random.uniform(0.2, 1.0, (n, 3))
     quats = random.normal(size=(n, 4))
     whole = gaussians([*zip(means.tolist(), sizes.tolist(), quats.tolist(), [0.7] * n, strict=True)])  # type: ignore[list-item]
-    everywhere, found = Slice(whole), 0
+    everywhere, found = SliceGaussians(whole), 0
     for heading, x, y in random.uniform([0, -12, -12], [2 * np.pi, 12, 12], (20, 3)):
         corridor = Corridor((x, y), (x + 2.5 * math.sin(heading), y + 2.5 * math.cos(heading)))
         near = np.hypot(*(means[:, :2] - (x, y)).T) < 3.0 + 3.4 * sizes.max(axis=1)
         fields = (whole.means, whole.log_scales, whole.quats, whole.opacity_logits, whole.sh)
-        alone = Slice(Gaussians(*(array[near] for array in fields)))
+        alone = SliceGaussians(Gaussians(*(array[near] for array in fields)))
         masses = everywhere.mass(corridor, flat_floor, 1.5), alone.mass(corridor, flat_floor, 1.5)
         assert np.abs(masses[0].astype(int) - masses[1]).max() <= 1
         found += int((masses[0] > 20).sum())

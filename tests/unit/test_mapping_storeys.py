@@ -11,10 +11,10 @@ from nvsim.geometry.sampling import places_between
 from nvsim.graph.types import NavGraph, Viewpoint
 from nvsim.mapping.config import MappingConfig
 from nvsim.mapping.corridor import Corridor, Lattice
-from nvsim.mapping.evidence.climbing import TraversedFloor
 from nvsim.mapping.evidence.measuring import Measurements
 from nvsim.mapping.evidence.new_viewpoints import measure_new_viewpoints
-from nvsim.mapping.search.walk import Walk
+from nvsim.mapping.evidence.traversed_floor import TraversedFloor
+from nvsim.mapping.search.trajectory import Walk
 from nvsim.render.backends import RenderOutput
 
 EYE = 1.3

@@ -13,7 +13,7 @@ from nvsim.mapping.builder import build_map
 from nvsim.mapping.config import MappingConfig
 from nvsim.mapping.explanation.explain import closed_path_test, smallest_margin
 from nvsim.mapping.explanation.trajectory_detour import TrajectoryDetour
-from nvsim.mapping.search.walk import Walk
+from nvsim.mapping.search.trajectory import Walk
 from nvsim.occupancy.types import OCCUPIED, OccupancyMap
 
 EYE = 1.4

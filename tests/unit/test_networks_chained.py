@@ -16,7 +16,7 @@ from nvsim.geometry.camera import Camera, Intrinsics, camera_pose
 from nvsim.networks.chain import Ddim
 from nvsim.networks.description import Scheduler
 from nvsim.networks.installed import signature_of
-from nvsim.networks.ready import fitting
+from nvsim.networks.known_forms import fitting
 from nvsim.perception.normals_network import NormalsNetwork
 from nvsim.perception.semantic_network import SemanticNetwork
 

@@ -13,9 +13,9 @@ from hypothesis import strategies as st
 
 from nvsim.errors import InputError
 from nvsim.networks.description import Description
+from nvsim.networks.image_preparation import Preparation
+from nvsim.networks.known_forms import FOLDER, known_descriptions, values_of
 from nvsim.networks.parsing import description_in
-from nvsim.networks.preparing import Preparation
-from nvsim.networks.ready import FOLDER, known_descriptions, values_of
 from nvsim.networks.toml_table import parsed
 
 PATH = Path("model.toml")

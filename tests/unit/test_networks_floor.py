@@ -12,7 +12,7 @@ from floor_networks import FLOOR, RUG, mmseg, segformer
 from nvsim.errors import InputError
 from nvsim.geometry.camera import Camera, Intrinsics, camera_pose
 from nvsim.networks.installed import signature_of
-from nvsim.networks.ready import fitting
+from nvsim.networks.known_forms import fitting
 from nvsim.perception.semantic_network import SemanticNetwork
 
 CAMERA = Camera(Intrinsics.from_fov(150, 90, 1.2), camera_pose(np.zeros(3), 0.0))

@@ -14,7 +14,7 @@ from nvsim.errors import InputError
 from nvsim.geometry.camera import Camera, Intrinsics, camera_pose
 from nvsim.networks.chain import Chain
 from nvsim.networks.installed import signature_of
-from nvsim.networks.ready import fitting
+from nvsim.networks.known_forms import fitting
 from nvsim.perception.normals_network import NormalsNetwork
 
 MADE = {"metric3d": metric3d_official, "metric3d-huggingface": metric3d, "moge-2": moge}

@@ -20,7 +20,7 @@ from nvsim.occupancy.types import FREE, OCCUPIED, UNKNOWN, OccupancyMap, compare
 from nvsim.project.config import CaptureConfig
 from nvsim.project.jobs.joblist import JobList
 from nvsim.project.occupancy_maps import built_map, makers_of, occupancy_of, refuse_own_depth
-from nvsim.project.occupancy_sources import capture_with_ranges, find_rays
+from nvsim.project.occupancy_sources import find_capture_with_ranges, find_rays
 from nvsim.project.project import Project
 from nvsim.project.stages import imported
 
@@ -130,10 +130,10 @@ def test_a_project_whose_capture_is_gone_casts_from_its_cloud(tmp_path: Path) ->
     heard: list[Event] = []
     with Project.create_or_open(tmp_path / "room.nvsim") as project:
         imported.run(project, tmp_path / "walk", CaptureConfig(), silent)
-        there = find_rays(capture_with_ranges(project, heard.append), project)
+        there = find_rays(find_capture_with_ranges(project, heard.append), project)
         assert there.cloud is None and there.count == 12 and not heard
         (tmp_path / "walk").rename(tmp_path / "away")
-        rays = find_rays(capture_with_ranges(project, heard.append), project)
+        rays = find_rays(find_capture_with_ranges(project, heard.append), project)
     assert rays.cloud is not None and "nearest cameras" in rays.note
     assert [type(event) for event in heard] == [Warning]
 

@@ -20,13 +20,13 @@ from nvsim.capture.types import Capture
 from nvsim.errors import InputError
 from nvsim.occupancy.heights import Heights
 from nvsim.occupancy.types import FREE, compare_maps
-from nvsim.project.occupancy_maps import Built, build_occupancy
+from nvsim.project.occupancy_maps import BuiltMap, build_occupancy
 from nvsim.project.occupancy_sources import Wanted, find_rays
 
 Y_UP = np.array([[1.0, 0, 0], [0, 0, 1], [0, -1, 0]])
 
 
-def built(capture: Capture, wanted: Wanted = "auto") -> Built:
+def built(capture: Capture, wanted: Wanted = "auto") -> BuiltMap:
     return build_occupancy(capture, None, find_rays(capture, None, wanted), camera_height=1.31)
 
 

@@ -15,7 +15,7 @@ from nvsim.mapping.config import MappingConfig
 from nvsim.mapping.corridor import CELLS, DEPTH, NEAR, WIDTH, Corridor
 from nvsim.mapping.criteria import CRITERIA, DECISIONS, OPEN, can_stand, decide
 from nvsim.mapping.evidence.evidence_stack import EvidenceStack, decision_names
-from nvsim.mapping.evidence.opinions import opinions
+from nvsim.mapping.evidence.second_opinions import opinions
 from nvsim.mapping.explanation.explain import closed_edge_reason, explain, smallest_margin
 from nvsim.mapping.families import FAMILIES
 from nvsim_app.state.directions import compass, directions

@@ -16,7 +16,7 @@ import pytest
 from nvsim.cli.guard import guarded
 from nvsim.errors import InputError
 from nvsim.files.atomic import write_text
-from nvsim.files.opening import NotPlain, own_file, plain_file, read_bytes
+from nvsim.files.opening import NotPlainFile, own_file, plain_file, read_bytes
 from nvsim.graph.journal import Journal
 from nvsim.graph.types import NavGraph, Viewpoint
 from nvsim.project.jobs.joblist import JobList
@@ -64,7 +64,7 @@ def test_a_history_whose_lock_is_a_link_can_only_be_looked_at(project: Path, let
 def test_a_link_to_what_is_not_there_makes_nothing(tmp_path: Path, dangling: bool) -> None:
     target = tmp_path / "elsewhere" / "new.txt" if dangling else tmp_path / "new.txt"
     put_link(tmp_path / "lock", target)
-    with pytest.raises(NotPlain):
+    with pytest.raises(NotPlainFile):
         plain_file(tmp_path / "lock", os.O_RDWR | os.O_CREAT)
     assert not target.exists()
 
@@ -73,7 +73,7 @@ def test_a_link_to_what_is_not_there_makes_nothing(tmp_path: Path, dangling: boo
 @pytest.mark.parametrize("flags", [os.O_RDWR, os.O_WRONLY, os.O_RDONLY])
 def test_a_pipe_in_place_of_a_file_is_refused_at_once(tmp_path: Path, flags: int) -> None:
     os.mkfifo(tmp_path / "lock")
-    with pytest.raises(NotPlain, match="not a plain file"):
+    with pytest.raises(NotPlainFile, match="not a plain file"):
         plain_file(tmp_path / "lock", flags | os.O_CREAT)
 
 

@@ -17,7 +17,7 @@ from nvsim.errors import InputError
 from nvsim.footage.panoramas import extract_panoramas
 from nvsim.footage.sources import is_panoramic, need_footage, says_spherical
 from nvsim.footage.views import Views, cut, views_of
-from nvsim.poses.firmness import Observations
+from nvsim.poses.piece_reliability import Observations
 from nvsim.poses.rigs import believed_loops, firm_panoramas
 from nvsim.poses.two_views import TwoViews, from_matches
 from nvsim.project.project import Project

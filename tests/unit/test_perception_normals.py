@@ -12,7 +12,7 @@ from onnx_samples import F, save, value
 
 from nvsim.errors import InputError
 from nvsim.geometry.camera import Camera, Intrinsics, camera_pose
-from nvsim.networks.installed import Model
+from nvsim.networks.installed import InstalledModel
 from nvsim.perception.normals_network import NormalsNetwork, installed_normals
 
 FLOOR, WALL = np.array([0.0, -1.0, 0.0]), np.array([0.6, 0.0, -0.8])  # x right, y down, z forward
@@ -20,7 +20,7 @@ FLOOR, WALL = np.array([0.0, -1.0, 0.0]), np.array([0.6, 0.0, -0.8])  # x right,
 
 def opened(path: Path) -> NormalsNetwork:
     """The network at `path` as one was installed before there were descriptions: its form is found in it."""
-    return NormalsNetwork(Model("normals", "normals", path.parent, None, None, (path,)).open("cpu"))
+    return NormalsNetwork(InstalledModel("normals", "normals", path.parent, None, None, (path,)).open("cpu"))
 
 
 def colour(normal: np.ndarray) -> np.ndarray:

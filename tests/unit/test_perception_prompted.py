@@ -12,7 +12,7 @@ from onnx_samples import I64, F, save, value
 
 from nvsim.errors import InputError
 from nvsim.geometry.camera import Camera, Intrinsics, camera_pose
-from nvsim.networks.installed import Model, find_model
+from nvsim.networks.installed import InstalledModel, find_model
 from nvsim.perception.prompted_network import PromptedNetwork
 
 SIDE = 64
@@ -90,7 +90,7 @@ def decoder(path: Path, form: str = "samexporter") -> Path:
 
 def opened(*paths: Path) -> PromptedNetwork:
     """The form of a pair is found in it."""
-    return PromptedNetwork(Model("prompted", "prompted", paths[0].parent, None, None, paths).open("cpu"))
+    return PromptedNetwork(InstalledModel("prompted", "prompted", paths[0].parent, None, None, paths).open("cpu"))
 
 
 def picture() -> tuple[np.ndarray, np.ndarray]:

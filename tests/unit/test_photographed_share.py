@@ -28,7 +28,7 @@ from nvsim.mapping.views.photographed import SIDE, along_rays, photographed_dire
 from nvsim.occupancy.types import OccupancyMap
 from nvsim.project.photographed import with_shares
 from nvsim.project.project import Project
-from nvsim.r2r.observations.drawing import Source, unseen_strip, write_unseen
+from nvsim.r2r.observations.drawing import ScanModels, unseen_strip, write_unseen
 from nvsim.r2r.observations.layout import ScanPlaces
 from nvsim.r2r.observations.skybox import face_cameras
 from nvsim.splats.types import Gaussians, SubmapModel
@@ -175,7 +175,7 @@ class OneSided:
 
 def test_only_viewpoints_with_unseen_pixels_get_a_mask(tmp_path: Path) -> None:
     scene: Any = OneSided()
-    source = Source(scene, (), {}, scene)
+    source = ScanModels(scene, (), {}, scene)
     places = ScanPlaces(tmp_path, "house")
     assert write_unseen(source, GRAPH, places, 64) == [places.unseen("b"), places.unseen("c")]
     mask = decode(places.unseen("b"))[..., 0]

@@ -18,11 +18,11 @@ from nvsim.capture.findings import Findings
 from nvsim.capture.pointcloud import read_cloud
 from nvsim.errors import InputError
 from nvsim.files.opening import opened, read_bytes, read_json, read_text
-from nvsim.files.placeholders import is_metadata_name, stand_in
+from nvsim.files.placeholders import is_metadata_name, placeholder_reason
 from nvsim.files.stored_arrays import read_arrays
 from nvsim.graph.foreign import connectivity_files
 from nvsim.graph.scripts import script_lines
-from nvsim.networks.adding import add
+from nvsim.networks.installation import add
 from nvsim.networks.onnx_session import Session
 from nvsim.occupancy.read import read_map
 from nvsim.project.path_kind import check_openable, path_kind
@@ -100,8 +100,8 @@ def test_usual_files_are_read(tmp_path: Path, data: bytes) -> None:
 def test_no_beginning_of_a_file_takes_long_to_recognize(piece: bytes) -> None:
     began = time.process_time()
     for end in (b"", b"x", b"<p>", b"-->", b"<html"):
-        stand_in(piece * 600 + end, 600)
-        stand_in((piece * 600)[: 512 - len(end)] + end, 600)
+        placeholder_reason(piece * 600 + end, 600)
+        placeholder_reason((piece * 600)[: 512 - len(end)] + end, 600)
     assert time.process_time() - began < 0.5
 
 

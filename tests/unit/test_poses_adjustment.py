@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from nvsim.geometry.camera import Camera, Intrinsics, camera_pose
-from nvsim.poses.adjustment import _Work, adjust
+from nvsim.poses.adjustment import _AdjustmentState, adjust
 from nvsim.poses.features import Features, match_features
 from nvsim.poses.matching import epipolar_distances, pairs_to_compare
 from nvsim.poses.tracks import Tracks, tracks_of
@@ -88,7 +88,7 @@ def test_a_camera_that_shares_nothing_keeps_its_pose() -> None:
 def test_the_equations_are_the_derivatives_of_what_is_off() -> None:
     cameras = walk(4)
     tracks = seen(cameras)
-    work = _Work(shaken(cameras), tracks)
+    work = _AdjustmentState(shaken(cameras), tracks)
     local, off, far, counts = work.errors(12.0)
     matrix, _, points = work._equations(local, off, np.zeros_like(far), counts)  # no weights
     rng = np.random.default_rng(2)

@@ -21,7 +21,7 @@ from nvsim.geometry.lens import Lens
 from nvsim.poses import overlap
 from nvsim.poses.agreement import angles_to_arcs, directions
 from nvsim.poses.features import find_features, match_features
-from nvsim.poses.finding import contradictions, with_poses
+from nvsim.poses.pose_checks import contradictions, with_poses
 
 POSES = room.walk()
 

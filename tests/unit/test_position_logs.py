@@ -10,7 +10,7 @@ import pytest
 from PIL import Image
 
 from nvsim.errors import InputError
-from nvsim.footage.extraction import Moment
+from nvsim.footage.extraction import VideoMoment
 from nvsim.footage.position_logs import (
     GPS_ERROR,
     ar_positions,
@@ -209,7 +209,7 @@ def test_degrees_become_meters_as_on_the_ellipsoid() -> None:
 
 def test_frames_of_a_video_find_their_positions(tmp_path: Path) -> None:
     footage = video(tmp_path, "rgb.mp4")
-    moments = {f"0_{k:06d}.jpg": Moment(0, k, k / 30) for k in (0, 2, 3, 9)}
+    moments = {f"0_{k:06d}.jpg": VideoMoment(0, k, k / 30) for k in (0, 2, 3, 9)}
     assert ar_positions(footage, moments) is None and gps_positions(footage, moments) is None
     (tmp_path / "odometry.csv").write_text(HEADER + ROWS)
     known = ar_positions(footage, moments)
@@ -223,7 +223,7 @@ def test_frames_of_a_video_find_their_positions(tmp_path: Path) -> None:
 
 def test_a_track_must_begin_and_end_with_its_video(tmp_path: Path) -> None:
     footage = video(tmp_path)
-    moments = {f"0_{k:06d}.jpg": Moment(0, k, k / 10) for k in range(0, 600, 50)}
+    moments = {f"0_{k:06d}.jpg": VideoMoment(0, k, k / 10) for k in range(0, 600, 50)}
     track = "".join(point(48 + k / 1e5, 11, f"2026-05-01T10:{k // 60:02d}:{k % 60:02d}Z") for k in range(61))
     (tmp_path / "walk.gpx").write_bytes(gpx(track))
     known = gps_positions(footage, moments)

@@ -14,7 +14,7 @@ from nvsim.graph.store import same_graph
 from nvsim.project.earlier_results import describe
 from nvsim.project.project import Project, layout_of
 from nvsim.project.stages.imported import capture_config
-from nvsim.project.state.results import Part, Result, Unfinished
+from nvsim.project.state.results import StagePart, StageResult, UnfinishedPart
 
 SCHEMA = """
 CREATE TABLE meta (key TEXT PRIMARY KEY, value TEXT NOT NULL);
@@ -112,9 +112,11 @@ def test_an_older_project_is_read_as_it_is_and_brought_up_to_date_when_written(t
 def check_results(project: Project) -> None:
     """Checks that the results are those of `third_version`."""
     found = project.stage_results()
-    assert found.part("import") == Part("k", 1.5, 10.0, '{"frames": 8}', "", '{"camera_height": 1.5, "hold_out": 4}')
+    assert found.part("import") == StagePart(
+        "k", 1.5, 10.0, '{"frames": 8}', "", '{"camera_height": 1.5, "hold_out": 4}'
+    )
     assert capture_config(project).hold_out == 4
-    assert found.part("train") == Part("k", 0.5, 40.0, '{"steps": 12}', batch="b")
+    assert found.part("train") == StagePart("k", 0.5, 40.0, '{"steps": 12}', batch="b")
     assert found.done == {"import", "submaps", "floors", "train"} and found.kept == {"import", "map"}
     assert found.outdated == {"floors"} and found.former == {"train"}
     assert found.places == {
@@ -127,15 +129,15 @@ def check_results(project: Project) -> None:
         "models/submap_000": "models/submap_000.4",
         "models/submap_001": "models/none",
     }
-    assert found.get("next", "train") == Result(
-        {1: Part("n", 2.0, 50.0)}, {"cut/train": "cuts/2.npz", "models/submap_001": "models/submap_001.5"}
+    assert found.get("next", "train") == StageResult(
+        {1: StagePart("n", 2.0, 50.0)}, {"cut/train": "cuts/2.npz", "models/submap_001": "models/submap_001.5"}
     )
     former = found.get("previous", "import")
     assert former is not None and former.parts[0].settings == "{}" and former.files == {"imported": "imported.1"}
     assert describe(former, "import").startswith("the capture of 7 frames")
     kept = found.get("previous", "map")
     assert kept is not None and kept.files == {"graph": "kept/graph.8"}
-    assert found.unfinished == {("train", 0): Unfinished("w", 9), ("map", 0): Unfinished("half")}
+    assert found.unfinished == {("train", 0): UnfinishedPart("w", 9), ("map", 0): UnfinishedPart("half")}
     assert found.generation == 9 and project.results() == {"graph": {"nodes": 2}}
     assert [key for (key,) in project.connection.execute("SELECT key FROM meta")] == ["scan"]
 

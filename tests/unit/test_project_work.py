@@ -14,7 +14,7 @@ from nvsim.project.jobs.files import number_in
 from nvsim.project.jobs.joblist import JobList
 from nvsim.project.project import Project
 from nvsim.project.stages import depths, floors, imported, mapped, submaps, trained
-from nvsim.project.state.results import Part, Result, StageResults, first_stale
+from nvsim.project.state.results import StagePart, StageResult, StageResults, first_stale
 from nvsim.project.work import FROM_A_CUT, PIPELINE, STAGE, STAGES, WORK, sentence
 
 
@@ -73,7 +73,7 @@ def test_what_ended_before_the_import_is_outdated(tmp_path: Path) -> None:
         found = project.stage_results()
         assert found == StageResults()
         for stage, at in (("import", 20.0), ("submaps", 10.0), ("floors", 30.0)):
-            found = found.put("in use", stage, Result({0: Part("k", 1.0, at)}))
+            found = found.put("in use", stage, StageResult({0: StagePart("k", 1.0, at)}))
         project.set_stage_results(found)
         assert project.stage_results() == found
     assert found.done == {"import", "submaps", "floors"} and found.outdated == {"submaps"}

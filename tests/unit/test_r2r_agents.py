@@ -20,15 +20,15 @@ from nvsim.graph.types import NavGraph, Viewpoint, edge
 from nvsim.r2r.agents.baselines import PaperRandomAgent, RandomAgent, ShortestAgent
 from nvsim.r2r.agents.benchmark import run_agent
 from nvsim.r2r.metrics.submission import Pose
-from nvsim.r2r.tasks.shortest import Bounds
-from nvsim.r2r.tasks.splitting import Amounts, sample_tasks
+from nvsim.r2r.tasks.shortest import PathBounds
+from nvsim.r2r.tasks.splitting import PathCounts, sample_tasks
 from nvsim.r2r.tasks.task import Task
 
 STEP = math.radians(30)
 
 
 def tasks_in(*graphs: NavGraph, count: int = 100) -> list[Task]:
-    return list(sample_tasks(graphs, (), Bounds(), Amounts(count, 0, 0, unseen_share=0.1)).splits["train"])
+    return list(sample_tasks(graphs, (), PathBounds(), PathCounts(count, 0, 0, unseen_share=0.1)).splits["train"])
 
 
 def moves(trajectory: list[Pose]) -> tuple[str, ...]:

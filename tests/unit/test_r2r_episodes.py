@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from nvsim.cli.main import main
 from nvsim.r2r.episodes.episode import Episode, Scene, in_habitat, rotation_of, tokens
 from nvsim.r2r.surroundings.layers import layers_of
-from nvsim.r2r.surroundings.seen import look_around
+from nvsim.r2r.surroundings.visibility import look_around
 from nvsim.r2r.tasks.task import Task
 
 ROBOT = 0.25

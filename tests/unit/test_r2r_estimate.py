@@ -16,14 +16,14 @@ from nvsim.errors import InputError
 from nvsim.events import Log, Warning
 from nvsim.graph.types import NavGraph, Viewpoint
 from nvsim.project.project import Project
-from nvsim.r2r.observations.estimate import Counts, Estimate, estimate, shortage, size_words, time_words
-from nvsim.r2r.observations.export import Prepared, export_scan
+from nvsim.r2r.observations.estimate import ExportEstimate, ScanCounts, estimate, shortage, size_words, time_words
+from nvsim.r2r.observations.export import PreparedExport, export_scan
 from nvsim.r2r.observations.layout import ScanPlaces, ScanSettings
 from nvsim.r2r.observations.stub import SCAN
 
 FACTOR = 2.0  # of all bytes, as the page says
 ROUGHLY = 3.0  # of the bytes of one kind
-ONE = Counts("hall", 50, 50, 50, ((1000, 800),), 80_000.0)
+ONE = ScanCounts("hall", 50, 50, 50, ((1000, 800),), 80_000.0)
 
 
 @pytest.fixture(scope="module")
@@ -31,9 +31,11 @@ def project(tmp_path_factory) -> Path:
     return scan_project(tmp_path_factory.mktemp("project"))
 
 
-def said(project: Path, out: Path, settings: ScanSettings, stub: bool = True, most: int | None = None) -> Estimate:
+def said(
+    project: Path, out: Path, settings: ScanSettings, stub: bool = True, most: int | None = None
+) -> ExportEstimate:
     with Project.open(project) as opened:
-        return Prepared.of(opened, out, most=most).estimate(settings, stub, "numba")
+        return PreparedExport.of(opened, out, most=most).estimate(settings, stub, "numba")
 
 
 def sizes(root: Path, folder: str, pattern: str) -> list[int]:
@@ -188,15 +190,15 @@ def test_a_dry_run_refuses_what_a_run_refuses(project, tmp_path):
     assert dry.returncode == real.returncode == 2 and dry.stderr == real.stderr and "--force" in dry.stderr
     assert nvsim(*words, "--dry-run", "--force").returncode == 0
     with Project.open(copy) as opened, pytest.raises(InputError, match="is a project"):
-        Prepared.of(opened, copy, force=True)
+        PreparedExport.of(opened, copy, force=True)
 
 
 def test_a_place_that_cannot_be_written_is_refused_before_anything_is_drawn(project, tmp_path, monkeypatch):
     (tmp_path / "letter.txt").write_text("dear")
     with Project.open(project) as opened:
         with pytest.raises(InputError, match="a part of the path is a file"):
-            Prepared.of(opened, tmp_path / "letter.txt" / "scans")
+            PreparedExport.of(opened, tmp_path / "letter.txt" / "scans")
         monkeypatch.setattr("os.access", lambda *_: False)  # the tests may run as root, who may write anywhere
         with pytest.raises(InputError, match="permission is denied; choose a folder"):
-            Prepared.of(opened, tmp_path / "below" / "scans")
+            PreparedExport.of(opened, tmp_path / "below" / "scans")
     assert not (tmp_path / "below").exists()

@@ -13,8 +13,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from nvsim.errors import InputError
+from nvsim.networks.image_preparation import Preparation
 from nvsim.networks.onnx_session import providers
-from nvsim.networks.preparing import Preparation
 from nvsim.r2r.features.network import Description, Network, parse_description
 
 IMAGENET = np.array([0.485, 0.456, 0.406]), np.array([0.229, 0.224, 0.225])

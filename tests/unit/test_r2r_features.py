@@ -23,7 +23,7 @@ from export_samples import export, random_graph, sky
 from nvsim.cli.main import main
 from nvsim.errors import InputError
 from nvsim.events import Event, Progress
-from nvsim.files.locking import Held
+from nvsim.files.locking import AlreadyLocked
 from nvsim.geometry.camera import Camera, Intrinsics, camera_pose
 from nvsim.r2r.features import layouts, trunk
 from nvsim.r2r.features.backbone import Projection, Width
@@ -262,7 +262,7 @@ def test_only_whole_rows_of_the_same_views_and_backbone_are_taken_over(tmp_path:
 
 
 def test_one_file_is_made_by_one_process_at_a_time(tmp_path: Path) -> None:
-    with kept_rows(tmp_path / "x.hdf5", "a"), pytest.raises(Held), kept_rows(tmp_path / "x.hdf5", "a"):
+    with kept_rows(tmp_path / "x.hdf5", "a"), pytest.raises(AlreadyLocked), kept_rows(tmp_path / "x.hdf5", "a"):
         pass
 
 

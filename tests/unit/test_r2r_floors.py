@@ -13,8 +13,8 @@ from nvsim.r2r.instructions.cues import Cue, cues_along
 from nvsim.r2r.surroundings.doorways import doorways_between, kinds_of
 from nvsim.r2r.surroundings.floor_kinds import FLOORS, floor_kinds, floors_differ
 from nvsim.r2r.surroundings.layers import CELL, Layers, layers_of
-from nvsim.r2r.surroundings.seen import PIXEL, FloorPatch, ViewFromViewpoint, floor_patch
 from nvsim.r2r.surroundings.survey import Surroundings
+from nvsim.r2r.surroundings.visibility import PIXEL, FloorPatch, ViewFromViewpoint, floor_patch
 
 Paint = Callable[[NDArray[np.float64], NDArray[np.float64]], NDArray[np.float64]]
 SIDE = 3.2

@@ -10,9 +10,9 @@ import pytest
 
 from nvsim.benchmarks.map_builder import hall
 from nvsim.evaluation.scan import straight_view
-from nvsim.evaluation.scan_files import compass
+from nvsim.evaluation.scan_files import direction_model
 from nvsim.geometry.camera import Camera, Intrinsics, camera_pose
-from nvsim.r2r.observations.growing import GrowingSurround, PlacesSeen
+from nvsim.r2r.observations.incremental_surround import GrowingSurround, PlacesSeen
 from nvsim.r2r.observations.surround import draw_surround
 from nvsim.render.model import render_model
 from nvsim.splats.types import SubmapModel
@@ -90,7 +90,7 @@ def test_places_are_kept_as_long_as_memory_allows(model: SubmapModel) -> None:
 
 def test_a_straight_view_looks_where_the_camera_does() -> None:
     camera = Camera(Intrinsics.from_fov(200, 150, math.radians(75)), camera_pose(HERE, 1.0, 0.3))
-    seen = 2 * straight_view(compass(), camera) - 1
+    seen = 2 * straight_view(direction_model(), camera) - 1
     np.testing.assert_allclose(seen, camera.rays(), atol=2e-3)
 
 

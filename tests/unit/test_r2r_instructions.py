@@ -14,7 +14,7 @@ from export_samples import random_graph
 from task_samples import exported, house
 
 from nvsim.cli.main import main
-from nvsim.graph.paths import Ways
+from nvsim.graph.paths import PathGraph
 from nvsim.graph.types import NavGraph, Viewpoint, edge
 from nvsim.r2r.instructions.cues import Cue
 from nvsim.r2r.instructions.generating import InstructedDataset, describe_path, find_described_path, instruct
@@ -22,8 +22,8 @@ from nvsim.r2r.instructions.ground import (
     DETAILS,
     TURNS,
     Detail,
-    Ground,
     Leg,
+    PathSteps,
     Step,
     goes_on,
     is_bend,
@@ -45,23 +45,23 @@ from nvsim.r2r.instructions.wording import (
     WALK_PHRASES,
     instruction_of,
 )
-from nvsim.r2r.tasks.shortest import Bounds
-from nvsim.r2r.tasks.splitting import SPLITS, Amounts, sample_tasks
+from nvsim.r2r.tasks.shortest import PathBounds
+from nvsim.r2r.tasks.splitting import SPLITS, PathCounts, sample_tasks
 
 TURN_TO = {name: math.radians(degrees) for degrees, name in TURNS.items()}
 
 
-def row_of(*places: tuple[float, float, float]) -> Ground:
+def row_of(*places: tuple[float, float, float]) -> PathSteps:
     """A path over places in this order."""
     ids = [f"v{i}" for i in range(len(places))]
     edges = [edge(a, b) for a, b in zip(ids, ids[1:])]
-    return Ground(
-        Ways.of(NavGraph("row", {id: Viewpoint(id, p) for id, p in zip(ids, places)}, {e.key: e for e in edges}))
+    return PathSteps(
+        PathGraph.of(NavGraph("row", {id: Viewpoint(id, p) for id, p in zip(ids, places)}, {e.key: e for e in edges}))
     )
 
 
 def told(*graphs: NavGraph, count: int = 300, register: Register = "short") -> InstructedDataset:
-    dataset = sample_tasks(graphs, (), Bounds(), Amounts(count, 20, 0))
+    dataset = sample_tasks(graphs, (), PathBounds(), PathCounts(count, 20, 0))
     return instruct(dataset, graphs, 3, 0, register=register)
 
 
@@ -177,7 +177,7 @@ def test_a_follower_finds_nine_paths_of_ten_again(register: Register) -> None:
 
 def test_the_follower_is_one_that_weighs_all_paths_one_by_one() -> None:
     graph = random_graph("hall", 22, 5, reach=4.5)
-    ground = Ground(Ways.of(graph))
+    ground = PathSteps(PathGraph.of(graph))
     random = Random(1)
 
     def step_between(a: int, b: int) -> Step:
@@ -254,7 +254,7 @@ def test_an_instruction_is_as_fine_as_it_has_to_be(
     at |= {f"to{d}": (3 * math.sin(math.radians(d)), 3 * math.cos(math.radians(d))) for d in (69, *others)}
     ends = [edge("start", f"to{d}") for d in (69, *others)]
     graph = NavGraph("fork", {id: Viewpoint(id, (*p, 1.5)) for id, p in at.items()}, {e.key: e for e in ends})
-    ground = Ground(Ways.of(graph))
+    ground = PathSteps(PathGraph.of(graph))
     (said,), how, again = describe_path(ground, [ground.row["start"], ground.row["to69"]], 0.0)
     assert (how, again, round(math.degrees(said.turn))) == (detail, found, said_turn)
 

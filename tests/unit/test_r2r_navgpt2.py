@@ -15,7 +15,7 @@ from test_r2r_features import WHOLE, by_hand, features
 from nvsim.cli.main import main
 from nvsim.errors import InputError
 from nvsim.events import Progress
-from nvsim.files.locking import Held
+from nvsim.files.locking import AlreadyLocked
 from nvsim.r2r.features.backbone import Projection
 from nvsim.r2r.features.candidate_views import extract_candidates, growing_lmdb
 from nvsim.r2r.features.exported_scan import read_exported_scans
@@ -103,7 +103,11 @@ def test_what_was_finished_before_a_kill_is_not_computed_again(tmp_path: Path) -
 
 
 def test_a_second_writer_is_refused(tmp_path: Path) -> None:
-    with growing_lmdb(tmp_path / NAME, "a", 1, 1), pytest.raises(Held), growing_lmdb(tmp_path / NAME, "a", 1, 1):
+    with (
+        growing_lmdb(tmp_path / NAME, "a", 1, 1),
+        pytest.raises(AlreadyLocked),
+        growing_lmdb(tmp_path / NAME, "a", 1, 1),
+    ):
         pass
 
 

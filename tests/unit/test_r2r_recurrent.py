@@ -25,10 +25,10 @@ from nvsim.errors import InputError
 from nvsim.events import Event, silent
 from nvsim.graph.connectivity import read_connectivity, scan_files
 from nvsim.r2r.features.candidates import HEADINGS
-from nvsim.r2r.features.feature_files import Place, features_of, write_tsv
+from nvsim.r2r.features.feature_files import RowSource, features_of, write_tsv
 from nvsim.r2r.recurrent.config import LearningConfig, ModelConfig
 from nvsim.r2r.recurrent.dataset import Vocabulary, held_out, read_dataset, words_of
-from nvsim.r2r.recurrent.rollout import Rollout, Step, Walkers, angle_feature, read_words, roll_out, walked
+from nvsim.r2r.recurrent.rollout import AgentBatch, Rollout, RolloutStep, angle_feature, read_words, roll_out, walked
 from nvsim.r2r.recurrent.saved_agent import read_about, read_model
 from nvsim.r2r.recurrent.trainer import Trainer, actor_critic, imitation_loss, rewards_of, teacher_actions
 from nvsim.r2r.recurrent.training import CHECKPOINT, read_curves, train_agent
@@ -105,7 +105,7 @@ def test_the_teacher_leads_along_the_shortest_path(folder: Path, world: World) -
 
 def test_moves_are_felt_and_end_in_the_trajectory(trainer: Trainer) -> None:
     world, episodes = trainer.world, trainer.train[:4]
-    walkers = Walkers(world, episodes, 4)
+    walkers = AgentBatch(world, episodes, 4)
     assert walkers.sight(np.arange(4)).moved.tolist() == [[0, 0, 0, 0, 1, 0]] * 4
     looked, at, everybody = walkers.heading.copy(), walkers.rows.copy(), np.arange(4)
     walkers.go(everybody, np.array([STOP, 1, 1, 1]))
@@ -151,10 +151,10 @@ def test_losses_are_those_of_their_formulas(trainer: Trainer) -> None:
     scores = torch.tensor([[1.0, 0.0, -math.inf], [0.0, 2.0, 1.0]], requires_grad=True)
     last = torch.tensor([[0.5, 0.0]], requires_grad=True)
     steps = [
-        Step(np.array([0, 1]), np.array([0, 0]), scores, torch.tensor([0.5, -1.0]), np.array([0, 2])),
-        Step(np.array([1]), np.array([0]), last, torch.tensor([0.25]), np.array([0])),
+        RolloutStep(np.array([0, 1]), np.array([0, 0]), scores, torch.tensor([0.5, -1.0]), np.array([0, 2])),
+        RolloutStep(np.array([1]), np.array([0]), last, torch.tensor([0.25]), np.array([0])),
     ]
-    rollout = Rollout(Walkers(trainer.world, trainer.train[:2], 4), steps)
+    rollout = Rollout(AgentBatch(trainer.world, trainer.train[:2], 4), steps)
     p0, p1, p2 = scores[0, :2].softmax(0), scores[1].softmax(0), last[0].softmax(0)
     known = -(p0[1].log() + p2[1].log()) / 2
     assert imitation_loss(rollout, [np.array([1, -1]), np.array([1])]).item() == pytest.approx(known.item(), abs=1e-6)
@@ -172,7 +172,7 @@ def test_rewards_are_for_coming_nearer_and_for_stopping_there(trainer: Trainer) 
     found = roll_out(trainer.model, world, episodes, read_words(trainer.model, episodes), "path", 0)
     assert [r.tolist() for r in rewards_of(found, world, episodes)] == [[1, 1]] * (len(episode.path) - 1) + [[2, 2]]
     begin = np.array([episode.path[0]] * 2)
-    back = Step(np.arange(2), begin, found.steps[0].scores, None, np.array([STOP, STOP]))
+    back = RolloutStep(np.arange(2), begin, found.steps[0].scores, None, np.array([STOP, STOP]))
     assert rewards_of(Rollout(found.walkers, [back]), world, episodes)[0].tolist() == [-2, -2]
 
 
@@ -368,7 +368,7 @@ def test_damaged_agents_are_refused(folder: Path, tmp_path: Path) -> None:
 def test_features_come_back_from_either_format(tmp_path: Path) -> None:
     random = np.random.default_rng(1)
     rows = {("S", f"v{i}"): random.standard_normal((36, 5)).astype(np.float32) for i in range(4)}
-    placed = [(Place(*key, (64, 48)), row) for key, row in rows.items()]
+    placed = [(RowSource(*key, (64, 48)), row) for key, row in rows.items()]
     write_tsv(tmp_path / "x.tsv", placed, {"backbone": "b"}, 60)
     for wanted in (list(rows), [("S", "v2")]):
         found = dict(features_of(tmp_path / "x.tsv", wanted))

@@ -19,9 +19,9 @@ import numpy as np
 import pytest
 from scan_samples import IDS, graph, scan_project, two_rooms
 
-from nvsim.cluster.choice import open_executor
 from nvsim.cluster.config import ClusterConfig
-from nvsim.cluster.piece import Order, Piece
+from nvsim.cluster.executor_choice import open_executor
+from nvsim.cluster.piece import WorkCall, WorkItem
 from nvsim.errors import InputError
 from nvsim.events import Progress, Worker
 from nvsim.graph.connectivity import read_connectivity, read_scans, write_connectivity
@@ -86,7 +86,7 @@ def test_single_faces_are_those_of_the_strip(whole):
 
 
 def test_the_editor_shows_a_strip_as_the_panorama_of_the_model(project, whole):
-    from nvsim.graph.foreign.beside import find_files_beside, panorama
+    from nvsim.graph.foreign.neighboring_files import find_files_beside, panorama
     from nvsim.render.panorama import render_equirectangular
 
     beside = find_files_beside(whole / "connectivity" / "hall_connectivity.json", "hall")
@@ -349,7 +349,9 @@ def test_a_worker_that_reports_a_viewpoint_of_another_piece_is_refused(
     class Wrong:
         machines = (1,)
 
-        def run(self, pieces: list[Piece], begin: Callable[[Piece], Order]) -> Iterator[tuple[Piece, object]]:
+        def run(
+            self, pieces: list[WorkItem], begin: Callable[[WorkItem], WorkCall]
+        ) -> Iterator[tuple[WorkItem, object]]:
             begin(pieces[0])
             yield pieces[0], Progress("scan", 1, 1, id)
 

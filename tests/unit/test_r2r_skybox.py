@@ -11,7 +11,7 @@ from test_render_panorama import HERE, RADIUS, sphere
 from test_skybox_faces import CONFIRMED
 
 from nvsim.benchmarks.panorama import furnished_hall
-from nvsim.evaluation.scan_files import compass, direction_errors, place_on_strip, sample_strip, seam_steps
+from nvsim.evaluation.scan_files import direction_errors, direction_model, place_on_strip, sample_strip, seam_steps
 from nvsim.geometry.directions import NAMES, skybox, sweep
 from nvsim.geometry.floor_surface import FloorSurface
 from nvsim.r2r.observations.skybox import as_units, focal_of, skybox_of, strip_pixels
@@ -24,7 +24,7 @@ SIDE = 64
 
 
 def test_every_pixel_of_a_strip_looks_where_the_confirmed_table_says():
-    model = compass()
+    model = direction_model()
     strip = skybox_of(draw_surround(model, HERE, focal_of(SIDE)), model.floor, SIDE)
     seen = 2 * strip.colour.astype(float) / 255 - 1
     along = (np.arange(SIDE) + 0.5) / SIDE * 2 - 1

@@ -14,13 +14,13 @@ import numpy as np
 import pytest
 from boxed_scan import BLUE, BROWN, GREY, RED, WALL, Block, export_blocks, flat_house
 
-from nvsim.graph.paths import Ways
+from nvsim.graph.paths import PathGraph
 from nvsim.graph.types import NavGraph
 from nvsim.r2r.instructions import short_wording as short
 from nvsim.r2r.instructions.cues import Cue, cues_along
 from nvsim.r2r.instructions.generating import find_described_path, instruct, with_one_name_each
-from nvsim.r2r.instructions.ground import Ground, Leg
-from nvsim.r2r.instructions.phrases import THINGS, TURNS, Names
+from nvsim.r2r.instructions.ground import Leg, PathSteps
+from nvsim.r2r.instructions.phrases import THINGS, TURNS, ObjectNames
 from nvsim.r2r.instructions.short_wording import short_instruction
 from nvsim.r2r.instructions.wording import (
     ALONG,
@@ -38,13 +38,13 @@ from nvsim.r2r.instructions.wording import (
     cue_words,
     stop_words,
 )
+from nvsim.r2r.surroundings.floor_objects import FloorObject
 from nvsim.r2r.surroundings.layers import CELL, layers_of
 from nvsim.r2r.surroundings.naming import COLOURS, NAMELESS, Outline, Shape, lab_of, names_of, shape_of
-from nvsim.r2r.surroundings.seen import look_around
 from nvsim.r2r.surroundings.survey import Surroundings, surroundings_of
-from nvsim.r2r.surroundings.things import FloorObject
-from nvsim.r2r.tasks.shortest import Bounds
-from nvsim.r2r.tasks.splitting import SPLITS, Amounts, sample_tasks
+from nvsim.r2r.surroundings.visibility import look_around
+from nvsim.r2r.tasks.shortest import PathBounds
+from nvsim.r2r.tasks.splitting import SPLITS, PathCounts, sample_tasks
 
 Seen = tuple[NavGraph, Surroundings]
 IMPLIED = {"plant": "green"}
@@ -106,8 +106,8 @@ def test_one_who_leaves_the_room_goes_from_brown_to_grey_through_the_door(house:
 
 def test_sight_tells_apart_what_turns_and_metres_do_not(house: Seen) -> None:
     graph, seen = house
-    ways = Ways.of(graph)
-    plain, seeing = Ground(ways), Ground(ways, seen)
+    ways = PathGraph.of(graph)
+    plain, seeing = PathSteps(ways), PathSteps(ways, seen)
     rows = [seeing.row[id] for id in "bcfg"]
     somehow = Leg(0.0, None, "level")
     assert find_described_path(plain, rows[0], math.radians(90), [somehow]) is None  # it may end anywhere
@@ -122,7 +122,9 @@ def test_sight_tells_apart_what_turns_and_metres_do_not(house: Seen) -> None:
 
 def test_instructions_name_what_is_seen_and_are_followed_again(house: Seen) -> None:
     graph, seen = house
-    dataset = sample_tasks([graph], (), Bounds(fewest_edges=2, least_metres=3), Amounts(30, 2, 0, unseen_share=0.01))
+    dataset = sample_tasks(
+        [graph], (), PathBounds(fewest_edges=2, least_metres=3), PathCounts(30, 2, 0, unseen_share=0.01)
+    )
     told = instruct(dataset, [graph], 3, 0, {graph.scan: seen})
     assert told.paths > 15 and len(told.found) >= 0.9 * told.paths
     texts = [text for name in SPLITS for task in told.dataset.splits[name] for text in task.instructions]
@@ -270,10 +272,10 @@ def test_every_cue_can_be_read_back_from_the_detailed_words() -> None:
         cues = some_cues(random, ("left", "right"))
         cues |= {Cue("stairs", random.choice(list(STAIRS)))} if random.random() < 0.3 else set()
         cues |= {Cue("to stairs", random.choice(list(TO_STAIRS)))} if random.random() < 0.3 else set()
-        text = cue_words(sorted(cues), Names(random), random)
+        text = cue_words(sorted(cues), ObjectNames(random), random)
         assert cues_in(text, DETAILED) == cues, text
         end = Cue("by", "red sofa", random.choice(list(STOP_BY)))
-        assert cues_in(stop_words(end, Names(random), random), DETAILED) == {end}
+        assert cues_in(stop_words(end, ObjectNames(random), random), DETAILED) == {end}
 
 
 def read_short(text: str) -> set[Cue]:

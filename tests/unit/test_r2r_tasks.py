@@ -16,16 +16,16 @@ from task_samples import as_agents_load, exported, house, without
 
 from nvsim.cli.main import main
 from nvsim.errors import InputError
-from nvsim.graph.paths import Ways
+from nvsim.graph.paths import PathGraph
 from nvsim.graph.types import NavGraph, Viewpoint, edge
 from nvsim.r2r.tasks.joining import by_increasing_use
-from nvsim.r2r.tasks.shortest import Bounds, ShortestPaths, eligible_paths
-from nvsim.r2r.tasks.splitting import SPLITS, Amounts, Dataset, sample_tasks
+from nvsim.r2r.tasks.shortest import PathBounds, ShortestPaths, eligible_paths
+from nvsim.r2r.tasks.splitting import SPLITS, Dataset, PathCounts, sample_tasks
 from nvsim.r2r.tasks.task import read_tasks, write_tasks
 
 
 def sampled(*graphs: NavGraph, unseen: tuple[str, ...] = (), **amounts: object) -> Dataset:
-    return sample_tasks(graphs, unseen, Bounds(), Amounts(**amounts))  # type: ignore[arg-type]
+    return sample_tasks(graphs, unseen, PathBounds(), PathCounts(**amounts))  # type: ignore[arg-type]
 
 
 def metres_along(graph: nx.Graph, path: tuple[str, ...]) -> float:
@@ -53,19 +53,19 @@ def test_all_pairs_that_networkx_finds_are_eligible() -> None:
         for b, path in paths.items():
             if a < b and 4 <= len(path) - 1 <= 6 and metres_along(agents, tuple(path)) >= 5:
                 expected.add(frozenset(path))
-    found = eligible_paths(Ways.of(graph), Bounds(ties=True))
+    found = eligible_paths(PathGraph.of(graph), PathBounds(ties=True))
     assert {frozenset(found.ids[i] for i in found.path(k)) for k in range(len(found.rows))} == expected
 
 
 def test_bounds_are_options() -> None:
-    found = eligible_paths(Ways.of(house("house", 3)), Bounds(2, 3, 3.0, 6.0))
+    found = eligible_paths(PathGraph.of(house("house", 3)), PathBounds(2, 3, 3.0, 6.0))
     edges = (found.rows >= 0).sum(axis=1) - 1
     assert set(edges.tolist()) == {2, 3} and found.metres.min() >= 3 and found.metres.max() <= 6
 
 
 def test_a_path_beside_which_another_is_as_short_is_left_out_unless_wanted() -> None:
     graph = house("house", 2, 4, even=True)  # on a lattice there are many ways round every corner
-    only = eligible_paths(Ways.of(graph), Bounds())
+    only = eligible_paths(PathGraph.of(graph), PathBounds())
     at = {id: np.array(v.position) for id, v in graph.viewpoints.items()}
     agents = as_agents_load(graph)
     for k in range(len(only.rows)):
@@ -73,7 +73,7 @@ def test_a_path_beside_which_another_is_as_short_is_left_out_unless_wanted() -> 
         shortest = list(nx.all_shortest_paths(agents, ids[0], ids[-1], weight="weight"))
         assert [sorted(p) for p in shortest] == [sorted(ids)]
         assert np.linalg.norm(at[ids[0]] - at[ids[-1]]) > 0
-    assert len(eligible_paths(Ways.of(graph), Bounds(ties=True)).rows) > 2 * len(only.rows) > 0
+    assert len(eligible_paths(PathGraph.of(graph), PathBounds(ties=True)).rows) > 2 * len(only.rows) > 0
 
 
 def test_of_tied_paths_the_fewest_edges_and_then_the_order_of_the_file_decide() -> None:
@@ -82,7 +82,7 @@ def test_of_tied_paths_the_fewest_edges_and_then_the_order_of_the_file_decide() 
     joined = [("a", "b"), ("a", "c"), ("b", "d"), ("c", "d"), ("a", "e"), ("e", "f"), ("a", "f")]
     for order in (list(at), list(at)[::-1]):
         viewpoints = {id: Viewpoint(id, (*map(float, at[id]), 1.5)) for id in order}
-        ways = Ways.of(NavGraph("g", viewpoints, {edge(*p).key: edge(*p) for p in joined}))
+        ways = PathGraph.of(NavGraph("g", viewpoints, {edge(*p).key: edge(*p) for p in joined}))
         tree = ShortestPaths(ways).tree(order.index("a"))
         over = [order[i] for i in tree.back_from(order.index("d"))]
         assert over == ["d", min("b", "c", key=order.index), "a"]
@@ -129,7 +129,7 @@ def test_the_same_seed_gives_the_same_tasks_and_another_gives_others() -> None:
 
 
 def test_spread_paths_cover_a_building_sooner_than_random_ones() -> None:
-    found = eligible_paths(Ways.of(house("house", 8)), Bounds())
+    found = eligible_paths(PathGraph.of(house("house", 8)), PathBounds())
     paths = [found.path(i) for i in range(len(found.rows))]
     order = list(by_increasing_use(paths, Random(0)))
     assert sorted(order) == list(range(len(paths)))
@@ -142,7 +142,7 @@ def test_spread_paths_cover_a_building_sooner_than_random_ones() -> None:
 
 
 def test_spread_takes_the_least_used_path_as_one_by_one_counting_does() -> None:
-    found = eligible_paths(Ways.of(house("house", 2)), Bounds())
+    found = eligible_paths(PathGraph.of(house("house", 2)), PathBounds())
     paths = [found.path(i) for i in range(len(found.rows))]
     order = list(by_increasing_use(paths, Random(0)))
     use, ends = dict.fromkeys(range(100), 0), dict.fromkeys(range(100), 0)

@@ -23,7 +23,7 @@ from nvsim.errors import InputError
 from nvsim.files.opening import read_bytes
 from nvsim.footage.sources import find_footage
 from nvsim.project.project import Project
-from nvsim.project.stages import added, posed
+from nvsim.project.stages import added_captures, posed
 from nvsim.project.stages.imported import capture_config
 from nvsim.reconstruction import computing
 from nvsim.reconstruction.footage_check import footage_at
@@ -293,7 +293,7 @@ def test_a_video_is_imported_through_its_poses(
         assert report is not None and len(capture.frames) == report.with_pose and capture.alignment.scale_known
         assert report_beside(capture.source) == report and report.source == str(filmed.video)
         with pytest.raises(InputError, match="is a video"):
-            added.run(project, filmed.video, lambda event: None)
+            added_captures.run(project, filmed.video, lambda event: None)
         same, other = find_footage(filmed.video), find_footage(Path(shutil.copy(filmed.video, tmp_path / "walk.mp4")))
         assert same is not None and other is not None
         assert posed._folder_for(project, lambda at: computing.is_finished(at, same)) == root / "poses"

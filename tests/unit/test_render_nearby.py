@@ -9,7 +9,7 @@ from nvsim.geometry.camera import Camera, Intrinsics, camera_pose
 from nvsim.geometry.floor_surface import FloorSurface
 from nvsim.render.by_rays import is_wide
 from nvsim.render.model import render_model
-from nvsim.render.nearby import Nearby
+from nvsim.render.nearby import NeighborGroups
 from nvsim.render.scene import render_regions
 from nvsim.render.workspace import tiles_of
 from nvsim.splats.types import Gaussians, SubmapModel
@@ -61,7 +61,7 @@ def test_without_what_is_wide_for_its_depth_a_region_is_that_of_the_coloured_vie
 @pytest.mark.parametrize("seed", range(12))
 def test_most_of_those_that_are_out_of_view_are_ruled_out(seed: int) -> None:
     gaussians, (camera, mask) = hall(seed), view(seed)
-    rows = Nearby(gaussians).rows(camera, tiles_of(mask))
+    rows = NeighborGroups(gaussians).rows(camera, tiles_of(mask))
     assert (np.diff(rows) > 0).all()
     assert len(rows) < 0.8 * len(gaussians)
 
@@ -69,6 +69,6 @@ def test_most_of_those_that_are_out_of_view_are_ruled_out(seed: int) -> None:
 def test_what_is_nowhere_is_drawn_by_nobody() -> None:
     gaussians, (camera, mask) = hall(0, 500), view(0)
     gaussians.means[100:120] = np.nan
-    rows = Nearby(gaussians).rows(camera, tiles_of(mask))
+    rows = NeighborGroups(gaussians).rows(camera, tiles_of(mask))
     assert not np.isin(np.arange(100, 120), rows).any()
-    assert len(Nearby(Gaussians.empty()).rows(camera, tiles_of(mask))) == 0
+    assert len(NeighborGroups(Gaussians.empty()).rows(camera, tiles_of(mask))) == 0

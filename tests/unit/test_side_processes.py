@@ -12,8 +12,8 @@ import psutil
 import pytest
 
 from nvsim.errors import InputError
-from nvsim_app.processes.child import Child, Program
-from nvsim_app.processes.serving import Ended, Requests
+from nvsim_app.processes.child import Child, ChildProgram
+from nvsim_app.processes.serving import EndMessage, Requests
 
 APP = Path(__file__).parents[2] / "app" / "nvsim_app"
 STARTERS = {"subprocess", "multiprocessing", "QProcess", "Popen", "pty"}
@@ -58,7 +58,7 @@ def _wait(requests: Requests, source: object) -> None:
 
 
 def test_a_child_returns_the_result_of_its_work() -> None:
-    assert Child(Program(_double, "double", "It fails"), 21).result() == 42
+    assert Child(ChildProgram(_double, "double", "It fails"), 21).result() == 42
 
 
 @pytest.mark.parametrize(
@@ -75,18 +75,18 @@ def test_why_a_child_fails_is_one_sentence(work, sentence: str) -> None:
         pytest.skip("only Linux limits memory")
     heard: list[object] = []
     child = Child(
-        Program(work, "work", "It fails", memory=1 << 28), Path("x"), lambda child, message: heard.append(message)
+        ChildProgram(work, "work", "It fails", memory=1 << 28), Path("x"), lambda child, message: heard.append(message)
     )
     with pytest.raises(InputError) as error:
         child.result()
     assert str(error.value) == sentence
     (end,) = heard
-    assert isinstance(end, Ended) and end.crashed == (work is _crash) and bool(end.trace) == (work is _break)
+    assert isinstance(end, EndMessage) and end.crashed == (work is _crash) and bool(end.trace) == (work is _break)
 
 
 def test_a_child_that_is_killed_gives_no_result() -> None:
     heard: list[object] = []
-    child = Child(Program(_wait, "wait", "It fails"), None, lambda child, message: heard.append(message))
+    child = Child(ChildProgram(_wait, "wait", "It fails"), None, lambda child, message: heard.append(message))
     while not heard:
         time.sleep(0.01)
     process = child.process_id
@@ -94,6 +94,6 @@ def test_a_child_that_is_killed_gives_no_result() -> None:
     assert child.result() is None and len(heard) == 1
     child.end()
     assert process is not None and not psutil.pid_exists(process) and child.process_id is None
-    early = Child(Program(_wait, "wait", "It fails"), None)
+    early = Child(ChildProgram(_wait, "wait", "It fails"), None)
     early.end()
     assert early.result() is None

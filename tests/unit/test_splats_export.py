@@ -17,7 +17,7 @@ from nvsim.geometry.rotation import matrix_from_quaternion, quaternion_from_matr
 from nvsim.render.model import render_gaussians
 from nvsim.splats.floor_mesh import floor_gaussians, floor_mesh
 from nvsim.splats.formats.glb import write_glb
-from nvsim.splats.formats.gsply_formats import flipped
+from nvsim.splats.formats.gsply_formats import flip_y_and_z
 from nvsim.splats.turning import turned
 from nvsim.splats.types import FloorTexture, Gaussians, SubmapModel
 
@@ -50,7 +50,7 @@ def test_turned_gaussians_look_the_same_to_a_camera_that_turned_with_them(degree
 def test_half_a_turn_about_x_is_the_change_of_axes_of_spz():
     gaussians = wall()
     for name in ("means", "sh"):
-        expected = getattr(flipped(gaussians), name)
+        expected = getattr(flip_y_and_z(gaussians), name)
         np.testing.assert_allclose(getattr(turned(gaussians, np.diag([1, -1, -1])), name), expected, atol=1e-5)
 
 

@@ -19,7 +19,7 @@ from nvsim.errors import InputError
 from nvsim.geometry.camera import Camera, Intrinsics, camera_pose
 from nvsim.render.model import render_gaussians
 from nvsim.splats.formats.choice import read_splats, write_splats
-from nvsim.splats.formats.gsply_formats import flipped
+from nvsim.splats.formats.gsply_formats import flip_y_and_z
 from nvsim.splats.types import Gaussians
 
 CAMERA = Camera(Intrinsics(96, 72, 80.0, 80.0, 48.0, 36.0), camera_pose(np.array([0.0, 0.0, 1.5]), 0.3))
@@ -106,7 +106,7 @@ def test_a_ksplat_of_16_bit_numbers_is_read_relative_to_its_buckets(tmp_path):
 def test_half_a_turn_about_x_shows_the_same_to_a_camera_that_turns_with_it(degree):
     gaussians = wall(degree=degree)
     turn = np.diag([1.0, -1.0, -1.0, 1.0])
-    turned = render_gaussians(flipped(gaussians), Camera(CAMERA.intrinsics, turn @ CAMERA.camera_to_world))
+    turned = render_gaussians(flip_y_and_z(gaussians), Camera(CAMERA.intrinsics, turn @ CAMERA.camera_to_world))
     np.testing.assert_allclose(turned.rgb, render_gaussians(gaussians, CAMERA).rgb, atol=2e-5)
 
 

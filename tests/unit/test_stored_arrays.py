@@ -17,7 +17,7 @@ from test_capture_hostile import memory_for, png, refusal
 
 from nvsim.geometry.cells import MOST_CELLS, grid_size
 from nvsim.geometry.floor_surface import FloorSurface
-from nvsim.mapping.search.walk import Walk
+from nvsim.mapping.search.trajectory import Walk
 from nvsim.occupancy.read import read_map
 from nvsim.perception.floor_height import estimate_floor
 from nvsim.perception.segment import read_mask

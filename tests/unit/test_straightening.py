@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from nvsim.geometry.rotation import rotation_angle
 from nvsim.poses import straightening
 from nvsim.poses.pieces import names_in
-from nvsim.poses.straightening import contradicts_floor, leveled, merge_turning_pieces, straightened
+from nvsim.poses.straightening import contradicts_floor, level_and_scale, merge_turning_pieces, straightened
 from nvsim.poses.two_views import TwoViews, from_matches
 
 HIGH, STEP = 1.5, 0.4  # meters
@@ -229,7 +229,7 @@ def test_a_stretch_of_another_scale_contradicts_the_floor() -> None:
 def test_a_reconstruction_is_leveled_to_camera_heights() -> None:
     true = true_walk()
     model = slipped(true, [2.7] * 3, turned(50, (3, 1, 2)))
-    assert leveled(model, Path("no images"))
+    assert level_and_scale(model, Path("no images"))
     for n, one in true.items():
         assert model.images[n].projection_center()[2] - model.images[1].projection_center()[2] == pytest.approx(
             (center_of(one)[2] - center_of(true[1])[2]) / HIGH, abs=0.01
@@ -241,4 +241,4 @@ def test_a_reconstruction_is_leveled_to_camera_heights() -> None:
     bare = slipped(true, [2.7] * 3, np.eye(3))
     for number in list(bare.points3D):
         bare.delete_point3D(number)
-    assert not leveled(bare, Path("no images"))
+    assert not level_and_scale(bare, Path("no images"))

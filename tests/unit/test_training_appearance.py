@@ -195,7 +195,7 @@ def test_what_was_trained_is_what_is_drawn(room: SyntheticRoom, kind: str, embed
     appearance = AppearanceConfig(embedding, kind=kind)
     config = TrainingConfig(steps=40, gaussian_cap=2500, appearance=appearance, sh_interval=0.1)
     config = replace(config, densify=replace(config.densify, every=10, start=0.0))
-    run = trainer._Run(room.views, room.cloud, room.floor, config, 0, 0, lambda event: None)
+    run = trainer._TrainingRun(room.views, room.cloud, room.floor, config, 0, 0, lambda event: None)
     model = run.finish(None)
     assert model.appearance is not None
     assert len(model.appearance.features) == len(model.gaussians)

@@ -22,9 +22,9 @@ from nvsim.training.checkpoint import fingerprint
 from nvsim.training.config import TrainingConfig, preset
 from nvsim.training.devices import choice
 from nvsim.training.devices.card import CardGroup
-from nvsim.training.fit import Fit
 from nvsim.training.initialise import initial_gaussians
-from nvsim.training.optimizer import Group
+from nvsim.training.model_fit import ModelFit
+from nvsim.training.optimizer import ParameterGroup
 from nvsim.training.strategies.choice import strategy_of
 from nvsim.training.synthetic import SyntheticRoom, synthetic_room
 
@@ -52,10 +52,10 @@ def small(name: str, **changes: object) -> TrainingConfig:
     return dataclasses.replace(config, **changes)  # type: ignore[arg-type]
 
 
-def fit_of(room: SyntheticRoom, config: TrainingConfig) -> Fit:
+def fit_of(room: SyntheticRoom, config: TrainingConfig) -> ModelFit:
     start = initial_gaussians(room.views, room.cloud, room.floor, config, np.random.default_rng(0))
     paint = first_paint(room.views, room.floor, config, 0)
-    return Fit(start, *paint, room.floor, config, len(room.views))
+    return ModelFit(start, *paint, room.floor, config, len(room.views))
 
 
 @needs_gsplat
@@ -142,7 +142,7 @@ def test_a_run_goes_on_on_the_other_device(
 
 
 def stop_after(steps: int, config: TrainingConfig, room: SyntheticRoom, path: Path) -> None:
-    run = trainer._Run(room.views, room.cloud, room.floor, config, 0, 0, lambda event: None)
+    run = trainer._TrainingRun(room.views, room.cloud, room.floor, config, 0, 0, lambda event: None)
     run.save_to(path, fingerprint(room.views, room.cloud, room.floor, config, 0))
     while run._step < steps:
         run._advance()
@@ -152,7 +152,7 @@ def stop_after(steps: int, config: TrainingConfig, room: SyntheticRoom, path: Pa
 def test_adam_on_the_card_is_that_of_the_cpu() -> None:
     r = np.random.default_rng(0)
     start, rates = r.normal(size=(7, 4, 3)).astype(np.float32), r.random(12).astype(np.float32)
-    ours, theirs = Group.of(start.copy(), rates), CardGroup.of(start, rates, "cpu")
+    ours, theirs = ParameterGroup.of(start.copy(), rates), CardGroup.of(start, rates, "cpu")
     for count in range(1, 6):
         slope = r.normal(size=start.shape).astype(np.float32)
         ours.gradient[:] = slope

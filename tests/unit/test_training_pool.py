@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
-from nvsim.project.stages.training_pool import Task, fitting, needed_bytes, plan
+from nvsim.project.stages.training_pool import TrainingTask, fitting, needed_bytes, plan
 from nvsim.training.config import TrainingConfig
 
 
 def test_every_submap_gets_its_share_and_the_rest_gets_all() -> None:
-    assert plan([0, 1, 2], 2, 2) == [Task(0, 1, False), Task(1, 1, False), Task(2, 2, True)]
-    assert plan([4, 7], 8, 3) == [Task(4, 4, False), Task(7, 4, False)]
-    assert plan([5], 4, 4) == [Task(5, 4, True)]
-    assert plan([0, 1], 4, 1) == [Task(0, 4, True), Task(1, 4, True)]
+    assert plan([0, 1, 2], 2, 2) == [TrainingTask(0, 1, False), TrainingTask(1, 1, False), TrainingTask(2, 2, True)]
+    assert plan([4, 7], 8, 3) == [TrainingTask(4, 4, False), TrainingTask(7, 4, False)]
+    assert plan([5], 4, 4) == [TrainingTask(5, 4, True)]
+    assert plan([0, 1], 4, 1) == [TrainingTask(0, 4, True), TrainingTask(1, 4, True)]
 
 
 def test_as_many_as_fit_into_memory_but_one_in_any_case() -> None:

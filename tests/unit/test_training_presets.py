@@ -53,5 +53,5 @@ def test_the_window_asks_for_the_device_and_the_scale(verb: str, path: str) -> N
 
 def test_a_model_does_not_depend_on_the_device_that_made_it() -> None:
     config = TrainingConfig()
-    assert trained._same(replace(config, device="cuda")) == trained._same(config)
-    assert trained._same(replace(config, densify=DensifyConfig("none"))) != trained._same(config)
+    assert trained._result_settings(replace(config, device="cuda")) == trained._result_settings(config)
+    assert trained._result_settings(replace(config, densify=DensifyConfig("none"))) != trained._result_settings(config)

@@ -55,7 +55,7 @@ def test_a_training_is_saved_every_few_seconds_where_that_costs_next_to_nothing(
     class Clock:
         time, monotonic = staticmethod(lambda: 0.0), staticmethod(lambda: clock[0])
 
-    class Run(trainer._Run):
+    class Run(trainer._TrainingRun):
         def _advance(self) -> trainer.LossValues:
             clock[0] += 0.5
             return super()._advance()
@@ -65,7 +65,7 @@ def test_a_training_is_saved_every_few_seconds_where_that_costs_next_to_nothing(
             super()._save(path)
 
     monkeypatch.setattr(trainer, "time", Clock)
-    monkeypatch.setattr(trainer, "_Run", Run)
+    monkeypatch.setattr(trainer, "_TrainingRun", Run)
     room = synthetic_room(4, 64, 48, 400)
     config = replace(TrainingConfig(), steps=20, gaussian_cap=500, checkpoint_seconds=15.0)
     train_submap(room.views, room.cloud, room.floor, config, checkpoint=tmp_path / "submap.ckpt")

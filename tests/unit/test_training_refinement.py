@@ -12,7 +12,7 @@ from nvsim.geometry.floor_surface import FloorSurface
 from nvsim.geometry.rotation import matrix_from_quaternion
 from nvsim.training.config import TrainingConfig
 from nvsim.training.initialise import gaussians_at, initial_gaussians, visible_points
-from nvsim.training.optimizer import Group
+from nvsim.training.optimizer import ParameterGroup
 from nvsim.training.starting_points import detail_shares, flatten, guessed_points, triangulated_cloud
 from nvsim.training.synthetic import ROOM, synthetic_room
 
@@ -95,7 +95,7 @@ def test_seeds_of_a_scan_lie_flat_on_its_surface() -> None:
 def test_adam_is_the_adam_of_torch_with_a_rate_per_column() -> None:
     rng = np.random.default_rng(0)
     start = rng.random((700, 4, 3)).astype(np.float32)
-    group = Group.of(start.copy(), np.array([1e-2] * 3 + [1e-3] * 9, np.float32))
+    group = ParameterGroup.of(start.copy(), np.array([1e-2] * 3 + [1e-3] * 9, np.float32))
     dc, rest = (torch.nn.Parameter(torch.from_numpy(a.copy())) for a in (start[:, :1], start[:, 1:]))
     reference = torch.optim.Adam([{"params": [dc], "lr": 1e-2}, {"params": [rest], "lr": 1e-3}], eps=1e-15)
     for step in range(1, 8):

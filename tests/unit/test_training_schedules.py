@@ -8,14 +8,14 @@ from scipy import ndimage
 
 from nvsim.training.config import TrainingConfig, preset
 from nvsim.training.loss.alpha import alpha_loss
-from nvsim.training.trainer import coarseness, sh_degree_at
+from nvsim.training.trainer import count_halvings, sh_degree_at
 
 
 def test_images_double_in_equal_spans_until_they_are_whole() -> None:
     config = TrainingConfig(coarse_share=0.4, coarse_levels=2)
-    assert [coarseness(config, s) for s in (0.0, 0.19, 0.21, 0.39, 0.4, 0.9)] == [2, 2, 1, 1, 0, 0]
-    assert coarseness(TrainingConfig(coarse_share=0.0), 0.0) == 0
-    assert coarseness(TrainingConfig(coarse_levels=0), 0.0) == 0
+    assert [count_halvings(config, s) for s in (0.0, 0.19, 0.21, 0.39, 0.4, 0.9)] == [2, 2, 1, 1, 0, 0]
+    assert count_halvings(TrainingConfig(coarse_share=0.0), 0.0) == 0
+    assert count_halvings(TrainingConfig(coarse_levels=0), 0.0) == 0
 
 
 def test_degrees_join_one_after_another() -> None:

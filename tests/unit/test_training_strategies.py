@@ -179,8 +179,8 @@ def test_a_reset_dims_keeps_the_order_and_growth_rests_after_it() -> None:
     strategy, model = adaptive(), FakeModel(some_gaussians(200), np.random.default_rng(0))
     model.gaussians.means[:, 2] += 1
     before = model.gaussians.opacity_logits.copy()
-    assert [s for s in range(1, 101) if strategy.resets(s)] == [20, 40, 60, 80]
-    assert [s for s in range(1, 101) if strategy.rests(s)] == [s + i for s in (20, 40, 60, 80) for i in range(1, 6)]
+    assert [s for s in range(1, 101) if strategy.is_reset_due(s)] == [20, 40, 60, 80]
+    assert [s for s in range(1, 101) if strategy.is_paused(s)] == [s + i for s in (20, 40, 60, 80) for i in range(1, 6)]
     model.sums[:] = 0
     strategy.after_update(replace_every(model, strategy), 20)
     limit = np.float32(np.log(0.2 / 0.8))

@@ -19,7 +19,7 @@ from nvsim.render.model import render_model
 from nvsim.splats.types import SubmapModel
 from nvsim.training import trainer
 from nvsim.training.config import PRESETS, TrainingConfig, preset
-from nvsim.training.fit import STEP_PARTS
+from nvsim.training.model_fit import STEP_PARTS
 from nvsim.training.preview import MOST_STEPS, PreviewFiles
 from nvsim.training.preview import preview as preview_of
 from nvsim.training.strategies.config import AdaptiveConfig, CappedConfig
@@ -86,7 +86,7 @@ def test_an_unknown_preset_is_refused_by_name() -> None:
 
 
 def test_the_renderer_shows_what_training_saw(room: SyntheticRoom) -> None:
-    run = trainer._Run(room.views, room.cloud, room.floor, SMALL, 0, 0, lambda event: None)
+    run = trainer._TrainingRun(room.views, room.cloud, room.floor, SMALL, 0, 0, lambda event: None)
     model = run.finish(None)
     for view in room.views[:3]:
         ours, alpha = run.fit.composite(view.camera)
@@ -104,15 +104,15 @@ def test_the_same_seed_gives_the_same_model_and_another_does_not(room: Synthetic
 
 def train_killed(room: SyntheticRoom, config: TrainingConfig, file: Path, step: int) -> None:
     """Leaves a checkpoint of `step` and no model."""
-    save = trainer._Run._save
+    save = trainer._TrainingRun._save
 
-    def save_then_die(self: trainer._Run, path: Path) -> None:
+    def save_then_die(self: trainer._TrainingRun, path: Path) -> None:
         save(self, path)
         if self._step == step:
             raise Killed
 
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(trainer._Run, "_save", save_then_die)
+        patch.setattr(trainer._TrainingRun, "_save", save_then_die)
         with pytest.raises(Killed):
             train(room, config, checkpoint=file)
 
@@ -207,7 +207,7 @@ def test_a_checkpoint_that_does_not_fit_lets_the_training_begin_anew(
 
 
 def test_preview_shows_image_model_alpha_and_background(room: SyntheticRoom) -> None:
-    run = trainer._Run(room.views, room.cloud, room.floor, SMALL, 0, 0, lambda event: None)
+    run = trainer._TrainingRun(room.views, room.cloud, room.floor, SMALL, 0, 0, lambda event: None)
     model, view = run.finish(None), room.views[2]
     picture = preview_of(run.fit, view)
     height, width = view.floor.shape
@@ -279,7 +279,9 @@ def test_some_steps_of_this_run_and_of_the_one_before_are_kept(tmp_path: Path) -
 def test_a_run_that_goes_on_adds_to_the_images_it_had(room: SyntheticRoom, tmp_path: Path) -> None:
     names = []
     for steps in (4, 8):
-        run = trainer._Run(room.views, room.cloud, room.floor, replace(SMALL, steps=steps), 0, 0, lambda event: None)
+        run = trainer._TrainingRun(
+            room.views, room.cloud, room.floor, replace(SMALL, steps=steps), 0, 0, lambda event: None
+        )
         run.attach(tmp_path / "c.ckpt", "key")
         run._name = "b5" if steps == 4 else run._name
         run.finish(tmp_path / "p.jpg")

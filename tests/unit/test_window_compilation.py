@@ -22,7 +22,7 @@ from numba.core.dispatcher import Dispatcher
 from nvsim_app.drawing.compilation import draw_in_small
 from nvsim_app.drawing.painter import Models, Painter
 from nvsim_app.drawing.warming import Warming
-from nvsim_app.painting.tones import CHANNELS
+from nvsim_app.painting.value_colors import CHANNELS
 from nvsim.benchmarks.random_room import random_room
 from nvsim.geometry.camera import Camera, Intrinsics
 from nvsim.geometry.floor_surface import FloorSurface

@@ -55,7 +55,7 @@ class WalkRequest:
 
 
 @dataclass(frozen=True, eq=False)
-class Walked:
+class WalkState:
     """The state after a walk, and the poses of the walk from the start on."""
 
     number: int
@@ -64,7 +64,7 @@ class Walked:
 
 
 @dataclass(frozen=True)
-class Refused:
+class RefusedStep:
     """The graph does not allow the step at index `at`, or the start of the walk if `at` is -1."""
 
     number: int
@@ -73,7 +73,7 @@ class Refused:
 
 
 @dataclass(frozen=True, eq=False)
-class Seen:
+class StateImage:
     """The image of a state, or the reason why there is none.
 
     pixels   (480, 640, 3) uint8 in the order blue, green, red; None if there is no image
@@ -90,8 +90,8 @@ class Seen:
 def serve(requests: Requests, source: AgentSource) -> None:
     """Answers WalkRequests until the window closes. A walk that is possible gets Walked, then Seen. Other walks get
     Refused."""
-    ground = _Ground(source)
-    drawing = _Drawing(source, requests)
+    ground = _WindowSimulator(source)
+    drawing = _StateRenderer(source, requests)
     while True:
         number, request = requests.take()
         assert isinstance(request, WalkRequest)
@@ -99,20 +99,20 @@ def serve(requests: Requests, source: AgentSource) -> None:
             ground.walk_on(request.graph)
         try:
             state, trajectory = ground.after(request.walk)
-        except _Impossible as step:
-            requests.answer(number, Refused(request.number, step.at, str(step)))
+        except _StepNotPossible as step:
+            requests.answer(number, RefusedStep(request.number, step.at, str(step)))
             continue
-        requests.answer(number, Walked(request.number, _values(state), trajectory), more=True)
+        requests.answer(number, WalkState(request.number, _values(state), trajectory), more=True)
         drawing.want(number, request.number, ground.scan, state)
 
 
-class _Impossible(Exception):
+class _StepNotPossible(Exception):
     def __init__(self, at: int, why: str) -> None:
         super().__init__(why)
         self.at = at
 
 
-class _Ground:
+class _WindowSimulator:
     """The simulator on the window's current graph."""
 
     def __init__(self, source: AgentSource) -> None:
@@ -139,7 +139,7 @@ class _Ground:
         try:
             simulator.newEpisode(self.scan.id, start.viewpoint, start.heading, start.elevation)
         except InputError as error:
-            raise _Impossible(-1, str(error)) from error
+            raise _StepNotPossible(-1, str(error)) from error
         state: SimState = simulator.getState()
         trajectory = [_pose(state)]
         for at, step in enumerate(walk.steps):
@@ -147,7 +147,7 @@ class _Ground:
             if step.to:
                 ids = [place.viewpointId for place in state.navigableLocations]
                 if step.to not in ids[1:]:
-                    raise _Impossible(at, f"{step.to} is not navigable from {state.location.viewpointId}.")
+                    raise _StepNotPossible(at, f"{step.to} is not navigable from {state.location.viewpointId}.")
                 index = ids.index(step.to, 1)
             simulator.makeAction(index, float(step.heading), float(step.elevation))
             trajectory.append(_pose(state))
@@ -167,7 +167,7 @@ class _Ground:
         return made
 
 
-class _Drawing:
+class _StateRenderer:
     """Renders the newest state in a thread, and skips states that became outdated meanwhile."""
 
     def __init__(self, source: AgentSource, requests: Requests) -> None:
@@ -191,18 +191,18 @@ class _Drawing:
                     self._wake.wait()
                 (request, number, scan, index, heading, elevation), self._wanted = self._wanted, None
             try:
-                seen = Seen(number, self._draw(scan, index, heading, elevation))
+                seen = StateImage(number, self._draw(scan, index, heading, elevation))
             except InputError as error:
-                seen = Seen(number, None, str(error))
+                seen = StateImage(number, None, str(error))
             except Exception as error:
-                seen = Seen(number, None, f"The view could not be rendered: {error}.", traceback.format_exc())
+                seen = StateImage(number, None, f"The view could not be rendered: {error}.", traceback.format_exc())
             try:
                 self._requests.answer(request, seen)
             except WindowClosed:
                 return
 
     def _draw(self, scan: Scan, index: int, heading: float, elevation: float) -> NDArray[np.uint8]:
-        from nvsim.r2r.simulator.images import View
+        from nvsim.r2r.simulator.images import ViewSize
 
         if self._source.lacking:
             raise InputError(self._source.lacking)
@@ -213,7 +213,7 @@ class _Drawing:
                 self._images = _images_of(self._source)
             if self._source.images is not None:
                 scan = replace(scan, id=self._source.images.parent.name)  # StripImages looks for a folder of this name
-            found, _ = self._images.draw(scan, index, heading, elevation, View(WIDTH, HEIGHT, VFOV, False))
+            found, _ = self._images.draw(scan, index, heading, elevation, ViewSize(WIDTH, HEIGHT, VFOV, False))
         self._drawn[key] = found
         self._drawn.move_to_end(key)
         while len(self._drawn) > _KEPT:

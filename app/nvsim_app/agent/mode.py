@@ -11,8 +11,8 @@ from PySide6.QtCore import QPointF, QRectF, Qt
 from PySide6.QtGui import QColor, QKeyEvent, QPainter, QPen, QPolygonF
 
 from nvsim.geometry.directions import HEIGHT, VFOV, WIDTH
+from nvsim_app.agent.agent_walk import AgentWalk
 from nvsim_app.agent.state import AgentState
-from nvsim_app.agent.walking import AgentWalk
 from nvsim_app.look import colors
 from nvsim_app.modes.mode import Mode, ModeContext, Pointer, dots, line
 from nvsim_app.painting.picking import NEAR

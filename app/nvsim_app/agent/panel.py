@@ -8,8 +8,8 @@ from collections.abc import Callable
 from PySide6.QtCore import QModelIndex, Qt, Signal
 from PySide6.QtWidgets import QCheckBox, QGridLayout, QHBoxLayout, QPushButton, QVBoxLayout, QWidget
 
+from nvsim_app.agent.agent_walk import AgentWalk
 from nvsim_app.agent.state import AgentState, Location
-from nvsim_app.agent.walking import AgentWalk
 from nvsim_app.look.labels import Hint, Label, Value
 from nvsim_app.look.plain_text import tip
 from nvsim_app.look.table import Column, TableModel, table

@@ -13,8 +13,8 @@ from PySide6.QtGui import QColor, QImage, QMouseEvent, QPainter, QPaintEvent, QP
 from PySide6.QtWidgets import QSizePolicy, QWidget
 
 from nvsim.geometry.directions import HEIGHT, WIDTH
+from nvsim_app.agent.agent_walk import AgentWalk
 from nvsim_app.agent.state import AgentState
-from nvsim_app.agent.walking import AgentWalk
 from nvsim_app.look import colors, lengths
 from nvsim_app.look.plain_text import lines, tip
 from nvsim_app.look.theme import type_font
@@ -28,7 +28,7 @@ _WITHIN = 0.5  # pixels from the image border; if the agent looks up or down, le
 
 
 @dataclass(frozen=True)
-class Mark:
+class LocationMark:
     """The mark of one navigable location.
 
     index     index in navigableLocations
@@ -47,10 +47,10 @@ class Mark:
     distance: float
 
 
-def marks(state: AgentState, feet: Mapping[str, NDArray[np.float64]]) -> tuple[Mark, ...]:
+def marks(state: AgentState, feet: Mapping[str, NDArray[np.float64]]) -> tuple[LocationMark, ...]:
     """The marks of all navigable locations except the first, farthest first, so that near marks are drawn on top.
     `feet` maps viewpoint ids to floor points (3,) in meters, world."""
-    placed: list[Mark] = []
+    placed: list[LocationMark] = []
     for mark in sorted(_marks(state, feet), key=lambda mark: mark.distance):
         up = -1 if mark.y >= HEIGHT / 3 else 1
         while any(abs(mark.x - other.x) < _APART and abs(mark.y - other.y) < _APART for other in placed):
@@ -59,7 +59,7 @@ def marks(state: AgentState, feet: Mapping[str, NDArray[np.float64]]) -> tuple[M
     return tuple(reversed(placed))
 
 
-def _marks(state: AgentState, feet: Mapping[str, NDArray[np.float64]]) -> Iterator[Mark]:
+def _marks(state: AgentState, feet: Mapping[str, NDArray[np.float64]]) -> Iterator[LocationMark]:
     camera = state.camera
     for index, place in enumerate(state.navigableLocations[1:], 1):
         eye = np.array([place.x, place.y, place.z])
@@ -69,7 +69,7 @@ def _marks(state: AgentState, feet: Mapping[str, NDArray[np.float64]]) -> Iterat
         inside = ahead and _WITHIN <= x <= WIDTH - _WITHIN and _WITHIN <= y <= HEIGHT - _WITHIN
         if not ahead:  # beside or behind the agent: at the side to which the agent must turn
             x, y = (WIDTH if place.rel_heading > 0 else 0.0), HEIGHT / 2
-        yield Mark(
+        yield LocationMark(
             index,
             place.viewpointId,
             min(max(x, MARGIN), WIDTH - MARGIN),
@@ -108,7 +108,7 @@ class AgentView(QWidget):
         self._document, self._walk = document, walk
         self.shown: AgentState | None = None
         """The state whose marks are drawn."""
-        self.marks: tuple[Mark, ...] = ()
+        self.marks: tuple[LocationMark, ...] = ()
         self._refusal = ""
         self.pointed = -1  # index of the mark under the cursor, or of the row in the panel
         self._image: QImage | None = None
@@ -174,7 +174,7 @@ class AgentView(QWidget):
         width, height = WIDTH * scale, HEIGHT * scale
         return QRectF((self.width() - width) / 2, (self.height() - height) / 2, width, height)
 
-    def spot(self, mark: Mark) -> QPointF:
+    def spot(self, mark: LocationMark) -> QPointF:
         """The position of a mark in the widget, pixels."""
         return self._at(mark.x, mark.y)
 
@@ -228,7 +228,7 @@ class AgentView(QWidget):
             if not any(where.intersects(other) for other in taken) or mark.index == self.pointed:
                 taken.append(chip(painter, anchor, away, _INK, _LABEL))
 
-    def _paint_foot(self, painter: QPainter, mark: Mark) -> None:
+    def _paint_foot(self, painter: QPainter, mark: LocationMark) -> None:
         assert mark.foot is not None
         spot, foot = self.spot(mark), self._at(*mark.foot)
         painter.setPen(QPen(QColor(0, 0, 0, 120), 3.4))
@@ -239,7 +239,7 @@ class AgentView(QWidget):
         wide = max(4.0, 26.0 / max(mark.distance, 1.0))
         painter.drawEllipse(foot, wide, 0.4 * wide)
 
-    def _paint_disc(self, painter: QPainter, mark: Mark) -> None:
+    def _paint_disc(self, painter: QPainter, mark: LocationMark) -> None:
         spot, pointed = self.spot(mark), mark.index == self.pointed
         radius = RADIUS * (1.25 if pointed else 1.0)
         painter.setPen(QPen(QColor(colors.SELECTED if pointed else "#ffffff"), 2.0))

@@ -118,7 +118,7 @@ def measure(settings: QSettings, edits: int = 120, viewpoints: int = 10_000, see
     graph = random_graph(viewpoints, directions=8, seed=seed)
     document.set_contents(Contents(Path("field.nvsim"), graph=graph, occupancy=random_map(graph, seed)))
     plan = window.part(MapPart).view
-    views = Watch([window.scene, plan.canvas])
+    views = PaintRecorder([window.scene, plan.canvas])
     turns(lambda: bool(document.editing.findings), SETTLE)
     for layer in window.scene.overlays.layers:
         window.scene.overlays.set_shown(layer.name, True)
@@ -157,7 +157,7 @@ def turns(done: Callable[[], bool], least: float = 0.0) -> float:
     return 1e3 * longest
 
 
-class Watch(QObject):
+class PaintRecorder(QObject):
     """Records which of some widgets were painted since `forget`."""
 
     def __init__(self, widgets: Sequence[QWidget]) -> None:
@@ -185,7 +185,7 @@ class _Times:
     edited = painted = turn = 0.0
 
 
-def _single(document: Document, views: Watch, rng: random.Random, after: float) -> _Times:
+def _single(document: Document, views: PaintRecorder, rng: random.Random, after: float) -> _Times:
     """Runs one edit that changes the graph, and times it."""
     times, editing, limit = _Times(), document.editing, time.perf_counter() + PATIENCE
     while time.perf_counter() < limit:

@@ -18,7 +18,7 @@ from nvsim_app.session import Session
 INTERVAL = 5  # milliseconds
 
 
-class Probe(QObject):
+class GapRecorder(QObject):
     """Records the gaps between ticks in milliseconds. In an idle loop they are about INTERVAL."""
 
     def __init__(self, parent: QObject | None = None) -> None:
@@ -66,7 +66,7 @@ Wait = float | Callable[[], bool]  # seconds, or a condition
 Figures = dict[str, float | str | None]
 
 
-class Bench(QObject):
+class WindowBenchmark(QObject):
     """Runs the benchmark.
 
     finished(dict): start_s, gap_p99_ms, gap_max_ms, first_fps_moving, fps_moving, sharp_ms, rss_mb, window_mb, and
@@ -82,7 +82,7 @@ class Bench(QObject):
         super().__init__(session)
         self._session, self._cycles = session, cycles
         self._scene = session.window.scene
-        self._probe = Probe(self)
+        self._probe = GapRecorder(self)
         self._shown: list[tuple[float, Picture]] = []
         self.figures: Figures = dict.fromkeys(KEYS)
         self._scene.pictureShown.connect(lambda p: self._shown.append((time.perf_counter(), p)))

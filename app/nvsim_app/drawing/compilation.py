@@ -64,7 +64,7 @@ def draw_in_small() -> None:
     from nvsim_app.drawing.painter import Models, Painter
     from nvsim_app.drawing.renderer_choice import CPU
     from nvsim_app.drawing.warming import Warming
-    from nvsim_app.painting.tones import CHANNELS
+    from nvsim_app.painting.value_colors import CHANNELS
 
     model = with_floor_and_background(random_room(500))
     painter = Painter(Models(lambda camera: (0, model)))

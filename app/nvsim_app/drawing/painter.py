@@ -17,9 +17,9 @@ from nvsim.geometry.camera import Camera
 from nvsim.render.backends import RenderOutput
 from nvsim.splats.types import SubmapModel
 from nvsim.submaps.split import Submap
-from nvsim_app.drawing.renderer_choice import AUTOMATIC, CPU, OPENGL, Choice, SplatBudget
+from nvsim_app.drawing.renderer_choice import AUTOMATIC, CPU, OPENGL, RendererChoice, SplatBudget
 from nvsim_app.look import colors
-from nvsim_app.painting.tones import CHANNELS, picture
+from nvsim_app.painting.value_colors import CHANNELS, picture
 
 CELL = 0.2  # meters
 REACH = 15.0  # meters around the trajectory; positions farther away belong to no submap
@@ -27,7 +27,7 @@ _SOLID = 0.5  # alpha from which a pixel shows a surface in front of the floor
 _SHARE = 0.6  # share of the submap's color in the image
 
 
-class Territory:
+class SubmapGrid:
     """A grid in plan view that stores the submap whose core cameras are nearest to each cell."""
 
     def __init__(self, submaps: tuple[Submap, ...], eye_height: float = 1.5) -> None:
@@ -111,11 +111,11 @@ class Models:
     """
 
     at: Callable[[Camera], tuple[int, SubmapModel]]
-    territory: Territory | None = None
+    territory: SubmapGrid | None = None
 
 
 @dataclass(frozen=True)
-class Remark:
+class LogRemark:
     """A message for the log. It is a warning if a request of the user could not be met."""
 
     message: str
@@ -123,7 +123,7 @@ class Remark:
     warning: bool = False
 
 
-class Card(Protocol):
+class OpenGLDrawing(Protocol):
     """The part of OpenGLRenderer that the painter uses."""
 
     @property
@@ -132,7 +132,7 @@ class Card(Protocol):
     def release(self) -> None: ...
 
 
-def _opengl() -> Card:
+def _opengl() -> OpenGLDrawing:
     from nvsim.render.opengl.renderer import OpenGLRenderer
 
     return OpenGLRenderer()
@@ -144,12 +144,12 @@ class Painter:
     make   creates the OpenGL renderer when it is first needed; raises InputError if OpenGL is not available
     """
 
-    def __init__(self, opened: Models | Renderer, make: Callable[[], Card] = _opengl) -> None:
-        self.remarks: list[Remark] = []
+    def __init__(self, opened: Models | Renderer, make: Callable[[], OpenGLDrawing] = _opengl) -> None:
+        self.remarks: list[LogRemark] = []
         self._opened, self._make = opened, make
-        self._card: Card | None = None
+        self._card: OpenGLDrawing | None = None
         self._broken = self._hopeless = False
-        self._choice = Choice()
+        self._choice = RendererChoice()
         self._budget = SplatBudget()
         self._still: Camera | None = None  # of the last still color image with automatic choice of the renderer
 
@@ -224,7 +224,7 @@ class Painter:
         best = self._choice.best(submap)
         driver = "" if self._card is None else f" ({self._card.name})"
         self.remarks.append(
-            Remark(
+            LogRemark(
                 f"{self._choice.faster(submap)} renders submap {submap} while the camera moves: the CPU takes "
                 f"{best[CPU]:.0f} ms, OpenGL {best[OPENGL]:.0f} ms{driver}."
             )
@@ -243,13 +243,13 @@ class Painter:
             self._card.release()
             self._card = None
 
-    def _ready(self, insisted: bool) -> Card | None:
+    def _ready(self, insisted: bool) -> OpenGLDrawing | None:
         if self._card is None and not self._broken:
             try:
                 self._card = self._make()
             except InputError as error:
                 self._broken = True
-                self.remarks.append(Remark(f"The CPU renders: {error}", warning=insisted))
+                self.remarks.append(LogRemark(f"The CPU renders: {error}", warning=insisted))
         return self._card
 
     def _by_opengl(self, model: SubmapModel, camera: Camera, insisted: bool) -> Pixels | None:
@@ -262,7 +262,7 @@ class Painter:
         except Exception as error:  # a driver may fail in any way; the CPU is the fallback
             self._card, self._broken = None, True
             self.remarks.append(
-                Remark(f"OpenGL failed, so the CPU renders from now on: {error}", traceback.format_exc(), True)
+                LogRemark(f"OpenGL failed, so the CPU renders from now on: {error}", traceback.format_exc(), True)
             )
             return None
 
@@ -271,7 +271,7 @@ def _is_bare(model: SubmapModel) -> bool:
     return model.background is None and model.texture is None
 
 
-def _by_kernels(model: SubmapModel, camera: Camera, channel: str, territory: Territory | None = None) -> Pixels:
+def _by_kernels(model: SubmapModel, camera: Camera, channel: str, territory: SubmapGrid | None = None) -> Pixels:
     from nvsim.render.model import render_model
 
     channels = CHANNELS[channel]

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from nvsim.geometry.camera import Camera
 from nvsim.render.backends import RenderOutput
-from nvsim_app.painting.tones import picture
+from nvsim_app.painting.value_colors import picture
 
 PANORAMA_CHANNELS = ("rgb", "alpha", "normal")
 WIDTHS = (384, 1024)  # width of the coarse and of the sharp panorama, pixels

@@ -10,16 +10,16 @@ from PySide6.QtCore import QObject, QTimer, Signal
 from PySide6.QtGui import QImage
 
 from nvsim.kernel_folder import compiled_since
-from nvsim_app.drawing.painter import Remark
+from nvsim_app.drawing.painter import LogRemark
 from nvsim_app.drawing.panorama_child import Panorama, PanoramaRequest
-from nvsim_app.drawing.render_child import Picture, RenderSource, Request, Trouble, serve
+from nvsim_app.drawing.render_child import Picture, RenderError, RenderSource, Request, serve
 from nvsim_app.drawing.renderer_choice import AUTOMATIC
 from nvsim_app.painting.cameras import ViewPose
-from nvsim_app.processes.child import RESTARTS, Program
-from nvsim_app.processes.serving import Ended
+from nvsim_app.processes.child import RESTARTS, ChildProgram
+from nvsim_app.processes.serving import EndMessage
 from nvsim_app.processes.side_process import SideProcess
 
-_PROGRAM = Program(
+_PROGRAM = ChildProgram(
     serve,
     "renderer",
     "The reconstruction cannot be rendered",
@@ -47,7 +47,7 @@ class RenderLink(SideProcess):
         super().__init__(_PROGRAM, parent)
         self._panorama: PanoramaRequest | None = None  # the unfinished panorama
         self.heard.connect(self._on_heard)
-        self.restarted.connect(lambda: self.troubled.emit(Trouble("The renderer stopped and was restarted.")))
+        self.restarted.connect(lambda: self.troubled.emit(RenderError("The renderer stopped and was restarted.")))
         self.ended.connect(self._on_failure)
 
     @property
@@ -74,13 +74,13 @@ class RenderLink(SideProcess):
             if self._panorama is not None and message.key == self._panorama.key:
                 self._panorama = None if message.final else self._panorama
                 self.panoramaArrived.emit(message)
-        elif isinstance(message, Remark):
+        elif isinstance(message, LogRemark):
             self.remarked.emit(message)
-        elif isinstance(message, Trouble):
+        elif isinstance(message, RenderError):
             self.troubled.emit(message)
 
-    def _on_failure(self, end: Ended) -> None:
-        self.troubled.emit(Trouble(end.sentence, end.trace, fatal=True))
+    def _on_failure(self, end: EndMessage) -> None:
+        self.troubled.emit(RenderError(end.sentence, end.trace, fatal=True))
 
 
 REST = 100  # milliseconds without movement until the sharp image is requested
@@ -91,7 +91,7 @@ SMALLEST = (480, 270)  # smallest image of a moving camera, pixels
 SCENE = "scene"  # the view name of its requests
 
 
-class Pacing:
+class ImageSizeControl:
     """Learns the render time per pixel and chooses the image size that reaches the target time.
 
     target_ms   milliseconds from the request of a moving frame to its arrival (34: about 28 frames per second)
@@ -142,7 +142,7 @@ class PictureFeed(QObject):
         super().__init__(parent)
         self._size, self._pose = size, pose
         self.link = RenderLink(self)
-        self.pacing = Pacing()
+        self.pacing = ImageSizeControl()
         self.channel = "rgb"
         self.renderer = AUTOMATIC
         self.budget = 0
@@ -234,7 +234,7 @@ class PictureFeed(QObject):
         self.image = QImage(picture.pixels.data, size.width, size.height, 4 * size.width, QImage.Format.Format_RGB32)
         self.changed.emit()
 
-    def _on_trouble(self, trouble: Trouble) -> None:
+    def _on_trouble(self, trouble: RenderError) -> None:
         self.note = trouble.message if trouble.fatal else self.note
         self.troubled.emit(trouble)
         self.changed.emit()

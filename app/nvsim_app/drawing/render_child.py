@@ -20,11 +20,11 @@ from nvsim.errors import InputError
 from nvsim.geometry.camera import Camera
 from nvsim.project.layout import Layout
 from nvsim.splats.types import SubmapModel
-from nvsim_app.drawing.painter import Models, Painter, Remark, Renderer, Territory
+from nvsim_app.drawing.painter import LogRemark, Models, Painter, Renderer, SubmapGrid
 from nvsim_app.drawing.panorama_child import PanoramaDrawing, PanoramaRequest
 from nvsim_app.drawing.renderer_choice import AUTOMATIC, CPU
 from nvsim_app.drawing.warming import Warming
-from nvsim_app.painting.tones import CHANNELS, MEASURED, measured, picture
+from nvsim_app.painting.value_colors import CHANNELS, MEASURED, measured, picture
 from nvsim_app.processes.serving import Requests
 
 LOOK_AGAIN = 1.0  # seconds between two checks for a new version of a model in training
@@ -92,7 +92,7 @@ class ProjectModels:
             raise InputError(f"{self._source.path} has no trained model.")
         self._scene = scene
         self._cutaway = Cutaway(scene, submaps, None if support is None else support.at)
-        self.territory = Territory(submaps)
+        self.territory = SubmapGrid(submaps)
 
 
 @dataclass(frozen=True, eq=False)
@@ -138,7 +138,7 @@ class Picture:
 
 
 @dataclass(frozen=True)
-class Trouble:
+class RenderError:
     """An error: a sentence for the user and the traceback for the log. If it is fatal, the process ends."""
 
     message: str
@@ -176,18 +176,18 @@ def _use_the_pause(
                 requests.answer(panorama, finished, more=not finished.final)
     except Exception as error:
         panoramas.stop()
-        requests.answer(panorama, Trouble(f"The panorama could not be rendered: {error}", traceback.format_exc()))
+        requests.answer(panorama, RenderError(f"The panorama could not be rendered: {error}", traceback.format_exc()))
     try:
         while not requests.waiting and warming.waits:
             warming.step()
     except Exception as error:  # a request for a panorama will report the error again
         warming.stop()
-        painter.remarks.append(Remark(f"Panoramas could not be prepared: {error}", traceback.format_exc(), True))
+        painter.remarks.append(LogRemark(f"Panoramas could not be prepared: {error}", traceback.format_exc(), True))
     try:
         while not requests.waiting and painter.compare():
             pass
     except Exception as error:  # images do not depend on the comparison
-        painter.remarks.append(Remark(f"The renderers could not be compared: {error}", traceback.format_exc(), True))
+        painter.remarks.append(LogRemark(f"The renderers could not be compared: {error}", traceback.format_exc(), True))
         painter.rest()
     _send_remarks(painter, requests)
 
@@ -197,7 +197,7 @@ def _send_remarks(painter: Painter, requests: Requests) -> None:
         requests.tell(painter.remarks.pop(0))
 
 
-def _answer(painter: Painter, request: Request) -> Picture | Trouble:
+def _answer(painter: Painter, request: Request) -> Picture | RenderError:
     begin = time.perf_counter()
     try:
         if request.values and request.channel in MEASURED:
@@ -208,5 +208,5 @@ def _answer(painter: Painter, request: Request) -> Picture | Trouble:
             request.camera, request.channel, request.renderer, request.moving, request.budget
         )
     except Exception as error:
-        return Trouble(f"A view could not be rendered: {error}", traceback.format_exc())
+        return RenderError(f"A view could not be rendered: {error}", traceback.format_exc())
     return Picture(request, pixels, submap, 1e3 * (time.perf_counter() - begin), renderer)

@@ -18,7 +18,7 @@ PREFERENCES = (AUTOMATIC, CPU, OPENGL)
 ROUNDS = 3
 
 
-class Choice:
+class RendererChoice:
     """Stores the render times of both renderers per submap, and chooses the faster one."""
 
     def __init__(self) -> None:
@@ -70,7 +70,7 @@ def select_gaussians(gaussians: Gaussians, rows: NDArray[np.generic]) -> Gaussia
 
 
 @dataclass
-class _Thinned:
+class _ThinnedModel:
     of: weakref.ref[SubmapModel]
     count: int
     model: SubmapModel
@@ -80,7 +80,7 @@ class SplatBudget:
     """Limits the number of Gaussians of a model. Caches the last result, which a moving camera needs repeatedly."""
 
     def __init__(self) -> None:
-        self._last: _Thinned | None = None
+        self._last: _ThinnedModel | None = None
 
     def within(self, model: SubmapModel, count: int) -> SubmapModel:
         """`model` with at most `count` Gaussians; 0 means all."""
@@ -93,5 +93,5 @@ class SplatBudget:
             if appearance is not None:
                 appearance = appearance.of_rows(rows)
             thinned = replace(model, gaussians=select_gaussians(model.gaussians, rows), appearance=appearance)
-            last = self._last = _Thinned(weakref.ref(model), count, thinned)
+            last = self._last = _ThinnedModel(weakref.ref(model), count, thinned)
         return last.model

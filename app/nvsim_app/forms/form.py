@@ -35,7 +35,7 @@ from nvsim_app.forms.fields import (
     presets_of,
     validate,
 )
-from nvsim_app.forms.rows import Row
+from nvsim_app.forms.rows import OptionRow
 from nvsim_app.look.labels import InkLabel, Label
 from nvsim_app.look.plain_text import SENTENCE, plain
 from nvsim_app.look.theme import type_font
@@ -73,7 +73,7 @@ class CommandForm(QDialog):
         self.verb, self._project, self._settings = verb, project, settings
         self._begin_with = {**(preset_values or {}), **settings.changed(verb)}
         self._paper = paper_values(verb)
-        self.rows: dict[str, Row] = {}
+        self.rows: dict[str, OptionRow] = {}
         self._headings: dict[str, Label] = {}
         self._wrong = self._held = ""  # the error in the options; another reason not to start
         self._build(title, start_text)
@@ -205,7 +205,7 @@ class CommandForm(QDialog):
             self.list.addItem(title)
         for field in fields:
             paper = {"paper": self._paper[field.path]} if field.path in self._paper else {}
-            row = Row(field, parent=self._page, **paper)
+            row = OptionRow(field, parent=self._page, **paper)
             if field.path in self._begin_with:
                 row.show_value(self._begin_with[field.path])
             row.changed.connect(self._try.start)

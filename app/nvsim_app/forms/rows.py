@@ -29,7 +29,7 @@ from nvsim_app.look.theme import type_font
 _NOWHERE = object()
 
 
-class Row(QWidget):
+class OptionRow(QWidget):
     """One option of a form. changed() is emitted when the user changes the value."""
 
     changed = Signal()

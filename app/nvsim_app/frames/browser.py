@@ -164,7 +164,7 @@ class FrameBrowser(QObject):
         self._reader.open(layout_of(path), capture.frames[index], index)
         self._say_title()
 
-    def _drop(self) -> None:
+    def _clear_page(self) -> None:
         """Clears the page, because there is no frame to show."""
         self.corrector.close()
         self.candidates.open(None, None)
@@ -266,14 +266,14 @@ class FrameBrowser(QObject):
 
     def _on_project(self) -> None:
         self.corrector.forget()
-        self._drop()
+        self._clear_page()
 
     def _on_contents(self, parts: frozenset[str]) -> None:
         if self.index is None:
             return
         capture = self._document.contents.capture
         if "capture" in parts and (capture is None or self.index >= len(capture.frames)):
-            self._drop()
+            self._clear_page()
         elif parts & {"capture", "submaps"}:
             # The masks may have changed.
             index, self.index = self.index, None

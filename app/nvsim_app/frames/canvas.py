@@ -14,11 +14,11 @@ from PySide6.QtWidgets import QWidget
 from nvsim_app.frames.correction import Box
 from nvsim_app.frames.layers import FrameLayer
 from nvsim_app.frames.panes import Pane, Zoom, panes
-from nvsim_app.frames.pictures import Painted, difference
+from nvsim_app.frames.pictures import PaintedImage, difference
 from nvsim_app.look.plain_text import lines
 from nvsim_app.painting.legend import legend_box, paint_legend, paint_words, words_box
 from nvsim_app.painting.primitives import chip
-from nvsim_app.painting.tones import Reading
+from nvsim_app.painting.value_colors import ImageValues
 
 MODES = ("photo", "render", "wipe", "blink", "difference", "beside")
 BLINK = 600  # milliseconds
@@ -58,9 +58,9 @@ class Canvas(QWidget):
         self.render_note = ""  # shown if there is no render
         self.names = {"photo": "Photo", "render": "Render"}
         self._size = (0, 0)
-        self._photo: Painted | None = None
-        self._render: Painted | None = None
-        self._difference: Painted | None = None
+        self._photo: PaintedImage | None = None
+        self._render: PaintedImage | None = None
+        self._difference: PaintedImage | None = None
         self._gain = 3.0
         self.divider = 0.5  # share of the pane's width
         self._phase = False  # blink shows the render
@@ -73,7 +73,7 @@ class Canvas(QWidget):
 
     # Content ----------------------------------------------------------------------------------------------------
 
-    def show_photo(self, photo: Painted | None, keep_zoom: bool) -> None:
+    def show_photo(self, photo: PaintedImage | None, keep_zoom: bool) -> None:
         """Shows the photo of another frame and removes the render. All panes use its size. None clears the canvas."""
         size = photo.size if photo is not None else (0, 0)
         if not keep_zoom or size != self._size:
@@ -82,7 +82,7 @@ class Canvas(QWidget):
         self._render = self._difference = None
         self.update()
 
-    def show_render(self, render: Painted | None) -> None:
+    def show_render(self, render: PaintedImage | None) -> None:
         self._render, self._difference = render, None
         self.update()
 
@@ -139,9 +139,9 @@ class Canvas(QWidget):
         both = {"beside": ("photo", "render")[number], "blink": ("photo", "render")[self._phase]}
         return both.get(self.mode, self.mode)
 
-    def _readings(self, what: str) -> list[tuple[str, Reading]]:
+    def _readings(self, what: str) -> list[tuple[str, ImageValues]]:
         """The name and the numbers of each image of numbers in a pane that shows `what`, the topmost first."""
-        found: list[tuple[str, Painted | None]] = []
+        found: list[tuple[str, PaintedImage | None]] = []
         if what != "difference":
             found = [(layer.title, layer.painted) for layer in self._layers if layer.shown]
         if what in ("render", "wipe"):
@@ -151,13 +151,13 @@ class Canvas(QWidget):
         return [(name, painted.reading) for name, painted in reversed(found) if painted and painted.reading]
 
     @property
-    def legends(self) -> list[Reading]:
+    def legends(self) -> list[ImageValues]:
         """The distinct readings of all visible images of numbers."""
         shown = [r for number in range(len(self.panes())) for _, r in self._readings(self._what(number))]
         return list({id(r): r for r in shown}.values())
 
     @property
-    def values(self) -> list[tuple[str, Reading, Any]]:
+    def values(self) -> list[tuple[str, ImageValues, Any]]:
         """Name, reading, and value of each image of numbers under the cursor; empty outside the image."""
         if self._hover is None or self._photo is None:
             return []
@@ -180,7 +180,7 @@ class Canvas(QWidget):
             return [found[0][1].scale.words(found[0][2])]
         return [f"{name}: {reading.scale.words(value)}" for name, reading, value in found]
 
-    def _corners(self) -> list[tuple[Reading, QPointF]]:
+    def _corners(self) -> list[tuple[ImageValues, QPointF]]:
         """The lower left corners of the legends, which are stacked at the lower left of the canvas."""
         at, placed = QPointF(8.0, self.height() - 8.0), []
         for reading in self.legends:

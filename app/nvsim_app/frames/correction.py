@@ -33,7 +33,7 @@ class Prompts:
 
 
 @dataclass(frozen=True, eq=False)
-class Step:
+class CorrectionStep:
     """One step of the history: the changed box, its pixels before and after as packed bits, and the prompts before and
     after."""
 
@@ -58,7 +58,7 @@ class Correction:
             raise ValueError("the masks before and after correction differ in size")
         self.mask, self.machine = mask.copy(), machine
         self._prompts = Prompts()
-        self._steps: list[Step] = []
+        self._steps: list[CorrectionStep] = []
         self._index = 0
         self._start: Mask | None = None  # the mask before the current stroke
         self._box: Box | None = None
@@ -169,7 +169,7 @@ class Correction:
         if np.array_equal(old, new) and prompts.points == self.prompts:
             return False
         del self._steps[self._index :]
-        self._steps.append(Step(text, box, np.packbits(old), np.packbits(new), self._prompts, prompts))
+        self._steps.append(CorrectionStep(text, box, np.packbits(old), np.packbits(new), self._prompts, prompts))
         del self._steps[: max(0, len(self._steps) - _MOST)]
         self._index = len(self._steps)
         self._prompts = prompts

@@ -139,7 +139,7 @@ class Corrector(QObject):
     def hear_steps(self, steps: HybridSteps | None) -> None:
         """Receives the normals of the open frame, or None if there will be none."""
         self._steps, self._by_color = steps, steps is None
-        self._go_on()
+        self._apply_waiting_points()
 
     def hear_masks(self, index: int, add: Mask, take: Mask) -> None:
         """Receives the regions of the network for the sent points: to add and to remove, each (h, w) bool."""
@@ -147,18 +147,18 @@ class Corrector(QObject):
             return
         self._asked = False
         self._after(self.correction.prompt(self._prompts.pop(0), add, take))
-        self._go_on()
+        self._apply_waiting_points()
 
     def hear_no_masks(self) -> None:
         """Grows surfaces instead of using the network, because the network failed."""
         self._asked = self._network = False
-        self._go_on()
+        self._apply_waiting_points()
 
     def _place(self, prompt: Prompt) -> None:
         self._prompts.append(prompt)
-        self._go_on()
+        self._apply_waiting_points()
 
-    def _go_on(self) -> None:
+    def _apply_waiting_points(self) -> None:
         """Applies the waiting points for which the normals or the network are available."""
         correction, matter = self.correction, self._matter
         while self._prompts and correction is not None and matter is not None and not self._asked:

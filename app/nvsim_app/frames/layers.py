@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from PySide6.QtCore import Qt, Signal
 from PySide6.QtWidgets import QCheckBox, QGridLayout, QSlider, QWidget
 
-from nvsim_app.frames.pictures import Painted
+from nvsim_app.frames.pictures import PaintedImage
 from nvsim_app.look.icons import swatch
 from nvsim_app.look.plain_text import tip
 
@@ -31,7 +31,7 @@ class FrameLayer:
     color: str
     shown: bool
     opacity: float
-    painted: Painted | None = None
+    painted: PaintedImage | None = None
 
 
 def standard_layers() -> tuple[FrameLayer, ...]:

@@ -8,11 +8,11 @@ from pathlib import Path
 from PySide6.QtCore import QObject, QTimer, Signal
 
 from nvsim_app.frames import worker
-from nvsim_app.processes.child import RESTARTS, Program
-from nvsim_app.processes.serving import Ended
+from nvsim_app.processes.child import RESTARTS, ChildProgram
+from nvsim_app.processes.serving import EndMessage
 from nvsim_app.processes.side_process import SideProcess
 
-_PROGRAM = Program(
+_PROGRAM = ChildProgram(
     worker.serve,
     "frames",
     "The frames cannot be prepared",
@@ -118,9 +118,9 @@ class FrameLink(QObject):
             self.coverageRead.emit(message.shares, message.complete)
         elif isinstance(message, worker.Candidates):
             self.candidatesMade.emit(message.frame, str(message.file))
-        elif isinstance(message, worker.Prompted):
+        elif isinstance(message, worker.PromptResult):
             self.prompted.emit(message.frame, message.add, message.take)
-        elif isinstance(message, worker.Failed):
+        elif isinstance(message, worker.FailedRequest):
             if message.what == "thumbnail":
                 self._forget_thumbnail(message.frame)
             self.failed.emit(message.what, message.frame, message.sentence)
@@ -133,6 +133,6 @@ class FrameLink(QObject):
         if worker.ThumbnailRequest in self._process.unanswered:
             self.ask_thumbnails(self._thumbnails)
 
-    def _on_end(self, end: Ended) -> None:
+    def _on_end(self, end: EndMessage) -> None:
         self._drop()
         self.failed.emit("open", -1, end.sentence)

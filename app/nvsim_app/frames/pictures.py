@@ -7,14 +7,14 @@ from numpy.typing import NDArray
 from PySide6.QtGui import QColor, QImage
 
 from nvsim_app.frames.correction import Box, Mask
-from nvsim_app.painting.tones import (
+from nvsim_app.painting.value_colors import (
     CONFIRMED,
     DEPTH,
     DEPTH_RANGE,
     MOST_VIEWS,
     NORMALS,
     OF_CHANNEL,
-    Reading,
+    ImageValues,
     of_difference,
     ramp,
 )
@@ -22,11 +22,11 @@ from nvsim_app.painting.tones import (
 _RGB32 = QImage.Format.Format_RGB32
 
 
-class Painted:
+class PaintedImage:
     """An image with the memory that it uses: pixels (H, W) uint32, 0xAARRGGBB, premultiplied. If the colors represent
     numbers, `reading` has them."""
 
-    def __init__(self, pixels: NDArray[np.uint32], opaque: bool, reading: Reading | None = None) -> None:
+    def __init__(self, pixels: NDArray[np.uint32], opaque: bool, reading: ImageValues | None = None) -> None:
         self.reading = reading
         self.pixels = np.ascontiguousarray(pixels)
         height, width = self.pixels.shape
@@ -52,27 +52,27 @@ class Painted:
         return self._smaller[1]
 
 
-def photo(image: NDArray[np.uint8]) -> Painted:
+def photo(image: NDArray[np.uint8]) -> PaintedImage:
     """A photo (H, W, 3) uint8 RGB as an image."""
     pixels = np.empty((*image.shape[:2], 4), np.uint8)
     for channel in range(3):
         pixels[..., channel] = image[..., 2 - channel]
     pixels[..., 3] = 255
-    return Painted(pixels.view(np.uint32)[..., 0], opaque=True)
+    return PaintedImage(pixels.view(np.uint32)[..., 0], opaque=True)
 
 
-def render(pixels: NDArray[np.uint8], channel: str = "rgb", values: NDArray[np.float32] | None = None) -> Painted:
+def render(pixels: NDArray[np.uint8], channel: str = "rgb", values: NDArray[np.float32] | None = None) -> PaintedImage:
     """A render (H, W, 4) uint8 (blue, green, red, 255, as in Picture) as an image, with the numbers of its channel."""
-    reading = None if values is None else Reading(OF_CHANNEL[channel], values)
-    return Painted(np.ascontiguousarray(pixels).view(np.uint32)[..., 0], opaque=True, reading=reading)
+    reading = None if values is None else ImageValues(OF_CHANNEL[channel], values)
+    return PaintedImage(np.ascontiguousarray(pixels).view(np.uint32)[..., 0], opaque=True, reading=reading)
 
 
-def tint(mask: Mask, color: str) -> Painted:
+def tint(mask: Mask, color: str) -> PaintedImage:
     """`mask` (H, W) bool in one color, transparent outside the mask."""
-    return Painted(_two_tones(color)[mask.view(np.uint8)], opaque=False)
+    return PaintedImage(_two_tones(color)[mask.view(np.uint8)], opaque=False)
 
 
-def retint(painted: Painted, mask: Mask, color: str, box: Box) -> None:
+def retint(painted: PaintedImage, mask: Mask, color: str, box: Box) -> None:
     """Updates the pixels of `box` after `mask` (H, W) changed there."""
     painted.pixels[box.slices] = _two_tones(color)[mask[box.slices].view(np.uint8)]
 
@@ -81,34 +81,34 @@ def _two_tones(color: str) -> NDArray[np.uint32]:
     return np.array([0, QColor(color).rgba()], np.uint32)
 
 
-def normals(values: NDArray[np.float32]) -> Painted:
+def normals(values: NDArray[np.float32]) -> PaintedImage:
     """Normals (H, W, 3) float32 as colors; zero normals are transparent."""
     known = (np.abs(values).sum(axis=-1) > 0.1).astype(np.uint32)
     wide = np.clip((values + 1) * 127.5, 0, 255).astype(np.uint32)
     pixels = known * (0xFF000000 | wide[..., 0] << 16 | wide[..., 1] << 8 | wide[..., 2])
-    return Painted(pixels, opaque=False, reading=Reading(NORMALS, values))
+    return PaintedImage(pixels, opaque=False, reading=ImageValues(NORMALS, values))
 
 
-def depth(metres: NDArray[np.float32]) -> Painted:
+def depth(metres: NDArray[np.float32]) -> PaintedImage:
     """Depth (H, W) float32 in meters with the colors of the 3D view; depth 0 is transparent."""
     near, far = DEPTH_RANGE
     known = metres > 0
     share = np.log(far / np.clip(np.where(known, metres, far), near, far)) / np.log(far / near)
-    return _ramped(share, known, Reading(DEPTH, metres))
+    return _ramped(share, known, ImageValues(DEPTH, metres))
 
 
-def confidence(views: NDArray[np.uint8]) -> Painted:
+def confidence(views: NDArray[np.uint8]) -> PaintedImage:
     """Counts of views (H, W) uint8 from dark to bright; 0 is transparent."""
-    return _ramped(views / MOST_VIEWS, views > 0, Reading(CONFIRMED, views))
+    return _ramped(views / MOST_VIEWS, views > 0, ImageValues(CONFIRMED, views))
 
 
-def _ramped(share: NDArray[np.floating], known: NDArray[np.bool_], reading: Reading) -> Painted:
+def _ramped(share: NDArray[np.floating], known: NDArray[np.bool_], reading: ImageValues) -> PaintedImage:
     rgb = ramp(share).astype(np.uint32)
     pixels = 0xFF000000 | rgb[..., 0] << 16 | rgb[..., 1] << 8 | rgb[..., 2]
-    return Painted((known.astype(np.uint32) * pixels).astype(np.uint32), opaque=False, reading=reading)
+    return PaintedImage((known.astype(np.uint32) * pixels).astype(np.uint32), opaque=False, reading=reading)
 
 
-def difference(photographed: Painted, rendered: Painted, gain: float) -> Painted:
+def difference(photographed: PaintedImage, rendered: PaintedImage, gain: float) -> PaintedImage:
     """The largest difference of the three color channels, times `gain`, from dark to bright, at the render's size."""
     from PySide6.QtCore import Qt
 
@@ -121,4 +121,4 @@ def difference(photographed: Painted, rendered: Painted, gain: float) -> Painted
     most = np.maximum(np.maximum(off[..., 0], off[..., 1]), off[..., 2])
     colors = ramp(np.clip(np.arange(256) * (gain / 255), 0, 1)).astype(np.uint32)
     table = 0xFF000000 | colors[:, 0] << 16 | colors[:, 1] << 8 | colors[:, 2]
-    return Painted(table.astype(np.uint32)[most], opaque=True, reading=Reading(of_difference(gain), most))
+    return PaintedImage(table.astype(np.uint32)[most], opaque=True, reading=ImageValues(of_difference(gain), most))

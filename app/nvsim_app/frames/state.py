@@ -11,7 +11,7 @@ from nvsim.project.corrections import corrected_frames
 from nvsim.project.project import layout_of
 from nvsim_app.frames.link import FrameLink
 from nvsim_app.state.document import Document
-from nvsim_app.state.results import Result, Table
+from nvsim_app.state.results import EvaluationResult, ResultTable
 
 _COLUMNS = ("frame", "psnr", "ssim")
 
@@ -37,7 +37,7 @@ class Scores:
     at: float = 0.0
 
 
-def newest_scores(results: Iterable[Result]) -> Scores:
+def newest_scores(results: Iterable[EvaluationResult]) -> Scores:
     """The scores of the last evaluation of held-out frames; empty if there was none."""
     for result in sorted(results, key=lambda r: -r.at):
         for table in result.tables:
@@ -47,7 +47,7 @@ def newest_scores(results: Iterable[Result]) -> Scores:
     return Scores()
 
 
-def _scores_in(table: Table) -> dict[int, Score]:
+def _scores_in(table: ResultTable) -> dict[int, Score]:
     """The scores in a table that has a row for each frame; empty for other tables."""
     if not set(_COLUMNS) <= set(table.columns):
         return {}

@@ -83,7 +83,7 @@ class Candidates:
 
 
 @dataclass(frozen=True, eq=False)
-class Prompted:
+class PromptResult:
     """add, take: (H, W) bool, the pixels to add to the mask and to remove from it."""
 
     frame: int
@@ -92,7 +92,7 @@ class Prompted:
 
 
 @dataclass(frozen=True)
-class Failed:
+class FailedRequest:
     """what: "thumbnail", "candidates" or "prompt"."""
 
     what: str
@@ -128,13 +128,13 @@ class Worker:
         elif isinstance(request, CoverageRequest):
             self._coverage = self._read_coverage(number)
         elif isinstance(request, CandidateRequest):
-            self._requests.answer(number, _tried("candidates", request.frame, self._make_candidates))
+            self._requests.answer(number, _result_or_failure("candidates", request.frame, self._make_candidates))
         else:
-            self._requests.answer(number, _tried("prompt", request.frame, lambda _: self._prompt(request)))
+            self._requests.answer(number, _result_or_failure("prompt", request.frame, lambda _: self._prompt(request)))
 
     def _step(self) -> None:
         if self._thumbnails:
-            made = _tried("thumbnail", self._thumbnails.pop(), self._make_thumbnail)
+            made = _result_or_failure("thumbnail", self._thumbnails.pop(), self._make_thumbnail)
             self._requests.answer(self._number, made, more=bool(self._thumbnails))
         elif self._coverage is not None and next(self._coverage, self) is self:
             self._coverage = None
@@ -198,10 +198,10 @@ class Worker:
     def _make_candidates(self, frame: int) -> Candidates:
         return Candidates(frame, self._candidate_maker().make(frame))
 
-    def _prompt(self, request: PromptRequest) -> Prompted:
+    def _prompt(self, request: PromptRequest) -> PromptResult:
         points = np.array([point[:2] for point in request.points], float)
         on_floor = np.array([on for *_, on in request.points])
-        return Prompted(request.frame, *self._candidate_maker().prompt(request.frame, points, on_floor))
+        return PromptResult(request.frame, *self._candidate_maker().prompt(request.frame, points, on_floor))
 
     def _candidate_maker(self) -> CandidateMaker:
         if self._maker is None:
@@ -217,15 +217,15 @@ def thumbnail_path(layout: Layout, image_path: Path) -> Path:
     return layout.cache / "thumbnails" / f"{name}.jpg"
 
 
-def _tried(what: str, frame: int, make: Callable[[int], object]) -> object:
+def _result_or_failure(what: str, frame: int, make: Callable[[int], object]) -> object:
     """The result of `make`, or why there is none."""
     try:
         return make(frame)
     except InputError as error:
-        return Failed(what, frame, str(error))
+        return FailedRequest(what, frame, str(error))
     except Exception as error:
         traceback.print_exc()
-        return Failed(what, frame, f"Unexpected error: {error}")
+        return FailedRequest(what, frame, f"Unexpected error: {error}")
 
 
 def _kept(path: Path) -> dict[str, Any]:

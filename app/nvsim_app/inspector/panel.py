@@ -17,7 +17,7 @@ from PySide6.QtWidgets import (
     QWidget,
 )
 
-from nvsim.mapping.explanation.explain import Explanation, Measure
+from nvsim.mapping.explanation.explain import CriterionResult, Explanation
 from nvsim_app.inspector.panorama_view import PanoramaView
 from nvsim_app.inspector.panoramas import Panoramas
 from nvsim_app.inspector.state import Inspection
@@ -39,8 +39,8 @@ class MeasureBars(QWidget):
     def __init__(self, parent: QWidget | None = None) -> None:
         super().__init__(parent)
         self.setObjectName("measureBars")
-        self._measures: tuple[Measure, ...] = ()
-        self._failed: Measure | None = None
+        self._measures: tuple[CriterionResult, ...] = ()
+        self._failed: CriterionResult | None = None
         self._most = 1
         self.setSizePolicy(QSizePolicy.Policy.Expanding, QSizePolicy.Policy.Fixed)
 
@@ -123,11 +123,11 @@ class MeasureBars(QWidget):
         painter.end()
 
 
-def _name(measure: Measure) -> str:
+def _name(measure: CriterionResult) -> str:
     return measure.name[0].upper() + measure.name[1:]
 
 
-def _words(measure: Measure) -> str:
+def _words(measure: CriterionResult) -> str:
     state = "passes" if measure.passes else "fails"
     return f"{measure.name} {two_decimals(measure.value)}, threshold {two_decimals(measure.limit)}, {state}"
 

@@ -28,7 +28,7 @@ from nvsim_app.look.plain_text import lines, tip
 from nvsim_app.look.theme import type_font
 from nvsim_app.painting.legend import legend_box, paint_legend
 from nvsim_app.painting.primitives import chip
-from nvsim_app.painting.tones import OF_CHANNEL, alpha_shown, normal_shown
+from nvsim_app.painting.value_colors import OF_CHANNEL, alpha_shown, normal_shown
 from nvsim_app.state.directions import Direction
 
 _TURN = 2 * math.pi

@@ -20,7 +20,7 @@ MOST_WORKERS = 500  # maximum number of stored workers; each process of a cluste
 
 
 @dataclass
-class Series:
+class MetricSeries:
     """A metric over the training steps, thinned if it is long."""
 
     steps: list[float] = field(default_factory=list)
@@ -48,7 +48,7 @@ def image_key(submap: int) -> str:
 
 
 @dataclass(frozen=True)
-class Line:
+class LogLine:
     """A line of the log: time in seconds since the epoch, kind ("log", "warning", "error", or "done"), one sentence."""
 
     at: float
@@ -61,9 +61,9 @@ class JobReport:
 
     def __init__(self) -> None:
         self.progress: Progress | None = None
-        self.series: dict[str, dict[int, Series]] = {}  # metric -> submap -> series
+        self.series: dict[str, dict[int, MetricSeries]] = {}  # metric -> submap -> series
         self.images: dict[str, dict[int, Preview]] = {}  # subject -> step -> image; the newest is last
-        self.lines: deque[Line] = deque(maxlen=MOST_LINES)
+        self.lines: deque[LogLine] = deque(maxlen=MOST_LINES)
         self.line_count = 0  # number of lines so far
         self.results: dict[str, dict[str, object]] = {}  # stage -> results of its last run
         self.failure = ""
@@ -74,7 +74,7 @@ class JobReport:
         if isinstance(event, Progress):
             self._on_progress(at, event)
         elif isinstance(event, Metric):
-            self.series.setdefault(event.name, {}).setdefault(event.submap, Series()).add(event.step, event.value)
+            self.series.setdefault(event.name, {}).setdefault(event.submap, MetricSeries()).add(event.step, event.value)
         elif isinstance(event, Preview):
             self._on_image(event)
         elif isinstance(event, Done):
@@ -105,7 +105,7 @@ class JobReport:
 
     def _say(self, at: float, kind: str, stage: str, text: str) -> None:
         self.line_count += 1
-        self.lines.append(Line(at, kind, f"{stage}: {text}" if stage else text))
+        self.lines.append(LogLine(at, kind, f"{stage}: {text}" if stage else text))
 
     def _on_progress(self, at: float, event: Progress) -> None:
         former, self.progress = self.progress, event

@@ -21,16 +21,16 @@ from nvsim.capture.findings import (
     SCALE_UNKNOWN,
     SEVERITIES,
     Finding,
-    Kind,
+    FindingGroup,
     grouped,
 )
 from nvsim.capture.summary import Summary
 from nvsim.errors import shown
 from nvsim.events import Failed, from_json
 from nvsim.reconstruction.footage_check import VideoFile
-from nvsim_app.processes.child import Program
-from nvsim_app.processes.command import Output, run_command
-from nvsim_app.processes.serving import Ended
+from nvsim_app.processes.child import ChildProgram
+from nvsim_app.processes.command import CommandOutput, run_command
+from nvsim_app.processes.serving import EndMessage
 from nvsim_app.processes.side_process import SideProcess
 
 
@@ -49,7 +49,7 @@ class CommandQuery(QObject):
         self._read = read
         self._no_answer = f"{name} ended without an answer; try again."
         cannot = f"{name} could not be started with {sys.executable}"
-        self._process = SideProcess(Program(run_command, name, cannot, "reinstall NVSim", self._no_answer), self)
+        self._process = SideProcess(ChildProgram(run_command, name, cannot, "reinstall NVSim", self._no_answer), self)
         self._process.ended.connect(self._on_end)
 
     @property
@@ -64,8 +64,8 @@ class CommandQuery(QObject):
         """Ends the running command without emitting a signal."""
         self._process.close()
 
-    def _on_end(self, end: Ended) -> None:
-        if not isinstance(end.value, Output):
+    def _on_end(self, end: EndMessage) -> None:
+        if not isinstance(end.value, CommandOutput):
             self.failed.emit(end.sentence)
             return
         for line in reversed(end.value.lines):
@@ -102,7 +102,7 @@ class CheckResult:
     """
 
     refused: bool
-    kinds: tuple[Kind, ...]
+    kinds: tuple[FindingGroup, ...]
     summary: Summary | None = None
     videos: tuple[VideoFile, ...] = ()
 

@@ -141,7 +141,7 @@ class JobQueue(QObject):
         self._watched: set[int] = set()
         self.threads = 0  # maximum number of threads of a job, 0 for all cores
         self._timer = QTimer(self, interval=CALM)
-        self._timer.timeout.connect(self._look)
+        self._timer.timeout.connect(self._update_jobs)
 
     # The project ------------------------------------------------------------------------------------------------
 
@@ -158,7 +158,7 @@ class JobQueue(QObject):
         self._timer.stop()
         if root is not None:
             self._timer.start(CALM)
-            self._look()
+            self._update_jobs()
             waiting = [h for h in self.handles if h.job.resumable and h.state in ("interrupted", "paused", "queued")]
             if waiting and not self.running:
                 self.found.emit(waiting)
@@ -203,9 +203,9 @@ class JobQueue(QObject):
         self._begin(jobs, None if heavy else job.number)
         if jobs is not self._jobs:
             return JobHandle(jobs, job, self)
-        self._look()
+        self._update_jobs()
         made = self.handle(job.number)
-        assert made is not None  # `_look` has just found it
+        assert made is not None  # `_update_jobs` has just found it
         return made
 
     def pause(self, handle: JobHandle) -> None:
@@ -229,7 +229,7 @@ class JobQueue(QObject):
         heavy = [h.number for h in allowed if h.job.order.heavy]
         for number in (*light, *sorted(heavy)[:1]):  # the worker starts the next heavy job itself
             self._begin(self._jobs, number)
-        self._look()
+        self._update_jobs()
 
     def why_not_resume(self, handle: JobHandle) -> str:
         """Why a job cannot be continued or started now, "" if it can. A waiting job needs the results of those before
@@ -268,7 +268,7 @@ class JobQueue(QObject):
         check_order(self._jobs.root, seen.order.verb, seen.order.arguments, confined=True)
         self._jobs.order_anew(seen)
         self._begin(self._jobs, None if seen.order.heavy else seen.number)
-        self._look()
+        self._update_jobs()
 
     def begin_waiting(self) -> None:
         """Starts the waiting jobs, unless a heavy job runs."""
@@ -280,7 +280,7 @@ class JobQueue(QObject):
         if self._jobs is not None and not handle.running:
             with contextlib.suppress(InputError):  # the job may be removed already
                 self._jobs.forget(handle.number)
-            self._look()
+            self._update_jobs()
 
     def _ask(self, handle: JobHandle, wish: Wish) -> None:
         if self._jobs is None:
@@ -289,7 +289,7 @@ class JobQueue(QObject):
             self._jobs.ask(handle.number, wish)
         if handle.running:
             handle.wish, handle.asked = wish, time.monotonic()
-        self._look()
+        self._update_jobs()
         self.changed.emit()
 
     def _begin(self, jobs: JobList, number: int | None) -> None:
@@ -298,7 +298,7 @@ class JobQueue(QObject):
 
     # Polling ----------------------------------------------------------------------------------------------------
 
-    def _look(self) -> None:
+    def _update_jobs(self) -> None:
         """Updates all jobs; takes a few milliseconds at most."""
         if self._jobs is None:
             return
@@ -317,7 +317,7 @@ class JobQueue(QObject):
         for gone in known.values():
             gone.deleteLater()
         self.handles = handles
-        heard_from = self._hear()
+        heard_from = self._read_some_events()
         self._hasten()
         waiting = any(h.state in ("running", "queued") for h in handles)
         self._timer.setInterval(HASTY if heard_from is not None and heard_from.behind else LIVELY if waiting else CALM)
@@ -331,7 +331,7 @@ class JobQueue(QObject):
             if handle.job.order.folder and handle.state == "done":
                 self.begin_waiting()  # a command in a terminal starts no next job
 
-    def _hear(self) -> JobHandle | None:
+    def _read_some_events(self) -> JobHandle | None:
         """Reads some events of one job, running jobs first. Returns the job, None if there are no events."""
         for handle in sorted(self.handles, key=lambda h: (not h.running, -h.number)):
             unfinished = handle.ours and handle.state != "done"  # its row shows its progress

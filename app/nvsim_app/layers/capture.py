@@ -20,7 +20,7 @@ from nvsim_app.painting.dots import MOST, Dots
 from nvsim_app.painting.picking import NEAR, projected_segments
 from nvsim_app.painting.primitives import Primitives, disc
 from nvsim_app.state.document import Document
-from nvsim_app.state.on_floor import trajectory_on_floor, weak_spots
+from nvsim_app.state.free_floor import trajectory_on_floor, weak_spots
 
 MOST_DOTS_MOVING = 12_000
 _NEAR = 0.1  # meters

@@ -14,8 +14,8 @@ from nvsim_app.painting.graph_ink import DrawingCache
 from nvsim_app.painting.picking import projected_segments
 from nvsim_app.painting.primitives import Primitives
 from nvsim_app.state.document import Document
+from nvsim_app.state.free_floor import floor_height
 from nvsim_app.state.graph_arrays import extremes
-from nvsim_app.state.on_floor import floor_height
 
 _SMOOTH = 120  # lines
 

@@ -79,7 +79,7 @@ class Notices(QObject):
         self.resolved.emit(about)
 
 
-class _Card(QFrame):
+class _NoticeCard(QFrame):
     """A notice on the screen. It stays while the pointer is over it; then its time restarts."""
 
     def __init__(self, notice: Notice, close: Callable[[], None], explain: Callable[[], None], parent: QWidget) -> None:
@@ -153,7 +153,7 @@ class NoticeArea(QWidget):
         self._layout = QVBoxLayout(self)
         self._layout.setContentsMargins(0, 0, 0, 0)
         self._layout.setSpacing(8)
-        self._cards: list[_Card] = []
+        self._cards: list[_NoticeCard] = []
         parent.installEventFilter(self)
         notices.added.connect(self.show_notice)
         notices.resolved.connect(self.resolve)
@@ -177,7 +177,7 @@ class NoticeArea(QWidget):
         if len(self._cards) >= MOST_SHOWN:
             # Errors are removed last.
             self._close(next((c for c in self._cards if c.notice.severity != "error"), self._cards[0]))
-        card = _Card(notice, lambda: self._close(card), lambda: self.detailsWanted.emit(notice), self)
+        card = _NoticeCard(notice, lambda: self._close(card), lambda: self.detailsWanted.emit(notice), self)
         self._cards.append(card)
         self._layout.addWidget(card)
         card.show()
@@ -194,7 +194,7 @@ class NoticeArea(QWidget):
         for card in list(self._cards):
             self._close(card)
 
-    def _close(self, card: _Card) -> None:
+    def _close(self, card: _NoticeCard) -> None:
         if card in self._cards:
             self._cards.remove(card)
             self._layout.removeWidget(card)

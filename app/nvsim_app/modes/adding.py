@@ -15,7 +15,7 @@ from PySide6.QtCore import QPointF, Qt
 from PySide6.QtGui import QPainter
 
 from nvsim.graph.selection import GraphSelection
-from nvsim.mapping.explanation.between import Between
+from nvsim.mapping.explanation.path_explanation import PathExplanation
 from nvsim_app.layers.labels import short_ids
 from nvsim_app.look import colors, lengths
 from nvsim_app.modes.mode import GHOST, Mode, Pointer, dots, label, line
@@ -35,7 +35,7 @@ class AddEdgeMode(Mode):
     _start: str | None = None
     _now: Pointer | None = None
     _key: tuple[object, ...] | None = None  # inputs of the cached result
-    _between: Between | None = None
+    _between: PathExplanation | None = None
 
     def enter(self) -> None:
         chosen = self.context.editing.selection.viewpoints
@@ -45,7 +45,7 @@ class AddEdgeMode(Mode):
         there = pointer.viewpoint
         if there is None:
             self.context.editing.refuse("An edge connects two viewpoints. Click a viewpoint.")
-        elif self._held is None:
+        elif self._existing_start is None:
             self._begin(there)
         else:
             self._join(there, pointer.adds)
@@ -65,7 +65,7 @@ class AddEdgeMode(Mode):
         if there is None:
             self.cancel()
             self.context.editing.refuse("The edge must end at a viewpoint.")
-        elif there != self._held:
+        elif there != self._existing_start:
             self._join(there, now.adds)
 
     def hover(self, pointer: Pointer) -> bool:
@@ -78,7 +78,7 @@ class AddEdgeMode(Mode):
         self._now = None
 
     def cancel(self) -> bool:
-        was, self._start, self._now = self._held is not None, None, None
+        was, self._start, self._now = self._existing_start is not None, None, None
         self.context.refresh()
         return was
 
@@ -86,7 +86,7 @@ class AddEdgeMode(Mode):
         self.cancel()
 
     @property
-    def _held(self) -> str | None:
+    def _existing_start(self) -> str | None:
         """The first viewpoint, if it still exists."""
         return self._start if self._start in self.context.document.graph_arrays.index else None
 
@@ -96,7 +96,7 @@ class AddEdgeMode(Mode):
         self.context.refresh()
 
     def _join(self, there: str, go_on: bool) -> None:
-        start = self._held
+        start = self._existing_start
         assert start is not None  # checked by the callers
         if there == start:
             self.cancel()
@@ -106,7 +106,7 @@ class AddEdgeMode(Mode):
         self.context.refresh()
 
     def paint(self, painter: QPainter, surface: GraphSurface) -> None:
-        start, now = self._held, self._now
+        start, now = self._existing_start, self._now
         arrays = self.context.document.graph_arrays
         if start is not None:
             dots(painter, surface, arrays.feet[arrays.index[start]], radius=7.0)
@@ -122,7 +122,7 @@ class AddEdgeMode(Mode):
         end = arrays.feet[arrays.index[there]] if there is not None else now.surface.floor_point(now.point)
         if end is None:
             return
-        found = None if there is None else self._found(start, there)
+        found = None if there is None else self._path_evidence(start, there)
         ink = GHOST if found is None else _INKS[found.speaks]
         line(painter, surface, foot, np.array(end), ink)
         away = lengths.length(float(np.linalg.norm(np.array(end) - foot)))
@@ -130,7 +130,7 @@ class AddEdgeMode(Mode):
         if found is not None:
             label(painter, now.point + QPointF(0, 24), short_ids(self.context.document.graph, found.sentence), ink)
 
-    def _found(self, start: str, there: str) -> Between | None:
+    def _path_evidence(self, start: str, there: str) -> PathExplanation | None:
         """The evidence between the two viewpoints, computed once for each pair and graph."""
         document = self.context.document
         key = (document.graph, document.contents, start, there)

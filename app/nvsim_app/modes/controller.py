@@ -278,7 +278,7 @@ class _Input(QObject):
             self._dragging = True
             self._stage.current.drag(self._start, now)
             return True
-        self._hand_over()
+        self._send_held_press()
         return False
 
     def _on_release(self, event: QMouseEvent) -> bool:
@@ -292,10 +292,10 @@ class _Input(QObject):
             return True
         if self._stage.current.click(start):
             return True
-        self._hand_over()
+        self._send_held_press()
         return False
 
-    def _hand_over(self) -> None:
+    def _send_held_press(self) -> None:
         """Sends the press that was held back to the view."""
         press, self._press, self._start = self._press, None, None
         if press is not None:

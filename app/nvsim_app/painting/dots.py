@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from nvsim.capture.types import Cloud
-from nvsim_app.painting.tones import ramp
+from nvsim_app.painting.value_colors import ramp
 
 MOST = 60_000  # maximum number of displayed points, sampled evenly
 _TURN = np.uint32(2654435761)

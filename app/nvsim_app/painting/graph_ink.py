@@ -158,7 +158,7 @@ class GraphInk:
     ) -> None:
         """Paints discs at `pixels` (N, 2) with horizontal and vertical `radii` (N, 2) in pixels, in the given order.
         Viewpoints that are not `included` (N,) are gray rings. If `within` is given, discs outside it are skipped."""
-        reach = None if within is None else _around(pixels, radii + 2.0, within)
+        reach = None if within is None else _discs_in_box(pixels, radii + 2.0, within)
         for wanted in (False, True):
             chosen = included == wanted
             many = np.count_nonzero(chosen) > SMOOTH_DISCS
@@ -224,7 +224,7 @@ def _reaching(lines: NDArray[np.floating], box: QRectF) -> NDArray[np.int64]:
     return np.flatnonzero(meets)
 
 
-def _around(points: NDArray[np.floating], radii: NDArray[np.floating], box: QRectF) -> NDArray[np.bool_]:
+def _discs_in_box(points: NDArray[np.floating], radii: NDArray[np.floating], box: QRectF) -> NDArray[np.bool_]:
     """(N,) bool, which of the discs at `points` (N, 2) intersect the box."""
     x, y = points.T
     across, down = radii.T

@@ -7,7 +7,7 @@ from PySide6.QtGui import QColor, QFont, QFontMetricsF, QImage, QPainter, QPen
 
 from nvsim_app.look.theme import type_font
 from nvsim_app.painting.primitives import chip
-from nvsim_app.painting.tones import Scale
+from nvsim_app.painting.value_colors import ValueScale
 
 _WIDTH, _BAR, _MARGIN = 172.0, 9.0, 6.0  # pixels
 _SWATCH = 9.0
@@ -15,7 +15,7 @@ _INK, _GROUND = QColor("#e8edf2"), QColor(16, 20, 26, 190)
 _AWAY = 14.0  # pixels between the cursor and the value beside it
 
 
-def legend_box(scale: Scale, corner: QPointF) -> QRectF:
+def legend_box(scale: ValueScale, corner: QPointF) -> QRectF:
     """The rectangle of `paint_legend`, with its lower left corner at `corner`."""
     line = QFontMetricsF(type_font("small")).height()
     height = 2 * _MARGIN + 2 * line + (2 if scale.swatches else _BAR + 5)
@@ -23,12 +23,12 @@ def legend_box(scale: Scale, corner: QPointF) -> QRectF:
     return QRectF(corner.x(), corner.y() - height, width, height)
 
 
-def _widths(scale: Scale) -> list[float]:
+def _widths(scale: ValueScale) -> list[float]:
     metrics = QFontMetricsF(type_font("small"))
     return [_SWATCH + 3 + metrics.horizontalAdvance(words) + 5 for _, words in scale.swatches]
 
 
-def paint_legend(painter: QPainter, scale: Scale, corner: QPointF, value: object = None) -> QRectF:
+def paint_legend(painter: QPainter, scale: ValueScale, corner: QPointF, value: object = None) -> QRectF:
     """Paints the legend with its lower left corner at `corner` and a mark at `value`. Returns its rectangle."""
     painter.save()
     box = legend_box(scale, corner)
@@ -58,7 +58,7 @@ def paint_legend(painter: QPainter, scale: Scale, corner: QPointF, value: object
     return box
 
 
-def _paint_bar(painter: QPainter, scale: Scale, bar: QRectF, line: float) -> None:
+def _paint_bar(painter: QPainter, scale: ValueScale, bar: QRectF, line: float) -> None:
     colours = scale.colours.copy()
     image = QImage(colours.data, len(colours), 1, 3 * len(colours), QImage.Format.Format_RGB888)
     painter.drawImage(bar, image)
@@ -69,7 +69,7 @@ def _paint_bar(painter: QPainter, scale: Scale, bar: QRectF, line: float) -> Non
         painter.drawText(QRectF(x, bar.bottom() + 3, width, line), Qt.AlignmentFlag.AlignLeft, words)
 
 
-def _paint_swatches(painter: QPainter, scale: Scale, at: QPointF, line: float, widths: list[float]) -> None:
+def _paint_swatches(painter: QPainter, scale: ValueScale, at: QPointF, line: float, widths: list[float]) -> None:
     x = at.x()
     for (rgb, words), width in zip(scale.swatches, widths, strict=True):
         painter.fillRect(QRectF(x, at.y() + (line - _SWATCH) / 2, _SWATCH, _SWATCH), QColor(*rgb))

@@ -63,7 +63,7 @@ _LETTERS = 3  # typed letters before viewpoints and frames are searched
 
 
 @dataclass(frozen=True)
-class Entry:
+class PaletteEntry:
     """One entry of the palette.
 
     title     its action
@@ -82,7 +82,7 @@ class Entry:
     marks: tuple[int, ...] = ()
 
 
-def commands(table: ActionTable, document: Document) -> list[Entry]:
+def commands(table: ActionTable, document: Document) -> list[PaletteEntry]:
     """All commands in the order of the menus."""
     found = []
     for entry in table.entries:
@@ -91,11 +91,13 @@ def commands(table: ActionTable, document: Document) -> list[Entry]:
         title = entry.text.replace("&", "").removesuffix("…")
         if entry.check and not entry.group:
             title += " (on)" if action.isChecked() else " (off)"
-        found.append(Entry(title, entry.menu.replace("&", ""), action.shortcut().toString(), reason, action.trigger))
+        found.append(
+            PaletteEntry(title, entry.menu.replace("&", ""), action.shortcut().toString(), reason, action.trigger)
+        )
     return found
 
 
-def matching_entries(entries: list[Entry], typed: str, recent: list[str]) -> list[Entry]:
+def matching_entries(entries: list[PaletteEntry], typed: str, recent: list[str]) -> list[PaletteEntry]:
     """The entries that match, best first, unavailable ones last. Without typed text, recent entries are first."""
     if not typed.strip():
         order = {title: i for i, title in enumerate(recent)}
@@ -107,7 +109,7 @@ def matching_entries(entries: list[Entry], typed: str, recent: list[str]) -> lis
             wider = match_score(typed, f"{entry.title} {entry.place}")
             found = None if wider is None else (wider[0] - 20, tuple(m for m in wider[1] if m < len(entry.title)))
         if found is not None:
-            marked = Entry(entry.title, entry.place, entry.shortcut, entry.reason, entry.run, found[1])
+            marked = PaletteEntry(entry.title, entry.place, entry.shortcut, entry.reason, entry.run, found[1])
             scored.append((bool(entry.reason), -found[0], marked))
     scored.sort(key=lambda s: s[:2])
     return [entry for *_, entry in scored]
@@ -115,25 +117,25 @@ def matching_entries(entries: list[Entry], typed: str, recent: list[str]) -> lis
 
 def places(
     document: Document, typed: str, go_to_viewpoint: Callable[[str], object], go_to_frame: Callable[[int], object]
-) -> list[Entry]:
+) -> list[PaletteEntry]:
     """Viewpoints whose id begins with the typed text, and frames whose name contains it."""
     wanted = typed.strip().casefold()
     if len(wanted) < _LETTERS:
         return []
-    found: list[Entry] = []
+    found: list[PaletteEntry] = []
     for id in document.graph_arrays.ids:
         if id.casefold().startswith(wanted):
             marks = tuple(range(len(wanted)))
-            found.append(Entry(plain(id), "Go to viewpoint", "", "", partial(go_to_viewpoint, id), marks))
+            found.append(PaletteEntry(plain(id), "Go to viewpoint", "", "", partial(go_to_viewpoint, id), marks))
             if len(found) == MOST_PLACES:
                 break
     capture = document.contents.capture
-    frames: list[Entry] = []
+    frames: list[PaletteEntry] = []
     for i, frame in enumerate(capture.frames if capture is not None else ()):
         at = frame.name.casefold().find(wanted)
         if at >= 0:
             marks = tuple(range(at, at + len(wanted)))
-            frames.append(Entry(plain(frame.name), "Go to frame", "", "", partial(go_to_frame, i), marks))
+            frames.append(PaletteEntry(plain(frame.name), "Go to frame", "", "", partial(go_to_frame, i), marks))
             if len(frames) == MOST_PLACES:
                 break
     return [*found, *frames]

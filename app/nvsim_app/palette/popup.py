@@ -21,7 +21,7 @@ from PySide6.QtWidgets import (
 from nvsim_app.look.labels import Label
 from nvsim_app.look.plain_text import plain, tip
 from nvsim_app.look.theme import type_font
-from nvsim_app.palette.entries import Entry
+from nvsim_app.palette.entries import PaletteEntry
 
 _WIDTH, _ROWS = 560, 11
 _ENTRY = Qt.ItemDataRole.UserRole
@@ -38,7 +38,7 @@ class _Rows(QStyledItemDelegate):
     def paint(
         self, painter: QPainter, option: QStyleOptionViewItem, index: QModelIndex | QPersistentModelIndex
     ) -> None:
-        entry: Entry = index.data(_ENTRY)
+        entry: PaletteEntry = index.data(_ENTRY)
         painter.save()
         palette = option.palette
         chosen = bool(option.state & QStyle.StateFlag.State_Selected)
@@ -62,7 +62,7 @@ class _Rows(QStyledItemDelegate):
         painter.drawText(rest, middle | Qt.AlignmentFlag.AlignLeft, elided)
         painter.restore()
 
-    def _title(self, painter: QPainter, entry: Entry, box: QRect, font: QFont) -> int:
+    def _title(self, painter: QPainter, entry: PaletteEntry, box: QRect, font: QFont) -> int:
         """Draws the title and returns its width in pixels."""
         bold = type_font(bold=True)
         marks, x = set(entry.marks), box.left()
@@ -81,7 +81,7 @@ class PaletteView(QFrame):
 
     ran = Signal(object)
 
-    def __init__(self, offer: Callable[[str], list[Entry]], parent: QWidget) -> None:
+    def __init__(self, offer: Callable[[str], list[PaletteEntry]], parent: QWidget) -> None:
         super().__init__(parent)
         self.setObjectName("commandPalette")
         self.setAutoFillBackground(True)
@@ -149,7 +149,7 @@ class PaletteView(QFrame):
     def _run(self, item: QListWidgetItem | None) -> None:
         if item is None:
             return
-        entry: Entry = item.data(_ENTRY)
+        entry: PaletteEntry = item.data(_ENTRY)
         if entry.reason:
             return  # the row shows the reason
         self.close()

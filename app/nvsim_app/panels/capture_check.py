@@ -19,7 +19,7 @@ from PySide6.QtWidgets import (
     QWidget,
 )
 
-from nvsim.capture.findings import Kind
+from nvsim.capture.findings import FindingGroup
 from nvsim.capture.summary import Summary
 from nvsim.reconstruction.footage_check import VideoFile
 from nvsim_app.jobs.queries import CheckResult
@@ -38,7 +38,7 @@ class FindingTree(QTreeWidget):
 
     def __init__(self, parent: QWidget | None = None) -> None:
         super().__init__(parent)
-        self.kinds: tuple[Kind, ...] = ()
+        self.kinds: tuple[FindingGroup, ...] = ()
         self.setHeaderLabels(["Problem", "Where", "Consequence"])
         self.header().setSectionResizeMode(QHeaderView.ResizeMode.Interactive)
         for column, width in enumerate((260, 130, 220)):
@@ -49,7 +49,7 @@ class FindingTree(QTreeWidget):
         self.setAlternatingRowColors(True)
 
     @property
-    def chosen(self) -> Kind | None:
+    def chosen(self) -> FindingGroup | None:
         """The kind of the selected row or place; None without a selection."""
         items = self.selectedItems()
         if not items:
@@ -110,7 +110,7 @@ class CaptureFixes(QWidget):
             row.addWidget(button)
         self.offer(None, None, 0, True)
 
-    def offer(self, result: CheckResult | None, chosen: Kind | None, left_out: int, own_images: bool) -> None:
+    def offer(self, result: CheckResult | None, chosen: FindingGroup | None, left_out: int, own_images: bool) -> None:
         """Shows the buttons that fix `result`; None hides all buttons.
 
         The frames to leave out are those of the `chosen` finding if it has any, otherwise all frames with errors.

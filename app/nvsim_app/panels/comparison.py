@@ -107,7 +107,7 @@ class ComparePanel(QWidget):
 
     def __init__(self, parent: QWidget | None = None) -> None:
         super().__init__(parent)
-        self.compared: Compared | None = None
+        self.compared: ComparedGraphs | None = None
         self.model = DeviationModel(self)
         self.open = QPushButton("Other graph…", self)
         self.open.setToolTip("Select a connectivity file to compare with")
@@ -159,7 +159,7 @@ class ComparePanel(QWidget):
             if i != current:
                 self.steps.addItem(f"{i}: {plain(text)}", i)
 
-    def show_compared(self, compared: Compared | None) -> None:
+    def show_compared(self, compared: ComparedGraphs | None) -> None:
         """Lists the differences; None clears the list."""
         self.compared = compared
         if compared is None:
@@ -204,7 +204,7 @@ class ComparePanel(QWidget):
 
 
 @dataclass(frozen=True, eq=False)
-class Compared:
+class ComparedGraphs:
     """Two graphs and their differences.
 
     name         display name of the other graph
@@ -217,8 +217,8 @@ class Compared:
     comparison: Comparison
 
     @staticmethod
-    def of(name: str, mine: NavGraph, other: NavGraph) -> Compared:
-        return Compared(name, mine, other, compare(mine, other))
+    def of(name: str, mine: NavGraph, other: NavGraph) -> ComparedGraphs:
+        return ComparedGraphs(name, mine, other, compare(mine, other))
 
     def place(self, id: str) -> tuple[float, float, float] | None:
         """The floor point of a viewpoint in meters, world: in the edited graph, else in the other graph."""

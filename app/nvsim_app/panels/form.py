@@ -10,7 +10,7 @@ from typing import Any
 from PySide6.QtCore import QSettings, Qt, Signal
 from PySide6.QtWidgets import QComboBox, QDialog, QDialogButtonBox, QFormLayout, QVBoxLayout, QWidget
 
-from nvsim.graph.offers import Choice, Number
+from nvsim.graph.offers import ChoiceField, NumberField
 from nvsim.project.work import PIPELINE, STAGE, StageName
 from nvsim_app.look import lengths
 from nvsim_app.look.labels import Label
@@ -26,7 +26,7 @@ class Form(QDialog):
         key: str,
         title: str,
         words: str,
-        fields: tuple[Number | Choice, ...],
+        fields: tuple[NumberField | ChoiceField, ...],
         run: Callable[[dict[str, Any]], object],
         settings: QSettings,
         parent: QWidget,
@@ -56,9 +56,9 @@ class Form(QDialog):
         layout.addLayout(rows)
         layout.addWidget(self.buttons)
 
-    def _made(self, field: Number | Choice) -> QWidget:
+    def _made(self, field: NumberField | ChoiceField) -> QWidget:
         stored = self._settings.value(f"forms/{self._key}/{field.name}")
-        if isinstance(field, Choice):
+        if isinstance(field, ChoiceField):
             choice = QComboBox(self)
             for value, words in field.answers.items():
                 choice.addItem(words, value)

@@ -11,7 +11,7 @@ from PySide6.QtCore import Qt
 from PySide6.QtWidgets import QComboBox, QHBoxLayout, QPushButton, QVBoxLayout, QWidget
 
 from nvsim.graph.edits import EditError
-from nvsim.graph.quantities import Kind, Known, quantity
+from nvsim.graph.quantities import Kind, QuantityInputs, quantity
 from nvsim.graph.selection import GraphSelection
 from nvsim_app.look import colors
 from nvsim_app.look.labels import Label
@@ -93,7 +93,7 @@ class HistogramPanel(QWidget):
         self._ids, self._values, self._trouble = (), np.zeros(0), "this graph has no such values"
         if graph is None:
             return
-        known = Known(self._document.contents.occupancy, clearness=self._document.evidence.at)
+        known = QuantityInputs(self._document.contents.occupancy, clearness=self._document.evidence.at)
         try:
             ids, found = quantity(graph, name, known, kind)
         except EditError as error:
@@ -108,7 +108,7 @@ class HistogramPanel(QWidget):
             self.bars.setOpts(x=[0.0], height=[0.0], width=1.0)
             self.words.setText(self._trouble)
             return
-        counts, edges = _counted(self._values)
+        counts, edges = _histogram_of(self._values)
         width = float(edges[1] - edges[0])
         self.bars.setOpts(x=(edges[:-1] + edges[1:]) / 2, height=counts, width=0.9 * width)
         self.plot.setXRange(edges[0], edges[-1], padding=0.04)
@@ -141,7 +141,7 @@ class HistogramPanel(QWidget):
         self._say()
 
     def _bounds(self) -> tuple[float, float]:
-        _, edges = _counted(self._values)
+        _, edges = _histogram_of(self._values)
         return float(edges[0]), float(edges[-1])
 
     def _say(self) -> None:
@@ -149,7 +149,7 @@ class HistogramPanel(QWidget):
         self.words.setText(f"{low:.4g} to {high:.4g}: {len(self.chosen):,} of {len(self._ids):,}")
 
 
-def _counted(values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def _histogram_of(values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Counts (N,) and bin edges (N + 1,) of `values` (M,). Few whole numbers get one bar each."""
     if not len(values):
         return np.zeros(1), np.array([0.0, 1.0])

@@ -14,7 +14,7 @@ from PySide6.QtCore import Qt, QTimer
 from PySide6.QtGui import QColor, QFontMetricsF, QPen, QShowEvent
 from PySide6.QtWidgets import QHBoxLayout, QVBoxLayout, QWidget
 
-from nvsim_app.jobs.history import Series
+from nvsim_app.jobs.history import MetricSeries
 from nvsim_app.jobs.queue import JobHandle
 from nvsim_app.look import colors
 from nvsim_app.look.labels import Label
@@ -150,7 +150,7 @@ class JobPlots(QWidget):
         found = {"run": self._handle, "other": self._other}
         return {name: handle for name, handle in found.items() if handle is not None}
 
-    def series(self, name: str) -> dict[tuple[str, int], Series]:
+    def series(self, name: str) -> dict[tuple[str, int], MetricSeries]:
         """The series of a plot: (run, submap) -> series."""
         return {
             (run, submap): one

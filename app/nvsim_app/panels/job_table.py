@@ -67,7 +67,7 @@ def clock(at: float | None) -> str:
 
 
 @dataclass(frozen=True)
-class Row:
+class JobRow:
     """One row of the table. handle: its key, which stays the same while the project is open."""
 
     handle: JobHandle
@@ -81,10 +81,10 @@ class Row:
     note: str
 
     @staticmethod
-    def of(handle: JobHandle) -> Row:
+    def of(handle: JobHandle) -> JobRow:
         running, status, history = handle.running, handle.job.status, handle.history
         share = 1.0 if handle.state == "done" else 0.0 if handle.state == "foreign" else history.share
-        return Row(
+        return JobRow(
             handle,
             handle.title,
             handle.state,
@@ -101,7 +101,7 @@ def _rate(rate: float | None) -> str:
     return "" if rate is None else f"{rate:.{1 if rate < 100 else 0}f} /s"
 
 
-COLUMNS: tuple[Column[Row], ...] = (
+COLUMNS: tuple[Column[JobRow], ...] = (
     Column("Job", lambda row: row.title, width=118),
     Column("State", lambda row: row.state, lambda state: STATE_WORDS.get(state, state), width=84,
            ink=lambda row: colors.text(_STATE_TEXTS.get(row.state, "quiet"))),
@@ -118,7 +118,7 @@ COLUMNS: tuple[Column[Row], ...] = (
 STATE, PROGRESS, BUTTONS = 1, 2, 4
 
 
-class JobModel(TableModel[Row]):
+class JobModel(TableModel[JobRow]):
     """One row for each job, in the order in which they run. rowsReplaced(): rows were added or removed."""
 
     rowsReplaced = Signal()
@@ -135,7 +135,7 @@ class JobModel(TableModel[Row]):
     def refresh(self) -> None:
         """Updates the rows."""
         before, self.replacing = [row.handle for row in self.rows], True
-        self.show([Row.of(handle) for handle in sorted(self._queue.handles, key=lambda h: h.job.order.ordered)])
+        self.show([JobRow.of(handle) for handle in sorted(self._queue.handles, key=lambda h: h.job.order.ordered)])
         self.replacing = False
         if before != [row.handle for row in self.rows]:
             self.rowsReplaced.emit()

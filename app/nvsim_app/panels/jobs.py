@@ -40,7 +40,7 @@ COMMANDS = {
 IN_ROW = ("pause", "resume", "cancel", "inspect")  # have a button if they are available; the others are in a menu
 
 
-class Offer(QWidget):
+class WaitingJobsBar(QWidget):
     """A line above the table that offers to continue the jobs that wait for the user."""
 
     def __init__(self, queue: JobQueue, parent: QWidget | None = None) -> None:
@@ -160,7 +160,7 @@ class JobPanel(QWidget):
         super().__init__(parent)
         self.queue = queue
         self.model = JobModel(queue, self)
-        self.offer = Offer(self.queue, self)
+        self.offer = WaitingJobsBar(self.queue, self)
         self.table = table(self.model, self, "Jobs")
         self._shape_table()
         self.hint = Hint(self.table, self._missing).follow(self.table)

@@ -29,7 +29,7 @@ from nvsim_app.look.labels import Label
 from nvsim_app.look.plain_text import tip
 from nvsim_app.look.theme import type_font
 from nvsim_app.look.widgets import DialogButtons
-from nvsim_app.processes.serving import Ended
+from nvsim_app.processes.serving import EndMessage
 from nvsim_app.processes.side_process import SideProcess
 from nvsim_app.state.side_work import MODELS, Found, ModelTask
 
@@ -248,7 +248,7 @@ class InstalledModels(QObject):
         self.doing = words
         self.changed.emit()
 
-    def _on_ended(self, end: Ended) -> None:
+    def _on_ended(self, end: EndMessage) -> None:
         self.doing = ""
         found: Found | None = end.value
         if found is not None:

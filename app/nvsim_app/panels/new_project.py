@@ -21,7 +21,7 @@ from PySide6.QtWidgets import (
 )
 
 from nvsim.capture import formats
-from nvsim.capture.left_out import FROM_FILE, write_names
+from nvsim.capture.excluded_frames import FROM_FILE, write_names
 from nvsim.capture.multi_capture import SUFFIX, write_list
 from nvsim.errors import InputError
 from nvsim.files.user_folders import home
@@ -177,7 +177,7 @@ class NewProjectDialog(QDialog):
         self.summary = CaptureSummary(self)
         self.mending = CaptureFixes(self)
         self.mending.leaveOutWanted.connect(self._leave_out)
-        self.mending.takeBackWanted.connect(lambda: self._take(()))
+        self.mending.takeBackWanted.connect(lambda: self._exclude_frames(()))
         self.mending.folderWanted.connect(self._browse_images)
         self.mending.scaleWanted.connect(self._ask_height)
         self.mending.axesWanted.connect(self._read_as)
@@ -304,9 +304,9 @@ class NewProjectDialog(QDialog):
     # Fixes ------------------------------------------------------------------------------------------------------
 
     def _leave_out(self, names: tuple[str, ...]) -> None:
-        self._take((*self.left_out, *names))
+        self._exclude_frames((*self.left_out, *names))
 
-    def _take(self, names: tuple[str, ...]) -> None:
+    def _exclude_frames(self, names: tuple[str, ...]) -> None:
         """Leaves out exactly these frames, and checks again."""
         self.left_out = tuple(dict.fromkeys(names))
         self._start_check()

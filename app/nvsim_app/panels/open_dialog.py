@@ -59,7 +59,7 @@ class OpenDialog(QDialog):
         self._waiting = Listings(self)
         self._waiting.ended.connect(self._on_listed)
         self._due = QTimer(self, singleShot=True, interval=_TYPING)
-        self._due.timeout.connect(self._look)
+        self._due.timeout.connect(self._list_folder)
         self.line = QLineEdit(self)
         self.line.setAccessibleName("Path")
         self.line.setPlaceholderText("The path of a project, a capture, a video, a graph or a splat file")
@@ -119,7 +119,7 @@ class OpenDialog(QDialog):
         """Lists the contents of a folder."""
         text = str(folder)
         self.line.setText(text if text.endswith("/") else f"{text}/")
-        self._look()
+        self._list_folder()
 
     def go_up(self) -> None:
         self.go_to(self.folder.parent)
@@ -127,7 +127,7 @@ class OpenDialog(QDialog):
     def _on_typed(self, _: str) -> None:
         self._due.start()
 
-    def _look(self) -> None:
+    def _list_folder(self) -> None:
         """Lists the folder of the line, unless it is already shown."""
         self._due.stop()
         if self.listing is not None and self.listing.folder == self.folder:

@@ -217,7 +217,7 @@ class KeyTable(TableModel[KeyRow]):
         return also if others else ""
 
 
-class _Fitting(QSortFilterProxyModel):
+class _PreferenceFilter(QSortFilterProxyModel):
     """The rows that contain all words; with `only`, just the rows that have conflicts."""
 
     words: tuple[str, ...] = ()
@@ -243,7 +243,7 @@ class KeyPage(QWidget):
         super().__init__(parent)
         self._bindings = bindings
         self.table = KeyTable(bindings, self)
-        self._fitting = _Fitting(self)
+        self._fitting = _PreferenceFilter(self)
         self._fitting.setSourceModel(self.table)
         self.view = self._view()
         self.editor = _KeyField(self)

@@ -32,7 +32,7 @@ from nvsim_app.look.plain_text import CAPTION, plain
 from nvsim_app.look.table import Column, TableModel
 from nvsim_app.look.table import table as quiet_table
 from nvsim_app.look.theme import Plot
-from nvsim_app.state.results import Result, Table, save_table, value_words, words_of
+from nvsim_app.state.results import EvaluationResult, ResultTable, save_table, value_words, words_of
 
 _FEW = 12  # rows whose names fit beside horizontal bars
 
@@ -42,14 +42,14 @@ class ResultModel(TableModel[tuple[Any, ...]]):
 
     def __init__(self, parent: QWidget | None = None) -> None:
         super().__init__((), parent)
-        self.table = Table("", (), ())
+        self.table = ResultTable("", (), ())
 
-    def show_table(self, table: Table) -> None:
+    def show_table(self, table: ResultTable) -> None:
         self.table = table
         self.show(table.rows, [_column(table, place) for place in range(len(table.columns))])
 
 
-def _column(table: Table, place: int) -> Column[tuple[Any, ...]]:
+def _column(table: ResultTable, place: int) -> Column[tuple[Any, ...]]:
     def exact(row: tuple[Any, ...]) -> str:
         return repr(row[place]) if isinstance(row[place], float) else ""
 
@@ -67,7 +67,7 @@ class ResultPanel(QWidget):
     def __init__(self, notices: Notices, parent: QWidget | None = None) -> None:
         super().__init__(parent)
         self._notices = notices
-        self.results: list[Result] = []
+        self.results: list[EvaluationResult] = []
         self.list = QListWidget(self)
         self.list.setAccessibleName("Evaluations")
         self.list.setFrameShape(QListWidget.Shape.NoFrame)
@@ -135,7 +135,7 @@ class ResultPanel(QWidget):
 
     # Showing ----------------------------------------------------------------------------------------------------
 
-    def show_results(self, results: list[Result]) -> None:
+    def show_results(self, results: list[EvaluationResult]) -> None:
         """Lists the results, newest first. A new result is shown at once."""
         results = sorted(results, key=lambda r: -r.at)
         if [(r.key, r.at) for r in results] == [(r.key, r.at) for r in self.results] and results:
@@ -158,7 +158,7 @@ class ResultPanel(QWidget):
             self.list.setCurrentRow(0 if newest or chosen not in keys else keys.index(chosen))
 
     @property
-    def table(self) -> Table:
+    def table(self) -> ResultTable:
         """The displayed table."""
         return self.model.table
 
@@ -175,7 +175,7 @@ class ResultPanel(QWidget):
     def _on_table(self, index: int) -> None:
         row = self.list.currentRow()
         tables = self.results[row].tables if 0 <= row < len(self.results) else ()
-        self.model.show_table(tables[index] if 0 <= index < len(tables) else Table("", (), ()))
+        self.model.show_table(tables[index] if 0 <= index < len(tables) else ResultTable("", (), ()))
         former = self.columns.currentText()
         self.columns.blockSignals(True)
         self.columns.clear()

@@ -21,7 +21,7 @@ from PySide6.QtWidgets import (
     QWidget,
 )
 
-from nvsim.project.earlier_results import Kept, megabytes
+from nvsim.project.earlier_results import KeptResult, megabytes
 from nvsim.project.work import PIPELINE, WORK
 from nvsim_app.jobs.queue import JobQueue
 from nvsim_app.look.icons import icon
@@ -219,7 +219,7 @@ class EarlierResults(QDialog):
 
     chosen = Signal(str, bool)
 
-    def __init__(self, kept: Sequence[Kept], parent: QWidget | None = None) -> None:
+    def __init__(self, kept: Sequence[KeptResult], parent: QWidget | None = None) -> None:
         super().__init__(parent)
         self.setWindowTitle("Earlier results")
         self.setAttribute(Qt.WidgetAttribute.WA_DeleteOnClose)

@@ -37,14 +37,14 @@ from nvsim_app.look.icons import icon
 from nvsim_app.look.labels import Label
 from nvsim_app.look.plain_text import plain, tip
 from nvsim_app.look.theme import type_font
-from nvsim_app.state.side_work import Looked
+from nvsim_app.state.side_work import ProjectPreview
 
 _THUMBNAIL = QSize(96, 64)
 _GAP = 8
 _PATH, _GONE = Qt.ItemDataRole.UserRole, Qt.ItemDataRole.UserRole + 1
 
 
-class _Row(QStyledItemDelegate):
+class _RecentItem(QStyledItemDelegate):
     def sizeHint(self, option: QStyleOptionViewItem, index: QModelIndex | QPersistentModelIndex) -> QSize:
         return QSize(200, _THUMBNAIL.height() + 2 * _GAP)
 
@@ -111,7 +111,7 @@ class RecentList(QListWidget):
 
     def __init__(self, parent: QWidget | None = None) -> None:
         super().__init__(parent)
-        self.setItemDelegate(_Row(self))
+        self.setItemDelegate(_RecentItem(self))
         self.setUniformItemSizes(True)
         self.setAccessibleName("Recent projects")
         self.setHorizontalScrollBarPolicy(Qt.ScrollBarPolicy.ScrollBarAlwaysOff)
@@ -133,7 +133,7 @@ class RecentList(QListWidget):
         if self.count():
             self.setCurrentRow(list(paths).index(current) if current is not None and current in paths else 0)
 
-    def show_looks(self, looked: Mapping[Path, Looked]) -> None:
+    def show_looks(self, looked: Mapping[Path, ProjectPreview]) -> None:
         """Shows the states and thumbnails of the projects."""
         for item in self._items():
             found = looked.get(self._path(item))
@@ -341,7 +341,7 @@ class StartPage(QWidget):
         for button in (self.forget, self.go):
             button.setVisible(bool(paths))
 
-    def show_looks(self, looked: Mapping[Path, Looked]) -> None:
+    def show_looks(self, looked: Mapping[Path, ProjectPreview]) -> None:
         """Shows the state and thumbnail of recent projects, which a background process has read."""
         self.recent.show_looks(looked)
 

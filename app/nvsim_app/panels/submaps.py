@@ -15,7 +15,7 @@ from nvsim_app.state.loading import Contents
 
 
 @dataclass(frozen=True)
-class Row:
+class SubmapTableRow:
     """One row: the values of a submap, which stay valid when another project is opened."""
 
     index: int
@@ -26,7 +26,7 @@ class Row:
     model: str
 
 
-COLUMNS: tuple[Column[Row], ...] = (
+COLUMNS: tuple[Column[SubmapTableRow], ...] = (
     Column("Submap", lambda row: row.index, tip="Part of the trajectory that is trained as one model",
            icon=lambda row: swatch(colors.submap_color(row.index))),
     Column("Frames", lambda row: row.frames, tip="Frames that belong only to this submap", number=True,
@@ -42,7 +42,7 @@ COLUMNS: tuple[Column[Row], ...] = (
 )  # fmt: skip
 
 
-class SubmapModel(TableModel[Row]):
+class SubmapModel(TableModel[SubmapTableRow]):
     """One row for each submap of the document."""
 
     def __init__(self, document: Document, parent: QWidget | None = None) -> None:
@@ -63,7 +63,9 @@ class SubmapModel(TableModel[Row]):
             info, core = contents.model_info.get(submap.index, {}), len(submap.core)
             psnr = info.get("psnr", info.get("training_psnr"))
             words = model_words(contents, submap.index, trains(self._document))
-            rows.append(Row(submap.index, core, len(submap.frames) - core, psnr, info.get("gaussians"), words))
+            rows.append(
+                SubmapTableRow(submap.index, core, len(submap.frames) - core, psnr, info.get("gaussians"), words)
+            )
         self.show(rows)
 
 

@@ -24,7 +24,7 @@ from nvsim.graph.clearness_cache import ClearnessCache
 from nvsim.graph.edits import EditError
 from nvsim.graph.expression import by_expression
 from nvsim.graph.history import counted
-from nvsim.graph.quantities import Known
+from nvsim.graph.quantities import QuantityInputs
 from nvsim.graph.selection import GraphSelection
 from nvsim.graph.types import EdgeKey, NavGraph
 from nvsim_app.layers.labels import short_id
@@ -116,14 +116,16 @@ class TablePanel(QWidget):
         shown = graph or _EMPTY
         ids = [id for id in shown.viewpoints if kept is None or id in kept.viewpoints]
         keys = [key for key in shown.edges if kept is None or key in kept.edges]
-        yield from self._unheard(self.viewpoints.show_slowly(ids, viewpoint_columns(shown)))
-        yield from self._unheard(self.edges.show_slowly(keys, edge_columns(shown, self._document.evidence)))
+        yield from self._without_selection_events(self.viewpoints.show_slowly(ids, viewpoint_columns(shown)))
+        yield from self._without_selection_events(
+            self.edges.show_slowly(keys, edge_columns(shown, self._document.evidence))
+        )
         n, m = self.viewpoints.rowCount(), self.edges.rowCount()
         self.tabs.setTabText(0, f"Viewpoints ({n:,})")
         self.tabs.setTabText(1, f"Edges ({m:,})")
         self._show_selection()
 
-    def _unheard(self, steps: Iterator[None]) -> Iterator[None]:
+    def _without_selection_events(self, steps: Iterator[None]) -> Iterator[None]:
         """Runs `steps`, and ignores selection changes that are caused by removed rows."""
         going_on = True
         while going_on:
@@ -153,7 +155,7 @@ class TablePanel(QWidget):
                 frozenset(key for key in graph.edges if text in key[0] or text in key[1]),
             )
         return by_expression(
-            graph, text, Known(self._document.contents.occupancy, clearness=self._document.evidence.at)
+            graph, text, QuantityInputs(self._document.contents.occupancy, clearness=self._document.evidence.at)
         )
 
     def select_filtered(self) -> None:

@@ -19,7 +19,7 @@ from PySide6.QtWidgets import (
     QWidget,
 )
 
-from nvsim.r2r.reviewing import Entry, Episode, Key, Review
+from nvsim.r2r.reviewing import Episode, Key, Review, TaskEntry
 from nvsim_app.look import colors, lengths
 from nvsim_app.look.labels import Label
 from nvsim_app.look.plain_text import tip
@@ -35,11 +35,11 @@ _DIGITS = range(Qt.Key.Key_0, Qt.Key.Key_9 + 1)
 _TAKEN = {*_KEYS, *_DIGITS, *(getattr(Qt.Key, f"Key_{name}") for name in ("E", "Return", "Left", "Right", "Space"))}
 
 
-class TaskModel(TableModel[Entry]):
+class TaskModel(TableModel[TaskEntry]):
     """One row for each task that passes the filters."""
 
     def __init__(self) -> None:
-        columns: tuple[Column[Entry], ...] = (
+        columns: tuple[Column[TaskEntry], ...] = (
             Column("Split", lambda entry: entry.split.removeprefix("R2R_"), width=80, optional=True),
             Column("Path", lambda entry: entry.task.path_id, number=True, width=48),
             Column("Edges", lambda entry: len(entry.task.path) - 1, number=True, width=56, optional=True),
@@ -66,7 +66,7 @@ class TaskModel(TableModel[Entry]):
     def episodes(self, found: Mapping[str, Episode]) -> None:
         self._episodes, self._worst = found, {}
 
-    def episode(self, entry: Entry, which: int = 0) -> Episode | None:
+    def episode(self, entry: TaskEntry, which: int = 0) -> Episode | None:
         """The episode of instruction `which`, counted from 1; 0 selects the worst episode of the task."""
         if which or not self.episodes:
             return self.episodes.get("".join(entry.task.instr_ids[which - 1 : which]))
@@ -75,20 +75,20 @@ class TaskModel(TableModel[Entry]):
             self._worst[entry.key] = max(found, key=lambda e: (e.ne, -e.spl), default=None)
         return self._worst[entry.key]
 
-    def _fault(self, entry: Entry) -> str:
+    def _fault(self, entry: TaskEntry) -> str:
         fault = self.faults.get(entry.key, "")
         return f"Broken: {fault}" if fault else ""
 
-    def _state(self, entry: Entry) -> str:
+    def _state(self, entry: TaskEntry) -> str:
         verdict = self.review[entry.key]
         edited = " *" if verdict.instructions is not None else ""
         return "broken" if self.faults.get(entry.key) else f"{verdict.state}{edited}"
 
-    def _ink(self, entry: Entry) -> str:
+    def _ink(self, entry: TaskEntry) -> str:
         bad = self.faults.get(entry.key) or self.review[entry.key].state == "rejected"
         return colors.text("blocked" if bad else "open")
 
-    def _instruction(self, entry: Entry) -> str:
+    def _instruction(self, entry: TaskEntry) -> str:
         texts = self.review.reviewed(entry.key, entry.task).instructions
         return texts[0] if texts else ""
 
@@ -133,7 +133,7 @@ class TaskPanel(QWidget):
     def __init__(self) -> None:
         super().__init__()
         self.setObjectName("taskPanel")
-        self.model, self.entries = TaskModel(), tuple[Entry, ...]()
+        self.model, self.entries = TaskModel(), tuple[TaskEntry, ...]()
         self._lower: dict[Key, str] = {}  # instructions in lower case, for the filter
         self.text, self.split, self.state, self.order = QLineEdit(), QComboBox(), QComboBox(), QComboBox()
         self.text.setAccessibleName("Filter by words or path id")
@@ -203,7 +203,7 @@ class TaskPanel(QWidget):
         self.editor.textChanged.connect(self._typed.start)
 
     @property
-    def current(self) -> Entry | None:
+    def current(self) -> TaskEntry | None:
         row = self.table.currentIndex().row()
         return self.model.row(row) if 0 <= row < self.model.rowCount() else None
 
@@ -213,7 +213,7 @@ class TaskPanel(QWidget):
         entry = self.current
         return None if entry is None else self.model.episode(entry, max(0, self.which.currentIndex()))
 
-    def show_entries(self, entries: tuple[Entry, ...], review: Review) -> None:
+    def show_entries(self, entries: tuple[TaskEntry, ...], review: Review) -> None:
         self.entries, self.model.review = entries, review
         self._lower = {e.key: "\n".join(e.task.instructions).lower() for e in entries}
         self.split.blockSignals(True)
@@ -253,7 +253,7 @@ class TaskPanel(QWidget):
             self.table.viewport().update()
         self.say()
 
-    def _passes(self, entry: Entry, words: str, split: str, wanted: str) -> bool:
+    def _passes(self, entry: TaskEntry, words: str, split: str, wanted: str) -> bool:
         if split and entry.split != split:
             return False
         verdict = self.model.review[entry.key]
@@ -266,7 +266,7 @@ class TaskPanel(QWidget):
             return True
         return words in (self._lower[entry.key] if verdict.instructions is None else self._rewritten(entry))
 
-    def _rewritten(self, entry: Entry) -> str:
+    def _rewritten(self, entry: TaskEntry) -> str:
         return "\n".join(self.model.review.reviewed(entry.key, entry.task).instructions).lower()
 
     def _on_row(self) -> None:
@@ -323,7 +323,7 @@ class TaskPanel(QWidget):
         if self.slider.value() >= self.slider.maximum():
             self.walk.setChecked(False)
 
-    edited: Entry | None = None  # the task whose instructions are in the editor
+    edited: TaskEntry | None = None  # the task whose instructions are in the editor
 
     def keep(self) -> None:
         """Emits the typed instructions if they changed."""

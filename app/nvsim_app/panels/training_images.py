@@ -15,14 +15,14 @@ from PySide6.QtWidgets import QButtonGroup, QComboBox, QHBoxLayout, QSlider, QTo
 from nvsim.events import Preview
 from nvsim.files.opening import read_regular
 from nvsim_app.frames.canvas import MODES, Canvas
-from nvsim_app.frames.pictures import Painted
+from nvsim_app.frames.pictures import PaintedImage
 from nvsim_app.jobs.history import image_key
 from nvsim_app.jobs.queue import JobHandle
 from nvsim_app.look.labels import Label, WrappingRow
 from nvsim_app.look.plain_text import plain, tip
 from nvsim_app.look.theme import GRID, HALF, type_font
 from nvsim_app.painting.primitives import chip, chip_box
-from nvsim_app.painting.tones import ALPHA, Reading
+from nvsim_app.painting.value_colors import ALPHA, ImageValues
 
 PARTS = {"Photo": (0, 0), "Model": (0, 1), "Alpha": (1, 0), "Background": (1, 1)}
 """The quarters of a preview image of a training: name -> row and column."""
@@ -229,18 +229,18 @@ class TrainingImages(QWidget):
         if self._steps:
             self.slider.setValue(self._steps.index(_nearest(self._steps, step)))
 
-    def _found(self, handle: JobHandle | None) -> dict[int, Preview]:
+    def _reported_images(self, handle: JobHandle | None) -> dict[int, Preview]:
         """Step -> image that the job reported, even if its file was deleted."""
         images = {} if handle is None else handle.history.images
         return images.get(next(reversed(images), "") if self._submap is None else image_key(self._submap), {})
 
     def _reported_steps(self) -> tuple[frozenset[int], ...]:
         """The steps that each of the two jobs reported."""
-        return tuple(frozenset(self._found(handle)) for handle in (self._handle, self._other))
+        return tuple(frozenset(self._reported_images(handle)) for handle in (self._handle, self._other))
 
-    def _there(self, handle: JobHandle | None) -> dict[int, Preview]:
+    def _existing_images(self, handle: JobHandle | None) -> dict[int, Preview]:
         """Step -> image whose file still exists."""
-        found = self._found(handle)
+        found = self._reported_images(handle)
         first = next(iter(found.values()), None)
         place = None if handle is None or first is None else handle.picture(first.path)
         if place is None:
@@ -254,14 +254,14 @@ class TrainingImages(QWidget):
     def _list(self) -> None:
         """Lists the available steps. Keeps the displayed step, or follows the newest at the end of the slider."""
         shown, follows = self.step, self.slider.value() >= len(self._steps) - 1
-        self._steps, self._listed = sorted(self._there(self._handle)), self._reported_steps()
+        self._steps, self._listed = sorted(self._existing_images(self._handle)), self._reported_steps()
         with QSignalBlocker(self.slider):
             self.slider.setRange(0, max(0, len(self._steps) - 1))
             self.slider.setEnabled(len(self._steps) > 1)
             if self._steps:
                 step = self._steps[-1] if follows or shown is None else _nearest(self._steps, shown)
                 self.slider.setValue(self._steps.index(step))
-        others = bool(self._there(self._other))
+        others = bool(self._existing_images(self._other))
         self.against.setVisible(others)
         if not others:
             self.against.setCurrentIndex(0)
@@ -269,7 +269,7 @@ class TrainingImages(QWidget):
 
     def _show(self) -> None:
         step, canvas, handle = self.step, self.canvas, self._handle
-        image = None if step is None or handle is None else self._found(handle).get(step)
+        image = None if step is None or handle is None else self._reported_images(handle).get(step)
         if image is None or handle is None or step is None:
             self._files.clear()
             canvas.note = "Images of the training steps appear here while a submap trains."
@@ -281,7 +281,7 @@ class TrainingImages(QWidget):
         canvas.names = {"photo": "Photo", "render": name}
         used = {image.path}
         photo = self._quarter(handle, image.path, *PARTS["Photo"])
-        others = self._there(self._other)
+        others = self._existing_images(self._other)
         if self.against.currentIndex() == 1 and self._other is not None and others:
             near = _nearest(sorted(others), step)
             used.add(others[near].path)
@@ -294,7 +294,7 @@ class TrainingImages(QWidget):
         canvas.show_photo(photo, keep_zoom=True)
         canvas.show_render(shown)
 
-    def _quarter(self, handle: JobHandle, path: str, row: int, column: int) -> Painted | None:
+    def _quarter(self, handle: JobHandle, path: str, row: int, column: int) -> PaintedImage | None:
         """One quarter of an image file; None if the file cannot be read."""
         if path not in self._files:
             place = handle.picture(path)
@@ -303,8 +303,8 @@ class TrainingImages(QWidget):
         if image.isNull():
             return None
         pixels = _quarter(image, row, column)
-        alpha = Reading(ALPHA, (pixels & 0xFF) / np.float32(255)) if (row, column) == PARTS["Alpha"] else None
-        return Painted(pixels, opaque=True, reading=alpha)
+        alpha = ImageValues(ALPHA, (pixels & 0xFF) / np.float32(255)) if (row, column) == PARTS["Alpha"] else None
+        return PaintedImage(pixels, opaque=True, reading=alpha)
 
 
 def _quarter(image: QImage, row: int, column: int) -> NDArray[np.uint32]:

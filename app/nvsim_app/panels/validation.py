@@ -58,7 +58,7 @@ def selection_of(finding: Finding) -> GraphSelection:
 
 
 @dataclass
-class Group:
+class FindingGroup:
     """The findings of one kind and severity."""
 
     kind: str
@@ -79,7 +79,7 @@ class FindingModel(QAbstractItemModel):
     def __init__(self, document: Document, parent: QWidget | None = None) -> None:
         super().__init__(parent)
         self._document = document
-        self.groups: list[Group] = []
+        self.groups: list[FindingGroup] = []
         self.severities = frozenset(SEVERITIES)
         self.text = ""
         self.with_ignored = False
@@ -94,14 +94,14 @@ class FindingModel(QAbstractItemModel):
         editing = self._document.editing
         ignored = {} if editing.graph is None else editing.graph.ignored
         wanted = self.text.casefold()
-        found: dict[tuple[int, str], Group] = {}
+        found: dict[tuple[int, str], FindingGroup] = {}
         for f in editing.findings.values():
             if (
                 f.severity in self.severities
                 and (self.with_ignored or not ignored or not f.ignored_by(ignored))
                 and (not wanted or wanted in f"{f.message} {f.kind} {_TITLES.get(f.kind, '')}".casefold())
             ):
-                group = found.setdefault((_RANK[f.severity], f.kind), Group(f.kind, f.severity, []))
+                group = found.setdefault((_RANK[f.severity], f.kind), FindingGroup(f.kind, f.severity, []))
                 group.findings.append(f)
         self.groups = [found[key] for key in sorted(found)]
         self.endResetModel()
@@ -114,7 +114,7 @@ class FindingModel(QAbstractItemModel):
                     return self.createIndex(place, 0, row + 1)
         return QModelIndex()
 
-    def group_at(self, index: _Index) -> Group | None:
+    def group_at(self, index: _Index) -> FindingGroup | None:
         """The group of an index; None for the root."""
         if not index.isValid():
             return None
@@ -265,7 +265,7 @@ class ValidationPanel(QWidget):
         return self.model.finding_at(self.tree.currentIndex())
 
     @property
-    def group(self) -> Group | None:
+    def group(self) -> FindingGroup | None:
         """The selected group, or the group of the selected finding."""
         return self.model.group_at(self.tree.currentIndex())
 
@@ -431,7 +431,7 @@ class ValidationPanel(QWidget):
         )
 
 
-def _fixes(group: Group, number: int) -> list[Fix]:
+def _fixes(group: FindingGroup, number: int) -> list[Fix]:
     """The fixes with this number of all findings of a group, as far as they do the same."""
     first = group.findings[0].fixes
     if number >= len(first):

@@ -10,14 +10,14 @@ from multiprocessing.process import BaseProcess
 from typing import Any
 
 from nvsim.errors import InputError
-from nvsim_app.processes.serving import Ended, Requests, serve
+from nvsim_app.processes.serving import EndMessage, Requests, serve
 
 RESTARTS = 2  # maximum number of restarts of a process that answers requests
 _LEAVING = 5.0  # seconds in which a process must end after its last message
 
 
 @dataclass(frozen=True)
-class Program:
+class ChildProgram:
     """What a side process runs.
 
     work      a module-level function that gets the requests of the window and the source. It returns the result of the
@@ -50,7 +50,10 @@ class Child:
     """
 
     def __init__(
-        self, program: Program, source: object, heard: Callable[[Child, object], object] = lambda child, message: None
+        self,
+        program: ChildProgram,
+        source: object,
+        heard: Callable[[Child, object], object] = lambda child, message: None,
     ) -> None:
         self._program, self._source, self._heard = program, source, heard
         # Spawn, because a fork of a process with threads and a window is not safe.
@@ -58,7 +61,7 @@ class Child:
         self._connection, self._theirs = self._context.Pipe()
         self._process: BaseProcess | None = None
         self._killed = False
-        self._ended: Ended | None = None
+        self._ended: EndMessage | None = None
         self._thread = threading.Thread(target=self._run, name=f"{program.name} link", daemon=True)
         self._thread.start()
 
@@ -101,7 +104,7 @@ class Child:
         try:
             process.start()
         except Exception as error:  # no process can be started, or the source cannot be pickled
-            self._end_with(Ended(sentence=f"{program.cannot}: {error}; {program.then}."))
+            self._end_with(EndMessage(sentence=f"{program.cannot}: {error}; {program.then}."))
             return
         finally:
             self._theirs.close()
@@ -117,20 +120,20 @@ class Child:
             self._process = None
         if self._ended is None:
             words = program.stopped or f"{program.cannot}: its process ended with code {process.exitcode}."
-            self._end_with(Ended(sentence=words, crashed=True))
+            self._end_with(EndMessage(sentence=words, crashed=True))
 
     def _read(self) -> None:
         try:
             while self._ended is None:
                 message = self._connection.recv()
-                if isinstance(message, Ended):
+                if isinstance(message, EndMessage):
                     self._end_with(message)
                 else:
                     self._heard(self, message)
         except (EOFError, OSError):
             pass
 
-    def _end_with(self, ended: Ended) -> None:
+    def _end_with(self, ended: EndMessage) -> None:
         self._ended = ended
         if not self._killed:
             self._heard(self, ended)

@@ -20,7 +20,7 @@ OPENED = 0
 
 
 @dataclass(frozen=True)
-class Free:
+class ReadyMessage:
     """The process can receive the next request. number: the last request that it received, OPENED if there is none."""
 
     number: int
@@ -43,7 +43,7 @@ class Notice:
 
 
 @dataclass(frozen=True, eq=False)
-class Ended:
+class EndMessage:
     """The last message of a process: the result of its work, or why it failed.
 
     value     the result of a process that succeeded
@@ -112,7 +112,7 @@ class Requests:
     def _offer(self) -> None:
         if self._freed != self._number:
             self._freed = self._number
-            self.send(Free(self._number))
+            self.send(ReadyMessage(self._number))
 
 
 def serve(
@@ -123,7 +123,7 @@ def serve(
     memory: int | None,
     pipe: Connection,
 ) -> None:
-    """The main function of a side process: runs `work` and sends its result or its error; see `side_process.Program`.
+    """The main function of a side process: runs `work` and sends its result or its error; see `child.ChildProgram`.
     The process ends with the window, also during a computation."""
     signal.signal(signal.SIGINT, signal.SIG_DFL)  # Ctrl-C reaches all processes of a terminal
     threading.Thread(target=_end_with_window, daemon=True).start()
@@ -133,12 +133,12 @@ def serve(
     try:
         limit_memory(memory)
         try:
-            ended = Ended(work(requests, source))
+            ended = EndMessage(work(requests, source))
         except InputError as error:
-            ended = Ended(sentence=str(error))
+            ended = EndMessage(sentence=str(error))
         except MemoryError:
             most = "too much" if memory is None else f"more than {memory / 1e9:.2g} GB of"
-            ended = Ended(sentence=f"{cannot}: it needs {most} memory.")
+            ended = EndMessage(sentence=f"{cannot}: it needs {most} memory.")
         finally:
             limit_memory(None)
         requests.send(ended)
@@ -146,7 +146,7 @@ def serve(
         pass
     except Exception as error:
         why = traceback.format_exception_only(error)[-1].strip()
-        requests.send(Ended(sentence=f"{cannot}: {why}.", trace=traceback.format_exc()))
+        requests.send(EndMessage(sentence=f"{cannot}: {why}.", trace=traceback.format_exc()))
 
 
 def _end_with_window() -> None:

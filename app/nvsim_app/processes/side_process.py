@@ -8,12 +8,12 @@ from dataclasses import dataclass
 
 from PySide6.QtCore import QObject, Signal
 
-from nvsim_app.processes.child import Child, Program
-from nvsim_app.processes.serving import Answer, Ended, Free, Notice
+from nvsim_app.processes.child import Child, ChildProgram
+from nvsim_app.processes.serving import Answer, EndMessage, Notice, ReadyMessage
 
 
 @dataclass(eq=False)
-class _Asked:
+class _PendingRequest:
     number: int
     request: object
     sent: bool = False
@@ -38,7 +38,7 @@ class SideProcess(QObject):
     ended = Signal(object)
     _arrived = Signal(object, object)  # from the reading thread: the Child, its message
 
-    def __init__(self, program: Program, parent: QObject | None = None) -> None:
+    def __init__(self, program: ChildProgram, parent: QObject | None = None) -> None:
         super().__init__(parent)
         self._program = program
         self._source: object = None
@@ -47,7 +47,7 @@ class SideProcess(QObject):
         self._ready = self._given_up = False
         self._number = 0  # of the last request
         self._sent: int | None = None  # the request that the process receives or works on alone
-        self._asked: dict[Hashable, _Asked] = {}  # by slot, the longest waiting first
+        self._asked: dict[Hashable, _PendingRequest] = {}  # by slot, the longest waiting first
         self._arrived.connect(self._on_arrived)
         running = self._running
         self.destroyed.connect(lambda: _end(running))
@@ -88,7 +88,7 @@ class SideProcess(QObject):
         if slot in self._asked and self._asked[slot].sent:
             del self._asked[slot]  # the new one waits behind all others
         self._number += 1
-        self._asked[slot] = _Asked(self._number, request)
+        self._asked[slot] = _PendingRequest(self._number, request)
         self._send()
 
     def cancel(self, slot: Hashable) -> None:
@@ -121,7 +121,7 @@ class SideProcess(QObject):
     def _on_arrived(self, child: Child, message: object) -> None:
         if child not in self._running:
             return  # a late message of an ended process
-        if isinstance(message, Free):
+        if isinstance(message, ReadyMessage):
             self._on_free(message.number)
         elif isinstance(message, Answer):
             if not message.more:
@@ -130,7 +130,7 @@ class SideProcess(QObject):
                 self.heard.emit(message.value)
         elif isinstance(message, Notice):
             self.heard.emit(message.value)
-        elif isinstance(message, Ended):
+        elif isinstance(message, EndMessage):
             self._on_end(message)
 
     def _on_free(self, number: int) -> None:
@@ -149,7 +149,7 @@ class SideProcess(QObject):
             self._sent = None
             self._send()
 
-    def _on_end(self, end: Ended) -> None:
+    def _on_end(self, end: EndMessage) -> None:
         self._leave()
         if not end.crashed or self._crashes >= self._program.restarts:
             self._given_up = bool(end.sentence)

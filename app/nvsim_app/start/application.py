@@ -21,7 +21,7 @@ from nvsim_app.look import theme as themes
 from nvsim_app.look.icons import FOLDER, save_image
 from nvsim_app.look.labels import Label
 from nvsim_app.look.notices import install_excepthook
-from nvsim_app.processes.child import Program
+from nvsim_app.processes.child import ChildProgram
 from nvsim_app.processes.side_process import SideProcess
 from nvsim_app.session import Session
 from nvsim_app.wiring.views import OPEN
@@ -87,14 +87,14 @@ class Collecting(QObject):
 
 WORDS = "Preparing the 3D view, once on this machine; this takes half a minute."
 LATER = 2000  # milliseconds after the window opens until compilation starts; the first project is loaded by then
-_PROGRAM = Program(compilation.serve, "compilation", "The renderer was not compiled ahead")
+_PROGRAM = ChildProgram(compilation.serve, "compilation", "The renderer was not compiled ahead")
 
 
 class Preparing(QObject):
     """Compiles the renderer in a side process while no reconstruction is shown: once per machine, if the installation
     did not. If `program` sends a notice, it has work to do, and a note is shown in the status bar."""
 
-    def __init__(self, window: MainWindow, parent: QObject, program: Program = _PROGRAM) -> None:
+    def __init__(self, window: MainWindow, parent: QObject, program: ChildProgram = _PROGRAM) -> None:
         super().__init__(parent)
         self._window = window
         self._label = Label(window)
@@ -192,9 +192,9 @@ def _run(
         # Slow work starts after the window is visible.
         QTimer.singleShot(0, lambda: session.open(project) if project is not None else None)
         if bench is not None:
-            from nvsim_app.benchmarks.window import Bench
+            from nvsim_app.benchmarks.window import WindowBenchmark
 
-            measurement = Bench(session, bench)
+            measurement = WindowBenchmark(session, bench)
             measurement.finished.connect(lambda figures: (print(json.dumps(figures)), app.quit()))
             measurement.failed.connect(lambda: app.exit(1))
             measurement.start()

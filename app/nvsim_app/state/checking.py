@@ -21,7 +21,7 @@ AT_ONCE = 1e9
 
 
 @dataclass
-class _Look:
+class _PendingValidation:
     """A validation of a whole graph in progress."""
 
     graph: NavGraph
@@ -39,7 +39,7 @@ class Checking:
         self._file: GraphFile | None = None
         self._known = Context(against=closed_edge_reason(MappingConfig()), closed=closed_path_test(MappingConfig()))
         self._validator: Validator | None = None
-        self._look: _Look | None = None
+        self._look: _PendingValidation | None = None
         self._begin = QTimer(parent, singleShot=True, interval=0)
         self._begin.timeout.connect(self.look)
         self._slices = QTimer(parent, singleShot=True, interval=2)
@@ -90,7 +90,7 @@ class Checking:
             self._changed()
             return
         validator = Validator()
-        self._look = _Look(graph, validator, validator.beginning(graph, context))
+        self._look = _PendingValidation(graph, validator, validator.beginning(graph, context))
         self._go_on(AT_ONCE if len(graph.edges) < LARGE else SLICE)
 
     def follow(self, before: NavGraph, after: NavGraph, changed: Difference) -> None:

@@ -13,8 +13,8 @@ from nvsim.graph.types import EdgeKey, Evidence, NavGraph, edge
 from nvsim.mapping.config import MappingConfig
 from nvsim.mapping.corridor import DIRECTIONS
 from nvsim.mapping.criteria import DECISIONS, DISPUTED, OPEN, unmeasured_families
-from nvsim.mapping.explanation.between import Between, between
 from nvsim.mapping.explanation.explain import Explanation, explain, outline
+from nvsim.mapping.explanation.path_explanation import PathExplanation, between
 from nvsim_app.look import lengths
 from nvsim_app.look.plain_text import plain
 from nvsim_app.state.document import Document
@@ -184,7 +184,7 @@ def _goal(arrays: GraphArrays, e: Evidence) -> int | None:
     return nearest if distance[nearest] < _HERE else None
 
 
-def way_between(document: Document, a: str, b: str) -> Between | None:
+def way_between(document: Document, a: str, b: str) -> PathExplanation | None:
     """The explanation for two viewpoints; None if they are equal or one does not exist. The occupancy map is used only
     if the building has one storey."""
     graph, contents = document.graph, document.contents

@@ -96,7 +96,7 @@ class Editing(QObject):
         """Opens `graph` for editing, and restores unsaved edits of an earlier window. If the open file was read again
         and contains another graph, the change becomes a step of the history."""
         again = self.history is not None and graph is not None and file is not None and file is self.file
-        if again and graph is not None and self._take_over(graph):
+        if again and graph is not None and self._handle_reread_graph(graph):
             return
         self.close()
         self.file = file
@@ -107,7 +107,7 @@ class Editing(QObject):
         self.selectionChanged.emit()
         self.stepsChanged.emit()
 
-    def _take_over(self, graph: NavGraph) -> bool:
+    def _handle_reread_graph(self, graph: NavGraph) -> bool:
         """Handles a graph that was read again from the same file. Returns False if it must be opened as a new graph.
 
         Usually the graph is unchanged, because a project is read again whenever a stage begins or ends. Otherwise a job

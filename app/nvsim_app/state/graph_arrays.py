@@ -16,7 +16,7 @@ from nvsim.capture.trajectories import trajectories
 from nvsim.capture.types import Capture
 from nvsim.graph.difference import Difference
 from nvsim.graph.types import NavGraph
-from nvsim.reconstruction.growing import GrowingTrajectory
+from nvsim.reconstruction.growing_trajectory import GrowingTrajectory
 from nvsim.submaps.split import Submap
 
 STEPS = 16  # number of recorded edits

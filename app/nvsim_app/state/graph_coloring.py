@@ -9,7 +9,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from nvsim.graph.quantities import Known, quantity
+from nvsim.graph.quantities import QuantityInputs, quantity
 from nvsim.mapping.explanation.explain import smallest_margin
 from nvsim_app.look import colors
 from nvsim_app.state.document import Document
@@ -63,7 +63,7 @@ def coloring(document: Document, by: str) -> Coloring | None:
         return None
     config, few = document.contents.thresholds, len(graph.edges) <= MOST_MARGINS
     slack = smallest_margin(config) if few else lambda g, key: config.row_alpha - 1.0 + document.evidence.at(g, key)
-    known = Known(document.contents.occupancy, slack)
+    known = QuantityInputs(document.contents.occupancy, slack)
 
     def of(kind: str, bins: _Bins) -> dict[object, int]:
         names, values = quantity(graph, by, known, kind)  # type: ignore[arg-type]

@@ -12,8 +12,8 @@ from nvsim.graph.selection import GraphSelection
 from nvsim.graph.types import Edge, EdgeKey, NavGraph, Viewpoint
 from nvsim.mapping.config import MappingConfig
 from nvsim.mapping.criteria import CRITERIA
-from nvsim.mapping.explanation.between import Between, Way
 from nvsim.mapping.explanation.explain import closed_edge_reason, smallest_margin
+from nvsim.mapping.explanation.path_explanation import DirectionExplanation, PathExplanation
 from nvsim_app.look import lengths
 
 MOST = 500  # maximum number of selected objects for which details are computed; else only the number is shown
@@ -69,7 +69,7 @@ def _evidence(graph: NavGraph, key: EdgeKey, config: MappingConfig) -> str:
     return f"fails a threshold by {distance(slack)}: {closed_edge_reason(config)(graph, key)}".rstrip(": ")
 
 
-def of_pair(graph: NavGraph | None, found: Between) -> dict[str, str]:
+def of_pair(graph: NavGraph | None, found: PathExplanation) -> dict[str, str]:
     """The known facts about the segment between two viewpoints, as names and values. `verdicts` gives the criteria."""
     a, b = (way.start if graph is None else graph.short(way.start, 6) for way in found.ways)
     facts = {
@@ -86,13 +86,13 @@ def of_pair(graph: NavGraph | None, found: Between) -> dict[str, str]:
     return facts
 
 
-def _source(way: Way) -> str:
+def _source(way: DirectionExplanation) -> str:
     if way.source == "measured":
         return "measured"
     return f"covered {100 * way.covered:.0f} % by other corridors" if way.source else "not measured"
 
 
-def verdicts(found: Between) -> list[tuple[str, list[tuple[str, bool | None]]]]:
+def verdicts(found: PathExplanation) -> list[tuple[str, list[tuple[str, bool | None]]]]:
     """The deciding criteria: name with threshold, and for each of the two directions the value as text and whether it
     passes; None if it was not measured."""
     by_criterion = [

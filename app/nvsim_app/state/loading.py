@@ -327,7 +327,7 @@ class ProjectReader:
         """The newest cameras of a video whose poses are computed, and the newest report, while there is no capture. The
         last read values are kept until there is a capture."""
         from nvsim.reconstruction.computing import WORK
-        from nvsim.reconstruction.growing import GROWING, read_growing
+        from nvsim.reconstruction.growing_trajectory import GROWING, read_growing
         from nvsim.reconstruction.report import REPORT, read_report
 
         growing, poses = self._contents.growing, self._contents.poses

@@ -9,16 +9,16 @@ from nvsim.graph.types import EdgeKey, Evidence, NavGraph
 
 
 @dataclass(frozen=True, eq=False)
-class _Grounds:
+class _ProposalBasis:
     """What an edge was judged by: the positions of its ends, and the evidence measured there."""
 
     positions: dict[str, tuple[float, float, float]]
     evidence: tuple[Evidence, ...]
 
     @staticmethod
-    def of(graph: NavGraph, key: EdgeKey) -> _Grounds:
+    def of(graph: NavGraph, key: EdgeKey) -> _ProposalBasis:
         ends = {id: graph.viewpoints[id].position for id in key if id in graph.viewpoints}
-        return _Grounds(ends, tuple(graph.evidence[row] for id in ends for row in graph.evidence_of.get(id, ())))
+        return _ProposalBasis(ends, tuple(graph.evidence[row] for id in ends for row in graph.evidence_of.get(id, ())))
 
     def hold(self, graph: NavGraph) -> bool:
         """Whether all of it is in `graph`, which contains the ends. An undo restores identical objects."""
@@ -42,7 +42,7 @@ class Proposals:
     edges: tuple[EdgeKey, ...] = ()
     doubted: tuple[EdgeKey, ...] = ()
     places: tuple[PlaceProposal, ...] = ()
-    _grounds: dict[EdgeKey, _Grounds] = field(default_factory=dict)
+    _grounds: dict[EdgeKey, _ProposalBasis] = field(default_factory=dict)
 
     def __bool__(self) -> bool:
         return bool(self.edges or self.places)
@@ -55,7 +55,7 @@ class Proposals:
         places: tuple[PlaceProposal, ...] = (),
     ) -> None:
         """Adds proposals that were found in `graph` to the existing ones."""
-        self._grounds |= {key: _Grounds.of(graph, key) for key in (*edges, *doubted)}
+        self._grounds |= {key: _ProposalBasis.of(graph, key) for key in (*edges, *doubted)}
         self.places = tuple({place.new_id: place for place in (*self.places, *places)}.values())
         self.edges = tuple(dict.fromkeys((*self.edges, *edges)))
         self.doubted = tuple(dict.fromkeys((*self.doubted, *doubted)))

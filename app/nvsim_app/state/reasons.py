@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 from collections.abc import Callable
 
-from nvsim.graph.offers import Needs
+from nvsim.graph.offers import SelectionNeeds
 from nvsim.project.layout import Layout
 from nvsim.project.work import NEEDS_IMAGES, NO_IMAGES, STAGE, WORK, StageName
 from nvsim_app.state.document import Document
@@ -125,7 +125,7 @@ def writable(document: Document) -> Reason:
     return with_editing(document) or document.editing.locked or None
 
 
-def with_chosen(needs: Needs, *, changes: bool = True) -> Check:
+def with_chosen(needs: SelectionNeeds, *, changes: bool = True) -> Check:
     """Needs a selection that satisfies `needs`, and a writable graph if the command `changes` it."""
 
     def reason(document: Document) -> Reason:

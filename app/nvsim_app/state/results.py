@@ -49,7 +49,7 @@ _NAMES = {
 
 
 @dataclass(frozen=True)
-class Table:
+class ResultTable:
     """A table: column names and rows of values; None is a missing value."""
 
     title: str
@@ -79,13 +79,13 @@ class Table:
 
 
 @dataclass(frozen=True)
-class Result:
+class EvaluationResult:
     """One evaluation: key, title, time of its end (seconds since the epoch, 0 if unknown), and tables."""
 
     key: str
     title: str
     at: float
-    tables: tuple[Table, ...]
+    tables: tuple[ResultTable, ...]
 
 
 def _is_number(value: object) -> bool:
@@ -107,13 +107,13 @@ def value_words(value: object) -> str:
     return str(value)
 
 
-def tables_of(figures: Mapping[str, Any]) -> tuple[Table, ...]:
+def tables_of(figures: Mapping[str, Any]) -> tuple[ResultTable, ...]:
     """Converts the results of an evaluation to tables: plain values become the summary; lists of objects and objects of
     objects become separate tables."""
     plain = [(k, v) for k, v in figures.items() if not isinstance(v, dict | list | tuple)]
     tables = []
     if plain:
-        tables.append(Table(SUMMARY, ("figure", "value"), tuple((words_of(k), v) for k, v in plain)))
+        tables.append(ResultTable(SUMMARY, ("figure", "value"), tuple((words_of(k), v) for k, v in plain)))
     for name, value in figures.items():
         if isinstance(value, dict) and value and all(isinstance(v, dict) for v in value.values()):
             first = name.removesuffix("s")
@@ -129,18 +129,18 @@ def _is_rows(value: object) -> bool:
     return isinstance(value, list) and bool(value) and all(isinstance(v, dict) for v in value)
 
 
-def _table(name: str, rows: Sequence[Mapping[str, Any]]) -> Table:
+def _table(name: str, rows: Sequence[Mapping[str, Any]]) -> ResultTable:
     columns = [c for c in dict.fromkeys(k for r in rows for k in r) if any(_fits(r.get(c)) for r in rows)]
     cells = tuple(tuple(r.get(c) if _fits(r.get(c)) else None for c in columns) for r in rows)
     words = words_of(name)
-    return Table(words[:1].upper() + words[1:], tuple(columns), cells)
+    return ResultTable(words[:1].upper() + words[1:], tuple(columns), cells)
 
 
 def _fits(value: object) -> bool:
     return value is not None and not isinstance(value, dict | list | tuple)
 
 
-def result_of_job(job: Job) -> Result | None:
+def result_of_job(job: Job) -> EvaluationResult | None:
     """The result that a successful evaluation printed last; None for other jobs."""
     if job.order.verb not in EVALUATIONS or job.status.state != "done":
         return None
@@ -154,18 +154,20 @@ def result_of_job(job: Job) -> Result | None:
         except (ValueError, RecursionError):
             continue
         if isinstance(figures, dict):
-            return Result(f"job {job.number}", job.order.title, job.status.finished or 0.0, tables_of(figures))
+            return EvaluationResult(
+                f"job {job.number}", job.order.title, job.status.finished or 0.0, tables_of(figures)
+            )
     return None
 
 
-def stored_result(name: str, at: float, figures: Mapping[str, Any]) -> Result:
+def stored_result(name: str, at: float, figures: Mapping[str, Any]) -> EvaluationResult:
     """A result that a command stored in the project."""
     verb = f"evaluate {name}"
     title = f"{WORK[verb].title} (stored)" if verb in WORK else f"{words_of(name)} (stored)"
-    return Result(f"stored {name}", title, at, tables_of(figures))
+    return EvaluationResult(f"stored {name}", title, at, tables_of(figures))
 
 
-def save_table(table: Table, path: Path) -> None:
+def save_table(table: ResultTable, path: Path) -> None:
     """Writes a table as CSV. Raises InputError if the file cannot be written."""
     from nvsim.files.atomic import write_text
 

@@ -20,7 +20,7 @@ from nvsim.mapping.config import MappingConfig
 from nvsim.mapping.evidence.new_viewpoints import NewViewpointEvidence
 from nvsim.occupancy.types import OccupancyMap
 from nvsim.project.layout import Layout
-from nvsim_app.processes.child import Child, Program
+from nvsim_app.processes.child import Child, ChildProgram
 from nvsim_app.processes.serving import Requests
 
 _NO_MAP = (
@@ -29,7 +29,7 @@ _NO_MAP = (
 
 
 @dataclass(frozen=True, eq=False)
-class Asked:
+class CalibrationRequest:
     """The input of a calibration.
 
     graph        the displayed graph
@@ -61,20 +61,20 @@ class Asked:
 
 
 @dataclass(frozen=True, eq=False)
-class Calibrated:
+class CalibrationResult:
     """The result of a calibration, and the occupancy map that was used."""
 
     found: Calibration
     map: Path
 
 
-def _decoded_calibration(graph: bytes, project: Path, *rest: Any) -> Asked:
+def _decoded_calibration(graph: bytes, project: Path, *rest: Any) -> CalibrationRequest:
     from nvsim.graph.store import decode_graph
 
-    return Asked(project, decode_graph(graph), *rest)
+    return CalibrationRequest(project, decode_graph(graph), *rest)
 
 
-def _calibrate(requests: Requests, asked: Asked) -> Calibrated:
+def _calibrate(requests: Requests, asked: CalibrationRequest) -> CalibrationResult:
     from nvsim.evaluation.calibration import calibrate
     from nvsim.evaluation.truth import true_occupancy
     from nvsim.project.occupancy_maps import true_map
@@ -87,10 +87,12 @@ def _calibrate(requests: Requests, asked: Asked) -> Calibrated:
         frame = "capture" if asked.truth is not None and asked.in_capture else "aligned"
         occupancy, positions = true_occupancy(project, truth, frame), project.need_capture().positions
     config = asked.config
-    return Calibrated(calibrate(asked.graph, occupancy, positions, config, asked.want, config.robot_radius), truth)
+    return CalibrationResult(
+        calibrate(asked.graph, occupancy, positions, config, asked.want, config.robot_radius), truth
+    )
 
 
-CALIBRATION = Program(_calibrate, "calibration", "The thresholds cannot be calibrated")
+CALIBRATION = ChildProgram(_calibrate, "calibration", "The thresholds cannot be calibrated")
 """Asked -> Calibrated"""
 
 
@@ -113,7 +115,7 @@ class EvidenceTask:
 
 
 @dataclass(frozen=True, eq=False)
-class Measured:
+class MeasuredEvidence:
     """The evidence, and the measured positions by viewpoint id."""
 
     found: NewViewpointEvidence
@@ -131,7 +133,7 @@ def evidence_task(project: Path, graph: NavGraph, ids: Sequence[str]) -> Evidenc
     return EvidenceTask(project, _part(graph, tuple(ids)), tuple(ids))
 
 
-def _measure(requests: Requests, task: EvidenceTask) -> Measured:
+def _measure(requests: Requests, task: EvidenceTask) -> MeasuredEvidence:
     from nvsim.cli.arguments import memory_budget
     from nvsim.mapping.config import MappingConfig
     from nvsim.project.project import Project
@@ -139,7 +141,7 @@ def _measure(requests: Requests, task: EvidenceTask) -> Measured:
 
     with Project.open(task.project) as project:
         found = measure(project, task.graph, task.ids, MappingConfig(), lambda event: None, memory_budget(None))
-    return Measured(found, {id: task.graph.viewpoints[id].position for id in task.ids})
+    return MeasuredEvidence(found, {id: task.graph.viewpoints[id].position for id in task.ids})
 
 
 def _part(graph: NavGraph, ids: tuple[str, ...]) -> NavGraph:
@@ -158,7 +160,7 @@ def _part(graph: NavGraph, ids: tuple[str, ...]) -> NavGraph:
     )
 
 
-EVIDENCE = Program(_measure, "evidence", "The viewpoints cannot be measured")
+EVIDENCE = ChildProgram(_measure, "evidence", "The viewpoints cannot be measured")
 """EvidenceTask -> Measured"""
 
 
@@ -180,7 +182,7 @@ def _work(requests: Requests, task: ModelTask) -> Found:
 
     found: Found = {"checked": {}, "added": ""}
     if task.add:
-        from nvsim.networks.adding import add
+        from nvsim.networks.installation import add
 
         found["added"] = add(list(task.add)).name
     if task.check:
@@ -193,7 +195,7 @@ def _work(requests: Requests, task: ModelTask) -> Found:
     return found
 
 
-MODELS = Program(_work, "models", "The networks cannot be listed")
+MODELS = ChildProgram(_work, "models", "The networks cannot be listed")
 """ModelTask -> Found"""
 
 
@@ -218,7 +220,7 @@ def _read(requests: Requests, path: Path) -> OccupancyMap | None:
         return occupancy_of(project)
 
 
-_PROGRAM = Program(
+_PROGRAM = ChildProgram(
     _read,
     "occupancy",
     "The occupancy map cannot be read",
@@ -233,7 +235,7 @@ LAST_VIEW = "view.jpg"
 
 
 @dataclass(frozen=True)
-class Looked:
+class ProjectPreview:
     """The result for one project.
 
     there    whether it is a project that can be opened
@@ -244,18 +246,18 @@ class Looked:
     picture: bytes
 
 
-def look_at(project: Path) -> Looked:
+def look_at(project: Path) -> ProjectPreview:
     """Checks one project. Never raises; a project that cannot be read has no image."""
     from nvsim.project.path_kind import path_kind
 
     if path_kind(project) != "project":
-        return Looked(False, b"")
+        return ProjectPreview(False, b"")
     for image in _images(project):
         try:
-            return Looked(True, _small(image))
+            return ProjectPreview(True, _small(image))
         except InputError:
             continue
-    return Looked(True, b"")
+    return ProjectPreview(True, b"")
 
 
 def _images(project: Path) -> Iterator[Path]:
@@ -292,9 +294,9 @@ def _small(image: Path) -> bytes:
     return bytes(cv2.imencode(".jpg", cv2.cvtColor(small, cv2.COLOR_RGB2BGR), [cv2.IMWRITE_JPEG_QUALITY, 85])[1])
 
 
-def _look(requests: Requests, projects: tuple[Path, ...]) -> dict[Path, Looked]:
+def _look(requests: Requests, projects: tuple[Path, ...]) -> dict[Path, ProjectPreview]:
     return {project: look_at(project) for project in projects}
 
 
-RECENT = Program(_look, "recent projects", "Recent projects cannot be checked", memory=1 << 30)
+RECENT = ChildProgram(_look, "recent projects", "Recent projects cannot be checked", memory=1 << 30)
 """Paths of projects -> path -> Looked"""

@@ -8,7 +8,7 @@ from dataclasses import asdict, dataclass
 from typing import Any
 
 from nvsim_app.painting.cameras import ViewPose
-from nvsim_app.painting.tones import CHANNELS
+from nvsim_app.painting.value_colors import CHANNELS
 from nvsim_app.state.document import Selection
 
 MOST_KEYS = 1000
@@ -16,7 +16,7 @@ FARTHEST = 1e7
 
 
 @dataclass(frozen=True)
-class Left:
+class StoredViewState:
     """The view state of a project.
 
     pose       pose of the 3D view's camera
@@ -37,11 +37,11 @@ class Left:
     keys: tuple[ViewPose, ...] = ()
 
 
-def encode(left: Left) -> str:
+def encode(left: StoredViewState) -> str:
     return json.dumps(asdict(left))
 
 
-def decode(text: str) -> Left | None:
+def decode(text: str) -> StoredViewState | None:
     """Parses the output of `encode`; None for any other text."""
     try:
         kept = json.loads(text)
@@ -50,7 +50,7 @@ def decode(text: str) -> Left | None:
             *(_optional(chosen[name], kind) for name, kind in (("viewpoint", str), ("frame", int), ("submap", int)))
         )
         pose, view, panorama = kept["pose"], kept.get("map_range"), kept.get("panorama")
-        left = Left(
+        left = StoredViewState(
             None if pose is None else _pose(pose),
             str(kept["channel"]),
             selection,

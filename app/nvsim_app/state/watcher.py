@@ -14,7 +14,7 @@ from nvsim_app.state.loading import Contents, ProjectReader
 PERIOD = 1.0  # seconds
 
 
-class Readable(Protocol):
+class ReadableFile(Protocol):
     """A file that provides the contents of a window. It is read once."""
 
     def contents(self) -> Contents:
@@ -22,7 +22,7 @@ class Readable(Protocol):
         ...
 
 
-class _Reading(QObject):
+class _ReadingRelay(QObject):
     """Forwards the results of a reading thread to the main thread. After a stop, pending results are dropped, because
     disconnecting a signal does not remove posted events."""
 
@@ -44,7 +44,7 @@ class _Reading(QObject):
             self.read.emit(found)
 
 
-class ProjectWatcher(_Reading):
+class ProjectWatcher(_ReadingRelay):
     """Watches a project. read(Contents) is emitted after every change, failed(str) once for each new error."""
 
     def __init__(self, path: Path, parent: QObject | None = None) -> None:
@@ -94,10 +94,10 @@ class ProjectWatcher(_Reading):
             reader.close()
 
 
-class FileReader(_Reading):
+class FileReader(_ReadingRelay):
     """Reads a file in a thread. Emits read(Contents) once, or failed(str)."""
 
-    def __init__(self, file: Readable, parent: QObject | None = None) -> None:
+    def __init__(self, file: ReadableFile, parent: QObject | None = None) -> None:
         super().__init__(parent)
         self._file = file
         self._thread = threading.Thread(target=self._run, name="file reader", daemon=True)

@@ -12,10 +12,10 @@ from nvsim.evaluation.interval import cases_needed
 from nvsim.mapping.config import MappingConfig
 from nvsim.project.work import STAGE, sentence
 from nvsim_app.look.plain_text import plain
-from nvsim_app.processes.serving import Ended
+from nvsim_app.processes.serving import EndMessage
 from nvsim_app.processes.side_process import SideProcess
 from nvsim_app.state.document import Document
-from nvsim_app.state.side_work import CALIBRATION, Asked, Calibrated
+from nvsim_app.state.side_work import CALIBRATION, CalibrationRequest, CalibrationResult
 from nvsim_app.thresholds.slider import thresholds, with_value
 from nvsim_app.thresholds.threshold_preview import ThresholdPreview
 
@@ -37,8 +37,8 @@ class Calibrations(QObject):
         """Whether that map is in the coordinate frame of the capture."""
         self.want = 0.99
         self.trouble = ""
-        self._last: tuple[Asked, Calibrated] | None = None
-        self._asked: Asked | None = None
+        self._last: tuple[CalibrationRequest, CalibrationResult] | None = None
+        self._asked: CalibrationRequest | None = None
         self._process = SideProcess(CALIBRATION, self)
         self._process.ended.connect(self._on_ended)
 
@@ -66,7 +66,7 @@ class Calibrations(QObject):
         if project is None or graph is None:
             return
         self.trouble = ""
-        self._asked = Asked(project, graph, self._trial.config, self.truth, self.in_capture, self.want)
+        self._asked = CalibrationRequest(project, graph, self._trial.config, self.truth, self.in_capture, self.want)
         self._process.open(self._asked)
         self.changed.emit()
 
@@ -80,9 +80,9 @@ class Calibrations(QObject):
         self.truth, self.in_capture, self.trouble, self._last = None, False, "", None
         self.changed.emit()
 
-    def _on_ended(self, end: Ended) -> None:
+    def _on_ended(self, end: EndMessage) -> None:
         self.trouble = end.sentence
-        if isinstance(end.value, Calibrated) and self._asked is not None:
+        if isinstance(end.value, CalibrationResult) and self._asked is not None:
             self._last = self._asked, end.value
         self.changed.emit()
 

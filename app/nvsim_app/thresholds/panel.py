@@ -17,7 +17,7 @@ from PySide6.QtWidgets import (
 
 from nvsim.cli.options import field_docs
 from nvsim.mapping.config import MappingConfig
-from nvsim.mapping.evidence.rethreshold import Rethreshold
+from nvsim.mapping.evidence.rethreshold import ThresholdEffect
 from nvsim.mapping.families import FAMILIES
 from nvsim.project.work import STAGE, sentence
 from nvsim_app.look import colors
@@ -224,7 +224,7 @@ class ThresholdPanel(QScrollArea):
         return plain(self._trial.refusal) if outcome is None else " ".join(notes(outcome))
 
 
-def notes(outcome: Rethreshold) -> list[str]:
+def notes(outcome: ThresholdEffect) -> list[str]:
     """The side effects of an outcome, one sentence each."""
     found = []
     if outcome.lonely:

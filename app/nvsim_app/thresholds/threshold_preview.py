@@ -17,7 +17,7 @@ from nvsim.errors import InputError
 from nvsim.geometry.camera import Camera
 from nvsim.graph.types import NavGraph
 from nvsim.mapping.config import MappingConfig
-from nvsim.mapping.evidence.rethreshold import Rethreshold, Rethresholder
+from nvsim.mapping.evidence.rethreshold import Rethresholder, ThresholdEffect
 from nvsim_app.layers.layer import Layer
 from nvsim_app.look import colors
 from nvsim_app.painting.picking import projected_segments
@@ -36,7 +36,7 @@ class ThresholdPreview(QObject):
         super().__init__(parent)
         self._document = document
         self.config = document.contents.thresholds
-        self.outcome: Rethreshold | None = None
+        self.outcome: ThresholdEffect | None = None
         self.refusal = ""
         """The reason why `config` cannot decide the graph: a criterion needs values that were not measured."""
         self.milliseconds = 0.0  # duration of the last decision

@@ -16,7 +16,7 @@ from PySide6.QtWidgets import QWidget
 
 from nvsim_app.painting.picking import NEAR, nearest_point, nearest_segment, projected_segments, within_polygon
 from nvsim_app.state.document import Document
-from nvsim_app.state.on_floor import floor_height, trajectory_on_floor
+from nvsim_app.state.free_floor import floor_height, trajectory_on_floor
 
 if TYPE_CHECKING:
     from nvsim_app.views.map_view import MapView

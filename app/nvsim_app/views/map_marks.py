@@ -205,7 +205,7 @@ class GraphItem(pg.GraphicsObject):
         if len(arrays.edges) > LARGE:
             place = (*origin, *axes.ravel(), width, height)
             if self._latest is None or self._latest[0] is not arrays or self._latest[1] != place:
-                self._latest = arrays, place, self._seen(arrays, pixels, (width, height))
+                self._latest = arrays, place, self._visible_elements(arrays, pixels, (width, height))
             seen = self._latest[2]
             manner = self._ink.manner(len(seen[0]), arrays.included[seen[1]])
 
@@ -218,7 +218,7 @@ class GraphItem(pg.GraphicsObject):
             view = (radius, place, manner, self._document.storeys.between)
             self._kept.paint(painter, width, height, view, draw, self._document.graph_arrays, touched)
         else:
-            self._draw(painter, arrays, pixels, radius, self._seen(arrays, pixels, (width, height)))
+            self._draw(painter, arrays, pixels, radius, self._visible_elements(arrays, pixels, (width, height)))
         selected = arrays.index.get(self._document.selection.viewpoint or "")
         hovered = arrays.index.get(self.hovered or "")
         for row in (hovered, selected):
@@ -239,7 +239,7 @@ class GraphItem(pg.GraphicsObject):
         self._ink.draw_edges(painter, lines, within=within)
         self._ink.draw_viewpoints(painter, pixels[rows], np.full((len(rows), 2), radius), arrays.included[rows], within)
 
-    def _seen(self, arrays: GraphArrays, pixels: NDArray[np.float64], size: tuple[int, int]) -> _Lines:
+    def _visible_elements(self, arrays: GraphArrays, pixels: NDArray[np.float64], size: tuple[int, int]) -> _Lines:
         """The edges and the viewpoints that may be visible."""
         (width, height), (x, y) = size, pixels.T
         # Bits for the sides of the widget that an end is beyond. An edge with both ends beyond one side is invisible.

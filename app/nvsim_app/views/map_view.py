@@ -16,8 +16,8 @@ from nvsim_app.look.plain_text import plain
 from nvsim_app.look.theme import is_dark
 from nvsim_app.painting.cameras import ViewPose
 from nvsim_app.state.document import Document
+from nvsim_app.state.free_floor import weak_spots
 from nvsim_app.state.loading import CONTENT_PARTS
-from nvsim_app.state.on_floor import weak_spots
 from nvsim_app.views.map_marks import CameraMarker, GraphItem, MapFrame
 
 PICK_PIXELS = 10

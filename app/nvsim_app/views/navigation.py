@@ -91,7 +91,7 @@ _SETTLE = 0.12  # time constant of the height of a walking camera after a step i
 
 
 @dataclass(frozen=True)
-class Walk:
+class WalkLimits:
     """The constraints of walking.
 
     eye_level  maps x, y, z to the world z of a walking camera at x, y on the storey below z
@@ -118,7 +118,7 @@ class Navigation(QObject):
         self.pose = ViewPose((0.0, 0.0, 1.6))
         self.speed = 2.0  # meters per second
         self.hands = ControlSettings()
-        self.walking: Walk | None = None
+        self.walking: WalkLimits | None = None
         """The constraints of the current walk, None while flying."""
         self._held: set[int] = set()
         self._last: QPointF | None = None
@@ -141,7 +141,7 @@ class Navigation(QObject):
         """The target pose of the current animation, or the current pose."""
         return self.pose if self._flight is None else self._flight[1]
 
-    def walk(self, walk: Walk | None, start: ViewPose | None = None) -> None:
+    def walk(self, walk: WalkLimits | None, start: ViewPose | None = None) -> None:
         """Begins a walk at `start`, by default at the current pose. If `walk` is None, ends the walk."""
         self.walking = walk
         if walk is not None:

@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 from nvsim_app.painting import cameras
 from nvsim_app.painting.cameras import ViewPose
 from nvsim_app.state.document import Document
-from nvsim_app.state.on_floor import Ground, floor_height
-from nvsim_app.views.navigation import Navigation, Walk
+from nvsim_app.state.free_floor import FreeFloor, floor_height
+from nvsim_app.views.navigation import Navigation, WalkLimits
 
 EYE = 1.5  # default camera height above the floor in meters, if there are no viewpoints
 _IN_ROOM = 1.0  # maximum height difference in meters to the eye level at which the camera is inside a room
@@ -24,7 +24,7 @@ class Places:
 
     def __init__(self, document: Document, navigation: Navigation, aspect: Callable[[], float]) -> None:
         self._document, self._navigation, self._aspect = document, navigation, aspect
-        self._ground = Ground(document)
+        self._ground = FreeFloor(document)
 
     @property
     def first(self) -> ViewPose:
@@ -66,9 +66,9 @@ class Places:
             self._navigation.go_to(cameras.seen_from_frame(capture.frames[index].camera))
 
     @property
-    def walk(self) -> Walk:
+    def walk(self) -> WalkLimits:
         """The constraints of walking in this document."""
-        return Walk(self.eye_level, self._is_free)
+        return WalkLimits(self.eye_level, self._is_free)
 
     def _is_free(self, x: float, y: float, z: float) -> bool:
         return self._ground.free(x, y, floor_height(self._document, x, y, below=z))

@@ -17,7 +17,7 @@ from nvsim_app.drawing.render_child import Picture, RenderSource
 from nvsim_app.look.theme import GRID
 from nvsim_app.painting.cameras import ViewPose
 from nvsim_app.painting.legend import legend_box, paint_legend
-from nvsim_app.painting.tones import OF_CHANNEL, Scale
+from nvsim_app.painting.value_colors import OF_CHANNEL, ValueScale
 from nvsim_app.state.document import Document
 from nvsim_app.state.loading import CONTENT_PARTS
 from nvsim_app.views.graph_surface import SceneSurface
@@ -220,7 +220,7 @@ class SceneView(QWidget):
             if picture is not None:
                 self.pictureShown.emit(picture)
 
-    def _legend_corner(self, scale: Scale) -> QPointF:
+    def _legend_corner(self, scale: ValueScale) -> QPointF:
         """The lower left corner of the legend, which is at the upper left of the view."""
         return QPointF(GRID, GRID + legend_box(scale, QPointF()).height())
 

@@ -11,12 +11,12 @@ from PySide6.QtWidgets import QApplication, QDockWidget
 from nvsim.geometry.directions import HEIGHT, WIDTH
 from nvsim.project.work import STAGE
 from nvsim_app.actions import Action
+from nvsim_app.agent.agent_walk import AgentWalk
 from nvsim_app.agent.child import AgentSource
 from nvsim_app.agent.mode import AgentMode
 from nvsim_app.agent.panel import AgentPanel
 from nvsim_app.agent.state import trajectory_json
 from nvsim_app.agent.view import AgentView
-from nvsim_app.agent.walking import AgentWalk
 from nvsim_app.layers.labels import short_id
 from nvsim_app.painting import cameras
 from nvsim_app.painting.picking import NEAR
@@ -210,7 +210,7 @@ class AgentPart(Part):
         foot = document.graph_arrays.feet[row]
         scene, modes = self.context.scene, self.context.modes
         for surface in (canvas.surface for canvas in modes.canvases if canvas.surface.widget.isVisible()):
-            if _holds(surface, foot):
+            if _is_in_view(surface, foot):
                 continue
             if surface is scene.surface:
                 # From above, so that no wall is between the camera and the agent.
@@ -249,7 +249,7 @@ def _in_front(dock: QDockWidget) -> bool:
     return not dock.isHidden() and (dock.isFloating() or dock.geometry().right() >= 0)
 
 
-def _holds(surface: GraphSurface, place: np.ndarray) -> bool:
+def _is_in_view(surface: GraphSurface, place: np.ndarray) -> bool:
     """Whether a world position (3,) is in view, and not near the border."""
     pixels, depths = surface.project(place[None])
     width, height = surface.widget.width(), surface.widget.height()

@@ -13,7 +13,7 @@ from shiboken6 import isValid
 from nvsim_app.actions import Action
 from nvsim_app.look import lengths, theme
 from nvsim_app.look.widgets import FocusRing, bring_up
-from nvsim_app.palette.entries import Entry, commands, matching_entries, places
+from nvsim_app.palette.entries import PaletteEntry, commands, matching_entries, places
 from nvsim_app.palette.popup import PaletteView
 from nvsim_app.panels.about import AboutWindow
 from nvsim_app.panels.help import open_help
@@ -177,7 +177,7 @@ class PalettePart(Part):
     def store(self, settings: QSettings) -> None:
         settings.setValue("palette/recent", self._recent)
 
-    def _offer(self, typed: str) -> list[Entry]:
+    def _offer(self, typed: str) -> list[PaletteEntry]:
         document = self.context.document
         own = [e for e in commands(self.context.window.actions_table, document) if e.title != "Command palette"]
         return [
@@ -185,19 +185,19 @@ class PalettePart(Part):
             *places(document, typed, self._go_to_viewpoint, self._go_to_frame),
         ]
 
-    def _panels(self) -> list[Entry]:
+    def _panels(self) -> list[PaletteEntry]:
         """An entry for each panel, which shows it."""
         window = self.context.window
         return [
-            Entry(f"Show panel {title}", "Window", "", "", partial(window.show_dock, name))
+            PaletteEntry(f"Show panel {title}", "Window", "", "", partial(window.show_dock, name))
             for name, title in window.dock_titles.items()
         ]
 
-    def _layers(self) -> list[Entry]:
+    def _layers(self) -> list[PaletteEntry]:
         """An entry for each layer of the 3D view, which shows or hides it."""
         overlays = self.context.scene.overlays
         return [
-            Entry(
+            PaletteEntry(
                 f"Layer {layer.title}{' (on)' if layer.shown else ' (off)'}", "View", "", "",
                 partial(overlays.set_shown, layer.name, not layer.shown),
             )
@@ -213,7 +213,7 @@ class PalettePart(Part):
         self.context.document.select(frame=frame)
         self.context.scene.snap_to_frame(frame)
 
-    def _on_ran(self, entry: Entry) -> None:
+    def _on_ran(self, entry: PaletteEntry) -> None:
         title = entry.title.removesuffix(" (on)").removesuffix(" (off)")
         if entry.place.startswith("Go to"):
             return

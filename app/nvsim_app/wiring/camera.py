@@ -8,7 +8,7 @@ from PySide6.QtCore import QSettings
 
 from nvsim_app.actions import Action
 from nvsim_app.drawing.renderer_choice import AUTOMATIC, CPU, OPENGL, PREFERENCES
-from nvsim_app.painting.tones import CHANNELS
+from nvsim_app.painting.value_colors import CHANNELS
 from nvsim_app.panels.preferences import BUDGETS
 from nvsim_app.state.reasons import with_positions, with_scene, with_splat_file, with_submaps, with_trajectory
 from nvsim_app.wiring.panels import MapPart

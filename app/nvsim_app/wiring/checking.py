@@ -21,7 +21,7 @@ from nvsim_app.layers.labels import short_ids
 from nvsim_app.look import colors
 from nvsim_app.modes.mode import dots, line
 from nvsim_app.painting.picking import NEAR
-from nvsim_app.panels.comparison import INKS, Compared, ComparePanel, read_graph
+from nvsim_app.panels.comparison import INKS, ComparedGraphs, ComparePanel, read_graph
 from nvsim_app.panels.deferred_refresh import DeferredRefresh
 from nvsim_app.panels.validation import ValidationPanel, selection_of
 from nvsim_app.state.directions import blocking_place
@@ -224,13 +224,13 @@ class ComparePart(Part):
             other = read_graph(path)
             self.context.notices.resolve("compare")
             if self._editing.graph is not None:
-                self._set(Compared.of(path.name, self._editing.graph, other))
+                self._set(ComparedGraphs.of(path.name, self._editing.graph, other))
 
     def compare_with_step(self, index: int) -> None:
         """Compares with the graph after a step of the history."""
         history = self._editing.history
         if history is not None and 0 <= index < len(history.steps):
-            self._set(Compared.of(f"After “{history.steps[index].text}”", history.graph, history.graph_at(index)))
+            self._set(ComparedGraphs.of(f"After “{history.steps[index].text}”", history.graph, history.graph_at(index)))
 
     def close(self) -> None:
         self._set(None)
@@ -251,7 +251,7 @@ class ComparePart(Part):
             f"Merge {count:,} {'difference' if count == 1 else 'differences'} from {compared.name}", graph
         )
 
-    def _set(self, compared: Compared | None) -> None:
+    def _set(self, compared: ComparedGraphs | None) -> None:
         if compared is None and self.panel.compared is None:
             return
         self.panel.show_compared(compared)
@@ -264,7 +264,7 @@ class ComparePart(Part):
     def _again(self) -> None:
         before, graph = self.panel.compared, self._editing.graph
         if before is not None and graph is not None:
-            self._set(Compared.of(before.name, graph, before.other))
+            self._set(ComparedGraphs.of(before.name, graph, before.other))
 
     def _on_steps(self) -> None:
         history = self._editing.history

@@ -14,7 +14,7 @@ from shiboken6 import isValid
 
 from nvsim.graph import operation_table
 from nvsim.graph.history import Step
-from nvsim.graph.offers import Chosen, Needs, Number, Offer
+from nvsim.graph.offers import MenuEntry, NumberField, SelectedElements, SelectionNeeds
 from nvsim.graph.types import NavGraph
 from nvsim_app.actions import Action
 from nvsim_app.layers.labels import short_ids
@@ -42,7 +42,7 @@ class EditPart(Part):
         _edit("undo", "&Undo", "Undo the last step", 0, "Ctrl+Z", icon="undo", toolbar=True, enabled=can_undo),
         _edit("redo", "&Redo", "Redo the undone step", 0, "Ctrl+Shift+Z", icon="redo", toolbar=True, enabled=can_redo),
         _edit("remove", "&Delete", "Delete the selected viewpoints and edges from the graph", 1, "Del", icon="remove",
-              toolbar=True, enabled=with_chosen(Needs("things"))),
+              toolbar=True, enabled=with_chosen(SelectionNeeds("things"))),
     )  # fmt: skip
 
     @classmethod
@@ -76,7 +76,7 @@ class EditPart(Part):
             "redo": self._editing.redo,
             "remove": partial(edit_commands.remove_selection, self._editing),
             **{
-                o.id: partial(self._take, operation.name, o)
+                o.id: partial(self._run_offered_operation, operation.name, o)
                 for operation in operation_table.OPERATIONS.values()
                 for o in operation.offers
             },
@@ -110,11 +110,13 @@ class EditPart(Part):
 
     # Commands ----------------------------------------------------------------------------------------------------
 
-    def _chosen(self) -> Chosen:
+    def _chosen(self) -> SelectedElements:
         arrays, chosen = self.context.document.graph_arrays, self._editing.selection
-        return Chosen(sorted(chosen.viewpoints, key=lambda id: arrays.index.get(id, -1)), sorted(chosen.edges))
+        return SelectedElements(
+            sorted(chosen.viewpoints, key=lambda id: arrays.index.get(id, -1)), sorted(chosen.edges)
+        )
 
-    def _take(self, name: str, offer: Offer, _: bool = False) -> None:
+    def _run_offered_operation(self, name: str, offer: MenuEntry, _: bool = False) -> None:
         """Runs an offered operation on the selection, after its form if it has one."""
         if not offer.asks:
             self._run(name, offer, {})
@@ -126,7 +128,7 @@ class EditPart(Part):
             "height": partial(edit_commands.eye_height, self._editing),
         }
         fields = tuple(
-            replace(ask, default=starts[ask.name]()) if isinstance(ask, Number) and ask.name in starts else ask
+            replace(ask, default=starts[ask.name]()) if isinstance(ask, NumberField) and ask.name in starts else ask
             for ask in offer.asks
         )
         context = self.context
@@ -134,7 +136,7 @@ class EditPart(Part):
         self.form = Form(offer.id, offer.title, offer.about, fields, run, context.settings, context.window)
         bring_up(self.form)
 
-    def _run(self, name: str, offer: Offer, values: Mapping[str, Any]) -> None:
+    def _run(self, name: str, offer: MenuEntry, values: Mapping[str, Any]) -> None:
         chosen = self._chosen()
         after = None if offer.selects is None else offer.selects(chosen)
         self._editing.run(name, {**offer.arguments(chosen), **offer.values, **values}, selection=after)
@@ -170,27 +172,27 @@ class FeedbackPart(Part):
         self._over = QTimer(self, singleShot=True, interval=SHOWN)
         self._over.timeout.connect(self._hint)
         context.document.editing.stepsChanged.connect(self._on_steps)
-        context.document.projectChanged.connect(self._look)
-        context.document.editing.notified.connect(self._look)
+        context.document.projectChanged.connect(self._record_history)
+        context.document.editing.notified.connect(self._record_history)
 
-    def _look(self, _: object = None) -> None:
+    def _record_history(self, _: object = None) -> None:
         """Records the current history without reporting it."""
         history = self.context.document.editing.history
         self._steps, self._index = ((), 0) if history is None else (history.steps, history.index)
 
     def _on_steps(self) -> None:
         steps, index = self._steps, self._index
-        self._look()
+        self._record_history()
         if not self._steps or not steps or self._steps[0] is not steps[0]:
             return  # another graph
         words, graph = "", self.context.document.graph
         undoes, redoes = self._key("undo", "undoes"), self._key("redo", "redoes")
         if index < self._index and self._steps[index + 1 : self._index + 1] == steps[index + 1 : self._index + 1]:
-            words = _said(graph, "Redone", self._steps[index + 1 : self._index + 1], undoes)
+            words = _describe_edits(graph, "Redone", self._steps[index + 1 : self._index + 1], undoes)
         elif index < self._index or (index == self._index and self._steps[index] is not steps[index]):
-            words = _said(graph, "", self._steps[self._index : self._index + 1], undoes)
+            words = _describe_edits(graph, "", self._steps[self._index : self._index + 1], undoes)
         elif index > self._index:
-            words = _said(graph, "Undone", steps[self._index + 1 : index + 1], redoes)
+            words = _describe_edits(graph, "Undone", steps[self._index + 1 : index + 1], redoes)
         if words and not self.context.part(CheckPart).reviewing:
             self._last_message = words
             self.context.modes.said.emit(words)
@@ -208,7 +210,7 @@ class FeedbackPart(Part):
             self.context.modes.said.emit(self.context.modes.current.hint)
 
 
-def _said(graph: NavGraph | None, what: str, steps: tuple[Step, ...], key: str) -> str:
+def _describe_edits(graph: NavGraph | None, what: str, steps: tuple[Step, ...], key: str) -> str:
     """One sentence about the edits among these steps; "" if there are none."""
     edits = [short_ids(graph, step.text) for step in steps if step.edit]
     if not edits:

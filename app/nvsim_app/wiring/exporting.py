@@ -19,9 +19,9 @@ from nvsim.cli.options import command_of
 from nvsim.figures import DASHES, SHAPES
 from nvsim.files.opening import is_folder
 from nvsim.files.user_folders import home
-from nvsim.graph.exports import Groups, Key, draw
+from nvsim.graph.exports import ColorGroups, LegendRow, draw
 from nvsim.graph.history import counted
-from nvsim.graph.offers import Choice
+from nvsim.graph.offers import ChoiceField
 from nvsim.graph.types import NavGraph
 from nvsim.occupancy.types import OccupancyMap
 from nvsim.project.work import WORK, sentence
@@ -132,8 +132,8 @@ class ExportPart(Part):
             "Export graph",
             "Exports the current graph, including unsaved edits.",
             (
-                Choice("kind", "Format", KINDS),
-                Choice("force", "If agents cannot use it", _INSIST, "For R2R connectivity"),
+                ChoiceField("kind", "Format", KINDS),
+                ChoiceField("force", "If agents cannot use it", _INSIST, "For R2R connectivity"),
             ),
             self._choose_place,
             self.context.settings,
@@ -167,7 +167,7 @@ class ExportPart(Part):
             return True
         return False
 
-    def _shown(self, graph: NavGraph) -> NavGraph:
+    def _visible_graph(self, graph: NavGraph) -> NavGraph:
         """The part of the graph on the visible storey."""
         index = self.context.document.shown_arrays.index
         if len(index) == len(graph.viewpoints):
@@ -188,7 +188,7 @@ class ExportPart(Part):
             return exports.write_geojson(graph, path)
         coloring = self.context.part(ColoringPart).coloring
         return save_figure(
-            draw_figure(self._shown(graph), self.context.document.contents.occupancy, coloring), path, kind
+            draw_figure(self._visible_graph(graph), self.context.document.contents.occupancy, coloring), path, kind
         )
 
     def _write_r2r(self, graph: NavGraph, folder: Path, force: bool) -> Path:
@@ -295,7 +295,7 @@ def draw_figure(graph: NavGraph, occupancy: OccupancyMap | None, coloring: Color
     return draw(graph, occupancy, groups=_groups(coloring), unit=(unit.symbol, unit.metres))
 
 
-def _groups(coloring: Coloring | None) -> Groups | None:
+def _groups(coloring: Coloring | None) -> ColorGroups | None:
     """The groups of a coloring that have items, with their numbers."""
     if coloring is None:
         return None
@@ -307,8 +307,8 @@ def _groups(coloring: Coloring | None) -> Groups | None:
         group = coloring.groups[number]
         shape = SHAPES[group.mark % len(SHAPES)] if number in coloring.viewpoints.values() else ""
         dash = group.mark % len(DASHES) if number in coloring.edges.values() else -1
-        keys.append(Key(f"{group.words} ({counts[number]:,})", group.color, shape, dash))
-    return Groups(
+        keys.append(LegendRow(f"{group.words} ({counts[number]:,})", group.color, shape, dash))
+    return ColorGroups(
         coloring.title,
         tuple(keys),
         {id: row[n] for id, n in coloring.viewpoints.items() if n in row},

@@ -22,7 +22,7 @@ from nvsim_app.actions import Action
 from nvsim_app.drawing.render_child import Picture
 from nvsim_app.look.plain_text import CAPTION, caption, plain, tip
 from nvsim_app.panels.open_dialog import OpenDialog
-from nvsim_app.processes.serving import Ended
+from nvsim_app.processes.serving import EndMessage
 from nvsim_app.processes.side_process import SideProcess
 from nvsim_app.state.graph_files import ForeignGraph
 from nvsim_app.state.reasons import with_file_of_its_own, with_project, with_scans
@@ -167,7 +167,7 @@ class RecentPart(Part):
         if paths and self.context.document.path is None:
             self._process.open(paths)
 
-    def _on_looked(self, end: Ended) -> None:
+    def _on_looked(self, end: EndMessage) -> None:
         if end.value is not None:
             self.context.window.start.show_looks(end.value)
 

@@ -12,11 +12,11 @@ from nvsim_app.frames.browser import TOOLS, FrameBrowser
 from nvsim_app.frames.canvas import MODES
 from nvsim_app.frames.link import FrameLink
 from nvsim_app.frames.state import FrameState, newest_scores
-from nvsim_app.painting.tones import CHANNELS
+from nvsim_app.painting.value_colors import CHANNELS
 from nvsim_app.panels.frames import FramePanel
 from nvsim_app.panels.help import open_help
 from nvsim_app.state.reasons import with_frame, with_masks, with_page, with_trajectory
-from nvsim_app.state.results import Result
+from nvsim_app.state.results import EvaluationResult
 from nvsim_app.state.view_states import PageState
 from nvsim_app.wiring.panels import ResultPart
 from nvsim_app.wiring.part import Dock, Part, WindowContext
@@ -162,7 +162,7 @@ class FramePart(Part):
         elif state.frame is None and now is not None:
             self._leave()
 
-    def _on_results(self, results: list[Result]) -> None:
+    def _on_results(self, results: list[EvaluationResult]) -> None:
         self.state.show_scores(newest_scores(results))
 
     def _open(self) -> None:

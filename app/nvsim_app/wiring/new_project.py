@@ -10,7 +10,7 @@ from PySide6.QtGui import QDragEnterEvent, QDropEvent
 from PySide6.QtWidgets import QFileDialog
 
 from nvsim.capture import formats
-from nvsim.capture.left_out import FROM_FILE, write_names
+from nvsim.capture.excluded_frames import FROM_FILE, write_names
 from nvsim.capture.multi_capture import SUFFIX, write_list
 from nvsim.errors import InputError
 from nvsim.files.user_folders import home
@@ -86,7 +86,7 @@ class NewProjectPart(Part):
     def open_addition(self, captures: Sequence[Path] = ()) -> NewProjectDialog | None:
         """Opens the dialog that adds a capture to the project. None if the project has no capture, or on an error."""
         from nvsim.project.project import Project
-        from nvsim.project.stages.added import sources
+        from nvsim.project.stages.added_captures import sources
         from nvsim.project.stages.imported import capture_config
 
         document = self.context.document

@@ -31,7 +31,7 @@ from nvsim_app.state.reasons import (
     with_results,
     with_trajectory,
 )
-from nvsim_app.state.results import Result, result_of_job, stored_result
+from nvsim_app.state.results import EvaluationResult, result_of_job, stored_result
 from nvsim_app.views.map_view import MapView
 from nvsim_app.wiring.part import Dock, Part, WindowContext
 
@@ -215,7 +215,7 @@ class ResultPart(Part):
         self.panel = ResultPanel(w.notices)
         self.panel.frameWanted.connect(self._go_to_frame)
         self.panel.submapWanted.connect(lambda index: w.document.select(submap=index))
-        self._read: dict[int, Result | None] = {}  # number of a finished job -> its result
+        self._read: dict[int, EvaluationResult | None] = {}  # number of a finished job -> its result
         w.document.contentsChanged.connect(self._on_contents)
         w.document.projectChanged.connect(self._on_project)
         w.jobs.changed.connect(self._gather)

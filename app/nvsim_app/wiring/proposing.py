@@ -25,7 +25,7 @@ from nvsim_app.actions import Action
 from nvsim_app.look import colors
 from nvsim_app.modes.mode import Pointer, dots, line
 from nvsim_app.painting.picking import nearest_segment
-from nvsim_app.processes.serving import Ended
+from nvsim_app.processes.serving import EndMessage
 from nvsim_app.processes.side_process import SideProcess
 from nvsim_app.state import edit_commands
 from nvsim_app.state.document import Document
@@ -110,7 +110,7 @@ class ProposePart(Part):
         if ids := unmeasured(graph)[-8:]:
             self.process.open(evidence_task(project, graph, ids))
 
-    def _on_end(self, end: Ended) -> None:
+    def _on_end(self, end: EndMessage) -> None:
         if end.sentence:
             self.context.notices.warning(end.sentence)
         else:

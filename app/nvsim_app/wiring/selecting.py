@@ -8,7 +8,7 @@ import numpy as np
 
 from nvsim.graph import selection as selecting
 from nvsim.graph.edits import EditError
-from nvsim.graph.offers import Needs
+from nvsim.graph.offers import SelectionNeeds
 from nvsim.graph.selection import GraphSelection
 from nvsim.graph.types import NavGraph
 from nvsim_app.actions import Action
@@ -20,7 +20,7 @@ from nvsim_app.state.reasons import with_chosen, with_editing
 from nvsim_app.wiring.panels import MapPart
 from nvsim_app.wiring.part import Dock, Part, WindowContext
 
-_CHOSEN = with_chosen(Needs("things"), changes=False)
+_CHOSEN = with_chosen(SelectionNeeds("things"), changes=False)
 
 
 class SelectPart(Part):
@@ -36,7 +36,7 @@ class SelectPart(Part):
         Action("component", "Select &component", "Select everything that can be reached from the selection", "&Edit", 5,
                "Ctrl+Shift+K", enabled=_CHOSEN),
         Action("path", "Select pat&h between", "Select the shortest path of two viewpoints", "&Edit", 5, "Ctrl+Alt+P",
-               enabled=with_chosen(Needs("viewpoints", 2, 2), changes=False)),
+               enabled=with_chosen(SelectionNeeds("viewpoints", 2, 2), changes=False)),
         Action("select_expression", "Select by e&xpression…", "For example: degree > 4 and not reviewed", "&Edit", 5,
                "Ctrl+F", enabled=with_editing),
         Action("select_range", "Select by &range…", "Select a range of a histogram: length, degree, evidence…", "&Edit",
@@ -65,9 +65,13 @@ class SelectPart(Part):
 
     def handlers(self) -> Mapping[str, Callable[..., object]]:
         return {
-            "select_all": lambda: self._select(lambda graph, _: self._shown(selecting.everything(graph))),
+            "select_all": lambda: self._select(
+                lambda graph, _: self._without_hidden_storeys(selecting.everything(graph))
+            ),
             "select_none": lambda: self._editing.select(GraphSelection()),
-            "invert": lambda: self._select(lambda graph, chosen: self._shown(selecting.inverted(graph, chosen))),
+            "invert": lambda: self._select(
+                lambda graph, chosen: self._without_hidden_storeys(selecting.inverted(graph, chosen))
+            ),
             "grow": lambda: self._select(selecting.with_neighbors),
             "component": lambda: self._select(self._component),
             "path": self._path,
@@ -95,7 +99,7 @@ class SelectPart(Part):
         if self.tables.filter.text().strip() and self.tables.trouble.isHidden():
             self.context.scene.setFocus()
 
-    def _shown(self, chosen: GraphSelection) -> GraphSelection:
+    def _without_hidden_storeys(self, chosen: GraphSelection) -> GraphSelection:
         """Removes items on hidden storeys, because users cannot see what would happen to them."""
         index = self.context.document.shown_arrays.index
         edges = frozenset((a, b) for a, b in chosen.edges if a in index and b in index)

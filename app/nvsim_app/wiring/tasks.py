@@ -19,7 +19,7 @@ from nvsim.errors import InputError
 from nvsim.graph.selection import GraphSelection
 from nvsim.r2r.metrics.distances import Distances
 from nvsim.r2r.metrics.submission import Pose, read_submission
-from nvsim.r2r.reviewing import Entry, Folder, Review, export_reviewed, read_folder, scored_episodes, task_error
+from nvsim.r2r.reviewing import Review, TaskEntry, TaskFolder, export_reviewed, read_folder, scored_episodes, task_error
 from nvsim_app.actions import Action
 from nvsim_app.jobs.history import folder_of
 from nvsim_app.jobs.queue import JobHandle
@@ -48,7 +48,7 @@ class TaskPart(Part):
         self.panel = panel = TaskPanel()
         self._review_file: Path | None = None
         self._trajectories: dict[str, list[Pose]] = {}
-        self._all: tuple[Entry, ...] = ()  # tasks of all scans
+        self._all: tuple[TaskEntry, ...] = ()  # tasks of all scans
         self._turns: Counter[str] = Counter()
         self._came.connect(lambda then: then(), Qt.ConnectionType.QueuedConnection)
         panel.opened.connect(self._choose)
@@ -126,7 +126,7 @@ class TaskPart(Part):
 
         Thread(target=run, daemon=True).start()
 
-    def _show(self, folder: Folder) -> None:
+    def _show(self, folder: TaskFolder) -> None:
         graph = self.context.document.graph
         mine = tuple(e for e in folder.entries if graph is not None and e.task.scan == graph.scan)
         if not mine:
@@ -217,7 +217,7 @@ class TaskPart(Part):
         rows = [arrays.index[id] for id in ids if id in arrays.index]
         return arrays.feet[rows].reshape(-1, 3)
 
-    def _walked(self, entry: Entry) -> list[str]:
+    def _walked(self, entry: TaskEntry) -> list[str]:
         did = self.panel.shown
         return [pose[0] for pose in did.poses] if did else list(entry.task.path)
 

@@ -12,11 +12,11 @@ from PySide6.QtCore import QSettings, QTimer
 from nvsim_app.actions import Action
 from nvsim_app.drawing.renderer_choice import PREFERENCES
 from nvsim_app.look.plain_text import caption
-from nvsim_app.painting.tones import CHANNELS
+from nvsim_app.painting.value_colors import CHANNELS
 from nvsim_app.panels.preferences import BUDGETS
 from nvsim_app.state.document import Document, Selection
 from nvsim_app.state.reasons import Reason, with_positions
-from nvsim_app.state.view_state_store import Left, decode, encode
+from nvsim_app.state.view_state_store import StoredViewState, decode, encode
 from nvsim_app.state.view_states import ViewState, ViewStates, changes
 from nvsim_app.wiring.camera_path import CameraPathPart
 from nvsim_app.wiring.frames import FramePart
@@ -204,7 +204,7 @@ class ViewRestorePart(Part):
         self._path: Path | None = context.document.path
         self._moved = False  # until the camera is placed, there is nothing to store
         self._last = Selection()
-        self._wanted = Left()  # applied after the project is read
+        self._wanted = StoredViewState()  # applied after the project is read
 
     def restore(self, settings: QSettings) -> None:
         document = self.context.document
@@ -231,7 +231,7 @@ class ViewRestorePart(Part):
             return
         scene = self.context.scene
         frame = self._frames.shown.frame if self._wanted.frame is None else self._wanted.frame
-        left = Left(
+        left = StoredViewState(
             scene.navigation.goal,
             scene.channel,
             self._last or self._wanted.selection,
@@ -247,7 +247,7 @@ class ViewRestorePart(Part):
         self._bring_back()
 
     def _bring_back(self) -> None:
-        self._last, self._wanted = Selection(), Left()
+        self._last, self._wanted = Selection(), StoredViewState()
         kept = None
         if self._path is not None:
             kept = decode(str(self.context.settings.value(self._key(self._path), "")))

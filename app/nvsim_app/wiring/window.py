@@ -22,8 +22,8 @@ from PySide6.QtWidgets import (
 )
 
 from nvsim_app.actions import ActionTable
-from nvsim_app.drawing.painter import Remark
-from nvsim_app.drawing.render_child import RenderSource, Trouble
+from nvsim_app.drawing.painter import LogRemark
+from nvsim_app.drawing.render_child import RenderError, RenderSource
 from nvsim_app.jobs.queue import JobQueue
 from nvsim_app.look.icons import icon, save_image
 from nvsim_app.look.labels import Label
@@ -242,10 +242,10 @@ class MainWindow(QMainWindow):
         stamp = self.document.contents.scene_stamp
         return f"splat file, {stamp.up} is up" if isinstance(stamp, SplatFile) else ""
 
-    def _on_trouble(self, trouble: Trouble) -> None:
+    def _on_trouble(self, trouble: RenderError) -> None:
         self.notices.add("error" if trouble.fatal else "warning", trouble.message, trouble.trace)
 
-    def _on_remark(self, remark: Remark) -> None:
+    def _on_remark(self, remark: LogRemark) -> None:
         self.notices.add("warning" if remark.warning else "log", remark.message, remark.trace)
 
     # For the parts ---------------------------------------------------------------------------------------------------

@@ -117,11 +117,11 @@ def _begin_anew(kernels: Kernels, environment: dict[str, str], cache: Path) -> d
 
 
 def _project(folder: Path, arguments: BenchApp) -> Path:
-    from nvsim.benchmarks.window_project import Size, write_project
+    from nvsim.benchmarks.window_project import ProjectSize, write_project
 
     if min(arguments.submaps, arguments.gaussians, arguments.viewpoints) < 1:
         raise InputError("A project to measure needs at least one submap, one Gaussian and one viewpoint.")
-    return write_project(folder, Size(arguments.submaps, arguments.gaussians, arguments.viewpoints))
+    return write_project(folder, ProjectSize(arguments.submaps, arguments.gaussians, arguments.viewpoints))
 
 
 @contextmanager

@@ -72,8 +72,8 @@ class Check:
 
     def run(self) -> int:
         from nvsim.capture.check import check
-        from nvsim.capture.left_out import expand_list, write_names
-        from nvsim.poses.finding import of_poses, with_poses
+        from nvsim.capture.excluded_frames import expand_list, write_names
+        from nvsim.poses.pose_checks import of_poses, with_poses
         from nvsim.reconstruction.footage_check import footage_at
         from nvsim.reconstruction.posed_panoramas import find_posed_panoramas
         from nvsim.reconstruction.report import report_beside
@@ -280,7 +280,7 @@ class Import:
 
     def run(self) -> int:
         """Runs the command. Raises InputError if options contradict --add."""
-        from nvsim.project.stages import added, imported
+        from nvsim.project.stages import added_captures, imported
 
         with working(self.project, "import", self.json, create=not self.add) as (project, listen):
             if self.add:
@@ -288,10 +288,10 @@ class Import:
                 if self.understood != CaptureConfig(leave_out=leave_out):
                     raise InputError(
                         "An added capture has the scale and the held-out frames of the first; do not give --scale, "
-                        "--camera-height, --known-length, --hold-out, --images, --axes, --poses, --views and --mask. "
+                        "--camera-height, --known-length, --hold-out, --images, --axes, --poses, --views or --mask. "
                         "Instead of --model, name the model's folder."
                     )
-                added.run(project, self.capture, listen, leave_out)
+                added_captures.run(project, self.capture, listen, leave_out)
             else:
                 imported.run(project, self.capture, self.understood, listen)
         return 0

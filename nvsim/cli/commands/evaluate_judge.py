@@ -15,7 +15,7 @@ from nvsim.errors import InputError
 if TYPE_CHECKING:
     from nvsim.endpoint.budget import Prices
     from nvsim.endpoint.options import Endpoint
-    from nvsim.evaluation.judging.contestants import Shown
+    from nvsim.evaluation.judging.compared_images import ContestantImages
     from nvsim.evaluation.scores import Distance
     from nvsim.events import Listener
 
@@ -84,7 +84,7 @@ class EvaluateJudge:
         from nvsim.cli.consent import exit_code
         from nvsim.cli.console import event_listener
         from nvsim.cli.terminal import as_json
-        from nvsim.evaluation.judging.contestants import STAGE
+        from nvsim.evaluation.judging.compared_images import STAGE
         from nvsim.evaluation.judging.report import text_of, write_report
         from nvsim.evaluation.judging.verdicts import table_rows
         from nvsim.evaluation.scores import open_lpips
@@ -105,7 +105,7 @@ class EvaluateJudge:
                 assert self.out is not None
                 out = self.out
                 shown = _by_projects(self, out, listen) if self.projects else _by_folders(self)
-            judged = _judged(self, endpoints, shown, out, distance, why, listen)
+            judged = _collect_verdicts(self, endpoints, shown, out, distance, why, listen)
             files = write_report(judged, shown, out)
             results: dict[str, Any] = {"rows": table_rows(judged, shown), "files": [str(f) for f in files]}
             if self.project is not None:
@@ -169,43 +169,43 @@ def _endpoints(a: EvaluateJudge) -> dict[str, tuple[Endpoint, Prices]]:
     return found
 
 
-def _by_presets(a: EvaluateJudge, project: Any, out: Path, listen: Listener) -> list[Shown]:
+def _by_presets(a: EvaluateJudge, project: Any, out: Path, listen: Listener) -> list[ContestantImages]:
     from nvsim.evaluation.ablation import chosen_submaps
     from nvsim.evaluation.ablation_runs import Budget, preset_rows
-    from nvsim.evaluation.judging.contestants import by_presets
-    from nvsim.evaluation.judging.views import Counts, judged_views
+    from nvsim.evaluation.judging.compared_images import by_presets
+    from nvsim.evaluation.judging.views import ViewCounts, judged_views
     from nvsim.evaluation.truth import truth_of
 
     submaps = chosen_submaps(project, a.submaps)
     rows = {row.name: row for row in preset_rows(Budget(a.steps, a.image_size, a.gaussian_cap), a.presets)}
-    counts = Counts(a.seen, a.novel, a.seed, a.image_width)
+    counts = ViewCounts(a.seen, a.novel, a.seed, a.image_width)
     views = judged_views(project, submaps, truth_of(project, a.truth), counts)
     chosen = [rows[name] for name in dict.fromkeys(a.presets)]
     return by_presets(project, chosen, submaps, a.seed, views, out, listen)
 
 
-def _by_projects(a: EvaluateJudge, out: Path, listen: Listener) -> list[Shown]:
+def _by_projects(a: EvaluateJudge, out: Path, listen: Listener) -> list[ContestantImages]:
     from nvsim.evaluation.ablation import chosen_submaps
-    from nvsim.evaluation.judging.contestants import by_projects
-    from nvsim.evaluation.judging.views import Counts, judged_views
+    from nvsim.evaluation.judging.compared_images import by_projects
+    from nvsim.evaluation.judging.views import ViewCounts, judged_views
     from nvsim.evaluation.truth import truth_of
     from nvsim.project.project import Project
 
     with ExitStack() as stack:
-        opened = {name: stack.enter_context(Project.open(path)) for name, path in _named(a.projects).items()}
+        opened = {name: stack.enter_context(Project.open(path)) for name, path in _unique_names(a.projects).items()}
         first = next(iter(opened.values()))
-        counts = Counts(a.seen, a.novel, a.seed, a.image_width)
+        counts = ViewCounts(a.seen, a.novel, a.seed, a.image_width)
         views = judged_views(first, chosen_submaps(first, a.submaps), truth_of(first, a.truth), counts)
         return by_projects(opened, views, out, listen)
 
 
-def _by_folders(a: EvaluateJudge) -> list[Shown]:
-    from nvsim.evaluation.judging.contestants import by_folders
+def _by_folders(a: EvaluateJudge) -> list[ContestantImages]:
+    from nvsim.evaluation.judging.compared_images import by_folders
 
-    return by_folders(_named(a.folders), a.reference)
+    return by_folders(_unique_names(a.folders), a.reference)
 
 
-def _named(paths: tuple[Path, ...]) -> dict[str, Path]:
+def _unique_names(paths: tuple[Path, ...]) -> dict[str, Path]:
     """Short unique name -> path, with the parent's name if two are equal. Raises InputError if a path is repeated."""
     resolved = [path.resolve() for path in paths]
     names = [path.stem if path.suffix == ".nvsim" else path.name for path in resolved]
@@ -217,10 +217,10 @@ def _named(paths: tuple[Path, ...]) -> dict[str, Path]:
     return dict(zip(full, paths))
 
 
-def _judged(
+def _collect_verdicts(
     a: EvaluateJudge,
     endpoints: dict[str, tuple[Endpoint, Prices]],
-    shown: list[Shown],
+    shown: list[ContestantImages],
     out: Path,
     distance: Distance | None,
     why: str,
@@ -238,9 +238,9 @@ def _judged(
     from nvsim.endpoint.answer import StoredAnswers
     from nvsim.endpoint.budget import Budget
     from nvsim.endpoint.client import Client
-    from nvsim.evaluation.judging.judges import Asker, read_prompt
+    from nvsim.evaluation.judging.judges import JudgeRequester, read_prompt
 
-    asker = Asker(read_prompt(a.prompt), a.image_width)
+    asker = JudgeRequester(read_prompt(a.prompt), a.image_width)
     write_report(judged, shown, out)
     clients = {}
     for name, (endpoint, prices) in endpoints.items():

@@ -9,15 +9,15 @@ from typing import TYPE_CHECKING, Literal
 from nvsim.cli.arguments import Inline, Positional, ProjectArguments
 from nvsim.cli.console import event_listener
 from nvsim.cli.terminal import as_json, say
-from nvsim.cluster.choice import open_executor
 from nvsim.cluster.config import ClusterConfig
+from nvsim.cluster.executor_choice import open_executor
 from nvsim.errors import InputError
 from nvsim.occupancy.heights import Heights
 
 if TYPE_CHECKING:
-    from nvsim.cli.graph_target import Source
-    from nvsim.graph.exports import Anchor
-    from nvsim.r2r.observations.export import Prepared
+    from nvsim.cli.graph_target import GraphWithContext
+    from nvsim.graph.exports import GeoAnchor
+    from nvsim.r2r.observations.export import PreparedExport
     from nvsim.r2r.observations.layout import ScanSettings
 
 
@@ -84,14 +84,16 @@ class ExportScan(ProjectArguments):
         from nvsim.cli import terminal
         from nvsim.graph.connectivity import read_connectivity
         from nvsim.project.project import Project
-        from nvsim.r2r.observations.export import Prepared, export_scan
+        from nvsim.r2r.observations.export import PreparedExport, export_scan
         from nvsim.r2r.observations.layout import ScanSettings
 
         settings = ScanSettings(self.size, self.quality, self.faces, self.views, self.plans)
         # The project is opened read-only, so it can be exported while a submap trains.
         with Project.open(self.project) as project, event_listener(self.json) as listen:
             if self.dry_run:
-                _foretell(Prepared.of(project, self.out, self.scan, self.force, self.max_viewpoints), settings, self)
+                _foretell(
+                    PreparedExport.of(project, self.out, self.scan, self.force, self.max_viewpoints), settings, self
+                )
                 return 0
             with open_executor(self.cluster) as executor:
                 written = export_scan(
@@ -118,7 +120,7 @@ class ExportScan(ProjectArguments):
         return 0
 
 
-def _foretell(prepared: Prepared, settings: ScanSettings, a: ExportScan) -> None:
+def _foretell(prepared: PreparedExport, settings: ScanSettings, a: ExportScan) -> None:
     """Prints the estimate of the export. With --json: {"scans", "free", "shortage"} and all fields of the estimate."""
     from nvsim.cli import terminal
     from nvsim.r2r.observations.estimate import size_words
@@ -208,7 +210,7 @@ def _say(path: Path, arguments: ExportGraph) -> None:
     say(as_json({"written": str(path)}) if arguments.json else f"Wrote {path}")
 
 
-def _write(source: Source, arguments: ExportGraph, path: Path | None = None) -> Path:
+def _write(source: GraphWithContext, arguments: ExportGraph, path: Path | None = None) -> Path:
     """Writes to `path`, or to the output folder; returns the path."""
     from nvsim.figures import save_figure
     from nvsim.graph import exports
@@ -223,7 +225,7 @@ def _write(source: Source, arguments: ExportGraph, path: Path | None = None) -> 
     return save_figure(exports.draw(source.graph, source.occupancy, arguments.longest_side), path)
 
 
-def _write_r2r(source: Source, arguments: ExportGraph) -> Path:
+def _write_r2r(source: GraphWithContext, arguments: ExportGraph) -> Path:
     from nvsim.cli.graph_target import is_project
     from nvsim.graph.connectivity import SUFFIX, write_connectivity
     from nvsim.graph.exports import check_exportable
@@ -238,14 +240,14 @@ def _write_r2r(source: Source, arguments: ExportGraph) -> Path:
     return ForeignFile.open(source.path).save(graph, arguments.out / f"{source.name}{SUFFIX}")
 
 
-def _anchor(arguments: ExportGraph) -> Anchor | None:
-    from nvsim.graph.exports import Anchor
+def _anchor(arguments: ExportGraph) -> GeoAnchor | None:
+    from nvsim.graph.exports import GeoAnchor
 
     if (arguments.latitude is None) != (arguments.longitude is None):
         raise InputError("A geographic position needs both --latitude and --longitude.")
     if arguments.latitude is None or arguments.longitude is None:
         return None
-    return Anchor(arguments.latitude, arguments.longitude, bearing=arguments.bearing)
+    return GeoAnchor(arguments.latitude, arguments.longitude, bearing=arguments.bearing)
 
 
 @dataclass(frozen=True)

@@ -17,8 +17,8 @@ from nvsim.events import Warning
 from nvsim.networks.onnx_session import Provider
 from nvsim.r2r.features.layouts import LAYOUTS, Name, missing_package_error
 from nvsim.r2r.instructions.registers import Register
-from nvsim.r2r.tasks.shortest import Bounds
-from nvsim.r2r.tasks.splitting import Amounts
+from nvsim.r2r.tasks.shortest import PathBounds
+from nvsim.r2r.tasks.splitting import PathCounts
 
 
 @dataclass(frozen=True)
@@ -174,8 +174,8 @@ class ExportDataset(ProjectArguments):
     boxes for REVERIE. Needs strips with depth."""
     unseen: tuple[str, ...] = ()
     """Scans that only val_unseen enters, as a whole. Default: a region of every scan."""
-    amounts: Inline[Amounts] = field(default_factory=Amounts)
-    bounds: Inline[Bounds] = field(default_factory=Bounds)
+    amounts: Inline[PathCounts] = field(default_factory=PathCounts)
+    bounds: Inline[PathBounds] = field(default_factory=PathBounds)
     force: bool = False
     """Also write graphs that R2R agents cannot handle."""
     backend: Literal["auto", "numba", "gsplat"] = "auto"

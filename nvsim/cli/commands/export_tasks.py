@@ -13,9 +13,9 @@ from nvsim.cli.terminal import say
 from nvsim.endpoint.options import AskingOptions, OneEndpoint
 from nvsim.errors import InputError, shown
 from nvsim.r2r.instructions.registers import Register
-from nvsim.r2r.prompted.options import Looking
-from nvsim.r2r.tasks.shortest import Bounds
-from nvsim.r2r.tasks.splitting import Amounts
+from nvsim.r2r.prompted.options import ImageOptions
+from nvsim.r2r.tasks.shortest import PathBounds
+from nvsim.r2r.tasks.splitting import PathCounts
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -63,11 +63,11 @@ class ExportTasks:
     goals: bool = False
     """Also write goals without language: PointNav, ObjectNav, and image goals for Habitat, and remote objects with
     boxes for REVERIE. Needs strips with depth."""
-    amounts: Inline[Amounts] = field(default_factory=Amounts)
-    bounds: Inline[Bounds] = field(default_factory=Bounds)
+    amounts: Inline[PathCounts] = field(default_factory=PathCounts)
+    bounds: Inline[PathBounds] = field(default_factory=PathBounds)
     asked: Inline[OneEndpoint] = field(default_factory=OneEndpoint)
     asking: Inline[AskingOptions] = field(default_factory=AskingOptions)
-    looking: Inline[Looking] = field(default_factory=Looking)
+    looking: Inline[ImageOptions] = field(default_factory=ImageOptions)
     prompt: Path | None = None
     """File with the prompt for the model at --endpoint. Default: nvsim_resources/prompts/instructions.txt."""
     json: bool = False
@@ -211,7 +211,7 @@ def _asked_instructions(
     from nvsim.cli.consent import agree
     from nvsim.endpoint.answer import StoredAnswers
     from nvsim.endpoint.client import Client
-    from nvsim.r2r.prompted.instructions import Writer, read_prompt
+    from nvsim.r2r.prompted.instructions import InstructionWriter, read_prompt
     from nvsim.r2r.prompted.views import ViewRenderer
     from nvsim.r2r.tasks.splitting import replace_instructions
 
@@ -224,7 +224,7 @@ def _asked_instructions(
     kept = StoredAnswers(a.asked.answers or a.out / "answers")
     client = Client(endpoint, kept, budget, a.asking, listen)
     try:
-        writer = Writer(renderer, by_scan, prompt, a.instructions, a.asking.answer_tokens, a.asking.detail)
+        writer = InstructionWriter(renderer, by_scan, prompt, a.instructions, a.asking.answer_tokens, a.asking.detail)
         note = (
             "NVSim sends views along the paths, turns and distances. If an answer is unusable, it asks again, "
             "at most twice."

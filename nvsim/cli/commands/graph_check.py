@@ -141,7 +141,14 @@ class GraphPropose:
         if self.script is not None:
             write_script(self.script, _script(edges, places))
         if self.json:
-            say(as_json({"edges": [_plain(e) for e in edges], "viewpoints": [_plain(p) for p in places]}))
+            say(
+                as_json(
+                    {
+                        "edges": [_proposal_as_json(e) for e in edges],
+                        "viewpoints": [_proposal_as_json(p) for p in places],
+                    }
+                )
+            )
         else:
             rows = [(*map(source.graph.short, e.edge), f"{e.score:.2f}", e.words) for e in edges]
             at = [(f"{p.position[0]:.2f}, {p.position[1]:.2f}", f"{p.score:.2f}", p.words) for p in places]
@@ -166,7 +173,7 @@ def _script(edges: tuple[EdgeProposal, ...], places: tuple[PlaceProposal, ...]) 
             yield json.dumps(record("add_edges", {"pairs": [(p.new_id, other) for other in p.joins]}))
 
 
-def _plain(proposal: EdgeProposal | PlaceProposal) -> dict[str, Any]:
+def _proposal_as_json(proposal: EdgeProposal | PlaceProposal) -> dict[str, Any]:
     """The fields of a proposal. JSON has no infinity, so the length of a missing path is null."""
     return {key: None if value == float("inf") else value for key, value in asdict(proposal).items()}
 

@@ -128,7 +128,7 @@ def _report(
 ) -> None:
     """Prints the changes of the graph, and the path `original` of the unedited file if one was kept."""
     from nvsim.graph.difference import difference
-    from nvsim.graph.foreign import islands
+    from nvsim.graph.foreign import disconnected_warning
     from nvsim.graph.paths import components
 
     change = difference(before, after)
@@ -144,7 +144,7 @@ def _report(
         say(f"Wrote {written}")
         if original is not None:
             say(f"The original file is kept as {original}")
-        if sentence := islands(after):
+        if sentence := disconnected_warning(after):
             say(sentence)
 
 

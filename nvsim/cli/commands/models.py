@@ -59,8 +59,8 @@ class ModelsAdd:
     """Replace an installed model of this name."""
 
     def run(self) -> int:
-        from nvsim.networks.adding import add
         from nvsim.networks.description import IMPROVES, ROLE_WORDS
+        from nvsim.networks.installation import add
 
         model = add(self.paths, self.name, self.form, self.replace)
         assert model.description is not None

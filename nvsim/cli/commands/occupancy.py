@@ -92,14 +92,14 @@ def _build(arguments: OccupancyBuild, project: Project | None, listen: Listener)
     from nvsim.occupancy.ros import write_ros_map
     from nvsim.occupancy.types import FREE, OCCUPIED
     from nvsim.project.occupancy_maps import build_occupancy
-    from nvsim.project.occupancy_sources import STAGE, capture_with_ranges, find_rays
+    from nvsim.project.occupancy_sources import STAGE, find_capture_with_ranges, find_rays
     from nvsim.project.stages.imported import capture_config
 
     started = time.monotonic()
     height = arguments.camera_height
     if project is not None:
         measured = arguments.source not in ("images", "trained")
-        capture = capture_with_ranges(project, listen) if measured else project.need_capture()
+        capture = find_capture_with_ranges(project, listen) if measured else project.need_capture()
         height = height or capture_config(project).camera_height
     else:
         assert arguments.capture is not None  # `_check`

@@ -12,7 +12,7 @@ from nvsim.cli.terminal import say
 from nvsim.endpoint.options import AskingOptions, OneEndpoint
 from nvsim.errors import InputError
 from nvsim.r2r.agents.baselines import Name
-from nvsim.r2r.prompted.options import Looking, Rules
+from nvsim.r2r.prompted.options import EpisodeLimits, ImageOptions
 
 if TYPE_CHECKING:
     from nvsim.r2r.agents.benchmark import Benchmark
@@ -43,8 +43,8 @@ class R2RAgent:
     """Random seed of the random agents."""
     asked: Inline[OneEndpoint] = field(default_factory=OneEndpoint)
     asking: Inline[AskingOptions] = field(default_factory=AskingOptions)
-    looking: Inline[Looking] = field(default_factory=Looking)
-    rules: Inline[Rules] = field(default_factory=Rules)
+    looking: Inline[ImageOptions] = field(default_factory=ImageOptions)
+    rules: Inline[EpisodeLimits] = field(default_factory=EpisodeLimits)
     prompt: Path | None = None
     """File with the prompt of mapgpt. Default: nvsim_resources/prompts/mapgpt.txt."""
     json: bool = False

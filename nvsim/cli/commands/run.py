@@ -17,8 +17,8 @@ from nvsim.cli.commands.capture import CapturePath
 from nvsim.cli.commands.stages import paper_map_config, report_network_fallback, with_normal_source
 from nvsim.cli.session import working
 from nvsim.cli.terminal import say
-from nvsim.cluster.choice import open_executor
 from nvsim.cluster.config import ClusterConfig
+from nvsim.cluster.executor_choice import open_executor
 from nvsim.errors import InputError
 from nvsim.mapping.config import MappingConfig
 from nvsim.mapping.families import NormalSource

@@ -12,8 +12,8 @@ from nvsim.cli import terminal
 from nvsim.cli.arguments import Inline, Memory, Positional, ProjectArguments, given, memory_budget
 from nvsim.cli.session import working
 from nvsim.cli.terminal import say
-from nvsim.cluster.choice import open_executor
 from nvsim.cluster.config import ClusterConfig
+from nvsim.cluster.executor_choice import open_executor
 from nvsim.depth.config import DepthConfig
 from nvsim.errors import InputError
 from nvsim.events import Done, Listener, Log

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from nvsim.dataset.habitat.surface import SolidColumns
 from nvsim.graph.quantities import slope_of
 from nvsim.graph.types import NavGraph, Viewpoint
-from nvsim.r2r.episodes.acting import scanned_obstacles, visible_floor
+from nvsim.r2r.episodes.episode_actions import scanned_obstacles, visible_floor
 from nvsim.r2r.surroundings.layers import Layers
 
 HEIGHT = 1.8
@@ -46,7 +46,7 @@ def collision_mesh(
             blocked = blocked | layers.values_at(scanned_obstacles(layers, cloud), places)
         floor = _reached(layers.values_at(visible_floor(layers), places) & ~blocked, layers, grid)
         quads += [_flat(grid, one, layers.floor) for one in rectangles(floor)]
-        for one in rectangles(_beside(blocked, floor)):
+        for one in rectangles(_obstacles_beside_floor(blocked, floor)):
             quads += list(_sides(grid, one, layers.floor))
     for a, b in graph.edges:
         ends = graph.viewpoints[a], graph.viewpoints[b]
@@ -91,7 +91,7 @@ def _reached(floor: NDArray[np.bool_], layers: Layers, grid: SolidColumns) -> ND
     return np.isin(labels, at[at > 0])
 
 
-def _beside(blocked: NDArray[np.bool_], floor: NDArray[np.bool_]) -> NDArray[np.bool_]:
+def _obstacles_beside_floor(blocked: NDArray[np.bool_], floor: NDArray[np.bool_]) -> NDArray[np.bool_]:
     """Returns the obstacles that touch the floor; robots do not reach the others."""
     import cv2
 

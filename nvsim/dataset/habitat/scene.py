@@ -27,7 +27,7 @@ from nvsim.r2r.episodes.episode import scene_id
 from nvsim.r2r.observations.layout import ScanPlaces
 from nvsim.r2r.observations.stub import SCAN as STUB
 from nvsim.r2r.surroundings.layers import layers_of
-from nvsim.r2r.surroundings.seen import has_depth, look_around
+from nvsim.r2r.surroundings.visibility import has_depth, look_around
 from nvsim.splats.formats.glb import write_colored_glb
 
 CONFIG = "nvsim/nvsim.scene_dataset_config.json"

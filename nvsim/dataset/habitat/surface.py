@@ -105,7 +105,7 @@ def fuse_surface(
     solid = np.zeros((len(heights), *shape[:2]), bool)
     for done, (first, last) in enumerate(pairwise(ends)):
         origin = low + np.array([(first - 1) * voxel, 0, 0])
-        slab = _Slab.empty((last - first + 2, int(shape[1]), int(shape[2])))
+        slab = _DistanceSlab.empty((last - first + 2, int(shape[1]), int(shape[2])))
         far = np.maximum(np.maximum(origin[0] - at[:, 0], at[:, 0] - origin[0] - slab.sums.shape[0] * voxel), 0)
         for i in np.flatnonzero(far < REACH):
             metres, image = strip(int(i))
@@ -154,7 +154,7 @@ def _axes() -> NDArray[np.float64]:
 
 
 @dataclass(frozen=True, eq=False)
-class _Slab:
+class _DistanceSlab:
     """sums, weights  (X, Y, Z) float32: weighted sum of distances in truncations, and sum of weights
     colors         (X, Y, Z, 4) float32: weighted sum of RGB near the surface, and sum of its weights
     """
@@ -164,8 +164,10 @@ class _Slab:
     colors: NDArray[np.float32]
 
     @staticmethod
-    def empty(shape: tuple[int, int, int]) -> _Slab:
-        return _Slab(np.zeros(shape, np.float32), np.zeros(shape, np.float32), np.zeros((*shape, 4), np.float32))
+    def empty(shape: tuple[int, int, int]) -> _DistanceSlab:
+        return _DistanceSlab(
+            np.zeros(shape, np.float32), np.zeros(shape, np.float32), np.zeros((*shape, 4), np.float32)
+        )
 
 
 @njit(parallel=True, cache=True)
@@ -219,7 +221,7 @@ def _integrate(
 
 
 @dataclass(frozen=True, eq=False)
-class _Nets:
+class _SurfaceNets:
     """keys (N,) cells with a vertex, vertices (N, 3), colors (N, 3), quads (Q, 4) cells."""
 
     keys: NDArray[np.int64]
@@ -228,7 +230,7 @@ class _Nets:
     quads: NDArray[np.int64]
 
 
-def _surface_nets(slab: _Slab, origin: NDArray[np.float64], voxel: float) -> _Nets:
+def _surface_nets(slab: _DistanceSlab, origin: NDArray[np.float64], voxel: float) -> _SurfaceNets:
     """Returns the zero level in a slab. The key of a cell is its number in the slab, in the order of the voxels."""
     known = slab.weights > 0
     values = np.where(known, slab.sums / np.maximum(slab.weights, 1e-12), np.nan)
@@ -255,7 +257,7 @@ def _surface_nets(slab: _Slab, origin: NDArray[np.float64], voxel: float) -> _Ne
     colors = np.rint(tints[:, :3] / np.maximum(tints[:, 3:], 1e-12)).astype(np.uint8)
     quads = np.concatenate(list(_quads(inside, known, crossed)))
     keys = (cells[:, 0] * shape[1] + cells[:, 1]) * shape[2] + cells[:, 2]
-    return _Nets(keys, vertices.astype(np.float32), colors, quads)
+    return _SurfaceNets(keys, vertices.astype(np.float32), colors, quads)
 
 
 def _quads(

@@ -15,15 +15,15 @@ import cv2
 import numpy as np
 
 from nvsim.capture.images import decode
-from nvsim.endpoint.asking import Unanswered, UnusableAnswer, ask_until_clear, json_object, run_in_parallel
+from nvsim.endpoint.asking import MissingAnswer, UnusableAnswer, ask_until_clear, json_object, run_in_parallel
 from nvsim.endpoint.budget import RequestEstimate, estimate_requests
 from nvsim.endpoint.client import Client
 from nvsim.endpoint.prompt import FOLDER, Prompt
 from nvsim.endpoint.request import Image as SentImage
 from nvsim.endpoint.request import Message, Part, Request
 from nvsim.errors import InputError
-from nvsim.evaluation.judging.contestants import STAGE, Shown, read_shown
-from nvsim.evaluation.judging.verdicts import Judged, Preference, Reason, Verdict, consistent_winner, pairs_of
+from nvsim.evaluation.judging.compared_images import STAGE, ContestantImages, read_shown
+from nvsim.evaluation.judging.verdicts import JudgeVerdicts, Preference, Reason, Verdict, consistent_winner, pairs_of
 from nvsim.evaluation.scores import Distance, Image
 from nvsim.events import Listener, Progress, Warning, silent
 
@@ -45,29 +45,29 @@ _NEEDS = {
 }
 
 
-def by_lpips(shown: Sequence[Shown], distance: Distance | None, why: str) -> Judged:
+def by_lpips(shown: Sequence[ContestantImages], distance: Distance | None, why: str) -> JudgeVerdicts:
     """Prefers the image with the smaller LPIPS distance to the photograph. Views without a photograph are skipped."""
     what = "prefers the image nearer to the photograph; a metric, only for views with a photograph"
     photographed = [view for view in shown if view.photo is not None]
     if distance is None or not photographed:
-        return Judged("LPIPS (offline)", what, why=why or "no view has a photograph")
+        return JudgeVerdicts("LPIPS (offline)", what, why=why or "no view has a photograph")
     found = []
     for view in photographed:
         assert view.photo is not None
         photo = view.photo()
         far = {who: distance(_like(read_shown(path), photo), photo) for who, path in view.images.items()}
         found += _verdicts(view, far, lambda x, y: abs(x - y) < SAME_DISTANCE, lower=True)
-    return Judged("LPIPS (offline)", what, found)
+    return JudgeVerdicts("LPIPS (offline)", what, found)
 
 
-def by_sharpness(shown: Sequence[Shown]) -> Judged:
+def by_sharpness(shown: Sequence[ContestantImages]) -> JudgeVerdicts:
     """Prefers the sharper image. It uses no photograph, and counts floaters and noise as detail."""
     what = "prefers finer detail, which can be noise or floaters; a metric"
     found = []
     for view in shown:
         sharp = {who: sharpness(read_shown(path)) for who, path in view.images.items()}
         found += _verdicts(view, sharp, lambda x, y: abs(x - y) < SAME_SHARPNESS * max(x, y, 1e-9), lower=False)
-    return Judged("sharpness (offline, no reference)", what, found)
+    return JudgeVerdicts("sharpness (offline, no reference)", what, found)
 
 
 def sharpness(image: Image) -> float:
@@ -81,7 +81,7 @@ def sharpness(image: Image) -> float:
 
 
 def _verdicts(
-    view: Shown, figures: dict[str, float], same: Callable[[float, float], bool], lower: bool
+    view: ContestantImages, figures: dict[str, float], same: Callable[[float, float], bool], lower: bool
 ) -> list[Verdict]:
     found = []
     for a, b in pairs_of(list(view.images)):
@@ -107,12 +107,12 @@ def read_prompt(path: Path | None) -> Prompt:
 
 
 @dataclass(frozen=True)
-class _Said:
+class _JudgeAnswer:
     preference: Preference
     reasons: tuple[tuple[bool, bool, str, str], ...]  # about the first image, positive, category, words
 
 
-class Asker:
+class JudgeRequester:
     """Asks one judge about all pairs in all views. longest: longest side of the sent images in pixels."""
 
     def __init__(self, prompt: Prompt, longest: int) -> None:
@@ -120,7 +120,7 @@ class Asker:
         self._known = _categories(prompt)
         self._image = lru_cache(256)(self._read)
 
-    def estimate(self, client: Client, shown: Sequence[Shown]) -> RequestEstimate:
+    def estimate(self, client: Client, shown: Sequence[ContestantImages]) -> RequestEstimate:
         """The number, size, and tokens of the requests that would be sent."""
         requests = (
             self._request(client, view, *order)
@@ -130,7 +130,9 @@ class Asker:
         )
         return estimate_requests((request, client.is_kept(request)) for request in requests)
 
-    def judge(self, client: Client, name: str, shown: Sequence[Shown], listen: Listener = silent) -> Judged:
+    def judge(
+        self, client: Client, name: str, shown: Sequence[ContestantImages], listen: Listener = silent
+    ) -> JudgeVerdicts:
         """The verdicts of one model. Raises InputError as `Client.ask` does."""
         pairs = [(view, a, b) for view in shown for a, b in pairs_of(list(view.images))]
         found: dict[tuple[str, str, str], Verdict] = {}
@@ -142,13 +144,15 @@ class Asker:
                 listen(Warning(f"{name} gives no verdict on {a} and {b} in {view.name}: {verdict.why}.", STAGE))
             listen(Progress(STAGE, len(found), len(pairs), name))
         ordered = [found[view.name, a, b] for view, a, b in pairs]
-        return Judged(name, f"{client.endpoint.model}, asked at {client.endpoint.url}", ordered)
+        return JudgeVerdicts(name, f"{client.endpoint.model}, asked at {client.endpoint.url}", ordered)
 
-    def _verdict(self, client: Client, view: Shown, a: str, b: str) -> Verdict:
-        said: list[_Said] = []
+    def _verdict(self, client: Client, view: ContestantImages, a: str, b: str) -> Verdict:
+        said: list[_JudgeAnswer] = []
         for order in ((a, b), (b, a)):
-            answer = ask_until_clear(client, self._request(client, view, *order), self._understood, self._again)
-            if isinstance(answer, Unanswered):
+            answer = ask_until_clear(
+                client, self._request(client, view, *order), self._understood, self._repeat_question
+            )
+            if isinstance(answer, MissingAnswer):
                 return Verdict(view.name, view.kind, a, b, None, answer.why)
             said.append(answer.value)
         won = consistent_winner(a, b, said[0].preference, said[1].preference)
@@ -160,7 +164,7 @@ class Asker:
         preferences = tuple(one.preference for one in said)
         return Verdict(view.name, view.kind, a, b, won, "", preferences, tuple(reasons))
 
-    def _request(self, client: Client, view: Shown, first: str, second: str) -> Request:
+    def _request(self, client: Client, view: ContestantImages, first: str, second: str) -> Request:
         values: dict[str, str | Sequence[Part]] = {
             "categories": ", ".join(self._known),
             "first": [self._image(view.images[first], f"{view.name}, {first}")],
@@ -170,7 +174,7 @@ class Asker:
         user = Message("user", self._prompt.fill("user", values))
         return Request((system, user), client.options.answer_tokens, client.options.detail)
 
-    def _again(self, wrong: str) -> str:
+    def _repeat_question(self, wrong: str) -> str:
         return self._prompt.text("again", {"wrong": wrong, "categories": ", ".join(self._known)})
 
     def _read(self, path: Path, name: str) -> SentImage:
@@ -185,7 +189,7 @@ class Asker:
         data = cv2.imencode(".jpg", image[..., ::-1], [cv2.IMWRITE_JPEG_QUALITY, _QUALITY, *sampling])[1]
         return SentImage(name, data.tobytes(), width, height)
 
-    def _understood(self, text: str) -> _Said:
+    def _understood(self, text: str) -> _JudgeAnswer:
         said = json_object(text)
         choice = said.get("choice")
         preference = choice.strip().lower() if isinstance(choice, str) else ""
@@ -193,7 +197,7 @@ class Asker:
             raise UnusableAnswer('"choice" must be "first", "second" or "tie"')
         given = said.get("reasons")
         reasons = [self._reason(one) for one in given[:_MOST_REASONS]] if isinstance(given, list) else []
-        return _Said(preference, tuple(one for one in reasons if one is not None))  # type: ignore[arg-type]
+        return _JudgeAnswer(preference, tuple(one for one in reasons if one is not None))  # type: ignore[arg-type]
 
     def _reason(self, given: Any) -> tuple[bool, bool, str, str] | None:
         """A reason, or None if it is invalid. The choice counts without it."""

@@ -13,8 +13,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from nvsim.evaluation.judging.contestants import Shown
-from nvsim.evaluation.judging.verdicts import Judged, reasons_by_category, table_rows
+from nvsim.evaluation.judging.compared_images import ContestantImages
+from nvsim.evaluation.judging.verdicts import JudgeVerdicts, reasons_by_category, table_rows
 from nvsim.evaluation.table import Column, csv_table, text_table
 from nvsim.figures import FAINT, save_figure, style
 from nvsim.files import atomic
@@ -117,7 +117,7 @@ _COLUMNS = (
 )
 
 
-def text_of(judged: Sequence[Judged], shown: Sequence[Shown]) -> str:
+def text_of(judged: Sequence[JudgeVerdicts], shown: Sequence[ContestantImages]) -> str:
     """One block per judge, and notes that explain the columns."""
     blocks = []
     for judge, rows in groupby(table_rows(judged, shown), key=lambda row: row["judge"]):
@@ -138,7 +138,7 @@ def text_of(judged: Sequence[Judged], shown: Sequence[Shown]) -> str:
     return "\n".join([*blocks, notes])
 
 
-def write_report(judged: Sequence[Judged], shown: Sequence[Shown], folder: Path) -> list[Path]:
+def write_report(judged: Sequence[JudgeVerdicts], shown: Sequence[ContestantImages], folder: Path) -> list[Path]:
     """Writes judge.txt, judge.csv, judge.tex, and verdicts.json. Writes a sunburst chart for each judge that gave
     reasons, and one for all judges. Returns their paths. Raises InputError if the disk refuses."""
     rows = table_rows(judged, shown)

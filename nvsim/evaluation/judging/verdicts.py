@@ -10,7 +10,7 @@ from typing import Any, Literal
 import numpy as np
 
 from nvsim.evaluation.interval import wilson
-from nvsim.evaluation.judging.contestants import Shown
+from nvsim.evaluation.judging.compared_images import ContestantImages
 
 Preference = Literal["first", "second", "tie"]
 
@@ -44,7 +44,7 @@ class Verdict:
 
 
 @dataclass(frozen=True)
-class Judged:
+class JudgeVerdicts:
     """All verdicts of one judge. what: a description of the judge; why: the reason if there are no verdicts."""
 
     judge: str
@@ -65,7 +65,7 @@ def consistent_winner(a: str, b: str, forth: Preference, back: Preference) -> st
     return there if there == again else ""
 
 
-def table_rows(judged: Sequence[Judged], shown: Sequence[Shown]) -> list[dict[str, Any]]:
+def table_rows(judged: Sequence[JudgeVerdicts], shown: Sequence[ContestantImages]) -> list[dict[str, Any]]:
     """One row for each judge and pair; `a` has more points than `b`. A judge without verdicts has one row with `why`.
 
     Columns: judge, a, b, pairs, unanswered, points_a, points_b, share_a (of the pairs, in percent) with its 95 %
@@ -111,7 +111,7 @@ def _points(verdict: Verdict, a: str) -> float:
     return 0.5 if verdict.won == "" else float(verdict.won == a)
 
 
-def reasons_by_category(judged: Sequence[Judged]) -> Mapping[tuple[str, bool, str], int]:
+def reasons_by_category(judged: Sequence[JudgeVerdicts]) -> Mapping[tuple[str, bool, str], int]:
     """(model, whether positive, category) -> number of reasons, in descending order."""
     found: dict[tuple[str, bool, str], int] = {}
     for reason in (r for one in judged for v in one.verdicts for r in v.reasons):

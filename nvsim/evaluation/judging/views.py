@@ -59,7 +59,7 @@ class JudgedView:
 
 
 @dataclass(frozen=True)
-class Counts:
+class ViewCounts:
     """Numbers of views per submap, the seed of drawn novel views, and the longest side of the images in pixels."""
 
     seen: int = 5
@@ -68,7 +68,9 @@ class Counts:
     longest: int = 640
 
 
-def judged_views(project: Project, submaps: Sequence[Submap], truth: Path | None, counts: Counts) -> list[JudgedView]:
+def judged_views(
+    project: Project, submaps: Sequence[Submap], truth: Path | None, counts: ViewCounts
+) -> list[JudgedView]:
     """The views of these submaps. Raises InputError if the capture or the ground truth cannot be read."""
     capture = project.need_capture()
     kept_out = held_out(len(capture.frames), capture_config(project).hold_out)
@@ -79,17 +81,17 @@ def judged_views(project: Project, submaps: Sequence[Submap], truth: Path | None
     found = []
     for submap in submaps:
         trained = [i for i in submap.core if i not in kept_out]
-        found += [_seen(capture, i, submap, counts) for i in _spread(trained, counts.seen)]
-        true = _spread(novel[submap.index], counts.novel)
+        found += [_seen_view(capture, i, submap, counts) for i in _evenly_spaced_items(trained, counts.seen)]
+        true = _evenly_spaced_items(novel[submap.index], counts.novel)
         found += [_true(view, submap, counts) for view in true]
         if not true:
             found += _drawn(project, capture, submap, everything, counts)
     return found
 
 
-def _seen(capture: Capture, index: int, submap: Submap, counts: Counts) -> JudgedView:
+def _seen_view(capture: Capture, index: int, submap: Submap, counts: ViewCounts) -> JudgedView:
     frame = capture.frames[index]
-    camera = _within(frame.camera, counts.longest)
+    camera = _limit_size(frame.camera, counts.longest)
 
     def photo() -> Image:
         return _sized(read_image(frame, frame.intrinsics) / np.float32(255), camera)
@@ -97,8 +99,8 @@ def _seen(capture: Capture, index: int, submap: Submap, counts: Counts) -> Judge
     return JudgedView(f"{submap.index:03d}_seen_{index:06d}", "seen", str(submap.index), camera, photo)
 
 
-def _true(view: NovelView, submap: Submap, counts: Counts) -> JudgedView:
-    camera = _within(view.camera, counts.longest)
+def _true(view: NovelView, submap: Submap, counts: ViewCounts) -> JudgedView:
+    camera = _limit_size(view.camera, counts.longest)
 
     def photo() -> Image:
         return _sized(view.image(), camera)
@@ -108,16 +110,16 @@ def _true(view: NovelView, submap: Submap, counts: Counts) -> JudgedView:
 
 
 def _drawn(
-    project: Project, capture: Capture, submap: Submap, everything: Sequence[Submap], counts: Counts
+    project: Project, capture: Capture, submap: Submap, everything: Sequence[Submap], counts: ViewCounts
 ) -> list[JudgedView]:
     graph = project.graph()
     places = [] if graph is None else [np.array(v.position) for v in graph.viewpoints.values() if v.included]
     mine = [p for p in places if nearest_submap(list(everything), p) == submap.index]
-    places = _spread(mine or list(submap.positions), counts.novel)
+    places = _evenly_spaced_items(mine or list(submap.positions), counts.novel)
     if not places:
         return []
     random = np.random.default_rng([counts.seed, submap.index])
-    intrinsics = _within(capture.frames[submap.core[0]].camera, counts.longest).intrinsics
+    intrinsics = _limit_size(capture.frames[submap.core[0]].camera, counts.longest).intrinsics
     found = []
     for i in range(counts.novel):
         place = places[i % len(places)]
@@ -129,14 +131,14 @@ def _drawn(
     return found
 
 
-def _spread(items: Sequence[T], count: int) -> list[T]:
+def _evenly_spaced_items(items: Sequence[T], count: int) -> list[T]:
     """Up to `count` items, evenly spaced."""
     if count >= len(items):
         return list(items)
     return [items[int((k + 0.5) * len(items) / count)] for k in range(count)]
 
 
-def _within(camera: Camera, longest: int) -> Camera:
+def _limit_size(camera: Camera, longest: int) -> Camera:
     k = camera.intrinsics.within(longest)
     return camera.scaled(k.width, k.height)
 

@@ -13,8 +13,8 @@ from dataclasses import replace
 from types import MappingProxyType
 from typing import TypeVar
 
-from nvsim.errors import Refusal, shown
-from nvsim.graph.touched import Touched, remember
+from nvsim.errors import UserError, shown
+from nvsim.graph.touched_elements import TouchedElements, remember
 from nvsim.graph.types import Edge, EdgeKey, Evidence, EvidenceKey, NavGraph, Viewpoint
 
 K = TypeVar("K")
@@ -22,7 +22,7 @@ V = TypeVar("V")
 Place = tuple[float, float, float]
 
 
-class EditError(Refusal):
+class EditError(UserError):
     """The edit is impossible on this graph. The message is one sentence with the reason."""
 
 
@@ -101,14 +101,14 @@ class Change:
             around = {end for key in keys for end in key if end not in gone}
             for key in keys:
                 del edges[key]
-            _thin(adjacency, gone, around, gone)
+            _remove_from_index(adjacency, gone, around, gone)
             self._touched_edges |= keys
         if names:
             evidence, index = self._own_evidence(), self._own_evidence_of()
             around = {end for name in names for end in _ends(evidence[name]) if end not in gone}
             for name in names:
                 del evidence[name]
-            _thin(index, gone, around, names)
+            _remove_from_index(index, gone, around, names)
             self._touched_evidence |= names
         viewpoints = self._own_viewpoints()
         for id in gone:
@@ -205,7 +205,9 @@ class Change:
                 after.__dict__[name] = MappingProxyType(own)
             elif name in self.graph.__dict__:
                 after.__dict__[name] = self.graph.__dict__[name]
-        touched = Touched(tuple(self._touched_viewpoints), tuple(self._touched_edges), tuple(self._touched_evidence))
+        touched = TouchedElements(
+            tuple(self._touched_viewpoints), tuple(self._touched_edges), tuple(self._touched_evidence)
+        )
         remember(after, self.graph, touched)
         return after
 
@@ -240,7 +242,9 @@ class Change:
         return self._evidence_of
 
 
-def _thin(index: dict[str, tuple[K, ...]], gone: Iterable[str], around: Iterable[str], without: Container[K]) -> None:
+def _remove_from_index(
+    index: dict[str, tuple[K, ...]], gone: Iterable[str], around: Iterable[str], without: Container[K]
+) -> None:
     """Remove `gone` from an index, and the names `without` from the entries of `around`."""
     for id in gone:
         index.pop(id, None)

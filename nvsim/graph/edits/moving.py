@@ -154,7 +154,7 @@ def align_to_lattice(
         lattice.begin(seed)
         chosen.pop(seed, None)
     first = next(iter(lattice.at))
-    heap: list[tuple[float, str, _Spot]] = []
+    heap: list[tuple[float, str, _LatticePosition]] = []
 
     def offer(parent: str) -> None:
         for other in graph.neighbours(parent):
@@ -183,7 +183,7 @@ def align_to_lattice(
 
 
 @dataclass(frozen=True, order=True)
-class _Spot:
+class _LatticePosition:
     """A lattice position as whole steps along four axes from an anchor, so that all paths to it give equal numbers."""
 
     anchor: str
@@ -197,41 +197,41 @@ class _Lattice:
         turns = [offset + k * math.pi / _AXES for k in range(_AXES)]
         # Heading 0 is +y and positive turns right.
         self.steps = [(spacing * math.sin(h), spacing * math.cos(h)) for h in turns]
-        self.at: dict[str, _Spot] = {}
+        self.at: dict[str, _LatticePosition] = {}
 
     def begin(self, id: str) -> None:
-        self.at[id] = _Spot(id, (0,) * _AXES)
+        self.at[id] = _LatticePosition(id, (0,) * _AXES)
 
-    def place(self, spot: _Spot) -> tuple[float, float]:
+    def place(self, spot: _LatticePosition) -> tuple[float, float]:
         x, y, _ = self.graph.viewpoints[spot.anchor].position
         for n, (dx, dy) in zip(spot.counts, self.steps, strict=True):
             x, y = x + n * dx, y + n * dy
         return x, y
 
-    def step(self, parent: str, id: str) -> tuple[float, _Spot]:
+    def step(self, parent: str, id: str) -> tuple[float, _LatticePosition]:
         """Return the meters that `id` moves (rounded, for a stable order) and its new position. It is whole steps from
         its parent, at least one, in the best direction."""
         found = []
-        for k, along in enumerate(self._along(parent, id)):
+        for k, along in enumerate(self._steps_along_axes(parent, id)):
             n = round(along) or (1 if along >= 0 else -1)
             spot = self._further(self.at[parent], {k: n})
             found.append((round(math.dist(self.place(spot), self.graph.viewpoints[id].position[:2]), 6), spot))
         return min(found)
 
-    def nearest(self, origin: str, id: str) -> _Spot:
+    def nearest(self, origin: str, id: str) -> _LatticePosition:
         """Return the position with the smallest move of `id`, along two perpendicular axes from `origin`."""
-        along = self._along(origin, id)
+        along = self._steps_along_axes(origin, id)
         return self._further(self.at[origin], {0: round(along[0]), 2: round(along[2])})
 
-    def _along(self, origin: str, id: str) -> list[float]:
+    def _steps_along_axes(self, origin: str, id: str) -> list[float]:
         """Steps from the position of `origin` to `id` along every axis."""
         x, y = self.place(self.at[origin])
         tx, ty, _ = self.graph.viewpoints[id].position
         return [((tx - x) * dx + (ty - y) * dy) / self.spacing**2 for dx, dy in self.steps]
 
     @staticmethod
-    def _further(spot: _Spot, more: dict[int, int]) -> _Spot:
-        return _Spot(spot.anchor, tuple(n + more.get(k, 0) for k, n in enumerate(spot.counts)))
+    def _further(spot: _LatticePosition, more: dict[int, int]) -> _LatticePosition:
+        return _LatticePosition(spot.anchor, tuple(n + more.get(k, 0) for k, n in enumerate(spot.counts)))
 
 
 def _seeds(graph: NavGraph, chosen: dict[str, None], anchor: str | None) -> list[str]:

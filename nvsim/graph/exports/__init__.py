@@ -2,20 +2,20 @@
 agents."""
 
 from nvsim.graph.exports.formats import (
-    Anchor,
+    GeoAnchor,
     check_exportable,
     findings_that_break_agents,
     incomplete_export,
     write_geojson,
     write_graphml,
 )
-from nvsim.graph.exports.picture import Groups, Key, draw
+from nvsim.graph.exports.picture import ColorGroups, LegendRow, draw
 
 __all__ = [
-    "Anchor",
+    "GeoAnchor",
     "check_exportable",
-    "Groups",
-    "Key",
+    "ColorGroups",
+    "LegendRow",
     "findings_that_break_agents",
     "draw",
     "incomplete_export",

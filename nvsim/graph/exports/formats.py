@@ -62,7 +62,7 @@ _LOCAL = "Coordinates are local meters (x, y, z up), not longitude and latitude.
 
 
 @dataclass(frozen=True)
-class Anchor:
+class GeoAnchor:
     """The position on the earth of the origin of the graph's frame: degrees, WGS 84. `altitude` is in meters. `bearing`
     is the direction of the frame's +y axis in degrees clockwise from north. Raises InputError if a value is out of
     range."""
@@ -93,7 +93,7 @@ class Anchor:
         return [round(lon, 9), round(self.latitude + math.degrees(north / meridian), 9), round(self.altitude + z, 4)]
 
 
-def write_geojson(graph: NavGraph, path: Path, anchor: Anchor | None = None) -> Path:
+def write_geojson(graph: NavGraph, path: Path, anchor: GeoAnchor | None = None) -> Path:
     """Write a FeatureCollection and return `path`. Raises InputError if writing fails."""
 
     def at(id: str) -> list[float]:
@@ -122,7 +122,7 @@ def _feature(id: str, geometry: dict[str, Any], properties: dict[str, Any]) -> d
     return {"type": "Feature", "id": id, "geometry": geometry, "properties": properties}
 
 
-class Refusal(InputError):
+class RefusedExport(InputError):
     """A refused export. The message contains the fix; `reason` is the message without it."""
 
     def __init__(self, reason: str) -> None:
@@ -141,16 +141,16 @@ def check_exportable(graph: NavGraph, context: Context | None = None) -> None:
     found = findings_that_break_agents(graph, context)
     if found:
         more = f" (and {len(found) - 1} more that `nvsim graph check` lists)" if len(found) > 1 else ""
-        raise Refusal(f"{found[0].message.rstrip('.')}{more}")
+        raise RefusedExport(f"{found[0].message.rstrip('.')}{more}")
 
 
 def incomplete_export(failures: Mapping[str, InputError], count: int) -> InputError:
     """Return one error for the scans that could not be written, by name. `count` is the number of all scans."""
     reasons = [
-        f"{scan}: {error.reason if isinstance(error, Refusal) else str(error).rstrip('.')}"
+        f"{scan}: {error.reason if isinstance(error, RefusedExport) else str(error).rstrip('.')}"
         for scan, error in failures.items()
     ]
     sentence = f"{len(failures)} of {count} scans were not written ({'; '.join(reasons)}); fix this"
-    if any(isinstance(error, Refusal) for error in failures.values()):
+    if any(isinstance(error, RefusedExport) for error in failures.values()):
         sentence += ", or write them anyway with --force"
     return InputError(f"{sentence}.")

@@ -32,7 +32,7 @@ Pair = tuple[str, str]
 
 
 @dataclass(frozen=True)
-class Key:
+class LegendRow:
     """A row of the legend; it has no row if `words` is empty. `shape` is one of figures.SHAPES, "" without viewpoints.
     `dash` is an index of figures.DASHES, -1 without edges."""
 
@@ -43,32 +43,32 @@ class Key:
     filled: bool = True
 
 
-_NO_KEY = Key("", _EXCLUDED)
+_NO_KEY = LegendRow("", _EXCLUDED)
 KEYS = {
-    "step": Key("steps of the search", "#2e7d54", ""),
-    "merge": Key("merges", "#7a5aa8", ""),
-    "person": Key("made by a user", "#1969c8", ""),
-    "other": Key("other edges", "#3c6e82", ""),
-    "out": Key("not in navigation", _EXCLUDED, dash=2, filled=False),
-    "start": Key("start of the search", "#e18214", dash=-1),
-    "node": Key("viewpoints", "#184e34", dash=-1),
+    "step": LegendRow("steps of the search", "#2e7d54", ""),
+    "merge": LegendRow("merges", "#7a5aa8", ""),
+    "person": LegendRow("made by a user", "#1969c8", ""),
+    "other": LegendRow("other edges", "#3c6e82", ""),
+    "out": LegendRow("not in navigation", _EXCLUDED, dash=2, filled=False),
+    "start": LegendRow("start of the search", "#e18214", dash=-1),
+    "node": LegendRow("viewpoints", "#184e34", dash=-1),
 }
 """Groups by origin."""
 
 
 @dataclass(frozen=True, eq=False)
-class Groups:
+class ColorGroups:
     """The meaning of colors. `viewpoints` maps ids and `edges` maps keys to rows of `keys`; all other elements are
     gray."""
 
     title: str
-    keys: tuple[Key, ...]
+    keys: tuple[LegendRow, ...]
     viewpoints: Mapping[str, int]
     edges: Mapping[Pair, int]
 
 
 @dataclass(frozen=True, eq=False)
-class Area:
+class MapArea:
     """A part of a graph and its background.
 
     low, high    (2,) corners, meters
@@ -85,11 +85,13 @@ class Area:
     walk: NDArray[np.floating] = field(default_factory=lambda: np.zeros((0, 2)))
 
 
-def grouped(keys: Mapping[str, Key], viewpoints: Mapping[str, str], edges: Mapping[Pair, str], *others: str) -> Groups:
+def grouped(
+    keys: Mapping[str, LegendRow], viewpoints: Mapping[str, str], edges: Mapping[Pair, str], *others: str
+) -> ColorGroups:
     """Return groups from the name of the group of each element. Only keys with elements, and `others`, are kept."""
     used = [name for name in keys if name in {*edges.values(), *viewpoints.values(), *others}]
     row = {name: i for i, name in enumerate(used)}
-    return Groups(
+    return ColorGroups(
         "",
         tuple(keys[name] for name in used),
         {id: row[name] for id, name in viewpoints.items()},
@@ -101,7 +103,7 @@ def draw(
     graph: NavGraph,
     occupancy: OccupancyMap | None = None,
     longest_side: int = 1600,
-    groups: Groups | None = None,
+    groups: ColorGroups | None = None,
     unit: tuple[str, float] = ("m", 1.0),
 ) -> Figure:
     """Draw a graph as lines and dots with a legend.
@@ -116,11 +118,11 @@ def draw(
     corners = extent(occupancy, places, _MARGIN)
     if corners is None:
         raise InputError("There is no viewpoint and no map to draw; choose another graph.")
-    area = Area(*corners, graph.viewpoints, graph.edges, occupancy)
+    area = MapArea(*corners, graph.viewpoints, graph.edges, occupancy)
     return draw_areas(graph, [area], _by_origin(graph) if groups is None else groups, longest_side, unit)
 
 
-def _by_origin(graph: NavGraph) -> Groups:
+def _by_origin(graph: NavGraph) -> ColorGroups:
     """Group edges by origin, and mark where the search began."""
     edges = {
         ends: (edge.origin if edge.origin in ("step", "merge", "person") else "other")
@@ -154,8 +156,8 @@ def extent(
 @style()
 def draw_areas(
     graph: NavGraph,
-    areas: Sequence[Area],
-    groups: Groups,
+    areas: Sequence[MapArea],
+    groups: ColorGroups,
     longest_side: int = 1600,
     unit: tuple[str, float] = ("m", 1.0),
 ) -> Figure:
@@ -192,7 +194,7 @@ def draw_areas(
     return figure
 
 
-def _add_background(axes: Axes, area: Area) -> None:
+def _add_background(axes: Axes, area: MapArea) -> None:
     image, box = area.background, (*axes.get_xlim(), *axes.get_ylim())
     if isinstance(image, OccupancyMap):
         table = np.zeros((256, 3), np.uint8)
@@ -206,11 +208,11 @@ def _add_background(axes: Axes, area: Area) -> None:
         axes.axis(limits)
 
 
-def _add_elements(axes: Axes, graph: NavGraph, area: Area, groups: Groups, radius: float) -> None:
+def _add_elements(axes: Axes, graph: NavGraph, area: MapArea, groups: ColorGroups, radius: float) -> None:
     """Add the trajectory, edges, and viewpoints with a `radius` in points."""
     from matplotlib.collections import LineCollection
 
-    def key_of(row: int | None) -> Key:
+    def key_of(row: int | None) -> LegendRow:
         return _NO_KEY if row is None else groups.keys[row]
 
     steps = np.stack([area.walk[:-1, :2], area.walk[1:, :2]], axis=1)
@@ -248,7 +250,7 @@ def _add_elements(axes: Axes, graph: NavGraph, area: Area, groups: Groups, radiu
             )
 
 
-def _add_legend(figure: Figure, groups: Groups) -> float:
+def _add_legend(figure: Figure, groups: ColorGroups) -> float:
     """Add a legend at the lower edge in as many columns as fit. Return its height in pixels."""
     from matplotlib.lines import Line2D
 

@@ -12,11 +12,11 @@ from nvsim.graph.connectivity import check_scan_id
 from nvsim.graph.difference import Difference, difference
 from nvsim.graph.edits.change import key_of
 from nvsim.graph.findings.context import SEVERITIES, Context, Finding, Fix
-from nvsim.graph.findings.detours import Detours, about_detour, influence_radius
+from nvsim.graph.findings.detours import DetourFindings, about_detour, influence_radius
 from nvsim.graph.findings.elements import Neighbourhood, about_edge, about_pair, about_viewpoint, is_steep
-from nvsim.graph.findings.groups import Groups
+from nvsim.graph.findings.groups import ConnectedGroups
 from nvsim.graph.paths import components
-from nvsim.graph.touched import touched_between
+from nvsim.graph.touched_elements import touched_between
 from nvsim.graph.types import EdgeKey, NavGraph
 
 _NOTHING = Context()
@@ -88,11 +88,11 @@ class Validator:
         self._before: dict[str, Finding | None] = {}  # key of a touched finding -> its previous value
         self._twins: dict[str, set[str]] = {}  # viewpoint -> viewpoints almost at its position
         limits = self._context.limits
-        self._places, self._detours = Neighbourhood(max(limits.near, influence_radius(limits))), Detours()
+        self._places, self._detours = Neighbourhood(max(limits.near, influence_radius(limits))), DetourFindings()
         for viewpoint in graph.viewpoints.values():
             self._places.put(viewpoint)
             yield
-        self._groups = Groups()
+        self._groups = ConnectedGroups()
         yield from self._groups.beginning(graph)
         for id in graph.viewpoints:
             self._look_at(id)

@@ -49,7 +49,7 @@ def ids_within(graph: NavGraph, start: str, limit: float) -> set[str]:
     return done
 
 
-class Detours:
+class DetourFindings:
     """The detour findings of a graph, updated after each edit."""
 
     def __init__(self) -> None:

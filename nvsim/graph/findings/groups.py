@@ -16,7 +16,7 @@ MANY = 64
 """If more elements than this are removed at once, everything is counted from scratch."""
 
 
-class Groups:
+class ConnectedGroups:
     """The connected groups of the included viewpoints."""
 
     def __init__(self, graph: NavGraph | None = None) -> None:

@@ -4,8 +4,15 @@ Format and pitfalls: Matterport3DSimulator, connectivity/README.md. This package
 project.
 """
 
-from nvsim.graph.foreign.beside import FilesBeside, find_files_beside
 from nvsim.graph.foreign.file import ForeignFile, connectivity_files
-from nvsim.graph.foreign.notes import islands, words_of_saving
+from nvsim.graph.foreign.neighboring_files import FilesBeside, find_files_beside
+from nvsim.graph.foreign.notes import disconnected_warning, words_of_saving
 
-__all__ = ["FilesBeside", "ForeignFile", "connectivity_files", "find_files_beside", "islands", "words_of_saving"]
+__all__ = [
+    "FilesBeside",
+    "ForeignFile",
+    "connectivity_files",
+    "disconnected_warning",
+    "find_files_beside",
+    "words_of_saving",
+]

@@ -57,7 +57,7 @@ class FlagStyle(NamedTuple):
 def read_flags(text: str) -> tuple[NDArray[np.bool_], FlagStyle | None]:
     """Parse a JSON list of booleans or of 0 and 1, including brackets. Returns the (n,) bool values and the style,
     which is None if the list has no uniform style. Raises ValueError, with the end of a sentence, for other text."""
-    found = _words(text)
+    found = _parse_flags(text)
     if found is not None:
         return found
     letters = text.replace("true", "T").replace("false", "F")
@@ -71,7 +71,7 @@ def read_flags(text: str) -> tuple[NDArray[np.bool_], FlagStyle | None]:
     return _irregular(text), None
 
 
-def _words(text: str) -> tuple[NDArray[np.bool_], FlagStyle] | None:
+def _parse_flags(text: str) -> tuple[NDArray[np.bool_], FlagStyle] | None:
     """Parse a list of true and false in one style. A "true" is one letter shorter than a "false", so the positions of
     the letters t give the elements that are true. The result is checked by writing the list again."""
     begin = _WORDS_BEGIN.match(text)

@@ -21,8 +21,8 @@ from nvsim.files.reading import reading
 from nvsim.graph.connectivity import SUFFIX, list_scan, read_scans, scan_of
 from nvsim.graph.edits import Visible
 from nvsim.graph.findings import Context, Limits
-from nvsim.graph.foreign.beside import FilesBeside, find_files_beside
 from nvsim.graph.foreign.document import Document
+from nvsim.graph.foreign.neighboring_files import FilesBeside, find_files_beside
 from nvsim.graph.foreign.notes import keep, notes_path, read_notes, read_original, write_notes
 from nvsim.graph.foreign.parsing import parse
 from nvsim.graph.foreign.rewriting import edges_in, rewritten
@@ -106,7 +106,7 @@ class ForeignFile:
         """Return the images near the file as a panorama of a viewpoint: (W / 2, W, 3) uint8, blue, green, red, north in
         the middle and east to its right. Returns None if there are no images. Raises InputError if an image cannot be
         read."""
-        from nvsim.graph.foreign.beside import panorama
+        from nvsim.graph.foreign.neighboring_files import panorama
 
         entry = next((e for e in self._document.entries if e.viewpoint.id == id), None)
         pose = None if entry is None else entry.text("pose")

@@ -26,7 +26,7 @@ from nvsim.graph.types import NavGraph
 
 
 @dataclass(frozen=True)
-class Original:
+class KeptOriginal:
     """A kept original.
 
     name     its file name, in the folder of the edited file
@@ -37,7 +37,7 @@ class Original:
     written: str
 
 
-def keep(path: Path, known: Original | None, digest: str) -> Original | None:
+def keep(path: Path, known: KeptOriginal | None, digest: str) -> KeptOriginal | None:
     """Copy the file at `path` before text of SHA-256 `digest` replaces it. Nothing is copied if NVSim wrote the file or
     if the content does not change. Returns the record for the notes. Raises OSError if copying fails."""
     if not path.is_file():
@@ -46,8 +46,8 @@ def keep(path: Path, known: Original | None, digest: str) -> Original | None:
     if held == digest:
         return known
     if known is not None and known.written == held and (path.parent / known.name).is_file():
-        return Original(known.name, digest)
-    return Original(_copied(path).name, digest)
+        return KeptOriginal(known.name, digest)
+    return KeptOriginal(_copied(path).name, digest)
 
 
 def _copied(path: Path) -> Path:
@@ -77,10 +77,10 @@ def words_of_saving(path: Path, original: Path | None, graph: NavGraph) -> str:
     words = f"Saved {path.name}."
     if original is not None:
         words += f" The original is kept as {original.name}."
-    return f"{words} {islands(graph)}".rstrip()
+    return f"{words} {disconnected_warning(graph)}".rstrip()
 
 
-def islands(graph: NavGraph) -> str:
+def disconnected_warning(graph: NavGraph) -> str:
     """Return a sentence if some viewpoints cannot reach others; "" otherwise."""
     groups = components(graph)
     if len(groups) < 2:
@@ -123,17 +123,17 @@ def read_notes(graph: NavGraph, path: Path) -> NavGraph:
     return replace(graph, viewpoints=viewpoints, edges=edges, ignored=ignored)
 
 
-def read_original(path: Path) -> Original | None:
+def read_original(path: Path) -> KeptOriginal | None:
     """Return the original that the notes name; None if there is none."""
     try:
         kept = json.loads(path.read_text(encoding="utf-8"))["original"]
         name, written = str(kept["name"]), str(kept["written"])
     except (OSError, ValueError, KeyError, TypeError):
         return None
-    return Original(name, written) if Path(name).name == name else None
+    return KeptOriginal(name, written) if Path(name).name == name else None
 
 
-def write_notes(graph: NavGraph, path: Path, original: Original | None = None) -> None:
+def write_notes(graph: NavGraph, path: Path, original: KeptOriginal | None = None) -> None:
     """Write the notes. If there is nothing to note, the file is deleted."""
     notes: dict[str, Any] = {"ignored": dict(graph.ignored)} if graph.ignored else {}
     for mark in _MARKS:

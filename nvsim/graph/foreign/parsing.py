@@ -79,7 +79,7 @@ def parse(text: str, path: str) -> Document:
         raise InputError(f"{path} has text after the end of the list; {_ADVICE}.")
     count = len(entries)
     flags = {key: _matrix(rows[key], count) for key in FLAGS}
-    entries = [_judged(e, i, {key: rows[key][i] for key in FLAGS}, count) for i, e in enumerate(entries)]
+    entries = [_with_list_faults(e, i, {key: rows[key][i] for key in FLAGS}, count) for i, e in enumerate(entries)]
     return Document(tuple(entries), opening, text[closing:], tuple(between), flags)
 
 
@@ -150,7 +150,7 @@ def _viewpoint(values: dict[str, Any], where: str) -> Viewpoint:
     return Viewpoint(id, position_in(values.get("pose"), where), height, -1, bool(included), "file")
 
 
-def _judged(entry: Entry, index: int, rows: dict[str, NDArray[np.bool_]], count: int) -> Entry:
+def _with_list_faults(entry: Entry, index: int, rows: dict[str, NDArray[np.bool_]], count: int) -> Entry:
     """Return the entry with the faults of its lists. A list of a wrong length is kept as text."""
     faults = []
     for key in FLAGS:

@@ -125,7 +125,7 @@ def _changed(entry: Entry, now: Viewpoint) -> Entry:
     if was.id != now.id:
         entry = entry.put("image_id", json.dumps(now.id))
     if was.position != now.position:
-        entry = entry.put("pose", _moved(str(entry.text("pose")), was.position, now.position))
+        entry = entry.put("pose", _pose_text(str(entry.text("pose")), was.position, now.position))
     if was.included != now.included:
         digits = entry.text("included") in ("0", "1")
         entry = entry.put("included", str(int(now.included)) if digits else json.dumps(now.included))
@@ -134,7 +134,7 @@ def _changed(entry: Entry, now: Viewpoint) -> Entry:
     return entry
 
 
-def _moved(pose: str, was: Sequence[float], now: Sequence[float]) -> str:
+def _pose_text(pose: str, was: Sequence[float], now: Sequence[float]) -> str:
     """Return the text of a pose with another position. Unchanged numbers keep their text."""
     changed = {k: repr(float(to)) for k, at, to in zip(_PLACE, was, now) if at != to}
     return _with_numbers(pose, changed)

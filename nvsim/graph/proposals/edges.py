@@ -67,7 +67,7 @@ def propose_edges(
     pairs = _pairs(graph, reach)
     confidence = _confidence(graph, pairs, occupancy, margin, radius)
     if visible is not None:
-        confidence = _listed(graph, [key for key in pairs if key not in confidence], visible) | confidence
+        confidence = _visible_pairs(graph, [key for key in pairs if key not in confidence], visible) | confidence
     length = {key: _apart(graph, key) for key in pairs}
     ways = nx.Graph()
     ways.add_nodes_from(id for id, v in graph.viewpoints.items() if v.included)
@@ -75,7 +75,7 @@ def propose_edges(
     chosen = []
     for key in sorted(confidence, key=lambda k: (length[k] / confidence[k][0], k)):
         a, b = key
-        if math.isinf(_way(ways, a, b, DETOUR * length[key])):
+        if math.isinf(_shortest_path_length(ways, a, b, DETOUR * length[key])):
             chosen.append(key)
             ways.add_edge(a, b, weight=length[key])
     ways.remove_edges_from(chosen)
@@ -84,7 +84,7 @@ def propose_edges(
     for key in chosen:
         a, b = key
         apart = group.get(a) != group.get(b)
-        today = math.inf if apart else _way(ways, a, b, _FAR)
+        today = math.inf if apart else _shortest_path_length(ways, a, b, _FAR)
         sure, why = confidence[key]
         score = sure * (1.0 if math.isinf(today) else 1.0 - length[key] / today)
         found.append(EdgeProposal(key, score, length[key], today, _words(length[key], today, apart, why)))
@@ -127,7 +127,7 @@ def _confidence(
     return found
 
 
-def _listed(graph: NavGraph, pairs: list[EdgeKey], visible: Visible) -> dict[EdgeKey, tuple[float, str]]:
+def _visible_pairs(graph: NavGraph, pairs: list[EdgeKey], visible: Visible) -> dict[EdgeKey, tuple[float, str]]:
     """Return the pairs that see each other."""
     if not pairs:
         return {}
@@ -155,7 +155,7 @@ def _on_map(
     return segments_are_free(standing_room(occupancy, radius), occupancy, a, b), inside & ~passes
 
 
-def _way(ways: Any, start: str, end: str, limit: float) -> float:
+def _shortest_path_length(ways: Any, start: str, end: str, limit: float) -> float:
     """Return the meters of the shortest path in a networkx graph; infinite if it is longer than `limit`."""
     import networkx as nx
 

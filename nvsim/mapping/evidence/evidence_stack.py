@@ -17,7 +17,7 @@ from nvsim.mapping.config import MappingConfig
 from nvsim.mapping.corridor import DIRECTIONS
 from nvsim.mapping.criteria import DISPUTED, OPEN, cells_under_robot, corridor_of, standing
 from nvsim.mapping.criterion import FULL, Criterion, unmeasured
-from nvsim.mapping.evidence.opinions import opinions
+from nvsim.mapping.evidence.second_opinions import opinions
 
 _KEPT = 4  # maximum number of corridor widths whose sums are cached
 
@@ -30,7 +30,7 @@ def decision_names() -> tuple[Decision, ...]:
 
 
 @dataclass(frozen=True, eq=False)
-class _Sums:
+class _CorridorSums:
     """Sums for a corridor that is `cells` cells wide. `of` has (n, R) values for each kind of measure, over the rows up
     to row r: the sum of all cells, the extreme sum of a row, or the extreme cell."""
 
@@ -38,7 +38,7 @@ class _Sums:
     of: Mapping[_Kind, NDArray[Any]]
 
 
-class _Group:
+class _EvidenceGroup:
     """Evidence with equal cell size, width and planes. Rows are padded to the longest; planes are (cells, n, R)."""
 
     def __init__(self, rows: list[int], evidence: Sequence[Evidence]) -> None:
@@ -57,7 +57,7 @@ class _Group:
                 padded[i, : len(e.alpha)] = getattr(e, plane)
             # One plane for each cell across: sums over neighboring cells become sums of planes.
             self._planes[plane] = np.ascontiguousarray(padded.transpose(2, 0, 1))
-        self._sums: dict[tuple[int, int], _Sums] = {}
+        self._sums: dict[tuple[int, int], _CorridorSums] = {}
 
     def codes(self, config: MappingConfig) -> NDArray[np.uint8]:
         """(n,) uint8 indices into `decision_names()`, equal to criteria.decide."""
@@ -90,7 +90,7 @@ class _Group:
         if criterion.plane not in self._planes:
             raise InputError(unmeasured(criterion.family))
 
-    def _summed(self, first: int, end: int) -> _Sums:
+    def _summed(self, first: int, end: int) -> _CorridorSums:
         found = self._sums.get((first, end))
         if found is not None:
             return found
@@ -108,7 +108,7 @@ class _Group:
                 extreme = np.maximum if below else np.minimum
                 one = row if over == "row" else extreme.reduce(cells[first:end], axis=0)
                 of[kind] = extreme.accumulate(one, axis=1)
-        made = self._sums[first, end] = _Sums(end - first, of)
+        made = self._sums[first, end] = _CorridorSums(end - first, of)
         return made
 
 
@@ -123,9 +123,9 @@ class EvidenceStack:
     def __init__(self, evidence: Sequence[Evidence], viewpoint: NDArray[np.int64], count: int) -> None:
         asked = MappingConfig(second_opinion=True)
         self._doubled = np.array([i for i, e in enumerate(evidence) if e.second is not None], np.int64)
-        self._first = _Opinion(evidence, viewpoint, count)
+        self._first = _ModelMeasurements(evidence, viewpoint, count)
         others = [opinions(evidence[i], asked)[1] for i in self._doubled]
-        self._second = _Opinion(others, viewpoint[self._doubled], count) if others else None
+        self._second = _ModelMeasurements(others, viewpoint[self._doubled], count) if others else None
 
     def decide(self, config: MappingConfig) -> NDArray[np.uint8]:
         """Return (E,) uint8 indices into `decision_names()`. Raises InputError if evidence lacks a criterion."""
@@ -144,7 +144,7 @@ class EvidenceStack:
         return stands if self._second is None or not config.second_opinion else stands & self._second.stands(config)
 
 
-class _Opinion:
+class _ModelMeasurements:
     """The measurements of one model in each corridor."""
 
     def __init__(self, evidence: Sequence[Evidence], viewpoint: NDArray[np.int64], count: int) -> None:
@@ -155,7 +155,7 @@ class _Opinion:
         for i, e in enumerate(evidence):
             held = tuple(plane for plane in FULL if getattr(e, plane) is not None)
             members.setdefault((e.alpha.shape[1], e.near, e.depth, e.width, held), []).append(i)
-        self._groups = [_Group(rows, [evidence[i] for i in rows]) for rows in members.values()]
+        self._groups = [_EvidenceGroup(rows, [evidence[i] for i in rows]) for rows in members.values()]
 
     def decide(self, config: MappingConfig) -> NDArray[np.uint8]:
         codes = np.zeros(self._size, np.uint8)

@@ -21,14 +21,14 @@ from nvsim.mapping.corridor import (
     view_of,
 )
 from nvsim.mapping.criteria import OPEN, decide, is_sufficient
-from nvsim.mapping.evidence.climbing import CLIMB, TraversedFloor, out_of_sight
-from nvsim.mapping.evidence.opinions import with_second_opinion
+from nvsim.mapping.evidence.second_opinions import with_second_opinion
+from nvsim.mapping.evidence.traversed_floor import CLIMB, TraversedFloor, out_of_sight
 from nvsim.mapping.families import NETWORK_NORMAL
 from nvsim.mapping.views.floor_view import FloorView, measure
-from nvsim.mapping.views.looking import Ensemble, ViewSource, look_down
+from nvsim.mapping.views.view_sources import MultiModelSource, ViewSource, look_down
 
 if TYPE_CHECKING:
-    from nvsim.mapping.slice_mass import Slice
+    from nvsim.mapping.slice_mass import SliceGaussians
 
 _SAME_FLOOR = 0.5  # meters
 _KEPT = 1 << 22  # maximum pixels of the cached views of recent viewpoints, if a network needs whole views
@@ -67,8 +67,8 @@ class Measurements:
         self._stairs: dict[str, bool] = {}
         self._ends: dict[tuple[tuple[float, ...], tuple[float, float]], float] = {}
         self._views: dict[str, list[dict[int, FloorView]]] = {}
-        self._ensemble = source if isinstance(source, Ensemble) else None
-        self._slices: dict[int, Slice] = {}
+        self._ensemble = source if isinstance(source, MultiModelSource) else None
+        self._slices: dict[int, SliceGaussians] = {}
         self.rendered_viewpoints = 0
         self.rendered_views = 0
 
@@ -112,7 +112,7 @@ class Measurements:
                 if third.id not in (viewpoint.id, other.id) and shown:
                     wanted[third] = towards
             views = self._look_down(viewpoint, {k: list(wanted.values())})
-            if self._config.views == "panorama" and self._whole:
+            if self._config.views == "panorama" and self._needs_whole_views:
                 self._keep(viewpoint, views)
         for end, towards in wanted.items():
             evidence = self._measure([view[k] for view in views], viewpoint, -1, towards, end.id)
@@ -171,7 +171,7 @@ class Measurements:
         return [look_down(self._source, place, wanted, self._floor_at, self._config, model) for model in models]
 
     @property
-    def _whole(self) -> bool:
+    def _needs_whole_views(self) -> bool:
         """Whether whole views are rendered, because a network needs them."""
         return NETWORK_NORMAL in self._config.criteria
 
@@ -180,7 +180,7 @@ class Measurements:
         corridors."""
         self._views.pop(viewpoint.id, None)
         pixels = sum({id(view): view.alpha.size for of_model in views for view in of_model.values()}.values())
-        most = max(1, _KEPT // max(1, pixels)) if self._whole else 1
+        most = max(1, _KEPT // max(1, pixels)) if self._needs_whole_views else 1
         while len(self._views) >= most:
             del self._views[next(iter(self._views))]
         self._views[viewpoint.id] = views
@@ -196,7 +196,9 @@ class Measurements:
             found = [replace(e, mass=self._mass(self._ensemble, e.submap, viewpoint, corridor)) for e in found]
         if len(found) == 1:
             return found[0]
-        return with_second_opinion(found[0], found[1], self._strange(found[1].submap, viewpoint, corridor))
+        return with_second_opinion(
+            found[0], found[1], self._floor_of_other_submaps(found[1].submap, viewpoint, corridor)
+        )
 
     def _free(self, view: FloorView, viewpoint: Viewpoint, corridor: Corridor) -> NDArray[np.bool_] | None:
         """(rows, cells) bool, floor that is free without a view; None if there is none. If known floor is required,
@@ -210,7 +212,7 @@ class Measurements:
         free = out_of_sight(view.camera, ground) if self._config.both_ways else np.zeros(ground.shape[:2], bool)
         return free if traversed is None else free | traversed.at(ground)
 
-    def _strange(self, submap: int, viewpoint: Viewpoint, corridor: Corridor) -> NDArray[np.bool_]:
+    def _floor_of_other_submaps(self, submap: int, viewpoint: Viewpoint, corridor: Corridor) -> NDArray[np.bool_]:
         """(rows, cells) bool, floor whose nearest frame a submap was not trained on, so that it has no opinion
         there."""
         assert self._ensemble is not None
@@ -229,11 +231,13 @@ class Measurements:
             self._stairs[viewpoint.id] = bool((np.abs(off) > CLIMB).any())
         return self._stairs[viewpoint.id] or corridor.climbs(self._floor_at)
 
-    def _mass(self, ensemble: Ensemble, submap: int, viewpoint: Viewpoint, corridor: Corridor) -> NDArray[np.uint8]:
-        from nvsim.mapping.slice_mass import Slice
+    def _mass(
+        self, ensemble: MultiModelSource, submap: int, viewpoint: Viewpoint, corridor: Corridor
+    ) -> NDArray[np.uint8]:
+        from nvsim.mapping.slice_mass import SliceGaussians
 
         if submap not in self._slices:
-            self._slices[submap] = Slice(ensemble.gaussians(submap))
+            self._slices[submap] = SliceGaussians(ensemble.gaussians(submap))
         return self._slices[submap].mass(corridor, self._floor_at, viewpoint.height)
 
 

@@ -14,9 +14,9 @@ from nvsim.graph.types import Evidence, NavGraph
 from nvsim.mapping.config import MappingConfig
 from nvsim.mapping.corridor import DIRECTIONS, HeightAt, Lattice, SupportAt
 from nvsim.mapping.criteria import OPEN, decide
-from nvsim.mapping.evidence.climbing import TraversedFloor
 from nvsim.mapping.evidence.measuring import Measurements
-from nvsim.mapping.views.looking import ViewSource
+from nvsim.mapping.evidence.traversed_floor import TraversedFloor
+from nvsim.mapping.views.view_sources import ViewSource
 
 STAGE = "evidence"
 _DETOUR = 1.5  # ratio to the straight distance
@@ -70,7 +70,7 @@ def measure_new_viewpoints(
         listen(Progress(STAGE, done, len(wanted), f"viewpoint {done + 1} of {len(wanted)}"))
         viewpoint = graph.viewpoints[id]
         lattice.begin(id, viewpoint.position[:2])
-        around = _around(graph, id, config)
+        around = _neighbors_to_measure(graph, id, config)
         steps = measurements.around(viewpoint, [graph.viewpoints[other] for other in around])
         submaps[id] = steps[0].submap
         found.setdefault(id, []).extend(replace(e, decision=decide(e, config)) for e in steps)
@@ -113,7 +113,7 @@ def with_new_viewpoints(graph: NavGraph, measured: NewViewpointEvidence) -> NavG
     return replace(graph, viewpoints=viewpoints, evidence=evidence)
 
 
-def _around(graph: NavGraph, id: str, config: MappingConfig) -> list[str]:
+def _neighbors_to_measure(graph: NavGraph, id: str, config: MappingConfig) -> list[str]:
     """Return the viewpoints that it is joined to, and the nearest others within reach of a step."""
     here = graph.viewpoints[id]
     names = [other for other, v in graph.viewpoints.items() if other != id and v.included]

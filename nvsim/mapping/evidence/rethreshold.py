@@ -13,7 +13,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from nvsim.graph.touched import Touched, remember
+from nvsim.graph.touched_elements import TouchedElements, remember
 from nvsim.graph.types import Decision, Edge, EdgeOrigin, NavGraph, edge
 from nvsim.mapping.config import MappingConfig
 from nvsim.mapping.criteria import OPEN, SPARED
@@ -25,7 +25,7 @@ _OPEN = 0  # the code of OPEN
 
 
 @dataclass(frozen=True, eq=False)
-class Rethreshold:
+class ThresholdEffect:
     """The effect of `config` on the graph.
 
     appear, disappear   (M, 2) rows of the viewpoints that gain or lose an edge
@@ -69,17 +69,17 @@ class Rethresholder:
         self._start = np.array([v.origin == "start" for v in viewpoints], bool)
         self._machine = np.array([v.origin in ("start", "step") for v in viewpoints], bool)
         xy = np.array([v.position[:2] for v in viewpoints], np.float64).reshape(-1, 2)
-        self._lead = self._leads(row, xy)
+        self._lead = self._end_rows(row, xy)
         self._far = np.zeros(count) if walk is None or not len(walk) else _distances(xy, np.asarray(walk)[:, :2])
         self._pair(count)
         self._match_edges(row)
         # Edges that settling omitted are not added, because another path exists.
         stored = np.array([e.decision == OPEN or e.decision in SPARED for e in self._evidence], bool)
-        self._stored = _either(self._forward, stored) | _either(self._backward, stored)
+        self._stored = _values_at_rows(self._forward, stored) | _values_at_rows(self._backward, stored)
         # Steps that a threshold stopped when the graph was built.
         self._stopped = np.array([e.decision in decision_names()[1:] and not e.joins for e in self._evidence], bool)
 
-    def _leads(self, row: Mapping[str, int], xy: NDArray[np.float64]) -> NDArray[np.int64]:
+    def _end_rows(self, row: Mapping[str, int], xy: NDArray[np.float64]) -> NDArray[np.int64]:
         """(E,) row of the viewpoint at the end of the corridor, -1 if there is none."""
         lead = np.full(len(self._evidence), -1, np.int64)
         if not len(xy) or not self._evidence:
@@ -131,11 +131,11 @@ class Rethresholder:
         self._free = np.array(free, bool)
         self._degree = np.bincount(np.array(list(ends), np.int64).reshape(-1), minlength=len(self.ids))
 
-    def decide(self, config: MappingConfig) -> Rethreshold:
+    def decide(self, config: MappingConfig) -> ThresholdEffect:
         """Return the effect of `config` on the graph."""
         codes = self._stack.decide(config)
         passes = codes == _OPEN
-        there, back = _either(self._forward, passes), _either(self._backward, passes)
+        there, back = _values_at_rows(self._forward, passes), _values_at_rows(self._backward, passes)
         if config.both_ways:
             is_open = (there | (self._forward < 0)) & (back | (self._backward < 0))
         else:
@@ -156,7 +156,7 @@ class Rethresholder:
         closed = np.zeros(len(codes), bool)
         for way in (self._forward, self._backward):
             closed[way[(way >= 0) & ~is_open]] = True
-        return Rethreshold(
+        return ThresholdEffect(
             config,
             np.stack([self._a[appear], self._b[appear]], axis=1),
             np.stack([self._a[disappear], self._b[disappear]], axis=1),
@@ -168,7 +168,7 @@ class Rethresholder:
             closed,
         )
 
-    def apply(self, redecision: Rethreshold) -> NavGraph:
+    def apply(self, redecision: ThresholdEffect) -> NavGraph:
         """Return the graph with the edges of `redecision`, and with its decisions in the evidence."""
         edges: dict[tuple[str, str], Edge] = dict(self.graph.edges)
         for a, b in redecision.disappear.tolist():
@@ -186,7 +186,7 @@ class Rethresholder:
         after = replace(self.graph, edges=edges, evidence=evidence)
         pairs = np.concatenate([redecision.disappear, redecision.appear]).tolist()
         touched = tuple(edge(self.ids[a], self.ids[b]).key for a, b in pairs)
-        remember(after, self.graph, Touched((), touched, tuple(changed)))
+        remember(after, self.graph, TouchedElements((), touched, tuple(changed)))
         return after
 
     def _word(self, i: int, code: int, closed: bool) -> Decision:
@@ -210,7 +210,7 @@ class Rethresholder:
         return result
 
 
-def _either(way: NDArray[np.int64], values: NDArray[np.bool_]) -> NDArray[np.bool_]:
+def _values_at_rows(way: NDArray[np.int64], values: NDArray[np.bool_]) -> NDArray[np.bool_]:
     """(P,) values at the rows of `way`, False for -1."""
     if not len(values):
         return np.zeros(len(way), bool)

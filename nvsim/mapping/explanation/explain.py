@@ -32,12 +32,12 @@ from nvsim.mapping.criteria import (
     unmeasured_families,
 )
 from nvsim.mapping.criterion import Criterion, Part, unmeasured
-from nvsim.mapping.evidence.opinions import opinions
+from nvsim.mapping.evidence.second_opinions import opinions
 from nvsim.mapping.search.graph_builder import SAME
 
 
 @dataclass(frozen=True)
-class Measure:
+class CriterionResult:
     """The result of one criterion.
 
     decides  False if the rule does not use the criterion
@@ -87,19 +87,19 @@ class Explanation:
     """
 
     decision: Decision
-    measures: tuple[Measure, ...]
+    measures: tuple[CriterionResult, ...]
     corridor: Part
     obstacle: float | None
     submap: int = -1
     other: Explanation | None = None
 
     @property
-    def failed(self) -> Measure | None:
+    def failed(self) -> CriterionResult | None:
         """The measure that decided; None for an open corridor."""
         return next((m for m in self.measures if m.decides and not m.passes), None)
 
     @property
-    def tightest(self) -> Measure:
+    def tightest(self) -> CriterionResult:
         """The measure closest to its limit, of those that the rule uses."""
         return min((m for m in self.measures if m.decides), key=lambda m: abs(m.slack))
 
@@ -133,7 +133,7 @@ def _explained(evidence: Evidence, config: MappingConfig) -> Explanation:
     for criterion in criteria.CRITERIA:
         if criterion.measured(evidence):
             value, part = criterion.measure(evidence, corridor)
-            measures.append(Measure(criterion, value, criterion.limit(config), criterion.asked(config), part))
+            measures.append(CriterionResult(criterion, value, criterion.limit(config), criterion.asked(config), part))
     failed = next((m for m in measures if m.decides and not m.passes), None)
     word = OPEN if failed is None else failed.word
     obstacle = _obstacle(evidence, evidence.alpha[corridor], config)

@@ -8,7 +8,7 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from nvsim.mapping.search.walk import Walk
+from nvsim.mapping.search.trajectory import Walk
 
 _LINKED = 0.8  # maximum meters between positions of the trajectory between which the camera could have been carried
 _ASIDE = 0.4  # meters: a viewpoint also belongs to positions that are this much farther than the nearest
@@ -57,9 +57,9 @@ class TrajectoryDetour:
         if along > max(self._times * straight, straight + _LONGER):
             return along
         count = max(2, int(np.ceil(straight / _SPACING)) + 1)
-        return self._between(ends[0] + np.linspace(0, 1, count)[:, None] * (ends[1] - ends[0]))
+        return self._longest_detour(ends[0] + np.linspace(0, 1, count)[:, None] * (ends[1] - ends[0]))
 
-    def _between(self, places: NDArray[np.float64]) -> float:
+    def _longest_detour(self, places: NDArray[np.float64]) -> float:
         """Return the longest detour in meters along the trajectory between two parts of it on both sides of one of the
         positions (M, 3); 0 if there is none. One part is the nearest in line with the position. Positions near the
         trajectory are skipped."""

@@ -20,7 +20,7 @@ _CROWDED = 0.5  # share of the merge radius within which no second viewpoint is 
 _LINKS = 6  # maximum viewpoints that a new start is joined to
 
 
-class Search:
+class BreadthFirstSearch:
     """Searches viewpoints and edges from starts.
 
     draft      the graph found so far

@@ -12,10 +12,10 @@ from nvsim.graph.types import Decision, Evidence, Viewpoint, ViewpointOrigin
 from nvsim.mapping.config import WIDEST, MappingConfig
 from nvsim.mapping.corridor import HeightAt, Lattice
 from nvsim.mapping.criteria import OPEN, decide
-from nvsim.mapping.evidence.climbing import CLIMB
 from nvsim.mapping.evidence.measuring import Measurements
+from nvsim.mapping.evidence.traversed_floor import CLIMB
 from nvsim.mapping.search.graph_builder import SAME, GraphBuilder, level_distance
-from nvsim.mapping.search.walk import Walk
+from nvsim.mapping.search.trajectory import Walk
 
 
 class Survey:
@@ -94,12 +94,12 @@ class Survey:
         config = self.config
         if spare:
             config = replace(config, margin=min(config.margin + spare, WIDEST / 2 - config.robot_radius))
-        return next((decide(evidence, config) for evidence in self._towards(viewpoint, other)), "")
+        return next((decide(evidence, config) for evidence in self._evidence_towards(viewpoint, other)), "")
 
     def decision_between(self, viewpoint: Viewpoint, other: Viewpoint) -> Decision:
         """Return the stored decision of the search or of settling about the corridor to another viewpoint. "" without
         evidence."""
-        return next((evidence.decision for evidence in self._towards(viewpoint, other)), "")
+        return next((evidence.decision for evidence in self._evidence_towards(viewpoint, other)), "")
 
     def knows_floor(self, a: Viewpoint, b: Viewpoint) -> bool:
         """Whether enough floor is known along the corridor from one viewpoint to another. This needs no rendering."""
@@ -107,11 +107,11 @@ class Survey:
 
     def leave_out(self, viewpoint: Viewpoint, other: Viewpoint, why: Decision) -> None:
         """Store in the open evidence from one viewpoint to another why there is no edge."""
-        for evidence in self._towards(viewpoint, other):
+        for evidence in self._evidence_towards(viewpoint, other):
             if evidence.decision == OPEN:
                 self.keep(replace(evidence, decision=why))
 
-    def _towards(self, viewpoint: Viewpoint, other: Viewpoint) -> Iterator[Evidence]:
+    def _evidence_towards(self, viewpoint: Viewpoint, other: Viewpoint) -> Iterator[Evidence]:
         """Yield the stored evidence of corridors from one viewpoint to the position of another."""
         for evidence in list(self.draft.evidence[viewpoint.id].values()):
             if evidence.joins == other.id or level_distance(other, evidence.target) < SAME:

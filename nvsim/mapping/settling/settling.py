@@ -24,8 +24,8 @@ from nvsim.graph.types import Viewpoint
 from nvsim.mapping.criteria import OPEN, can_stand
 from nvsim.mapping.search.graph_builder import SAME, SAME_FLOOR, STEEPEST, level_distance
 from nvsim.mapping.search.survey import Survey
+from nvsim.mapping.settling.draft_graph import DETOUR, NEAR, DraftGraph, remove_ties
 from nvsim.mapping.settling.shortcuts import Shortcuts
-from nvsim.mapping.settling.ways import DETOUR, NEAR, Ways, remove_ties
 
 _LINKS = 6  # maximum viewpoints, the nearest first, to which a new one is joined
 _SPACING = 0.3  # meters between the positions that are tried
@@ -33,7 +33,7 @@ _NEAREST = 4  # number of nearest viewpoints that may cover a position, tested f
 _HALFWAY = 3  # maximum positions on the way to a position that no step reaches
 
 
-class Filling:
+class GapFiller:
     """Finds positions that the graph of `survey` does not cover and that have room, and measures around them."""
 
     def __init__(self, survey: Survey) -> None:
@@ -51,7 +51,7 @@ class Filling:
         missed = []
         places = np.concatenate([self._walk.places, beside])
         for place in places[~self._covered(places)]:
-            seen = self._seen(place)
+            seen = self._visible_viewpoints(place)
             if seen and level_distance(seen[0], place[:2]) < self._config.cover_distance:
                 continue
             missed.append(place)
@@ -65,7 +65,7 @@ class Filling:
             for halfway in around[np.hypot(*(around[:, :2] - place[:2]).T) < self._config.cover_distance]:
                 if tries == _HALFWAY or covered:
                     break
-                seen = self._seen(halfway)
+                seen = self._visible_viewpoints(halfway)
                 if not seen or level_distance(seen[0], halfway[:2]) < self._config.merge_radius:
                     continue
                 if self._walk.in_line(halfway, place):
@@ -91,10 +91,10 @@ class Filling:
         return covered
 
     def _is_covered(self, place: NDArray[np.floating]) -> bool:
-        seen = self._seen(place)
+        seen = self._visible_viewpoints(place)
         return bool(seen) and level_distance(seen[0], place[:2]) < self._config.cover_distance
 
-    def _seen(self, place: NDArray[np.floating]) -> list[Viewpoint]:
+    def _visible_viewpoints(self, place: NDArray[np.floating]) -> list[Viewpoint]:
         """Return the viewpoints within one step to which known floor leads straight, the nearest first."""
         near = self._draft.near(place, self._config.tau_dist)
         there = np.array([v.position for v in near]).reshape(-1, 3)
@@ -128,13 +128,13 @@ class Settling:
     def __init__(self, survey: Survey, progress: Callable[[], None]) -> None:
         self._survey, self._draft, self._config = survey, survey.draft, survey.config
         self._progress = progress
-        self._ways = Ways(survey.draft)
+        self._ways = DraftGraph(survey.draft)
         self._in_line: dict[tuple[str, str], bool] = {}
 
     def run(self) -> None:
         """Thin, join, restore connections, fill and shorten."""
         edges = self._draft.edges()
-        stands_for = self._thin()
+        stands_for = self._find_replacements()
         kept = [id for id, by in stands_for.items() if id == by]
         self._ways.add(kept)
         self._join(kept, kept)
@@ -148,13 +148,13 @@ class Settling:
         remove_ties(self._ways)
         self._write()
 
-    def _thin(self) -> dict[str, str]:
+    def _find_replacements(self) -> dict[str, str]:
         """Return id -> the viewpoint that replaces it: itself, or one that it sees within the merge radius. Viewpoints
         with the most room are kept first."""
         stands_for: dict[str, str] = {}
         for id in sorted(self._draft.viewpoints, key=lambda id: (-self._room(id), id)):
             viewpoint = self._draft.viewpoints[id]
-            near = self._near(viewpoint, self._config.merge_radius)
+            near = self._near_over_floor(viewpoint, self._config.merge_radius)
             kept = (v for v in near if stands_for.get(v.id) == v.id and self._is_open(viewpoint, v))
             stands_for[id] = next((v.id for v in kept), id)
         return stands_for
@@ -164,7 +164,7 @@ class Settling:
         Corridors with extra room come first. Then follow narrower ones, if there is not even a detour."""
         inside, pairs = set(among), set()
         for id in new:
-            for other in self._near(self._draft.viewpoints[id], self._config.reach):
+            for other in self._near_over_floor(self._draft.viewpoints[id], self._config.reach):
                 if other.id in inside:
                     pairs.add((min(id, other.id), max(id, other.id)))
         length = {pair: self._ways.apart(*pair) for pair in pairs}
@@ -208,7 +208,7 @@ class Settling:
         near = []
         hang_together = self._ways.parts()
         for id in self._ways:
-            for other in self._near(self._draft.viewpoints[id], NEAR):
+            for other in self._near_over_floor(self._draft.viewpoints[id], NEAR):
                 if id < other.id and other.id in self._ways and self._ways.metres(id, other.id, 2 * NEAR) > 2 * NEAR:
                     near.append((id, other.id))
         for pair in near:
@@ -219,7 +219,7 @@ class Settling:
     def _fill(self) -> None:
         if len(self._draft.viewpoints) >= self._config.max_viewpoints:
             return
-        for viewpoint, seen in Filling(self._survey).found():
+        for viewpoint, seen in GapFiller(self._survey).found():
             if not any(self._is_open(viewpoint, other, _LEAST) for other in seen):
                 self._draft.remove(viewpoint.id)
                 continue
@@ -262,7 +262,7 @@ class Settling:
         place = np.array([self._draft.viewpoints[id].position])
         return round(10 * float(self._survey.walk.clearance_at(place)[0]))
 
-    def _near(self, viewpoint: Viewpoint, reach: float) -> list[Viewpoint]:
+    def _near_over_floor(self, viewpoint: Viewpoint, reach: float) -> list[Viewpoint]:
         """Return other viewpoints within `reach` to which known floor leads straight, the nearest first."""
         here, known = np.array(viewpoint.position), self._in_line
         others = [v for v in self._draft.near(here, reach) if v.id != viewpoint.id]
@@ -274,7 +274,7 @@ class Settling:
 
     def _reached(self, viewpoint: Viewpoint) -> Iterator[Viewpoint]:
         """Yield the viewpoints that are near enough for an edge. They are searched only when they are needed."""
-        yield from self._near(viewpoint, self._config.reach)
+        yield from self._near_over_floor(viewpoint, self._config.reach)
 
     def _is_open(self, a: Viewpoint, b: Viewpoint, spare: float = 0.0) -> bool:
         """Whether the corridor between two viewpoints is free, in both directions if required, with `spare` meters of

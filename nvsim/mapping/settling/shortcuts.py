@@ -16,8 +16,8 @@ from nvsim.graph.types import Viewpoint
 from nvsim.kernel_threads import allowed
 from nvsim.mapping.criteria import can_stand
 from nvsim.mapping.search.survey import Survey
-from nvsim.mapping.search.walk import Walk
-from nvsim.mapping.settling.ways import Ways
+from nvsim.mapping.search.trajectory import Walk
+from nvsim.mapping.settling.draft_graph import DraftGraph
 from nvsim.occupancy.grid_ways import Cell, GridWays
 
 _CELL = 0.1  # meters
@@ -26,7 +26,7 @@ _TIGHT = 2.0  # extra length of a path without any room, as a multiple of its le
 _STOREY = 1.5  # minimum meters between cameras of two storeys
 
 
-class KnownRoom:
+class WideKnownFloor:
     """Floor with at least `half_width` meters of known floor around it, at a resolution of 10 cm, without the areas
     that were closed."""
 
@@ -52,7 +52,7 @@ class KnownRoom:
     def lengths(self, start: NDArray[np.floating], ends: NDArray[np.floating], reach: float) -> NDArray[np.float64]:
         """Return (N,) meters of the paths from one camera (3,) to others (N, 3). Infinite if there is no path of at
         most `reach` meters."""
-        window = _Window(start, reach, self)
+        window = _CameraWindow(start, reach, self)
         cells = window.cells_of(ends)
         ways = window.ways(cells[cells[:, 0] >= 0], reach=reach)
         found = np.where(cells[:, 0] >= 0, ways.metres[cells[:, 0], cells[:, 1]], np.inf)
@@ -61,7 +61,7 @@ class KnownRoom:
     def way(self, start: NDArray[np.floating], end: NDArray[np.floating], reach: float) -> NDArray[np.float64]:
         """Return (K, 3) positions, meters, of a path from one camera (3,) to another within `reach` meters, at the
         height of the first. The path prefers the middle of the room to the shortest line. Empty if there is no path."""
-        window = _Window(start, reach, self)
+        window = _CameraWindow(start, reach, self)
         last = window.cells_of(np.asarray(end)[None])
         ways = window.ways(last, _TIGHT)
         if last[0, 0] < 0 or not np.isfinite(ways.metres[last[0, 0], last[0, 1]]):
@@ -102,10 +102,10 @@ class KnownRoom:
         return self.clearance(places) >= self.least
 
 
-class _Window:
+class _CameraWindow:
     """The cells within `reach` of a camera (3,), and which of them have room."""
 
-    def __init__(self, camera: NDArray[np.floating], reach: float, floor: KnownRoom) -> None:
+    def __init__(self, camera: NDArray[np.floating], reach: float, floor: WideKnownFloor) -> None:
         half = int(np.ceil(reach / _CELL))
         self._side, self._camera = 2 * half + 1, np.asarray(camera, np.float64)
         self._start: Cell = half, half
@@ -155,10 +155,10 @@ IsOpen = Callable[[Viewpoint, Viewpoint], bool]
 class Shortcuts:
     """Finds shortcuts in the graph of `survey`, whose viewpoints and edges are `ways`."""
 
-    def __init__(self, survey: Survey, ways: Ways, is_open: IsOpen, join: Join) -> None:
+    def __init__(self, survey: Survey, ways: DraftGraph, is_open: IsOpen, join: Join) -> None:
         self._survey, self._draft, self._ways = survey, survey.draft, ways
         self._is_open, self._join = is_open, join
-        self._room = KnownRoom(survey.walk, survey.config.half_width)
+        self._room = WideKnownFloor(survey.walk, survey.config.half_width)
         # _known: id -> id -> (meters over known floor, number of closed areas at that time). _hopeless: pairs without
         # stops -> number of closed areas at that time.
         self._known: dict[str, dict[str, tuple[float, int]]] = {}
@@ -195,12 +195,12 @@ class Shortcuts:
                 looks.append((id, far))
         # In parallel: each is a search over floor in a kernel, and no area is closed meanwhile.
         with ThreadPoolExecutor(allowed(), "shortcuts") as pool:
-            for _ in pool.map(self._look, *zip(*looks, strict=True)) if looks else ():
+            for _ in pool.map(self._measure_paths, *zip(*looks, strict=True)) if looks else ():
                 pass
         pairs = [(round(self._known[id][other][0], 3), id, other) for id, far in looks for other in far]
         return sorted(pair for pair in pairs if self._is_detour(pair[1], pair[2], pair[0]))
 
-    def _look(self, id: str, others: Sequence[str]) -> None:
+    def _measure_paths(self, id: str, others: Sequence[str]) -> None:
         """Compute the lengths of paths over known floor from a viewpoint to others, if they are unknown or an area near
         it was closed since."""
         known, here = self._known[id], np.array(self._draft.viewpoints[id].position)
@@ -224,7 +224,7 @@ class Shortcuts:
         stops = self._stops(*ends)
         here, new = ends[0], list[str]()
         for place in [*stops, None] if stops else []:
-            viewpoint = ends[1] if place is None else self._stand(place)
+            viewpoint = ends[1] if place is None else self._viewpoint_at(place)
             if viewpoint is None:
                 self._room.shut(np.array(place), _SHUT)
                 break
@@ -279,14 +279,14 @@ class Shortcuts:
         """(N,) bool: whether straight legs lead from a position (3,) to others (N, 3)."""
         found = np.hypot(*(ends - start)[:, :2].T) <= self._survey.config.reach
         near = np.flatnonzero(found)
-        legs = [_along(start, ends[k])[1:-1] for k in near]
+        legs = [_points_between(start, ends[k])[1:-1] for k in near]
         if legs:
             wide = self._room.is_wide(np.concatenate(legs))
             first = np.cumsum([0, *map(len, legs[:-1])])
             found[near] = np.logical_and.reduceat(wide, first)
         return found
 
-    def _stand(self, place: NDArray[np.float64]) -> Viewpoint | None:
+    def _viewpoint_at(self, place: NDArray[np.float64]) -> Viewpoint | None:
         """Return the viewpoint at a position, or one near enough; None if there is no room for one."""
         place = np.array([*place[:2], self._survey.walk.height(place)])
         near = [v for v in self._draft.near(place, _THERE) if v.id in self._ways]
@@ -303,7 +303,7 @@ class Shortcuts:
         return self._draft.viewpoints[viewpoint.id]
 
     def _shut(self, a: Viewpoint, b: Viewpoint) -> None:
-        leg = _along(np.array(a.position), np.array(b.position))
+        leg = _points_between(np.array(a.position), np.array(b.position))
         inner = leg[len(leg) // 5 : -(len(leg) // 5) or None]
         self._room.shut(inner[int(np.argmin(self._room.clearance(inner)))], _SHUT)
 
@@ -313,7 +313,7 @@ def _most(metres: float) -> float:
     return max(_DETOUR * metres, metres + _LOSS)
 
 
-def _along(a: NDArray[np.float64], b: NDArray[np.float64]) -> NDArray[np.float64]:
+def _points_between(a: NDArray[np.float64], b: NDArray[np.float64]) -> NDArray[np.float64]:
     """(K, 3) positions from a to b."""
     count = max(4, int(np.ceil(np.hypot(*(b - a)[:2]) / _SPACING)) + 1)
     return np.asarray(a + np.linspace(0, 1, count)[:, None] * (b - a))

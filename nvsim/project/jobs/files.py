@@ -120,7 +120,7 @@ MOST_LINE = 1 << 20  # bytes of a line
 
 
 @dataclass(frozen=True)
-class Order:
+class JobCommand:
     """The command of a job: `nvsim VERB ARGUMENTS`.
 
     title    name of the job for the user
@@ -137,13 +137,13 @@ class Order:
     folder: str = ""
 
 
-def encode_order(root: Path, number: int, order: Order) -> str:
+def encode_order(root: Path, number: int, order: JobCommand) -> str:
     """The text of the order file, with the proof that this user ordered it on the project at `root`. Raises InputError
     if the secret for the proof cannot be read or created."""
     return json.dumps({**asdict(order), "proof": proof_of(root, _WHAT, [number, asdict(order)])})
 
 
-def read_order(root: Path, number: int, folder: Path) -> tuple[Order, bool]:
+def read_order(root: Path, number: int, folder: Path) -> tuple[JobCommand, bool]:
     """The order of the job in `folder`, and whether this user ordered exactly this job on this project. Raises OSError
     or ValueError if the order is missing or damaged."""
     try:
@@ -158,7 +158,7 @@ def order_path(folder: Path) -> Path:
     return folder / _ORDER
 
 
-def _order(data: Any) -> Order:
+def _order(data: Any) -> JobCommand:
     fields = {"verb", "arguments", "title", "heavy", "ordered"}
     if not isinstance(data, Mapping) or set(data) - {"proof", "folder"} != fields:
         raise ValueError("it does not have the fields of an order")
@@ -168,7 +168,7 @@ def _order(data: Any) -> Order:
         raise ValueError("a text field is not text")
     if not isinstance(heavy, bool):
         raise ValueError("heavy is neither true nor false")
-    return Order(verb, tuple(arguments), title, heavy, number_in(data["ordered"]), folder)
+    return JobCommand(verb, tuple(arguments), title, heavy, number_in(data["ordered"]), folder)
 
 
 def number_in(value: Any) -> float:

@@ -29,8 +29,8 @@ from nvsim.project.jobs.files import (
     STATE_AFTER_REQUEST,
     STATUS,
     WISH,
+    JobCommand,
     JobStatus,
-    Order,
     State,
     Wish,
     encode_order,
@@ -43,7 +43,7 @@ from nvsim.project.jobs.files import (
 from nvsim.project.layout import Layout
 from nvsim.project.work import WORK
 
-__all__ = ["Job", "JobList", "Order", "JobStatus", "State", "Wish"]
+__all__ = ["Job", "JobCommand", "JobList", "JobStatus", "State", "Wish"]
 
 STOPPED: tuple[State, ...] = ("paused", "interrupted", "failed", "cancelled")
 """The states of jobs that can be continued."""
@@ -65,7 +65,7 @@ class Job:
 
     number: int
     folder: Path
-    order: Order
+    order: JobCommand
     status: JobStatus
     ours: bool = True
 
@@ -96,7 +96,7 @@ class JobList:
     def __init__(self, root: Path) -> None:
         self.root = Path(root).expanduser().absolute()
         self.folder = Layout(self.root).jobs
-        self._orders: dict[int, tuple[Any, Order, bool]] = {}  # number -> stamp of the file, its order, ours
+        self._orders: dict[int, tuple[Any, JobCommand, bool]] = {}  # number -> stamp of the file, its order, ours
 
     # Reading ----------------------------------------------------------------------------------------------------
 
@@ -117,7 +117,7 @@ class JobList:
             return None
         status = read_status(folder)
         if status.state == "running" and not worker_lock.is_held(folder):
-            status = self._left_by_the_dead(folder, status)
+            status = self._status_after_crash(folder, status)
         if not ours and status.state in ("queued", "paused", "interrupted"):
             status = replace(status, state="foreign", message="")
         return Job(number, folder, order, status, ours)
@@ -130,7 +130,7 @@ class JobList:
                 found.append((number, os.lstat(self.folder / f"{number:06d}" / STATUS).st_mtime_ns))
         return tuple(found)
 
-    def _order(self, number: int, folder: Path) -> tuple[Order, bool]:
+    def _order(self, number: int, folder: Path) -> tuple[JobCommand, bool]:
         """The order of a job and whether it is ours, read again only if the file has changed."""
         found = os.lstat(order_path(folder))
         stamp = (found.st_mtime_ns, found.st_ctime_ns, found.st_size, found.st_ino)
@@ -149,7 +149,7 @@ class JobList:
         return []
 
     @staticmethod
-    def _left_by_the_dead(folder: Path, status: JobStatus) -> JobStatus:
+    def _status_after_crash(folder: Path, status: JobStatus) -> JobStatus:
         wish = requested_state(folder)
         try:
             finished = os.lstat(folder / STATUS).st_mtime
@@ -175,9 +175,9 @@ class JobList:
         self._make_folder()
         with self._locked():
             self._prune()
-            return self._store(Order(verb, tuple(arguments), title, heavy, time.time()), JobStatus())
+            return self._store(JobCommand(verb, tuple(arguments), title, heavy, time.time()), JobStatus())
 
-    def begin(self, order: Order) -> Job:
+    def begin(self, order: JobCommand) -> Job:
         """Records a command that this process runs, until `finish`. A command that was stopped before its end, and
         runs again, continues its job. Raises InputError if the disk reports an error."""
         self._make_folder()
@@ -187,8 +187,8 @@ class JobList:
                 same = replace(job.order, ordered=order.ordered) == order
                 if same and job.ours and job.status.state in STOPPED and not worker_lock.is_held(job.folder):
                     (job.folder / WISH).unlink(missing_ok=True)
-                    return self._take(job)
-            return self._take(self._store(order))
+                    return self._assign_job(job)
+            return self._assign_job(self._store(order))
 
     def again(self, number: int) -> None:
         """Puts a job that does not run back into the queue, to continue its work. Raises InputError if the job was
@@ -262,7 +262,7 @@ class JobList:
                 if not wanted or not job.ours or job.status.state != "queued" or (job.order.heavy and busy):
                     continue
                 with contextlib.suppress(BlockingIOError):  # processes of the previous run are still working
-                    return self._take(job)
+                    return self._assign_job(job)
         return None
 
     def finish(self, job: Job, code: int, message: str) -> JobStatus:
@@ -294,7 +294,7 @@ class JobList:
 
     # Inside -----------------------------------------------------------------------------------------------------
 
-    def _store(self, order: Order, status: JobStatus | None = None) -> Job:
+    def _store(self, order: JobCommand, status: JobStatus | None = None) -> Job:
         """A new job. Without a status the process runs it itself, so it needs no proof if the secret is missing."""
         number = max(self._numbers(), default=0) + 1
         if number >= 10**_DIGITS:
@@ -309,7 +309,7 @@ class JobList:
         write_text(order_path(folder), text)
         return Job(number, folder, order, status or JobStatus())
 
-    def _take(self, job: Job) -> Job:
+    def _assign_job(self, job: Job) -> Job:
         """Assigns a job to this process. Raises InputError, and BlockingIOError if another process runs it."""
         try:
             worker_lock.acquire(job.folder)

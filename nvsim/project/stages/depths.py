@@ -3,7 +3,6 @@ estimated, and the fused point cloud. If the capture has a LiDAR scan, depth is 
 
 from __future__ import annotations
 
-import dataclasses
 import shutil
 import time
 from collections.abc import Callable
@@ -54,7 +53,7 @@ def run(
     """
     capture, imported = project.need_capture(), capture_key(project)
     reason = why_not(capture.cloud, use)
-    key = ledger.key_of(STAGE, imported, use, _same(config), _VERSION)
+    key = ledger.key_of(STAGE, imported, use, config.key, _VERSION)
     if reason:
         key = ledger.key_of(STAGE, imported, use, reason, _VERSION)  # the options do not matter if depth is skipped
     if ledger.is_current(project, STAGE, key) and (reason or _is_whole(project, capture)):
@@ -128,11 +127,6 @@ def depth_maps(project: Project) -> Callable[[int], NDArray[np.float32]] | None:
     from nvsim.depth.files import read_depth
 
     return partial(read_depth, project.layout.depth)
-
-
-def _same(config: DepthConfig) -> DepthConfig:
-    """`config` with the default number of threads, which does not affect the result."""
-    return dataclasses.replace(config, threads=DepthConfig().threads)
 
 
 def _skip(project: Project, key: str, summary: dict[str, object], listen: Listener) -> None:

@@ -9,7 +9,7 @@ from functools import partial
 from pathlib import Path
 
 from nvsim.cluster.config import Storage
-from nvsim.cluster.piece import Caller, Executor, Order, SentFile, StorageNotShared
+from nvsim.cluster.piece import Caller, Executor, SentFile, StorageNotShared, WorkCall
 from nvsim.cluster.storage import StorageProbe
 from nvsim.depth.config import DepthConfig
 from nvsim.depth.estimate import Elsewhere, FramesInPhases, Phase
@@ -39,9 +39,9 @@ def depth_remote(
             if folder / file.name == _files(folder, phase, whose[file.name])[-1]:
                 tell(whose[file.name])
 
-        def order(some: list[int], threads: int) -> Order:
+        def order(some: list[int], threads: int) -> WorkCall:
             left = [i for i in some if not _files(folder, phase, i)[-1].is_file()]
-            return Order(depth_there, (snapshot, folder, config, phase, left, planes, threads))
+            return WorkCall(depth_there, (snapshot, folder, config, phase, left, planes, threads))
 
         do_frames_remote(executor, storage, project, "depth", frames, order, receive, listen)
 

@@ -28,7 +28,7 @@ from nvsim.project.project import Project
 from nvsim.project.stages import levels
 from nvsim.project.stages.depths import depth_maps
 from nvsim.project.stages.imported import capture_config
-from nvsim.project.stages.raised import find_thin_obstacles, raised_places
+from nvsim.project.stages.raised_obstacles import find_thin_obstacles, raised_places
 from nvsim.project.stages.submaps import submaps_key, submaps_of_capture
 from nvsim.project.work import StageName
 from nvsim.submaps.split import Submap

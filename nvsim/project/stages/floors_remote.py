@@ -8,7 +8,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from nvsim.cluster.config import Storage
-from nvsim.cluster.piece import Caller, Executor, Order, SentFile, StorageNotShared
+from nvsim.cluster.piece import Caller, Executor, SentFile, StorageNotShared, WorkCall
 from nvsim.cluster.storage import StorageProbe
 from nvsim.errors import InputError
 from nvsim.events import Listener, Progress
@@ -60,9 +60,9 @@ def segment_remote(
         done += 1
         listen(Progress(_STAGE, done, count, project.need_capture().frames[index].name))
 
-    def order(frames: list[int], threads: int) -> Order:
+    def order(frames: list[int], threads: int) -> WorkCall:
         left = [i for i in frames if not mask_path(folder, i).exists()]
-        return Order(segment_there, (snapshot, config, provider, left, threads))
+        return WorkCall(segment_there, (snapshot, config, provider, left, threads))
 
     do_frames_remote(executor, storage, project, _STAGE, missing, order, receive, listen)
 

@@ -40,12 +40,12 @@ def run(
     Raises InputError if the check refuses the capture, or the scale of a capture other than a video is unknown.
     """
     from nvsim.capture.check import check
+    from nvsim.capture.excluded_frames import expand_list
     from nvsim.capture.findings import ASSUMED_HEIGHT, SCALE_ASSUMED, SCALE_IN_HEIGHTS, shown
-    from nvsim.capture.left_out import expand_list
     from nvsim.capture.read import read
     from nvsim.capture.store import fingerprint, save_capture
     from nvsim.footage.cut_options import cut_options
-    from nvsim.poses.finding import contradictions, with_poses
+    from nvsim.poses.pose_checks import contradictions, with_poses
     from nvsim.project.stages import imported_splats, posed
     from nvsim.reconstruction.report import report_beside
 
@@ -196,11 +196,13 @@ def _posed(capture: Capture, config: CaptureConfig, listen: Listener) -> tuple[C
     listen(Log(text, STAGE))
     figures = {"before_px": found.before, "after_px": found.after, "metres": found.metres, "degrees": found.degrees}
     rounded = {f"poses_{name}": round(value, 4) for name, value in figures.items()}
-    depths = _moved(capture.depths, capture.frames, found.frames)
+    depths = _depths_at_adjusted_poses(capture.depths, capture.frames, found.frames)
     return dataclasses.replace(capture, frames=found.frames, depths=depths), rounded
 
 
-def _moved(depths: Sequence[DepthFile], before: Sequence[Frame], after: Sequence[Frame]) -> tuple[DepthFile, ...]:
+def _depths_at_adjusted_poses(
+    depths: Sequence[DepthFile], before: Sequence[Frame], after: Sequence[Frame]
+) -> tuple[DepthFile, ...]:
     """The depth images at the adjusted poses of their frames."""
     import numpy as np
 

@@ -8,8 +8,8 @@ from dataclasses import replace
 from nvsim.events import Listener
 from nvsim.graph.types import NavGraph
 from nvsim.mapping.config import MappingConfig
-from nvsim.mapping.evidence.climbing import TraversedFloor
 from nvsim.mapping.evidence.new_viewpoints import NewViewpointEvidence, measure_new_viewpoints
+from nvsim.mapping.evidence.traversed_floor import TraversedFloor
 from nvsim.project.floor_heights import floor_of
 from nvsim.project.graph import thresholds_of
 from nvsim.project.project import Project

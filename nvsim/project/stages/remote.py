@@ -14,7 +14,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from nvsim.cluster.config import Storage
-from nvsim.cluster.piece import Executor, Finished, Order, Piece, SentFile, StorageNotShared
+from nvsim.cluster.piece import Executor, SentFile, StorageNotShared, WorkCall, WorkItem, WorkResult
 from nvsim.cluster.storage import StorageProbe
 from nvsim.errors import InputError
 from nvsim.events import Listener, Log, Warning, Worker
@@ -70,7 +70,7 @@ def do_frames_remote(
     project: Project,
     stage: str,
     frames: Sequence[int],
-    order: Callable[[list[int], int], Order],
+    order: Callable[[list[int], int], WorkCall],
     receive: Callable[[SentFile], None],
     listen: Listener,
 ) -> None:
@@ -91,13 +91,13 @@ def do_frames_remote(
     chunks = [list(frames[i * len(frames) // count : (i + 1) * len(frames) // count]) for i in range(count)]
     cloud = project.scan() if stage == "floors" else None
     needed = BASE_BYTES + _FRAME_BYTES + _POINT_BYTES * (0 if cloud is None else len(cloud.points))
-    pieces = [Piece(stage, c[0], f"frames {c[0]} to {c[-1]}", threads, needed) for c in chunks]
+    pieces = [WorkItem(stage, c[0], f"frames {c[0]} to {c[-1]}", threads, needed) for c in chunks]
     of_piece = dict(zip([p.part for p in pieces], chunks, strict=True))
     probe = StorageProbe.create_in(project.layout.checkpoints, project.need_capture().frames[0].image_path)
 
-    def begin(piece: Piece) -> Order:
+    def begin(piece: WorkItem) -> WorkCall:
         made = order(of_piece[piece.part], threads)
-        return Order(made.work, (*made.given, probe))
+        return WorkCall(made.work, (*made.given, probe))
 
     try:
         with closing(executor.run(pieces, begin)) as messages:
@@ -113,7 +113,7 @@ def do_frames_remote(
                 elif isinstance(message, Log | Warning | Worker):
                     listen(message)
                 else:
-                    assert not isinstance(message, Finished) or message.value is None
+                    assert not isinstance(message, WorkResult) or message.value is None
     finally:
         probe.remove()
 

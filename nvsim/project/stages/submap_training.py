@@ -27,7 +27,7 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True)
-class Trained:
+class TrainedSubmap:
     """The result of training a submap: its duration in seconds, and figures for the record of the stage."""
 
     seconds: float
@@ -35,7 +35,7 @@ class Trained:
 
 
 @dataclass(frozen=True, eq=False)
-class Inputs:
+class TrainingInputs:
     """The inputs to train a submap, and a held-out view that shows the progress, if there is one."""
 
     views: list[TrainingView]
@@ -46,7 +46,7 @@ class Inputs:
 
 def train(
     project: Project, index: int, config: TrainingConfig, listen: Listener, ready: Callable[[], None] = lambda: None
-) -> Trained:
+) -> TrainedSubmap:
     """Trains submap `index` from its checkpoint if there is one, and saves its model at the place recorded for the new
     result. Calls `ready` after reading all inputs, just before the first kernel. Raises InputError if images or the
     floor cannot be read."""
@@ -57,16 +57,16 @@ def train(
     ready()
     paths = layout.checkpoint(index), layout.preview(index), layout.live(index)
     figures = fit(inputs, index, config, layout.root / place, listen, *paths)
-    return Trained(time.monotonic() - started, figures)
+    return TrainedSubmap(time.monotonic() - started, figures)
 
 
-def train_in_child(caller: Caller, root: Path, index: int, config: TrainingConfig) -> Trained:
+def train_in_child(caller: Caller, root: Path, index: int, config: TrainingConfig) -> TrainedSubmap:
     """Like `train`, in a child process of the process that has the project open for writing."""
     with Project.open(root) as project:
         return train(project, index, config, caller.tell, caller.ready)
 
 
-def inputs_of(project: Project, index: int, config: TrainingConfig) -> Inputs:
+def inputs_of(project: Project, index: int, config: TrainingConfig) -> TrainingInputs:
     """The inputs to train submap `index`. Raises InputError if images or the floor cannot be read."""
     surface = project.surface(index)
     if surface is None:
@@ -74,7 +74,7 @@ def inputs_of(project: Project, index: int, config: TrainingConfig) -> Inputs:
     views = training_views(project, training_frames(project, index), config)
     watched = watched_frame(project, index)
     held = None if watched is None else training_views(project, [watched], config)[0]
-    return Inputs(views, seen_cloud(project, surface, views), surface, held)
+    return TrainingInputs(views, seen_cloud(project, surface, views), surface, held)
 
 
 def seen_cloud(project: Project, surface: FloorSurface, views: Sequence[TrainingView]) -> Cloud | None:
@@ -85,7 +85,7 @@ def seen_cloud(project: Project, surface: FloorSurface, views: Sequence[Training
 
 
 def fit(
-    inputs: Inputs,
+    inputs: TrainingInputs,
     index: int,
     config: TrainingConfig,
     folder: Path,

@@ -11,7 +11,16 @@ import psutil
 
 from nvsim.cluster.config import Storage
 from nvsim.cluster.local import LocalPool
-from nvsim.cluster.piece import Executor, Finished, Message, Order, Piece, SentFile, StorageNotShared, threads_each
+from nvsim.cluster.piece import (
+    Executor,
+    Message,
+    SentFile,
+    StorageNotShared,
+    WorkCall,
+    WorkItem,
+    WorkResult,
+    threads_each,
+)
 from nvsim.errors import InputError
 from nvsim.events import Done, Event, Listener, Log, Progress, silent
 from nvsim.project import ledger
@@ -21,7 +30,7 @@ from nvsim.project.project import Project
 from nvsim.project.stages import training_pool
 from nvsim.project.stages.floors import floors_key
 from nvsim.project.stages.submap_training import (
-    Trained,
+    TrainedSubmap,
     train,
     train_in_child,
     training_frames,
@@ -75,7 +84,7 @@ def run(
     if config.steps != asked:
         why = "because estimated depth replaces a LiDAR scan"
         listen(Log(f"Submaps train {config.steps} steps, not {asked}, {why}; --scanless.steps 1 keeps {asked}.", STAGE))
-    merged = _Merged(listen, [s.index for s in chosen], config.steps)
+    merged = _StageProgress(listen, [s.index for s in chosen], config.steps)
     left = []
     keys = {s.index: train_key(project, s, config) for s in chosen}
     for submap in chosen:
@@ -102,10 +111,10 @@ def run(
             project.layout.checkpoint(index).unlink(missing_ok=True)
             remove_folder(project.layout.live(index))
 
-    def finish(index: int, found: Trained) -> None:
+    def finish(index: int, found: TrainedSubmap) -> None:
         _finish(project, index, config, found, listen)
 
-    run = _Run(project, config, merged, begin, finish)
+    run = _SubmapTraining(project, config, merged, begin, finish)
     if executor.remote and left:
         run.train_remotely(executor, [s.index for s in chosen], left, at_once, storage, listen)
     elif left:
@@ -116,21 +125,21 @@ def run(
         run.here(executor, [t for t in tasks if t.submap in {s.index for s in left}], together)
 
 
-class _Run:
+class _SubmapTraining:
     """Trains submaps with an executor. `begin` is called when a submap starts, `finish` with its result."""
 
     def __init__(
         self,
         project: Project,
         config: TrainingConfig,
-        merged: _Merged,
+        merged: _StageProgress,
         begin: Callable[[int], None],
-        finish: Callable[[int, Trained], None],
+        finish: Callable[[int, TrainedSubmap], None],
     ) -> None:
         self._project, self._config, self._merged = project, config, merged
         self._begin, self._finish = begin, finish
 
-    def here(self, executor: Executor, tasks: Sequence[training_pool.Task], at_once: int) -> None:
+    def here(self, executor: Executor, tasks: Sequence[training_pool.TrainingTask], at_once: int) -> None:
         """Trains in processes of this machine, or in this process if no two submaps train in parallel."""
         if all(t.alone for t in tasks):
             for task in tasks:
@@ -138,16 +147,16 @@ class _Run:
                 share = dataclasses.replace(self._config, threads=task.threads)
                 self._finish(task.submap, train(self._project, task.submap, share, self._merged.of(task.submap)))
             return
-        pieces = [Piece(STAGE, t.submap, f"submap {t.submap}", t.threads, 0, t.alone) for t in tasks]
+        pieces = [WorkItem(STAGE, t.submap, f"submap {t.submap}", t.threads, 0, t.alone) for t in tasks]
 
-        def order(piece: Piece) -> Order:
+        def order(piece: WorkItem) -> WorkCall:
             self._begin(piece.part)
             share = dataclasses.replace(self._config, threads=piece.cores)
-            return Order(train_in_child, (self._project.layout.root, piece.part, share))
+            return WorkCall(train_in_child, (self._project.layout.root, piece.part, share))
 
         with closing(executor.run(pieces, order, at_once)) as messages:
             for piece, message in messages:
-                if isinstance(message, Finished):
+                if isinstance(message, WorkResult):
                     self._finish(piece.part, message.value)
                 else:
                     self._merged.hear(piece.part, message)
@@ -165,11 +174,11 @@ class _Run:
         from nvsim.project.stages.training_remote import ModelFiles, RemoteTraining
 
         threads = self._config.threads or threads_each(executor.machines, min(at_once or len(chosen), len(chosen)))
-        needed = _needed(self._project, left, self._config)
-        pieces = [Piece(STAGE, s.index, f"submap {s.index}", threads, needed) for s in left]
+        needed = _memory_of_largest(self._project, left, self._config)
+        pieces = [WorkItem(STAGE, s.index, f"submap {s.index}", threads, needed) for s in left]
         remote_training = RemoteTraining(self._project, self._config, storage, listen)
 
-        def order(piece: Piece) -> Order:
+        def order(piece: WorkItem) -> WorkCall:
             self._begin(piece.part)
             return remote_training.order(piece)
 
@@ -177,7 +186,7 @@ class _Run:
             with closing(executor.run(pieces, order, at_once)) as messages:
                 for piece, message in messages:
                     event: Message | None = message
-                    if isinstance(message, Finished):
+                    if isinstance(message, WorkResult):
                         found: ModelFiles = message.value
                         remote_training.check(piece, found)
                         self._finish(piece.part, found.trained)
@@ -205,10 +214,12 @@ def train_key(project: Project, submap: Submap, config: TrainingConfig) -> str:
     corrected = corrections_key(project, training_frames(project, submap.index))
     depth = project.stage_results().depth
     seen = [depth.key] if depth else []  # without depth, the key has the form of versions without a depth stage
-    return ledger.key_of(STAGE, floors_key(project), submap.index, submap.frames, _same(config), *corrected, *seen)
+    return ledger.key_of(
+        STAGE, floors_key(project), submap.index, submap.frames, _result_settings(config), *corrected, *seen
+    )
 
 
-def _same(config: TrainingConfig) -> dict[str, object]:
+def _result_settings(config: TrainingConfig) -> dict[str, object]:
     default = TrainingConfig()
     same = dataclasses.replace(config, threads=default.threads, checkpoint_seconds=default.checkpoint_seconds)
     values = dataclasses.asdict(same)
@@ -216,9 +227,9 @@ def _same(config: TrainingConfig) -> dict[str, object]:
     return {TrainingConfig.__name__: values}
 
 
-def _finish(project: Project, index: int, config: TrainingConfig, found: Trained, listen: Listener) -> None:
+def _finish(project: Project, index: int, config: TrainingConfig, found: TrainedSubmap, listen: Listener) -> None:
     seconds, figures = found.seconds, found.figures
-    batch = ledger.key_of(floors_key(project), _same(config))
+    batch = ledger.key_of(floors_key(project), _result_settings(config))
     used = ledger.add_model(project, index, seconds, figures, batch)
     listen(Done(STAGE, f"submap {index}: {figures['gaussians']} Gaussians in {seconds:.0f} s", figures))
     if not used:
@@ -229,10 +240,10 @@ def _finish(project: Project, index: int, config: TrainingConfig, found: Trained
 
 def _fitting(project: Project, submaps: Sequence[Submap], config: TrainingConfig) -> int:
     """The number of trainings that fit into the free memory."""
-    return training_pool.fitting(psutil.virtual_memory().available, _needed(project, submaps, config))
+    return training_pool.fitting(psutil.virtual_memory().available, _memory_of_largest(project, submaps, config))
 
 
-def _needed(project: Project, submaps: Sequence[Submap], config: TrainingConfig) -> int:
+def _memory_of_largest(project: Project, submaps: Sequence[Submap], config: TrainingConfig) -> int:
     """Memory in bytes of the largest training."""
     frames = project.need_capture().frames
     sizes = [frames[i].intrinsics.within(config.image_size) for i in submaps[0].frames]
@@ -241,7 +252,7 @@ def _needed(project: Project, submaps: Sequence[Submap], config: TrainingConfig)
     return training_pool.needed_bytes(most, pixels, config)
 
 
-class _Merged:
+class _StageProgress:
     """Converts the progress of single submaps to the progress of the stage."""
 
     def __init__(self, listen: Listener, submaps: Sequence[int], steps: int) -> None:

@@ -16,7 +16,7 @@ MEMORY_SHARE = 0.7
 
 
 @dataclass(frozen=True)
-class Task:
+class TrainingTask:
     """A submap to train with `threads` threads; `alone` if no other submap trains meanwhile."""
 
     submap: int
@@ -24,7 +24,7 @@ class Task:
     alone: bool
 
 
-def plan(submaps: Sequence[int], cores: int, at_once: int) -> list[Task]:
+def plan(submaps: Sequence[int], cores: int, at_once: int) -> list[TrainingTask]:
     """Assigns a number of threads to each submap.
 
     The number depends on the complete list of `submaps`. It does not depend on the submaps that an interrupted run has
@@ -34,7 +34,7 @@ def plan(submaps: Sequence[int], cores: int, at_once: int) -> list[Task]:
     together = max(1, min(at_once, cores, len(submaps)))
     full = len(submaps) - len(submaps) % together
     alone = [together == 1 or i >= full for i in range(len(submaps))]
-    return [Task(s, cores if a else cores // together, a) for s, a in zip(submaps, alone, strict=True)]
+    return [TrainingTask(s, cores if a else cores // together, a) for s, a in zip(submaps, alone, strict=True)]
 
 
 def needed_bytes(frames: int, pixels: int, config: TrainingConfig) -> int:

@@ -16,7 +16,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from nvsim.cluster.config import Storage
-from nvsim.cluster.piece import Caller, Order, Piece, SentFile, StorageNotShared
+from nvsim.cluster.piece import Caller, SentFile, StorageNotShared, WorkCall, WorkItem
 from nvsim.cluster.storage import StorageProbe
 from nvsim.errors import InputError
 from nvsim.events import Event, Listener, Log, Preview
@@ -25,7 +25,7 @@ from nvsim.files.opening import read_bytes
 from nvsim.project.layout import model_name
 from nvsim.project.project import Project
 from nvsim.project.stages.remote import ProjectSnapshot
-from nvsim.project.stages.submap_training import Inputs, Trained, fit, inputs_of, train
+from nvsim.project.stages.submap_training import TrainedSubmap, TrainingInputs, fit, inputs_of, train
 from nvsim.project.state.results import remove_folder
 from nvsim.training.config import TrainingConfig
 
@@ -38,7 +38,7 @@ _SETTLING = 30.0  # seconds until files of another machine are visible on shared
 class ModelFiles:
     """The final message of a worker: the figures of the training, and the SHA-256 of each model file by name."""
 
-    trained: Trained
+    trained: TrainedSubmap
     hashes: dict[str, str]
 
 
@@ -54,7 +54,7 @@ class RemoteTraining:
     def close(self) -> None:
         self._probe.remove()
 
-    def order(self, piece: Piece) -> Order:
+    def order(self, piece: WorkItem) -> WorkCall:
         """The order for a worker to train a submap, from its checkpoint if there is one."""
         config, project = dataclasses.replace(self._config, threads=piece.cores), self._project
         checkpoint_path = project.layout.checkpoint(piece.part)
@@ -62,11 +62,11 @@ class RemoteTraining:
             atomic.remove(left)
         if self._storage != "sent":
             probe = None if self._storage == "shared" else self._probe
-            return Order(train_in_place, (ProjectSnapshot.of(project), piece.part, config, probe))
+            return WorkCall(train_in_place, (ProjectSnapshot.of(project), piece.part, config, probe))
         self._arriving.discard(piece.part)
         checkpoint = read_bytes(checkpoint_path) if checkpoint_path.is_file() else None
         inputs = pickle.dumps(inputs_of(project, piece.part, config))
-        return Order(train_elsewhere, (inputs, piece.part, config, checkpoint))
+        return WorkCall(train_elsewhere, (inputs, piece.part, config, checkpoint))
 
     def send_all_inputs(self, found: StorageNotShared) -> None:
         """Sends all inputs to the workers from now on, because a worker cannot read the project."""
@@ -74,7 +74,7 @@ class RemoteTraining:
             self._listen(Log(f"{found.why}; NVSim sends the inputs to the workers.", "train"))
         self._storage = "sent"
 
-    def receive(self, piece: Piece, file: SentFile) -> Event | None:
+    def receive(self, piece: WorkItem, file: SentFile) -> Event | None:
         """Stores a file at its place. Returns an event if listeners need one. Raises InputError if the file is damaged
         or not part of a training, or the disk reports an error."""
         file.check()
@@ -97,7 +97,7 @@ class RemoteTraining:
         atomic.write_bytes(atomic.make_folder(folder) / name, file.data)
         return None
 
-    def check(self, piece: Piece, found: ModelFiles) -> None:
+    def check(self, piece: WorkItem, found: ModelFiles) -> None:
         """Raises InputError if the model on disk differs from the one that the worker made."""
         folder = self._model(piece.part)
         until = time.monotonic() + _SETTLING
@@ -138,7 +138,7 @@ def train_elsewhere(
     from nvsim.training.rate_limiter import RateLimiter
 
     compile_ahead(caller.tell)
-    needed: Inputs = pickle.loads(inputs)
+    needed: TrainingInputs = pickle.loads(inputs)
     with tempfile.TemporaryDirectory(prefix="nvsim-submap-") as name:
         folder = Path(name)
         paths = {CHECKPOINT: folder / "checkpoint.ckpt", PREVIEW: folder / "preview.jpg"}
@@ -166,7 +166,7 @@ def train_elsewhere(
         hashes = _hashes(model)
         for name in sorted(hashes, key=lambda n: n == "model.json"):  # last, because it names the other files
             caller.send(MODEL + name, (model / name).read_bytes())
-        return ModelFiles(Trained(time.monotonic() - started, figures), hashes)
+        return ModelFiles(TrainedSubmap(time.monotonic() - started, figures), hashes)
 
 
 def _stamp(path: Path) -> int:

@@ -16,14 +16,14 @@ from nvsim.files import tables
 from nvsim.files.databases import (
     GuardedConnection,
     check_files,
-    copied,
+    copy_to_memory,
     damaged_error,
     make_file,
     open_to_read,
     sqlite_error,
 )
-from nvsim.files.tables import COUNT, NUMBER, TEXT, check_schema, harden
-from nvsim.project.state.results import Part, Result, Slot, StageResults, Unfinished, trusted, write
+from nvsim.files.tables import COUNT, NUMBER, TEXT, check_schema, disable_code
+from nvsim.project.state.results import Slot, StagePart, StageResult, StageResults, UnfinishedPart, trusted, write
 from nvsim.project.work import STAGES
 
 VERSION = 5
@@ -137,7 +137,7 @@ def connect(path: Path, read_only: bool) -> sqlite3.Connection:
             connection.close()
             return create(path)
         if read_only and version < VERSION:
-            connection = copied(connection)
+            connection = copy_to_memory(connection)
             update(connection, path, _version(connection))  # a writer may have updated it in the meantime
             connection.execute("PRAGMA query_only=1")
         if not read_only:
@@ -161,7 +161,7 @@ def check(connection: sqlite3.Connection, path: Path, read_only: bool) -> int:
     fails. Raises sqlite3.Error if the file is not a database.
     """
     try:
-        harden(connection)
+        disable_code(connection)
         version = _version(connection)
         if version > VERSION:
             raise InputError(
@@ -193,9 +193,9 @@ def _version_3(c: sqlite3.Connection, path: Path) -> StageResults:
     """The results in the database at `path`. Skips damaged values of the table `meta`. Raises InputError if the table
     `stages` is damaged."""
     meta: dict[str, str] = dict(tables.read(c, path, "meta", {"key": TEXT, "value": TEXT}))
-    found: dict[str, dict[int, Part]] = {}
+    found: dict[str, dict[int, StagePart]] = {}
     for stage, part, key, seconds, finished, summary in tables.read(c, path, "stages", _ROW, "WHERE state = 'done'"):
-        found.setdefault(stage, {})[part] = Part(key, seconds, finished or 0.0, summary)
+        found.setdefault(stage, {})[part] = StagePart(key, seconds, finished or 0.0, summary)
     if "import" in found and 0 in found["import"]:
         found["import"][0] = replace(found["import"][0], settings=meta.get("capture_config", ""))
     batch = _object(meta.get("batch train"))
@@ -206,8 +206,9 @@ def _version_3(c: sqlite3.Connection, path: Path) -> StageResults:
     for name, place in trusted(_object(meta.get("places"))).items():
         stage = name.removeprefix("cut/") if name.startswith("cut/") else _STAGE_OF.get(name, "train")
         files.setdefault(stage, {})[name] = place
-    results: dict[tuple[Slot, str], Result] = {
-        ("in use", stage): Result(found.get(stage, {}), files.get(stage, {})) for stage in found.keys() | files.keys()
+    results: dict[tuple[Slot, str], StageResult] = {
+        ("in use", stage): StageResult(found.get(stage, {}), files.get(stage, {}))
+        for stage in found.keys() | files.keys()
     }
     slots: tuple[Slot, ...] = ("previous", "next")
     for slot in slots:
@@ -217,22 +218,22 @@ def _version_3(c: sqlite3.Connection, path: Path) -> StageResults:
                 results[slot, stage] = result
     # Versions below 3 stored unfinished work in the row of the result.
     begun = tables.read(c, path, "stages", {"stage": TEXT, "part": COUNT, "key": TEXT}, "WHERE state != 'done'")
-    unfinished = {(stage, part): Unfinished(key) for stage, part, key in begun}
+    unfinished = {(stage, part): UnfinishedPart(key) for stage, part, key in begun}
     for name, text in meta.items():
         kind, _, rest = name.partition(" ")
         stage, _, number = rest.partition(" ")
         work = _object(text) if kind == "work" and number.isdecimal() else {}
         if isinstance(work.get("key"), str) and isinstance(work.get("number"), int):
-            unfinished[stage, int(number)] = Unfinished(work["key"], work["number"])
+            unfinished[stage, int(number)] = UnfinishedPart(work["key"], work["number"])
     generation = meta.get("generation", "0")
     return StageResults(results, unfinished, int(generation) if generation.isdecimal() else 0)
 
 
-def _result(data: dict[str, Any]) -> Result | None:
+def _result(data: dict[str, Any]) -> StageResult | None:
     """A result that is not in use, None if it is damaged."""
     try:
         parts = {
-            int(number): Part(
+            int(number): StagePart(
                 str(row["key"]), float(row["seconds"]), float(row["finished"]), json.dumps(dict(row["summary"]))
             )
             for number, row in data["rows"].items()
@@ -245,7 +246,7 @@ def _result(data: dict[str, Any]) -> Result | None:
         return None
     if 0 in parts:
         parts[0] = replace(parts[0], settings=values.get("capture_config", ""))
-    return Result(parts, trusted(files))
+    return StageResult(parts, trusted(files))
 
 
 def _object(text: str | None) -> dict[str, Any]:

@@ -38,7 +38,7 @@ _FINISHED = {"imported": "capture.json", "depth": "cloud.ply", "floor": "support
 
 
 @dataclass(frozen=True)
-class Part:
+class StagePart:
     """A finished part of a stage.
 
     key       hash of everything that it depends on
@@ -71,15 +71,15 @@ class Part:
 
 
 @dataclass(frozen=True)
-class Result:
+class StageResult:
     """One finished result of a stage: number -> part, and name of a file or folder -> its place in the project."""
 
-    parts: Mapping[int, Part] = field(default_factory=dict)
+    parts: Mapping[int, StagePart] = field(default_factory=dict)
     files: Mapping[str, str] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
-class Unfinished:
+class UnfinishedPart:
     """A part that is being made: the key of its inputs, and the number of its generation."""
 
     key: str
@@ -95,18 +95,18 @@ class StageResults:
     generation  the last number that was assigned
     """
 
-    results: Mapping[tuple[Slot, str], Result] = field(default_factory=dict)
-    unfinished: Mapping[tuple[str, int], Unfinished] = field(default_factory=dict)
+    results: Mapping[tuple[Slot, str], StageResult] = field(default_factory=dict)
+    unfinished: Mapping[tuple[str, int], UnfinishedPart] = field(default_factory=dict)
     generation: int = 0
 
     # Questions --------------------------------------------------------------------------------------------------
 
-    def get(self, slot: Slot, stage: str) -> Result | None:
+    def get(self, slot: Slot, stage: str) -> StageResult | None:
         return self.results.get((slot, stage))
 
-    def part(self, stage: str, part: int = 0) -> Part | None:
+    def part(self, stage: str, part: int = 0) -> StagePart | None:
         """A part of the result in use, even while it is being made again; None if it was never finished."""
-        return self.results.get(("in use", stage), Result()).parts.get(part)
+        return self.results.get(("in use", stage), StageResult()).parts.get(part)
 
     @property
     def places(self) -> dict[str, str]:
@@ -114,7 +114,7 @@ class StageResults:
         return {n: p for (slot, _), r in self.results.items() if slot == "in use" for n, p in r.files.items()}
 
     @property
-    def depth(self) -> Part | None:
+    def depth(self) -> StagePart | None:
         """The depth in use. None if it was never estimated, was skipped, or belongs to another capture than the present
         one. Raises InputError if its summary is damaged."""
         found, imported = self.part("depth"), self.part("import")
@@ -125,7 +125,7 @@ class StageResults:
     @property
     def done(self) -> frozenset[StageName]:
         """The stages that finished."""
-        return frozenset(stage for stage in STAGES if self.results.get(("in use", stage), Result()).parts)
+        return frozenset(stage for stage in STAGES if self.results.get(("in use", stage), StageResult()).parts)
 
     @property
     def outdated(self) -> frozenset[StageName]:
@@ -147,9 +147,9 @@ class StageResults:
         """The stages with an earlier result that can be restored."""
         return frozenset(stage for stage in STAGES if ("previous", stage) in self.results)
 
-    def in_use(self, stage: str, root: Path) -> Result | None:
+    def in_use(self, stage: str, root: Path) -> StageResult | None:
         """The complete result of a stage in use, with all its files; None if there is none."""
-        found, places = self.results.get(("in use", stage), Result()), self.places
+        found, places = self.results.get(("in use", stage), StageResult()), self.places
         names: Iterable[str] = _NAMES.get(stage, ())
         if stage == "train":
             # Older versions did not store places. Models that wait for others or are being made are not in use.
@@ -162,11 +162,11 @@ class StageResults:
         elif not found.parts:
             return None
         files = {n: places.get(n, n) for n in names}
-        return Result(found.parts, files | {n: p for n, p in found.files.items() if n == f"cut/{stage}"})
+        return StageResult(found.parts, files | {n: p for n, p in found.files.items() if n == f"cut/{stage}"})
 
     def made_at(self, stage: str, part: int = 0) -> dict[str, str]:
         """Name -> place of the files that are being made."""
-        number = self.unfinished.get((stage, part), Unfinished("")).number
+        number = self.unfinished.get((stage, part), UnfinishedPart("")).number
         return {name: f"{name}.{number}" if number else name for name in _names_of(stage, part)}
 
     def all_places(self) -> set[str]:
@@ -176,15 +176,15 @@ class StageResults:
 
     # Changes ----------------------------------------------------------------------------------------------------
 
-    def put(self, slot: Slot, stage: str, result: Result | None) -> StageResults:
+    def put(self, slot: Slot, stage: str, result: StageResult | None) -> StageResults:
         """With `result` in this slot, or without one."""
         others = {k: r for k, r in self.results.items() if k != (slot, stage)}
         return replace(self, results=others if result is None else {**others, (slot, stage): result})
 
     def completed(self, slot: Slot, stage: str, files: Mapping[str, str]) -> StageResults:
         """With these files of a result, if it does not have them."""
-        found = self.results.get((slot, stage), Result())
-        return self.put(slot, stage, Result(found.parts, {**files, **found.files}))
+        found = self.results.get((slot, stage), StageResult())
+        return self.put(slot, stage, StageResult(found.parts, {**files, **found.files}))
 
     def numbered(self) -> StageResults:
         """With the number of the next generation."""
@@ -196,7 +196,7 @@ class StageResults:
         taken = self.part(stage, part) is not None
         occupied = any(n in places or (root / n / _FINISHED.get(n.split("/")[0], "-")).is_file() for n in names)
         new = self.numbered() if names and (taken or occupied) else self
-        work = Unfinished(key, 0 if new is self else new.generation)
+        work = UnfinishedPart(key, 0 if new is self else new.generation)
         return replace(new, unfinished={**self.unfinished, (stage, part): work})
 
     def dropped(self, stage: str, *parts: int) -> StageResults:
@@ -205,14 +205,14 @@ class StageResults:
         return replace(self, unfinished={k: u for k, u in self.unfinished.items() if k not in gone})
 
     def finished(
-        self, stage: str, parts: Mapping[int, Part], files: Mapping[str, str], before: Result | None
+        self, stage: str, parts: Mapping[int, StagePart], files: Mapping[str, str], before: StageResult | None
     ) -> StageResults:
         """With new `parts` and `files` of a stage in use, and `before` as the previous result if it is not None."""
-        found = self.results.get(("in use", stage), Result())
-        new = self.put("in use", stage, Result({**found.parts, **parts}, {**found.files, **files}))
+        found = self.results.get(("in use", stage), StageResult())
+        new = self.put("in use", stage, StageResult({**found.parts, **parts}, {**found.files, **files}))
         return (new if before is None else new.put("previous", stage, before)).dropped(stage, *parts)
 
-    def put_to_use(self, stage: str, result: Result) -> StageResults:
+    def put_to_use(self, stage: str, result: StageResult) -> StageResults:
         """With `result` in use in place of the present one."""
         files = dict(result.files)
         files.pop("graph", None)  # a kept graph is a file, the graph in use is in the database
@@ -222,7 +222,7 @@ class StageResults:
             # A folder without a number may belong to the replaced result.
             gone = {n for n in {*self.places, *self.all_places()} if n.startswith("models/")} - {NOWHERE}
             files = {name.split(".")[0]: NOWHERE for name in gone} | files
-        return self.put("in use", stage, Result(parts, files))
+        return self.put("in use", stage, StageResult(parts, files))
 
 
 def _names_of(stage: str, part: int) -> tuple[str, ...]:
@@ -252,14 +252,14 @@ _UNFINISHED = {"stage": TEXT, "part": COUNT, "key": TEXT, "number": COUNT}
 
 def read(c: sqlite3.Connection, path: Path) -> StageResults:
     """The results of all stages in the database at `path`. Raises InputError if it is damaged."""
-    parts: dict[tuple[Slot, str], dict[int, Part]] = {}
+    parts: dict[tuple[Slot, str], dict[int, StagePart]] = {}
     files: dict[tuple[Slot, str], dict[str, str]] = {}
     for slot, stage, part, *cells in tables.read(c, path, "stage_parts", _KEPT | _PART | _ABOUT):
-        parts.setdefault((slot, stage), {})[part] = Part(*cells)
+        parts.setdefault((slot, stage), {})[part] = StagePart(*cells)
     for slot, stage, name, place in tables.read(c, path, "stage_files", _FILE):
         files.setdefault((slot, stage), {}).update(trusted({name: place}))
-    results = {key: Result(parts.get(key, {}), files.get(key, {})) for key in dict.fromkeys([*parts, *files])}
-    unfinished = {(s, p): Unfinished(*work) for s, p, *work in tables.read(c, path, "unfinished", _UNFINISHED)}
+    results = {key: StageResult(parts.get(key, {}), files.get(key, {})) for key in dict.fromkeys([*parts, *files])}
+    unfinished = {(s, p): UnfinishedPart(*work) for s, p, *work in tables.read(c, path, "unfinished", _UNFINISHED)}
     generation = max((n for (n,) in tables.read(c, path, "generation", {"number": COUNT})), default=0)
     return StageResults(results, unfinished, generation)
 
@@ -342,7 +342,7 @@ def remove_folder(path: Path) -> None:
     shutil.rmtree(gone, ignore_errors=True)
 
 
-def bytes_of(root: Path, result: Result, but: Result | None = None) -> int:
+def bytes_of(root: Path, result: StageResult, but: StageResult | None = None) -> int:
     """Bytes of the files of a result, without those that `but` has too."""
     own = set(result.files.values()) - (set() if but is None else set(but.files.values()))
     paths = [root / place for place in own]

@@ -12,11 +12,11 @@ from random import Random
 from typing import Literal
 
 from nvsim.errors import InputError
-from nvsim.graph.paths import Ways
+from nvsim.graph.paths import PathGraph
 from nvsim.graph.types import NavGraph
 from nvsim.r2r.agents.benchmark import Action, Agent
 from nvsim.r2r.simulator import SimState
-from nvsim.r2r.tasks.shortest import ShortestPaths, Tree
+from nvsim.r2r.tasks.shortest import ShortestPaths, ShortestPathTree
 from nvsim.r2r.tasks.task import Task
 
 _CLOSE = math.radians(30)  # moves without another turn if the viewpoint is closer to the view center than this angle
@@ -45,11 +45,11 @@ class ShortestAgent:
 class _Scan:
     def __init__(self, graph: NavGraph) -> None:
         self.graph = graph
-        self._trees: dict[str, Tree] = {}
+        self._trees: dict[str, ShortestPathTree] = {}
 
     @cached_property
-    def ways(self) -> Ways:
-        return Ways.of(self.graph)
+    def ways(self) -> PathGraph:
+        return PathGraph.of(self.graph)
 
     @cached_property
     def row(self) -> dict[str, int]:
@@ -118,11 +118,11 @@ class RandomAgent:
     def __init__(self, seed: int = 0) -> None:
         self._seed = seed
 
-    def begin(self, instr_id: str, task: Task) -> _Ahead:
-        return _Ahead(_below(Random(f"{self._seed} {instr_id}"), 12))
+    def begin(self, instr_id: str, task: Task) -> _StraightWalk:
+        return _StraightWalk(_below(Random(f"{self._seed} {instr_id}"), 12))
 
 
-class _Ahead:
+class _StraightWalk:
     def __init__(self, turns: int) -> None:
         self._turns, self._moves, self._actions = turns, 0, 0
 
@@ -150,11 +150,11 @@ class PaperRandomAgent:
     def __init__(self, seed: int = 0, moves: int = 10) -> None:
         self._seed, self._moves = seed, moves
 
-    def begin(self, instr_id: str, task: Task) -> _Anywhere:
-        return _Anywhere(Random(f"{self._seed} {instr_id}"), self._moves)
+    def begin(self, instr_id: str, task: Task) -> _RandomWalk:
+        return _RandomWalk(Random(f"{self._seed} {instr_id}"), self._moves)
 
 
-class _Anywhere:
+class _RandomWalk:
     def __init__(self, random: Random, moves: int) -> None:
         self._random, self._left = random, moves
 

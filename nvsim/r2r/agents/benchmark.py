@@ -65,7 +65,7 @@ def scans_in(folder: Path) -> Path:
     return inside if (inside / "connectivity").is_dir() else folder
 
 
-class Walk(Protocol):
+class EpisodeWalk(Protocol):
     """One episode of an agent."""
 
     def act(self, state: SimState) -> Action | None:
@@ -77,7 +77,7 @@ class Agent(Protocol):
 
     restricted: bool
 
-    def begin(self, instr_id: str, task: Task) -> Walk: ...
+    def begin(self, instr_id: str, task: Task) -> EpisodeWalk: ...
 
 
 def run_agent(agent: Agent, tasks: Sequence[Task], graphs: Path) -> dict[str, list[Pose]]:
@@ -100,7 +100,7 @@ def run_agent(agent: Agent, tasks: Sequence[Task], graphs: Path) -> dict[str, li
     return found
 
 
-def _walked(sim: Simulator, walks: Sequence[Walk]) -> list[list[Pose]]:
+def _walked(sim: Simulator, walks: Sequence[EpisodeWalk]) -> list[list[Pose]]:
     trajectories = [[_pose(state)] for state in sim.getState()[: len(walks)]]
     going = set(range(len(walks)))
     while going:

@@ -30,7 +30,7 @@ from numpy.typing import NDArray
 from nvsim.events import Listener, Progress, silent
 from nvsim.files import atomic
 from nvsim.graph.types import NavGraph
-from nvsim.r2r.episodes.acting import FORWARD, TURN, FreeSpace, Walk, walk_along
+from nvsim.r2r.episodes.episode_actions import FORWARD, TURN, ActionPath, FreeSpace, walk_along
 from nvsim.r2r.surroundings.layers import Layers
 from nvsim.r2r.tasks.task import Task
 
@@ -48,7 +48,7 @@ class Episode:
 
     task: Task
     path: NDArray[np.float64]
-    walk: Walk
+    walk: ActionPath
     floors: NDArray[np.float64]
 
 

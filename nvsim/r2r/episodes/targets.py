@@ -11,11 +11,11 @@ from numpy.typing import NDArray
 
 from nvsim.geometry.camera import Camera, Intrinsics, camera_pose
 from nvsim.graph.types import NavGraph, Viewpoint
-from nvsim.r2r.episodes.acting import FreeSpace
+from nvsim.r2r.episodes.episode_actions import FreeSpace
 from nvsim.r2r.surroundings.doorways import without_islands
+from nvsim.r2r.surroundings.floor_objects import FloorObject, walls_of
 from nvsim.r2r.surroundings.layers import CELL, Layers
 from nvsim.r2r.surroundings.survey import Surroundings, is_behind_a_wall
-from nvsim.r2r.surroundings.things import FloorObject, walls_of
 
 Box = tuple[int, int, int, int]
 WIDTH, HEIGHT, VFOV = 640, 480, math.radians(60)

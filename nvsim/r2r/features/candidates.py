@@ -138,7 +138,7 @@ _KEYED: Mapping[str, Row] = {
 
 
 @dataclass(frozen=True)
-class Written:
+class WrittenCandidates:
     """The files and counts of one call of `write_candidates`.
 
     paths       the written files
@@ -153,12 +153,12 @@ class Written:
     unseen: list[tuple[str, str, str]]
 
 
-def write_candidates(scans: Iterable[ExportedScan], out: Path) -> Written:
+def write_candidates(scans: Iterable[ExportedScan], out: Path) -> WrittenCandidates:
     """Writes all candidate files of `scans` into the folder `out`. Raises InputError if writing fails."""
     keyed: dict[str, dict[str, Any]] = {name: {} for name in _KEYED}
     navigable: dict[str, Any] = {}
     places: dict[str, Any] = {}
-    written = Written([], 0, 0, [])
+    written = WrittenCandidates([], 0, 0, [])
     viewpoints = candidates = 0
     for scan in scans:
         found = candidates_of(scan.positions, scan.edges)
@@ -173,7 +173,7 @@ def write_candidates(scans: Iterable[ExportedScan], out: Path) -> Written:
         written.paths.append(_write(path, _rows(scan, found, _navgpt)))
     whole = {**keyed, "navigable.json": navigable, "location.json": places, "mp3d_connectivity_graphs.json": places}
     written.paths.extend(_write(out / name, values) for name, values in whole.items())
-    return Written(written.paths, viewpoints, candidates, written.unseen)
+    return WrittenCandidates(written.paths, viewpoints, candidates, written.unseen)
 
 
 def _rows(scan: ExportedScan, found: Candidates, row: Row) -> dict[str, dict[str, Any]]:

@@ -22,7 +22,7 @@ from nvsim.events import Done, Listener, Log, Progress, Warning
 from nvsim.geometry.directions import VFOV, VIEWS
 from nvsim.r2r.features.backbone import Backbone, Float32, Width
 from nvsim.r2r.features.exported_scan import ExportedScan, ViewSource
-from nvsim.r2r.features.feature_files import About, Place, Rows, about_of, write_hdf5, write_tsv
+from nvsim.r2r.features.feature_files import About, Rows, RowSource, about_of, write_hdf5, write_tsv
 from nvsim.r2r.features.kept_rows import KeptRows, kept_rows
 from nvsim.r2r.features.layouts import Layout
 
@@ -120,7 +120,7 @@ def _placed(kept: KeptRows, keys: list[str], places: list[tuple[ExportedScan, Vi
             raise InputError(f"{kept.path} has a row of another width for {key}; remove the file and start again.")
         size = _SIZE.unpack_from(data)
         row = np.frombuffer(data, np.float32, offset=_SIZE.size).reshape(VIEWS, width)
-        yield Place(scan.id, scan.viewpoints[index], (size[0], size[1])), row
+        yield RowSource(scan.id, scan.viewpoints[index], (size[0], size[1])), row
 
 
 def read_ahead(places: Sequence[tuple[ViewSource, int]], backbone: Backbone) -> Generator[Prepared, None, None]:

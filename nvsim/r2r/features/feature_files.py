@@ -102,7 +102,7 @@ def quietly_written(path: Path) -> Iterator[QuietFile]:
 
 
 @dataclass(frozen=True)
-class Place:
+class RowSource:
     """The source of a row: scan, viewpoint, and width and height of its views in pixels."""
 
     scan: str
@@ -110,7 +110,7 @@ class Place:
     size: tuple[int, int]
 
 
-Rows = Iterable[tuple[Place, Float32]]
+Rows = Iterable[tuple[RowSource, Float32]]
 About = dict[str, str | int]
 
 
@@ -155,14 +155,14 @@ Key = tuple[str, str]
 
 
 @dataclass(frozen=True)
-class Open:
+class OpenRequest:
     """Request: open a file and close the previous one. The answer is the name of the backbone, "" if unknown."""
 
     path: Path
 
 
 @dataclass(frozen=True)
-class Read:
+class ReadRequest:
     """Request: read datasets by name. The answer is a list of (36, width) float32, with None for missing names."""
 
     names: Sequence[str]
@@ -179,8 +179,8 @@ class Hdf5Server:
         self._path = Path()
         self._file: Any = None
 
-    def __call__(self, request: Open | Read) -> str | list[NDArray[np.float32] | None]:
-        if isinstance(request, Read):
+    def __call__(self, request: OpenRequest | ReadRequest) -> str | list[NDArray[np.float32] | None]:
+        if isinstance(request, ReadRequest):
             with reading(self._path, WHAT, THEN):
                 return [self._row(name) for name in request.names]
         self._open.close()
@@ -237,15 +237,15 @@ def made_by(path: Path) -> str:
         about = read_json(beside, "a record of features", THEN) if beside.is_file() else {}
         return str(about.get("backbone", "")) if isinstance(about, dict) else ""
     with Child(Hdf5Server, str(path), THEN) as child:
-        return str(child.ask(Open(path), _LIMITS))
+        return str(child.ask(OpenRequest(path), _LIMITS))
 
 
 def _of_hdf5(path: Path, wanted: Sequence[Key]) -> Iterator[tuple[Key, Float32]]:
     with Child(Hdf5Server, str(path), THEN) as child:
-        child.ask(Open(path), _LIMITS)
+        child.ask(OpenRequest(path), _LIMITS)
         for at in range(0, len(wanted), _AT_ONCE):
             keys = wanted[at : at + _AT_ONCE]
-            rows: Any = child.ask(Read([f"{scan}_{viewpoint}" for scan, viewpoint in keys]), _LIMITS)
+            rows: Any = child.ask(ReadRequest([f"{scan}_{viewpoint}" for scan, viewpoint in keys]), _LIMITS)
             yield from ((key, row) for key, row in zip(keys, rows, strict=True) if row is not None)
 
 

@@ -34,7 +34,7 @@ class KeptRows:
         self._rows: dict[str, tuple[int, int, bytes]] = {}  # key -> first byte and length of a record, fingerprint
         self._end = 0
         size = os.fstat(descriptor).st_size
-        while (length := self._take_over(self._end, size)) is not None:
+        while (length := self._register_record(self._end, size)) is not None:
             self._end += length
         os.ftruncate(descriptor, self._end)
 
@@ -66,7 +66,7 @@ class KeptRows:
             raise InputError(f"{self.path} was damaged during the extraction; remove it and start again.")
         return read[2]
 
-    def _take_over(self, start: int, size: int) -> int | None:
+    def _register_record(self, start: int, size: int) -> int | None:
         """Registers the record at `start` and returns its length, or None if no complete record begins there."""
         head = os.pread(self._descriptor, _HEAD.size, start)
         if len(head) < _HEAD.size:

@@ -57,7 +57,7 @@ LAYOUTS: dict[str, Layout] = {
 }
 
 
-class Maker(NamedTuple):
+class FeatureMaker(NamedTuple):
     """The selected source of features.
 
     kind  the network that the user named, the one in the models folder, the ImageNet trunk, or the fixed projection
@@ -81,18 +81,18 @@ def network_name(layout: Layout) -> str:
     return f"features.{layout.name}"
 
 
-def maker_of(layout: Layout, model: Path | None = None, projection: bool = False) -> Maker:
+def maker_of(layout: Layout, model: Path | None = None, projection: bool = False) -> FeatureMaker:
     """Selects the source of features for a layout.
 
     This is the network `model`; else the layout's network in the models folder; else the ImageNet trunk; else the
     fixed projection. With `projection`, the models folder and the trunk are skipped.
     """
     if model is not None:
-        return Maker("named", model)
+        return FeatureMaker("named", model)
     found = None if projection else find_file(network_name(layout))
     if found is not None:
-        return Maker("models folder", found)
-    return Maker("projection" if projection or weights_file() is None else "trunk")
+        return FeatureMaker("models folder", found)
+    return FeatureMaker("projection" if projection or weights_file() is None else "trunk")
 
 
 def weights_file() -> Path | None:

@@ -17,9 +17,9 @@ from numpy.typing import NDArray
 from nvsim.errors import InputError
 from nvsim.files.opening import opened, read_text
 from nvsim.files.reading import reading
+from nvsim.networks.image_preparation import Preparation, preparation_in
 from nvsim.networks.onnx_session import Provider, Session, providers
-from nvsim.networks.preparing import Preparation, preparation_in
-from nvsim.networks.toml_table import LARGEST, Table, parsed
+from nvsim.networks.toml_table import LARGEST, TomlTable, parsed
 from nvsim.r2r.features.backbone import Backbone, Float32, Projection
 from nvsim.r2r.features.layouts import CLASSES, Layout, maker_of
 
@@ -61,7 +61,7 @@ def read_description(model: Path) -> Description:
 
 def parse_description(text: str, path: Path) -> Description:
     """Reads a description from `text`, the content of the file `path`. Raises InputError with the wrong key."""
-    table = Table(parsed(text, path), path)
+    table = TomlTable(parsed(text, path), path)
     description = Description(
         name=table.word("name", path.stem),
         width=table.whole("width", MOST_WIDTH),

@@ -20,9 +20,9 @@ from torch import Tensor
 from torch.nn import functional
 
 from nvsim.errors import InputError
-from nvsim.files.opening import opened, refuse_stand_in
+from nvsim.files.opening import opened, refuse_placeholder
 from nvsim.files.reading import reading
-from nvsim.networks.preparing import Preparation
+from nvsim.networks.image_preparation import Preparation
 from nvsim.r2r.features.backbone import Float32
 from nvsim.r2r.features.layouts import weights_file
 
@@ -92,7 +92,7 @@ def need_weights() -> Path:
 def read_weights(path: Path) -> Weights:
     """Reads the tensors by name. Raises InputError if the file is not a weights file."""
     with _reading(path):
-        refuse_stand_in(path)
+        refuse_placeholder(path)
         weights: Weights = torch.load(path, map_location="cpu", weights_only=True)
         return weights
 

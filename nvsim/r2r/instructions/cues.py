@@ -74,7 +74,7 @@ def cues_along(ids: Sequence[str], facing: float, seen: Surroundings) -> frozens
         return frozenset(_by(ids, 0.0, facing, seen))  # steps between storeys have no other cues
     length = sum(seen.metres[step] for step in steps)
     found = [*_doorways(ids, steps, seen), *_past(ids, steps, seen), *_by(ids, length, facing, seen)]
-    found += [*_floor(steps, seen), *_towards(ids, steps, facing, seen)]
+    found += [*_floor(steps, seen), *_cues_ahead(ids, steps, facing, seen)]
     return frozenset(found)
 
 
@@ -142,7 +142,7 @@ def _by(ids: Sequence[str], length: float, facing: float, seen: Surroundings) ->
             yield Cue("by", look, "right" if off > 0 else "left", length, i)
 
 
-def _towards(ids: Sequence[str], steps: Sequence[Pair], facing: float, seen: Surroundings) -> Iterator[Cue]:
+def _cues_ahead(ids: Sequence[str], steps: Sequence[Pair], facing: float, seen: Surroundings) -> Iterator[Cue]:
     """Finds objects ahead that are visible from the first and the last step, and that the leg does not reach."""
     if any(seen.doors[step] for step in steps):
         return
@@ -187,7 +187,7 @@ def _floor(steps: Sequence[Pair], seen: Surroundings) -> Iterator[Cue]:
 
 
 @dataclass(frozen=True)
-class _Run:
+class _FloorStretch:
     """A part of a leg on one floor: its most frequent name, the number of positions, and begin and end in meters."""
 
     name: str
@@ -196,14 +196,16 @@ class _Run:
     end: float
 
 
-def _runs(named: Sequence[tuple[str, float]]) -> list[_Run]:
+def _runs(named: Sequence[tuple[str, float]]) -> list[_FloorStretch]:
     """Returns the sequence of floors for names at positions in meters."""
     runs: list[list[tuple[str, float]]] = []
     for name, at in named:
         if not runs or any(floors_differ(name, other) for other in {one for one, _ in runs[-1]}):
             runs.append([])
         runs[-1].append((name, at))
-    return [_Run(Counter(n for n, _ in run).most_common(1)[0][0], len(run), run[0][1], run[-1][1]) for run in runs]
+    return [
+        _FloorStretch(Counter(n for n, _ in run).most_common(1)[0][0], len(run), run[0][1], run[-1][1]) for run in runs
+    ]
 
 
 def _look(seen: Surroundings, i: int) -> str:

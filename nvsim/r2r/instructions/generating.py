@@ -11,15 +11,15 @@ from dataclasses import dataclass, field, replace
 from random import Random
 
 from nvsim.events import Listener, Progress, silent
-from nvsim.graph.paths import Ways
+from nvsim.graph.paths import PathGraph
 from nvsim.graph.types import NavGraph
 from nvsim.r2r.instructions.cues import ENDS, chosen_cues, drop_redundant_cues, few_cues
 from nvsim.r2r.instructions.ground import (
     DETAILS,
     Detail,
-    Ground,
     Leg,
     Measure,
+    PathSteps,
     Step,
     View,
     goes_on,
@@ -54,22 +54,22 @@ _WITHOUT = 0.6
 """Probability that the distance of a leg is omitted if a cue marks its end."""
 
 
-def find_described_path(ground: Ground, start: int, heading: float, said: Sequence[Leg]) -> list[int] | None:
+def find_described_path(ground: PathSteps, start: int, heading: float, said: Sequence[Leg]) -> list[int] | None:
     """Finds the path from row `start` with first heading `heading` (radians) that fits the legs best.
 
     The cost is the sum of the squared errors of turns and distances, plus a fixed cost for each missing cue. Slopes
     must match. Returns the rows of the path, or None if no path fits, two paths fit equally, or the search is too
     large.
     """
-    search = _Search(ground, said)
+    search = _PathSearch(ground, said)
     search.begin([start], heading, 0, 0.0)
     return None if search.tied or search.tried > _MOST_TRIED else search.best
 
 
-class _Search:
+class _PathSearch:
     """Depth-first search over the legs in order. A branch ends if it costs more than the best path so far."""
 
-    def __init__(self, ground: Ground, said: Sequence[Leg]) -> None:
+    def __init__(self, ground: PathSteps, said: Sequence[Leg]) -> None:
         self.ground, self.said = ground, said
         self.best: list[int] | None = None
         self.least = math.inf
@@ -165,7 +165,7 @@ def instruct(
     The result depends only on the graph, its surroundings (`seen`, by scan), the task's path, heading and id, the seed,
     and the register. Joined paths get the instructions of their two parts.
     """
-    grounds = {graph.scan: Ground(Ways.of(graph), (seen or {}).get(graph.scan)) for graph in graphs}
+    grounds = {graph.scan: PathSteps(PathGraph.of(graph), (seen or {}).get(graph.scan)) for graph in graphs}
     found: dict[int, Detail] = {}
     texts_by_path: dict[int, tuple[str, ...]] = {}
     places: dict[int, tuple[tuple[int, ...], ...]] = {}
@@ -194,7 +194,7 @@ def instruct(
 
 
 def _text(
-    ground: Ground, said: Sequence[Leg], heading: float, detail: Detail, register: Register, random: Random
+    ground: PathSteps, said: Sequence[Leg], heading: float, detail: Detail, register: Register, random: Random
 ) -> tuple[str, tuple[int, ...]]:
     """Returns an instruction, and for each word the viewpoint of the path that it describes (only register rxr)."""
     if register == "short":
@@ -227,7 +227,7 @@ def _excess(text: str) -> int:
 
 
 def _described(
-    ground: Ground, path: list[int], heading: float, register: Register, random: Random
+    ground: PathSteps, path: list[int], heading: float, register: Register, random: Random
 ) -> tuple[list[Leg], Detail, bool]:
     """Returns the first description from which the follower finds a path, its detail, and True.
 
@@ -241,7 +241,7 @@ def _described(
     return said, detail, False
 
 
-def _without_needless(ground: Ground, path: list[int], heading: float, said: list[Leg]) -> list[Leg]:
+def _without_needless(ground: PathSteps, path: list[int], heading: float, said: list[Leg]) -> list[Leg]:
     """Removes distances, and objects besides two other cues of a leg, that the follower does not need."""
     for i in range(len(said)):
         for cue in (None, *sorted(said[i].cues)):
@@ -268,7 +268,7 @@ def with_one_name_each(legs: Sequence[Leg]) -> list[Leg]:
 Tries = Iterator[tuple[Sequence[Leg], Detail]]
 
 
-def _short(ground: Ground, path: list[int], heading: float, random: Random) -> Tries:
+def _short(ground: PathSteps, path: list[int], heading: float, random: Random) -> Tries:
     """Yields descriptions from few to all facts: first with bends inside legs, rough distances, and one or two cues."""
     forms = list(ground.legs_with_bends(path, heading))
     for most, measure in _AMOUNTS:
@@ -290,7 +290,7 @@ def _with_few_cues(legs: Sequence[Leg], most: int, measure: Measure | None, rand
     return found
 
 
-def _detailed(ground: Ground, path: list[int], heading: float, random: Random) -> Tries:
+def _detailed(ground: PathSteps, path: list[int], heading: float, random: Random) -> Tries:
     """Yields descriptions with some of the cues, then with all. The first omits distances that may be needless."""
     whole = [
         replace(leg, cues=frozenset(c for c in leg.cues if c.kind != "past" or c.side))
@@ -309,7 +309,7 @@ def _detailed(ground: Ground, path: list[int], heading: float, random: Random) -
     yield from _long(ground, path, heading, random)
 
 
-def _long(ground: Ground, path: list[int], heading: float, random: Random) -> Tries:
+def _long(ground: PathSteps, path: list[int], heading: float, random: Random) -> Tries:
     """Yields descriptions with all cues and distances."""
     for detail in DETAILS:
         yield [replace(leg, cues=drop_redundant_cues(leg.cues)) for leg in ground.legs(path, heading)], detail
@@ -320,7 +320,7 @@ def _ends_by_sight(leg: Leg) -> bool:
     return any(cue.kind in ENDS for cue in leg.cues)
 
 
-def describe_path(ground: Ground, path: list[int], heading: float) -> tuple[list[Leg], Detail, bool]:
+def describe_path(ground: PathSteps, path: list[int], heading: float) -> tuple[list[Leg], Detail, bool]:
     """Describes a path (rows of Ways) that begins with heading `heading` (radians).
 
     Returns the legs in the coarsest detail from which the follower finds the path, that detail, and True. If no detail

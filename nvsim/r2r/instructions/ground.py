@@ -8,7 +8,7 @@ from dataclasses import dataclass, field, replace
 from itertools import combinations
 from typing import Literal
 
-from nvsim.graph.paths import Ways
+from nvsim.graph.paths import PathGraph
 from nvsim.graph.quantities import Slope, slope_of
 from nvsim.r2r.instructions.cues import Cue, cues_along, objects_around, stair_cues
 from nvsim.r2r.surroundings.survey import Surroundings
@@ -83,14 +83,14 @@ class Leg:
     rows: tuple[int, ...] = field(default=(), compare=False)
 
 
-class Ground:
+class PathSteps:
     """The steps between viewpoints, by rows of Ways.
 
     row     viewpoint id -> row
     steps   steps from each viewpoint, by row
     """
 
-    def __init__(self, ways: Ways, seen: Surroundings | None = None) -> None:
+    def __init__(self, ways: PathGraph, seen: Surroundings | None = None) -> None:
         """If `seen`, the surroundings, is given, legs have cues of objects, rooms and floors."""
         self._ids, self._seen = ways.ids, seen
         self._cues: dict[tuple[int, ...], frozenset[Cue]] = {}

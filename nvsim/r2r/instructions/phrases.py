@@ -93,7 +93,7 @@ _BEFORE_VOWEL = re.compile(r"\ba(?= [aeio])")
 _ALTERNATIVES = re.compile(r"\[([^\[\]]*)\]")
 
 
-def spoken(pattern: str, random: Random) -> str:
+def choose_alternatives(pattern: str, random: Random) -> str:
     """Returns a pattern with one of each of its alternatives. Alternatives may be nested."""
     while found := _ALTERNATIVES.search(pattern):
         pattern = pattern[: found.start()] + one_of(found[1].split("|"), random) + pattern[found.end() :]
@@ -117,7 +117,7 @@ def sentence(words: str) -> str:
     return words[0].upper() + words[1:] + "."
 
 
-class Names:
+class ObjectNames:
     """Names the objects of one instruction: an object keeps its noun, and a second mention has no color."""
 
     def __init__(self, random: Random) -> None:
@@ -128,5 +128,5 @@ class Names:
         """Returns the name of the object of a cue, without an article."""
         colour, _, shape = cue.what.partition(" ")
         if cue.what not in self._nouns:
-            self._nouns[cue.what] = spoken(THINGS[shape], self._random)
+            self._nouns[cue.what] = choose_alternatives(THINGS[shape], self._random)
         return self._nouns[cue.what].format(colour)

@@ -15,11 +15,11 @@ from nvsim.r2r.instructions.phrases import (
     DOOR,
     NUMBERS,
     TURNS,
-    Names,
+    ObjectNames,
     alternatives_pattern,
+    choose_alternatives,
     one_of,
     sentence,
-    spoken,
 )
 
 _GO = "[walk|walk|go|go|head|continue|move|proceed|keep going|make your way|start walking|travel|carry on]"
@@ -190,14 +190,14 @@ class _Clause:
 
 def short_instruction(said: Sequence[Leg], detail: Detail, random: Random) -> str:
     """Returns an instruction of the short register for legs that were rounded to `detail`."""
-    names = Names(random)
+    names = ObjectNames(random)
     clauses: list[_Clause] = []
     reached: Cue | None = None
     for i, leg in enumerate(said):
         by = next((cue for cue in sorted(leg.cues) if cue.kind == "by"), None)
         turn = _turn(leg, detail, random)
         if reached is not None:
-            clauses.append(_Clause(f"{spoken(AT, random).format(names.of(reached))}, {turn}", opens=True))
+            clauses.append(_Clause(f"{choose_alternatives(AT, random).format(names.of(reached))}, {turn}", opens=True))
         elif turn:
             clauses.append(_Clause(turn))
         reached = None
@@ -208,12 +208,16 @@ def short_instruction(said: Sequence[Leg], detail: Detail, random: Random) -> st
         inside = leg if by is None or not (is_last or reached is by) else replace(leg, cues=leg.cues - {by})
         is_plain = is_last and by is not None and not inside.cues and leg.metres is None
         if by is not None and is_plain and by.side in ("", "ahead") and random.random() < 0.5:
-            clauses += [_Clause(spoken(WALK_TO, random).format(names.of(by)))]
+            clauses += [_Clause(choose_alternatives(WALK_TO, random).format(names.of(by)))]
             by = None
         else:
             clauses += [_Clause(words) for words in _moves(inside, names, random)]
         if is_last:
-            words = spoken(STOPS, random) if by is None else spoken(STOP_BY[by.side], random).format(names.of(by))
+            words = (
+                choose_alternatives(STOPS, random)
+                if by is None
+                else choose_alternatives(STOP_BY[by.side], random).format(names.of(by))
+            )
             clauses.append(_Clause(words))
     return _sentences(clauses, random)
 
@@ -248,14 +252,18 @@ def _turn(leg: Leg, detail: Detail, random: Random) -> str:
     """Returns the imperative of a turn, "" if there is none."""
     if detail == "degrees":
         degrees = degrees_of(leg)
-        return spoken(DEGREES, random).format(abs(degrees), "right" if degrees > 0 else "left") if degrees else ""
+        return (
+            choose_alternatives(DEGREES, random).format(abs(degrees), "right" if degrees > 0 else "left")
+            if degrees
+            else ""
+        )
     if detail == "clock":
-        return "" if hour_of(leg) == 12 else spoken(CLOCK, random).format(hour_of(leg))
+        return "" if hour_of(leg) == 12 else choose_alternatives(CLOCK, random).format(hour_of(leg))
     turn = turn_of(leg)
-    return "" if turn == "ahead" else spoken(TURNS[turn], random)
+    return "" if turn == "ahead" else choose_alternatives(TURNS[turn], random)
 
 
-def _moves(leg: Leg, names: Names, random: Random) -> list[str]:
+def _moves(leg: Leg, names: ObjectNames, random: Random) -> list[str]:
     """Returns the imperatives of a walk with its landmarks, in the order of the way."""
     door = min((cue.at for cue in leg.cues if cue.kind in ("through", "rug", "floor")), default=float("inf"))
     found: list[str] = []
@@ -265,41 +273,47 @@ def _moves(leg: Leg, names: Names, random: Random) -> list[str]:
     main = _main(leg, names, random)
     far = _distance(leg, random)
     if main:
-        found += [spoken(PASSING[cue.side], random).format(names.of(cue)) for cue in early if door < float("inf")]
+        found += [
+            choose_alternatives(PASSING[cue.side], random).format(names.of(cue)) for cue in early if door < float("inf")
+        ]
         late = late if door < float("inf") else past
         found.append(main)
-        found[-1] += "".join(f", {spoken(PAST[cue.side], random).format(names.of(cue))}" for cue in late)
+        found[-1] += "".join(f", {choose_alternatives(PAST[cue.side], random).format(names.of(cue))}" for cue in late)
     elif past:
-        found += [spoken(PASSING[cue.side], random).format(names.of(cue)) for cue in past]
+        found += [choose_alternatives(PASSING[cue.side], random).format(names.of(cue)) for cue in past]
     else:
-        found.append(spoken(_FORWARD if far else WALKS["forward"], random).format(far))
+        found.append(choose_alternatives(_FORWARD if far else WALKS["forward"], random).format(far))
     if far and (main or past):
         is_plain = door == float("inf") and leg.slope == "level" and not past
-        found[-1] += f" for {far}" if is_plain else f", {far} {spoken('[in all|in total|altogether|overall]', random)}"
-    tail = [spoken(STAIRS[c.what], random) for c in sorted(leg.cues) if c.kind == "stairs"]
-    tail += [spoken(TO_STAIRS[c.what], random) for c in sorted(leg.cues) if c.kind == "to stairs"]
-    tail += [spoken(UNTIL[c.side], random).format(names.of(c)) for c in sorted(leg.cues) if c.kind == "by"]
+        found[-1] += (
+            f" for {far}"
+            if is_plain
+            else f", {far} {choose_alternatives('[in all|in total|altogether|overall]', random)}"
+        )
+    tail = [choose_alternatives(STAIRS[c.what], random) for c in sorted(leg.cues) if c.kind == "stairs"]
+    tail += [choose_alternatives(TO_STAIRS[c.what], random) for c in sorted(leg.cues) if c.kind == "to stairs"]
+    tail += [choose_alternatives(UNTIL[c.side], random).format(names.of(c)) for c in sorted(leg.cues) if c.kind == "by"]
     found[-1] = " ".join([found[-1], *tail])
     return found
 
 
-def _main(leg: Leg, names: Names, random: Random) -> str:
+def _main(leg: Leg, names: ObjectNames, random: Random) -> str:
     """Returns the imperative of the main landmark: stairs, doorway, floor, corridor, object ahead; "" without one."""
     if leg.slope != "level":
-        return spoken(WALKS[leg.slope], random)
+        return choose_alternatives(WALKS[leg.slope], random)
     of: dict[str, Cue] = {cue.kind: cue for cue in sorted(leg.cues) if cue.kind not in ("past", "by")}
     words = []
     if "through" in of:
-        words.append(spoken(WALKS[_through(of)], random))
+        words.append(choose_alternatives(WALKS[_through(of)], random))
     if "rug" in of:
         how, _, rug = of["rug"].what.partition(" ")
-        words.append(spoken(RUG[how], random).format(rug))
+        words.append(choose_alternatives(RUG[how], random).format(rug))
     if "floor" in of:
-        words.append(spoken(FLOOR, random).format(*of["floor"].what.split(" to ")))
+        words.append(choose_alternatives(FLOOR, random).format(*of["floor"].what.split(" to ")))
     if "along" in of:
-        words.append(spoken(WALKS[of["along"].what], random))
+        words.append(choose_alternatives(WALKS[of["along"].what], random))
     if "towards" in of:
-        words.append(spoken(TOWARDS, random).format(names.of(of["towards"])))
+        words.append(choose_alternatives(TOWARDS, random).format(names.of(of["towards"])))
     return " and ".join(words[:2])
 
 
@@ -318,7 +332,7 @@ def _distance(leg: Leg, random: Random) -> str:
     if leg.metres is None:
         return ""
     if leg.measure == "roughly":
-        return spoken(ROUGHLY[leg.metres], random)
+        return choose_alternatives(ROUGHLY[leg.metres], random)
     count = round(leg.metres / (PACE if leg.slope == "level" else RISER))
     number = NUMBERS[count] if count <= _MOST_IN_WORDS else str(count)
     return f"{number} step{'s' if count > 1 else ''}"

@@ -9,7 +9,7 @@ from random import Random
 from nvsim.graph.quantities import Slope
 from nvsim.r2r.instructions.cues import Cue
 from nvsim.r2r.instructions.ground import Detail, Leg, View, degrees_of, hour_of, turn_of
-from nvsim.r2r.instructions.phrases import CORRIDOR, FLOOR_OF, Names, one_of, sentence, spoken
+from nvsim.r2r.instructions.phrases import CORRIDOR, FLOOR_OF, ObjectNames, choose_alternatives, one_of, sentence
 
 PAST = {
     "": ("passing the {}", "going past the {}"),
@@ -104,7 +104,7 @@ _BOTH = ("{} and {}", "{}, then {}", "{} and then {}")
 ENDS = ("Stop there.", "Stop.", "You have arrived.", "Wait there.", "That is the place.")
 
 
-def cue_words(cues: Sequence[Cue], names: Names, random: Random) -> str:
+def cue_words(cues: Sequence[Cue], names: ObjectNames, random: Random) -> str:
     """Returns the words for cues within a sentence, "" if there are no cues."""
     said = [*_doors(cues, random)]
     for cue in sorted(cues):
@@ -127,11 +127,11 @@ def cue_words(cues: Sequence[Cue], names: Names, random: Random) -> str:
     return ", ".join(said)
 
 
-def _past_words(cue: Cue, names: Names, random: Random) -> str:
+def _past_words(cue: Cue, names: ObjectNames, random: Random) -> str:
     return one_of(PAST[cue.side], random).format(names.of(cue))
 
 
-def stop_words(cue: Cue, names: Names, random: Random) -> str:
+def stop_words(cue: Cue, names: ObjectNames, random: Random) -> str:
     """Returns the last sentence, for a path that ends next to an object."""
     return one_of(STOP_BY[cue.side], random).format(names.of(cue))
 
@@ -158,7 +158,7 @@ def _doors(cues: Sequence[Cue], random: Random) -> Sequence[str]:
 
 def instruction_of(said: Sequence[Leg], detail: Detail, random: Random) -> str:
     """Returns an instruction for legs that were rounded to `detail`. `random` selects the words."""
-    names = Names(random)
+    names = ObjectNames(random)
     sentences: list[str] = []
     link = ""
     by = sorted((cue for cue in said[-1].cues if cue.kind == "by"), key=lambda cue: (cue.side == "", cue))
@@ -174,7 +174,7 @@ def instruction_of(said: Sequence[Leg], detail: Detail, random: Random) -> str:
     return " ".join([*sentences, end])
 
 
-def _clause(leg: Leg, detail: Detail, both: str, names: Names, random: Random) -> str:
+def _clause(leg: Leg, detail: Detail, both: str, names: ObjectNames, random: Random) -> str:
     """Returns the turn and the walk, joined by the pattern `both`, and the cues."""
     turn, seen = turn_words(leg, detail, random), cue_words(sorted(leg.cues), names, random)
     if leg.metres is None:
@@ -247,7 +247,7 @@ def long_instruction(
 
     `views` are the view at the start, and the view at the start of each leg after its turn.
     """
-    names = Names(random)
+    names = ObjectNames(random)
     found = [(text, 0) for text in _begin(views[0], names, random)]
     for i, leg in enumerate(said):
         opener = one_of(_OPENERS, random) if i else ""
@@ -257,7 +257,7 @@ def long_instruction(
             found.append((sentence(opener + turn), i))
             opener = ""
             if seen:
-                found.append((sentence(spoken(_VIEW["ahead"], random).format(names.of(seen[0]))), i))
+                found.append((sentence(choose_alternatives(_VIEW["ahead"], random).format(names.of(seen[0]))), i))
         last = i + 1 == len(said)
         by = (
             next((cue for cue in sorted(leg.cues, key=lambda c: c.side == "") if cue.kind == "by"), None)
@@ -267,30 +267,37 @@ def long_instruction(
         found.append((sentence(opener + _walk(leg, by, not turn, names, random)), i))
         into = [cue.what for cue in leg.cues if cue.kind == "into"]
         if into:
-            found.append((sentence(spoken(_NOW, random).format(spoken(_PLACES[into[0]], random))), i + 1))
+            found.append(
+                (
+                    sentence(choose_alternatives(_NOW, random).format(choose_alternatives(_PLACES[into[0]], random))),
+                    i + 1,
+                )
+            )
         if by is not None:
-            found.append((sentence(spoken(_STAND[by.side], random).format(names.of(by))), i + 1))
+            found.append((sentence(choose_alternatives(_STAND[by.side], random).format(names.of(by))), i + 1))
     found.append((sentence(one_of(_ENDS, random)), len(said)))
     return found
 
 
-def _begin(view: View, names: Names, random: Random) -> list[str]:
+def _begin(view: View, names: ObjectNames, random: Random) -> list[str]:
     """Returns the sentences about the start."""
     ahead = [cue for cue in view.objects if cue.side == "ahead"]
-    place = spoken(_PLACES[view.kind], random)
+    place = choose_alternatives(_PLACES[view.kind], random)
     found = []
     if place or ahead:
-        facing = spoken(_FACING, random).format(names.of(ahead[0])) if ahead else ""
-        words = spoken(_BEGIN, random).format(place).rstrip()
+        facing = choose_alternatives(_FACING, random).format(names.of(ahead[0])) if ahead else ""
+        words = choose_alternatives(_BEGIN, random).format(place).rstrip()
         found.append(sentence(f"{words}, {facing}" if facing else words))
     for side in ("left", "right"):
         beside = [cue for cue in view.objects if cue.side == side and cue not in ahead]
         if beside and random.random() < 0.7:
-            found.append(sentence(spoken(_SIDES[side], random).replace("  ", " ").format(names.of(beside[0]))))
+            found.append(
+                sentence(choose_alternatives(_SIDES[side], random).replace("  ", " ").format(names.of(beside[0])))
+            )
     return found
 
 
-def _walk(leg: Leg, by: Cue | None, straight: bool, names: Names, random: Random) -> str:
+def _walk(leg: Leg, by: Cue | None, straight: bool, names: ObjectNames, random: Random) -> str:
     cues = sorted(leg.cues - ({by} if by is not None else set()))
     metres = "" if leg.metres is None else metre_words(leg.metres, random)
     walk = one_of(WALK_PHRASES[leg.slope], random).format(metres)

@@ -8,7 +8,7 @@ from itertools import pairwise
 import numpy as np
 
 from nvsim.errors import InputError, shown
-from nvsim.graph.paths import Ways
+from nvsim.graph.paths import PathGraph
 from nvsim.graph.types import NavGraph
 from nvsim.r2r.tasks.task import Task
 
@@ -23,7 +23,7 @@ class Distances:
     """
 
     def __init__(self, graph: NavGraph) -> None:
-        ways = Ways.of(graph)
+        ways = PathGraph.of(graph)
         count = len(ways.ids)
         self.row = {id: i for i, id in enumerate(ways.ids)}
         self.metres = ways.lengths(np.arange(count)).reshape(count, count)

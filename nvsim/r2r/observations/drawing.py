@@ -21,7 +21,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from nvsim.cluster.config import Storage
-from nvsim.cluster.piece import Caller, Executor, Finished, Order, Piece, SentFile, StorageNotShared, threads_each
+from nvsim.cluster.piece import (
+    Caller,
+    Executor,
+    SentFile,
+    StorageNotShared,
+    WorkCall,
+    WorkItem,
+    WorkResult,
+    threads_each,
+)
 from nvsim.errors import InputError, shown
 from nvsim.events import Listener, Log, Progress, Warning, Worker
 from nvsim.files import atomic
@@ -33,7 +42,7 @@ from nvsim.project.project import Project
 from nvsim.project.stages.training_pool import BASE_BYTES, GAUSSIAN_BYTES
 from nvsim.project.work import missing_result_error
 from nvsim.r2r.observations.layout import ScanPlaces, ScanSettings, png
-from nvsim.r2r.observations.record import Part, Record, key_of, written
+from nvsim.r2r.observations.record import FinishedPart, ScanRecord, key_of, written
 from nvsim.r2r.observations.skybox import Images, Painter, encode_images
 from nvsim.render.backends import Backend, resolve_backend
 from nvsim.splats.files import count_of, load_model
@@ -49,7 +58,7 @@ _MOST = 16  # viewpoints of a piece: about ten seconds of drawing for one second
 
 
 @dataclass(frozen=True, eq=False)
-class Source:
+class ScanModels:
     """The models of a scan.
 
     scene    the trained models, one of them in memory at a time
@@ -69,7 +78,7 @@ class Source:
         return {i: _key(folder) for i, folder in self.folders.items()}
 
     @staticmethod
-    def of(project: Project, graph: NavGraph) -> Source:
+    def of(project: Project, graph: NavGraph) -> ScanModels:
         """Raises InputError if no model is trained, or the submap of a viewpoint has no model."""
         scene = project.scene(memory_budget=0)  # without a budget, only one model stays in memory
         if scene is None:
@@ -86,7 +95,7 @@ class Source:
                     )
         folders = {i: project.layout.model(i) for i in scene.indices}
         photographed = None if project.capture() is None else PhotographedDirections(project, scene)
-        return Source(scene, trained, folders, photographed)
+        return ScanModels(scene, trained, folders, photographed)
 
 
 def _distance(submap: Submap, viewpoint: Viewpoint) -> float:
@@ -107,11 +116,11 @@ def drawn_of(graph: NavGraph) -> dict[str, Viewpoint]:
 
 
 def draw_viewpoints(
-    source: Source,
+    source: ScanModels,
     viewpoints: Mapping[str, Viewpoint],
     places: ScanPlaces,
     settings: ScanSettings,
-    record: Record,
+    record: ScanRecord,
     backend: Backend,
     listen: Listener,
     executor: Executor | None = None,
@@ -135,7 +144,11 @@ def draw_viewpoints(
 
 
 def missing(
-    source: Source, viewpoints: Mapping[str, Viewpoint], settings: ScanSettings, record: Record, backend: Backend
+    source: ScanModels,
+    viewpoints: Mapping[str, Viewpoint],
+    settings: ScanSettings,
+    record: ScanRecord,
+    backend: Backend,
 ) -> Iterator[Todo]:
     """Yields the viewpoints that `record` does not list as finished from these models and settings."""
     how = {**asdict(settings), "plans": None, "backend": resolve_backend(backend), "made": MADE}
@@ -147,16 +160,16 @@ def missing(
 
 
 def _written(
-    source: Source, todo: list[Todo], places: ScanPlaces, settings: ScanSettings, backend: Backend
-) -> Iterator[tuple[str, Part]]:
+    source: ScanModels, todo: list[Todo], places: ScanPlaces, settings: ScanSettings, backend: Backend
+) -> Iterator[tuple[str, FinishedPart]]:
     """Yields viewpoint ids and their files after these are on disk. At most two viewpoints are in memory."""
 
-    def write(images: Images, viewpoint: Viewpoint, key: str) -> tuple[str, Part]:
+    def write(images: Images, viewpoint: Viewpoint, key: str) -> tuple[str, FinishedPart]:
         files = encode_images(images, viewpoint, settings, places)
         return viewpoint.id, written(places.root, files, key)
 
     painter = Painter(settings, backend)
-    before: Future[tuple[str, Part]] | None = None
+    before: Future[tuple[str, FinishedPart]] | None = None
     with ThreadPoolExecutor(1, "write scan") as writer:
         for submap, viewpoint, key in todo:
             images = painter.draw(source.scene.model(submap), viewpoint)
@@ -170,13 +183,13 @@ def _written(
 def draw_on_workers(
     executor: Executor,
     storage: Storage,
-    source: Source,
+    source: ScanModels,
     todo: Sequence[Todo],
     places: ScanPlaces,
     settings: ScanSettings,
     backend: Backend,
     listen: Listener,
-) -> Iterator[tuple[str, Part]]:
+) -> Iterator[tuple[str, FinishedPart]]:
     """Yields viewpoint ids and their files after these are on disk. `todo` is in the order of submaps.
 
     Raises InputError if a model is unreadable, writing fails, or a worker sends an unexpected file or viewpoint.
@@ -188,18 +201,18 @@ def draw_on_workers(
     for number, chunk in enumerate(chunks):
         gaussians = count_of(source.folders[chunk[0][0]])
         words = f"{len(chunk)} viewpoints of submap {chunk[0][0]}"
-        pieces.append(Piece(STAGE, number, words, threads, BASE_BYTES + gaussians * GAUSSIAN_BYTES))
+        pieces.append(WorkItem(STAGE, number, words, threads, BASE_BYTES + gaussians * GAUSSIAN_BYTES))
     keys = {viewpoint.id: key for _, viewpoint, key in todo}
     arrived: dict[int, list[tuple[Path, bytes]]] = {}
     finished: set[str] = set()
     sent = storage == "sent"
 
-    def begin(piece: Piece) -> Order:
+    def begin(piece: WorkItem) -> WorkCall:
         arrived[piece.part] = []
         left = tuple(v for _, v, _ in chunks[piece.part] if v.id not in finished)
         folder = source.folders[chunks[piece.part][0][0]]
         model = {p.name: p.read_bytes() for p in folder.iterdir() if p.is_file()} if sent else folder
-        return Order(draw_there, (model, left, places.scan, settings, backend))
+        return WorkCall(draw_there, (model, left, places.scan, settings, backend))
 
     with closing(executor.run(pieces, begin)) as messages:
         for piece, message in messages:
@@ -224,7 +237,7 @@ def draw_on_workers(
             elif isinstance(message, Log | Warning | Worker):
                 listen(message)
             else:
-                assert isinstance(message, Finished)
+                assert isinstance(message, WorkResult)
 
 
 def _chunks(todo: Sequence[Todo], size: int) -> list[list[Todo]]:
@@ -263,7 +276,7 @@ def draw_there(
     return None
 
 
-def write_unseen(source: Source, graph: NavGraph, places: ScanPlaces, side: int) -> list[Path]:
+def write_unseen(source: ScanModels, graph: NavGraph, places: ScanPlaces, side: int) -> list[Path]:
     """Writes a mask for each included viewpoint with unseen pixels, as wide as its strip with faces of `side` pixels.
     Returns the paths. Raises InputError if a model is unreadable or writing fails."""
     assert source.photographed is not None

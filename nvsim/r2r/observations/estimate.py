@@ -38,7 +38,7 @@ _START = 5.0  # seconds until the first viewpoint is drawn
 
 
 @dataclass(frozen=True)
-class Counts:
+class ScanCounts:
     """The counts of one scan.
 
     scan       its id
@@ -60,7 +60,7 @@ class Counts:
 
 
 @dataclass(frozen=True)
-class Kind:
+class FileKind:
     """Files of one kind: label, folder below that of the export, number, total bytes."""
 
     what: str
@@ -70,7 +70,7 @@ class Kind:
 
 
 @dataclass(frozen=True)
-class Estimate:
+class ExportEstimate:
     """The estimate of an export.
 
     kinds    kinds of files, of all scans together
@@ -80,7 +80,7 @@ class Estimate:
     seconds  duration, None if it cannot be estimated
     """
 
-    kinds: tuple[Kind, ...]
+    kinds: tuple[FileKind, ...]
     drawn: int
     todo: int
     missing: int
@@ -115,8 +115,8 @@ class Estimate:
 
 
 def estimate(
-    scans: Sequence[Counts], settings: ScanSettings, *, cores: int, on_card: bool = False, stub: str = ""
-) -> Estimate:
+    scans: Sequence[ScanCounts], settings: ScanSettings, *, cores: int, on_card: bool = False, stub: str = ""
+) -> ExportEstimate:
     """Estimates an export.
 
     scans    one scan, or the parts of a large graph
@@ -127,47 +127,47 @@ def estimate(
     name = scans[0].scan if len(scans) == 1 else "SCAN"
     drawn, todo = (sum(getattr(scan, which) for scan in scans) for which in ("drawn", "todo"))
     each = _of_a_viewpoint(settings, name)
-    kinds = [Kind(k.what, k.folder, k.files * drawn, k.bytes * drawn) for k in each]
+    kinds = [FileKind(k.what, k.folder, k.files * drawn, k.bytes * drawn) for k in each]
     others = []
     if masked := sum(scan.drawn for scan in scans if scan.masked):
         others.append(
-            Kind("masks of unseen pixels", f"{name}/{FOLDER}", masked, round(_MASK * 6 * settings.size**2) * masked)
+            FileKind("masks of unseen pixels", f"{name}/{FOLDER}", masked, round(_MASK * 6 * settings.size**2) * masked)
         )
     if settings.plans:
         pixels = sum(w * h for scan in scans for w, h in scan.plans)
         count = sum(2 * len(scan.plans) + 1 for scan in scans)
-        others.append(Kind("floor plans", f"floor_plans/{name}", count, round(_PLANS * pixels)))
+        others.append(FileKind("floor plans", f"floor_plans/{name}", count, round(_PLANS * pixels)))
     files = sum(k.files for k in each)
     graphs = sum(_ENTRY * s.viewpoints + _PAIR * s.viewpoints**2 for s in scans) + _OTHERS
-    others.append(Kind("connectivity and scans.txt", "connectivity", len(scans) + 1, graphs))
-    others.append(Kind("manifest", name, len(scans), _HEAD * len(scans) + _LINE * files * drawn))
+    others.append(FileKind("connectivity and scans.txt", "connectivity", len(scans) + 1, graphs))
+    others.append(FileKind("manifest", name, len(scans), _HEAD * len(scans) + _LINE * files * drawn))
     if len(scans) > 1:
-        others.append(Kind("table of the parts", "", 1, 80 * sum(s.viewpoints for s in scans)))
+        others.append(FileKind("table of the parts", "", 1, 80 * sum(s.viewpoints for s in scans)))
     if stub:
         views = VIEWS if settings.views else 0
-        others.append(Kind("stub for agents", stub, 3 + views, _STUB + (_STUB_VIEWS if views else 0)))
+        others.append(FileKind("stub for agents", stub, 3 + views, _STUB + (_STUB_VIEWS if views else 0)))
     missing = sum(k.bytes for k in each) * todo + sum(k.bytes for k in others)
     seconds = None if on_card else _START + sum(_seconds(s, settings, cores) for s in scans)
-    return Estimate((*kinds, *others), drawn, todo, missing, seconds)
+    return ExportEstimate((*kinds, *others), drawn, todo, missing, seconds)
 
 
-def _of_a_viewpoint(settings: ScanSettings, scan: str) -> list[Kind]:
+def _of_a_viewpoint(settings: ScanSettings, scan: str) -> list[FileKind]:
     """Returns the files and bytes of one viewpoint."""
     pixels, finer = 6 * settings.size**2, settings.size / 512
     quality = float(np.interp(settings.quality, *_QUALITIES))
     strip = round(_STRIP * finer**_STRIP_POWER * quality * pixels)
     kinds = [
-        Kind("strips of six faces", f"{scan}/{FOLDER}", 1, strip),
-        Kind("depth strips", f"{scan}/{FOLDER}", 1, round(_DEPTH * finer**_DEPTH_POWER * pixels)),
+        FileKind("strips of six faces", f"{scan}/{FOLDER}", 1, strip),
+        FileKind("depth strips", f"{scan}/{FOLDER}", 1, round(_DEPTH * finer**_DEPTH_POWER * pixels)),
     ]
     if settings.faces:
-        kinds.append(Kind("single faces", f"{scan}/{FOLDER}", 6, strip))
+        kinds.append(FileKind("single faces", f"{scan}/{FOLDER}", 6, strip))
     if settings.views:
-        kinds.append(Kind("views", f"views/{scan}", VIEWS, round(VIEWS * _VIEW * quality * 640 * 480)))
+        kinds.append(FileKind("views", f"views/{scan}", VIEWS, round(VIEWS * _VIEW * quality * 640 * 480)))
     return kinds
 
 
-def _seconds(scan: Counts, settings: ScanSettings, cores: int) -> float:
+def _seconds(scan: ScanCounts, settings: ScanSettings, cores: int) -> float:
     pixels = (settings.size / 512) ** 2
     work = _DRAW * pixels + _PER_GAUSSIAN * scan.gaussians + (_VIEWS if settings.views else 0)
     plans = _PLAN_PIXEL * sum(w * h for w, h in scan.plans) if settings.plans else 0.0

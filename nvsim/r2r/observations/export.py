@@ -1,6 +1,6 @@
 """Exports a project as a scan: connectivity, strips with depth, views and floor plans, beside other scans.
 
-`Prepared` is a checked export with its file locations and its estimate; it writes nothing.
+`PreparedExport` is a checked export with its file locations and its estimate; it writes nothing.
 """
 
 from __future__ import annotations
@@ -28,12 +28,12 @@ from nvsim.graph.exports import check_exportable
 from nvsim.graph.types import NavGraph, Viewpoint
 from nvsim.project.project import Project
 from nvsim.r2r.observations import stub
-from nvsim.r2r.observations.drawing import MADE, STAGE, Source, draw_viewpoints, drawn_of, missing, write_unseen
-from nvsim.r2r.observations.estimate import Counts, Estimate, estimate, shortage
+from nvsim.r2r.observations.drawing import MADE, STAGE, ScanModels, draw_viewpoints, drawn_of, missing, write_unseen
+from nvsim.r2r.observations.estimate import ExportEstimate, ScanCounts, estimate, shortage
 from nvsim.r2r.observations.floor_plan import frame_of, storeys_with, write_plans
 from nvsim.r2r.observations.layout import ScanPlaces, ScanSettings
 from nvsim.r2r.observations.parts import split, write_parts
-from nvsim.r2r.observations.record import Record, key_of, part_on_disk, refuse_foreign, remove_leftovers
+from nvsim.r2r.observations.record import ScanRecord, key_of, part_on_disk, refuse_foreign, remove_leftovers
 from nvsim.r2r.observations.skybox import visible_from
 from nvsim.render.backends import Backend, resolve_backend
 from nvsim.splats.files import count_of
@@ -50,7 +50,7 @@ _ABOUT = {
 
 
 @dataclass(frozen=True, eq=False)
-class Prepared:
+class PreparedExport:
     """An export that can begin.
 
     root    the folder of the export
@@ -63,12 +63,12 @@ class Prepared:
     graph: NavGraph
     parts: tuple[NavGraph, ...]
     places: tuple[ScanPlaces, ...]
-    source: Source
+    source: ScanModels
 
     @staticmethod
     def of(
         project: Project, root: Path, scan: str | None = None, force: bool = False, most: int | None = None
-    ) -> Prepared:
+    ) -> PreparedExport:
         """Checks an export.
 
         Raises InputError if a model or the graph is missing, the graph would fail in agents (unless `force`), or the
@@ -85,9 +85,9 @@ class Prepared:
         for scan_places in places:
             refuse_foreign(scan_places)
         _refuse_unwritable(root)
-        return Prepared(root, graph, parts, places, Source.of(project, graph))
+        return PreparedExport(root, graph, parts, places, ScanModels.of(project, graph))
 
-    def estimate(self, settings: ScanSettings, with_stub: bool, backend: Backend) -> Estimate:
+    def estimate(self, settings: ScanSettings, with_stub: bool, backend: Backend) -> ExportEstimate:
         """Estimates sizes and duration.
 
         Raises InputError if the backend is not available, or an existing manifest or a model description is damaged.
@@ -102,20 +102,20 @@ class Prepared:
     def free(self) -> int:
         """Free bytes on the disk of the folder. Raises InputError if they cannot be determined."""
         try:
-            return shutil.disk_usage(_there(self.root)).free
+            return shutil.disk_usage(_existing_parent(self.root)).free
         except OSError as error:
             raise as_input_error(self.root, error) from error
 
-    def shortage(self, estimate: Estimate) -> str:
+    def shortage(self, estimate: ExportEstimate) -> str:
         """Returns a warning if the disk is too small for the export, else ""."""
         return shortage(estimate.missing, self.free, self.root)
 
-    def _counts(self, settings: ScanSettings, backend: Backend) -> Iterator[Counts]:
+    def _counts(self, settings: ScanSettings, backend: Backend) -> Iterator[ScanCounts]:
         source = self.source
         gaussians = {i: count_of(folder) for i, folder in source.folders.items()}
         for graph, places in zip(self.parts, self.places, strict=True):
             drawn = drawn_of(graph)
-            record = Record(places, only_look=True)
+            record = ScanRecord(places, only_look=True)
             todo = len(drawn)
             if record.parts:  # otherwise all viewpoints are missing, and hashing the models is not needed
                 todo = sum(1 for _ in missing(source, drawn, settings, record, backend))
@@ -124,10 +124,10 @@ class Prepared:
             plans = tuple((frame.width, frame.height) for frame in (frame_of(graph, storey) for storey in storeys))
             mean = sum(drawing) / max(1, len(drawing))
             masked = source.photographed is not None
-            yield Counts(graph.scan, len(graph.viewpoints), len(drawn), todo, plans, mean, masked)
+            yield ScanCounts(graph.scan, len(graph.viewpoints), len(drawn), todo, plans, mean, masked)
 
 
-def _there(root: Path) -> Path:
+def _existing_parent(root: Path) -> Path:
     """Returns the folder itself, or its nearest parent that exists."""
     place = root.absolute()
     while not os.path.lexists(place) and place != place.parent:
@@ -136,7 +136,7 @@ def _there(root: Path) -> Path:
 
 
 def _refuse_unwritable(root: Path) -> None:
-    place = _there(root)
+    place = _existing_parent(root)
     why = errno.ENOTDIR if not place.is_dir() else 0 if os.access(place, os.W_OK | os.X_OK) else errno.EACCES
     if why:
         raise as_input_error(root, OSError(why, os.strerror(why)))
@@ -166,7 +166,7 @@ def export_scan(
     contains files that NVSim did not write, or writing fails.
     """
     settings = settings or ScanSettings()
-    prepared = Prepared.of(project, root, scan, force, most)
+    prepared = PreparedExport.of(project, root, scan, force, most)
     graph, parts, places = prepared.graph, prepared.parts, prepared.places
     estimated = prepared.estimate(settings, with_stub, backend)
     listen(Log(estimated.sentence, STAGE))
@@ -188,7 +188,7 @@ def export_scan(
 
 
 def write_scan(
-    source: Source,
+    source: ScanModels,
     graph: NavGraph,
     places: ScanPlaces,
     settings: ScanSettings,
@@ -200,7 +200,7 @@ def write_scan(
     """Writes one scan, its manifest last. Raises InputError in the cases that `export_scan` lists."""
     atomic.make_folder(places.folder)
     with _locked(places):
-        record = Record(places)
+        record = ScanRecord(places)
         remove_leftovers(places)
         viewpoints = drawn_of(graph)
         draw_viewpoints(source, viewpoints, places, settings, record, backend, listen, executor, storage)
@@ -232,7 +232,7 @@ def _locked(places: ScanPlaces) -> Iterator[None]:
         lock.release()
 
 
-def _add_plans(source: Source, graph: NavGraph, places: ScanPlaces, record: Record) -> None:
+def _add_plans(source: ScanModels, graph: NavGraph, places: ScanPlaces, record: ScanRecord) -> None:
     viewpoints = [[v.id, v.position, v.height, v.included] for v in graph.viewpoints.values()]
     key = key_of(MADE, dict(source.keys), graph.scan, viewpoints, list(graph.edges))
     if not record.finished(PLANS, key):
@@ -240,14 +240,14 @@ def _add_plans(source: Source, graph: NavGraph, places: ScanPlaces, record: Reco
         record.add(PLANS, part_on_disk(places.root, files, key))
 
 
-def _add_unseen(source: Source, graph: NavGraph, places: ScanPlaces, record: Record, side: int) -> None:
+def _add_unseen(source: ScanModels, graph: NavGraph, places: ScanPlaces, record: ScanRecord, side: int) -> None:
     drawn = [[v.id, v.position] for v in graph.viewpoints.values() if v.included]
     key = key_of(MADE, dict(source.keys), drawn, side)
     if not record.finished(UNSEEN, key):
         record.add(UNSEEN, part_on_disk(places.root, write_unseen(source, graph, places, side), key))
 
 
-def _add_connectivity(graph: NavGraph, places: ScanPlaces, record: Record) -> None:
+def _add_connectivity(graph: NavGraph, places: ScanPlaces, record: ScanRecord) -> None:
     drawn = [v for v in graph.viewpoints.values() if v.included]
     rows = {v.id: i for i, v in enumerate(drawn)}
     sees = np.stack([visible_from(places, v, drawn) for v in drawn]) if drawn else np.zeros((0, 0), np.bool_)

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from nvsim.figures import save_figure
 from nvsim.files import atomic
 from nvsim.geometry.camera import Camera, Intrinsics, camera_pose
-from nvsim.graph.exports.picture import Area, Key, draw_areas, grouped
+from nvsim.graph.exports.picture import LegendRow, MapArea, draw_areas, grouped
 from nvsim.graph.types import NavGraph
 from nvsim.r2r.observations.layout import png
 from nvsim.r2r.observations.skybox import as_bytes
@@ -46,7 +46,7 @@ _ALTITUDE = 2000.0  # meters; from this height, the top of a wall is one pixel a
 _COARSER = 8  # side in pixels of the cells that are assigned to one submap
 _PAPER = np.float32(0.96)
 NAME = "floor_plans.json"
-_KEYS = {"edge": Key("", "#1969c8"), "node": Key("", "#aa1e28"), "leading away": Key("", "#966ebe")}
+_KEYS = {"edge": LegendRow("", "#1969c8"), "node": LegendRow("", "#aa1e28"), "leading away": LegendRow("", "#966ebe")}
 
 
 @dataclass(frozen=True)
@@ -249,6 +249,6 @@ def _note(graph: NavGraph, storey: Storey, frame: Frame, plain: Path, drawn: Pat
 def _with_graph(graph: NavGraph, storey: Storey, frame: Frame, image: NDArray[np.uint8]) -> Figure:
     here = set(storey.ids)
     edges = {key: "edge" if here.issuperset(key) else "leading away" for key in graph.edges if here.intersection(key)}
-    area = Area(np.array(frame.low), np.array(frame.high), storey.ids, edges, image)
+    area = MapArea(np.array(frame.low), np.array(frame.high), storey.ids, edges, image)
     groups = grouped(_KEYS, dict.fromkeys(storey.ids, "node"), edges)
     return draw_areas(graph, [area], groups, max(frame.width, frame.height))

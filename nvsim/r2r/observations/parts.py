@@ -36,7 +36,7 @@ def split(graph: NavGraph, most: int) -> list[NavGraph]:
         raise InputError(f"A scan cannot be limited to {most} viewpoints; give --max-viewpoints {LEAST} or more.")
     if len(graph.viewpoints) <= most:
         return [graph]
-    pieces = _joined(_pieces(graph, most), most)
+    pieces = _merge_small_parts(_pieces(graph, most), most)
     order = {id: i for i, id in enumerate(graph.viewpoints)}
     pieces.sort(key=lambda ids: min(order[id] for id in ids))
     return [_part(graph, f"{graph.scan}-{_letters(i)}", ids) for i, ids in enumerate(pieces)]
@@ -95,7 +95,7 @@ def _half(joined: Any, ids: list[str]) -> set[str]:
     return {id for id, place in zip(ids, rank, strict=True) if place < cut}
 
 
-def _joined(pieces: list[list[str]], most: int) -> list[list[str]]:
+def _merge_small_parts(pieces: list[list[str]], most: int) -> list[list[str]]:
     """Merges pieces of at most ten viewpoints into other pieces that have room, so that they are not separate scans."""
     bins: list[list[str]] = []
     for piece in sorted(pieces, key=lambda ids: (-len(ids), ids[0])):

@@ -26,7 +26,7 @@ FORMAT = 1
 
 
 @dataclass(frozen=True)
-class Part:
+class FinishedPart:
     """One finished part.
 
     key    identifies everything from which its files were made
@@ -46,7 +46,7 @@ class Part:
         return {"key": self.key, "files": files}
 
 
-def part_of(data: Any) -> Part:
+def part_of(data: Any) -> FinishedPart:
     """Parses a part from JSON data. Raises ValueError, KeyError or TypeError if the data is invalid."""
     files = {}
     for name, file in data["files"].items():
@@ -55,7 +55,7 @@ def part_of(data: Any) -> Part:
         files[str(name)] = file["bytes"], file["sha256"]
     if not isinstance(data["key"], str):
         raise ValueError("key")
-    return Part(data["key"], files)
+    return FinishedPart(data["key"], files)
 
 
 def key_of(*values: object) -> str:
@@ -63,25 +63,25 @@ def key_of(*values: object) -> str:
     return hashlib.sha256(json.dumps(values, sort_keys=True).encode()).hexdigest()[:32]
 
 
-def written(root: Path, files: Iterable[tuple[Path, bytes]], key: str) -> Part:
+def written(root: Path, files: Iterable[tuple[Path, bytes]], key: str) -> FinishedPart:
     """Writes files atomically and returns them as a part. Raises InputError if writing fails."""
     found = {}
     for path, data in files:
         atomic.write_bytes(path, data)
         found[path.relative_to(root).as_posix()] = len(data), hashlib.sha256(data).hexdigest()
-    return Part(key, found)
+    return FinishedPart(key, found)
 
 
-def part_on_disk(root: Path, files: Iterable[Path], key: str) -> Part:
+def part_on_disk(root: Path, files: Iterable[Path], key: str) -> FinishedPart:
     """Returns the part of files that already exist. Raises InputError if one is unreadable."""
     found = {}
     for path in files:
         data = read_bytes(path)
         found[path.relative_to(root).as_posix()] = len(data), hashlib.sha256(data).hexdigest()
-    return Part(key, found)
+    return FinishedPart(key, found)
 
 
-class Record:
+class ScanRecord:
     """The finished parts of one scan, by name. Only one process may hold it at a time, see `ScanPlaces.lock`."""
 
     def __init__(self, places: ScanPlaces, only_look: bool = False) -> None:
@@ -90,7 +90,7 @@ class Record:
         Raises InputError if the manifest is damaged.
         """
         self._places = places
-        self.parts: dict[str, Part] = {}
+        self.parts: dict[str, FinishedPart] = {}
         for name, data in read_manifest(places.manifest).get("parts", {}).items():
             self.parts[name] = _part(data, places.manifest)
         whole = self._take_over_journal()
@@ -104,7 +104,7 @@ class Record:
         part = self.parts.get(name)
         return part is not None and part.key == key and part.is_there(self._places.root)
 
-    def add(self, name: str, part: Part) -> None:
+    def add(self, name: str, part: FinishedPart) -> None:
         """Adds a finished part to the journal. Raises InputError if writing fails."""
         self.parts[name] = part
         line = json.dumps({"part": name, **part.as_data()}, separators=(",", ":")) + "\n"
@@ -159,7 +159,7 @@ def read_manifest(path: Path) -> dict[str, Any]:
     return data
 
 
-def _part(data: Any, path: Path) -> Part:
+def _part(data: Any, path: Path) -> FinishedPart:
     try:
         return part_of(data)
     except (ValueError, KeyError, TypeError, AttributeError) as error:

@@ -49,13 +49,15 @@ def write_stub(places: ScanPlaces, views: bool) -> bool:
             write_stub_graph(stub.graphs)
         return False
     cameras = face_cameras(np.array(_EYE), _SIZE)
-    rooms = [_seen(camera.rays().astype(np.float64)) for camera in cameras]
+    rooms = [_colors_along_rays(camera.rays().astype(np.float64)) for camera in cameras]
     strip, metres = (np.concatenate([room[i] for room in rooms], axis=1) for i in (0, 1))
     atomic.write_bytes(stub.strip(VIEWPOINT), jpeg(as_bytes(strip), 95, whole_chroma=True))
     atomic.write_bytes(stub.depth(VIEWPOINT), png(as_units(metres)))
     if views:
         for path, camera in zip(stub.view_paths(VIEWPOINT), sweep(np.array(_EYE)), strict=True):
-            atomic.write_bytes(path, jpeg(as_bytes(_seen(camera.rays().astype(np.float64))[0]), 95, whole_chroma=False))
+            atomic.write_bytes(
+                path, jpeg(as_bytes(_colors_along_rays(camera.rays().astype(np.float64))[0]), 95, whole_chroma=False)
+            )
     write_stub_graph(stub.graphs)
     return True
 
@@ -78,7 +80,7 @@ _FILES = SkyboxFiles(Path())
 _NAMES = {_FILES.strip(VIEWPOINT).name, _FILES.depth(VIEWPOINT).name}
 
 
-def _seen(rays: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def _colors_along_rays(rays: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Returns colors (..., 3) and meters (...) along unit rays (..., 3) from the eye to the walls of the room."""
     with np.errstate(divide="ignore"):
         ways = np.where(rays > 0, _ROOM[1] - _EYE, _ROOM[0] - _EYE) / rays

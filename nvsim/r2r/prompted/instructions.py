@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from nvsim.endpoint.asking import Unanswered, UnusableAnswer, ask_until_clear, json_object, run_in_parallel
+from nvsim.endpoint.asking import MissingAnswer, UnusableAnswer, ask_until_clear, json_object, run_in_parallel
 from nvsim.endpoint.budget import RequestEstimate, estimate_requests
 from nvsim.endpoint.client import Client
 from nvsim.endpoint.prompt import FOLDER, Prompt
@@ -33,7 +33,7 @@ def read_prompt(path: Path | None) -> Prompt:
 
 
 @dataclass(frozen=True)
-class Written:
+class GeneratedInstructions:
     """The instructions of a model.
 
     found     path_id -> the requested number of instructions
@@ -41,10 +41,10 @@ class Written:
     """
 
     found: Mapping[int, tuple[str, ...]]
-    lacking: Mapping[int, Unanswered]
+    lacking: Mapping[int, MissingAnswer]
 
 
-class Writer:
+class InstructionWriter:
     """Requests `count` instructions of each path, with one question for each path.
 
     graphs   scan id -> graph
@@ -73,32 +73,34 @@ class Writer:
         requests = (self.request(task) for task in tasks)
         return estimate_requests((request, client.is_kept(request)) for request in requests)
 
-    def write(self, client: Client, tasks: Sequence[Task], at_once: int, listen: Listener = silent) -> Written:
+    def write(
+        self, client: Client, tasks: Sequence[Task], at_once: int, listen: Listener = silent
+    ) -> GeneratedInstructions:
         """Requests the instructions of all tasks. Raises InputError in the cases that `Client.ask` lists."""
         found: dict[int, tuple[str, ...]] = {}
-        lacking: dict[int, Unanswered] = {}
+        lacking: dict[int, MissingAnswer] = {}
         listen(Progress(STAGE, 0, len(tasks)))
         for task, said in run_in_parallel(lambda task: self._asked(client, task), tasks, at_once):
-            if isinstance(said, Unanswered):
+            if isinstance(said, MissingAnswer):
                 lacking[task.path_id] = said
                 listen(Warning(f"path_id {task.path_id} has no instructions from the model: {said.why}.", STAGE))
             else:
                 found[task.path_id] = said
             listen(Progress(STAGE, len(found) + len(lacking), len(tasks)))
-        return Written(found, lacking)
+        return GeneratedInstructions(found, lacking)
 
-    def _asked(self, client: Client, task: Task) -> tuple[str, ...] | Unanswered:
+    def _asked(self, client: Client, task: Task) -> tuple[str, ...] | MissingAnswer:
         def again(wrong: str) -> str:
             return self._prompt.text("again", {"wrong": wrong, "count": str(self._count)})
 
         said = ask_until_clear(client, self.request(task), self._understood, again)
-        return said if isinstance(said, Unanswered) else said.value
+        return said if isinstance(said, MissingAnswer) else said.value
 
     def _understood(self, text: str) -> tuple[str, ...]:
         given = json_object(text).get("instructions")
         if not isinstance(given, list) or not all(isinstance(one, str) for one in given):
             raise UnusableAnswer('"instructions" must be a list of texts')
-        texts = [" ".join(_whole(one).split()) for one in given]
+        texts = [" ".join(_without_surrogates(one).split()) for one in given]
         if len(texts) < self._count:
             raise UnusableAnswer(f"there were {len(texts)} instructions and not {self._count}")
         texts = texts[: self._count]
@@ -124,6 +126,6 @@ class Writer:
         return parts
 
 
-def _whole(text: str) -> str:
+def _without_surrogates(text: str) -> str:
     """Removes unpaired surrogates, which cannot be written to a text file."""
     return text.encode("utf-8", "ignore").decode()

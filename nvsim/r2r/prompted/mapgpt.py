@@ -15,7 +15,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 
-from nvsim.endpoint.asking import Unanswered, ask_until_clear, run_in_parallel
+from nvsim.endpoint.asking import MissingAnswer, ask_until_clear, run_in_parallel
 from nvsim.endpoint.budget import RequestEstimate, estimate_requests
 from nvsim.endpoint.client import Client
 from nvsim.endpoint.prompt import Prompt
@@ -26,8 +26,8 @@ from nvsim.files import atomic
 from nvsim.files.opening import is_regular, read_json
 from nvsim.graph.types import NavGraph
 from nvsim.r2r.metrics.submission import Pose, read_poses
-from nvsim.r2r.prompted.mapgpt_episode import Choice, Episode, Option
-from nvsim.r2r.prompted.options import Looking, Rules
+from nvsim.r2r.prompted.mapgpt_episode import AgentChoice, AgentOption, Episode
+from nvsim.r2r.prompted.options import EpisodeLimits, ImageOptions
 from nvsim.r2r.prompted.views import ViewRenderer
 from nvsim.r2r.tasks.task import Task
 
@@ -38,7 +38,7 @@ _LARGEST = 1 << 26  # largest size of an episode file in bytes
 
 
 @dataclass(frozen=True)
-class Record:
+class EpisodeRecord:
     """A finished episode.
 
     trajectory   poses from the start
@@ -61,10 +61,10 @@ class MapGpt:
     """The common inputs of all episodes; graphs: scan id -> graph."""
 
     renderer: ViewRenderer
-    looking: Looking
+    looking: ImageOptions
     graphs: Mapping[str, NavGraph]
     prompt: Prompt
-    rules: Rules
+    rules: EpisodeLimits
 
     def episode(self, client: Client, instr_id: str, task: Task) -> Episode:
         text = task.instructions[task.instr_ids.index(instr_id)]
@@ -110,7 +110,7 @@ def run_mapgpt(
     episodes: Sequence[tuple[str, Task]],
     folder: Path,
     listen: Listener = silent,
-) -> dict[str, Record]:
+) -> dict[str, EpisodeRecord]:
     """Runs all episodes and returns the records by instr_id.
 
     An episode ends if the model stops, after the last step, or if the model gives no usable answer. In the last case
@@ -118,7 +118,7 @@ def run_mapgpt(
 
     Raises InputError in the cases that `Client.ask` lists; finished episodes stay in `folder`.
     """
-    found: dict[str, Record] = {}
+    found: dict[str, EpisodeRecord] = {}
     todo = []
     for id, task in episodes:
         depends = _depends(agent, client, id, task)
@@ -138,14 +138,14 @@ def run_mapgpt(
     return {id: found[id] for id, _ in episodes}
 
 
-def _walked(agent: MapGpt, client: Client, folder: Path, id: str, task: Task, depends: str) -> Record:
+def _walked(agent: MapGpt, client: Client, folder: Path, id: str, task: Task, depends: str) -> EpisodeRecord:
     episode = agent.episode(client, id, task)
     steps: list[dict[str, str]] = []
     ended, why, spent = "steps", "", (0, 0)
     while episode.step < agent.rules.steps:
         said = ask_until_clear(client, episode.request(), episode.understand, episode.again)
         spent = spent[0] + said.spent[0], spent[1] + said.spent[1]
-        if isinstance(said, Unanswered):
+        if isinstance(said, MissingAnswer):
             ended, why = "unanswered", said.why
             break
         choice = said.value
@@ -154,20 +154,20 @@ def _walked(agent: MapGpt, client: Client, folder: Path, id: str, task: Task, de
         if choice.option.to is None:
             ended = "stop"
             break
-    record = Record(depends, episode.trajectory, ended, why, steps, *spent)
+    record = EpisodeRecord(depends, episode.trajectory, ended, why, steps, *spent)
     about = {"format": _FORMAT, "instr_id": id, **asdict(record)}
     atomic.write_text(folder / f"{id}.json", json.dumps(about, indent=1) + "\n")
     return record
 
 
-def _straight(episode: Episode, task: Task, rules: Rules) -> list[Request]:
+def _straight(episode: Episode, task: Task, rules: EpisodeLimits) -> list[Request]:
     """Returns the questions of an agent that follows its path and stops."""
     requests = []
     for to in (*task.path[1:], None):
         if episode.step == rules.steps:
             break
         requests.append(episode.request())
-        episode.go(Choice(Option("", "go on", to), "", "Go on to where the instruction ends."))
+        episode.go(AgentChoice(AgentOption("", "go on", to), "", "Go on to where the instruction ends."))
     return requests
 
 
@@ -185,7 +185,7 @@ def _depends(agent: MapGpt, client: Client, id: str, task: Task) -> str:
     return hashlib.sha256(repr(words).encode(errors="replace")).hexdigest()
 
 
-def _finished(folder: Path, id: str, depends: str) -> Record | None:
+def _finished(folder: Path, id: str, depends: str) -> EpisodeRecord | None:
     """Returns the record of a finished episode, or None if there is none with these inputs."""
     path = folder / f"{id}.json"
     if not is_regular(path):
@@ -200,4 +200,4 @@ def _finished(folder: Path, id: str, depends: str) -> Record | None:
     into, out, steps = found.get("tokens_in"), found.get("tokens_out"), found.get("steps")
     if not isinstance(into, int) or not isinstance(out, int) or not isinstance(steps, list):
         return None
-    return Record(depends, poses, str(found.get("ended")), str(found.get("why")), steps, into, out)
+    return EpisodeRecord(depends, poses, str(found.get("ended")), str(found.get("why")), steps, into, out)

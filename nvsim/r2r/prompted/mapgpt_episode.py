@@ -17,7 +17,7 @@ from nvsim.endpoint.prompt import FOLDER, Prompt
 from nvsim.endpoint.request import Detail, Message, Part, Request
 from nvsim.graph.types import NavGraph
 from nvsim.r2r.metrics.submission import Pose
-from nvsim.r2r.prompted.options import Rules
+from nvsim.r2r.prompted.options import EpisodeLimits
 from nvsim.r2r.prompted.views import ViewRenderer, bearing, level
 from nvsim.r2r.tasks.task import Task
 
@@ -91,7 +91,7 @@ def read_prompt(path: Path | None) -> Prompt:
 
 
 @dataclass(frozen=True)
-class Option:
+class AgentOption:
     """An option of the agent: its letter, its description, and the viewpoint it leads to, None for stopping."""
 
     letter: str
@@ -100,8 +100,8 @@ class Option:
 
 
 @dataclass(frozen=True)
-class Choice:
-    option: Option
+class AgentChoice:
+    option: AgentOption
     thought: str
     plan: str
 
@@ -114,7 +114,7 @@ class Episode:
         graph: NavGraph,
         renderer: ViewRenderer,
         prompt: Prompt,
-        rules: Rules,
+        rules: EpisodeLimits,
         task: Task,
         instruction: str,
         tokens: int,
@@ -133,20 +133,22 @@ class Episode:
         """Number of answered questions."""
         return len(self._history)
 
-    def options(self) -> list[Option]:
+    def options(self) -> list[AgentOption]:
         """Returns the options of this step, sorted by the size of the turn, with stopping last.
 
         Stopping is offered from step `stop_after` on, or if there is no edge.
         """
         here = self.places.here
         ways = {id: bearing(self._graph, here, id) for id in self.places.around(here)}
-        found: list[Option] = []
+        found: list[AgentOption] = []
         for id in sorted(ways, key=lambda id: (abs(round(ways[id].turn(self.facing), 6)), self.places.number[id])):
             number = self.places.number[id]
             known = ", where you were" if id in self.places.been else ""
-            found.append(Option(_letter(len(found)), f"{ways[id].words(self.facing)}, to place {number}{known}", id))
+            found.append(
+                AgentOption(_letter(len(found)), f"{ways[id].words(self.facing)}, to place {number}{known}", id)
+            )
         if self.step >= self._rules.stop_after or not found:
-            found.append(Option(_letter(len(found)), "stop here, because the instruction ends here", None))
+            found.append(AgentOption(_letter(len(found)), "stop here, because the instruction ends here", None))
         return found
 
     def request(self) -> Request:
@@ -171,7 +173,7 @@ class Episode:
         """Returns the message to the model after an unusable answer."""
         return self._prompt.text("again", {"wrong": wrong})
 
-    def understand(self, text: str) -> Choice:
+    def understand(self, text: str) -> AgentChoice:
         """Parses the choice from an answer. Raises UnusableAnswer if it has none."""
         said, options = json_object(text), self.options()
         action = said.get("action")
@@ -179,9 +181,9 @@ class Episode:
         chosen = next((option for option in options if found and option.letter == found[1].upper()), None)
         if chosen is None:
             raise UnusableAnswer(f'"action" must be one letter of {", ".join(option.letter for option in options)}')
-        return Choice(chosen, _short(said.get("thought")), _short(said.get("plan")))
+        return AgentChoice(chosen, _short(said.get("thought")), _short(said.get("plan")))
 
-    def go(self, choice: Choice) -> None:
+    def go(self, choice: AgentChoice) -> None:
         """Executes a choice."""
         to = choice.option.to
         self._history.append(f"Step {self.step + 1}: {choice.option.words}.")

@@ -8,7 +8,7 @@ from nvsim.errors import InputError
 
 
 @dataclass(frozen=True)
-class Looking:
+class ImageOptions:
     """The images that are sent."""
 
     image_width: int = 640
@@ -28,7 +28,7 @@ class Looking:
 
 
 @dataclass(frozen=True)
-class Rules:
+class EpisodeLimits:
     """Limits of the agent mapgpt."""
 
     steps: int = 15

@@ -14,8 +14,8 @@ from nvsim.graph.connectivity import scan_files
 from nvsim.graph.types import NavGraph
 from nvsim.r2r.instructions.ground import Leg, Slope, turn_of, wrapped
 from nvsim.r2r.observations.layout import jpeg
-from nvsim.r2r.prompted.options import Looking
-from nvsim.r2r.simulator.images import View
+from nvsim.r2r.prompted.options import ImageOptions
+from nvsim.r2r.simulator.images import ViewSize
 from nvsim.r2r.simulator.settings import Settings, source_of
 
 _STEEP = math.radians(14)  # 0.25 m per meter, as for the instructions
@@ -70,13 +70,13 @@ class ViewRenderer:
     Raises InputError if the folder does not exist or contains neither.
     """
 
-    def __init__(self, place: Path, looking: Looking) -> None:
+    def __init__(self, place: Path, looking: ImageOptions) -> None:
         settings = Settings()
         settings.setDatasetPath(place)
         if not (place / "project.db").is_file():
             settings.setNavGraphPath(next(iter(scan_files(place).values())).parent)
         self._scans, self._images = source_of(settings)
-        self._view = View(looking.image_width, looking.image_height, math.radians(looking.field_of_view), False)
+        self._view = ViewSize(looking.image_width, looking.image_height, math.radians(looking.field_of_view), False)
 
     def see(self, scan: str, viewpoint: str, heading: float, elevation: float = 0.0) -> Image:
         """Returns the view at a viewpoint, with angles in radians.

@@ -18,7 +18,7 @@ from nvsim.r2r.agents.benchmark import Benchmark, scans_in
 from nvsim.r2r.features.feature_files import Key, made_by
 from nvsim.r2r.features.layouts import features_in
 from nvsim.r2r.recurrent.rollout import Episode
-from nvsim.r2r.recurrent.world import Source, World
+from nvsim.r2r.recurrent.world import ExportFiles, World
 from nvsim.r2r.tasks.exporting import RECORD
 from nvsim.r2r.tasks.task import Task
 
@@ -71,7 +71,7 @@ class Dataset:
     """
 
     tasks: Sequence[Task]
-    sources: Sequence[Source]
+    sources: Sequence[ExportFiles]
     closed: frozenset[Key]
 
     @cached_property
@@ -99,13 +99,13 @@ def read_dataset(folders: Sequence[Path], tasks: Sequence[Path] = (), features: 
         if given and len(given) != len(folders):
             raise InputError(f"--{name} has {len(given)} values for {len(folders)} folders; give one each, or none.")
     found: list[Task] = []
-    sources: list[Source] = []
+    sources: list[ExportFiles] = []
     closed: set[Key] = set()
     for i, folder in enumerate(folders):
         at = tasks[i] if tasks else folder / "tasks"
         benchmark = Benchmark.read(scans_in(folder), at / "R2R_train.json")
         found += benchmark.tasks
-        sources.append(Source(benchmark.graphs, features[i] if features else features_in(folder)))
+        sources.append(ExportFiles(benchmark.graphs, features[i] if features else features_in(folder)))
         closed |= {(scan, id) for scan, ids in _unseen(at).items() if scan in benchmark.graphs for id in ids}
     instructed = [replace(task, path_id=number) for number, task in enumerate(found) if task.instructions]
     if not instructed:

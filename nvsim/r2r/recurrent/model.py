@@ -17,12 +17,12 @@ from torch.nn import functional
 from nvsim.r2r.recurrent.config import ModelConfig
 
 MOVED = 6
-"""Size of the feature of the last move: see `Sight.moved`."""
+"""Size of the feature of the last move: see `AgentInput.moved`."""
 FAR = 5.0
 """Meters by which distances are divided in the features."""
 
 
-class Sight(NamedTuple):
+class AgentInput(NamedTuple):
     """The input of a batch of agents at their viewpoints. Slot 0 of the candidates is stopping.
 
     views      (B, K, F) features of the candidates, zeros in slot 0
@@ -44,7 +44,7 @@ class Sight(NamedTuple):
     around_angles: Tensor | None = None
 
 
-class Text(NamedTuple):
+class EncodedInstruction(NamedTuple):
     """An encoded instruction, with keys and values for each layer of the step.
 
     tokens   (B, L, D)
@@ -57,10 +57,10 @@ class Text(NamedTuple):
     keys: list[Tensor]
     values: list[Tensor]
 
-    def of(self, kept: Tensor) -> Text:
+    def of(self, kept: Tensor) -> EncodedInstruction:
         """Returns the part of the batch with the indices `kept` (n,)."""
         keys, values = ([tensor[kept] for tensor in tensors] for tensors in (self.keys, self.values))
-        return Text(self.tokens[kept], self.known[kept], keys, values)
+        return EncodedInstruction(self.tokens[kept], self.known[kept], keys, values)
 
 
 class Attention(nn.Module):
@@ -135,7 +135,7 @@ class RecurrentModel(nn.Module):
         self.state_norm = nn.LayerNorm(width)
         self.critic = nn.Sequential(nn.Linear(width, width), nn.GELU(), nn.Linear(width, 1))
 
-    def read(self, words: Tensor) -> tuple[Text, Tensor]:
+    def read(self, words: Tensor) -> tuple[EncodedInstruction, Tensor]:
         """Encodes instructions (B, L) of word numbers, padded with 0, and returns them with the first states (B, D)."""
         if self.config.blind:
             words = torch.cat([words[:, :1], torch.full_like(words[:, :1], 2)], dim=1)  # only begin and end
@@ -145,9 +145,9 @@ class RecurrentModel(nn.Module):
             tokens = layer(tokens, known)
         tokens = self.text_norm(tokens)
         prepared = [layer.to_text.prepared(tokens) for layer in self.step_layers]  # type: ignore[operator, union-attr]
-        return Text(tokens, known, [k for k, _ in prepared], [v for _, v in prepared]), tokens[:, 0]
+        return EncodedInstruction(tokens, known, [k for k, _ in prepared], [v for _, v in prepared]), tokens[:, 0]
 
-    def step(self, state: Tensor, text: Text, sight: Sight) -> tuple[Tensor, Tensor]:
+    def step(self, state: Tensor, text: EncodedInstruction, sight: AgentInput) -> tuple[Tensor, Tensor]:
         """Returns scores (B, K) of the slots, -inf for slots that do not exist, and the next states (B, D)."""
         distance = sight.distance if self.config.distances else torch.zeros_like(sight.distance)
         moved = sight.moved

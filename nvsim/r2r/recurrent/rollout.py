@@ -14,7 +14,7 @@ from torch import Tensor
 from nvsim.geometry.directions import STEP, VIEWS
 from nvsim.r2r.features.candidates import ELEVATIONS, HEADINGS
 from nvsim.r2r.metrics.submission import Pose
-from nvsim.r2r.recurrent.model import FAR, MOVED, RecurrentModel, Sight, Text
+from nvsim.r2r.recurrent.model import FAR, MOVED, AgentInput, EncodedInstruction, RecurrentModel
 from nvsim.r2r.recurrent.world import STOP, Float32, Int64, World
 from nvsim.r2r.tasks.task import Task
 
@@ -50,7 +50,7 @@ class Episode:
     path: tuple[int, ...]
 
 
-class Walkers:
+class AgentBatch:
     """A batch of agents, first at the starts of their episodes.
 
     Headings are exact: an agent faces the direction of its last move, not the nearest of twelve headings.
@@ -67,7 +67,7 @@ class Walkers:
         self._moved[:, 4] = 1
         self.trajectories: list[list[Pose]] = [[self._pose(i)] for i in range(len(episodes))]
 
-    def sight(self, who: Int64) -> Sight:
+    def sight(self, who: Int64) -> AgentInput:
         """Returns what the agents `who` (n,) see, with as many slots as the largest number of candidates needs."""
         w, rows = self._world, self.rows[who]
         most = int((w.target[rows] >= 0).sum(axis=1).max(initial=0))
@@ -81,7 +81,7 @@ class Walkers:
         seen, distance = np.zeros((count, most + 1), np.int64), np.zeros((count, most + 1), np.float32)
         seen[:, 1:], distance[:, 1:] = seen_by, w.distance[rows, :most]
         values = (w.features[seen], angles, distance, there, self._moved[who])
-        sight = Sight(*map(torch.from_numpy, values))
+        sight = AgentInput(*map(torch.from_numpy, values))
         if w.panorama is None:
             return sight
         around = angle_feature(HEADINGS - facing, np.broadcast_to(ELEVATIONS, (count, VIEWS)), self._angle_size)
@@ -107,7 +107,7 @@ class Walkers:
 
 
 @dataclass(frozen=True, eq=False)
-class Step:
+class RolloutStep:
     """A step of the n agents that have not stopped.
 
     who      (n,) int64, indices in the batch
@@ -128,11 +128,11 @@ class Step:
 class Rollout:
     """The steps of a batch of agents, and `walkers`, their state after the last step."""
 
-    walkers: Walkers
-    steps: list[Step] = field(default_factory=list)
+    walkers: AgentBatch
+    steps: list[RolloutStep] = field(default_factory=list)
 
 
-def read_words(model: RecurrentModel, episodes: Sequence[Episode]) -> tuple[Text, Tensor]:
+def read_words(model: RecurrentModel, episodes: Sequence[Episode]) -> tuple[EncodedInstruction, Tensor]:
     """Encodes the instructions of B episodes and returns them with the first states (B, D)."""
     text, state = model.read(torch.from_numpy(_padded([episode.words for episode in episodes])))
     return text, state
@@ -150,7 +150,7 @@ def roll_out(
     model: RecurrentModel,
     world: World,
     episodes: Sequence[Episode],
-    read: tuple[Text, Tensor],
+    read: tuple[EncodedInstruction, Tensor],
     way: Way,
     steps: int,
     critic: bool = False,
@@ -162,7 +162,7 @@ def roll_out(
     random generator.
     """
     text, state = read
-    walkers = Walkers(world, episodes, model.config.angle_size)
+    walkers = AgentBatch(world, episodes, model.config.angle_size)
     found = Rollout(walkers)
     who: Int64 = np.arange(len(episodes))
     longest = max(len(episode.path) for episode in episodes)
@@ -170,7 +170,7 @@ def roll_out(
         value = model.value(state) if critic else None
         scores, state = model.step(state, text, walkers.sight(who))
         taken = _taken(way, scores.detach(), world, episodes, who, k)
-        found.steps.append(Step(who, walkers.rows[who], scores, value, taken))
+        found.steps.append(RolloutStep(who, walkers.rows[who], scores, value, taken))
         walkers.go(who, taken)
         going = np.flatnonzero(taken != STOP)
         if not len(going):

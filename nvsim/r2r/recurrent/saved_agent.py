@@ -26,7 +26,7 @@ from nvsim.r2r.recurrent.config import ModelConfig
 from nvsim.r2r.recurrent.dataset import SPECIAL, Vocabulary, episodes_of
 from nvsim.r2r.recurrent.model import RecurrentModel
 from nvsim.r2r.recurrent.rollout import walked
-from nvsim.r2r.recurrent.world import Source, read_world
+from nvsim.r2r.recurrent.world import ExportFiles, read_world
 
 ABOUT, WEIGHTS = "agent.json", "weights.safetensors"
 FORMAT = 1
@@ -35,7 +35,7 @@ _THEN = "name the folder that `nvsim r2r train` wrote"
 
 
 @dataclass(frozen=True, eq=False)
-class About:
+class AgentDescription:
     """The description of an agent.
 
     model      options of the network
@@ -56,7 +56,7 @@ class About:
     finished: bool
 
 
-def write_about(folder: Path, about: About) -> None:
+def write_about(folder: Path, about: AgentDescription) -> None:
     """Writes agent.json. Raises InputError if writing fails."""
     values = {
         "format": FORMAT,
@@ -80,7 +80,7 @@ def write_weights(folder: Path, model: RecurrentModel) -> None:
     atomic.write_bytes(folder / WEIGHTS, save({name: t.contiguous() for name, t in model.state_dict().items()}))
 
 
-def read_about(folder: Path) -> About:
+def read_about(folder: Path) -> AgentDescription:
     """Reads agent.json. Raises InputError if the folder has no agent, or its description is invalid."""
     path = folder / ABOUT
     values = read_json(path, "a trained agent", _THEN)
@@ -103,7 +103,7 @@ def read_about(folder: Path) -> About:
                 raise ValueError(f"{name} is {str(values[name])[:40]!r}")
         if not isinstance(values["trained"], dict) or type(values["finished"]) is not bool:
             raise ValueError("it does not say how it was trained")
-        return About(
+        return AgentDescription(
             ModelConfig(**stored),
             Vocabulary(tuple(words)),
             values["features"],
@@ -114,7 +114,7 @@ def read_about(folder: Path) -> About:
         )
 
 
-def read_model(folder: Path, about: About) -> RecurrentModel:
+def read_model(folder: Path, about: AgentDescription) -> RecurrentModel:
     """Returns the network with its best weights. Raises InputError if they are unreadable or do not fit."""
     from safetensors.torch import load
 
@@ -142,7 +142,7 @@ def run_recurrent(folder: Path, benchmark: Benchmark, features: Path) -> dict[st
             f"The agent was trained on features of {about.backbone}, but {features} has features of {backbone}; write "
             "features of the first with `nvsim export features`."
         )
-    world = read_world([Source(benchmark.graphs, features)], about.model.panorama)
+    world = read_world([ExportFiles(benchmark.graphs, features)], about.model.panorama)
     if world.width != about.features:
         raise InputError(
             f"The agent reads {about.features} numbers per view, but {features} has {world.width}; name a file in the "

@@ -25,7 +25,15 @@ from nvsim.files.atomic import as_input_error, make_folder
 from nvsim.files.opening import plain_file, read_text
 from nvsim.r2r.recurrent.config import LearningConfig, ModelConfig
 from nvsim.r2r.recurrent.dataset import Dataset
-from nvsim.r2r.recurrent.saved_agent import ABOUT, WEIGHTS, About, read_about, read_model, write_about, write_weights
+from nvsim.r2r.recurrent.saved_agent import (
+    ABOUT,
+    WEIGHTS,
+    AgentDescription,
+    read_about,
+    read_model,
+    write_about,
+    write_weights,
+)
 from nvsim.r2r.recurrent.trainer import Trainer
 from nvsim.training.checkpoint import Checkpoint, load, save
 
@@ -83,7 +91,7 @@ def train_agent(
     """
     with _threads(learning.threads):
         trainer = Trainer(dataset, model, learning)
-        at = _At(trainer, model, out, _fingerprint(trainer, model, learning))
+        at = _TrainingFolder(trainer, model, out, _fingerprint(trainer, model, learning))
         make_folder(out)
         if (out / ABOUT).exists():
             before = read_about(out)
@@ -113,7 +121,7 @@ def train_agent(
 
 
 @dataclass(frozen=True, eq=False)
-class _At:
+class _TrainingFolder:
     """A training and its folder. `key` is a hash of all inputs."""
 
     trainer: Trainer
@@ -135,12 +143,12 @@ class _At:
             "parameters": sum(p.numel() for p in t.model.parameters()),
             "learning": asdict(t.learning),
         }
-        about = About(self.model, t.words, t.world.width, t.backbone, t.learning.steps, trained, finished)
+        about = AgentDescription(self.model, t.words, t.world.width, t.backbone, t.learning.steps, trained, finished)
         write_about(self.out, about)
         return trained
 
 
-def _loop(of: _At, curves: Curves, listen: Listener) -> None:
+def _loop(of: _TrainingFolder, curves: Curves, listen: Listener) -> None:
     trainer, learning, at = of.trainer, of.trainer.learning, of.trainer.at
     while True:
         if at.step >= at.last or at.tries >= learning.patience:

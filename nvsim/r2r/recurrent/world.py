@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from nvsim.errors import InputError
 from nvsim.geometry.directions import VIEWS
-from nvsim.graph.paths import Ways
+from nvsim.graph.paths import PathGraph
 from nvsim.graph.types import NavGraph
 from nvsim.r2r.features.candidates import candidates_of
 from nvsim.r2r.features.feature_files import Key, features_of
@@ -28,7 +28,7 @@ STOP = 0
 
 
 @dataclass(frozen=True, eq=False)
-class Within:
+class ScanPaths:
     """A scan in the world: the row of its `first` viewpoint, and its shortest paths by rows of its own."""
 
     first: int
@@ -36,7 +36,7 @@ class Within:
 
 
 @dataclass(frozen=True, eq=False)
-class Onward:
+class PathsToGoal:
     """The shortest paths to a goal, in the scan whose first row is `first`.
 
     next     (n,) row of the next viewpoint on the shortest path; -1 at the goal and if there is no path
@@ -73,21 +73,21 @@ class World:
     seen: Int64
     features: Float32
     panorama: Int64 | None
-    scans: Mapping[str, Within]
-    _onward: dict[int, Onward] = field(default_factory=dict)
+    scans: Mapping[str, ScanPaths]
+    _onward: dict[int, PathsToGoal] = field(default_factory=dict)
 
     @property
     def width(self) -> int:
         """Numbers per view."""
         return self.features.shape[1]
 
-    def paths_to(self, goal: int) -> Onward:
+    def paths_to(self, goal: int) -> PathsToGoal:
         """Returns the shortest paths to the row `goal`, with ties as in nvsim.r2r.tasks.shortest."""
         if goal not in self._onward:
             scan = self.scans[self.keys[goal][0]]
             tree = scan.shortest.tree(goal - scan.first)
             after = np.where(tree.before >= 0, tree.before + scan.first, -1)
-            self._onward[goal] = Onward(scan.first, after, tree.metres)
+            self._onward[goal] = PathsToGoal(scan.first, after, tree.metres)
         return self._onward[goal]
 
     def teacher(self, here: Int64, goals: Int64) -> Int64:
@@ -117,7 +117,7 @@ class World:
 
 
 @dataclass(frozen=True, eq=False)
-class Source:
+class ExportFiles:
     """The files of one export.
 
     graphs     by scan id
@@ -128,7 +128,7 @@ class Source:
     features: Path
 
 
-class _Slots(NamedTuple):
+class _CandidateSlots(NamedTuple):
     """The n viewpoints of a scan with up to k candidates each. `target` and `view` are -1 in unused slots."""
 
     target: Int64  # (n, k) rows of the world
@@ -138,7 +138,7 @@ class _Slots(NamedTuple):
     view: Int64
 
 
-def read_world(sources: Sequence[Source], panorama: bool, closed: Collection[Key] = ()) -> World:
+def read_world(sources: Sequence[ExportFiles], panorama: bool, closed: Collection[Key] = ()) -> World:
     """Reads the world of all scans of all sources.
 
     panorama   whether all 36 views of the viewpoints are kept
@@ -147,19 +147,21 @@ def read_world(sources: Sequence[Source], panorama: bool, closed: Collection[Key
     Raises InputError if a scan occurs twice, features are missing, or features files have different widths.
     """
     keys: list[Key] = []
-    scans: dict[str, Within] = {}
-    slots: list[_Slots] = []
+    scans: dict[str, ScanPaths] = {}
+    slots: list[_CandidateSlots] = []
     for source in sources:
         for scan, graph in source.graphs.items():
             if scan in scans:
                 raise InputError(f"The scan {scan} is in two of the folders; remove one of the folders.")
-            ways = Ways.of(graph)
-            scans[scan] = Within(len(keys), ShortestPaths(ways))
+            ways = PathGraph.of(graph)
+            scans[scan] = ScanPaths(len(keys), ShortestPaths(ways))
             slots.append(_slots(scan, ways, len(keys), closed))
             keys += [(scan, id) for id in ways.ids]
     if not keys:
         raise InputError("The scans have no included viewpoints, so an agent cannot move; export other scans.")
-    joined = _Slots(*(_stacked(arrays, -1 if name in ("target", "view") else 0) for name, arrays in _fields(slots)))
+    joined = _CandidateSlots(
+        *(_stacked(arrays, -1 if name in ("target", "view") else 0) for name, arrays in _fields(slots))
+    )
     row = {key: i for i, key in enumerate(keys)}
     features, seen, first = _read_features(sources, row, joined.view, panorama)
     angles = (joined.heading, joined.elevation, joined.distance)
@@ -168,7 +170,7 @@ def read_world(sources: Sequence[Source], panorama: bool, closed: Collection[Key
     return World(keys, row, joined.target, heading, elevation, distance, seen, features, whole, scans)
 
 
-def _slots(scan: str, ways: Ways, first: int, closed: Collection[Key]) -> _Slots:
+def _slots(scan: str, ways: PathGraph, first: int, closed: Collection[Key]) -> _CandidateSlots:
     edges = np.concatenate([ways.ends, ways.ends[:, ::-1]])
     edges = edges[np.lexsort((edges[:, 1], edges[:, 0]))]
     entered = np.array([(scan, id) not in closed for id in ways.ids], bool)
@@ -184,11 +186,11 @@ def _slots(scan: str, ways: Ways, first: int, closed: Collection[Key]) -> _Slots
         return table
 
     heading, elevation, distance = (filled(v, 0) for v in (found.heading, found.elevation, found.distance))
-    return _Slots(filled(found.target + first, -1), heading, elevation, distance, filled(found.view, -1))
+    return _CandidateSlots(filled(found.target + first, -1), heading, elevation, distance, filled(found.view, -1))
 
 
-def _fields(slots: Sequence[_Slots]) -> Sequence[tuple[str, list[NDArray[Any]]]]:
-    return [(name, [getattr(of, name) for of in slots]) for name in _Slots._fields]
+def _fields(slots: Sequence[_CandidateSlots]) -> Sequence[tuple[str, list[NDArray[Any]]]]:
+    return [(name, [getattr(of, name) for of in slots]) for name in _CandidateSlots._fields]
 
 
 def _stacked(tables: Sequence[NDArray[Any]], empty: float) -> NDArray[Any]:
@@ -198,7 +200,7 @@ def _stacked(tables: Sequence[NDArray[Any]], empty: float) -> NDArray[Any]:
 
 
 def _read_features(
-    sources: Sequence[Source], row: Mapping[Key, int], view: Int64, panorama: bool
+    sources: Sequence[ExportFiles], row: Mapping[Key, int], view: Int64, panorama: bool
 ) -> tuple[Float32, Int64, Int64]:
     """Reads the features that are needed.
 

@@ -175,7 +175,7 @@ except ModuleNotFoundError:  # the package nvsim-mattersim has no numba
 
 
 @dataclass(frozen=True)
-class View:
+class ViewSize:
     """The size of a view: width and height in pixels, vertical field of view in radians, and whether it has depth."""
 
     width: int
@@ -208,10 +208,10 @@ class Images(Protocol):
 
     one_thread_each: bool
 
-    def draw(self, scan: Scan, index: int, heading: float, elevation: float, view: View) -> Drawn:
+    def draw(self, scan: Scan, index: int, heading: float, elevation: float, view: ViewSize) -> Drawn:
         """Returns the view from a viewpoint; angles in radians. Raises InvalidValue if its images are unusable."""
 
-    def draw_from(self, position: NDArray[np.float64], heading: float, elevation: float, view: View) -> Drawn:
+    def draw_from(self, position: NDArray[np.float64], heading: float, elevation: float, view: ViewSize) -> Drawn:
         """Returns the view from a position (3,), meters. Raises InvalidValue if there are only viewpoint images."""
 
     def preload(self, scans: Scans, depth: bool) -> None:
@@ -238,7 +238,7 @@ class StripImages:
     def __init__(self, folder: Path | str, cache_size: int) -> None:
         self.cache = StripCache(folder, cache_size)
 
-    def draw(self, scan: Scan, index: int, heading: float, elevation: float, view: View) -> Drawn:
+    def draw(self, scan: Scan, index: int, heading: float, elevation: float, view: ViewSize) -> Drawn:
         id = scan.ids[index]
         strip = self.cache.colours(scan.id, id)
         rays, plane = rays_of(scan.rotation[index], heading, elevation, view.width, view.height, view.vfov)
@@ -250,7 +250,7 @@ class StripImages:
         draw_depth(self.cache.distances(scan.id, id), rays, plane, depth)
         return rgb, depth
 
-    def draw_from(self, position: NDArray[np.float64], heading: float, elevation: float, view: View) -> Drawn:
+    def draw_from(self, position: NDArray[np.float64], heading: float, elevation: float, view: ViewSize) -> Drawn:
         """Raises InvalidValue for every position (3,), because there are only images of viewpoints."""
         raise InvalidValue(_ALONE)
 

@@ -20,14 +20,14 @@ from nvsim.graph.types import NavGraph, Viewpoint
 from nvsim.mapping.config import MappingConfig
 from nvsim.mapping.corridor import Lattice, SupportAt
 from nvsim.mapping.criteria import DECISIONS, OPEN, can_stand, decide, floor_below
-from nvsim.mapping.evidence.climbing import TraversedFloor
 from nvsim.mapping.evidence.measuring import Measurements
-from nvsim.mapping.views.looking import ViewSource
+from nvsim.mapping.evidence.traversed_floor import TraversedFloor
+from nvsim.mapping.views.view_sources import ViewSource
 from nvsim.project.scene_views import LiveScene
-from nvsim.r2r.observations.growing import PlacesSeen
+from nvsim.r2r.observations.incremental_surround import PlacesSeen
 from nvsim.r2r.observations.skybox import UNITS_A_METRE, distances
 from nvsim.r2r.simulator.conventions import InvalidValue
-from nvsim.r2r.simulator.images import Goal, View
+from nvsim.r2r.simulator.images import Goal, ViewSize
 from nvsim.r2r.simulator.scan import OneScan, Scan, Scans, level_scan
 
 if TYPE_CHECKING:
@@ -49,7 +49,7 @@ class GraphOfProject(OneScan):
         super().__init__(level_scan(id, list(index), included, positions, edges))
 
 
-class Standing:
+class FreeSpaceChecks:
     """Free-space checks in a project. Calls from several threads are serialized."""
 
     def __init__(
@@ -152,7 +152,7 @@ class LiveImages:
     def __init__(self, live: LiveScene) -> None:
         self._live = live
         self._scans = GraphOfProject(live.graph, live.scan)
-        self._ground: Standing | None = None
+        self._ground: FreeSpaceChecks | None = None
         self._seen = PlacesSeen()
 
     def scans(self) -> Scans:
@@ -171,10 +171,10 @@ class LiveImages:
 
     # Drawing ------------------------------------------------------------------------------------------------------
 
-    def draw(self, scan: Scan, index: int, heading: float, elevation: float, view: View) -> Drawn:
+    def draw(self, scan: Scan, index: int, heading: float, elevation: float, view: ViewSize) -> Drawn:
         return self.draw_from(scan.position[index].astype(np.float64), heading, elevation, view)
 
-    def draw_from(self, position: NDArray[np.float64], heading: float, elevation: float, view: View) -> Drawn:
+    def draw_from(self, position: NDArray[np.float64], heading: float, elevation: float, view: ViewSize) -> Drawn:
         """See Images: the view from a position (3,), meters, world."""
         scene = self._live.scene
         if scene is None:
@@ -203,10 +203,10 @@ class LiveImages:
         """See Images: the viewpoints with a free way from a position (3,), meters."""
         return self._standing().reachable(place, scan)
 
-    def _standing(self) -> Standing:
+    def _standing(self) -> FreeSpaceChecks:
         live = self._live
         if live.views is None or live.support is None or live.traversed is None:
             raise InvalidValue("The project has no trained models, so free space is unknown; run `nvsim train` on it.")
         if self._ground is None:
-            self._ground = Standing(live.views, live.floor, live.support.at, live.config, live.traversed)
+            self._ground = FreeSpaceChecks(live.views, live.floor, live.support.at, live.config, live.traversed)
         return self._ground

@@ -228,7 +228,7 @@ class OneScan:
         return self._scan
 
 
-class Joined:
+class JoinedScans:
     """Several scans with concatenated arrays, so that a batch over them is one loop.
 
     scans      scan id -> scan, in order

@@ -24,8 +24,8 @@ from nvsim.r2r.simulator.conventions import (
     checked_names,
     checked_numbers,
 )
-from nvsim.r2r.simulator.images import Goal, Images, View, draw_all
-from nvsim.r2r.simulator.scan import Joined, Scans
+from nvsim.r2r.simulator.images import Goal, Images, ViewSize, draw_all
+from nvsim.r2r.simulator.scan import JoinedScans, Scans
 from nvsim.r2r.simulator.settings import Settings, source_of
 from nvsim.r2r.simulator.state import TURN, Batch, OffGraphPosition, SimState, black_images, position_of, turn
 
@@ -62,7 +62,7 @@ class Simulator(Settings):
         Raises InvalidValue if a project is unreadable, or, with preloading, if any image is.
         """
         with self._lock:
-            self._view = View(self.width, self.height, self.vfov, self.depth_enabled)
+            self._view = ViewSize(self.width, self.height, self.vfov, self.depth_enabled)
             images = [black_images(self.width, self.height) for _ in range(self.batch_size)]
             scans, drawing = source_of(self)
             scans = scans if self._given is None else self._given
@@ -134,7 +134,7 @@ class Simulator(Settings):
             indices = [found[id].index(v) for id, v in zip(ids, viewpoints)]
             joined = self._batch.joined
             if joined is None or not joined.holds(found.values()):
-                joined = Joined({**({} if joined is None else joined.scans), **found}.values())
+                joined = JoinedScans({**({} if joined is None else joined.scans), **found}.values())
             places = [joined.first[id] + i for id, i in zip(ids, indices)]
             self._stand(joined, ids, places, headings, elevations, {}, [0] * size)
             self._scalar = scalar
@@ -264,7 +264,7 @@ class Simulator(Settings):
 
     def _stand(
         self,
-        joined: Joined,
+        joined: JoinedScans,
         scans: list[str],
         places: list[int],
         headings: list[float],

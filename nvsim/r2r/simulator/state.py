@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from nvsim.geometry.directions import HEADINGS, STEP, VIEWS
-from nvsim.r2r.simulator.scan import Joined, ways
+from nvsim.r2r.simulator.scan import JoinedScans, ways
 
 if TYPE_CHECKING:
     from nvsim.r2r.simulator.scan import Ways
@@ -145,7 +145,7 @@ class Batch:
     size: int
     rgb: list[NDArray[np.uint8]]
     depth: list[NDArray[np.uint16]]
-    joined: Joined | None = None
+    joined: JoinedScans | None = None
     scan: list[str] = field(default_factory=list)
     beside: dict[int, OffGraphPosition] = field(default_factory=dict)
 
@@ -266,7 +266,7 @@ class OffGraphPosition:
         return np.array([0, len(self.neighbour)], np.int64), self.neighbour, self.towards, self.reach
 
     @staticmethod
-    def at(position: NDArray[np.float64], rows: list[int], joined: Joined) -> OffGraphPosition:
+    def at(position: NDArray[np.float64], rows: list[int], joined: JoinedScans) -> OffGraphPosition:
         """Returns a position (3,), meters, world, with free ways to the viewpoints of some rows."""
         ends = np.array([joined.positions[row] for row in rows], np.float32).reshape(-1, 3)
         towards, reach = ways(np.tile(position.astype(np.float32), (len(rows), 1)), ends)
@@ -330,7 +330,7 @@ class SimState:
         return f"SimState({self.scanId!r}, {self.location!r}, {self.heading:.3f}, {self.elevation:.3f})"
 
 
-def _viewpoint(joined: Joined, row: int, relative: list[float]) -> ViewPoint:
+def _viewpoint(joined: JoinedScans, row: int, relative: list[float]) -> ViewPoint:
     return ViewPoint(joined.ids[row], joined.indices[row], joined.positions[row], relative)
 
 

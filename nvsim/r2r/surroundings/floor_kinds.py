@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from nvsim.r2r.surroundings.layers import CELL, FLOOR, Layers
 from nvsim.r2r.surroundings.naming import COLOURS, NAMELESS, differ, lab_of, names_of
-from nvsim.r2r.surroundings.seen import PIXEL, FloorPatch
+from nvsim.r2r.surroundings.visibility import PIXEL, FloorPatch
 
 _BLUR = 0.5  # meters over which patterns are averaged
 MATERIALS = ("wooden", "tiled")

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from nvsim.graph.quantities import slope_of
 from nvsim.graph.types import NavGraph
-from nvsim.r2r.surroundings.seen import ViewFromViewpoint
+from nvsim.r2r.surroundings.visibility import ViewFromViewpoint
 
 Scalar = TypeVar("Scalar", bound=np.generic)
 CELL = 0.05

@@ -16,9 +16,9 @@ from nvsim.files import atomic
 from nvsim.graph.types import NavGraph
 from nvsim.r2r.surroundings.doorways import Kind, doorways_between, kinds_of, without_islands
 from nvsim.r2r.surroundings.floor_kinds import floor_along, floor_kinds
+from nvsim.r2r.surroundings.floor_objects import FloorObject, find_floor_objects, walls_of
 from nvsim.r2r.surroundings.layers import CELL, Layers
-from nvsim.r2r.surroundings.seen import ViewFromViewpoint
-from nvsim.r2r.surroundings.things import FloorObject, find_floor_objects, walls_of
+from nvsim.r2r.surroundings.visibility import ViewFromViewpoint
 
 Side = Literal["left", "right"]
 Pair = tuple[str, str]
@@ -86,7 +86,7 @@ def surroundings_of(graph: NavGraph, storeys: list[Layers]) -> Surroundings:
             doors[a, b], floors[a, b] = tuple(through), along
             doors[b, a], floors[b, a] = tuple(length - m for m in reversed(through)), along[::-1]
             for pair in ((a, b), (b, a)):
-                beside = _beside(at[pair[0]], at[pair[1]], here, sees[pair[0]])
+                beside = _objects_beside_path(at[pair[0]], at[pair[1]], here, sees[pair[0]])
                 start, ahead = at[pair[0]][:2], (at[pair[1]] - at[pair[0]])[:2] / max(length, 1e-9)
                 passed[pair] = tuple(
                     (first + i, side, metres)
@@ -128,7 +128,7 @@ def _where(
         yield i, (math.atan2(x, y), metres)
 
 
-def _beside(
+def _objects_beside_path(
     a: NDArray[np.float64], b: NDArray[np.float64], things: list[FloorObject], seen: set[int]
 ) -> Iterator[tuple[int, Side, float]]:
     """Yields objects that are clearly on one side of the way from `a` to `b`, not ahead of it or behind it."""

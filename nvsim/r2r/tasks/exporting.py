@@ -13,8 +13,8 @@ from nvsim.errors import InputError
 from nvsim.files import atomic
 from nvsim.files.atomic import as_input_error
 from nvsim.files.opening import read_json
-from nvsim.r2r.tasks.shortest import Bounds
-from nvsim.r2r.tasks.splitting import SPLITS, Amounts, Dataset
+from nvsim.r2r.tasks.shortest import PathBounds
+from nvsim.r2r.tasks.splitting import SPLITS, Dataset, PathCounts
 from nvsim.r2r.tasks.task import write_tasks
 
 RECORD = "tasks.json"
@@ -49,8 +49,8 @@ def goal_files() -> list[str]:
 def export_tasks(
     dataset: Dataset,
     out: Path,
-    bounds: Bounds,
-    amounts: Amounts,
+    bounds: PathBounds,
+    amounts: PathCounts,
     instructions: Mapping[str, object],
     others: Sequence[str] = (),
 ) -> list[Path]:

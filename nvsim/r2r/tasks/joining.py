@@ -16,8 +16,8 @@ from random import Random
 import numpy as np
 from numpy.typing import NDArray
 
-from nvsim.graph.paths import Ways
-from nvsim.r2r.tasks.shortest import ShortestPaths, Tree
+from nvsim.graph.paths import PathGraph
+from nvsim.r2r.tasks.shortest import ShortestPaths, ShortestPathTree
 from nvsim.r2r.tasks.task import JoinedTask, Task
 
 NEAR = 3.0
@@ -53,7 +53,7 @@ def by_increasing_use(paths: Sequence[Sequence[Hashable]], random: Random) -> It
 
 def join_tasks(
     tasks: Sequence[Task],
-    ways: Mapping[str, Ways],
+    ways: Mapping[str, PathGraph],
     allowed: Mapping[str, NDArray[np.bool_]],
     count: int,
     first_id: int,
@@ -75,12 +75,12 @@ def joined_instructions(first: Task, second: Task) -> tuple[str, ...]:
     return tuple(f"{a} {b}" for a in first.instructions for b in second.instructions)
 
 
-def _of_scan(tasks: Sequence[Task], scan: str, ways: Ways, allowed: NDArray[np.bool_]) -> Iterator[JoinedTask]:
+def _of_scan(tasks: Sequence[Task], scan: str, ways: PathGraph, allowed: NDArray[np.bool_]) -> Iterator[JoinedTask]:
     row = {id: i for i, id in enumerate(ways.ids)}
     shortest = ShortestPaths(ways)
 
     @cache
-    def tree(start: str) -> Tree:
+    def tree(start: str) -> ShortestPathTree:
         return shortest.tree(row[start])
 
     mine = [task for task in tasks if task.scan == scan]

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from nvsim.errors import InputError
-from nvsim.graph.paths import Ways
+from nvsim.graph.paths import PathGraph
 
 _TO_MICROMETRES = 1e6
 LONGEST = 100
@@ -22,7 +22,7 @@ LONGEST = 100
 
 
 @dataclass(frozen=True, eq=False)
-class Tree:
+class ShortestPathTree:
     """The shortest paths from one viewpoint, by rows of Ways.
 
     metres   (N,) float64, meters, infinite if there is no path
@@ -45,7 +45,7 @@ class Tree:
 class ShortestPaths:
     """Computes shortest paths between the included viewpoints of a graph."""
 
-    def __init__(self, ways: Ways) -> None:
+    def __init__(self, ways: PathGraph) -> None:
         from scipy.sparse import coo_matrix
 
         count = len(ways.ids)
@@ -54,7 +54,7 @@ class ShortestPaths:
         self._length = np.tile(length, 2)
         self._matrix = coo_matrix((length, (ways.ends[:, 0], ways.ends[:, 1])), shape=(count, count)).tocsr()
 
-    def tree(self, source: int, most: int | None = None) -> Tree:
+    def tree(self, source: int, most: int | None = None) -> ShortestPathTree:
         """Returns the shortest paths from row `source` that have up to `most` edges."""
         from scipy.sparse.csgraph import dijkstra
 
@@ -76,11 +76,11 @@ class ShortestPaths:
         unreached = edges >= count
         edges[unreached] = before[unreached] = -1
         before[source] = -1
-        return Tree(far / _TO_MICROMETRES, edges, before)
+        return ShortestPathTree(far / _TO_MICROMETRES, edges, before)
 
 
 @dataclass(frozen=True)
-class Bounds:
+class PathBounds:
     """Limits of paths; the defaults are those of R2R (Anderson et al. 2018, section 4.1)."""
 
     fewest_edges: int = 4
@@ -108,7 +108,7 @@ class Bounds:
 
 
 @dataclass(frozen=True, eq=False)
-class Eligible:
+class EligiblePaths:
     """The paths of a graph that may become tasks, each in one direction.
 
     ids      (N) viewpoint ids
@@ -128,7 +128,7 @@ class Eligible:
         return np.asarray(np.append(chosen, True)[self.rows].all(axis=1))
 
 
-def eligible_paths(ways: Ways, bounds: Bounds) -> Eligible:
+def eligible_paths(ways: PathGraph, bounds: PathBounds) -> EligiblePaths:
     """Returns the shortest path between every two viewpoints, if it is within the bounds."""
     shortest = ShortestPaths(ways)
     most = bounds.most_edges
@@ -148,4 +148,4 @@ def eligible_paths(ways: Ways, bounds: Bounds) -> Eligible:
             here = np.where(here >= 0, tree.before[here], -1)
         found.append(rows)
         lengths.append(tree.metres[ends])
-    return Eligible(ways.ids, np.concatenate(found), np.concatenate(lengths))
+    return EligiblePaths(ways.ids, np.concatenate(found), np.concatenate(lengths))

@@ -15,17 +15,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from nvsim.errors import InputError
-from nvsim.graph.paths import Ways
+from nvsim.graph.paths import PathGraph
 from nvsim.graph.types import NavGraph
 from nvsim.r2r.observations.parts import LEAST, split
 from nvsim.r2r.tasks.joining import by_increasing_use, join_tasks, joined_instructions
-from nvsim.r2r.tasks.shortest import Bounds, Eligible, eligible_paths
+from nvsim.r2r.tasks.shortest import EligiblePaths, PathBounds, eligible_paths
 from nvsim.r2r.tasks.task import JoinedTask, Task
 
 SPLITS = ("train", "val_seen", "val_unseen")
 
 
-def unseen_viewpoints(graph: NavGraph, paths: Eligible, share: float) -> NDArray[np.bool_]:
+def unseen_viewpoints(graph: NavGraph, paths: EligiblePaths, share: float) -> NDArray[np.bool_]:
     """Returns (N,) bool: which of the included viewpoints are unseen.
 
     They are regions of up to `share` of all viewpoints. Regions with the most paths are added first, as long as the
@@ -55,7 +55,7 @@ def unseen_viewpoints(graph: NavGraph, paths: Eligible, share: float) -> NDArray
 
 
 @dataclass(frozen=True)
-class Amounts:
+class PathCounts:
     """Numbers of paths over all scans together; a split has fewer if there are no more."""
 
     train: int = 100
@@ -102,8 +102,8 @@ class _Scan:
     """One scan with its eligible paths; unseen (N,) are the viewpoints that only val_unseen enters."""
 
     id: str
-    ways: Ways
-    paths: Eligible
+    ways: PathGraph
+    paths: EligiblePaths
     unseen: NDArray[np.bool_]
     sides: dict[bool, list[tuple[int, ...]]] = field(init=False)
 
@@ -115,7 +115,7 @@ class _Scan:
         self.metres = {self.paths.path(i): float(m) for i, m in enumerate(self.paths.metres)}
 
 
-def sample_tasks(graphs: Iterable[NavGraph], unseen: Sequence[str], bounds: Bounds, amounts: Amounts) -> Dataset:
+def sample_tasks(graphs: Iterable[NavGraph], unseen: Sequence[str], bounds: PathBounds, amounts: PathCounts) -> Dataset:
     """Samples the tasks of all splits. The result depends only on the graphs, `unseen`, bounds and amounts.
 
     unseen   scans that only val_unseen enters; if empty, a region of every scan is unseen
@@ -131,7 +131,9 @@ def sample_tasks(graphs: Iterable[NavGraph], unseen: Sequence[str], bounds: Boun
     scans = [_scan(graph, unseen, bounds, amounts) for graph in graphs]
     wanted = {name: getattr(amounts, name) for name in SPLITS}
     seen = _drawn(scans, False, wanted["train"] + wanted["val_seen"], random)
-    found = dict(zip(("train", "val_seen"), _parted(seen, wanted["train"], wanted["val_seen"], random)))
+    found = dict(
+        zip(("train", "val_seen"), _split_train_and_val_seen(seen, wanted["train"], wanted["val_seen"], random))
+    )
     found["val_unseen"] = _drawn(scans, True, wanted["val_unseen"], random)
     for name in SPLITS:
         if wanted[name] and not found[name]:
@@ -155,8 +157,8 @@ def sample_tasks(graphs: Iterable[NavGraph], unseen: Sequence[str], bounds: Boun
     )
 
 
-def _scan(graph: NavGraph, unseen: Sequence[str], bounds: Bounds, amounts: Amounts) -> _Scan:
-    ways = Ways.of(graph)
+def _scan(graph: NavGraph, unseen: Sequence[str], bounds: PathBounds, amounts: PathCounts) -> _Scan:
+    ways = PathGraph.of(graph)
     paths = eligible_paths(ways, bounds)
     if unseen:
         return _Scan(graph.scan, ways, paths, np.full(len(ways.ids), graph.scan in unseen))
@@ -183,7 +185,9 @@ def _in_turn(orders: list[tuple[_Scan, Iterator[int]]], side: bool) -> Iterator[
         orders = left
 
 
-def _parted(drawn: list[_Drawn], train: int, val_seen: int, random: Random) -> tuple[list[_Drawn], list[_Drawn]]:
+def _split_train_and_val_seen(
+    drawn: list[_Drawn], train: int, val_seen: int, random: Random
+) -> tuple[list[_Drawn], list[_Drawn]]:
     """Splits paths into train and val_seen, in the requested ratio if there are too few."""
     count = math.ceil(len(drawn) * val_seen / max(train + val_seen, 1))
     order = sorted(range(len(drawn)), key=lambda _: random.random())
@@ -198,7 +202,7 @@ def _task(path_id: int, scan: _Scan, rows: tuple[int, ...], random: Random) -> T
     return Task(path_id, scan.id, path, heading, (), round(scan.metres[rows], 2))
 
 
-def _why_none(split: str, bounds: Bounds) -> str:
+def _why_none(split: str, bounds: PathBounds) -> str:
     what = f"path of {bounds.fewest_edges} to {bounds.most_edges} edges and at least {bounds.least_metres:g} m"
     if split == "val_unseen":
         return (

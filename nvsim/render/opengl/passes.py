@@ -68,7 +68,7 @@ _CLOSED = 1 / 400
 
 
 @dataclass
-class _Lot:
+class _QuadBatch:
     buffer: moderngl.Buffer
     array: moderngl.VertexArray
     count: int = 0
@@ -82,7 +82,7 @@ class SplatPass:
         self._program = splat_program(context)
         self._closer = close_program(context)
         self._closing = context.vertex_array(self._closer, [])
-        self._lots: list[_Lot | None] = [None] * len(_SHARES)
+        self._lots: list[_QuadBatch | None] = [None] * len(_SHARES)
         self._targets: tuple[Any, ...] = ()  # texture, depth, framebuffer of both, framebuffer of the depth alone
 
     @property
@@ -100,14 +100,14 @@ class SplatPass:
             self._lots[i] = self._filled(self._lots[i], quads[begin:end])
             begin = end
 
-    def _filled(self, lot: _Lot | None, quads: Float32) -> _Lot | None:
+    def _filled(self, lot: _QuadBatch | None, quads: Float32) -> _QuadBatch | None:
         if lot is None or lot.buffer.size < quads.nbytes:
             _release(lot)
             if len(quads) == 0:
                 return None
             buffer = self._context.buffer(reserve=quads.nbytes + quads.nbytes // 4, dynamic=True)
             array = self._context.vertex_array(self._program, [(buffer, "2f 4f 4f/i", "centre", "axes", "paint")])
-            lot = _Lot(buffer, array)
+            lot = _QuadBatch(buffer, array)
         lot.count = len(quads)
         if lot.count:
             lot.buffer.orphan()  # otherwise the GPU would have to finish the previous frame first
@@ -173,7 +173,7 @@ class SplatPass:
             old.release()
 
 
-def _release(lot: _Lot | None) -> None:
+def _release(lot: _QuadBatch | None) -> None:
     if lot is not None:
         lot.array.release()
         lot.buffer.release()

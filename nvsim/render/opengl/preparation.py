@@ -21,7 +21,7 @@ from nvsim.splats.types import Gaussians, SubmapModel
 
 
 @dataclass(frozen=True, eq=False)
-class Prepared:
+class PreparedFrame:
     """A frame ready to be drawn.
 
     quads         (M, QUAD_WIDTH) float32, nearest first
@@ -46,7 +46,7 @@ class Sorter:
         self._keys = np.empty((2, 0), np.uint32)
         self._order = np.empty((2, 0), np.int32)
 
-    def prepare(self, model: SubmapModel, camera: Camera, memory: Float32) -> Prepared:
+    def prepare(self, model: SubmapModel, camera: Camera, memory: Float32) -> PreparedFrame:
         """Prepares a frame. Its quads are in `memory` (N, QUAD_WIDTH), or in new memory if that is too small."""
         begin = time.perf_counter()
         g = model.gaussians_at(camera.position)
@@ -65,7 +65,7 @@ class Sorter:
             write_quads(splats, order[0], count, self._workspace.threads, memory)
         coefficients = None if model.background is None else model.background.coefficients(camera.position)
         sorted_ = time.perf_counter()
-        return Prepared(
+        return PreparedFrame(
             model, camera, memory[:count], coefficients, 1e3 * (projected - begin), 1e3 * (sorted_ - projected)
         )
 
@@ -80,7 +80,7 @@ class Preparation:
         self._on_ready = on_ready
         self._changed = threading.Condition()
         self._wanted: tuple[SubmapModel, Camera] | None = None
-        self._ready: Prepared | None = None
+        self._ready: PreparedFrame | None = None
         self._failure: Exception | None = None
         self._spare: list[Float32] = []
         self._busy = self._closed = False
@@ -97,7 +97,7 @@ class Preparation:
                 self._thread.start()
             self._changed.notify_all()
 
-    def take(self) -> Prepared | None:
+    def take(self) -> PreparedFrame | None:
         """The newest frame, None if none became ready since the last call. Raises errors of the preparation."""
         with self._changed:
             if self._failure is not None:
@@ -106,7 +106,7 @@ class Preparation:
             frame, self._ready = self._ready, None
             return frame
 
-    def give_back(self, frame: Prepared) -> None:
+    def give_back(self, frame: PreparedFrame) -> None:
         """Allows the memory of a frame to be overwritten."""
         with self._changed:
             self._reuse(frame)
@@ -125,7 +125,7 @@ class Preparation:
             self._thread.join()
             self._thread = None
 
-    def _reuse(self, frame: Prepared) -> None:
+    def _reuse(self, frame: PreparedFrame) -> None:
         if isinstance(frame.quads.base, np.ndarray) and len(self._spare) < 2:
             self._spare.append(frame.quads.base)
 

@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 from nvsim.errors import InputError
 from nvsim.geometry.camera import Camera
 from nvsim.render.opengl.passes import CompositePass, SplatPass
-from nvsim.render.opengl.preparation import Preparation, Prepared
+from nvsim.render.opengl.preparation import Preparation, PreparedFrame
 from nvsim.splats.types import SubmapModel
 
 if TYPE_CHECKING:
@@ -64,8 +64,8 @@ class OpenGLRenderer:
         self._composite = CompositePass(self._context)
         self._preparation = Preparation(on_ready)
         self._wish: tuple[SubmapModel, Camera] | None = None
-        self._shown: Prepared | None = None
-        self._drawn: Prepared | None = None  # the frame whose splats the first pass has drawn
+        self._shown: PreparedFrame | None = None
+        self._drawn: PreparedFrame | None = None  # the frame whose splats the first pass has drawn
         self._picture: moderngl.Framebuffer | None = None
         self._milliseconds: dict[str, float] = {}
 
@@ -146,7 +146,7 @@ class OpenGLRenderer:
             self._wish = (model, camera)
             self._preparation.request(model, camera)
 
-    def _newest(self) -> Prepared | None:
+    def _newest(self) -> PreparedFrame | None:
         """The frame to show, with its quads on the GPU."""
         try:
             frame = self._preparation.take()
@@ -164,7 +164,7 @@ class OpenGLRenderer:
 
     def _paint(
         self,
-        shown: Prepared,
+        shown: PreparedFrame,
         framebuffer: moderngl.Framebuffer,
         viewport: tuple[int, int, int, int],
         backdrop: Color,

@@ -31,7 +31,7 @@ if TYPE_CHECKING:
 T = TypeVar("T")
 
 
-def guarded(path: Path, call: Callable[[], T]) -> T:
+def call_safely(path: Path, call: Callable[[], T]) -> T:
     """Returns the result of `call`. Raises InputError if the library fails because the file is damaged."""
     try:
         return call()
@@ -94,7 +94,7 @@ def read_compressed_ply(path: Path) -> Gaussians:
 
     with opened(path) as file, reading(path, "a compressed PLY"):
         _check(path, file.read(_LONGEST_HEADER), size_of(file))
-    return from_library(guarded(path, lambda: gsply.plyread(path)))
+    return from_library(call_safely(path, lambda: gsply.plyread(path)))
 
 
 def write_compressed_ply(path: Path, gaussians: Gaussians) -> None:
@@ -173,14 +173,14 @@ def write_spz(path: Path, gaussians: Gaussians, antialiased: bool) -> None:
     bits = min(12, 22 - int(np.ceil(np.log2(max(reach, 1e-3)))))
     if bits < 1:
         raise InputError(f"{path} cannot be written: a Gaussian is {reach:.3g} m from the origin, too far for SPZ.")
-    library = to_library(flipped(gaussians))
+    library = to_library(flip_y_and_z(gaussians))
     with atomic.replacing(path) as temporary:
         gsply.write_spz(temporary, library, version=3, fractional_bits=bits)
         if antialiased:
             temporary.write_bytes(_flagged(temporary.read_bytes()))
 
 
-def flipped(gaussians: Gaussians) -> Gaussians:
+def flip_y_and_z(gaussians: Gaussians) -> Gaussians:
     """The Gaussians rotated by 180 degrees about x: y and z change sign in means, rotations, and harmonics. Applying it
     twice gives the input."""
     g = gaussians

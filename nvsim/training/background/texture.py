@@ -50,7 +50,7 @@ def _chosen(builder: ir.IRBuilder, vector: ir.Value, lanes: list[int]) -> ir.Val
     return builder.shuffle_vector(vector, ir.Constant(vector.type, ir.Undefined), mask)
 
 
-class _Row:
+class _TexelPair:
     """Two adjacent texels, six floats; no memory outside of them is read or written."""
 
     def __init__(
@@ -77,7 +77,7 @@ class _Row:
 
 # The two intrinsics are declared over types, after numba's typing context; kernels call them with values, without it.
 @intrinsic
-def _gather(
+def _blend_texels(
     typing_context: TypingContext,
     texels: types.Type,  # of (3 T,) float32
     low: types.Type,  # of uintp, as `high`
@@ -91,7 +91,7 @@ def _gather(
 
     def build(context: BaseContext, builder: ir.IRBuilder, signature: Signature, arguments: list[ir.Value]) -> ir.Value:
         array, at_low, at_high, *shares = arguments
-        rows = [_Row(context, builder, signature.args[0], array, at) for at in (at_low, at_high)]
+        rows = [_TexelPair(context, builder, signature.args[0], array, at) for at in (at_low, at_high)]
         flags = ("contract", "reassoc")
         left = right = None
         for row, (ours, next_) in zip(rows, (shares[:2], shares[2:]), strict=True):
@@ -108,7 +108,7 @@ def _gather(
 
 
 @intrinsic
-def _spread(
+def _scatter_texels(
     typing_context: TypingContext,
     texels: types.Type,  # of (3 T,) float32
     low: types.Type,  # of uintp
@@ -122,7 +122,7 @@ def _spread(
 
     def build(context: BaseContext, builder: ir.IRBuilder, signature: Signature, arguments: list[ir.Value]) -> ir.Value:
         array, at, ours, next_, *colour = arguments
-        row = _Row(context, builder, signature.args[0], array, at)
+        row = _TexelPair(context, builder, signature.args[0], array, at)
         r, g, b = colour
         # Groups of four and two floats that do not overlap, so that additions of the next pixel to the same texels need
         # not wait for the cache.
@@ -212,7 +212,7 @@ def add_texture(
                     lower, w11 = weight - upper, upper * fc
                     w01 = lower * fc
                     at = np.uintp(places[i])
-                    colour = _gather(flat, at, at + columns, lower - w01, w01, upper - w11, w11)  # type: ignore[arg-type, call-arg, var-annotated]
+                    colour = _blend_texels(flat, at, at + columns, lower - w01, w01, upper - w11, w11)  # type: ignore[arg-type, call-arg, var-annotated]
                     reds[i] += colour[0]
                     greens[i] += colour[1]
                     blues[i] += colour[2]
@@ -258,8 +258,8 @@ def scatter_texture(
                     w01 = lower * fc
                     at = np.uintp(places[i])
                     red, green, blue = reds[i], greens[i], blues[i]
-                    _spread(flat, at, lower - w01, w01, red, green, blue)  # type: ignore[arg-type, call-arg]
-                    _spread(flat, at + columns, upper - w11, w11, red, green, blue)
+                    _scatter_texels(flat, at, lower - w01, w01, red, green, blue)  # type: ignore[arg-type, call-arg]
+                    _scatter_texels(flat, at + columns, upper - w11, w11, red, green, blue)
                     if weights.size > 0:
                         weights[at] += lower - w01
                         weights[at + np.uintp(1)] += w01

@@ -13,7 +13,7 @@ import torch
 from numpy.typing import NDArray
 
 from nvsim.geometry.camera import Camera
-from nvsim.render.gsplat_backend import Drawn, rasterize
+from nvsim.render.gsplat_backend import GsplatOutput, rasterize
 from nvsim.splats.types import Gaussians
 from nvsim.training.appearance import in_view
 from nvsim.training.config import RateConfig
@@ -65,8 +65,9 @@ class CardGroup:
         self.first, self.second = torch.cat([self.first[kept], none]), torch.cat([self.second[kept], none])
 
 
-class OnCard:
-    """A `types.Held` on a GPU. `device` is a torch name; "cpu" is for tests, with a reference in place of gsplat."""
+class CardGaussianState:
+    """A `types.GaussianState` on a GPU. `device` is a torch name; "cpu" is for tests, with a reference instead of
+    gsplat."""
 
     def __init__(self, gaussians: Gaussians, networks: Networks | None, rate: RateConfig, device: str) -> None:
         self._device, self._networks = device, networks
@@ -79,7 +80,7 @@ class OnCard:
             features = self._colours.first_features(gaussians)
             self._groups[FEATURES] = CardGroup.of(features, rate.features, device)
         self._sums = torch.zeros(len(gaussians), 3, device=device)
-        self._drawn: Drawn | None = None
+        self._drawn: GsplatOutput | None = None
         self._rows: torch.Tensor | None = None  # the Gaussians used for the last view; None for all
         self._lent: Gaussians | None = None
         self._lent_gradients: Gaussians | None = None
@@ -177,7 +178,7 @@ class OnCard:
         self._groups[name].second.zero_()
 
     def state(self) -> dict[str, NDArray[np.generic]]:
-        """The arrays (N, ...) of all groups, by name, see `types.Held`."""
+        """The arrays (N, ...) of all groups, by name, see `types.GaussianState`."""
         self._take_back()
         arrays: dict[str, NDArray[np.generic]] = {"sums": self.sums}
         for name, group in self._groups.items():
@@ -186,7 +187,7 @@ class OnCard:
         return arrays
 
     def restore(self, arrays: Mapping[str, NDArray[np.generic]]) -> None:
-        """Restores the arrays (N, ...) of `state`, see `types.Held`."""
+        """Restores the arrays (N, ...) of `state`, see `types.GaussianState`."""
 
         def read(name: str) -> torch.Tensor:
             return torch.tensor(np.ascontiguousarray(arrays[name], np.float32), device=self._device)

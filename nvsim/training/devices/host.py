@@ -17,20 +17,22 @@ from nvsim.splats.types import Gaussians
 from nvsim.training.config import RateConfig
 from nvsim.training.devices.types import FEATURES, FIELDS, Float32, Stopwatch, born_of, rates_of
 from nvsim.training.networks import Networks
-from nvsim.training.optimizer import Group
+from nvsim.training.optimizer import ParameterGroup
 from nvsim.training.strategies.types import Refinement
 
 
-class OnHost:
-    """A `types.Held` on the CPU. The arrays of `gaussians` are kept, not copied."""
+class HostGaussianState:
+    """A `types.GaussianState` on the CPU. The arrays of `gaussians` are kept, not copied."""
 
     def __init__(self, gaussians: Gaussians, networks: Networks | None, rate: RateConfig) -> None:
         sh_count = gaussians.sh.shape[1]
-        self.groups = {name: Group.of(getattr(gaussians, name), rates_of(name, rate, sh_count)) for name in FIELDS}
+        self.groups = {
+            name: ParameterGroup.of(getattr(gaussians, name), rates_of(name, rate, sh_count)) for name in FIELDS
+        }
         self._networks = networks
         self._colours = None if networks is None else networks.colours
         if self._colours is not None:
-            self.groups[FEATURES] = Group.of(self._colours.first_features(gaussians), rate.features)
+            self.groups[FEATURES] = ParameterGroup.of(self._colours.first_features(gaussians), rate.features)
         self.sums = np.zeros((len(gaussians), 3), np.float32)
         self._no_depth = np.zeros((0, 0), np.float32)
         self._tint = NO_TINT
@@ -111,7 +113,7 @@ class OnHost:
         self.groups[name].second[:] = 0
 
     def state(self) -> dict[str, NDArray[np.generic]]:
-        """The live arrays (N, ...) of all groups, by name, see `types.Held`."""
+        """The live arrays (N, ...) of all groups, by name, see `types.GaussianState`."""
         arrays: dict[str, NDArray[np.generic]] = {"sums": self.sums}
         for name, group in self.groups.items():
             arrays[f"{name}.values"] = group.values
@@ -119,7 +121,7 @@ class OnHost:
         return arrays
 
     def restore(self, arrays: Mapping[str, NDArray[np.generic]]) -> None:
-        """Restores the arrays (N, ...) of `state`, see `types.Held`."""
+        """Restores the arrays (N, ...) of `state`, see `types.GaussianState`."""
 
         def read(name: str) -> Float32:
             return np.ascontiguousarray(arrays[name], np.float32)

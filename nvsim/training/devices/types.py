@@ -35,7 +35,7 @@ FEATURES = "features"
 """The group of the features from which networks compute colors, with one row per Gaussian like those of FIELDS."""
 
 
-class Held(Protocol):
+class GaussianState(Protocol):
     """All arrays with one row per Gaussian, with their gradients and moments. The interface uses only numpy arrays, so
     that losses, strategies, and checkpoints do not depend on the device."""
 

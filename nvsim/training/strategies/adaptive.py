@@ -13,10 +13,10 @@ from numpy.typing import NDArray
 
 from nvsim.geometry.floor_surface import FloorSurface
 from nvsim.splats.types import Gaussians, joined
-from nvsim.training.strategies.capped import neediest
+from nvsim.training.strategies.capped import largest_gradients
 from nvsim.training.strategies.config import DensifyConfig
 from nvsim.training.strategies.division import copy_gaussians, find_removable, logit, split
-from nvsim.training.strategies.types import Float32, Model, Refinement, mean_gradient
+from nvsim.training.strategies.types import Float32, GaussianModel, Refinement, mean_gradient
 
 
 class Adaptive:
@@ -27,29 +27,29 @@ class Adaptive:
     ) -> None:
         self._config, self._steps, self._cap, self._floor, self._rng = config, steps, cap, floor, rng
 
-    def before_update(self, model: Model, step: int) -> None:
+    def before_update(self, model: GaussianModel, step: int) -> None:
         """Does nothing."""
 
-    def after_update(self, model: Model, step: int) -> None:
+    def after_update(self, model: GaussianModel, step: int) -> None:
         """Refines or resets if it is due. Culling continues after growth has stopped, as in Splatfacto."""
-        if step % self._config.every == 0 and not self.rests(step):
+        if step % self._config.every == 0 and not self.is_paused(step):
             model.refine(self.refined(model.gaussians, model.sums, step))
-        if self.resets(step):
+        if self.is_reset_due(step):
             limit = logit(np.array([self._config.adaptive.reset_opacity]))
             logits = model.gaussians.opacity_logits
             np.minimum(logits, limit, out=logits)
             model.forget("opacity_logits")
 
-    def grows(self, step: int) -> bool:
+    def is_growing(self, step: int) -> bool:
         """Whether Gaussians are added in a refinement after `step`."""
         return self._config.start * self._steps <= step <= self._config.stop * self._steps
 
-    def resets(self, step: int) -> bool:
+    def is_reset_due(self, step: int) -> bool:
         """Whether the opacity is reset after `step`: at multiples of the interval while the model grows."""
         interval = self._interval
         return interval > 0 and step % interval == 0 and step <= self._config.stop * self._steps
 
-    def rests(self, step: int) -> bool:
+    def is_paused(self, step: int) -> bool:
         """Whether `step` is in the pause after a reset."""
         interval = self._interval
         if interval == 0 or step <= interval:
@@ -63,7 +63,7 @@ class Adaptive:
         return max(int(share * self._steps), 1) if share > 0 else 0
 
     def refined(self, gaussians: Gaussians, sums: Float32, step: int) -> Refinement:
-        """The refinement after `step`; `sums` (N, 3) as in `Model`."""
+        """The refinement after `step`; `sums` (N, 3) as in `GaussianModel`."""
         c, rules = self._config, self._config.adaptive
         lost = find_removable(gaussians, c.prune_opacity, c.largest, self._floor)
         on_screen = step <= rules.screen_stop * self._steps
@@ -71,7 +71,7 @@ class Adaptive:
         if on_screen and rules.screen_cull > 0 and step > self._interval > 0:
             lost |= sums[:, 2] > rules.screen_cull
         cloned = halved = np.zeros(0, np.int64)
-        if self.grows(step):
+        if self.is_growing(step):
             cloned, halved = self._chosen(gaussians, sums, lost, on_screen)
         stays = ~lost
         stays[halved] = False
@@ -87,6 +87,6 @@ class Adaptive:
         small = gaussians.log_scales.max(axis=1) <= np.log(rules.small)
         wide = (sums[:, 2] > rules.screen_split) if on_screen and rules.screen_split > 0 else np.zeros_like(lost)
         wanting = np.flatnonzero(((gradient > rules.gradient) | wide) & ~lost)
-        chosen = neediest(wanting, gradient, self._cap - int((~lost).sum()))
+        chosen = largest_gradients(wanting, gradient, self._cap - int((~lost).sum()))
         cloning = small[chosen] & ~wide[chosen]
         return chosen[cloning], chosen[~cloning]

@@ -13,7 +13,7 @@ from nvsim.geometry.floor_surface import FloorSurface
 from nvsim.splats.types import Gaussians
 from nvsim.training.strategies.config import DensifyConfig
 from nvsim.training.strategies.division import divide, find_removable
-from nvsim.training.strategies.types import Float32, Model, Refinement, mean_gradient
+from nvsim.training.strategies.types import Float32, GaussianModel, Refinement, mean_gradient
 
 
 class Capped:
@@ -22,10 +22,10 @@ class Capped:
     def __init__(self, config: DensifyConfig, steps: int, cap: int, floor: FloorSurface | None) -> None:
         self._config, self._steps, self._cap, self._floor = config, steps, cap, floor
 
-    def before_update(self, model: Model, step: int) -> None:
+    def before_update(self, model: GaussianModel, step: int) -> None:
         """Does nothing."""
 
-    def after_update(self, model: Model, step: int) -> None:
+    def after_update(self, model: GaussianModel, step: int) -> None:
         """Refines if it is due."""
         c = self._config
         if step % c.every == 0 and step <= c.stop * self._steps:
@@ -38,13 +38,13 @@ class Capped:
         room = self._cap - (len(gaussians) - int(lost.sum()))
         budget = min(room, int(c.capped.growth * len(gaussians))) if grows else 0
         wanting = np.flatnonzero((gradient > c.capped.gradient) & ~lost)
-        wanting = neediest(wanting, gradient, budget)
+        wanting = largest_gradients(wanting, gradient, budget)
         stays = ~lost
         stays[wanting] = False
         return Refinement(np.flatnonzero(stays), divide(gaussians, wanting), np.concatenate([wanting, wanting]))
 
 
-def neediest(wanting: np.ndarray, gradient: Float32, budget: int) -> np.ndarray:
+def largest_gradients(wanting: np.ndarray, gradient: Float32, budget: int) -> np.ndarray:
     """At most `budget` of the indices `wanting` (W,), those with the largest `gradient` (N,), in order."""
     if budget <= 0:
         return wanting[:0]

@@ -9,16 +9,16 @@ from nvsim.training.config import TrainingConfig
 from nvsim.training.strategies.adaptive import Adaptive
 from nvsim.training.strategies.capped import Capped
 from nvsim.training.strategies.mcmc import Mcmc
-from nvsim.training.strategies.types import Model, Strategy
+from nvsim.training.strategies.types import GaussianModel, Strategy
 
 
 class Fixed:
     """The strategy without densification."""
 
-    def before_update(self, model: Model, step: int) -> None:
+    def before_update(self, model: GaussianModel, step: int) -> None:
         """Does nothing."""
 
-    def after_update(self, model: Model, step: int) -> None:
+    def after_update(self, model: GaussianModel, step: int) -> None:
         """Does nothing."""
 
 

@@ -16,7 +16,7 @@ from nvsim.geometry.rotation import matrix_from_quaternion
 from nvsim.splats.types import Gaussians, joined
 from nvsim.training.strategies.config import DensifyConfig
 from nvsim.training.strategies.division import copy_gaussians, find_removable, logit, opacities
-from nvsim.training.strategies.types import Model, Refinement
+from nvsim.training.strategies.types import GaussianModel, Refinement
 
 GATE, STEEPNESS = 0.005, 100.0
 """Opacity at which the noise fades out, and the slope of that logistic curve."""
@@ -42,7 +42,7 @@ class Mcmc:
         self._config, self._steps, self._cap, self._floor, self._rng = config, steps, cap, floor, rng
         self._rates = rate, rate_end
 
-    def before_update(self, model: Model, step: int) -> None:
+    def before_update(self, model: GaussianModel, step: int) -> None:
         """Adds the gradients of the mean opacity and the mean size."""
         c, g, d = self._config.mcmc, model.gaussians, model.gradients
         n = max(len(g), 1)
@@ -52,7 +52,7 @@ class Mcmc:
         if c.scale > 0:
             d.log_scales += np.float32(c.scale / (3 * n)) * np.exp(g.log_scales)
 
-    def after_update(self, model: Model, step: int) -> None:
+    def after_update(self, model: GaussianModel, step: int) -> None:
         """Relocates and adds Gaussians if it is due; then adds noise."""
         c = self._config
         if step % c.every == 0 and c.start * self._steps <= step <= c.stop * self._steps:

@@ -29,7 +29,7 @@ class Refinement:
         return len(self.kept) + len(self.born)
 
 
-class Model(Protocol):
+class GaussianModel(Protocol):
     """The Gaussians under training. `gaussians` and `gradients` are the live arrays."""
 
     @property
@@ -57,11 +57,11 @@ class Strategy(Protocol):
     """A densification strategy. Steps count from 1. All state between steps is in the model, the step number, and the
     random generator, so a checkpoint needs only these."""
 
-    def before_update(self, model: Model, step: int) -> None:
+    def before_update(self, model: GaussianModel, step: int) -> None:
         """Called when the gradients of a step are known; can add to them."""
         ...
 
-    def after_update(self, model: Model, step: int) -> None:
+    def after_update(self, model: GaussianModel, step: int) -> None:
         """Called after the optimizer updated the parameters; can move, add, and remove Gaussians."""
         ...
 

@@ -24,10 +24,10 @@ def readers() -> list[Reader]:
 
 
 def _rows():
-    from nvsim.r2r.features.feature_files import Place
+    from nvsim.r2r.features.feature_files import RowSource
 
     numbers = np.random.default_rng(0).standard_normal((36, _WIDTH)).astype(np.float32)
-    return [(Place(scan, viewpoint, (640, 480)), numbers) for scan, viewpoint in _KEYS]
+    return [(RowSource(scan, viewpoint, (640, 480)), numbers) for scan, viewpoint in _KEYS]
 
 
 def _hdf5() -> list[Seed]:

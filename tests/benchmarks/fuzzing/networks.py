@@ -66,14 +66,14 @@ def _lpips(path: Path) -> object:
 
 
 def _descriptions() -> list[Seed]:
-    from nvsim.networks.ready import FOLDER
+    from nvsim.networks.known_forms import FOLDER
 
     files = files_in(FOLDER)
     return each(files, "", {name: "text" for name in files})
 
 
 def _described(path: Path) -> object:
-    from nvsim.networks.ready import read_description
+    from nvsim.networks.known_forms import read_description
 
     return [read_description(file) for file in sorted(path.glob("*.toml"))]
 
@@ -96,8 +96,8 @@ def _added() -> list[Seed]:
 
 def _add(path: Path) -> object:
     """Adds a model as `nvsim models add` and `nvsim models check` do."""
-    from nvsim.networks.adding import add
     from nvsim.networks.folder import VARIABLE
+    from nvsim.networks.installation import add
 
     os.environ[VARIABLE] = str(path / "models")
     return add([path / "new"]).digest()

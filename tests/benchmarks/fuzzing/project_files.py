@@ -103,7 +103,7 @@ def _thumbnails(path: Path) -> object:
     from dataclasses import replace
     from multiprocessing import Pipe
 
-    from nvsim_app.frames.worker import Failed, Worker
+    from nvsim_app.frames.worker import FailedRequest, Worker
     from nvsim_app.processes.serving import Requests
 
     said: list[object] = []
@@ -119,7 +119,7 @@ def _thumbnails(path: Path) -> object:
         worker._step()
     worker._project.close()
     for answer in said:
-        if isinstance(answer, Failed) and answer.sentence.startswith("Unexpected error"):
+        if isinstance(answer, FailedRequest) and answer.sentence.startswith("Unexpected error"):
             raise RuntimeError(answer.sentence)
     return said
 
@@ -151,10 +151,10 @@ def _failed(path: Path) -> object:
 
 
 def _orders() -> list[Seed]:
-    from nvsim.project.jobs.files import Order, encode_order, order_path
+    from nvsim.project.jobs.files import JobCommand, encode_order, order_path
 
     with workshop() as folder:
-        text = encode_order(folder, 1, Order("map", ("--project", "x"), "A map"))
+        text = encode_order(folder, 1, JobCommand("map", ("--project", "x"), "A map"))
     name = order_path(Path()).name
     return [Seed({name: text.encode()}, name, "", "json")]
 

@@ -84,9 +84,9 @@ def _unfinished() -> list[Seed]:
 
 
 def _finished(path: Path) -> object:
-    from nvsim.r2r.observations.record import Record
+    from nvsim.r2r.observations.record import ScanRecord
 
-    record = Record(_places(path), only_look=True)
+    record = ScanRecord(_places(path), only_look=True)
     return [record.finished(name, "key") for name in record.parts]
 
 
@@ -130,7 +130,7 @@ def _seen(path: Path) -> object:
     """Reads the surroundings of viewpoints as the generation of tasks does."""
     from nvsim.graph.connectivity import read_connectivity
     from nvsim.r2r.observations.skybox import visible_from
-    from nvsim.r2r.surroundings.seen import has_depth, look_around
+    from nvsim.r2r.surroundings.visibility import has_depth, look_around
 
     places = _places(path)
     graph = read_connectivity(places.connectivity)

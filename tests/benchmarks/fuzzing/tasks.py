@@ -124,11 +124,11 @@ def _agents() -> list[Seed]:
 
     from nvsim.r2r.recurrent.dataset import SPECIAL, Vocabulary
     from nvsim.r2r.recurrent.model import RecurrentModel
-    from nvsim.r2r.recurrent.saved_agent import About, write_about, write_weights
+    from nvsim.r2r.recurrent.saved_agent import AgentDescription, write_about, write_weights
 
     words = Vocabulary((*SPECIAL, "go", "left"))
     with workshop() as folder:
-        write_about(folder, About(SMALL, words, 4, "chance", 10, {"steps": 3}, True))
+        write_about(folder, AgentDescription(SMALL, words, 4, "chance", 10, {"steps": 3}, True))
         write_weights(folder, RecurrentModel(SMALL, len(words.words), 4))
         files = files_in(folder)
     return each(files, "", {"agent.json": "json", "weights.safetensors": "tensors"})
@@ -162,7 +162,7 @@ def _judged() -> list[Seed]:
 
 def _shown(path: Path) -> object:
     """Reads images as `nvsim evaluate judge` does with two folders."""
-    from nvsim.evaluation.judging.contestants import by_folders, read_shown
+    from nvsim.evaluation.judging.compared_images import by_folders, read_shown
 
     shown = by_folders({"a": path / "a", "b": path / "b"}, None)
     return [read_shown(image).shape for view in shown for image in view.images.values()]

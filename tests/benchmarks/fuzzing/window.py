@@ -24,10 +24,12 @@ def readers() -> list[Reader]:
 def _views() -> list[Seed]:
     from nvsim_app.painting.cameras import ViewPose
     from nvsim_app.state.document import Selection
-    from nvsim_app.state.view_state_store import Left, encode
+    from nvsim_app.state.view_state_store import StoredViewState, encode
 
     pose = ViewPose((1.0, 2.0, 1.5))
-    text = encode(Left(pose, "rgb", Selection(viewpoint="v1"), 3, (0, 0, 5, 5), (0.1, 0.2, 1.0), (pose, pose)))
+    text = encode(
+        StoredViewState(pose, "rgb", Selection(viewpoint="v1"), 3, (0, 0, 5, 5), (0.1, 0.2, 1.0), (pose, pose))
+    )
     return [Seed({"v.json": text.encode()}, "v.json", "v.json", "json")]
 
 
@@ -107,9 +109,9 @@ def _graphs() -> list[Seed]:
 
 def _compared(path: Path) -> object:
     from fuzzing.graphs import row
-    from nvsim_app.panels.comparison import Compared, read_graph
+    from nvsim_app.panels.comparison import ComparedGraphs, read_graph
 
-    return Compared.of("other", row(), read_graph(path)).comparison.deviations
+    return ComparedGraphs.of("other", row(), read_graph(path)).comparison.deviations
 
 
 _NAMES = ("a.ply", "a.splat", "a.json", "a_connectivity.json", "a.yaml", "a.bt", "a", "meta.json", "transforms.json")

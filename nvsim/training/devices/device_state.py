@@ -5,16 +5,16 @@ from __future__ import annotations
 from nvsim.splats.types import Gaussians
 from nvsim.training.config import TrainingConfig
 from nvsim.training.devices import choice
-from nvsim.training.devices.host import OnHost
-from nvsim.training.devices.types import Held
+from nvsim.training.devices.host import HostGaussianState
+from nvsim.training.devices.types import GaussianState
 from nvsim.training.networks import Networks
 
 
-def hold_on_device(gaussians: Gaussians, networks: Networks | None, config: TrainingConfig) -> Held:
+def hold_on_device(gaussians: Gaussians, networks: Networks | None, config: TrainingConfig) -> GaussianState:
     """The Gaussians on the device `config.device`. Raises InputError as `choice.gpu_name` does."""
     place = choice.gpu_name(config.device)
     if place is None:
-        return OnHost(gaussians, networks, config.rate)
-    from nvsim.training.devices.card import OnCard
+        return HostGaussianState(gaussians, networks, config.rate)
+    from nvsim.training.devices.card import CardGaussianState
 
-    return OnCard(gaussians, networks, config.rate, place)
+    return CardGaussianState(gaussians, networks, config.rate, place)

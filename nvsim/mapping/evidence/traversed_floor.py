@@ -30,7 +30,7 @@ class TraversedFloor:
         self._tells = not scanned
         self._places = places_between(np.reshape(positions, (-1, 3)), _BETWEEN, JUMP)
         self._tree = cKDTree(self._places[:, :2])
-        self._squares = _Squares(self._places) if self._tells else None
+        self._squares = _PositionGrid(self._places) if self._tells else None
 
     def at(self, points: NDArray[np.floating]) -> NDArray[np.bool_]:
         """Return (...) bool: whether the camera was carried over floor points (..., 3), meters, or right beside
@@ -50,7 +50,7 @@ class TraversedFloor:
         return self._squares.beneath(points)
 
 
-class _Squares:
+class _PositionGrid:
     """The positions (P, 3) of a carried camera in squares, so that a search reads nine of them. A tree takes six times
     as long for the few hundred points of a corridor."""
 

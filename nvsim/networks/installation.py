@@ -16,15 +16,15 @@ from nvsim.files.placeholders import is_metadata_name
 from nvsim.files.reading import as_reading_error
 from nvsim.networks.description import Description, File
 from nvsim.networks.folder import models_folder
-from nvsim.networks.installed import BUNDLED, DESCRIPTION, Model, model_at, signature_of
-from nvsim.networks.ready import fitting, known_descriptions, read_description
+from nvsim.networks.installed import BUNDLED, DESCRIPTION, InstalledModel, model_at, signature_of
+from nvsim.networks.known_forms import fitting, known_descriptions, read_description
 
 _BESIDE = ("{stem}.onnx.data", "{stem}.onnx_data", "{stem}.data", "{stem}.bin")
 """File names that exporters give to the weights of a large network."""
 _LETTERS = frozenset("abcdefghijklmnopqrstuvwxyzABCDEFGHIJKLMNOPQRSTUVWXYZ0123456789-_.+")
 
 
-def add(paths: Sequence[Path], name: str = "", form: str = "", replace: bool = False) -> Model:
+def add(paths: Sequence[Path], name: str = "", form: str = "", replace: bool = False) -> InstalledModel:
     """Install the ONNX files at `paths`, which are files or folders, as one model.
 
     Without a `name`, the model gets the name of the known model that the files are named after. A TOML among the files
@@ -34,7 +34,7 @@ def add(paths: Sequence[Path], name: str = "", form: str = "", replace: bool = F
     Raises InputError if no description matches, if a model of that name exists and `replace` is False, or if the files
     cannot be written. Nothing is changed in these cases.
     """
-    networks, toml = _found(paths)
+    networks, toml = _find_model_files(paths)
     if toml is not None:
         return _install(networks, toml.parent, read_description(toml), None, name or _own_name(toml), replace, toml)
     found = _form(networks, form)
@@ -43,7 +43,7 @@ def add(paths: Sequence[Path], name: str = "", form: str = "", replace: bool = F
     return _install(networks, networks[0].parent, description, found, chosen, replace, None)
 
 
-def _found(paths: Sequence[Path]) -> tuple[list[Path], Path | None]:
+def _find_model_files(paths: Sequence[Path]) -> tuple[list[Path], Path | None]:
     """The ONNX files, and the TOML that describes them, None without one."""
     every: list[Path] = []
     for path in paths:
@@ -102,7 +102,7 @@ def _install(
     name: str,
     replace: bool,
     toml: Path | None,
-) -> Model:
+) -> InstalledModel:
     if not name or not set(name) <= _LETTERS or name.startswith(".") or len(name) > 80:
         raise InputError(f"A model cannot be called {name!r:.80}; use letters, digits, - and . (--name NAME).")
     if name.startswith(BUNDLED):
@@ -124,11 +124,11 @@ def _install(
         else:
             write_text(made / DESCRIPTION, _written(form[0], files, sums))
         model_at(made / DESCRIPTION).open("cpu")
-        _put(made, target)
+        _install_folder(made, target)
     return model_at(target / DESCRIPTION)
 
 
-def _put(made: Path, target: Path) -> None:
+def _install_folder(made: Path, target: Path) -> None:
     """Move a complete model to its final folder. An existing model is moved away first, and restored if the move
     fails."""
     old = made.with_name(made.name + "-old")

@@ -57,13 +57,13 @@ def connect_to_cluster(address: str) -> Iterator[ModuleType]:
 
     # In a thread because it may wait forever. In a thread, Ray also leaves the command's signal handlers unchanged.
     thread = threading.Thread(target=begin, daemon=True)
-    with _silenced():
+    with _suppress_native_lines():
         thread.start()
         thread.join(_LIMIT)
     if thread.is_alive():
         raise InputError(f"The Ray cluster at {address} did not answer in {_LIMIT:.0f} s; check that its head runs.")
     if failed:
-        raise InputError(_why(address, failed[0])) from failed[0]
+        raise InputError(_explain_failure(address, failed[0])) from failed[0]
     if threading.current_thread() is threading.main_thread():
         for number in (signal.SIGTERM, signal.SIGINT):  # Ray's own handler prints a trace before it passes them on
             signal.signal(number, signal.getsignal(number))
@@ -78,7 +78,7 @@ def _unheard(*_: object, **__: object) -> None:
 
 
 @contextlib.contextmanager
-def _silenced() -> Iterator[None]:
+def _suppress_native_lines() -> Iterator[None]:
     """Suppresses lines that Ray writes to stderr from native code, one per second while a head refuses access."""
     sys.stderr.flush()
     kept = os.dup(2)
@@ -102,7 +102,7 @@ def _parsed(address: str) -> tuple[str, int]:
     return host.strip("[]"), int(port)
 
 
-def _why(address: str, error: BaseException) -> str:
+def _explain_failure(address: str, error: BaseException) -> str:
     words = " ".join(str(error).split())
     if address == "auto" and isinstance(error, ConnectionError) and "Could not find" in words:
         return (

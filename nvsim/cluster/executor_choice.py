@@ -19,7 +19,7 @@ def open_executor(config: ClusterConfig) -> Iterator[Executor]:
     if config.executor == "local":
         yield LocalPool()
         return
-    from nvsim.cluster.connecting import connect_to_cluster
+    from nvsim.cluster.ray_connection import connect_to_cluster
     from nvsim.cluster.ray_pool import RayPool
 
     with connect_to_cluster(config.address) as ray:

@@ -134,7 +134,7 @@ def _lines(layers: Layers, ends: list[tuple[NDArray[np.floating], NDArray[np.flo
 
 
 @dataclass(frozen=True, eq=False)
-class Walk:
+class ActionPath:
     """The actions along a path and the poses before them.
 
     actions   from the start; the last one is STOP
@@ -147,7 +147,7 @@ class Walk:
     headings: NDArray[np.float64]
 
 
-def walk_along(space: FreeSpace, path: NDArray[np.floating], heading: float, turn: int = TURN) -> Walk | None:
+def walk_along(space: FreeSpace, path: NDArray[np.floating], heading: float, turn: int = TURN) -> ActionPath | None:
     """Finds a nearly minimal sequence of collision-free actions along a path.
 
     The robot starts at the first point of `path` (M, 2 or more), meters, world, with heading `heading` (radians). It
@@ -202,7 +202,7 @@ def _is_free(space: FreeSpace, a: tuple[float, float], b: tuple[float, float]) -
     return bool(space.is_free(np.array(a) + shares * (np.array(b) - np.array(a))).all())
 
 
-def _back(closed: list[tuple[float, float, int, int, int]], heading: float, turn: int) -> Walk:
+def _back(closed: list[tuple[float, float, int, int, int]], heading: float, turn: int) -> ActionPath:
     chain = [len(closed) - 1]
     while closed[chain[-1]][3] >= 0:
         chain.append(closed[chain[-1]][3])
@@ -210,4 +210,4 @@ def _back(closed: list[tuple[float, float, int, int, int]], heading: float, turn
     actions = (*(state[4] for state in states[1:]), STOP)
     places = np.array([state[:2] for state in states], np.float64)
     turns = heading + np.radians(turn) * np.array([state[2] for state in states])
-    return Walk(actions, places, np.asarray(turns % (2 * math.pi)))
+    return ActionPath(actions, places, np.asarray(turns % (2 * math.pi)))

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from nvsim.geometry.cells import grid_size
 from nvsim.mapping.corridor import SupportAt
-from nvsim.mapping.evidence.climbing import JUMP
+from nvsim.mapping.evidence.traversed_floor import JUMP
 from nvsim.mapping.search.graph_builder import GraphBuilder
 from nvsim.submaps.storeys import storeys_of
 
@@ -156,7 +156,7 @@ def _apart(a: NDArray[np.float64], b: NDArray[np.float64]) -> float:
     return float(np.linalg.norm(a - b))
 
 
-class Covered:
+class CoveredPositions:
     """The positions of the trajectory that are done. A position is done if it is covered and a viewpoint near it was
     expanded. It is also done if a search that began there found no room. Positions stay done."""
 

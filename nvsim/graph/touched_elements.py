@@ -20,34 +20,34 @@ _NAME = "_trace"
 
 
 @dataclass(frozen=True)
-class Touched:
+class TouchedElements:
     """Ids and keys that an edit added, replaced or removed."""
 
     viewpoints: tuple[str, ...] = ()
     edges: tuple[EdgeKey, ...] = ()
     evidence: tuple[EvidenceKey, ...] = ()
 
-    def then(self, later: Touched) -> Touched:
+    def then(self, later: TouchedElements) -> TouchedElements:
         """Return the elements that this edit and a later one touched, each name once."""
-        return Touched(
+        return TouchedElements(
             _both(self.viewpoints, later.viewpoints),
             _both(self.edges, later.edges),
             _both(self.evidence, later.evidence),
         )
 
 
-def remember(after: NavGraph, before: NavGraph, touched: Touched) -> None:
+def remember(after: NavGraph, before: NavGraph, touched: TouchedElements) -> None:
     """Store a note on `after`: it equals `before` except for the touched elements."""
     after.__dict__[_NAME] = (weakref.ref(before), touched)
 
 
-def touched_between(one: NavGraph, other: NavGraph) -> Touched | None:
+def touched_between(one: NavGraph, other: NavGraph) -> TouchedElements | None:
     """Return the elements that the edits between two graphs touched, in either direction. None if no notes connect the
     graphs."""
     return _walk(one, other) or _walk(other, one)
 
 
-def shorten(after: NavGraph, before: NavGraph) -> None:
+def shorten_note(after: NavGraph, before: NavGraph) -> None:
     """Let the note on `after` refer directly to `before`. Use this if the graphs between them are about to be
     deleted."""
     touched = _walk(before, after)
@@ -55,8 +55,8 @@ def shorten(after: NavGraph, before: NavGraph) -> None:
         remember(after, before, touched)
 
 
-def _walk(before: NavGraph, after: NavGraph) -> Touched | None:
-    found, at = Touched(), after
+def _walk(before: NavGraph, after: NavGraph) -> TouchedElements | None:
+    found, at = TouchedElements(), after
     for _ in range(_FAR):
         if at is before:
             return found
@@ -64,7 +64,7 @@ def _walk(before: NavGraph, after: NavGraph) -> Touched | None:
         earlier = None if note is None else note[0]()
         if note is None or earlier is None:
             return None
-        found, at = (note[1].then(found) if found != Touched() else note[1]), earlier
+        found, at = (note[1].then(found) if found != TouchedElements() else note[1]), earlier
     return None
 
 

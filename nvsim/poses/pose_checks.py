@@ -13,8 +13,8 @@ from nvsim.capture.findings import Finding, Severity
 from nvsim.capture.raw import RawFrame
 from nvsim.capture.types import Alignment, Capture, Frame
 from nvsim.poses.agreement import AGREES, Evidence, evidence_of, match_errors
-from nvsim.poses.causes import explain
 from nvsim.poses.overlap import Overlaps, find_overlaps
+from nvsim.poses.pose_mistakes import explain
 from nvsim.poses.refinement import is_good, median_epipolar_error
 
 _PAIRS, _FRAMES = 8, 5  # image pairs, and frames in them, below which the check makes no claim

@@ -169,7 +169,7 @@ def _requaternioned(rotations: Float, turn: int) -> Float:
 
 
 @dataclass(frozen=True)
-class _Change:
+class _LensChange:
     """A change of a lens: factors of the `focal` lengths (x, y) and of the `distortion`. `middle` is the shift of the
     principal point as a share of width and height."""
 
@@ -193,19 +193,21 @@ def _lens_explanation(poses: Float, evidence: Evidence) -> Explanation | None:
     rows[np.unique(np.linspace(0, len(evidence) - 1, min(_PAIRS, len(evidence))).astype(int))] = True
     sample = evidence.only(rows)
 
-    def left(change: _Change) -> Float:
+    def left(change: _LensChange) -> Float:
         kinds = [change.of(lens) for lens in sample.kinds]
         # Use the longer focal length: with an ever shorter one, errors in pixels would shrink to zero.
         focal = np.maximum(sample.focal(kinds), sample.focal())
         return match_errors(poses, sample, sample.rays(kinds), focal)
 
-    def cost(change: _Change) -> float:
+    def cost(change: _LensChange) -> float:
         return float(np.mean(np.log1p(left(change))))
 
     factors = np.exp(np.linspace(-1, 1, 27))
-    start = min(factors, key=lambda f: cost(_Change((f, f))))
+    start = min(factors, key=lambda f: cost(_LensChange((f, f))))
 
-    def fitted(parameters: Callable[[Float], _Change], first: Sequence[float], steps: Sequence[float]) -> _Change:
+    def fitted(
+        parameters: Callable[[Float], _LensChange], first: Sequence[float], steps: Sequence[float]
+    ) -> _LensChange:
         simplex = np.array([first, *(np.array(first) + np.diag(steps))])
         options = {"initial_simplex": simplex, "maxiter": 40 * len(first), "xatol": 1e-3, "fatol": 1e-3}
         bounds = [(-_LONGER, _LONGER) if step < 0.1 else (-_ASIDE, _ASIDE) for step in steps]
@@ -214,16 +216,18 @@ def _lens_explanation(poses: Float, evidence: Evidence) -> Explanation | None:
 
     lens = sample.kinds[0]
     (fx, fy), (cx, cy) = lens.focal, lens.principal_point
-    options = [fitted(lambda v: _Change((np.exp(v[0]), np.exp(v[0]))), [np.log(start)], [0.05])]
+    options = [fitted(lambda v: _LensChange((np.exp(v[0]), np.exp(v[0]))), [np.log(start)], [0.05])]
     if lens.is_distorted:
-        options += [_Change(distortion=-1.0), _Change(distortion=0.0)]
+        options += [_LensChange(distortion=-1.0), _LensChange(distortion=0.0)]
     options += [
-        _Change((fy / fx, fx / fy)),
-        _Change(middle=((cy - cx) / lens.width, (cx - cy) / lens.height)),
-        fitted(lambda v: _Change(middle=(v[0], v[1])), [0.0, 0.0], [0.1, 0.1]),
-        fitted(lambda v: _Change((np.exp(v[0]), np.exp(v[1]))), [np.log(start)] * 2, [0.05, 0.05]),
+        _LensChange((fy / fx, fx / fy)),
+        _LensChange(middle=((cy - cx) / lens.width, (cx - cy) / lens.height)),
+        fitted(lambda v: _LensChange(middle=(v[0], v[1])), [0.0, 0.0], [0.1, 0.1]),
+        fitted(lambda v: _LensChange((np.exp(v[0]), np.exp(v[1]))), [np.log(start)] * 2, [0.05, 0.05]),
         fitted(
-            lambda v: _Change((np.exp(v[0]), np.exp(v[0])), (v[1], v[2])), [np.log(start), 0.0, 0.0], [0.05, 0.1, 0.1]
+            lambda v: _LensChange((np.exp(v[0]), np.exp(v[0])), (v[1], v[2])),
+            [np.log(start), 0.0, 0.0],
+            [0.05, 0.1, 0.1],
         ),
     ]
     costs = [cost(option) for option in options]
@@ -236,7 +240,7 @@ def _lens_explanation(poses: Float, evidence: Evidence) -> Explanation | None:
     return Explanation(words, "", share, miss, is_lens=True)
 
 
-def _lens_words(lens: Lens, change: _Change) -> str:
+def _lens_words(lens: Lens, change: _LensChange) -> str:
     fitting, parts = change.of(lens), []
     (fx, fy), (cx, cy) = lens.focal, lens.principal_point
     (gx, gy), (dx, dy) = fitting.focal, fitting.principal_point

@@ -17,7 +17,7 @@ DETOUR = 1.5  # maximum ratio by which a path may become longer
 _ROUNDING = 1e-6  # meters, more than the rounding error of a path
 
 
-class Ways:
+class DraftGraph:
     """Viewpoints of `draft` and edges between them. Other viewpoints are ignored."""
 
     def __init__(self, draft: GraphBuilder) -> None:
@@ -67,13 +67,13 @@ class Ways:
     def metres(self, a: str, b: str, most: float = math.inf) -> float:
         """Return the length in meters of the shortest path from one viewpoint to another; infinite if it is longer than
         `most`."""
-        return self._spread(a, most, b).get(b, math.inf)
+        return self._path_lengths_from(a, most, b).get(b, math.inf)
 
     def all_metres(self, start: str, most: float) -> dict[str, float]:
         """Return id -> meters from `start`, for all viewpoints that are at most `most` away."""
-        return self._spread(start, most)
+        return self._path_lengths_from(start, most)
 
-    def _spread(self, start: str, most: float, until: str | None = None) -> dict[str, float]:
+    def _path_lengths_from(self, start: str, most: float, until: str | None = None) -> dict[str, float]:
         """Return id -> meters from `start`, the nearest first, for all viewpoints that are at most `most` away. With
         `until`, the search ends there, and viewpoints are skipped if a path over them must exceed `most`. Dijkstra's
         algorithm; networkx takes ten times as long for such short paths, which are most of the work of settling."""
@@ -134,7 +134,7 @@ class Ways:
 _FAR = 12.0  # meters: maximum length of paths that part and meet again
 
 
-def remove_ties(ways: Ways) -> None:
+def remove_ties(ways: DraftGraph) -> None:
     """Remove edges until, of two paths that part and meet again, one is shorter by a centimeter, as far as edges can be
     spared. Each removed edge is the last one of such a path, the longer edge first. Paths of up to 12 m are examined,
     from one viewpoint after the other."""
@@ -142,14 +142,14 @@ def remove_ties(ways: Ways) -> None:
     while waiting:  # a removed edge can cause new ties
         for start in sorted(ways):
             while start in waiting:
-                touched = _untie_from(ways, start)
+                touched = _remove_tie_from(ways, start)
                 if touched:
                     waiting |= touched
                 else:
                     waiting.remove(start)
 
 
-def _untie_from(ways: Ways, start: str) -> set[str]:
+def _remove_tie_from(ways: DraftGraph, start: str) -> set[str]:
     """Remove one edge, and return the viewpoints with paths within 12 m that may have used it. Returns an empty set if
     no paths from `start` are tied, or if no edge can be spared."""
     metres = ways.all_metres(start, _FAR)
@@ -163,7 +163,7 @@ def _untie_from(ways: Ways, start: str) -> set[str]:
     return set()
 
 
-def _last(ways: Ways, metres: dict[str, float], end: str) -> list[str]:
+def _last(ways: DraftGraph, metres: dict[str, float], end: str) -> list[str]:
     """Return the viewpoints before `end` on paths from the start that are as short as the shortest, the farthest from
     `end` first."""
     edges = [(length, id) for id, length in ways.around(end) if metres.get(id, math.inf) < metres[end]]

@@ -23,13 +23,13 @@ from nvsim.training.background.floor_rays import meet_floor
 from nvsim.training.background.harmonics import evaluate, evaluate_gradient, pack_camera
 from nvsim.training.background.texture import LearnedTexture
 from nvsim.training.config import LossConfig, TrainingConfig
-from nvsim.training.devices.held import hold_on_device
+from nvsim.training.devices.device_state import hold_on_device
 from nvsim.training.devices.types import FEATURES, Stopwatch
 from nvsim.training.exposure import Exposure
 from nvsim.training.loss.alpha import alpha_loss
 from nvsim.training.loss.floor_aware import FloorAwareLoss, LossValues
 from nvsim.training.networks import Networks
-from nvsim.training.optimizer import Group
+from nvsim.training.optimizer import ParameterGroup
 from nvsim.training.strategies.types import Refinement
 from nvsim.training.views import TrainingView
 
@@ -86,7 +86,7 @@ STEP_PARTS = (
 """The parts of a step, in order."""
 
 
-class Fit:
+class ModelFit:
     """The parameters of a model under training, their moments, and the statistics for densification.
 
     held    the Gaussians, on the CPU or a GPU
@@ -108,10 +108,10 @@ class Fit:
         self.networks, self.texture = networks, texture
         self.parts: dict[str, float] = {}
         self.held = hold_on_device(gaussians, networks, config)
-        self.groups: dict[str, Group] = {} if networks is None else networks.groups()
+        self.groups: dict[str, ParameterGroup] = {} if networks is None else networks.groups()
         self._painter = None if networks is None else networks.background
         if texture is not None:
-            self.groups["texture"] = Group.of(texture.values, config.rate.texture, texture.gradient)
+            self.groups["texture"] = ParameterGroup.of(texture.values, config.rate.texture, texture.gradient)
         self._canvases: dict[tuple[int, int], ViewBuffers] = {}
         self._heights, self._grid = pack_floor(floor)
         self._share = 0.0

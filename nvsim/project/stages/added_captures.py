@@ -9,9 +9,9 @@ from __future__ import annotations
 from dataclasses import replace
 from pathlib import Path
 
+from nvsim.capture.excluded_frames import expand_list, names_in
 from nvsim.capture.findings import Findings
 from nvsim.capture.formats import read_raw
-from nvsim.capture.left_out import expand_list, names_in
 from nvsim.capture.multi_capture import SUFFIX, labels, listed_captures, write_list
 from nvsim.capture.types import Capture
 from nvsim.errors import InputError
@@ -54,7 +54,7 @@ def run(project: Project, source: Path, listen: Listener, leave_out: str = "") -
     carried: list[tuple[Path, Path]] = []
     try:
         write_list([*held, *new], path)
-        _carry(project, former, labels(held)[0] if former.source.suffix != SUFFIX else "", carried)
+        _copy_corrections(project, former, labels(held)[0] if former.source.suffix != SUFFIX else "", carried)
         config = _left_out(project, former, labels(held)[0], leave_out)
         capture = imported.run(project, path, config, listen, former.alignment)
     except BaseException:  # also an interruption by the user
@@ -90,7 +90,7 @@ def _left_out(project: Project, former: Capture, label: str, more: str) -> Captu
     return replace(config, leave_out=",".join(part for part in (before, more) if part), model="")
 
 
-def _carry(project: Project, former: Capture, label: str, carried: list[tuple[Path, Path]]) -> None:
+def _copy_corrections(project: Project, former: Capture, label: str, carried: list[tuple[Path, Path]]) -> None:
     """Copies corrections to the new names of their frames. Appends (old, copy) to `carried` before each copy."""
     if not label:
         return

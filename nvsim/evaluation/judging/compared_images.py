@@ -16,7 +16,7 @@ import numpy as np
 
 from nvsim.capture.images import decode
 from nvsim.errors import InputError
-from nvsim.evaluation.ablation_runs import Row, Run, SharedViews, finished, progress_of_run, run_of
+from nvsim.evaluation.ablation_runs import AblationRow, SharedViews, TrainingRun, finished, progress_of_run, run_of
 from nvsim.evaluation.judging.views import JudgedView, Kind
 from nvsim.evaluation.scores import Image
 from nvsim.events import Listener, Progress
@@ -37,7 +37,7 @@ Draw = Callable[[Camera], Image]
 
 
 @dataclass(frozen=True, eq=False)
-class Shown:
+class ContestantImages:
     """A view with one image per model.
 
     name     name of the view
@@ -56,13 +56,13 @@ class Shown:
 
 def by_presets(
     project: Project,
-    rows: Sequence[Row],
+    rows: Sequence[AblationRow],
     submaps: Sequence[Submap],
     seed: int,
     views: Sequence[JudgedView],
     out: Path,
     listen: Listener,
-) -> list[Shown]:
+) -> list[ContestantImages]:
     """Renders the views with presets of one project, using the models of the ablation. Missing models are trained."""
     runs = {(row.name, s.index): run_of(project, s, row.config, seed) for row in rows for s in submaps}
     todo = [run for run in {run.folder: run for run in runs.values()}.values() if not run.is_done]
@@ -79,7 +79,7 @@ def by_presets(
     return _drawn(drawers, views, out, listen)
 
 
-def _of_runs(runs: Mapping[str, Run]) -> tuple[Callable[[JudgedView], str], Callable[[JudgedView], Draw]]:
+def _of_runs(runs: Mapping[str, TrainingRun]) -> tuple[Callable[[JudgedView], str], Callable[[JudgedView], Draw]]:
     """Functions that give the key of a view and its renderer. Views are ordered by submap, so one model is in memory at
     a time."""
     held: list[tuple[str, Draw]] = []
@@ -101,7 +101,7 @@ def _of_runs(runs: Mapping[str, Run]) -> tuple[Callable[[JudgedView], str], Call
 
 def by_projects(
     projects: Mapping[str, Project], views: Sequence[JudgedView], out: Path, listen: Listener
-) -> list[Shown]:
+) -> list[ContestantImages]:
     """Renders the views with several projects of one capture. Raises InputError if a project has no models, or a
     different capture or frame."""
     first_name, first = next(iter(projects.items()))
@@ -146,7 +146,7 @@ def _drawn(
     views: Sequence[JudgedView],
     out: Path,
     listen: Listener,
-) -> list[Shown]:
+) -> list[ContestantImages]:
     images: dict[str, dict[str, Path]] = {view.name: {} for view in views}
     total = len(drawers) * len(views)
     for done, (name, view) in enumerate((name, view) for name in drawers for view in views):
@@ -157,10 +157,10 @@ def _drawn(
             rgb = (np.clip(draw(view)(view.camera), 0, 1) * 255 + 0.5).astype(np.uint8)
             atomic.write_bytes(path, cv2.imencode(".png", rgb[..., ::-1])[1].tobytes())
         images[view.name][name] = path
-    return [Shown(view.name, view.kind, view.group, images[view.name], view.photo) for view in views]
+    return [ContestantImages(view.name, view.kind, view.group, images[view.name], view.photo) for view in views]
 
 
-def by_folders(folders: Mapping[str, Path], reference: Path | None) -> list[Shown]:
+def by_folders(folders: Mapping[str, Path], reference: Path | None) -> list[ContestantImages]:
     """Reads folders of rendered images that have the same names. Images below a folder `novel` are novel views, all
     others are seen views. reference: a folder of photographs with these names, if there are any.
 
@@ -175,7 +175,7 @@ def by_folders(folders: Mapping[str, Path], reference: Path | None) -> list[Show
         )
     photos = _images_in(reference) if reference is not None else {}
     return [
-        Shown(
+        ContestantImages(
             name,
             "novel" if "novel" in Path(name).parts[:-1] else "seen",
             "",

@@ -112,7 +112,7 @@ def panorama(beside: FilesBeside, id: str, rotation: NDArray[np.float64], width:
     Returns None if the viewpoint has no image. Raises InputError if an image cannot be read.
     """
     views = _views(beside, id, rotation)
-    return _around(views, width) if views else None
+    return _sample_panorama(views, width) if views else None
 
 
 def _views(beside: FilesBeside, id: str, rotation: NDArray[np.float64]) -> list[_View]:
@@ -167,7 +167,7 @@ def _read(path: Path, together: int = 1) -> NDArray[np.uint8]:
     return np.asarray(image, np.uint8)
 
 
-def _around(views: list[_View], width: int) -> NDArray[np.uint8]:
+def _sample_panorama(views: list[_View], width: int) -> NDArray[np.uint8]:
     """Sample each pixel from the view whose axis is nearest to its ray."""
     import cv2
 

@@ -8,7 +8,7 @@ from typing import Any, Literal, get_args
 import numpy as np
 from numpy.typing import NDArray
 
-from nvsim.networks.toml_table import Table
+from nvsim.networks.toml_table import TomlTable
 
 Image = NDArray[np.uint8]
 Resize = Literal["crop", "stretch", "corner", "centre"]
@@ -49,18 +49,18 @@ class Placement:
         y = (self.top + (np.arange(self.height) + 0.5) * self.high / self.height) * h / self.rows - 0.5
         x = (self.left + (np.arange(self.width) + 0.5) * self.wide / self.width) * w / self.columns - 0.5
         # The outer half pixel of the network's image belongs to the padding, not to the image.
-        y = _within(y, self.top * h / self.rows, (self.top + self.high) * h / self.rows)
-        x = _within(x, self.left * w / self.columns, (self.left + self.wide) * w / self.columns)
-        return _between(_between(np.asarray(values, np.float32), y, -2), x, -1)
+        y = _clip_cells(y, self.top * h / self.rows, (self.top + self.high) * h / self.rows)
+        x = _clip_cells(x, self.left * w / self.columns, (self.left + self.wide) * w / self.columns)
+        return _interpolate_axis(_interpolate_axis(np.asarray(values, np.float32), y, -2), x, -1)
 
 
-def _within(at: NDArray[np.float64], first: float, last: float) -> NDArray[np.float64]:
+def _clip_cells(at: NDArray[np.float64], first: float, last: float) -> NDArray[np.float64]:
     """Indices `at` of cells, clipped to the cells that are fully between `first` and `last`, if there are any."""
     low, high = np.ceil(first - 1e-6), np.floor(last + 1e-6) - 1
     return np.clip(at, low, high) if high >= low else at
 
 
-def _between(values: NDArray[np.float32], at: NDArray[np.float64], axis: int) -> NDArray[np.float32]:
+def _interpolate_axis(values: NDArray[np.float32], at: NDArray[np.float64], axis: int) -> NDArray[np.float32]:
     """`values` at the fractional indices `at` of an axis: linear in between, constant beyond the ends."""
     last = values.shape[axis] - 1
     at = np.clip(at, 0, last)
@@ -163,7 +163,7 @@ class Preparation:
         return canvas
 
 
-def preparation_in(table: Table, needs_size: bool = True) -> Preparation:
+def preparation_in(table: TomlTable, needs_size: bool = True) -> Preparation:
     """The preparation that a table of a description defines. A dynamic size, with `multiple` and `longest`, is allowed
     only if `needs_size` is False. Raises InputError if a value is wrong."""
     height, width = table.size(MOST_PIXELS, None if needs_size else (0, 0))

@@ -9,14 +9,14 @@ import numpy as np
 from numpy.typing import NDArray
 from PySide6.QtCore import QObject, QTimer, Signal
 
-from nvsim_app.agent.child import AgentSource, Refused, Seen, Walked, WalkRequest, serve
+from nvsim_app.agent.child import AgentSource, RefusedStep, StateImage, WalkRequest, WalkState, serve
 from nvsim_app.agent.state import AgentState, Pose, Step, Walk, WalkedGraph
 from nvsim_app.layers.labels import short_id
-from nvsim_app.processes.child import RESTARTS, Program
+from nvsim_app.processes.child import RESTARTS, ChildProgram
 from nvsim_app.processes.side_process import SideProcess
 from nvsim_app.state.document import Document
 
-_PROGRAM = Program(
+_PROGRAM = ChildProgram(
     serve,
     "agent",
     "The walk cannot be simulated",
@@ -81,10 +81,10 @@ class AgentLink(SideProcess):
             self.ask_walk(self._walk)
 
     def _on_heard(self, message: object) -> None:
-        assert isinstance(message, Walked | Refused | Seen)
+        assert isinstance(message, WalkState | RefusedStep | StateImage)
         self._known = self._known or message.number >= self._unknown_since
         if message.number == self._requested:
-            kinds = {Walked: self.walked, Refused: self.refused, Seen: self.seen}
+            kinds = {WalkState: self.walked, RefusedStep: self.refused, StateImage: self.seen}
             kinds[type(message)].emit(message)
 
     def _on_restart(self) -> None:
@@ -240,21 +240,21 @@ class AgentWalk(QObject):
         self._walk, self._asked, self.drawing = walk, True, True
         self.link.ask_walk(walk)
 
-    def _on_walked(self, answer: Walked) -> None:
+    def _on_walked(self, answer: WalkState) -> None:
         self._asked = False
         self.state, self.trajectory, self.no_image = answer.state, answer.trajectory, ""
         self.changed.emit()
         while self._waiting and not self._asked:
             self._waiting.popleft()()
 
-    def _on_seen(self, answer: Seen) -> None:
+    def _on_seen(self, answer: StateImage) -> None:
         self.drawing = False
         self.pixels, self.no_image = answer.pixels, answer.why
         if answer.trace:
             self.failed.emit(answer.why, answer.trace)
         self.pictured.emit()
 
-    def _on_refused(self, answer: Refused) -> None:
+    def _on_refused(self, answer: RefusedStep) -> None:
         """Begins a new episode at the agent's viewpoint, or at the nearest one, if an edit made the walk impossible."""
         assert self._walk is not None
         self._asked = False

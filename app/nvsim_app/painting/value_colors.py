@@ -115,7 +115,7 @@ def _nowhere(value: object) -> None:
 
 
 @dataclass(frozen=True, eq=False)
-class Scale:
+class ValueScale:
     """The scale of an image of numbers.
 
     title     the measured quantity and its unit
@@ -135,10 +135,10 @@ class Scale:
 
 
 @dataclass(frozen=True, eq=False)
-class Reading:
+class ImageValues:
     """The numbers of an image, (H, W) or (H, W, 3), and their scale."""
 
-    scale: Scale
+    scale: ValueScale
     values: NDArray[Any]
 
     def at(self, x: float, y: float) -> Any:
@@ -184,22 +184,22 @@ def _confirmed_words(views: int) -> str:
     return "no depth" if views == 0 else f"confirmed by {views} image{'s' if views != 1 else ''}"
 
 
-DEPTH = Scale("Depth, m", _depth_words, _depth_share, _bar(1 - _ALONG), _depth_marks())
-ALPHA = Scale(
+DEPTH = ValueScale("Depth, m", _depth_words, _depth_share, _bar(1 - _ALONG), _depth_marks())
+ALPHA = ValueScale(
     "Alpha",
     lambda alpha: f"alpha {alpha:.2f}",
     lambda alpha: min(max(float(alpha), 0.0), 1.0),
     np.repeat((255 * _ALONG).astype(np.uint8)[:, None], 3, axis=1),
     ((0.0, "0 empty"), (0.5, "0.5"), (1.0, "1 solid")),
 )
-CONFIRMED = Scale(
+CONFIRMED = ValueScale(
     "Images that confirm the depth",
     lambda views: _confirmed_words(int(views)),
     lambda views: min(int(views) / MOST_VIEWS, 1.0) if views else None,
     _bar(_ALONG),
     ((0.0, "0"), (0.5, f"{MOST_VIEWS // 2}"), (1.0, f"{MOST_VIEWS} or more")),
 )
-NORMALS = Scale(
+NORMALS = ValueScale(
     "Normals",
     _normal_words,
     swatches=(
@@ -215,10 +215,10 @@ OF_CHANNEL = {"alpha": ALPHA, "depth": DEPTH, "normal": NORMALS}
 """The scales of the channels of a render whose pixels are measured values."""
 
 
-def of_difference(gain: float) -> Scale:
+def of_difference(gain: float) -> ValueScale:
     """The scale of an image that shows differences of 0 to 255 gray levels, amplified by `gain`."""
     most = 255 / gain
-    return Scale(
+    return ValueScale(
         "Difference, gray levels of 255",
         lambda off: f"difference {int(off)} of 255",
         lambda off: min(float(off) / most, 1.0),

@@ -39,7 +39,7 @@ class ViewSource(Protocol):
 
 
 @runtime_checkable
-class Panoramas(ViewSource, Protocol):
+class PanoramaSource(ViewSource, Protocol):
     """A source that can also render panoramas."""
 
     def panorama(self, sphere: Sphere, mask: NDArray[np.bool_], submap: int | None = None) -> tuple[int, RenderOutput]:
@@ -49,7 +49,7 @@ class Panoramas(ViewSource, Protocol):
 
 
 @runtime_checkable
-class SeesNormals(Protocol):
+class NormalsSource(Protocol):
     """A source with a network that predicts normals from the colors of its views."""
 
     @property
@@ -59,7 +59,7 @@ class SeesNormals(Protocol):
 
 
 @runtime_checkable
-class Ensemble(ViewSource, Protocol):
+class MultiModelSource(ViewSource, Protocol):
     """A source of which single models can be used, for second opinions and for the slice."""
 
     def another(self, position: NDArray[np.floating]) -> int | None:
@@ -125,7 +125,7 @@ def look_down(
     if submap is None:
         submap, outputs = source.views(np.asarray(position, np.float64), cameras, masks)
     else:
-        assert isinstance(source, Ensemble)
+        assert isinstance(source, MultiModelSource)
         outputs = source.views_of(submap, cameras, masks)
     found = zip(wanted, cameras, outputs, masks, strict=True)
     return {k: _floor_view(source, submap, camera, output, mask, config) for k, camera, output, mask in found}
@@ -139,7 +139,7 @@ def _panorama(
     config: MappingConfig,
     submap: int | None,
 ) -> FloorView:
-    if not isinstance(source, Panoramas):
+    if not isinstance(source, PanoramaSource):
         raise ValueError("the source renders no panoramas")
     sphere = Sphere(np.asarray(position, np.float64), config.panorama_width, config.panorama_width // 2)
     mask = pixels_read(sphere, [c for corridors in wanted.values() for c in corridors], floor_at)
@@ -166,7 +166,7 @@ def _network_z(source: ViewSource, eye: Eye, output: RenderOutput) -> NDArray[np
     A panorama is passed to the network unchanged, as in the paper. At every column, the network's frame is that of a
     level camera with that heading, and the upward component does not depend on the heading.
     """
-    if output.rgb is None or not isinstance(source, SeesNormals):
+    if output.rgb is None or not isinstance(source, NormalsSource):
         raise ValueError("the source has no network of normals, or rendered no colors for it")
     image = np.round(np.clip(output.rgb, 0.0, 1.0) * 255).astype(np.uint8)
     if isinstance(eye, Sphere):

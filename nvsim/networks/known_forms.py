@@ -18,7 +18,7 @@ from nvsim.networks.binding import bind, describe_nodes
 from nvsim.networks.description import Description, Role
 from nvsim.networks.onnx_session import Node, Signature
 from nvsim.networks.parsing import description_in
-from nvsim.networks.toml_table import LARGEST, Table, parsed
+from nvsim.networks.toml_table import LARGEST, TomlTable, parsed
 
 FOLDER = Path(nvsim_resources.__file__).parent / "models"
 _AGAIN = "save it as UTF-8"
@@ -109,7 +109,7 @@ def description_from_legacy_toml(
     for key in values:
         if key not in KEYS:
             raise InputError(f"{path} has the unknown key {key!r:.40}; the known keys are {', '.join(KEYS)}.")
-    table = Table(values, path)
+    table = TomlTable(values, path)
     white = table.number("white", 1.0)
     axes = table.three("axes", (1.0, 1.0, 1.0))
     if 0 in axes:

@@ -21,7 +21,7 @@ _COVERED = 0.5  # share of a corridor; if others cover less of it, they do not s
 
 
 @dataclass(frozen=True)
-class Way:
+class DirectionExplanation:
     """One direction between two viewpoints.
 
     start, end   ids
@@ -40,7 +40,7 @@ class Way:
 
 
 @dataclass(frozen=True)
-class Between:
+class PathExplanation:
     """All that is known about the path between two viewpoints.
 
     joined    whether there is an edge
@@ -55,7 +55,7 @@ class Between:
     joined: bool
     metres: float
     rise: float
-    ways: tuple[Way, Way]
+    ways: tuple[DirectionExplanation, DirectionExplanation]
     blocked: float | None
     unknown: float | None
     sentence: str
@@ -70,31 +70,33 @@ class Between:
         return 1 if sure else 0
 
 
-def between(graph: NavGraph, a: str, b: str, config: MappingConfig, occupancy: OccupancyMap | None = None) -> Between:
+def between(
+    graph: NavGraph, a: str, b: str, config: MappingConfig, occupancy: OccupancyMap | None = None
+) -> PathExplanation:
     """Return all that is known about the path between two different viewpoints of the graph. `occupancy` covers one
     floor."""
     first, second = graph.viewpoints[a], graph.viewpoints[b]
     joined = edge(a, b).key in graph.edges
-    ways = _way(graph, a, b, config), _way(graph, b, a, config)
+    ways = _explain_direction(graph, a, b, config), _explain_direction(graph, b, a, config)
     blocked, unknown = _on_map(occupancy, first.position, second.position)
     rise = (second.position[2] - second.height) - (first.position[2] - first.height)
     metres = math.dist(first.position, second.position)
     sentence = _sentence(joined, ways, blocked, unknown, metres)
-    return Between(joined, metres, rise, ways, blocked, unknown, sentence)
+    return PathExplanation(joined, metres, rise, ways, blocked, unknown, sentence)
 
 
-def _way(graph: NavGraph, here: str, there: str, config: MappingConfig) -> Way:
+def _explain_direction(graph: NavGraph, here: str, there: str, config: MappingConfig) -> DirectionExplanation:
     measured = [
         e for e in evidence_along(graph, (here, there)) if e.viewpoint == here and not unmeasured_families(e, config)
     ]
     if measured:
         found = [explain(e, config) for e in measured]
         worst = min(range(len(found)), key=lambda i: found[i].decision == OPEN)
-        return Way(here, there, "measured", 1.0, found[worst], _refusal(measured[worst]))
+        return DirectionExplanation(here, there, "measured", 1.0, found[worst], _refusal(measured[worst]))
     laid = combined_corridor(graph, here, there)
     if laid is None or unmeasured_families(laid[0], config):
-        return Way(here, there)
-    return Way(here, there, "others", laid[1], explain(laid[0], config))
+        return DirectionExplanation(here, there)
+    return DirectionExplanation(here, there, "others", laid[1], explain(laid[0], config))
 
 
 def _refusal(evidence: Evidence) -> Decision:
@@ -113,7 +115,13 @@ def _on_map(
     return float(share[stops[0]]) * length if len(stops) else None, float((cells != FREE).mean())
 
 
-def _sentence(joined: bool, ways: tuple[Way, Way], blocked: float | None, unknown: float | None, metres: float) -> str:
+def _sentence(
+    joined: bool,
+    ways: tuple[DirectionExplanation, DirectionExplanation],
+    blocked: float | None,
+    unknown: float | None,
+    metres: float,
+) -> str:
     begin = "There is an edge" if joined else "There is no edge"
     against = next((w for w in ways if w.found is not None and w.found.decision != OPEN), None)
     if against is not None and against.found is not None:

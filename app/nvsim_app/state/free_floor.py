@@ -66,7 +66,7 @@ _REACH = 4.0  # meters; evidence of viewpoints farther away does not cover the p
 _STOREY = 1.0  # maximum height difference within a storey, meters
 
 
-class Ground:
+class FreeFloor:
     """Tests positions for free space. A test takes less than a millisecond, because it runs at every step of a walk."""
 
     def __init__(self, document: Document) -> None:
