@@ -21,7 +21,7 @@ from nvsim_app.state.on_floor import weak_spots
 from nvsim_app.views.map_marks import CameraMarker, GraphItem, MapFrame
 
 PICK_PIXELS = 10
-_ABOVE, _BELOW, _BESIDE = 40, 32, 90  # pixels for the north arrow and the scale: above and below, or at the side
+_ABOVE, _BELOW, _BESIDE = 40, 32, 100  # pixels for the north arrow and the scale: above and below, or at the right
 PACE = 50  # milliseconds between two updates of the camera marker, about the image rate of the 3D view
 
 
@@ -179,14 +179,17 @@ class MapView(QWidget):
         """Zooms to the area between two corners (2,) in meters, with space for the north arrow and the scale, so that
         they do not cover it. Another size of the map zooms anew, until the user moves or zooms it."""
         self._fitted = low, high
-        width, height = max(self.width(), 1), max(self.height(), 2 * (_ABOVE + _BELOW))
+        width, height = max(self.width(), 2 * _BESIDE), max(self.height(), 2 * (_ABOVE + _BELOW))
         across, along = high - low
-        above, below = _ABOVE, _BELOW
-        if width - across * height / along >= 2 * _BESIDE:  # both are beside a narrow area
-            above = below = 0
+        above, below, right = _ABOVE, _BELOW, 0.0
         # Meters per pixel. The range has the aspect ratio of the map, because pyqtgraph changes one axis otherwise.
-        metre = 1.02 * max(across / width, along / (height - above - below))
-        x = (low[0] + high[0] - width * metre) / 2
+        metre = max(across / width, along / (height - above - below))
+        beside = max(across / (width - _BESIDE), along / height)
+        if beside < metre and not self.frame.titled:  # the area is larger with both at its right
+            metre, above, below = beside, 0, 0
+            right = max(0.0, 2 * _BESIDE - width + across / metre)  # a narrow area stays in the middle
+        metre *= 1.02
+        x = (low[0] + high[0] - (width - right) * metre) / 2
         y = (low[1] + high[1] - (height + below - above) * metre) / 2
         self.plot.setRange(QRectF(x, y, width * metre, height * metre), padding=0)
 
