@@ -107,9 +107,7 @@ def test_an_empty_project_closes_its_panels_after_it_was_read(make_window: MakeW
     assert not shown(window) and window.empty.imports.isVisible()
 
 
-def test_a_file_that_is_read_again_keeps_the_places_sizes_and_front_tabs(
-    window: MainWindow, document: Document
-) -> None:
+def test_a_file_that_is_read_again_keeps_sizes_and_front_tabs(window: MainWindow, document: Document) -> None:
     enter(window, "edit")
     window.show_dock("history")
     contents, before = document.contents, arrangement(window)
