@@ -11,7 +11,7 @@ import numpy as np
 import pyqtgraph
 from numpy.typing import NDArray
 from PySide6.QtCore import Qt, QTimer
-from PySide6.QtGui import QColor, QFontMetricsF, QPen, QShowEvent
+from PySide6.QtGui import QColor, QFontMetricsF, QPen, QResizeEvent, QShowEvent
 from PySide6.QtWidgets import QHBoxLayout, QVBoxLayout, QWidget
 
 from nvsim_app.jobs.history import Series
@@ -21,6 +21,7 @@ from nvsim_app.look.labels import Label
 from nvsim_app.look.theme import Plot
 
 PERIOD = 350  # milliseconds between the drawings of two plots; each takes about 15 ms
+NARROWEST = 112  # pixels of a small plot
 MOST_DRAWN = 400  # points of a curve; more than there are pixels
 MOST_IN_LARGE = 1500
 _PLOTS = (
@@ -168,7 +169,7 @@ class JobPlots(QWidget):
 
     def draw(self) -> None:
         """Draws all plots at once."""
-        there = {name for name, _ in self._rows if self.series(name)}
+        there = self._fitting()
         for name, plot in self.plots.items():
             plot.setVisible(name in there)
         self._row.setVisible(bool(there))
@@ -178,9 +179,22 @@ class JobPlots(QWidget):
             for _ in self._rows:
                 self._draw_one()
 
+    def _fitting(self) -> set[str]:
+        """The plots that have values. Small plots are beside each other, so only the first ones that fit are shown."""
+        names = [name for name, _ in self._rows if self.series(name)]
+        return set(names if self._large else names[: max(1, self.width() // NARROWEST)])
+
+    def _is_fitted(self) -> bool:
+        return self._fitting() == {name for name, plot in self.plots.items() if not plot.isHidden()}
+
+    def resizeEvent(self, event: QResizeEvent) -> None:
+        super().resizeEvent(event)
+        if not self._is_fitted():
+            self.draw()
+
     def _on_time(self) -> None:
         """Draws the next plot that has new values."""
-        if any(self.plots[name].isHidden() == bool(self.series(name)) for name, _ in self._rows):
+        if not self._is_fitted():
             self.draw()
         elif self.isVisible() and any(self._draw_one() for _ in self._rows):
             self._timer.start()

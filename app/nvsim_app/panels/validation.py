@@ -213,7 +213,7 @@ class ValidationPanel(QWidget):
         self.fix.clicked.connect(self.apply_first_fix)
         self.reason = QLineEdit(self)
         self.reason.setAccessibleName("Reason to ignore it")
-        self.reason.setPlaceholderText("Reason to ignore it permanently")
+        self.reason.setPlaceholderText("Reason to ignore it")
         self.reason.textChanged.connect(self._enable)
         self.reason.returnPressed.connect(self.ignore)
         self.ignore_button = QPushButton("Ignore", self)
@@ -240,6 +240,11 @@ class ValidationPanel(QWidget):
         self._soon = DeferredRefresh(self, self.renew, SETTLE)
         document.editing.findingsChanged.connect(self._on_findings)
         self.renew()
+
+    @property
+    def pending(self) -> bool:
+        """Whether the list does not show all findings of the graph yet."""
+        return self._soon.pending or not self._document.editing.checking.complete
 
     def _on_findings(self) -> None:
         """Updates the list soon. Until then, a list of another graph, or one out of sight, shows no findings."""

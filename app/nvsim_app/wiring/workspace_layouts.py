@@ -27,6 +27,8 @@ LAYOUT_VERSION = 5  # increased when docks or toolbars change, so that older sto
 _BARS = 100  # height of the menu, tools, and status bar, pixels
 _SIDE = 380  # width of the column beside the main view, pixels
 _MAIN = 0.65  # share of the rest for the main view
+_AROUND = 0.55  # largest share of the columns around the center in the width of the window
+_COLUMN = 288  # least width of these columns, pixels
 _LOW = 440  # height of the room for views in pixels, up to which a main view takes all of it
 _TOLD = 6000  # milliseconds of a message
 
@@ -216,6 +218,8 @@ class WorkspacePart(Part):
         """Applies the default places, tabs, and sizes of this workspace."""
         window, docks = self.context.window, self._docks
         widths = {row.name: row.width for row in window.rows if row.width}
+        narrow = min(1.0, _AROUND * window.width() / max(1, sum(widths.values())))
+        widths = {name: max(_COLUMN, round(narrow * width)) for name, width in widths.items()}
         if self.current.main:
             widths = self._widen(self.current.main)
         for name in self.current.front:
