@@ -29,6 +29,10 @@ def test_loss_and_success_of_an_agent_are_drawn_alone(qtbot: Any) -> None:
     assert [name for name, plot in plots.plots.items() if plot.isVisible()] == ["loss", "success"]
     (curve,) = plots.plots["loss"].listDataItems()
     assert list(curve.getData()[0]) == list(range(10, 210, 10))
+    plots.resize(160, 200)  # only the first curve fits
+    assert [name for name, plot in plots.plots.items() if plot.isVisible()] == ["loss"]
+    plots.resize(700, 200)
+    assert [name for name, plot in plots.plots.items() if plot.isVisible()] == ["loss", "success"]
 
 
 def test_the_form_of_the_training_of_an_agent_gives_its_command(tmp_path: Path) -> None:
