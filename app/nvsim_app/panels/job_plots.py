@@ -95,6 +95,7 @@ class JobPlots(QWidget):
         self.empty = Label("Plots appear here while a submap or an agent trains.", self)
         self.empty.setForegroundRole(self.empty.palette().ColorRole.PlaceholderText)
         self.empty.setContentsMargins(8, 8, 8, 8)
+        self.empty.setWordWrap(True)
         self._row = QWidget(self)
         row = QVBoxLayout(self._row) if large else QHBoxLayout(self._row)
         row.setContentsMargins(4, 4, 4, 4)
