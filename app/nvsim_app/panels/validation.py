@@ -16,6 +16,7 @@ from PySide6.QtWidgets import (
     QLineEdit,
     QMenu,
     QPushButton,
+    QScrollArea,
     QToolButton,
     QTreeView,
     QVBoxLayout,
@@ -324,7 +325,16 @@ class ValidationPanel(QWidget):
             return None
         keys = [finding.key for finding in found]
         self.choose(found[0 if current is None else (keys.index(current.key) + 1) % len(found)])
+        self._scroll_to_fix()
         return self.current
+
+    def _scroll_to_fix(self) -> None:
+        """Scrolls a panel that is too low for all of its parts, so that the fix of the selected finding is visible."""
+        area: QWidget | None = self.parentWidget()
+        while area is not None and not isinstance(area, QScrollArea):
+            area = area.parentWidget()
+        if area is not None:
+            area.ensureWidgetVisible(self.fix)
 
     def apply_first_fix(self) -> None:
         """Fixes the selected finding, or all findings of the selected group."""
