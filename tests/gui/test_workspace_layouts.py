@@ -97,13 +97,20 @@ def test_panels_with_nothing_to_say_are_closed_and_come_back(
     qtbot.waitUntil(lambda: {"map", "tables"} <= shown(window), timeout=5000)
 
 
-def test_an_empty_project_closes_its_panels_after_it_was_read(make_window: MakeWindow) -> None:
+def test_an_empty_project_closes_its_panels_after_it_was_read(make_window: MakeWindow, qtbot: QtBot) -> None:
     document = Document()
     window = make_window(document)
     document.set_contents(Contents(Path("new.nvsim"), reading=True))
     assert "map" in shown(window)  # it may have a map, until it is read
     assert window.empty.sentence.text() == "Reading the file…" and not window.empty.imports.isVisible()
+    window.show_dock("validation")
+    findings = window.panels["validation"]
+    assert findings.clean.text() == "Checking…"
+    window.docks["validation"].hide()
     document.set_contents(Contents(Path("new.nvsim")))
+    window.show_dock("validation")
+    qtbot.waitUntil(lambda: findings.clean.text() == "No problems found.", timeout=5000)
+    window.docks["validation"].hide()
     assert not shown(window) and window.empty.imports.isVisible()
 
 
@@ -112,6 +119,7 @@ def test_a_file_that_is_read_again_keeps_sizes_and_front_tabs(window: MainWindow
     window.show_dock("history")
     contents, before = document.contents, arrangement(window)
     document.set_contents(Contents(contents.path, reading=True))
+    assert window.panels["validation"].nothing == "Checking…"  # the graph is not read yet
     document.set_contents(contents)
     assert arrangement(window) == before
 

@@ -240,16 +240,23 @@ class ValidationPanel(QWidget):
         layout.addLayout(bottom)
         self._soon = DeferredRefresh(self, self.renew, SETTLE)
         document.editing.findingsChanged.connect(self._on_findings)
+        document.contentsChanged.connect(lambda parts: self._on_findings() if "reading" in parts else None)
         self.renew()
+
+    @property
+    def _complete(self) -> bool:
+        """Whether the findings of the graph are known; not while a file is read that may have a graph."""
+        reading = self._document.contents.reading and self._document.graph is None
+        return self._document.editing.checking.complete and not reading
 
     @property
     def pending(self) -> bool:
         """Whether the list does not show all findings of the graph yet."""
-        return self._soon.pending or not self._document.editing.checking.complete
+        return self._soon.pending or not self._complete
 
     def _on_findings(self) -> None:
         """Updates the list soon. Until then, a list of another graph, or one out of sight, shows no findings."""
-        if not (self._document.editing.checking.complete and self._soon.in_sight):
+        if not (self._complete and self._soon.in_sight):
             self._show_checking()
         self._soon.mark()
 
@@ -285,7 +292,7 @@ class ValidationPanel(QWidget):
         found = list(self._document.editing.findings.values())
         ignored = {} if self._document.graph is None else self._document.graph.ignored
         counts = Counter(f.severity for f in found if not ignored or not f.ignored_by(ignored))
-        complete = self._document.editing.checking.complete
+        complete = self._complete
         self.model.renew()
         if complete:
             for severity, box in self.boxes.items():
@@ -312,7 +319,7 @@ class ValidationPanel(QWidget):
     @property
     def nothing(self) -> str:
         """Why the list is empty."""
-        if not self._document.editing.checking.complete:
+        if not self._complete:
             return "Checking…"
         found = self._document.editing.findings.values()
         return "No finding matches the filter." if found else "No problems found."
