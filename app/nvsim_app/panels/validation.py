@@ -240,6 +240,7 @@ class ValidationPanel(QWidget):
         layout.addLayout(bottom)
         self._soon = DeferredRefresh(self, self.renew, SETTLE)
         document.editing.findingsChanged.connect(self._on_findings)
+        document.projectLeft.connect(self.text.clear)
         document.contentsChanged.connect(lambda parts: self._on_findings() if "reading" in parts else None)
         self.renew()
 
