@@ -51,7 +51,7 @@ class Session(QObject):
             return
         self._stop_watching()
         self.window.show_source(None)
-        self.document.set_contents(Contents(path))
+        self.document.set_contents(Contents(path, reading=True))
         self._watcher = ProjectWatcher(path, self)
         self._watcher.read.connect(self._on_read)
         self._watcher.failed.connect(self._on_failed)
@@ -66,7 +66,7 @@ class Session(QObject):
     def _read_once(self, file: SplatFile | GraphSource) -> None:
         self._stop_watching()
         self.window.show_source(None)
-        self.document.set_contents(Contents(file.path))
+        self.document.set_contents(Contents(file.path, reading=True))
         self._watcher = FileReader(file, self)
         self._watcher.read.connect(self._on_read)
         self._watcher.failed.connect(self._on_failed)
@@ -92,6 +92,7 @@ class Session(QObject):
             self._watcher = None
 
     def _on_failed(self, sentence: str) -> None:
+        self.document.set_contents(replace(self.document.contents, reading=False))
         self.notices.error(sentence, about="read")
 
     def _on_read(self, contents: Contents) -> None:

@@ -327,13 +327,13 @@ def _parts_of(
     up: NDArray[np.float64],
     folder: Path,
     piece: int,
-) -> list[_Part]:
+) -> list[_UprightPart]:
     """The parts of the images `run` of a firm piece. Empty if they belong to no piece (-1)."""
     chunks = np.array_split(run, max(1, round(len(run) / _LENGTH))) if piece >= 0 else []
     return _without_outliers([_part_of(model, seen, chunk, up, folder, piece) for chunk in chunks])
 
 
-def _scales(runs: Sequence[Sequence[_Part]]) -> list[float]:
+def _scales(runs: Sequence[Sequence[_UprightPart]]) -> list[float]:
     """The scale of each run of images of a firm piece, given its parts, so that its cameras are 1 above the floor. A
     run that shows no floor gets the scale of the nearest that does. NaN for images of no piece, and for all if none
     shows a floor."""
@@ -345,7 +345,7 @@ def _scales(runs: Sequence[Sequence[_Part]]) -> list[float]:
     return [float(np.exp(-own[n])) if parts else np.nan for n, parts in zip(nearest, runs)]
 
 
-def _log_heights(parts: Sequence[_Part]) -> NDArray[np.float64]:
+def _log_heights(parts: Sequence[_UprightPart]) -> NDArray[np.float64]:
     return np.log([p.height for p in parts]) if parts else np.full(1, np.nan)
 
 

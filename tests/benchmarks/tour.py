@@ -343,7 +343,7 @@ class Tour:
         gui.ask(lambda: spoil(document))
         panel = self.window.panels["validation"]
         hand.press("the workspace Edit graph", "alt+3")
-        hand.until("the findings are not in front", lambda: _is_seen(panel), 5)
+        self.bring("Validation", panel)  # the workspace keeps the tabs that the task before left in front
         hand.until("nothing was found", lambda: document.editing.findings, 10)
         before = gui.ask(lambda: len(document.editing.findings))
         hand.press("the storey below", "alt+Next")
@@ -472,7 +472,9 @@ def longest_edge(document: Any, surface: Any) -> tuple[QPoint, tuple[str, str]]:
 
 
 def free_place(document: Any, surface: Any) -> QPoint:
-    """A pixel on free floor, away from viewpoints, edges, and frames, with a viewpoint within 3 m."""
+    """The pixel farthest from walls on free floor, away from viewpoints, edges, and frames, with two viewpoints within
+    2 m. A place at a wall can be free on the map and closed for the models."""
+    found: list[tuple[float, int, int]] = []
     arrays, map = document.graph_arrays, document.contents.occupancy
     widget, around = surface.widget, 0.3 * np.array([(x, y) for x in (-1, 0, 1) for y in (-1, 0, 1)])
     for x in range(20, widget.width() - 20, 7):
@@ -490,8 +492,11 @@ def free_place(document: Any, surface: Any) -> QPoint:
                 and far[1] < 2.0
                 and all(segment_is_free(map, place[:2], f[:2], 0.3) for f in near)
             ):
-                return at.toPoint()
-    raise Stuck("there is no free place on the map")
+                column, row = ((np.array(place[:2]) - map.origin) / map.resolution).astype(int)
+                found.append((float(map.room[row, column]), x, y))
+    if not found:
+        raise Stuck("there is no free place on the map")
+    return QPoint(*max(found)[1:])
 
 
 def clickable_pair(document: Any, surface: Any, joined: bool = True) -> tuple[str, str]:

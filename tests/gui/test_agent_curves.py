@@ -25,10 +25,14 @@ def test_loss_and_success_of_an_agent_are_drawn_alone(qtbot: Any) -> None:
         report.hear(time.time(), Metric("r2r train", "loss", 3 / step, step))
     report.hear(time.time(), Metric("r2r train", "success", 0.4, 200))
     plots.refresh()
-    qtbot.waitUntil(lambda: plots.plots["success"].isVisible() and not plots.empty.isVisible(), timeout=5000)
+    qtbot.waitUntil(lambda: "success" in plots.plots and not plots.empty.isVisible(), timeout=5000)
     assert [name for name, plot in plots.plots.items() if plot.isVisible()] == ["loss", "success"]
     (curve,) = plots.plots["loss"].listDataItems()
     assert list(curve.getData()[0]) == list(range(10, 210, 10))
+    plots.resize(160, 200)  # only the first curve fits
+    assert [name for name, plot in plots.plots.items() if plot.isVisible()] == ["loss"]
+    plots.resize(700, 200)
+    assert [name for name, plot in plots.plots.items() if plot.isVisible()] == ["loss", "success"]
 
 
 def test_the_form_of_the_training_of_an_agent_gives_its_command(tmp_path: Path) -> None:

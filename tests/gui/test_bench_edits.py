@@ -23,9 +23,11 @@ def test_edits_are_painted_and_the_lists_follow(
     assert set(figures) == {
         "paint_p95_ms", "paint_median_ms", "painted_edit_p95_ms",
         "lists_paint_p95_ms", "lists_turn_p95_ms", "lists_turn_max_ms",
+        "findings_first_ms", "findings_p95_ms", "findings_max_ms",
     }  # fmt: skip
     assert all(value > 0 for value in figures.values())
     assert figures["paint_p95_ms"] > figures["painted_edit_p95_ms"]
+    assert figures["findings_p95_ms"] >= figures["lists_paint_p95_ms"]
 
 
 def test_both_views_of_a_graph_are_panned_and_pointed_at(window: MainWindow, monkeypatch: pytest.MonkeyPatch) -> None:

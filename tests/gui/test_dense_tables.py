@@ -11,23 +11,29 @@ from pytestqt.qtbot import QtBot
 from nvsim_app.look.table import Column, TableModel, TableView, table
 
 
-def shown(qtbot: QtBot, dense: bool) -> TableView:
-    columns = [
-        Column("Name", lambda row: f"threshold {row}"),
-        *(Column(f"Value {k}", lambda row: row / 7, "{:.3f}".format, number=True) for k in range(4)),
-    ]
+def shown(qtbot: QtBot, columns: list[Column[int]], dense: bool = False) -> TableView:
     model: TableModel[int] = TableModel(columns, dense=dense)
     view = table(model, None, "Values")
     qtbot.addWidget(view)
     model.setParent(view)
     model.show(range(3))
-    view.resize(40 * view.fontMetrics().averageCharWidth() + 60, 200)
     view.show()
     return view
 
 
+def value(title: str, width: int = 0, optional: bool = False) -> Column[int]:
+    return Column(title, lambda row: row / 7, "{:.3f}".format, number=True, width=width, optional=optional)
+
+
+def thresholds(qtbot: QtBot, dense: bool) -> TableView:
+    names: Column[int] = Column("Name", lambda row: f"threshold {row}")
+    view = shown(qtbot, [names, *(value(f"Value {k}") for k in range(4))], dense)
+    view.resize(40 * view.fontMetrics().averageCharWidth() + 60, 200)
+    return view
+
+
 def test_the_column_of_names_takes_the_room_that_the_numbers_leave(qtbot: QtBot) -> None:
-    view = shown(qtbot, True)
+    view = thresholds(qtbot, True)
     header = view.horizontalHeader()
     assert header.length() == view.viewport().width(), "no column is cut, and none is empty"
     for place in range(1, 5):
@@ -45,16 +51,7 @@ def test_a_table_with_an_optional_column_comes_to_rest(qtbot: QtBot, monkeypatch
         resize(view, event)
 
     monkeypatch.setattr(TableView, "resizeEvent", counted)
-    columns = [
-        Column(f"Value {k}", lambda row: row / 7, "{:.3f}".format, number=True, width=60 * (k % 2), optional=k == 1)
-        for k in range(5)
-    ]
-    model: TableModel[int] = TableModel(columns)
-    view = table(model, None, "Values")
-    qtbot.addWidget(view)
-    model.setParent(view)
-    model.show(range(3))
-    view.show()
+    view = shown(qtbot, [value(f"Value {k}", width=60 * (k % 2), optional=k == 1) for k in range(5)])
     rows = view.horizontalHeader().height() + 3 * view.rowHeight(0)
     for width in range(200, 400, 2):
         for height in (rows - 4, rows, rows + 2, rows + 6, rows + 14):
@@ -66,13 +63,7 @@ def test_a_table_with_an_optional_column_comes_to_rest(qtbot: QtBot, monkeypatch
 
 def test_whether_a_column_is_hidden_does_not_depend_on_whether_it_is_hidden(qtbot: QtBot) -> None:
     titles = ["Value 0", "A title wider than the values", "Value 2", "Value 3"]
-    columns = [Column(t, lambda row: row / 7, "{:.3f}".format, number=True, optional=t == titles[1]) for t in titles]
-    model: TableModel[int] = TableModel(columns)
-    view = table(model, None, "Values")
-    qtbot.addWidget(view)
-    model.setParent(view)
-    model.show(range(3))
-    view.show()
+    view = shown(qtbot, [value(title, optional=title == titles[1]) for title in titles])
     view.setColumnHidden(1, False)
     needed = sum(view.horizontalHeader().sectionSizeHint(k) for k in range(4))
     hidden = []
@@ -87,6 +78,6 @@ def test_whether_a_column_is_hidden_does_not_depend_on_whether_it_is_hidden(qtbo
 
 
 def test_rows_are_lower_than_in_other_tables(qtbot: QtBot) -> None:
-    dense, other = shown(qtbot, True), shown(qtbot, False)
+    dense, other = thresholds(qtbot, True), thresholds(qtbot, False)
     assert dense.rowHeight(0) < other.rowHeight(0)
     assert dense.rowHeight(0) >= dense.fontMetrics().height()

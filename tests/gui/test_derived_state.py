@@ -59,6 +59,20 @@ def test_a_label_at_the_mouse_pointer_ends_with_its_file(hand: Hand) -> None:
     hand.document.set_contents(demo_room.contents(Path("demo.nvsim")))
 
 
+def test_texts_that_filter_a_list_end_with_their_file(window: MainWindow, document: Document) -> None:
+    panels = window.panels
+    fields = (panels["tables"].filter, panels["validation"].text, panels["frames"].search)
+    window.actions_table["workspace_edit"].trigger()
+    for field in fields:
+        QTest.keyClicks(field, "degree > 99")
+    panels["tables"].refresh.finish()
+    assert panels["tables"].viewpoints.rowCount() == 0
+    document.set_contents(demo_room.contents(Path("other.nvsim")))
+    panels["tables"].refresh.finish()
+    assert not any(field.text() for field in fields)
+    assert panels["tables"].viewpoints.rowCount() == len(document.graph.viewpoints)
+
+
 def test_the_context_menu_offers_lock_or_unlock_and_connect(hand: Hand) -> None:
     id = hand.document.graph_arrays.ids[5]
     hand.document.editing.select(GraphSelection(frozenset({id})))

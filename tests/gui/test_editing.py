@@ -12,6 +12,7 @@ import demo_room
 import pytest
 from pytestqt.qtbot import QtBot
 
+from nvsim.graph.findings import check_graph
 from nvsim.graph.scripts import script
 from nvsim.graph.selection import GraphSelection
 from nvsim.graph.store import decode_graph, encode_graph
@@ -221,3 +222,21 @@ def test_a_large_graph_is_looked_at_while_the_person_goes_on(
         document.editing.checking.look()
         assert not document.editing.findings  # not before all was looked at
     assert dict(document.editing.findings) == whole
+
+
+def test_an_edit_during_the_first_validation_does_not_start_it_again(
+    document: Document, qtbot: QtBot, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    import nvsim_app.state.checking
+
+    monkeypatch.setattr(nvsim_app.state.checking, "LARGE", 0)
+    monkeypatch.setattr(nvsim_app.state.checking, "SLICE", 0.0)
+    editing = document.editing
+    editing.checking.look()
+    validator = editing.checking._look.validator
+    editing.run("remove_edges", {"pairs": [list(key) for key in document.graph.edges]})
+    assert not editing.checking.complete
+    qtbot.waitUntil(lambda: editing.checking.complete, timeout=5000)
+    assert editing.checking._validator is validator
+    assert dict(editing.findings) == {f.key: f for f in check_graph(document.graph, editing.checking._known)}
+    assert any(f.kind == "isolated" for f in editing.findings.values())

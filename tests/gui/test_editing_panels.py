@@ -493,6 +493,19 @@ def test_f8_goes_from_finding_to_finding_and_del_removes_the_edge(window: MainWi
     assert not document.editing.findings and "F8" not in window.statusBar().currentMessage()
 
 
+def test_f8_shows_the_fix_in_a_low_panel(window: MainWindow, document: Document, qtbot: QtBot) -> None:
+    window.resize(960, 540)
+    window.actions_table["workspace_edit"].trigger()
+    window.show_dock("tables")
+    document.editing.run("remove_edges", {"pairs": [list(key) for key in document.graph.edges]})
+    panel = window.panels["validation"]
+    window.show_dock("validation")
+    qtbot.waitUntil(lambda: bool(panel.model.rows), timeout=5000)
+    window.actions_table["next_finding"].trigger()
+    qtbot.waitUntil(lambda: panel.fix.visibleRegion().boundingRect() == panel.fix.rect(), timeout=5000)
+    assert panel.fix.isEnabled()
+
+
 def test_enter_selects_what_an_expression_holds_for(window: MainWindow, document: Document, qtbot: QtBot) -> None:
     panel = window.panels["tables"]
     window.actions_table["select_expression"].trigger()

@@ -149,7 +149,7 @@ def test_the_scale_bar_fits_and_the_place_under_the_cursor_is_told(window: MainW
     assert np.hypot(x - 3.0, y - 2.0) < 0.2
 
 
-@pytest.mark.parametrize("size", [(360, 300), (300, 480), (800, 260), (380, 480)])
+@pytest.mark.parametrize("size", [(360, 300), (300, 480), (800, 260), (380, 480), (450, 240)])
 def test_nothing_is_under_the_north_arrow_and_the_scale_in_any_size(
     document: Document, qtbot: QtBot, size: tuple[int, int]
 ) -> None:
@@ -161,4 +161,9 @@ def test_nothing_is_under_the_north_arrow_and_the_scale_in_any_size(
         view.resize(width, height)
         QApplication.processEvents()
         places = view.to_pixels(view._document.extent[:, :2])
-        assert (places > (0, 40)).all() and (places < (width, height - 30)).all()
+        assert (places > 0).all() and (places < (width, height)).all()
+        scale = view._scale.sceneBoundingRect().toAlignedRect()
+        for corner in (view.frame.north.geometry(), view.frame.whole.geometry(), scale):
+            assert not any(corner.contains(QPointF(*place).toPoint()) for place in places)
+        across, along = places.max(axis=0) - places.min(axis=0)
+        assert across > 0.6 * width or along > 0.6 * (height - 72)

@@ -6,6 +6,7 @@ import os
 import subprocess
 import sys
 from dataclasses import replace
+from itertools import combinations
 from pathlib import Path
 
 from PySide6.QtCore import Qt
@@ -26,6 +27,24 @@ def test_the_window_fits_half_of_a_screen_of_1920_pixels(window: MainWindow) -> 
     for layout in WORKSPACE_LAYOUTS:
         window.actions_table[f"workspace_{layout.id}"].trigger()
         assert window.minimumSizeHint().width() <= 960, layout.id
+
+
+def test_panels_of_a_small_window_do_not_cover_each_other(window: MainWindow, qtbot: QtBot) -> None:
+    window.show()
+    window.resize(960, 540)
+    for layout in WORKSPACE_LAYOUTS:
+        window.actions_table[f"workspace_{layout.id}"].trigger()
+        window.actions_table["reset_layout"].trigger()
+        qtbot.wait(50)
+        docks = [d for d in window.docks.values() if d.isVisible() and not d.visibleRegion().isEmpty()]
+        areas = [window.centre.geometry(), *(dock.geometry() for dock in docks)]
+        areas = [area for area in areas if window.rect().intersects(area)]  # Qt moves docks behind tabs out of sight
+        assert all(window.rect().contains(area) for area in areas), layout.id
+        assert not [1 for a, b in combinations(areas, 2) if a.intersects(b)], layout.id
+        main = window.docks[layout.main] if layout.main else window.centre
+        assert main.width() >= 340, layout.id
+        if layout.main:
+            assert main.height() > 0.75 * window.height(), layout.id
 
 
 def test_a_row_without_room_goes_on_in_the_next_line(qtbot: QtBot) -> None:

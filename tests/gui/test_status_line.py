@@ -23,6 +23,8 @@ def test_a_long_message_ends_before_the_permanent_text(qtbot: QtBot) -> None:
     assert bar.toolTip() and shown != empty
     changed = [x for x in range(400) for y in range(24) if shown.pixel(x, y) != empty.pixel(x, y)]
     assert max(changed) < summary.x() - 4
+    bar.showMessage("Click selects · drag the selection to move it")
+    assert bar.grab().toImage() == shown, "only whole clauses are shown"
 
 
 def test_cancel_has_no_icon_and_ends_the_row(qtbot: QtBot) -> None:

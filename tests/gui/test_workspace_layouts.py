@@ -29,6 +29,13 @@ def shown(window: MainWindow) -> set[str]:
     return {name for name, dock in window.docks.items() if not dock.isHidden()}
 
 
+def arrangement(window: MainWindow) -> dict[str, tuple[int, int, bool]]:
+    """Panel -> width, height, and whether it is in front of its tabs."""
+    QApplication.processEvents()
+    found = {name: dock for name, dock in window.docks.items() if not dock.isHidden()}
+    return {name: (d.width(), d.height(), not d.visibleRegion().isEmpty()) for name, d in found.items()}
+
+
 def enter(window: MainWindow, id: str) -> None:
     window.actions_table[f"workspace_{id}"].trigger()
 
@@ -90,12 +97,31 @@ def test_panels_with_nothing_to_say_are_closed_and_come_back(
     qtbot.waitUntil(lambda: {"map", "tables"} <= shown(window), timeout=5000)
 
 
-def test_a_project_that_holds_nothing_closes_all_but_what_was_asked_for(make_window: MakeWindow, qtbot: QtBot) -> None:
+def test_an_empty_project_closes_its_panels_after_it_was_read(make_window: MakeWindow, qtbot: QtBot) -> None:
     document = Document()
     window = make_window(document)
-    document.set_contents(Contents(Path("new.nvsim")))
+    document.set_contents(Contents(Path("new.nvsim"), reading=True))
     assert "map" in shown(window)  # it may have a map, until it is read
-    qtbot.waitUntil(lambda: not shown(window), timeout=5000)
+    assert window.empty.sentence.text() == "Reading the file…" and not window.empty.imports.isVisible()
+    window.show_dock("validation")
+    findings = window.panels["validation"]
+    assert findings.clean.text() == "Checking…"
+    window.docks["validation"].hide()
+    document.set_contents(Contents(Path("new.nvsim")))
+    window.show_dock("validation")
+    qtbot.waitUntil(lambda: findings.clean.text() == "No problems found.", timeout=5000)
+    window.docks["validation"].hide()
+    assert not shown(window) and window.empty.imports.isVisible()
+
+
+def test_a_file_that_is_read_again_keeps_sizes_and_front_tabs(window: MainWindow, document: Document) -> None:
+    enter(window, "edit")
+    window.show_dock("history")
+    contents, before = document.contents, arrangement(window)
+    document.set_contents(Contents(contents.path, reading=True))
+    assert window.panels["validation"].nothing == "Checking…"  # the graph is not read yet
+    document.set_contents(contents)
+    assert arrangement(window) == before
 
 
 @pytest.mark.parametrize("name", ["scene", "map"])

@@ -80,7 +80,8 @@ _DIRECT = Qt.FindChildOption.FindDirectChildrenOnly
 
 
 class StatusLine(QStatusBar):
-    """A status bar that elides a long message before the permanent widgets, and shows all of it as a tooltip."""
+    """A status bar that shows as many clauses of a message, separated by " · ", as fit before the permanent widgets.
+    The tooltip has all of them."""
 
     def __init__(self, parent: QWidget | None = None) -> None:
         super().__init__(parent)
@@ -96,7 +97,10 @@ class StatusLine(QStatusBar):
         painter = QPainter(self)
         painter.setPen(self.palette().windowText().color())
         box = self.rect().adjusted(GRID, 0, right - GRID - self.width(), 0)
-        text = painter.fontMetrics().elidedText(words, Qt.TextElideMode.ElideRight, box.width())
+        metrics = painter.fontMetrics()
+        while " · " in words and metrics.horizontalAdvance(words) > box.width():
+            words = words.rpartition(" · ")[0]
+        text = metrics.elidedText(words, Qt.TextElideMode.ElideRight, box.width())
         painter.drawText(box, Qt.AlignmentFlag.AlignVCenter | Qt.AlignmentFlag.AlignLeft, text)
 
 

@@ -38,6 +38,11 @@ class DeferredRefresh(QObject):
     def in_sight(self) -> bool:
         return self._panel.isVisible() and not self._panel.visibleRegion().isEmpty()
 
+    @property
+    def pending(self) -> bool:
+        """Whether the panel does not show the newest state yet."""
+        return self._stale or self._steps is not None
+
     def mark(self, _: object = None) -> None:
         """Marks the panel as out of date."""
         self._stale = True

@@ -105,6 +105,7 @@ class FramePanel(QWidget):
         self.search.setPlaceholderText("Find a frame by name")
         self.search.setClearButtonEnabled(True)
         self.search.textChanged.connect(self.filter.show_name)
+        document.projectLeft.connect(self.search.clear)
         self.submap = _choice(self, "Show only frames of this submap, with those that it shares with adjacent submaps")
         self.submap.currentIndexChanged.connect(lambda _: self.filter.show_submap(self.submap.currentData()))
         self.coverage = _choice(self, "Show only frames with this much floor in their mask")

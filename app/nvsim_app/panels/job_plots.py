@@ -11,7 +11,7 @@ import numpy as np
 import pyqtgraph
 from numpy.typing import NDArray
 from PySide6.QtCore import Qt, QTimer
-from PySide6.QtGui import QColor, QFontMetricsF, QPen, QShowEvent
+from PySide6.QtGui import QColor, QFontMetricsF, QPen, QResizeEvent, QShowEvent
 from PySide6.QtWidgets import QHBoxLayout, QVBoxLayout, QWidget
 
 from nvsim_app.jobs.history import MetricSeries
@@ -21,6 +21,7 @@ from nvsim_app.look.labels import Label
 from nvsim_app.look.theme import Plot
 
 PERIOD = 350  # milliseconds between the drawings of two plots; each takes about 15 ms
+NARROWEST = 112  # pixels of a small plot
 MOST_DRAWN = 400  # points of a curve; more than there are pixels
 MOST_IN_LARGE = 1500
 _PLOTS = (
@@ -89,18 +90,15 @@ class JobPlots(QWidget):
         self._rows = _LARGE_PLOTS if large else _PLOTS
         self._drawn: dict[str, object] = {}  # plot -> stamp of its contents
         self._due = [name for name, _ in self._rows]
-        self.plots: dict[str, Plot] = {}
+        self.plots: dict[str, Plot] = {}  # made when there are values, because they delay the start of the window
         self._curves: dict[tuple[str, str, int], pyqtgraph.PlotDataItem] = {}
         self.empty = Label("Plots appear here while a submap or an agent trains.", self)
         self.empty.setForegroundRole(self.empty.palette().ColorRole.PlaceholderText)
         self.empty.setContentsMargins(8, 8, 8, 8)
+        self.empty.setWordWrap(True)
         self._row = QWidget(self)
-        row = QVBoxLayout(self._row) if large else QHBoxLayout(self._row)
-        row.setContentsMargins(4, 4, 4, 4)
-        for name, title in self._rows:
-            plot = self._plot(name, title)
-            self.plots[name] = plot
-            row.addWidget(plot)
+        self._places = QVBoxLayout(self._row) if large else QHBoxLayout(self._row)
+        self._places.setContentsMargins(4, 4, 4, 4)
         self._row.hide()
         layout = QVBoxLayout(self)
         layout.setContentsMargins(0, 0, 0, 0)
@@ -109,7 +107,7 @@ class JobPlots(QWidget):
         self._timer = QTimer(self, singleShot=True, interval=PERIOD)
         self._timer.timeout.connect(self._on_time)
 
-    def _plot(self, name: str, title: str) -> Plot:
+    def _add_plot(self, name: str, title: str) -> None:
         plot = Plot(f"Curve of {title}", self._row, axisItems={"bottom": StepAxis()})
         plot.show_title(title)
         plot.setMinimumWidth(60)
@@ -120,7 +118,9 @@ class JobPlots(QWidget):
             plot.label_axes("step", _UNITS[name])
             plot.getAxis("left").setWidth(64)  # so that the step axes of all plots are aligned
             plot.setMinimumHeight(70)
-        return plot
+        self.plots[name] = plot
+        order = [other for other, _ in self._rows if other in self.plots]
+        self._places.insertWidget(order.index(name), plot)
 
     # Contents ---------------------------------------------------------------------------------------------------
 
@@ -168,7 +168,10 @@ class JobPlots(QWidget):
 
     def draw(self) -> None:
         """Draws all plots at once."""
-        there = {name for name, _ in self._rows if self.series(name)}
+        there = self._fitting()
+        for name, title in self._rows:
+            if name in there and name not in self.plots:
+                self._add_plot(name, title)
         for name, plot in self.plots.items():
             plot.setVisible(name in there)
         self._row.setVisible(bool(there))
@@ -178,9 +181,22 @@ class JobPlots(QWidget):
             for _ in self._rows:
                 self._draw_one()
 
+    def _fitting(self) -> set[str]:
+        """The plots that have values. Small plots are beside each other, so only the first ones that fit are shown."""
+        names = [name for name, _ in self._rows if self.series(name)]
+        return set(names if self._large else names[: max(1, self.width() // NARROWEST)])
+
+    def _is_fitted(self) -> bool:
+        return self._fitting() == {name for name, plot in self.plots.items() if not plot.isHidden()}
+
+    def resizeEvent(self, event: QResizeEvent) -> None:
+        super().resizeEvent(event)
+        if not self._is_fitted():
+            self.draw()
+
     def _on_time(self) -> None:
         """Draws the next plot that has new values."""
-        if any(self.plots[name].isHidden() == bool(self.series(name)) for name, _ in self._rows):
+        if not self._is_fitted():
             self.draw()
         elif self.isVisible() and any(self._draw_one() for _ in self._rows):
             self._timer.start()
@@ -189,6 +205,8 @@ class JobPlots(QWidget):
         """Draws the plot whose turn it is. Returns whether it had new values."""
         name = self._due.pop(0)
         self._due.append(name)
+        if name not in self.plots:
+            return False
         series = self.series(name)
         numbers = tuple(handle.number for handle in self.runs.values())
         newest = tuple(sorted((*key, s.steps[-1] if s.steps else -1.0) for key, s in series.items()))

@@ -103,11 +103,11 @@ def _rate(rate: float | None) -> str:
 
 COLUMNS: tuple[Column[JobRow], ...] = (
     Column("Job", lambda row: row.title, width=118),
-    Column("State", lambda row: row.state, lambda state: STATE_WORDS.get(state, state), width=84,
+    Column("State", lambda row: row.state, lambda state: STATE_WORDS.get(state, state), width=84, optional=True,
            ink=lambda row: colors.text(_STATE_TEXTS.get(row.state, "quiet"))),
     Column("Progress", lambda row: row.share, lambda share: f"{100 * share:.0f} %", width=78),
     Column("Time left", lambda row: row.left, lambda left: "" if left is None else duration(left), number=True,
-           width=70),
+           width=70, optional=True),
     Column("", lambda row: "", width=176),  # the buttons of the job
     Column("Rate", lambda row: row.rate, _rate, number=True, width=56, optional=True),
     Column("Duration", lambda row: row.took, lambda took: "–" if took is None else duration(took), number=True,

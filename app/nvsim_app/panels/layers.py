@@ -70,7 +70,7 @@ class LayersPanel(QScrollArea):
             box = QCheckBox(layer.title)
             slider = QSlider(Qt.Orientation.Horizontal)
             slider.setRange(5, 100)
-            slider.setMinimumWidth(60)
+            slider.setMinimumWidth(40)
             slider.setAccessibleName(f"Opacity of {layer.title}")
             box.toggled.connect(lambda on, name=layer.name: self._overlays.set_shown(name, on))
             slider.valueChanged.connect(lambda v, name=layer.name: self._overlays.set_opacity(name, v / 100))

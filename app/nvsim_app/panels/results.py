@@ -72,6 +72,7 @@ class ResultPanel(QWidget):
         self.list.setAccessibleName("Evaluations")
         self.list.setFrameShape(QListWidget.Shape.NoFrame)
         self.list.setSpacing(4)
+        self.list.setWordWrap(True)
         self.list.setHorizontalScrollBarPolicy(Qt.ScrollBarPolicy.ScrollBarAlwaysOff)
         self.list.currentRowChanged.connect(self._on_result)
         self.tables = QComboBox(self)

@@ -37,7 +37,7 @@ COLUMNS: tuple[Column[SubmapTableRow], ...] = (
            "PSNR in dB; of the training frames if no other value is known", number=True),
     Column("Gaussians", lambda row: row.gaussians,
            lambda count: f"{count / 1000:,.0f} k" if isinstance(count, int) else "–",
-           "Number of Gaussians in the trained model", number=True),
+           "Number of Gaussians in the trained model", number=True, optional=True),
     Column("Model", lambda row: row.model, tip="The displayed model, and the state of its training"),
 )  # fmt: skip
 

@@ -81,6 +81,7 @@ class TablePanel(QWidget):
             view.doubleClicked.connect(self._activate)
         self.refresh = DeferredRefresh(self, self._renewal, SETTLE)
         self.refresh.follow(document)
+        document.projectLeft.connect(self.filter.clear)
         document.editing.selectionChanged.connect(self._show_selection)
         for model in self._models:
             document.unitsChanged.connect(model.refresh_text)

@@ -16,6 +16,7 @@ from PySide6.QtWidgets import (
     QLineEdit,
     QMenu,
     QPushButton,
+    QScrollArea,
     QToolButton,
     QTreeView,
     QVBoxLayout,
@@ -213,7 +214,7 @@ class ValidationPanel(QWidget):
         self.fix.clicked.connect(self.apply_first_fix)
         self.reason = QLineEdit(self)
         self.reason.setAccessibleName("Reason to ignore it")
-        self.reason.setPlaceholderText("Reason to ignore it permanently")
+        self.reason.setPlaceholderText("Reason to ignore it")
         self.reason.textChanged.connect(self._enable)
         self.reason.returnPressed.connect(self.ignore)
         self.ignore_button = QPushButton("Ignore", self)
@@ -239,11 +240,24 @@ class ValidationPanel(QWidget):
         layout.addLayout(bottom)
         self._soon = DeferredRefresh(self, self.renew, SETTLE)
         document.editing.findingsChanged.connect(self._on_findings)
+        document.projectLeft.connect(self.text.clear)
+        document.contentsChanged.connect(lambda parts: self._on_findings() if "reading" in parts else None)
         self.renew()
+
+    @property
+    def _complete(self) -> bool:
+        """Whether the findings of the graph are known; not while a file is read that may have a graph."""
+        reading = self._document.contents.reading and self._document.graph is None
+        return self._document.editing.checking.complete and not reading
+
+    @property
+    def pending(self) -> bool:
+        """Whether the list does not show all findings of the graph yet."""
+        return self._soon.pending or not self._complete
 
     def _on_findings(self) -> None:
         """Updates the list soon. Until then, a list of another graph, or one out of sight, shows no findings."""
-        if not (self._document.editing.checking.complete and self._soon.in_sight):
+        if not (self._complete and self._soon.in_sight):
             self._show_checking()
         self._soon.mark()
 
@@ -279,7 +293,7 @@ class ValidationPanel(QWidget):
         found = list(self._document.editing.findings.values())
         ignored = {} if self._document.graph is None else self._document.graph.ignored
         counts = Counter(f.severity for f in found if not ignored or not f.ignored_by(ignored))
-        complete = self._document.editing.checking.complete
+        complete = self._complete
         self.model.renew()
         if complete:
             for severity, box in self.boxes.items():
@@ -306,7 +320,7 @@ class ValidationPanel(QWidget):
     @property
     def nothing(self) -> str:
         """Why the list is empty."""
-        if not self._document.editing.checking.complete:
+        if not self._complete:
             return "Checking…"
         found = self._document.editing.findings.values()
         return "No finding matches the filter." if found else "No problems found."
@@ -319,7 +333,16 @@ class ValidationPanel(QWidget):
             return None
         keys = [finding.key for finding in found]
         self.choose(found[0 if current is None else (keys.index(current.key) + 1) % len(found)])
+        self._scroll_to_fix()
         return self.current
+
+    def _scroll_to_fix(self) -> None:
+        """Scrolls a panel that is too low for all of its parts, so that the fix of the selected finding is visible."""
+        area: QWidget | None = self.parentWidget()
+        while area is not None and not isinstance(area, QScrollArea):
+            area = area.parentWidget()
+        if area is not None:
+            area.ensureWidgetVisible(self.fix)
 
     def apply_first_fix(self) -> None:
         """Fixes the selected finding, or all findings of the selected group."""

@@ -105,13 +105,12 @@ class Checking:
         look = self._look
         if look is None:
             return
-        if look.graph is not self._graph:
-            self.look_again()  # the graph was edited meanwhile
-            return
         until = time.perf_counter() + seconds
         for _ in look.steps:
             if time.perf_counter() > until:
                 self._slices.start()
                 return
+        if self._graph is not None and look.graph is not self._graph:
+            look.validator.update(self._graph)  # the graph was edited meanwhile
         self._validator, self._look = look.validator, None
         self._changed()

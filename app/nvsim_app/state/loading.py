@@ -33,7 +33,7 @@ if TYPE_CHECKING:
 
 CONTENT_PARTS = (
     "capture", "submaps", "graph", "occupancy", "context", "scene_stamp", "outline", "model_info", "stages",
-    "results", "training", "cloud", "growing", "poses",
+    "results", "training", "cloud", "growing", "poses", "reading",
 )  # fmt: skip
 
 
@@ -62,6 +62,7 @@ class Contents:
     poses         report about the camera poses of the capture's video, None for other captures; while there is no
                   capture, the newest report
     cloud         point cloud beside a graph file, or from the estimated depth of a project; None if there is none
+    reading       whether the file is still being read, so that an absent part may exist
     notes         notices for the user about an opened file, shown once
     arrays, dots  precomputed arrays of the graph `arrays_of`, and of the cloud
     """
@@ -94,6 +95,7 @@ class Contents:
     camera_height: float | None = None
     poses: PosesReport | None = None
     growing: TrajectoryArrays | None = None
+    reading: bool = False
 
     @property
     def scan_cloud(self) -> Cloud | None:
@@ -107,7 +109,9 @@ class Contents:
 
     @property
     def missing_verb(self) -> StageName | Literal[""]:
-        """The stage that the project needs next; "" if nothing is missing or no project is open."""
+        """The stage that the project needs next; "" if nothing is missing, no project is open, or it is being read."""
+        if self.reading:
+            return ""
         stale, trained = self._stale, self.scene_stamp is not None and not self.live
         if stale is not None:
             return stale[0]
@@ -136,6 +140,8 @@ class Contents:
             return ""
         if self.path is None:
             return "No project is open."
+        if self.reading:
+            return "Reading the file…" if self.capture is None and self.graph is None else ""
         verb = self.missing_verb
         if not verb:
             return ""
@@ -177,7 +183,7 @@ class ProjectReader:
 
         self._project: Project = Project.open(path)
         self._jobs = JobList(path)
-        self._contents = Contents(path, graph_file=ProjectGraph(path))
+        self._contents = Contents(path, graph_file=ProjectGraph(path), reading=True)
         self._stamps: dict[str, Hashable] = {}
         self._revision: Hashable = None
         self._child: Child | None = None
@@ -270,6 +276,9 @@ class ProjectReader:
                 self._contents = replace(
                     self._contents, model_info=self._model_info(), live=value is not None and not self._folders()
                 )
+            yield self._contents
+        if self._contents.reading:
+            self._contents = replace(self._contents, reading=False)
             yield self._contents
 
     def _occupancy(self) -> OccupancyMap | None:

@@ -104,10 +104,11 @@ class North(QWidget):
 
 
 class MapFrame:
-    """The button, the arrow, and the coordinates over a map. `place` moves them to its corners."""
+    """The title, the button, the arrow, and the coordinates over a map. `place` moves them to its corners."""
 
     def __init__(self, map_view: QWidget) -> None:
         self._view = map_view
+        self._title: QWidget | None = None
         self.north = North(map_view)
         self.whole = QToolButton(map_view)
         self.whole.setAutoRaise(True)
@@ -123,6 +124,17 @@ class MapFrame:
         """Sets the action of the button."""
         self.whole.setDefaultAction(action)
         self.place()
+
+    def set_title(self, title: QWidget) -> None:
+        """Sets the widget at the top left, which is as wide as its content if there is room."""
+        title.setParent(self._view)
+        self._title = title
+        self.place()
+
+    @property
+    def titled(self) -> bool:
+        """Whether the widget at the top left is visible."""
+        return self._title is not None and not self._title.isHidden()
 
     def show(self, on: bool) -> None:
         """Shows or hides the arrow and the button, which need a map."""
@@ -142,6 +154,9 @@ class MapFrame:
         self.whole.adjustSize()
         self.whole.move(width - self.whole.width() - _EDGE, _EDGE)
         self.north.move(self.whole.x() - self.north.width() - 4, _EDGE)
+        if self._title is not None:
+            wide = min(self._title.sizeHint().width(), self.north.x() - 2 * _EDGE)
+            self._title.setGeometry(_EDGE, _EDGE, wide, self._title.sizeHint().height())
         self.coordinates.adjustSize()
         self.coordinates.move(_EDGE, height - self.coordinates.height() - _EDGE)
         for widget in (self.north, self.whole, self.coordinates):

@@ -21,7 +21,8 @@ from nvsim_app.state.loading import CONTENT_PARTS
 from nvsim_app.views.map_marks import CameraMarker, GraphItem, MapFrame
 
 PICK_PIXELS = 10
-_ABOVE, _BELOW, _BESIDE = 40, 32, 90  # pixels for the north arrow and the scale: above and below, or at the side
+_ABOVE, _BELOW, _BESIDE = 40, 32, 100  # pixels for the north arrow and the scale: above and below, or at the right
+_BORDER = (1.5, 4.0)  # meters that are shown around the trajectory and the graph: at least, and at most for walls
 PACE = 50  # milliseconds between two updates of the camera marker, about the image rate of the 3D view
 
 
@@ -155,22 +156,29 @@ class MapView(QWidget):
         return np.array([pixel.x(), pixel.y()])
 
     def frame_everything(self) -> None:
-        """Zooms to the trajectory and the graph."""
-        extent = self._document.extent
+        """Zooms to the trajectory and the graph, with the walls around them."""
+        extent, known = self._document.extent[:, :2], self._known_area()
         if len(extent):
-            self._fit(extent[:, :2].min(axis=0) - 1.5, extent[:, :2].max(axis=0) + 1.5)
+            low, high = extent.min(axis=0) - _BORDER[0], extent.max(axis=0) + _BORDER[0]
+            if len(known):
+                low = np.minimum(low, np.maximum(known[0] - 0.5, extent.min(axis=0) - _BORDER[1]))
+                high = np.maximum(high, np.minimum(known[1] + 0.5, extent.max(axis=0) + _BORDER[1]))
+            self._fit(low, high)
 
     def show_whole(self) -> None:
         """Zooms to the trajectory, the graph, and the known area of the occupancy map."""
-        points, occupancy = [self._document.extent[:, :2]], self._document.contents.occupancy
-        if occupancy is not None:
-            known = np.argwhere(occupancy.cells != UNKNOWN)
-            if len(known):
-                ends = np.array([known.min(axis=0), known.max(axis=0) + 1])[:, ::-1]
-                points.append(occupancy.origin + ends * occupancy.resolution)
-        places = np.concatenate(points)
+        places = np.concatenate([self._document.extent[:, :2], self._known_area()])
         if len(places):
             self._fit(places.min(axis=0) - 0.5, places.max(axis=0) + 0.5)
+
+    def _known_area(self) -> np.ndarray:
+        """(2, 2) lowest and highest x, y of the known cells in meters; (0, 2) without any."""
+        occupancy = self._document.contents.occupancy
+        known = np.argwhere(occupancy.cells != UNKNOWN) if occupancy is not None else np.zeros((0, 2), int)
+        if occupancy is None or not len(known):
+            return np.zeros((0, 2))
+        ends = np.array([known.min(axis=0), known.max(axis=0) + 1])[:, ::-1]
+        return occupancy.origin + ends * occupancy.resolution
 
     def _on_moved(self, _: object) -> None:
         self._fitted = None
@@ -179,14 +187,17 @@ class MapView(QWidget):
         """Zooms to the area between two corners (2,) in meters, with space for the north arrow and the scale, so that
         they do not cover it. Another size of the map zooms anew, until the user moves or zooms it."""
         self._fitted = low, high
-        width, height = max(self.width(), 1), max(self.height(), 2 * (_ABOVE + _BELOW))
+        width, height = max(self.width(), 2 * _BESIDE), max(self.height(), 2 * (_ABOVE + _BELOW))
         across, along = high - low
-        above, below = _ABOVE, _BELOW
-        if width - across * height / along >= 2 * _BESIDE:  # both are beside a narrow area
-            above = below = 0
+        above, below, right = _ABOVE, _BELOW, 0.0
         # Meters per pixel. The range has the aspect ratio of the map, because pyqtgraph changes one axis otherwise.
-        metre = 1.02 * max(across / width, along / (height - above - below))
-        x = (low[0] + high[0] - width * metre) / 2
+        metre = max(across / width, along / (height - above - below))
+        beside = max(across / (width - _BESIDE), along / height)
+        if beside < metre and not self.frame.titled:  # the area is larger with both at its right
+            metre, above, below = beside, 0, 0
+            right = max(0.0, 2 * _BESIDE - width + across / metre)  # a narrow area stays in the middle
+        metre *= 1.02
+        x = (low[0] + high[0] - (width - right) * metre) / 2
         y = (low[1] + high[1] - (height + below - above) * metre) / 2
         self.plot.setRange(QRectF(x, y, width * metre, height * metre), padding=0)
 
@@ -227,6 +238,8 @@ class MapView(QWidget):
     def _on_contents(self, parts: frozenset[str]) -> None:
         if "occupancy" in parts:
             self._draw_occupancy()
+            if self._fitted is not None:
+                self.frame_everything()
         if parts & {"capture", "submaps", "growing"}:
             self._draw_trajectory()
         if "graph" in parts:

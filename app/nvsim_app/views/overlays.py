@@ -135,7 +135,8 @@ def paint_ground(painter: QPainter, size: QSize, palette: QPalette) -> None:
 
 
 def paint_status(painter: QPainter, size: QSize, pose: ViewPose, picture: Picture | None, words: str) -> None:
-    """Paints the pose at the lower left, and `words` at the top center if there are any."""
+    """Paints the pose and as many facts about the image as fit at the lower left, and `words` at the top center if
+    there are any."""
     painter.setFont(type_font("small"))
     ink, fill = QColor("#dfe7ee"), QColor(16, 20, 26, 175)
     x, y, z = pose.position
@@ -144,6 +145,8 @@ def paint_status(painter: QPainter, size: QSize, pose: ViewPose, picture: Pictur
         k = picture.request.camera.intrinsics
         facts += ["whole building" if picture.submap == WHOLE else f"submap {picture.submap}", f"{k.width}×{k.height}"]
         facts += [f"{picture.renderer} {picture.milliseconds:.0f} ms"]
+    while len(facts) > 1 and painter.fontMetrics().horizontalAdvance("   ".join(facts)) > size.width() - 32:
+        facts.pop()
     chip(painter, QPointF(10, size.height() - 10), "   ".join(facts), ink, fill)
     if words:
         box = QRect(QPoint(0, 0), size).adjusted(16, 8, -16, -8)

@@ -187,7 +187,6 @@ def _groups(arrays: GraphArrays, found: Coloring) -> tuple[NDArray[np.int64], ND
     return viewpoints, edges
 
 
-_EDGE = 8  # pixels from the corner of the map
 _FAINT, _RADIUS = 0.55, 3.0  # opacity, and ring radius in pixels, of hidden storeys
 
 
@@ -234,8 +233,7 @@ class StoreyPart(Part):
 
     def restore(self, settings: QSettings) -> None:
         plan = self.context.part(MapPart).view
-        self.choice.setParent(plan)
-        self.choice.move(_EDGE, _EDGE)
+        plan.frame.set_title(self.choice)
         self._storeys.changed.connect(self._show)
         self.context.document.unitsChanged.connect(self._show)
         self._storeys.changed.connect(self.context.scene.update)
@@ -287,6 +285,6 @@ class StoreyPart(Part):
             self.choice.addItem(f"Storey {number}, {lengths.length(storey.floor, 1)}, {storey.count:,} viewpoints")
         self.choice.setCurrentIndex(0 if self._storeys.chosen is None else len(found) - self._storeys.chosen)
         self.choice.setVisible(len(found) > 1)
-        self.choice.adjustSize()
+        self.context.part(MapPart).view.frame.place()
         self.choice.raise_()
         self.context.window.actions_table.refresh()

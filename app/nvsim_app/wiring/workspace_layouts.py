@@ -13,7 +13,7 @@ from dataclasses import dataclass, field
 from functools import partial
 from typing import Literal
 
-from PySide6.QtCore import QByteArray, QSettings, Qt, QTimer
+from PySide6.QtCore import QByteArray, QSettings, Qt
 from PySide6.QtWidgets import QApplication, QDockWidget, QHBoxLayout, QMenu, QTabBar, QToolButton, QWidget
 
 from nvsim_app.actions import Action
@@ -24,10 +24,12 @@ from nvsim_app.wiring.part import Part, WindowContext
 
 OpenKind = Literal["nothing", "project", "graph", "splats"]
 LAYOUT_VERSION = 5  # increased when docks or toolbars change, so that older stored layouts are ignored
-_READING = 700  # milliseconds without new contents until the open file counts as read
 _BARS = 100  # height of the menu, tools, and status bar, pixels
 _SIDE = 380  # width of the column beside the main view, pixels
 _MAIN = 0.65  # share of the rest for the main view
+_AROUND = 0.55  # largest share of the columns around the center in the width of the window
+_COLUMN = 288  # least width of these columns, pixels
+_LOW = 440  # height of the room for views in pixels, up to which a main view takes all of it
 _TOLD = 6000  # milliseconds of a message
 
 
@@ -105,9 +107,6 @@ class WorkspacePart(Part):
         self._asked: set[str] = set()  # panels that the user opened although they do not apply
         self._put: dict[str, bool] = {}  # panel -> whether it was open at the last check
         self._before: QByteArray | None = None  # the layout before one view was shown alone
-        self._reading = False
-        self._soon = QTimer(self, singleShot=True, interval=_READING)
-        self._soon.timeout.connect(self._on_read)
 
     def handlers(self) -> Mapping[str, Callable[..., object]]:
         entered = {f"workspace_{a.id}": partial(self._on_chosen, a.id) for a in WORKSPACE_LAYOUTS}
@@ -127,7 +126,6 @@ class WorkspacePart(Part):
         self._begin()
 
     def store(self, settings: QSettings) -> None:
-        self._soon.stop()
         self._keep()
 
     # Entering and keeping ---------------------------------------------------------------------------------------
@@ -193,7 +191,7 @@ class WorkspacePart(Part):
         names = [names] if isinstance(names, str) else names
         own = isinstance(names, list) and isinstance(state, QByteArray)
         self._asked.clear()
-        self._wanted = {str(n) for n in names} & set(self._docks) if own else self.panels(self.current.id)
+        self._wanted = {str(n) for n in names} & set(self._docks) if own else self._defaults()
         if self.kind == "nothing":
             self._wanted = set()
         window.setUpdatesEnabled(False)
@@ -206,6 +204,12 @@ class WorkspacePart(Part):
             self._arrange()
         window.setUpdatesEnabled(True)
 
+    def _defaults(self) -> set[str]:
+        """The panels that the current workspace opens in a window of this height."""
+        low = self.current.main and self.context.window.height() - _BARS <= _LOW
+        below = {row.name for row in self.context.window.rows if row.area in ("left", "bottom")} if low else set()
+        return self.panels(self.current.id) - below
+
     def panels(self, id: str) -> set[str]:
         """The panels that a workspace opens."""
         return {row.name for row in self.context.window.rows if id in row.workspaces}
@@ -214,6 +218,8 @@ class WorkspacePart(Part):
         """Applies the default places, tabs, and sizes of this workspace."""
         window, docks = self.context.window, self._docks
         widths = {row.name: row.width for row in window.rows if row.width}
+        narrow = min(1.0, _AROUND * window.width() / max(1, sum(widths.values())))
+        widths = {name: max(_COLUMN, round(narrow * width)) for name, width in widths.items()}
         if self.current.main:
             widths = self._widen(self.current.main)
         for name in self.current.front:
@@ -267,7 +273,7 @@ class WorkspacePart(Part):
         self._note()
         document = self.context.document
         for name, dock in self._docks.items():
-            says = self._reading or name in self._asked or self._needs[name](document) is None
+            says = document.contents.reading or name in self._asked or self._needs[name](document) is None
             wanted = name in self._wanted and says
             if wanted == dock.isHidden():
                 dock.setVisible(wanted)
@@ -292,20 +298,11 @@ class WorkspacePart(Part):
         return {name: not dock.isHidden() for name, dock in self._docks.items()}
 
     def _on_project(self) -> None:
-        self._reading = kind_of(self.context.document) in ("project", "graph")
         self._begin()
-        if self._reading:
-            self._soon.start()
 
     def _on_contents(self, parts: frozenset[str]) -> None:
-        if self._reading:
-            self._soon.start()
-        else:
+        if not self.context.document.contents.reading:
             self.settle()
-
-    def _on_read(self) -> None:
-        self._reading = False
-        self.settle()
 
     # One view alone -----------------------------------------------------------------------------------------------
 

@@ -159,7 +159,8 @@ class Validator:
             return
         seen: tuple[object, ...] = (found, graph.viewpoints[key[0]], graph.viewpoints[key[1]])
         if self._context.against is not None:
-            seen += tuple(graph.evidence[k] for id in key for k in graph.evidence_of.get(id, ()))
+            for id in key:
+                seen += tuple(map(graph.evidence.__getitem__, graph.evidence_of.get(id, ())))
         if is_steep(graph, key, self._context):
             seen += tuple(graph.viewpoints[other] for id in key for other in graph.neighbours(id))
         known = self._along.get(key)

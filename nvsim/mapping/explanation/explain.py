@@ -239,8 +239,9 @@ def closed_edge_reason(config: MappingConfig) -> Callable[[NavGraph, EdgeKey], s
 
     def why(graph: NavGraph, key: EdgeKey) -> str:
         for here, there in (key, key[::-1]):
-            for evidence in (graph.evidence[k] for k in graph.evidence_of.get(here, ())):
-                if evidence.viewpoint != here or evidence.stale or not _leads_to(evidence, graph, there):
+            place = graph.viewpoints[there].position
+            for evidence in map(graph.evidence.__getitem__, graph.evidence_of.get(here, ())):
+                if not _leads_to(evidence, there, place) or evidence.viewpoint != here or evidence.stale:
                     continue
                 if unmeasured_families(evidence, config):
                     continue
@@ -272,8 +273,9 @@ def smallest_margin(config: MappingConfig) -> Callable[[NavGraph, EdgeKey], floa
     return least
 
 
-def _leads_to(evidence: Evidence, graph: NavGraph, id: str) -> bool:
+def _leads_to(evidence: Evidence, id: str, place: tuple[float, float, float]) -> bool:
+    """Whether the corridor ends at the viewpoint with this id and position."""
     if evidence.joins:
         return evidence.joins == id
-    x, y = graph.viewpoints[id].position[:2]
-    return bool(np.hypot(evidence.target[0] - x, evidence.target[1] - y) < SAME)
+    x, y = evidence.target
+    return math.hypot(x - place[0], y - place[1]) < SAME
