@@ -274,10 +274,7 @@ def _joined_again(
 
 
 def _bends(model: pycolmap.Reconstruction, inputs: _MappingInputs) -> list[int]:
-    def agreement(pair: Pair) -> float:
-        return agreement_with(model, pair, inputs.views[pair].matches, inputs.keypoints)
-
-    return find_bends(model.reg_image_ids(), inputs.views, agreement)
+    return find_bends(model.reg_image_ids(), inputs.views, agreement_with(model, inputs.keypoints, inputs.views))
 
 
 def _join_firm_pieces(

@@ -118,19 +118,27 @@ def find_bends(images: Iterable[int], found: Mapping[Pair, TwoViews], agreement:
 
 
 def agreement_with(
-    model: pycolmap.Reconstruction, pair: Pair, matches: NDArray[np.uint32], keypoints: Sequence[Keypoints]
-) -> float:
-    """The share of the `matches` (M, 2) of two images, by index, that agree with their poses in the model, at distances
-    that the first image shows."""
-    first, second = (model.images[k + 1] for k in pair)
-    points = [model.points3D[p.point3D_id].xyz for p in first.points2D if p.has_point3D()]
-    if not points:
-        return 0.0
-    nearest = float(np.quantile(np.linalg.norm(np.array(points) - first.projection_center(), axis=1), 0.05))
-    cameras = (model.cameras[first.camera_id], model.cameras[second.camera_id])
-    places = (keypoints[pair[0]].places, keypoints[pair[1]].places)
-    relative = second.cam_from_world() * first.cam_from_world().inverse()
-    return share_that_fits(relative, cameras, places, matches, _NEARER * nearest)
+    model: pycolmap.Reconstruction, keypoints: Sequence[Keypoints], found: Mapping[Pair, TwoViews]
+) -> Callable[[Pair], float]:
+    """A function that returns the share of the matches of a pair of images in `found` that agree with their poses in the
+    model, at distances that the first image shows."""
+    nearest: dict[int, float] = {}
+
+    def nearest_to(image: pycolmap.Image) -> float:
+        if image.image_id not in nearest:
+            points = [model.points3D[p.point3D_id].xyz for p in image.points2D if p.has_point3D()]
+            away = np.linalg.norm(np.array(points).reshape(-1, 3) - image.projection_center(), axis=1)
+            nearest[image.image_id] = float(np.quantile(away, 0.05)) if points else float("inf")
+        return nearest[image.image_id]
+
+    def agreement(pair: Pair) -> float:
+        first, second = (model.images[k + 1] for k in pair)
+        cameras = (model.cameras[first.camera_id], model.cameras[second.camera_id])
+        places = (keypoints[pair[0]].places, keypoints[pair[1]].places)
+        relative = second.cam_from_world() * first.cam_from_world().inverse()
+        return share_that_fits(relative, cameras, places, found[pair].matches, _NEARER * nearest_to(first))
+
+    return agreement
 
 
 def are_poses_near(one: Mapping[int, pycolmap.Rigid3d], other: Mapping[int, pycolmap.Rigid3d], distance: float) -> bool:

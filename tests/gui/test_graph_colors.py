@@ -69,7 +69,7 @@ def test_the_map_shows_them_with_a_legend_and_the_next_window_too(
     ratio = after.devicePixelRatio()
     pixels, _ = window.modes.canvases[1].surface.project(document.graph_arrays.feet)
     seen = [after.pixelColor(*(np.round(p * ratio).astype(int).tolist())).rgb() for p in pixels]
-    assert sum(pixel in colors for pixel in seen) > 0.8 * len(seen)
+    assert sum(pixel in colors for pixel in seen) > 0.7 * len(seen)  # the legend covers some viewpoints
     window.close()
     assert make_window(document).part(ColoringPart).by == "degree"
 

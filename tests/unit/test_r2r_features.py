@@ -329,13 +329,13 @@ import resource, signal, sys
 from pathlib import Path
 import numpy as np
 from nvsim.errors import InputError
-from nvsim.r2r.features.feature_files import Place, write_hdf5, write_tsv
+from nvsim.r2r.features.feature_files import RowSource, write_hdf5, write_tsv
 signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
 resource.setrlimit(resource.RLIMIT_FSIZE, (300_000, 300_000))
 row = np.random.default_rng(0).random((36, 700), np.float32)
 for write, name in ((write_hdf5, "x.hdf5"), (write_tsv, "x.tsv")):
     try:
-        write(Path(sys.argv[1]) / name, ((Place("a", f"v{i}", (4, 3)), row) for i in range(20)), {"a": "b"}, 60)
+        write(Path(sys.argv[1]) / name, ((RowSource("a", f"v{i}", (4, 3)), row) for i in range(20)), {"a": "b"}, 60)
     except InputError as error:
         print(error)
 """
