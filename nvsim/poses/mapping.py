@@ -120,8 +120,8 @@ def find_bends(images: Iterable[int], found: Mapping[Pair, TwoViews], agreement:
 def agreement_with(
     model: pycolmap.Reconstruction, keypoints: Sequence[Keypoints], found: Mapping[Pair, TwoViews]
 ) -> Callable[[Pair], float]:
-    """A function that returns the share of the matches of a pair of images in `found` that agree with their poses in the
-    model, at distances that the first image shows."""
+    """A function that returns the share of the matches of a pair of images in `found` that agree with their poses in
+    the model, at distances that the first image shows."""
     nearest: dict[int, float] = {}
 
     def nearest_to(image: pycolmap.Image) -> float:
