@@ -187,6 +187,7 @@ def _finished(models: list[pycolmap.Reconstruction], inputs: _MappingInputs, pla
     separate = split_into_pieces(model, pieces, models, images.times)
     if model.num_reg_images() >= _CENTERED:
         adjust_all(model, True, poses_of(model) if held else None, _LOOSELY if loops else _HELD)
+    without_bad_points(model)
     upright = tuple(images.ordered and level_and_scale(piece, images.folder) for piece in separate)
     placed(separate)
     registered = set(names_in(model))

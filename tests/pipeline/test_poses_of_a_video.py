@@ -95,6 +95,9 @@ def test_nearly_all_frames_are_placed_where_the_camera_was(found: tuple[ImageSet
 def test_the_focal_length_is_found(found: tuple[ImageSet, FoundPoses, list[str]]) -> None:
     assert found[1].focal[0] == pytest.approx(room.FOCAL, rel=0.05)
     assert found[1].residual < 1.5
+    model = found[1].model
+    model.update_point_3d_errors()
+    assert all(point.error < 4.0 for point in model.points3D.values())
 
 
 def test_the_way_back_closes_loops(found: tuple[ImageSet, FoundPoses, list[str]]) -> None:
