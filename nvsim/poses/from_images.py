@@ -49,7 +49,7 @@ from nvsim.poses.match_database import (
 from nvsim.poses.piece_reliability import firm_pieces
 from nvsim.poses.pieces import names_in, split_after, split_into_pieces
 from nvsim.poses.pose_graph import PartAnchors, keeps_shape, median_depth, without_drift
-from nvsim.poses.positioning import map_video
+from nvsim.poses.positioning import reconstruct_video
 from nvsim.poses.straightening import anchors_of, contradicts_floor, level_and_scale, merge_turning_pieces, straightened
 from nvsim.poses.threads import thread_pool
 from nvsim.poses.two_views import TwoViews, from_matches, relative_pose
@@ -434,7 +434,7 @@ def _mapped(
     set_cameras(path, cameras)
     write_geometries(path, views)
     if images.ordered:
-        return map_video(path, cameras, images.camera, keypoints, views)
+        return reconstruct_video(path, cameras, images.camera, keypoints, views)
     return global_mapping(path, images.folder, folder / "mapped")
 
 

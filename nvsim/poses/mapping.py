@@ -13,7 +13,7 @@ from scipy.spatial.transform import Rotation
 
 from nvsim.geometry.rotation import rotation_angle
 from nvsim.poses.match_database import Keypoints, Pair
-from nvsim.poses.two_views import TwoViews, share_that_fits
+from nvsim.poses.two_views import TwoViews, share_of_agreeing_matches
 
 _CERTAIN = 30  # matches of frames that are not next to each other and whose rotation cannot be checked, at least
 _DRIFT, _STEP = 1.5, 0.5  # degrees: allowed difference of a pair from the chained rotations, fixed and per frame
@@ -136,7 +136,7 @@ def agreement_with(
         cameras = (model.cameras[first.camera_id], model.cameras[second.camera_id])
         places = (keypoints[pair[0]].places, keypoints[pair[1]].places)
         relative = second.cam_from_world() * first.cam_from_world().inverse()
-        return share_that_fits(relative, cameras, places, found[pair].matches, _NEARER * nearest_to(first))
+        return share_of_agreeing_matches(relative, cameras, places, found[pair].matches, _NEARER * nearest_to(first))
 
     return agreement
 

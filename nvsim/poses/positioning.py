@@ -46,7 +46,7 @@ class _Observations:
         return _Observations(self.image[kept], self.keypoint[kept], np.unique(self.point[kept], return_inverse=True)[1])
 
 
-def map_video(
+def reconstruct_video(
     path: Path,
     cameras: Mapping[int, pycolmap.Camera],
     camera: NDArray[np.int64],
@@ -61,13 +61,13 @@ def map_video(
     models = []
     for number in np.flatnonzero(np.bincount(part) >= _FEWEST):
         inside = {pair: own for pair, own in views.items() if part[pair[0]] == number}
-        model = _mapped(path, cameras, camera, keypoints, inside)
+        model = _reconstructed(path, cameras, camera, keypoints, inside)
         if model is not None:
             models.append(model)
     return sorted(models, key=lambda m: -m.num_reg_images())
 
 
-def _mapped(
+def _reconstructed(
     path: Path,
     cameras: Mapping[int, pycolmap.Camera],
     camera: NDArray[np.int64],

@@ -74,7 +74,7 @@ def relative_pose(
     return TwoViews(rotation, agreed, True, geometry)
 
 
-def share_that_fits(
+def share_of_agreeing_matches(
     pose: pycolmap.Rigid3d,
     cameras: tuple[pycolmap.Camera, pycolmap.Camera],
     places: tuple[NDArray[np.float64], NDArray[np.float64]],

@@ -11,7 +11,7 @@ from scipy.spatial.transform import Rotation
 
 from nvsim.poses.match_database import Pair
 from nvsim.poses.positioning import average_rotations, positions_from_rays
-from nvsim.poses.two_views import TwoViews, from_matches, share_that_fits
+from nvsim.poses.two_views import TwoViews, from_matches, share_of_agreeing_matches
 
 
 def fitted(found: NDArray[np.float64], true: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -71,7 +71,7 @@ def test_rotations_agree_with_most_relative_poses() -> None:
 
 
 @pytest.mark.parametrize("step", [0.0, 0.3])
-def test_matches_fit_the_true_pose_and_not_others(step: float) -> None:
+def test_matches_agree_with_the_true_pose_and_not_with_others(step: float) -> None:
     rng = np.random.default_rng(3)
     points = rng.uniform([2, -2, -1], [6, 2, 1], (800, 3))
     ahead = facing(np.array([1.0, 0, 0]))
@@ -82,7 +82,7 @@ def test_matches_fit_the_true_pose_and_not_others(step: float) -> None:
     true = cameras[1] * cameras[0].inverse()
 
     def share(relative: pycolmap.Rigid3d) -> float:
-        return share_that_fits(relative, (camera(), camera()), (places[0], places[1]), matches, 0.5)
+        return share_of_agreeing_matches(relative, (camera(), camera()), (places[0], places[1]), matches, 0.5)
 
     assert share(true) == 1.0
     other = pycolmap.Rigid3d(pycolmap.Rotation3d(Rotation.from_euler("y", 8, degrees=True).as_matrix()), np.zeros(3))
