@@ -47,7 +47,7 @@ from nvsim.poses.match_database import (
     write_geometries,
 )
 from nvsim.poses.piece_reliability import firm_pieces
-from nvsim.poses.pieces import names_in, split_after, split_into_pieces
+from nvsim.poses.pieces import LEAST, extended, names_in, split_after, split_into_pieces
 from nvsim.poses.pose_graph import PartAnchors, keeps_shape, median_depth, without_drift
 from nvsim.poses.positioning import reconstruct_video
 from nvsim.poses.straightening import anchors_of, contradicts_floor, level_and_scale, merge_turning_pieces, straightened
@@ -58,15 +58,16 @@ _FEATURES, _CONTRAST = 1500, 0.005  # features of a frame of a video; SIFT contr
 _FEATURES_OF_PHOTOGRAPH = 8000  # at most: photographs from a few places differ much, so that few of many features match
 _COMPARISONS = 3e10  # of features of all pairs of photographs, about: four minutes of one core
 _FOCAL_OFF = 0.02  # relative change of the focal length in the first mapping above which pairs are verified again
-_LEAST = 8  # images of a piece that is joined to others, at least
 _SAMPLE = 60  # frames of a video from which the focal length is first estimated
 _ROUNDS, _MORE = 3, 1.1  # rounds of loop closure; loops over those of the last round, at least, for another round
-_HELD, _LOOSELY = 0.05, 0.3  # camera heights: standard deviation of a held camera; in the end, if there are loops
+_HELD = 0.05  # camera heights: standard deviation of a held camera
 _ENOUGH = 0.85  # share of the images in the largest firm piece; below it, the floor is used
 _LOOPS_LEFT = 0.5  # share of the loops that agree with a straightened video, at least
 _MAPPINGS = 2  # with better focal lengths, at most
 _JOINS, _STAYED = 2, 0.08  # joins over bends, at most; median depths that a piece which is in place moves, at most
+_BESIDE = 0.2  # median depths between an image beside a piece and the end of the piece, at most
 _LOOSE = 0.03  # standard deviation of the log scale above which a straightened video is split
+_KEPT = 0.95  # share of the observed points that remain if a video is straightened again, at least
 _CENTERED = 30  # images that are needed to estimate the principal point
 _FEWEST = {True: 15, False: 25}  # matches of a pair, at least: of neighbors, of other pairs
 ProgressCallback = Callable[[str, int, int], None]
@@ -164,7 +165,10 @@ def _finished(models: list[pycolmap.Reconstruction], inputs: _MappingInputs, pla
         for found in models:
             correct_rotations(found, inputs.views)
         model, views, loops = _closed(*_join_firm_pieces(None, models, inputs), inputs, False)
-        model, pieces = _joined_again(model, views, inputs)
+        model, joined, pieces = _joined_again(model, views, inputs)
+        if len(joined) > len(views):  # the joined pieces are now near enough to show places of each other again
+            model, _, loops = _closed(model, joined, inputs, False, loops)
+            pieces = extended(model, pieces, _BESIDE * median_depth(model))
         bent = contradicts_floor(model)
         if (bent or len(pieces[0]) < _ENOUGH * len(images.names)) and not images.clips.any():  # one video only
             placed([model])
@@ -186,7 +190,7 @@ def _finished(models: list[pycolmap.Reconstruction], inputs: _MappingInputs, pla
         pieces = [kept for piece in pieces if (kept := [n for n in piece if n not in astray])]
     separate = split_into_pieces(model, pieces, models, images.times)
     if model.num_reg_images() >= _CENTERED:
-        adjust_all(model, True, poses_of(model) if held else None, _LOOSELY if loops else _HELD)
+        adjust_all(model, True, poses_of(model) if held else None, _HELD)
     without_bad_points(model)
     upright = tuple(images.ordered and level_and_scale(piece, images.folder) for piece in separate)
     placed(separate)
@@ -205,40 +209,58 @@ def _straight(
     models: list[pycolmap.Reconstruction], inputs: _MappingInputs
 ) -> tuple[pycolmap.Reconstruction, list[Pair], list[list[int]]] | None:
     """Reconstructs a video with the help of its floor and walls. Returns the reconstruction, its loops, and its pieces;
-    None if no floor is visible."""
+    None if no floor is visible.
+
+    Closed loops give it a shape in which the walls are measured better, so it is straightened again. If the images
+    then show fewer of its points, or it breaks, the walls were not at right angles or not found."""
     poses = straightened(models, inputs.images.folder, inputs.images.times)
     if not poses:
         return None
     write_geometries(inputs.path, inputs.views)
     base = _adjusted(poses, dict(models[0].cameras.items()), inputs, True)
     model, _, loops = _closed(*_join_firm_pieces(base, models, inputs), inputs, True)
-    firm = firm_pieces(model, inputs.images.times, _LOOSE)
-    pieces = merge_turning_pieces(model, firm, inputs.images.folder, inputs.views)
+    pieces = _pieces_of_straight(model, inputs)
+    poses = straightened([model], inputs.images.folder, inputs.images.times)
+    if loops and len(poses) == model.num_reg_images():
+        again = _adjusted(poses, dict(model.cameras.items()), inputs, True)
+        if again.compute_num_observations() >= _KEPT * model.compute_num_observations():
+            pieces_again = _pieces_of_straight(again, inputs)
+            if len(pieces_again[0]) >= len(pieces[0]):
+                model, pieces = again, pieces_again
     return model, loops, pieces
 
 
+def _pieces_of_straight(model: pycolmap.Reconstruction, inputs: _MappingInputs) -> list[list[int]]:
+    firm = firm_pieces(model, inputs.images.times, _LOOSE)
+    return merge_turning_pieces(model, firm, inputs.images.folder, inputs.views)
+
+
 def _closed(
-    model: pycolmap.Reconstruction, views: dict[Pair, TwoViews], inputs: _MappingInputs, held: bool
+    model: pycolmap.Reconstruction,
+    views: dict[Pair, TwoViews],
+    inputs: _MappingInputs,
+    held: bool,
+    known: Sequence[Pair] = (),
 ) -> tuple[pycolmap.Reconstruction, dict[Pair, TwoViews], list[Pair]]:
     """Closes loops. Returns the reconstruction, the image pairs that connect it, and its loops. If `held`, the floor
-    and the walls hold its parts."""
+    and the walls hold its parts. `views` contains the loops that are already `known`."""
 
     def anchored(groups: list[list[int]]) -> PartAnchors:
         return anchors_of(model, groups, inputs.images.folder)
 
-    seen_again, loops, tested = dict[Pair, TwoViews](), list[Pair](), set[Pair]()
+    seen_again, loops, tested = {pair: views[pair] for pair in known}, list(known), set(known)
     for number in range(_ROUNDS):
         inputs.report_progress("loops", number, _ROUNDS)
         seen_again |= close_loops(model, inputs.keypoints, inputs.similar, tested, inputs.matches, seen_again)
         loose = firm_pieces(model, inputs.images.times, _LOOSE) if held else []
         poses, agreeing = without_drift(model, seen_again, anchored if held else None, loose)
-        if len(agreeing) <= _MORE * len(loops):
+        if len(agreeing) <= (_MORE if number else 1) * len(loops):
             break
         loops = agreeing
         write_geometries(inputs.path, views | {pair: seen_again[pair] for pair in loops})
         closed = _adjusted(poses, dict(model.cameras.items()), inputs, held)
         if not keeps_shape(model, closed):
-            loops = []
+            loops = list(known)
             break
         model = closed
     return model, views | {pair: seen_again[pair] for pair in loops}, loops
@@ -246,26 +268,26 @@ def _closed(
 
 def _joined_again(
     model: pycolmap.Reconstruction, views: dict[Pair, TwoViews], inputs: _MappingInputs
-) -> tuple[pycolmap.Reconstruction, list[list[int]]]:
+) -> tuple[pycolmap.Reconstruction, dict[Pair, TwoViews], list[list[int]]]:
     """Joins the pieces between the bends of a video by points that they share. `views` connect its images. Returns the
-    reconstruction with the largest piece, and its pieces, the largest first.
+    reconstruction with the largest piece, the views that connect it, and its pieces, the largest first.
 
     Adjustment leaves a bend where two stretches of a loop are decimeters apart, because the images then show few points
     of the other stretch. The points of both stretches together are still accurate enough to place one on the other. If
     a piece is already where these points place it, the relative poses at its bend are wrong, and there is no bend."""
-    best: tuple[pycolmap.Reconstruction, list[list[int]]] | None = None
+    best: tuple[pycolmap.Reconstruction, dict[Pair, TwoViews], list[list[int]]] | None = None
     for number in range(_JOINS + 1):
         pieces = split_after(firm_pieces(model, inputs.images.times), _bends(model, inputs))
-        if best is None or len(pieces[0]) > len(best[1][0]):
-            best = model, pieces
-        large = [piece_of(model, p, inputs.keypoints) for p in pieces if len(p) >= _LEAST]
+        if best is None or len(pieces[0]) > len(best[2][0]):
+            best = model, views, pieces
+        large = [piece_of(model, p, inputs.keypoints) for p in pieces if len(p) >= LEAST]
         poses, across = join(large) if len(large) > 1 else ({}, {})
         joined = [piece for piece in pieces if piece[0] in poses]
         if len(joined) < 2:
             break
         if are_poses_near(poses_of(model), poses, _STAYED * median_depth(model)):
             apart = [piece for piece in pieces if piece[0] not in poses]
-            return model, sorted([sorted(poses), *apart], key=len, reverse=True)
+            return model, views, sorted([sorted(poses), *apart], key=len, reverse=True)
         if number < _JOINS:
             views = views | {pair: from_matches(own) for pair, own in across.items() if pair not in views}
             write_geometries(inputs.path, views)
@@ -290,7 +312,7 @@ def _join_firm_pieces(
     pieces = [] if base is None else [piece_of(base, sorted(there), inputs.keypoints)]
     for model in models:
         if there.isdisjoint(model.reg_image_ids()):
-            pieces += [piece_of(model, p, inputs.keypoints) for p in firm_pieces(model, times) if len(p) >= _LEAST]
+            pieces += [piece_of(model, p, inputs.keypoints) for p in firm_pieces(model, times) if len(p) >= LEAST]
     first = models[0] if base is None else base
     if len(pieces) < 2:
         return first, inputs.views

@@ -4,16 +4,18 @@ from __future__ import annotations
 
 import copy
 from bisect import bisect_left
-from collections.abc import Collection, Iterable, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 
 import numpy as np
 import pycolmap
 from numpy.typing import NDArray
 
 from nvsim.geometry.rotation import rotation_angle
-from nvsim.poses.mapping import keep_only
-from nvsim.poses.piece_reliability import firm_pieces
+from nvsim.poses.mapping import center_of, keep_only, poses_of
+from nvsim.poses.piece_reliability import Observations, firm_pieces, observations_of
 
+LEAST = 8  # images of a piece with a scale of its own, at least
+_KNOWN = 30  # points of a piece that an image beside it sees, at least
 _BRIDGE, _TURNED = 3, 25.0  # images in a row that may be removed; degrees from the image before to the image after
 
 
@@ -28,6 +30,45 @@ def split_after(pieces: Iterable[Sequence[int]], cuts: Collection[int]) -> list[
             runs.setdefault(bisect_left(bounds, n), []).append(n)
         found.extend(runs.values())
     return sorted(found, key=len, reverse=True)
+
+
+def extended(model: pycolmap.Reconstruction, pieces: Sequence[Sequence[int]], reach: float) -> list[list[int]]:
+    """The `pieces` (image numbers), the largest first, where images of small pieces belong to a larger piece if they
+    are at most `reach` beside it and see many of its points."""
+    groups = [list(p) for p in pieces if len(p) >= LEAST]
+    loose = {n for p in pieces if len(p) < LEAST for n in p}
+    if not loose:
+        return groups
+    seen, poses = observations_of(model), poses_of(model)
+    for group in groups:
+        group.extend(images_beside(poses, seen, group, loose, reach))
+        loose -= set(group)
+    rest = [left for p in pieces if len(p) < LEAST and (left := [n for n in p if n in loose])]
+    return sorted((sorted(p) for p in [*groups, *rest]), key=len, reverse=True)
+
+
+def ends_of(group: Sequence[int]) -> list[tuple[int, int]]:
+    """The images of a group before (-1) or after (1) which an image of another group comes, and this direction."""
+    return [(n, towards) for n in sorted(group) for towards in (-1, 1) if n + towards not in group]
+
+
+def images_beside(
+    poses: Mapping[int, pycolmap.Rigid3d], seen: Observations, group: Sequence[int], loose: set[int], reach: float
+) -> list[int]:
+    """The `loose` images next to those of a group that see many of its points, at most `reach` from it, in the unit of
+    `poses`. Their poses are as exact as those points, although the images beyond them may have another scale."""
+    inside = np.isin(seen.numbers, group)
+    own = np.bincount(seen.point[inside[seen.image]], minlength=len(seen.places)) >= 2
+    known = dict(zip(seen.numbers.tolist(), np.bincount(seen.image[own[seen.point]], minlength=len(inside))))
+    found: list[int] = []
+    for end, towards in ends_of(group):
+        n = end + towards
+        while n in loose and n not in found and known[n] >= _KNOWN:
+            if np.linalg.norm(center_of(poses[n]) - center_of(poses[end])) > reach:
+                break
+            found.append(n)
+            n += towards
+    return found
 
 
 def split_into_pieces(

@@ -22,11 +22,11 @@ from nvsim.geometry.rotation import rotation_angle, smallest_rotation
 from nvsim.poses.building_frame import camera_height, level_axes, up_of, wall_direction
 from nvsim.poses.mapping import center_of, move_image, poses_of
 from nvsim.poses.piece_reliability import Observations, firm_pieces, observations_of, shared_points
+from nvsim.poses.pieces import LEAST, ends_of, images_beside
 from nvsim.poses.pose_graph import FIRM, LOOSE, PartAnchors, no_anchors, no_loops, solve, transform_pose
 from nvsim.poses.two_views import TwoViews
 
 _LENGTH = 12  # images of a part
-_LEAST = 8  # images of a piece with a scale of its own, at least
 _LINED = 4  # images of a part in which lines are detected
 _LAST = 3  # steps from which the speed of the camera is estimated
 _NEAR = 4  # images of a turn between two whose rotations are compared, at most
@@ -38,7 +38,7 @@ _CHECKED = 4  # parts with a floor that are needed to test whether a reconstruct
 _OTHER_SCALE, _OTHER_SHARE = 0.06, 0.15  # deviation of the log scale; allowed share of parts beyond it
 _SAME_HEIGHT, _SAME_UP, _SAME_WALL = 0.06, 3.0, 3.0  # largest differences across a turn: logarithm, degrees, degrees
 _STILL, _SAME_TURN = 0.1, 3.0  # camera heights, degrees: largest differences of two poses of an image of a turn
-_KNOWN, _REACH = 30, 0.5  # points of a piece that an image beside it sees, at least; camera heights to it, at most
+_REACH = 0.5  # camera heights between an image beside a piece and the end of the piece, at most
 _SHARED = 15  # points shared with another image, at least, for an image of a turn to be kept
 _DEPTH = 2.0  # camera heights: usual distance of points
 _SLIP = 0.1  # usual drift of the log scale from part to part; the floor is more accurate
@@ -98,7 +98,7 @@ def level_and_scale(model: pycolmap.Reconstruction, folder: Path) -> bool:
     Returns False and changes nothing if no floor is clear."""
     numbers = sorted(model.reg_image_ids())
     groups = [part.tolist() for part in np.array_split(numbers, max(1, round(len(numbers) / _LENGTH)))]
-    found = anchors_of(model, groups, folder, walls=False) if len(numbers) >= _LEAST else no_anchors(1)
+    found = anchors_of(model, groups, folder, walls=False) if len(numbers) >= LEAST else no_anchors(1)
     if not np.isfinite(found.height).any():
         return False
     up = np.nansum(found.up, axis=0)
@@ -113,7 +113,7 @@ def contradicts_floor(model: pycolmap.Reconstruction) -> bool:
     or a stair."""
     numbers = sorted(model.reg_image_ids())
     groups = [part.tolist() for part in np.array_split(numbers, max(1, round(len(numbers) / _LENGTH)))]
-    if len(numbers) < _LEAST:
+    if len(numbers) < LEAST:
         return False
     logs = np.log(anchors_of(model, groups, Path(), walls=False).height)
     logs = logs[np.isfinite(logs)]
@@ -136,8 +136,8 @@ def merge_turning_pieces(
     they see points of the piece or continue it by a turn in place. In a turn, few points have a parallax, so its images
     get their poses, in place, from the relative poses `views` of pairs of images, by index. The largest piece comes
     first."""
-    own = [list(p) for p in pieces if len(p) >= _LEAST]
-    rest = [list(p) for p in pieces if len(p) < _LEAST]
+    own = [list(p) for p in pieces if len(p) >= LEAST]
+    rest = [list(p) for p in pieces if len(p) < LEAST]
     runs = _runs(own)
     merged = list(range(len(own)))  # the group of each piece
     for (one, before), (other, after) in zip(runs, runs[1:]):
@@ -154,8 +154,8 @@ def merge_turning_pieces(
                 group.extend(small)
                 rest.remove(small)
         loose = {n for p in rest for n in p}
-        group.extend(_images_beside(poses_of(model), seen, group, loose))
-        for end, towards in _ends(group):
+        group.extend(images_beside(poses_of(model), seen, group, loose, _REACH))
+        for end, towards in ends_of(group):
             turn = _turn_next_to(poses_of(model), set(group), end, towards, loose - set(group), views)
             inside = [index[n] for n in (*group, *turn)]
             for n, pose in turn.items():
@@ -165,28 +165,6 @@ def merge_turning_pieces(
             group.extend(turn)
         rest = [left for p in rest if (left := [n for n in p if n not in group])]
     return sorted((sorted(p) for p in [*joined, *rest]), key=len, reverse=True)
-
-
-def _ends(group: Sequence[int]) -> list[tuple[int, int]]:
-    """The images of a group before (-1) or after (1) which an image of another group comes, and this direction."""
-    return [(n, towards) for n in sorted(group) for towards in (-1, 1) if n + towards not in group]
-
-
-def _images_beside(poses: Poses, seen: Observations, group: Sequence[int], loose: set[int]) -> list[int]:
-    """The `loose` images next to those of a group that see many of its points from a place near it. Their poses are as
-    exact as those points, although the images beyond them may have another scale."""
-    inside = np.isin(seen.numbers, group)
-    own = np.bincount(seen.point[inside[seen.image]], minlength=len(seen.places)) >= 2
-    known = dict(zip(seen.numbers.tolist(), np.bincount(seen.image[own[seen.point]], minlength=len(inside))))
-    found: list[int] = []
-    for end, towards in _ends(group):
-        n = end + towards
-        while n in loose and n not in found and known[n] >= _KNOWN:
-            if np.linalg.norm(center_of(poses[n]) - center_of(poses[end])) > _REACH:
-                break
-            found.append(n)
-            n += towards
-    return found
 
 
 def _runs(pieces: Sequence[Sequence[int]]) -> list[tuple[int, list[int]]]:
@@ -199,7 +177,7 @@ def _runs(pieces: Sequence[Sequence[int]]) -> list[tuple[int, list[int]]]:
             runs[-1][1].append(n)
         else:
             runs.append((piece[n], [n]))
-    return [(k, run) for k, run in runs if len(run) >= _LEAST]
+    return [(k, run) for k, run in runs if len(run) >= LEAST]
 
 
 def _turn_next_to(
@@ -284,7 +262,7 @@ def _upright(
     if up is None:
         return {}, []
     piece_of = np.full(len(seen.numbers), -1)
-    for k, piece in enumerate(p for p in firm_pieces(model, times) if len(p) >= _LEAST):
+    for k, piece in enumerate(p for p in firm_pieces(model, times) if len(p) >= LEAST):
         piece_of[np.searchsorted(seen.numbers, piece)] = first_piece + k
     given = {n: model.images[n].cam_from_world() for n in seen.numbers.tolist()}
     level = smallest_rotation(up, _UP)

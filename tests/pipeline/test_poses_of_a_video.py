@@ -127,7 +127,7 @@ def test_a_bend_is_straightened_by_what_both_stretches_show(
     bent = {n: transform_pose(one, move, pivot) if n > last else one for n, one in straight.items()}
     model = triangulated(bent, dict(poses.model.cameras.items()), path, images.folder, tmp_path / "bent")
     assert last in from_images._bends(model, inputs)
-    mended, pieces = from_images._joined_again(model, views, inputs)
+    mended, joined, pieces = from_images._joined_again(model, views, inputs)
     assert len(pieces[0]) >= 0.9 * len(straight)
     true = np.array([true_center(mended.images[n].name) for n in pieces[0]])
     far = np.linalg.norm(np.diff(true, axis=0), axis=1).sum()
@@ -137,6 +137,11 @@ def test_a_bend_is_straightened_by_what_both_stretches_show(
         return float(np.linalg.norm(fitted(centers, true) - true, axis=1).max())
 
     assert off(poses_of(mended)) < 0.03 * far < off(bent)
+    assert len(joined) > len(views)
+    closed, again, loops = from_images._closed(mended, joined, inputs, False)
+    assert loops and off(poses_of(closed)) < 0.03 * far
+    same, _, known = from_images._closed(closed, again, inputs, False, loops)
+    assert set(loops) <= set(known) and off(poses_of(same)) < 0.03 * far
 
 
 def test_images_with_nothing_in_common_are_refused_in_a_sentence(tmp_path: Path) -> None:

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from nvsim.geometry.rotation import rotation_angle
 from nvsim.poses import straightening
-from nvsim.poses.pieces import names_in
+from nvsim.poses.pieces import extended, names_in
 from nvsim.poses.straightening import contradicts_floor, level_and_scale, merge_turning_pieces, straightened
 from nvsim.poses.two_views import TwoViews, from_matches
 
@@ -218,6 +218,16 @@ def test_an_image_beside_a_piece_is_kept_if_it_sees_points_of_the_piece(tmp_path
     )
     assert found[0] == piece[: half + 1]
     assert walk not in found[0]
+
+
+def test_a_piece_grows_by_near_images_that_see_its_points() -> None:
+    model = slipped(true_walk(2), [1.0, 1.0, 1.0], np.eye(3))  # each leg has its own points
+    (_, last), _, (walk, end) = stages(2)
+    piece, half = list(range(1, last + 1)), last - 10
+    pieces = [piece[:half], list(range(walk, end + 1)), *[[n] for n in range(half + 1, walk)]]
+    assert extended(model, pieces, reach=1.5 * STEP)[:2] == [pieces[1], piece[: half + 1]]
+    assert extended(model, pieces, reach=0.5 * STEP) == sorted(pieces, key=len, reverse=True)
+    assert extended(model, [piece, pieces[1]], reach=STEP) == [piece, pieces[1]]
 
 
 def test_a_stretch_of_another_scale_contradicts_the_floor() -> None:
