@@ -91,6 +91,7 @@ def estimate_depth(
         for phase in PHASES[:-1]:
             make_folder(folder / phase)
         for phase in PHASES:
+            frames.clear_caches()
             if phase == "labelled" and frames.missing(phase):
                 parts = _fused(cameras, frames.maps["confirmed"], config, config.seen)
                 frames.planes = find_planes(part.seen for part in parts)
@@ -100,6 +101,7 @@ def estimate_depth(
             if elsewhere is not None and phase != "finished" and frames.missing(phase):
                 elsewhere(phase, frames.missing(phase), frames.planes, steps.tell)
             steps.each(frames.missing(phase), partial(frames.do, phase, folder))
+    frames.clear_caches()
     for phase in PHASES[:-1]:
         shutil.rmtree(folder / phase, ignore_errors=True)
     listen(Progress(STAGE, steps.total, steps.total))
@@ -141,6 +143,11 @@ class FramesInPhases:
             return [i for i in range(count) if not depth_exists(self._folder, i)]
         todo = [i for i in range(count) if phase not in _ESTIMATED or i not in self._measured]
         return [i for i in todo if not draft_path(self._folder / phase, i).is_file()]
+
+    def clear_caches(self) -> None:
+        """Free the views and drafts of the previous phase. The next phase begins with other frames."""
+        self.views.at.cache_clear()
+        self._drafts.cache_clear()
 
     def _map(self, phase: Phase, index: int) -> tuple[Float32, Float32]:
         skipped = phase in _ESTIMATED and index in self._measured

@@ -97,7 +97,7 @@ class FloorAppearance:
         """(h, w) bool: the regions of the view's floor that differ from the known floor color there."""
         import cv2
 
-        expected, known = self.expected(view)
+        expected, known = self.expected(view.ground)
         floor = view.floor & known
         score = self._score(view, expected, floor, floor)
         different = ((score > _DIFFERENT) & floor).astype(np.uint8)
@@ -109,7 +109,7 @@ class FloorAppearance:
     def likeness(self, view: FloorObservation) -> Float32:
         """(h, w) float32, 0 to 1: how similar every pixel is to the known floor where its ray meets the ground.
         Occluded floor counts too. The value is 0.5 at the limit of strange pixels and 0 without known floor."""
-        expected, known = self.expected(view)
+        expected, known = self.expected(view.ground)
         score = self._score(view, expected, known, view.floor & known)
         like: Float32 = np.where(known, 0.5 ** ((score / _DIFFERENT) ** 2), 0).astype(np.float32)
         return like
@@ -120,7 +120,7 @@ class FloorAppearance:
         removed. Color alone does not count, so plain floors are never found behind other objects."""
         import cv2
 
-        expected, known = self.expected(view)
+        expected, known = self.expected(view.ground)
         region = hidden & known
         score = self._score(view, expected, region, view.floor & known)
         alike = ((score < _ALIKE) & region).astype(np.uint8)
@@ -131,7 +131,7 @@ class FloorAppearance:
         inside = regions.astype(np.float32)[..., None]
         seen, there = (
             x - cv2.GaussianBlur(x * inside, (0, 0), 5) / (cv2.GaussianBlur(inside, (0, 0), 5)[..., None] + 1e-3)
-            for x in (self.log_colors(view), expected)
+            for x in (self.log_colors(view.image), expected)
         )
         count, labels = cv2.connectedComponents(regions.astype(np.uint8))
         keep = np.zeros(count, bool)
@@ -144,16 +144,17 @@ class FloorAppearance:
         return found
 
     @staticmethod
-    def log_colors(view: FloorObservation) -> Float32:
-        """(h, w, 3) log colors of a view, comparable with `expected`."""
-        logs: Float32 = np.log(view.image.astype(np.float32) + _DARK)
+    def log_colors(image: Image) -> Float32:
+        """(h, w, 3) log colors of an `image` (h, w, 3) uint8 RGB, comparable with `expected`."""
+        logs: Float32 = np.log(image.astype(np.float32) + _DARK)
         return logs
 
-    def expected(self, view: FloorObservation) -> tuple[Float32, Mask]:
-        """The known floor colors (h, w, 3), log, at the view's pixels, and which of them are known (h, w) bool."""
+    def expected(self, ground: NDArray[np.floating]) -> tuple[Float32, Mask]:
+        """The known floor colors (h, w, 3), log, at places `ground` (h, w, 2), meters, and which are known (h, w)
+        bool."""
         import cv2
 
-        at = ((view.ground - self.low) / _CELL - 0.5).astype(np.float32)
+        at = ((ground - self.low) / _CELL - 0.5).astype(np.float32)
         known = cv2.remap(self.known, at[..., 0], at[..., 1], cv2.INTER_LINEAR, borderValue=0.0)
         expected = cv2.remap(self.colors, at[..., 0], at[..., 1], cv2.INTER_LINEAR, borderValue=(0, 0, 0))
         return np.asarray(expected / np.maximum(known, 0.5)[..., None], np.float32), known > 0.5
@@ -167,7 +168,7 @@ class FloorAppearance:
         import cv2
 
         either = region | basis
-        rest = np.where(either[..., None], self.log_colors(view) - expected, 0).astype(np.float32)
+        rest = np.where(either[..., None], self.log_colors(view.image) - expected, 0).astype(np.float32)
         # Too little floor to estimate the exposure: use that of the trajectory and allow 1.5 times the deviation.
         alone = basis.sum() < _FEW
         spread = np.full(3, 1.5 * _LEAST, np.float32)

@@ -3,12 +3,13 @@ parts that the cloud occludes or no evidence confirms. It then aligns the border
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from nvsim.capture.types import Cloud
 from nvsim.geometry.camera import Camera
@@ -150,19 +151,25 @@ class GeometricFloor:
             projection = _counted(self.project(cameras[index]), usable_of(index))
             return projection, self._observe_floor(projection, read(index))
 
-        with ThreadPoolExecutor(threads) as pool:
-            looks = list(pool.map(look, chosen))
-        seen, glimpses = [projection for projection, _ in looks], [glimpse for _, glimpse in looks]
-        self._appearance = FloorAppearance.learn(glimpses)
+        kept: list[tuple[Mask, Float32, Float32, Image]] = []  # half of the memory of a projection
+
+        def glimpses() -> Iterator[FloorObservation]:
+            with ThreadPoolExecutor(threads) as pool:
+                for projection, view in pool.map(look, chosen):
+                    kept.append((projection.hidden, projection.before, projection.distance, view.image))
+                    yield view
+
+        self._appearance = FloorAppearance.learn(glimpses())
         if self._appearance is None:
             return
         through = GlassVotes()
-        for i, projection, view in zip(chosen, seen, glimpses, strict=True):
-            expected, known = self._appearance.expected(view)
-            hits = cameras[i].position + projection.before[..., None] * self._small(cameras[i]).rays()
-            hidden = projection.hidden & known & np.isfinite(projection.before)
-            behind = projection.distance - projection.before
-            through.vote(self._appearance.log_colors(view), expected, hidden, hits.astype(np.float32), behind)
+        for i, (hidden, before, distance, image) in zip(chosen, kept, strict=True):
+            camera = self._small(cameras[i])
+            rays = camera.rays()
+            expected, known = self._appearance.expected(_ground(camera, rays, distance).astype(np.float32))
+            hits = (camera.position + before[..., None] * rays).astype(np.float32)
+            seen = self._appearance.log_colors(image)
+            through.vote(seen, expected, hidden & known & np.isfinite(before), hits, distance - before)
         glass = through.glass(self._standing.points)
         radii = np.where(glass, np.minimum(self._standing.radii, _SPECK), self._standing.radii).astype(np.float32)
         self._splats = self._splats.with_radii(radii)
@@ -282,7 +289,7 @@ class GeometricFloor:
         distance = self._stairs.meet(small.position, rays)
         met = distance < self.config.farthest
         distance = np.where(met, distance, 0).astype(np.float32)
-        ground = small.position[:2] + distance[..., None] * rays[..., :2]
+        ground = _ground(small, rays, distance)
         floor_depth = distance * (rays @ small.rotation[:, 2].astype(np.float32))
         depth, radius = self._splats.depth(small, farthest=self.config.farthest)
         hidden = ~met | (depth < floor_depth * self.config.margin - 0.003)
@@ -304,6 +311,11 @@ class GeometricFloor:
 
     def _small(self, camera: Camera) -> Camera:
         return Camera(camera.intrinsics.within(self.config.longest_side), camera.camera_to_world)
+
+
+def _ground(camera: Camera, rays: Float32, distance: Float32) -> NDArray[np.float64]:
+    """(h, w, 2) x and y of the points `distance` (h, w) meters along the `rays` (h, w, 3) of a camera."""
+    return np.asarray(camera.position[:2] + distance[..., None] * rays[..., :2], np.float64)
 
 
 def _counted(seen: Projection, usable: Mask | None) -> Projection:

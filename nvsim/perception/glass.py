@@ -22,8 +22,9 @@ class GlassVotes:
     """Collects votes of views on which cubes of space are glass."""
 
     def __init__(self) -> None:
-        self._cubes: list[NDArray[np.int64]] = []
-        self._shown: list[NDArray[np.bool_]] = []
+        self._cubes: list[NDArray[np.int64]] = []  # the distinct cubes of each view, and their numbers of pixels
+        self._asked: list[NDArray[np.int64]] = []
+        self._shown: list[NDArray[np.int64]] = []
 
     def vote(self, seen: Float32, expected: Float32, where: Mask, hits: Float32, behind: Float32) -> None:
         """Adds the votes of one view.
@@ -48,8 +49,10 @@ class GlassVotes:
         va, vb = mean(a * a) / inside - ma * ma, mean(b * b) / inside - mb * mb
         correlation = (mean(a * b) / inside - ma * mb) / np.sqrt(np.maximum(va * vb, 1e-8))
         asked &= (vb > _PATTERN**2) & (inside > 0.7)
-        self._cubes.append(self._cube(hits[asked]))
-        self._shown.append(correlation[asked] > _ALIKE)
+        cubes, member = distinct_cells(self._cube(hits[asked]))
+        self._cubes.append(cubes)
+        self._asked.append(np.bincount(member, minlength=len(cubes)))
+        self._shown.append(np.bincount(member[correlation[asked] > _ALIKE], minlength=len(cubes)))
 
     def glass(self, points: Float32) -> Mask:
         """(N,) bool: whether each of `points` (N, 3), meters, world, is in a cube that is glass."""
@@ -57,8 +60,10 @@ class GlassVotes:
             return np.zeros(len(points), bool)
         votes, of_points = np.concatenate(self._cubes), self._cube(points)
         cubes, member = distinct_cells(np.concatenate([votes, of_points]))
-        asked = np.bincount(member[: len(votes)], minlength=len(cubes))
-        shown = np.bincount(member[: len(votes)], np.concatenate(self._shown), minlength=len(cubes))
+        asked, shown = (
+            np.bincount(member[: len(votes)], np.concatenate(counts), minlength=len(cubes))
+            for counts in (self._asked, self._shown)
+        )
         clear = (asked >= _LEAST) & (shown > _SHARE * asked)
         found: Mask = clear[member[len(votes) :]]
         return found

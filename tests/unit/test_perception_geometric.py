@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import tracemalloc
 from pathlib import Path
 
 import cv2
@@ -84,6 +85,29 @@ def provider() -> GeometricFloor:
 def test_mask_of_a_box_room_agrees_with_the_ray_cast_truth(provider, k):
     floor, image = truth(camera(k))
     assert iou(provider.segment(camera(k), image).mask, floor) > 0.95
+
+
+def test_learning_from_a_view_keeps_half_of_its_projection_in_memory():
+    """Color, occlusion, and two distances are 12 bytes per pixel, and the cells of the floor here 18. A projection and
+    its observation have 26 instead of the 12."""
+    config = GeometricConfig(longest_side=100)
+    provider = GeometricFloor(scan(), FLAT, config)
+    images = [truth(camera(k))[1] for k in range(len(EYES))]
+    size = camera(0).intrinsics.within(config.longest_side)
+
+    def peak(rounds: int) -> int:
+        views = list(range(len(EYES))) * rounds
+        tracemalloc.start()
+        try:
+            provider.learn([camera(k) for k in views], lambda i: images[views[i]])
+            return tracemalloc.get_traced_memory()[1]
+        finally:
+            tracemalloc.stop()
+
+    peak(1)
+    few, many = 2, 8
+    grown = (peak(many) - peak(few)) / ((many - few) * len(EYES) * size.width * size.height)
+    assert grown < 37
 
 
 def test_floor_of_the_next_room_is_not_seen_under_the_wall():
