@@ -2,10 +2,11 @@
 # Installs NVSim with its test tools into a virtual environment ($VENV, by default .venv) and runs every test:
 # first without a screen, in $WORKERS processes (by default two), then the window's own in a real window on a virtual
 # screen. Arguments go to pytest, and then only what they name is run: packaging/test.sh tests/unit/test_geometry.py
+# If $INSTALLED is set, the environment is used as it is.
 set -eu
 root="$(cd "$(dirname "$0")/.." && pwd)"
 venv="${VENV:-$root/.venv}"
-"$root/packaging/install.sh" "$venv" -e "$root[test]"
+[ -n "${INSTALLED:-}" ] || "$root/packaging/install.sh" "$venv" -e "$root[test]"
 cd "$root"
 export OMP_WAIT_POLICY=PASSIVE
 # Many tests start processes, each of which would compile every module again.

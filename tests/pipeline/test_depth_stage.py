@@ -127,7 +127,7 @@ def test_a_depth_that_is_killed_between_frames_goes_on_and_the_old_one_stays(pro
     def found() -> dict[Path, int]:
         return {p: p.stat().st_mtime_ns for p in (*making.glob("*.png"), *making.glob("*/*.npz"))}
 
-    before, config = project.scan(), replace(CONFIG, planes=44 + step, threads=1)
+    before, config = project.scan(), replace(CONFIG, planes=48, threads=1)
     with pytest.raises(Killed):
         depths.run(project, "auto", config, killed)
     making = project.root / project.stage_results().made_at("depth")["depth"]

@@ -1,4 +1,5 @@
-"""The four tutorials run as written: the shell blocks in order, and the programs that they show.
+"""The four tutorials run as written: the shell blocks in order, and the programs that they show. The project of the
+first tutorial meets the truth of its building.
 
 Three commands run differently: the installation does nothing, `nvsim app` closes its window as soon as it is drawn, and
 options of the command line shorten the training. In the tutorial about the window, `tutorial_window.py` follows the
@@ -24,10 +25,11 @@ from tests.unit import textured_room as room
 ROOT = Path(__file__).parents[2]
 TUTORIALS = ROOT / "resources" / "docs" / "tutorials"
 BLOCK = re.compile(r"^```(bash|python)\n(.*?)^```", re.MULTILINE | re.DOTALL)
+STEPS = "150"
 FUNCTIONS = """
 nvsim() {
     case "$1 ${2:-}" in
-        demo* | run*) "$PYTHON" -m nvsim "$@" --train.steps 150 ;;
+        demo* | run*) "$PYTHON" -m nvsim "$@" --train.steps $STEPS ;;
         "export scan") "$PYTHON" -m nvsim "$@" --size 64 ;;
         "r2r train") "$PYTHON" -m nvsim "$@" --iterations 20 --evaluate-every 10 ;;
         app*) "$PYTHON" $WINDOW "$2" ;;
@@ -57,6 +59,7 @@ def run(name: str, folder: Path, window: str = "-m nvsim_app --screenshot window
         "BASH_ENV": str(folder / "functions.sh"),
         "PATH": os.pathsep.join([str(Path(sys.executable).parent), os.environ["PATH"]]),
         "PYTHON": sys.executable,
+        "STEPS": STEPS,
         "QT_QPA_PLATFORM": "offscreen",
         "XDG_CONFIG_HOME": str(folder / "settings"),
         "WINDOW": window,
@@ -90,6 +93,19 @@ def first(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, str]:
     return folder, run("demo", folder)
 
 
+def nvsim(*arguments: object) -> subprocess.CompletedProcess[str]:
+    done = subprocess.run(
+        [sys.executable, "-m", "nvsim", *map(str, arguments)], capture_output=True, text=True, check=False
+    )
+    assert done.returncode == 0, done.stderr
+    return done
+
+
+def evaluated(*arguments: object) -> dict[str, float]:
+    """The figures of `nvsim evaluate`."""
+    return json.loads(nvsim("evaluate", *arguments, "--json").stdout.splitlines()[-1])
+
+
 @pytest.fixture
 def folder(first: tuple[Path, str], tmp_path: Path) -> Path:
     """A folder with the project of the first tutorial."""
@@ -103,6 +119,51 @@ def test_the_first_tutorial_ends_with_a_valid_graph_in_files_of_r2r(first: tuple
     assert files(folder / "connectivity") == [stub, "first_connectivity.json", "scans.txt"]
     figures = json.loads(next(line for line in printed.splitlines() if line.startswith("{")))
     assert figures["nodes"] >= 4 and figures["edge_validity"] >= 0.9
+    assert "nvsim app --project" in printed and "Valid edges" in printed
+
+
+def test_the_graph_is_valid_and_covers_the_rooms(first: tuple[Path, str], tmp_path: Path) -> None:
+    picture = tmp_path / "graph.png"
+    got = evaluated("graph", "--project", first[0] / "first.nvsim", "--picture", picture)
+    assert got["nodes"] >= 4
+    assert got["node_validity"] >= 0.9
+    assert got["edge_validity"] >= 0.9
+    assert got["coverage"] >= 0.6
+    assert picture.stat().st_size > 1000
+
+
+def test_the_floor_masks_meet_the_truth(first: tuple[Path, str]) -> None:
+    assert evaluated("floor", "--project", first[0] / "first.nvsim")["miou"] >= 0.9
+
+
+def test_held_out_frames_look_right_and_alpha_separates_floor_from_the_rest(
+    first: tuple[Path, str], tmp_path: Path
+) -> None:
+    got = evaluated("views", "--project", first[0] / "first.nvsim", "--pictures", tmp_path / "views")
+    assert got["psnr_nonfloor"] > 18
+    assert got["psnr_floor"] > 18
+    assert got["alpha_floor"] < 0.2
+    assert got["alpha_nonfloor"] > 0.8
+
+
+def test_the_export_loads_as_agents_load_it(first: tuple[Path, str]) -> None:
+    out = first[0] / "connectivity"
+    scan, stub = (out / "scans.txt").read_text().split()
+    assert stub == "ZMojNkEp431"
+    entries = json.loads((out / f"{scan}_connectivity.json").read_text())
+    with Project.open(first[0] / "first.nvsim") as project:
+        assert len(entries) == len(project.need_graph().viewpoints)
+    for i, entry in enumerate(entries):
+        for j, other in enumerate(entries):
+            assert entry["unobstructed"][j] == other["unobstructed"][i]
+        assert not entry["unobstructed"][i]
+
+
+def test_a_second_run_finds_everything_up_to_date(first: tuple[Path, str]) -> None:
+    project = first[0] / "first.nvsim"
+    said = nvsim("run", project / "capture", "--project", project, "--train.steps", STEPS).stderr
+    for words in ("capture is unchanged", "submaps are up to date", "masks are up to date", "graph is up to date"):
+        assert words in said
 
 
 def test_edits_in_the_window_become_a_script_for_another_project(folder: Path) -> None:

@@ -18,7 +18,10 @@ from nvsim.render.backends import RenderOutput
 
 _FAR = 5.0  # metres; no corridor is longer
 _STEP = 0.02  # metres along a ray
+_BLOCK = 20  # steps at a time: most rays meet a column long before _FAR
 _AZIMUTHS = 1440
+_HEADINGS = np.arange(_AZIMUTHS) / _AZIMUTHS * 2 * np.pi
+_DIRECTIONS = np.stack([np.sin(_HEADINGS), np.cos(_HEADINGS)], axis=-1)
 
 
 class Columns:
@@ -26,7 +29,7 @@ class Columns:
 
     def __init__(self, occupancy: OccupancyMap, noise: float = 0.0) -> None:
         self._map, self._noise = occupancy, noise
-        self._last: tuple[tuple[float, ...], NDArray[np.float64]] = ((), np.zeros(0))
+        self._ways: dict[tuple[float, ...], NDArray[np.float64]] = {}
         self.rendered = 0
 
     def views(
@@ -54,14 +57,16 @@ class Columns:
 
     def _clear_way(self, xy: tuple[float, float]) -> NDArray[np.float64]:
         """(azimuths,) metres to the first column."""
-        if self._last[0] != xy:
-            heading = np.arange(_AZIMUTHS) / _AZIMUTHS * 2 * np.pi
+        if xy not in self._ways:
+            first, open_ways = np.full(_AZIMUTHS, 2 * _FAR), np.arange(_AZIMUTHS)
             along = np.arange(0, _FAR, _STEP)
-            directions = np.stack([np.sin(heading), np.cos(heading)], axis=-1)
-            hit = self._map.at(np.array(xy) + along[None, :, None] * directions[:, None, :]) == OCCUPIED
-            first = np.where(hit.any(axis=1), along[np.argmax(hit, axis=1)], 2 * _FAR)
-            self._last = (xy, first)
-        return self._last[1]
+            for block in np.split(along, range(_BLOCK, len(along), _BLOCK)):
+                hit = self._map.at(np.array(xy) + block[None, :, None] * _DIRECTIONS[open_ways, None, :]) == OCCUPIED
+                met = hit.any(axis=1)
+                first[open_ways[met]] = block[np.argmax(hit[met], axis=1)]
+                open_ways = open_ways[~met]
+            self._ways[xy] = first
+        return self._ways[xy]
 
     def support(self, xy: NDArray[np.floating]) -> NDArray[np.bool_]:
         """Floor that is known: free cells."""

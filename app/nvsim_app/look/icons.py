@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 from pathlib import Path
 
 from PySide6.QtCore import QByteArray, QRectF, Qt
@@ -21,26 +22,24 @@ def icon(name: str, palette: QPalette) -> QIcon:
 
     Raises FileNotFoundError for an unknown name.
     """
+    groups = (QPalette.ColorGroup.Active, QPalette.ColorGroup.Disabled)
+    return _icon(name, *(palette.color(group, QPalette.ColorRole.ButtonText).name() for group in groups))
+
+
+@functools.cache
+def _icon(name: str, normal: str, disabled: str) -> QIcon:
     source = (FOLDER / f"{name}.svg").read_text(encoding="utf-8")
     result = QIcon()
-    for mode, group in (
-        (QIcon.Mode.Normal, QPalette.ColorGroup.Active),
-        (QIcon.Mode.Disabled, QPalette.ColorGroup.Disabled),
-    ):
-        color = palette.color(group, QPalette.ColorRole.ButtonText)
+    for mode, color in ((QIcon.Mode.Normal, normal), (QIcon.Mode.Disabled, disabled)):
+        renderer = QSvgRenderer(QByteArray(source.replace("currentColor", color).encode()))
         for size in _SIZES:
-            result.addPixmap(_drawn(source, color, size), mode)
+            pixmap = QPixmap(size, size)
+            pixmap.fill(Qt.GlobalColor.transparent)
+            painter = QPainter(pixmap)
+            renderer.render(painter, QRectF(0, 0, size, size))
+            painter.end()
+            result.addPixmap(pixmap, mode)
     return result
-
-
-def _drawn(source: str, color: QColor, size: int) -> QPixmap:
-    renderer = QSvgRenderer(QByteArray(source.replace("currentColor", color.name()).encode()))
-    pixmap = QPixmap(size, size)
-    pixmap.fill(Qt.GlobalColor.transparent)
-    painter = QPainter(pixmap)
-    renderer.render(painter, QRectF(0, 0, size, size))
-    painter.end()
-    return pixmap
 
 
 def swatch(color: str, size: int = 12) -> QPixmap:
