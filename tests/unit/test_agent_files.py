@@ -23,6 +23,7 @@ from test_dataset import FEW, row
 
 from nvsim.cli.main import main
 from nvsim.dataset.agent_files import AGENTS, AgentName, DatasetParts, write_agent
+from nvsim.dataset.building import _scenes
 from nvsim.dataset.frames import DrawnEpisode, write_frames
 from nvsim.dataset.lerobot import rows_of
 from nvsim.dataset.parquet import parquet_bytes
@@ -67,7 +68,7 @@ def dataset(tmp_path_factory: pytest.TempPathFactory) -> Path:
     (folder / "vocab.txt").write_text("\n".join(PIECES) + "\n")
     out = folder / "out"
     command = ["export", "dataset", "--project", str(root), "--out", str(out), "--size", "64", "--projection", *FEW]
-    assert main([*command, "--for", *AGENTS, "--vocabulary", str(folder / "vocab.txt")]) == 0
+    assert main([*command, "--for", *ON_GRAPHS, "--vocabulary", str(folder / "vocab.txt")]) == 0
     return out
 
 
@@ -405,6 +406,27 @@ def test_parquet_files_are_those_that_pyarrow_reads(monkeypatch: pytest.MonkeyPa
         parquet_bytes({"a": np.arange(2), "b": np.arange(3)})
     with pytest.raises(ValueError, match="float32"):
         parquet_bytes({"a": np.zeros(2, np.float32)})
+
+
+def test_scenes_are_written_again_if_their_images_or_clouds_change(
+    dataset: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    calls = []
+
+    def write(root: Path, out: Path, scans: tuple[str, ...], clouds: dict, listen: object) -> None:
+        calls.append(scans)
+        for name in ("nvsim.scene_dataset_config.json", "hall/hall.glb"):
+            (out / "nvsim" / name).parent.mkdir(parents=True, exist_ok=True)
+            (out / "nvsim" / name).write_bytes(b"")
+
+    monkeypatch.setattr("nvsim.dataset.habitat.scene.write_scenes", write)
+    record = dataset / "dataset.json"
+    before = record.read_text()
+    for clouds, times in (({}, 1), ({}, 1), ({"hall": np.zeros((1, 3))}, 2)):
+        about = {**json.loads(record.read_text()), "scenes_made_from": _scenes(dataset, ["hall"], clouds, silent)}
+        record.write_text(json.dumps(about))
+        assert calls == [("hall",)] * times
+    record.write_text(before)
 
 
 def test_a_second_export_keeps_what_the_agent_wrote(dataset: Path) -> None:
