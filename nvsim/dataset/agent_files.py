@@ -1,7 +1,7 @@
 """Write the folder that the scripts of an agent open, from the parts of a dataset: one table of agents and their files.
 
 Files that exist in the dataset become hard links, or copies if the disk has no links. Sources: the loaders of VLN-DUET,
-VLN-HAMT, Recurrent-VLN-BERT, EnvDrop, MapGPT, NavGPT, and NavGPT-2.
+VLN-HAMT, Recurrent-VLN-BERT, EnvDrop, MapGPT, NavGPT, NavGPT-2, StreamVLN, VLN-CE, NaVid, and InternNav.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ from nvsim.dataset.word_pieces import Vocabulary
 from nvsim.errors import InputError
 from nvsim.files import atomic
 from nvsim.files.atomic import as_input_error
-from nvsim.files.opening import read_bytes
+from nvsim.files.opening import read_bytes, read_json
 from nvsim.graph.connectivity import SUFFIX, scan_files
 from nvsim.r2r.features.layouts import LAYOUTS
 from nvsim.r2r.features.layouts import Name as LayoutName
@@ -36,8 +36,21 @@ from nvsim.r2r.tasks.task import Task, read_tasks, write_tasks
 if TYPE_CHECKING:
     from nvsim.r2r.features.exported_scan import ExportedScan
 
-AgentName = Literal["duet", "hamt", "recurrent-vln-bert", "envdrop", "mapgpt", "navgpt", "navgpt2", "streamvln"]
+AgentName = Literal[
+    "duet",
+    "hamt",
+    "recurrent-vln-bert",
+    "envdrop",
+    "mapgpt",
+    "navgpt",
+    "navgpt2",
+    "streamvln",
+    "vlnce",
+    "navid",
+    "internnav",
+]
 SCANS, FEATURES, TASKS, CANDIDATES, FRAMES = "scans", "features", "tasks", "candidates", "frames"
+SCENES = "scenes"
 """Folders in a dataset."""
 SEEN_IN_TRAINING = 50
 """Number of paths of train that agents also evaluate, as val_train_seen. VLN-DUET reads at most this number."""
@@ -49,7 +62,7 @@ _LEAST_USES = 5
 class DatasetParts:
     """The parts of a dataset folder that the files of agents are made from.
 
-    root        contains scans/ with connectivity/, tasks/, and features/ with the layouts of the agent
+    root        contains scans/ with connectivity/, tasks/, and the features, frames, and scenes of the agent
     scans       ids of the scans, without the stub
     vocabulary  word pieces of the agent's BERT, None if none was named
     """
@@ -95,6 +108,8 @@ class Agent:
     encoded     whether the agent reads instructions as word pieces of a vocabulary
     candidates  whether `files` contain candidate files
     frames      whether `files` contain StreamVLN annotations and the frames of their episodes
+    look_down   whether frames that look down belong to them
+    scenes      whether `files` contain scenes for Habitat and the VLN-CE episodes in them
     notes       sentences for the user
     """
 
@@ -107,6 +122,8 @@ class Agent:
     encoded: bool = False
     candidates: bool = False
     frames: bool = False
+    look_down: bool = False
+    scenes: bool = False
     notes: tuple[str, ...] = ()
 
 
@@ -212,6 +229,27 @@ def _texts(write: Callable[[Path, Mapping[str, text_views.TextViews]], None]) ->
     return write_scan
 
 
+def _lerobot(parts: DatasetParts, path: Path, scan: str) -> None:
+    from nvsim.dataset.lerobot import write_lerobot
+
+    paths = {task.path_id for task in parts.splits["train"] if task.scan == scan}
+    annotations = parts.root / TASKS / "streamvln" / "train" / "annotations.json"
+    found = read_json(annotations, "annotations of StreamVLN", "export the dataset again")
+    for source, target in write_lerobot([o for o in found if o["id"] in paths], parts.root / FRAMES / "train", path):
+        _link(source, target)
+
+
+def _habitat(episodes: str, scenes: str) -> dict[str, Writer]:
+    """Writers of the VLN-CE episodes of every split, and of the scenes for Habitat, in these folders."""
+    both = {f"{episodes}/{{steps}}/{{steps}}{end}": linked(f"{TASKS}/vlnce/{{steps}}/{{steps}}{end}") for end in _ENDS}
+    return {**both, f"{scenes}/nvsim": linked(f"{SCENES}/nvsim")}
+
+
+_ENDS = (".json.gz", "_gt.json.gz")
+_VLNCE = _habitat("data/datasets/R2R_VLNCE_v1-3_preprocessed", "data/scene_datasets")
+_NO_WORD_VECTORS = (
+    "The agent's embeddings.json.gz has vectors for the words of R2R; train without use_pretrained_embeddings."
+)
 _ANNOTATIONS = {
     "R2R/connectivity": _connectivity,
     "R2R/annotations/R2R_{split}_enc.json": _encoded,
@@ -349,7 +387,7 @@ AGENTS: dict[AgentName, Agent] = {
             'sed -i "s#^DATA_ROOT=.*#DATA_ROOT=$FOLDER#" scripts/run_r2r_xl.sh',
             "nvsim r2r python -- bash scripts/run_r2r_xl.sh",
         ),
-        "not run; names are those of its code",
+        "20 steps of its training with a small network of random weights on a CPU",
         features=("eva-g",),
         candidates=True,
         notes=("Its script names prevalent_aug.json; remove that option, or add the file.",),
@@ -359,16 +397,65 @@ AGENTS: dict[AgentName, Agent] = {
         {
             "{steps}/annotations.json": linked(f"{TASKS}/streamvln/{{steps}}/annotations.json"),
             "{steps}/images": linked(f"{FRAMES}/{{steps}}"),
+            **_habitat("data/datasets/r2r", "data/scene_datasets"),
         },
         (
             'cd "$CHECKOUT"',
+            'ln -s "$FOLDER/data"',
             'python streamvln/streamvln_train.py --video_folder "$FOLDER/train"',
         ),
-        "not run",
+        "its training dataset reads every sample of train; its evaluation needs Habitat: not run",
         frames=True,
+        scenes=True,
+        notes=("Add the other options of its training script.",),
+    ),
+    "vlnce": Agent(
+        "VLN-CE",
+        _VLNCE,
+        (
+            'cd "$CHECKOUT"',
+            'ln -s "$FOLDER/data/datasets" "$FOLDER/data/scene_datasets" data/',
+            "python run.py --exp-config vlnce_baselines/config/r2r_baselines/nonlearning.yaml --run-type eval",
+        ),
+        "its dataset reads every episode, and its nDTW the paths; its simulator Habitat: not run",
+        scenes=True,
+        notes=(_NO_WORD_VECTORS,),
+    ),
+    "navid": Agent(
+        "NaVid",
+        _VLNCE,
+        (
+            'cd "$CHECKOUT"',
+            'sed -i "s#/raid/data/episodes#$FOLDER/data/datasets#; '
+            's#/raid/data/scene_dataset/#$FOLDER/data/scene_datasets/#" '
+            "VLN_CE/habitat_extensions/config/vlnce_task_navid_r2r.yaml",
+            "bash eval_navid_vlnce.sh",
+        ),
+        "its dataset reads every episode, and its nDTW the paths; its simulator Habitat: not run",
+        scenes=True,
+        notes=("Name its weights and this configuration in eval_navid_vlnce.sh.",),
+    ),
+    "internnav": Agent(
+        "InternNav",
+        {
+            "traj_data/r2r/{scan}": _lerobot,
+            **_habitat("data/vln_ce/raw_data/r2r", "data/scene_data/mp3d_ce"),
+        },
+        (
+            'cd "$CHECKOUT"',
+            'ln -s "$FOLDER/traj_data"',
+            "mkdir -p data/vln_ce data/scene_data",
+            'ln -s "$FOLDER/data/vln_ce/raw_data" data/vln_ce/',
+            'ln -s "$FOLDER/data/scene_data/mp3d_ce" data/scene_data/',
+            "python internnav/trainer/internvla_n1_trainer.py --vln_dataset_use r2r_125cm_0_30",
+        ),
+        "its training dataset reads every sample of train; its evaluation needs Habitat: not run",
+        frames=True,
+        look_down=True,
+        scenes=True,
         notes=(
-            "Add the other options of its training script.",
-            "The evaluation of StreamVLN needs a scene for Habitat; `nvsim export habitat` writes it.",
+            "Add the other options of its scripts/train/qwenvl_train.",
+            "traj_data has the paths of train for r2r_125cm_0_30, which is one of the cameras that its scripts name.",
         ),
     ),
 }

@@ -12,12 +12,16 @@ from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+from numpy.typing import NDArray
+
 from nvsim import __version__
 from nvsim.dataset.agent_files import (
     AGENTS,
     FEATURES,
     FRAMES,
     SCANS,
+    SCENES,
     TASKS,
     AgentName,
     DatasetParts,
@@ -36,6 +40,7 @@ from nvsim.files.reading import reading
 from nvsim.graph.connectivity import read_connectivity
 from nvsim.project.project import Project
 from nvsim.r2r.agents.baselines import Name as BaselineName
+from nvsim.r2r.episodes.episode import scene_id
 from nvsim.r2r.features.layouts import LAYOUTS, missing_package_error
 from nvsim.r2r.features.layouts import Name as LayoutName
 from nvsim.r2r.observations.export import PreparedExport
@@ -86,13 +91,24 @@ class DatasetOptions:
 
     @property
     def all_tasks(self) -> TaskOptions:
-        """The options of the tasks, with the annotations that the agents read."""
-        return replace(self.tasks, streamvln=self.tasks.streamvln or self.frames)
+        """The options of the tasks, with the annotations and episodes that the agents read."""
+        o = self.tasks
+        return replace(o, streamvln=o.streamvln or self.frames, vlnce=o.vlnce or self.scenes)
 
     @property
     def frames(self) -> bool:
         """Whether an agent reads the frames of episodes."""
         return any(AGENTS[name].frames for name in self.agents)
+
+    @property
+    def look_down(self) -> bool:
+        """Whether an agent reads frames that look down."""
+        return any(AGENTS[name].look_down for name in self.agents)
+
+    @property
+    def scenes(self) -> bool:
+        """Whether an agent opens scenes for Habitat."""
+        return any(AGENTS[name].scenes for name in self.agents)
 
     @property
     def images(self) -> ScanSettings:
@@ -152,7 +168,9 @@ def _export(
 
     # If the export is interrupted, this unfinished record identifies the folder.
     about: dict[str, Any] = {"format": FORMAT, "made_by": f"nvsim {__version__}", "finished": False}
-    about["features"] = _record(out).get("features", [])
+    before = _record(out)
+    about["features"] = before.get("features", [])
+    about |= {key: before[key] for key in ("scenes_made_from",) if key in before}
     atomic.write_text(out / RECORD, json.dumps(about, indent=1) + "\n")
     o, places, clouds = options, [], {}
     for project, source in sources:
@@ -169,13 +187,15 @@ def _export(
         from nvsim.dataset.frames import write_frames
 
         models = {source.graph.scan: source.source for _, source in sources}
-        write_frames(models, made.walks, out / FRAMES, listen)
+        write_frames(models, made.walks, out / FRAMES, listen, o.look_down)
+    if o.scenes:
+        about["scenes_made_from"] = _scenes(out, [graph.scan for graph in graphs], clouds, listen)
     _folders_of_agents(out, [graph.scan for graph in graphs], o, listen)
     write_tables(out, SCANS, graphs, made.instructed.dataset.splits)
     figures = _baselines(out, made, o.tasks.amounts.seed, listen)
     about |= {"finished": True, "scans": _scans(graphs, places), "features": features, "tasks": _tasks(made)}
     about |= {"agents": list(o.agents), "candidates": any(AGENTS[name].candidates for name in o.agents)}
-    about["frames"] = o.frames
+    about |= {"frames": o.frames, "scenes": o.scenes}
     about |= {"baselines": figures, "options": json.loads(json.dumps(asdict(o), default=str))}
     from nvsim.dataset.card import card_of
 
@@ -183,6 +203,19 @@ def _export(
     atomic.write_text(out / RECORD, json.dumps(_finite(about), indent=1) + "\n")
     listen(Done(STAGE, f"{len(graphs)} scans, {made.instructed.paths} paths in {out}", {"baselines": _finite(figures)}))
     return about
+
+
+def _scenes(out: Path, scans: Sequence[str], clouds: Mapping[str, NDArray[np.floating]], listen: Listener) -> str:
+    """Writes the scenes for Habitat, unless they were made from equal images and clouds; returns their key."""
+    from nvsim.dataset.habitat.scene import CONFIG, write_scenes
+
+    images = {scan: _digest(ScanPlaces(out / SCANS, scan).manifest) for scan in scans}
+    points = {scan: hashlib.sha256(np.ascontiguousarray(cloud)).hexdigest() for scan, cloud in clouds.items()}
+    key = key_of(images, points, __version__)
+    files = [out / SCENES / CONFIG, *(out / SCENES / scene_id(scan) for scan in scans)]
+    if _record(out).get("scenes_made_from") != key or not all(path.is_file() for path in files):
+        write_scenes(out / SCANS, out / SCENES, tuple(scans), clouds=clouds, listen=listen)
+    return key
 
 
 def _folders_of_agents(out: Path, scans: Sequence[str], options: DatasetOptions, listen: Listener) -> None:

@@ -18,12 +18,13 @@ _FOLDERS = {
     "`surroundings.json` the objects that the instructions name",
     "candidates": "candidate neighbors of every viewpoint, for agents without a simulator",
     "frames": "what a robot sees before each action of the episodes",
+    "scenes": "scenes for Habitat, which the episodes in small steps name",
     "agents": "folders with the files and names that the scripts of agents expect; each has a README.md",
     "results": "trajectories of the baselines, in the format of the R2R leaderboard",
 }
 
 
-_ON_REQUEST = ("features", "candidates", "frames", "agents")
+_ON_REQUEST = ("features", "candidates", "frames", "scenes", "agents")
 
 
 def _statistics(said: Mapping[str, Any]) -> list[str]:

@@ -6,7 +6,7 @@ import math
 from collections.abc import Sequence
 from typing import Any
 
-from nvsim.dataset.agent_files import FEATURES, FRAMES, SCANS, TASKS, count_files
+from nvsim.dataset.agent_files import FEATURES, FRAMES, SCANS, SCENES, TASKS, count_files
 from nvsim.dataset.building import FOR_AGENTS, RESULTS, DatasetOptions
 from nvsim.dataset.tables import DATA
 from nvsim.project.project import Project
@@ -21,7 +21,9 @@ _TRUNK, _PROJECTION = 1.3, 0.25
 _LOOK, _TELL, _EPISODE, _WALK = 0.15, 0.03, 0.15, 0.01
 _INSTRUCTION, _EPISODE_BYTES, _TRAJECTORY, _POSE_TRACE, _BOXES = 250, 1500, 1200, 8000, 2500  # bytes
 _ROW, _VIEWPOINT = 500, 600  # bytes
-_FRAMES, _FRAME, _FRAME_BYTES = 6.0, 0.15, 53_000  # frames of an episode per meter; CPU seconds and bytes of a frame
+_FRAMES, _FRAME, _FRAME_BYTES = 6.0, 0.05, 53_000  # frames of an episode per meter; CPU seconds and bytes of a frame
+_DOWN, _DOWN_BYTES = 0.08, 130_000  # the same of a frame that looks down, with its depth
+_SCENE, _SCENE_BYTES = 0.25, 220_000  # CPU seconds and bytes of a scene per viewpoint
 
 
 def estimate_dataset(sources: Sequence[tuple[Project, PreparedExport]], options: DatasetOptions) -> dict[str, Any]:
@@ -71,6 +73,14 @@ def estimate_dataset(sources: Sequence[tuple[Project, PreparedExport]], options:
     if o.frames:
         frames = round(_FRAMES * sum(task.distance or 0.0 for split in tasks.splits.values() for task in split))
         beside.append({"what": "frames", "folder": FRAMES, "files": frames, "bytes": frames * _FRAME_BYTES})
+    if o.look_down:
+        beside.append(
+            {"what": "frames that look down", "folder": FRAMES, "files": 2 * frames, "bytes": frames * _DOWN_BYTES}
+        )
+    if o.scenes:
+        beside.append(
+            {"what": "scenes", "folder": SCENES, "files": 1 + 3 * len(sources), "bytes": drawn * _SCENE_BYTES}
+        )
     if o.agents:
         scans = [source.graph.scan for _, source in sources]
         files = sum(count_files(name, scans) for name in o.agents)
@@ -91,7 +101,7 @@ def estimate_dataset(sources: Sequence[tuple[Project, PreparedExport]], options:
     rest += drawn * _LOOK * (o.tasks.landmarks or o.tasks.goals) + count * (
         each * _TELL + walks / max(1, count) * _WALK
     )
-    rest += count * _EPISODE * small_steps + frames * _FRAME
+    rest += count * _EPISODE * small_steps + frames * (_FRAME + _DOWN * o.look_down) + drawn * _SCENE * o.scenes
     whole = None if any(one is None for one in seconds) else rest + math.fsum(one or 0.0 for one in seconds)
     first = sources[0][1]
     return {

@@ -33,6 +33,7 @@ if TYPE_CHECKING:
 
 MOST_INSTRUCTIONS = 100
 STAGE = "tasks"
+_SHOWN = 5  # viewpoints without room that a warning names
 Retell = Callable[[Dataset, Sequence[NavGraph]], tuple[Dataset, dict[str, Any]]]
 
 
@@ -218,10 +219,15 @@ def _episodes(instructed: InstructedDataset, scenes: dict[str, Any], listen: Lis
     from nvsim.r2r.episodes.episode import episodes_of
 
     episodes = episodes_of(instructed.dataset.splits, scenes, listen)
-    climbing = sum(scenes[task.scan].climbs(task) for tasks in instructed.dataset.splits.values() for task in tasks)
-    tight = instructed.paths - sum(map(len, episodes.values())) - climbing
+    kept = {episode.task.path_id for split in episodes.values() for episode in split}
+    left = [t for tasks in instructed.dataset.splits.values() for t in tasks if t.path_id not in kept]
+    tight = [task for task in left if not scenes[task.scan].climbs(task)]
+    climbing = len(left) - len(tight)
     why = [f"{climbing} use stairs, and actions are limited to one storey"] if climbing else []
-    why += [f"{tight} are too narrow for a robot"] if tight else []
+    if tight:
+        places = sorted({id for task in tight for id in scenes[task.scan].viewpoints_without_room(task)})
+        shown = ", ".join(places[:_SHOWN]) + (f", and {len(places) - _SHOWN} more" if len(places) > _SHOWN else "")
+        why.append(f"{len(tight)} are too narrow for a robot" + (f", which has no room at {shown}" if places else ""))
     if why:
-        listen(Warning(f"{climbing + tight} of {instructed.paths} paths have no episode: {'; '.join(why)}", STAGE))
+        listen(Warning(f"{len(left)} of {instructed.paths} paths have no episode: {'; '.join(why)}", STAGE))
     return episodes

@@ -3,7 +3,9 @@
     python tests/benchmarks/agent_environments.py DATASET CHECKOUTS --agents duet navgpt --steps 20
 
 CHECKOUTS contains a clone of each agent's repository, under the name of the repository. Every agent runs on a copy of
-its clone and of its folder DATASET/agents/NAME, in which no file is written by hand. Outside of the agent's code:
+its clone and of its folder DATASET/agents/NAME, in which no file is written by hand. Of StreamVLN, VLN-CE, NaVid, and
+InternNav, only the data loaders run (see `agent_loaders`); they also need a clone of habitat-lab. Outside of the
+agent's code:
 
 - networks have random weights and few layers, and `.cuda()` does nothing
 - a local server answers as the language model
@@ -11,8 +13,9 @@ its clone and of its folder DATASET/agents/NAME, in which no file is written by 
 
 The agents need torch, transformers (4.30), pytorch_transformers (1.0.0), tensorboardX, jsonlines, easydict,
 progressbar2, and networkx; MapGPT openai 1.3 and tenacity; NavGPT openai 0.28 and langchain 0.0.246; NavGPT-2
-omegaconf, iopath, timm 0.4.12, einops, and sentencepiece. `--paths` names folders with packages of one agent:
-`mapgpt=FOLDER`.
+omegaconf, iopath, timm 0.4.12, einops, and sentencepiece. The loaders need attrs, fastdtw, and numpy-quaternion, those
+of StreamVLN and InternNav also transformers 4.45, pyarrow, and pandas. `--paths` names folders with packages of one
+agent: `mapgpt=FOLDER`.
 """
 
 from __future__ import annotations
@@ -49,7 +52,7 @@ class Run:
 
     repository  folder in CHECKOUTS
     folder      working folder in the copy of the repository, or "" for the folder of the exported files
-    script      the script, relative to the copy of the repository
+    script      the script, relative to the copy of the repository, or "" if only the data loaders run
     options     its options; {data} is the folder of the exported files, {out} the folder of its results, and {steps}
                 the number of steps
     counted     what counts as a step
@@ -65,6 +68,20 @@ class Run:
 
 
 _SMALL = "--num_l_layers 1 --num_x_layers 1 --batch_size 2 --lr 1e-5 --optim adamW --ml_weight 0.2 --angle_feat_size 4 "
+_UNUSED = (
+    "deepspeed",
+    "decord",
+    "av",
+    "open_clip",
+    "timm",
+    "einops",
+    "einops_exts",
+    "torchvision",
+    "accelerate",
+    "peft",
+)
+_UNUSED += ("trl", "flash_attn", "torchcodec", "gym", "habitat_sim", "magnum", "hydra", "omegaconf", "dtw", "yacs")
+_UNUSED += ("habitat.config", "habitat.utils.visualizations", "habitat.sims")
 _TRAINED = "--iters {steps} --log_every {steps} --max_action_len 15 --feat_dropout 0.4 --dropout 0.5 --world_size 1 "
 RUNS = {
     "duet": Run(
@@ -125,6 +142,10 @@ RUNS = {
         missing=("torchvision", "decord", "spacy", "webdataset", "fairscale", "pycocoevalcap", "pycocotools", "plotly")
         + ("streamlit", "opendatasets", "skimage", "contexttimer", "matplotlib", "iopath", "ftfy", "cv2", "pandas"),
     ),
+    "streamvln": Run("StreamVLN", ".", "", "", "samples and episodes", _UNUSED),
+    "vlnce": Run("VLN-CE", ".", "", "", "episodes", _UNUSED),
+    "navid": Run("NaVid-VLN-CE", ".", "", "", "episodes", _UNUSED),
+    "internnav": Run("InternNav", ".", "", "", "samples and episodes", _UNUSED),
 }
 
 
@@ -169,6 +190,8 @@ def _try(name: str, given: Arguments, more: str | None) -> tuple[int, str]:
         log, start = work / "log.txt", time.monotonic()
         command = [sys.executable, "-m", "nvsim", "r2r", "python", "--", sys.executable, str(Path(__file__).resolve())]
         command += ["--inside", name, str(copy / run.script), *options]
+        if not run.script:
+            command = [sys.executable, str(Path(__file__).resolve()), "--load", name, str(given.checkouts), str(data)]
         with log.open("wb") as file:
             try:
                 ended = subprocess.run(
@@ -186,8 +209,8 @@ def _try(name: str, given: Arguments, more: str | None) -> tuple[int, str]:
         steps = int(counted.read_text()) if counted.is_file() else 0
         steps = model.answers if "model" in run.counted else steps
         lines = log.read_text(errors="replace").splitlines()
-        if words != "finished":
-            print("\n".join(line[:300] for line in lines[-SHOWN:]))
+        if words != "finished" or not run.script:
+            print("\n".join(line[:300] for line in lines[-(SHOWN if words != "finished" else 1) :]))
         print(f"{name}: {steps} {run.counted}, {words}, {time.monotonic() - start:.0f} s", flush=True)
         return steps, words
 
@@ -248,6 +271,18 @@ def _inside(name: str, script: str, options: Sequence[str]) -> None:
         _write_networks(name)
     sys.argv = [script, *options]
     runpy.run_path(script, run_name="__main__")
+
+
+def _load(name: str, checkouts: str, data: str) -> None:
+    """The process that reads the folder of an agent with its loaders."""
+    from tests.benchmarks.agent_loaders import LOADERS
+
+    sys.meta_path.insert(0, _Missing(RUNS[name].missing))
+    counts: dict[str, int] = {}
+    for what in LOADERS[name](Path(checkouts).resolve(), Path(data)):
+        counts[what] = counts.get(what, 0) + 1
+        Path(os.environ["COUNT"]).write_text(str(sum(counts.values())))
+    print(counts)
 
 
 def _without_graphics_card(counted: Path) -> None:
@@ -360,7 +395,8 @@ class _Missing(MetaPathFinder, Loader):
         self._names = set(names)
 
     def find_spec(self, fullname: str, path: object = None, target: object = None) -> ModuleSpec | None:
-        return ModuleSpec(fullname, self, is_package=True) if fullname.split(".")[0] in self._names else None
+        missing = any(f"{fullname}.".startswith(f"{name}.") for name in self._names)
+        return ModuleSpec(fullname, self, is_package=True) if missing else None
 
     def create_module(self, spec: ModuleSpec) -> types.ModuleType:
         class Module(types.ModuleType):
@@ -389,5 +425,7 @@ def _stub(name: str) -> Any:
 if __name__ == "__main__":
     if sys.argv[1:2] == ["--inside"]:
         _inside(sys.argv[2], sys.argv[3], sys.argv[4:])
+    elif sys.argv[1:2] == ["--load"]:
+        _load(*sys.argv[2:])
     else:
         main()

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import base64
 import csv
+import gzip
 import json
 import math
 import re
@@ -22,7 +23,10 @@ from test_dataset import FEW, row
 
 from nvsim.cli.main import main
 from nvsim.dataset.agent_files import AGENTS, AgentName, DatasetParts, write_agent
-from nvsim.dataset.frames import write_frames
+from nvsim.dataset.building import _scenes
+from nvsim.dataset.frames import DrawnEpisode, write_frames
+from nvsim.dataset.lerobot import rows_of
+from nvsim.dataset.parquet import parquet_bytes
 from nvsim.dataset.text_views import read_text_views
 from nvsim.dataset.word_pieces import Vocabulary
 from nvsim.errors import InputError
@@ -30,14 +34,14 @@ from nvsim.events import silent
 from nvsim.mapping.config import MappingConfig
 from nvsim.project.project import Project
 from nvsim.project.scene_views import LiveScene
-from nvsim.r2r.episodes.episode import Episode, write_streamvln
+from nvsim.r2r.episodes.episode import Episode, write_streamvln, write_vlnce
 from nvsim.r2r.episodes.episode_actions import ActionPath
 from nvsim.r2r.features.exported_scan import ExportedScan
 from nvsim.r2r.observations.export import PreparedExport
 from nvsim.r2r.simulator import Simulator
 from nvsim.r2r.simulator.images import ViewSize
 from nvsim.r2r.simulator.live import LiveImages
-from nvsim.r2r.tasks.task import Task
+from nvsim.r2r.tasks.task import Task, write_tasks
 
 PIECES = ("[PAD]", "[UNK]", "[CLS]", "[SEP]", *"abcdefghijklmnopqrstuvwxyz0123456789.,!?-':")
 PIECES += tuple(f"##{char}" for char in "abcdefghijklmnopqrstuvwxyz0123456789") + (
@@ -49,7 +53,7 @@ PIECES += tuple(f"##{char}" for char in "abcdefghijklmnopqrstuvwxyz0123456789") 
 )
 SPLITS = ("train", "val_train_seen", "val_seen", "val_unseen")
 STUB = ("ZMojNkEp431", "2f4d90acd4024c269fb0efe49a8ac540")
-ON_GRAPHS = [name for name in AGENTS if not AGENTS[name].frames]
+ON_GRAPHS = [name for name in AGENTS if not AGENTS[name].scenes]
 IN_ITS_FOLDER: tuple[AgentName, ...] = ("recurrent-vln-bert", "envdrop")
 """Agents that open files relative to the current folder."""
 
@@ -64,7 +68,7 @@ def dataset(tmp_path_factory: pytest.TempPathFactory) -> Path:
     (folder / "vocab.txt").write_text("\n".join(PIECES) + "\n")
     out = folder / "out"
     command = ["export", "dataset", "--project", str(root), "--out", str(out), "--size", "64", "--projection", *FEW]
-    assert main([*command, "--for", *AGENTS, "--vocabulary", str(folder / "vocab.txt")]) == 0
+    assert main([*command, "--for", *ON_GRAPHS, "--vocabulary", str(folder / "vocab.txt")]) == 0
     return out
 
 
@@ -282,7 +286,16 @@ def test_navgpt2_finds_the_row_of_every_candidate(dataset: Path) -> None:
             assert sorted(number for _, number, *_ in rows.values()) == list(range(len(rows)))
 
 
-def test_streamvln_finds_a_frame_before_every_action(tmp_path: Path) -> None:
+HABITAT = {
+    "streamvln": ("data/datasets/r2r", "data/scene_datasets"),
+    "vlnce": ("data/datasets/R2R_VLNCE_v1-3_preprocessed", "data/scene_datasets"),
+    "navid": ("data/datasets/R2R_VLNCE_v1-3_preprocessed", "data/scene_datasets"),
+    "internnav": ("data/vln_ce/raw_data/r2r", "data/scene_data/mp3d_ce"),
+}
+"""Folders of the episodes and of the scenes."""
+
+
+def test_agents_that_move_in_small_steps_find_their_frames_episodes_and_scenes(tmp_path: Path) -> None:
     root = scan_project(tmp_path)
     with Project.open(root) as project:
         source = PreparedExport.of(project, tmp_path / "scans").source
@@ -292,25 +305,56 @@ def test_streamvln_finds_a_frame_before_every_action(tmp_path: Path) -> None:
             [[3.6, 3.0]] * 3 + [[3.6 + k * 0.25 * math.sin(headings[-1]), 3.0 + k * 0.125] for k in (1, 2)]
         )
         walk = ActionPath((2, 2, 1, 1, 0), places, headings)
-        task = Task(7, "hall", ("a", "b"), float(headings[0]), ("Go.",))
+        task = Task(7, "hall", ("a", "b"), float(headings[0]), ("Go.", "Walk."))
         episode = Episode(task, np.zeros((2, 3)), walk, np.full(5, 0.1))
         episodes = {"train": [episode], "val_seen": [], "val_unseen": []}
-        write_frames({"hall": source}, episodes, tmp_path / "frames", silent)
+        write_frames({"hall": source}, episodes, tmp_path / "frames", silent, look_down=True)
         write_streamvln(episodes, tmp_path / "tasks" / "streamvln")
-        folder = tmp_path / "agents" / "streamvln"
-        write_agent(DatasetParts(tmp_path, ("hall",)), "streamvln", folder)
+        write_vlnce(episodes, tmp_path / "tasks" / "vlnce")
+        for split in episodes:
+            write_tasks(tmp_path / "tasks" / f"R2R_{split}.json", [one.task for one in episodes[split]])
+        scene = tmp_path / "scenes" / "nvsim" / "hall" / "hall.glb"
+        scene.parent.mkdir(parents=True)
+        scene.write_bytes(b"glTF")
+        for name in HABITAT:
+            write_agent(DatasetParts(tmp_path, ("hall",)), name, tmp_path / "agents" / name)
 
         # As StreamVLN's dataset: the frames of an item are those in its folder rgb, in the order of their names.
+        folder = tmp_path / "agents" / "streamvln"
         (item,) = load(folder / "train" / "annotations.json")
         frames = folder / "train" / item["video"] / "rgb"
         names = sorted(one.name for one in frames.iterdir())
         assert item["actions"] == [-1, 2, 2, 1, 1] and names == [f"{i:03d}.jpg" for i in range(5)]
         live = LiveScene(row(), "hall", MappingConfig(), None, source.scene, None, None, None)  # type: ignore[arg-type]
-        view = ViewSize(640, 480, 2 * math.atan(0.75 * math.tan(math.radians(39.5))), False)
-        for name, place, heading in zip(names, places, headings):
-            expected, _ = LiveImages(live).draw_from(np.array([*place, 1.35]), float(heading), 0.0, view)
-            found = cv2.imread(str(frames / name)).astype(float)
-            assert found.shape == (480, 640, 3) and np.abs(found - expected).mean() < 3  # random Gaussians
+        view = ViewSize(640, 480, 2 * math.atan(0.75 * math.tan(math.radians(39.5))), True)
+        # As InternNav's: an image of every frame, and what the camera sees 30 degrees down, with its depth.
+        scene = tmp_path / "agents" / "internnav" / "traj_data" / "r2r" / "hall"
+        videos = scene / "videos" / "chunk-000"
+        for i, (place, heading) in enumerate(zip(places, headings)):
+            level = frames / f"{i:03d}.jpg"
+            assert level.samefile(videos / "observation.images.rgb.125cm_0deg" / f"episode_000000_{i}.jpg")
+            lower = videos / "observation.images.rgb.125cm_30deg" / f"episode_000000_{i}.jpg"
+            for path, angle in ((level, 0.0), (lower, -math.radians(30))):
+                eye = np.array([*place, 1.35])
+                expected, depth = LiveImages(live).draw_from(eye, float(heading), angle, view)
+                found = cv2.imread(str(path)).astype(float)
+                assert found.shape == (480, 640, 3) and np.abs(found - expected).mean() < 3  # random Gaussians
+            deep = videos / "observation.images.depth.125cm_30deg" / f"episode_000000_{i}.png"
+            metres = cv2.imread(str(deep), cv2.IMREAD_UNCHANGED) / 1000
+            assert np.median(np.abs(metres - depth[..., 0] / 4000)) < 0.01
+        (about,) = (json.loads(line) for line in (scene / "meta" / "episodes.jsonl").read_text().splitlines())
+        assert about == {"episode_index": 0, "tasks": ["Go.<INSTRUCTION_SEP>Walk."], "length": 5}
+        assert (scene / "data" / "chunk-000" / "episode_000000.parquet").read_bytes()[:4] == b"PAR1"
+
+        # As habitat-lab's and VLN-CE's datasets, and VLN-CE's nDTW.
+        for name, (listed, scenes) in HABITAT.items():
+            folder = tmp_path / "agents" / name
+            read = [
+                gzip.decompress((folder / listed / "train" / f"train{e}.json.gz").read_bytes()) for e in ("", "_gt")
+            ]
+            found, actions = map(json.loads, read)
+            assert list(actions) == [str(one["episode_id"]) for one in found["episodes"]] == ["700", "701"]
+            assert all((folder / scenes / one["scene_id"]).is_file() for one in found["episodes"])
 
         # A second run draws nothing again; another heading does, and a folder of another episode goes.
         drawn = (frames / "000.jpg").stat().st_mtime_ns
@@ -323,6 +367,66 @@ def test_streamvln_finds_a_frame_before_every_action(tmp_path: Path) -> None:
         turned = replace(turned, floors=episode.floors[:2])
         write_frames({"hall": source}, {"train": [turned]}, tmp_path / "frames", silent)
         assert [one.name for one in (tmp_path / "frames" / "train").iterdir()] == ["hall_r2r_000008"]
+
+
+def test_a_goal_is_the_farthest_place_that_the_camera_shows_before_the_path_is_hidden() -> None:
+    """Twelve steps along +y on a flat floor: a place at distance d is seen atan(1.25 / d) below the horizon."""
+    steps = 0.25 * np.arange(13)
+    poses = np.column_stack([np.full(13, 2.0), 1 + steps, np.zeros(13), np.zeros(13)])
+    episode = DrawnEpisode(Path(), poses)
+    focal = 320 / math.tan(math.radians(39.5))
+    # The floor, which ends at a wall 2 m ahead of the first frame. All of it is below the horizon of each camera.
+    below = math.radians(30) + np.arctan((np.arange(480) + 0.5 - 240) / focal)
+    depths = []
+    for at in steps:
+        floor = 1.25 / np.sin(below) * np.cos(below - math.radians(30))
+        wall = (2.0 - at) / np.cos(below) * np.cos(below - math.radians(30))
+        depth = np.minimum(floor, wall) if at < 2 else np.full(480, 0.01)
+        depths.append(np.repeat(np.rint(depth * 1000).astype(np.uint16)[:, None], 640, axis=1))
+    rows = rows_of(episode, [-1, *[1] * 12], depths)
+    # Places nearer than 0.67 m are below the image, and those behind the wall are hidden.
+    assert rows["relative_goal_frame_id.125cm_30deg"].tolist() == [8, 7, 6, 5, 4, 3, *[-1] * 7]
+    for i in (0, 5):
+        angle = math.atan(1.25 / (2.0 - steps[i])) - math.radians(30)
+        assert rows["goal.125cm_30deg"][i].tolist() == [math.floor(240 + focal * math.tan(angle)), 320]
+    assert rows["goal.125cm_30deg"][12].tolist() == [-1, -1]
+    # InternNav's robot frame has x ahead: camera to world times (right, down, forward) of the camera, 30 degrees down.
+    pose = rows["pose.125cm_30deg"]
+    assert np.allclose(pose[1, :3, 3] - pose[0, :3, 3], [0, 0.25, 0])
+    assert np.allclose(pose[0, :3, 2], [0, math.cos(math.radians(30)), -0.5])
+    assert np.allclose(pose[0, :3, 0], [1, 0, 0])
+
+
+def test_parquet_files_are_those_that_pyarrow_reads(monkeypatch: pytest.MonkeyPatch) -> None:
+    """pyarrow 26.0.1 reads this file as {"a": [-1, 300], "b": [[[0, 1], [2, 3]], [[4, 5], [6, 7]]]}."""
+    monkeypatch.setattr("nvsim.dataset.parquet.__version__", "0.2.0")
+    columns = {"a": np.array([-1, 300]), "b": np.arange(8.0).reshape(2, 2, 2)}
+    assert parquet_bytes(columns).hex() == PARQUET
+    with pytest.raises(ValueError, match="same number of rows"):
+        parquet_bytes({"a": np.arange(2), "b": np.arange(3)})
+    with pytest.raises(ValueError, match="float32"):
+        parquet_bytes({"a": np.zeros(2, np.float32)})
+
+
+def test_scenes_are_written_again_if_their_images_or_clouds_change(
+    dataset: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    calls = []
+
+    def write(root: Path, out: Path, scans: tuple[str, ...], clouds: dict, listen: object) -> None:
+        calls.append(scans)
+        for name in ("nvsim.scene_dataset_config.json", "hall/hall.glb"):
+            (out / "nvsim" / name).parent.mkdir(parents=True, exist_ok=True)
+            (out / "nvsim" / name).write_bytes(b"")
+
+    monkeypatch.setattr("nvsim.dataset.habitat.scene.write_scenes", write)
+    record = dataset / "dataset.json"
+    before = record.read_text()
+    for clouds, times in (({}, 1), ({}, 1), ({"hall": np.zeros((1, 3))}, 2)):
+        about = {**json.loads(record.read_text()), "scenes_made_from": _scenes(dataset, ["hall"], clouds, silent)}
+        record.write_text(json.dumps(about))
+        assert calls == [("hall",)] * times
+    record.write_text(before)
 
 
 def test_a_second_export_keeps_what_the_agent_wrote(dataset: Path) -> None:
@@ -361,6 +465,16 @@ def test_the_page_lists_the_files_of_every_agent(name: AgentName) -> None:
     expected = [path.replace("{steps}", "SPLIT") for path in expected]
     assert listed == ", ".join(f"`{path}`" for path in expected) and ran == AGENTS[name].ran
 
+
+PARQUET = (
+    "504152311500152015202c15041500150615060000ffffffffffffffff2c01000000000000150015b40115b4012c1510150015061506"
+    "000010000000020002020201020202000202020102020200000010020000000000000000000000000000f03f00000000000000400000"
+    "0000000008400000000000001040000000000000144000000000000018400000000000001c401502197c4806736368656d6115040015"
+    "0425001801610035001801621502150600350418046c69737415020035001807656c656d656e741502150600350418046c6973741502"
+    "00150a25001807656c656d656e74001604191c192c26081c15041925000619180161150016041642164226080000264a1c150a192500"
+    "0619580162046c69737407656c656d656e74046c69737407656c656d656e741500161016da0116da01264a0000169c02160400280b6e"
+    "7673696d20302e322e3000bd00000050415231"
+)
 
 # Numbers by BertWordPieceTokenizer of tokenizers 0.23.3, lower case, with this vocabulary.
 ENCODED = {

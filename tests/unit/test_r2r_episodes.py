@@ -80,6 +80,9 @@ def test_what_a_cloud_knows_is_not_touched(house: tuple[list[Block], Scene], tmp
     task = Task(1, "boxes", ("f", "g", "h"), 1.5)
     assert Scene(graph, storeys).episode(task) is not None
     assert Scene(graph, storeys, post).episode(task) is None
+    assert Scene(graph, storeys, post).viewpoints_without_room(task) == []
+    at_g = Scene(graph, storeys, post - [0.85, 0.0, 0.0])  # around (8.2, 0.8)
+    assert at_g.episode(task) is None and at_g.viewpoints_without_room(task) == ["g"]
 
 
 @pytest.mark.parametrize("degrees", [0, 30, 90, 200, 315])

@@ -67,6 +67,11 @@ class Scene:
         """Returns True if the path uses stairs. Obstacles on stairs cannot be found in a level slice."""
         return len({self._spaces.get(id) for id in task.path}) > 1 or task.path[0] not in self._spaces
 
+    def viewpoints_without_room(self, task: Task) -> list[str]:
+        """Returns the viewpoints of a path on one storey at which the robot has no room."""
+        space, viewpoints = self._spaces[task.path[0]], self._graph.viewpoints
+        return [id for id in task.path if not space.is_free(np.array(viewpoints[id].position[:2]))]
+
     def episode(self, task: Task, turn: int = TURN) -> Episode | None:
         """Returns the episode of a task with turns of `turn` degrees, or None if the robot has no room along the path
         or would have to climb."""
