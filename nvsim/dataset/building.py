@@ -210,7 +210,7 @@ def _scenes(out: Path, scans: Sequence[str], clouds: Mapping[str, NDArray[np.flo
     from nvsim.dataset.habitat.scene import CONFIG, write_scenes
 
     images = {scan: _digest(ScanPlaces(out / SCANS, scan).manifest) for scan in scans}
-    points = {scan: hashlib.sha256(np.ascontiguousarray(cloud)).hexdigest() for scan, cloud in clouds.items()}
+    points = {scan: hashlib.sha256(np.ascontiguousarray(cloud).tobytes()).hexdigest() for scan, cloud in clouds.items()}
     key = key_of(images, points, __version__)
     files = [out / SCENES / CONFIG, *(out / SCENES / scene_id(scan) for scan in scans)]
     if _record(out).get("scenes_made_from") != key or not all(path.is_file() for path in files):

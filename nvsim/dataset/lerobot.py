@@ -129,7 +129,7 @@ def _depth(path: Path) -> NDArray[np.uint16]:
     image = cv2.imdecode(np.frombuffer(read_bytes(path), np.uint8), cv2.IMREAD_UNCHANGED)
     if image is None or image.shape != (HEIGHT, WIDTH) or image.dtype != np.uint16:
         raise InputError(f"{path} is damaged; remove its folder and export the dataset again.")
-    return image
+    return np.asarray(image, np.uint16)
 
 
 def _info(episodes: int, frames: int) -> dict[str, Any]:

@@ -35,6 +35,7 @@ _BENT, _FEW_BENT = 0.15, 0.15  # allowed change of a part's shape over its exten
 _FEWEST = 8  # points of a loop, at least
 LOOSE = (0.3, 0.05, 0.1)  # usual drift, in camera heights, where few points connect the parts
 _GAUGE = np.array([1.0, 1.0, 1.0, 1.0, 100.0, 100.0, 100.0])  # weights that hold the first part in place
+_DRIFT = 5.0  # errors of a wall direction by which parts usually drift; far larger ones belong to oblique walls
 _HEIGHT, _UP, _WALL = 0.02, 0.006, 0.01  # errors of the anchors: logarithm of the height, radians, radians
 
 
@@ -333,7 +334,7 @@ def solve(
                 (open_ * weight[:, None]).ravel(),
                 (moves[high, 0] + np.log(anchors.height[high]) - usual) / _HEIGHT,
                 ((Rotation.from_rotvec(moves[level, 1:4]).apply(anchors.up[level]) - up) / _UP).ravel(),
-                np.sign(aside) * np.sqrt(np.log1p(aside**2)),
+                np.sign(aside) * _DRIFT * np.sqrt(np.log1p((aside / _DRIFT) ** 2)),
                 moves[0] * gauge,
             ]
         )

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from nvsim.poses.match_database import Pair
-from nvsim.poses.pose_graph import keeps_shape, without_drift
+from nvsim.poses.pose_graph import FIRM, PartAnchors, keeps_shape, no_loops, solve, without_drift
 from nvsim.poses.two_views import TwoViews, from_matches
 
 ROUND, COUNT, RADIUS = 72, 144, 4.0
@@ -189,3 +189,18 @@ def test_loops_may_move_a_video_but_not_bend_it() -> None:
     bent = moved({n: rng.normal(0, 1.0, 3) if n < 60 else np.zeros(3) for n in still})
     assert keeps_shape(poses, slow)
     assert not keeps_shape(poses, bent)
+
+
+@pytest.mark.parametrize("drift", [3.0, 6.0, 12.0])  # degrees, to both sides
+@pytest.mark.parametrize("oblique", [None, 20.0])  # degrees by which the wall of one part is off
+def test_walls_correct_the_direction_of_a_video_that_turns_slowly(drift: float, oblique: float | None) -> None:
+    parts = 14
+    pivot = np.column_stack([3.0 * np.arange(parts), np.zeros(parts), np.ones(parts)])
+    turned = np.radians(np.linspace(-drift, drift, parts))
+    angle = turned + np.where(np.arange(parts) == 5, np.radians(oblique or 0.0), 0.0)
+    wall = np.column_stack([np.cos(angle), np.sin(angle), np.zeros(parts)])
+    anchors = PartAnchors(np.ones(parts), np.tile([0.0, 0.0, 1.0], (parts, 1)), wall)
+    slip = np.tile([FIRM[0], *[FIRM[1]] * 3, *[2 * FIRM[2]] * 3], (parts - 1, 1))
+    moves = solve(no_loops(), pivot, (pivot[1:] + pivot[:-1]) / 2, slip, anchors)
+    left = np.degrees(moves[:, 3] + turned)
+    assert np.ptp(left) < 0.2 + 0.2 * drift
