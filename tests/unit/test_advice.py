@@ -80,6 +80,12 @@ def test_every_command_names_options_that_it_has_or_whose_command_it_says(verb: 
         ("demo", "give --margin", "map", "give --map.margin"),
         ("demo", "give --margin", "", "give --depth.margin or --map.margin"),  # of either stage
         ("run", "give --steps 5", "depth", "give --depth.steps 5"),
+        (
+            "poses",
+            "continue by --model 0 or --model 1",
+            "",
+            "continue by `nvsim run --model 0` or `nvsim run --model 1`",
+        ),
         ("run", "give --steps 5", "", "give --depth.steps or --train.steps 5"),  # not those of scanless
         ("train", "give --steps 5", "train", "give --steps 5"),
         ("train", "(--train.gaussian-cap)", "", "(--gaussian-cap)"),
