@@ -202,7 +202,8 @@ def test_a_renderer_that_was_given_up_is_started_again_by_refresh(
     session.open(write_project(tmp_path / "rooms.nvsim", 300, 1))
     link = session.window.scene.link
     for _ in range(RESTARTS + 1):
-        qtbot.waitUntil(lambda: link.ready, timeout=PATIENCE)
+        # A process that has just ended has no number, although its end is not handled yet.
+        qtbot.waitUntil(lambda: link.ready and link.process_id is not None, timeout=PATIENCE)
         pid = link.process_id
         assert pid is not None
         os.kill(pid, signal.SIGKILL)
