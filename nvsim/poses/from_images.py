@@ -47,7 +47,7 @@ from nvsim.poses.match_database import (
     write_geometries,
 )
 from nvsim.poses.piece_reliability import firm_pieces
-from nvsim.poses.pieces import LEAST, extended, names_in, split_after, split_into_pieces
+from nvsim.poses.pieces import LEAST, extended, names_in, split_after, split_into_pieces, with_single_images
 from nvsim.poses.pose_graph import PartAnchors, keeps_shape, median_depth, without_drift
 from nvsim.poses.positioning import reconstruct_video
 from nvsim.poses.straightening import anchors_of, contradicts_floor, level_and_scale, merge_turning_pieces, straightened
@@ -277,7 +277,8 @@ def _joined_again(
     a piece is already where these points place it, the relative poses at its bend are wrong, and there is no bend."""
     best: tuple[pycolmap.Reconstruction, dict[Pair, TwoViews], list[list[int]]] | None = None
     for number in range(_JOINS + 1):
-        pieces = split_after(firm_pieces(model, inputs.images.times), _bends(model, inputs))
+        firm = with_single_images(firm_pieces(model, inputs.images.times))
+        pieces = split_after(firm, _bends(model, inputs))
         if best is None or len(pieces[0]) > len(best[2][0]):
             best = model, views, pieces
         large = [piece_of(model, p, inputs.keypoints) for p in pieces if len(p) >= LEAST]

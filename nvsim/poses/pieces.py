@@ -32,6 +32,19 @@ def split_after(pieces: Iterable[Sequence[int]], cuts: Collection[int]) -> list[
     return sorted(found, key=len, reverse=True)
 
 
+def with_single_images(pieces: Sequence[Sequence[int]]) -> list[list[int]]:
+    """The `pieces` (image numbers), the largest first, where a single image belongs to the piece of the image before
+    and the image after it: its place is between theirs."""
+    piece_of = {n: k for k, piece in enumerate(pieces) for n in piece}
+    found = [list(piece) for piece in pieces]
+    for k, piece in enumerate(pieces):
+        before, after = piece_of.get(piece[0] - 1), piece_of.get(piece[0] + 1)
+        if len(piece) == 1 and before is not None and before == after:
+            found[before].append(piece[0])
+            found[k].clear()
+    return sorted((sorted(piece) for piece in found if piece), key=len, reverse=True)
+
+
 def extended(model: pycolmap.Reconstruction, pieces: Sequence[Sequence[int]], reach: float) -> list[list[int]]:
     """The `pieces` (image numbers), the largest first, where images of small pieces belong to a larger piece if they
     are at most `reach` beside it and see many of its points."""

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from nvsim.geometry.rotation import rotation_angle
 from nvsim.poses import straightening
-from nvsim.poses.pieces import extended, names_in
+from nvsim.poses.pieces import extended, names_in, with_single_images
 from nvsim.poses.straightening import contradicts_floor, level_and_scale, merge_turning_pieces, straightened
 from nvsim.poses.two_views import TwoViews, from_matches
 
@@ -228,6 +228,11 @@ def test_a_piece_grows_by_near_images_that_see_its_points() -> None:
     assert extended(model, pieces, reach=1.5 * STEP)[:2] == [pieces[1], piece[: half + 1]]
     assert extended(model, pieces, reach=0.5 * STEP) == sorted(pieces, key=len, reverse=True)
     assert extended(model, [piece, pieces[1]], reach=STEP) == [piece, pieces[1]]
+
+
+def test_a_single_image_belongs_to_the_piece_around_it() -> None:
+    pieces = [[1, 2, 3, 5, 6, 8], [10, 11, 12], [4], [7], [9], [13]]
+    assert with_single_images(pieces) == [[1, 2, 3, 4, 5, 6, 7, 8], [10, 11, 12], [9], [13]]
 
 
 def test_a_stretch_of_another_scale_contradicts_the_floor() -> None:
