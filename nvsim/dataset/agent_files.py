@@ -449,7 +449,7 @@ AGENTS: dict[AgentName, Agent] = {
             'ln -s "$FOLDER/data/scene_data/mp3d_ce" data/scene_data/',
             "python internnav/trainer/internvla_n1_trainer.py --vln_dataset_use r2r_125cm_0_30",
         ),
-        "its training dataset reads every sample of train; its evaluation needs Habitat: not run",
+        "its training dataset reads the first 30 samples of train; its evaluation needs Habitat: not run",
         frames=True,
         look_down=True,
         scenes=True,

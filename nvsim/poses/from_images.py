@@ -47,7 +47,14 @@ from nvsim.poses.match_database import (
     write_geometries,
 )
 from nvsim.poses.piece_reliability import firm_pieces
-from nvsim.poses.pieces import LEAST, extended, names_in, split_after, split_into_pieces, with_single_images
+from nvsim.poses.pieces import (
+    LEAST,
+    names_in,
+    split_after,
+    split_into_pieces,
+    with_images_beside,
+    with_single_images,
+)
 from nvsim.poses.pose_graph import PartAnchors, keeps_shape, median_depth, without_drift
 from nvsim.poses.positioning import reconstruct_video
 from nvsim.poses.straightening import anchors_of, contradicts_floor, level_and_scale, merge_turning_pieces, straightened
@@ -168,7 +175,7 @@ def _finished(models: list[pycolmap.Reconstruction], inputs: _MappingInputs, pla
         model, joined, pieces = _joined_again(model, views, inputs)
         if len(joined) > len(views):  # the joined pieces are now near enough to show places of each other again
             model, _, loops = _closed(model, joined, inputs, False, loops)
-            pieces = extended(model, pieces, _BESIDE * median_depth(model))
+            pieces = with_images_beside(model, pieces, _BESIDE * median_depth(model))
         bent = contradicts_floor(model)
         if (bent or len(pieces[0]) < _ENOUGH * len(images.names)) and not images.clips.any():  # one video only
             placed([model])
@@ -254,6 +261,7 @@ def _closed(
         seen_again |= close_loops(model, inputs.keypoints, inputs.similar, tested, inputs.matches, seen_again)
         loose = firm_pieces(model, inputs.images.times, _LOOSE) if held else []
         poses, agreeing = without_drift(model, seen_again, anchored if held else None, loose)
+        # Beside known loops, a single new one can move a joined piece by decimeters.
         if len(agreeing) <= (_MORE if number else 1) * len(loops):
             break
         loops = agreeing

@@ -45,7 +45,9 @@ def with_single_images(pieces: Sequence[Sequence[int]]) -> list[list[int]]:
     return sorted((sorted(piece) for piece in found if piece), key=len, reverse=True)
 
 
-def extended(model: pycolmap.Reconstruction, pieces: Sequence[Sequence[int]], reach: float) -> list[list[int]]:
+def with_images_beside(
+    model: pycolmap.Reconstruction, pieces: Sequence[Sequence[int]], reach: float
+) -> list[list[int]]:
     """The `pieces` (image numbers), the largest first, where images of small pieces belong to a larger piece if they
     are at most `reach` beside it and see many of its points."""
     groups = [list(p) for p in pieces if len(p) >= LEAST]

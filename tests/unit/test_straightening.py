@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from nvsim.geometry.rotation import rotation_angle
 from nvsim.poses import straightening
-from nvsim.poses.pieces import extended, names_in, with_single_images
+from nvsim.poses.pieces import names_in, with_images_beside, with_single_images
 from nvsim.poses.straightening import contradicts_floor, level_and_scale, merge_turning_pieces, straightened
 from nvsim.poses.two_views import TwoViews, from_matches
 
@@ -225,9 +225,9 @@ def test_a_piece_grows_by_near_images_that_see_its_points() -> None:
     (_, last), _, (walk, end) = stages(2)
     piece, half = list(range(1, last + 1)), last - 10
     pieces = [piece[:half], list(range(walk, end + 1)), *[[n] for n in range(half + 1, walk)]]
-    assert extended(model, pieces, reach=1.5 * STEP)[:2] == [pieces[1], piece[: half + 1]]
-    assert extended(model, pieces, reach=0.5 * STEP) == sorted(pieces, key=len, reverse=True)
-    assert extended(model, [piece, pieces[1]], reach=STEP) == [piece, pieces[1]]
+    assert with_images_beside(model, pieces, reach=1.5 * STEP)[:2] == [pieces[1], piece[: half + 1]]
+    assert with_images_beside(model, pieces, reach=0.5 * STEP) == sorted(pieces, key=len, reverse=True)
+    assert with_images_beside(model, [piece, pieces[1]], reach=STEP) == [piece, pieces[1]]
 
 
 def test_a_single_image_belongs_to_the_piece_around_it() -> None:
