@@ -16,6 +16,7 @@ from nvsim.files import atomic
 from nvsim.files.opening import is_regular, read_bytes, read_json
 from nvsim.files.reading import reading
 from nvsim.files.stored_arrays import read_arrays
+from nvsim.footage.fisheye import Fisheye, find_fisheye, rectify_files
 from nvsim.footage.frame_choice import choose_frames, point_positions
 from nvsim.footage.sources import Footage
 
@@ -24,6 +25,7 @@ LONGEST_SIDE = 1280
 QUALITY = 95
 """JPEG quality of the stored images."""
 _LIST, _TRACKS = "frames.json", "tracks.npz"
+_APART = 4  # frames between two whose points show the lens
 
 
 @dataclass(frozen=True, eq=False)
@@ -39,6 +41,7 @@ class ExtractedFrames:
     frame       (M,) int64, index of a frame that shows a tracked point
     point       (M,) int64, number of that point
     places      (M, 2) float64, pixels of the stored image; (0.5, 0.5) is the center of its first pixel
+    fisheye     the lens of the video if the stored images are pinhole images made from those of a fisheye lens
     """
 
     folder: Path
@@ -52,6 +55,7 @@ class ExtractedFrames:
     frame: NDArray[np.int64]
     point: NDArray[np.int64]
     places: NDArray[np.float64]
+    fisheye: Fisheye | None = None
 
 
 @dataclass(frozen=True)
@@ -88,7 +92,8 @@ def read_moments(folder: Path) -> dict[str, VideoMoment]:
 def extract_frames(
     footage: Footage, folder: Path, looked_at: Callable[[int, int], None] = lambda done, total: None
 ) -> ExtractedFrames:
-    """Writes the chosen frames of `footage` to `folder`, or reads them if an earlier run finished them.
+    """Writes the chosen frames of `footage` to `folder`, or reads them if an earlier run finished them. The frames of a
+    fisheye lens are stored as pinhole images.
 
     Raises InputError for files that cannot be decoded, for videos of different sizes, and if writing fails."""
     stamp = [[str(f.absolute()), f.stat().st_size, f.stat().st_mtime_ns] for f in footage.files]
@@ -130,6 +135,11 @@ def extract_frames(
     if size is None:
         raise InputError(f"{footage.source} has no usable frame; choose another video.")
     table = np.concatenate(lines)
+    fisheye = find_fisheye(_matched(table, len(names)), *size)
+    if fisheye is not None:
+        rectify_files([folder / name for name in names], fisheye)
+        table[:, 2:] = fisheye.places(table[:, 2:])
+        table = table[np.isfinite(table).all(axis=1)]
     with atomic.replacing(folder / _TRACKS) as temporary, open(temporary, "wb") as out:
         np.savez(out, frame=table[:, 0].astype(np.int64), point=table[:, 1].astype(np.int64), places=table[:, 2:])
     listed = {
@@ -140,6 +150,7 @@ def extract_frames(
         "seconds": seconds,
         "blurred": blurred,
         "looked_at": counted,
+        "fisheye": fisheye and fisheye.focal,
     }
     atomic.write_text(folder / _LIST, json.dumps(listed))
     found = _read(folder, stamp)
@@ -157,6 +168,7 @@ def _read(folder: Path, stamp: list[list[object]]) -> ExtractedFrames | None:
         wanted = {"frame": ("i", 1), "point": ("i", 1), "places": ("f", 2)}
         arrays = read_arrays(folder / _TRACKS, "tracked points", wanted, "run the command again", frozenset())
         width, height = listed["size"]
+        focal = listed.get("fisheye")
         return ExtractedFrames(
             folder,
             tuple(listed["names"]),
@@ -169,7 +181,18 @@ def _read(folder: Path, stamp: list[list[object]]) -> ExtractedFrames | None:
             arrays["frame"],
             arrays["point"],
             arrays["places"],
+            focal and Fisheye(width, height, float(focal)),
         )
+
+
+def _matched(table: NDArray[np.float64], count: int) -> list[tuple[NDArray[np.float64], NDArray[np.float64]]]:
+    """The points that frames a few frames apart share. The rows of `table` are frame, point, x, and y."""
+    found = []
+    frames = [table[table[:, 0] == k, 1:] for k in range(count)]
+    for one, other in zip(frames, frames[_APART:]):
+        _, mine, theirs = np.intersect1d(one[:, 0], other[:, 0], assume_unique=True, return_indices=True)
+        found.append((one[mine, 1:], other[theirs, 1:]))
+    return found
 
 
 def _shrunk(image: NDArray[np.uint8]) -> NDArray[np.uint8]:

@@ -196,6 +196,7 @@ def _finished(models: list[pycolmap.Reconstruction], inputs: _MappingInputs, pla
         astray = contradicted_rotations(poses_of(model), inputs.views).keys()
         pieces = [kept for piece in pieces if (kept := [n for n in piece if n not in astray])]
     separate = split_into_pieces(model, pieces, models, images.times)
+    held, model = held and separate[0] is model, separate[0]
     if model.num_reg_images() >= _CENTERED:
         adjust_all(model, True, poses_of(model) if held else None, _HELD)
     without_bad_points(model)

@@ -92,13 +92,13 @@ def split_into_pieces(
     others: Sequence[pycolmap.Reconstruction],
     times: NDArray[np.float64],
 ) -> list[pycolmap.Reconstruction]:
-    """Splits reconstructions into pieces, the largest piece of `model` first, then the others by size.
+    """Splits reconstructions into pieces, the largest first.
 
     The pieces are the `pieces` of `model` (image numbers) and the firm pieces of `others` without images of `model`.
-    `times` (N,) are the seconds of image numbers 1 to N. Each piece has its own unit. The first piece is `model`
-    itself, without the images of the other pieces."""
+    `times` (N,) are the seconds of image numbers 1 to N. Each piece has its own unit. The largest of the
+    `pieces` is `model` itself, without the images of the others."""
     first, *rest = pieces
-    found = [_only(copy.deepcopy(model), part) for part in rest]
+    found = [model, *(_only(copy.deepcopy(model), part) for part in rest)]
     placed = set(model.reg_image_ids())
     for other in others:
         if not set(other.reg_image_ids()) - placed:
@@ -108,8 +108,8 @@ def split_into_pieces(
             if left:
                 found.append(_only(copy.deepcopy(other), left))
                 placed |= left
-    found.sort(key=lambda piece: -piece.num_reg_images())
-    return [_only(model, first), *found]
+    _only(model, first)
+    return sorted(found, key=lambda piece: -piece.num_reg_images())
 
 
 def _only(model: pycolmap.Reconstruction, numbers: Iterable[int]) -> pycolmap.Reconstruction:

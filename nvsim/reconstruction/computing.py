@@ -292,6 +292,7 @@ def _computed(request: _Request, tell: Callable[[Progress | Log | Warning], None
         members=found.pieces,
         upright=found.upright,
         weak=weak,
+        fisheye=stored.fisheye,
     )
     report = _stored(report, found.models, folder)
     for name in bridges:  # otherwise the check of the capture warns of images without a pose

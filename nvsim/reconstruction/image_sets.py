@@ -2,20 +2,25 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass, replace
 from pathlib import Path
 
+import cv2
 import numpy as np
+from numpy.typing import NDArray
 
 from nvsim.events import Log, Warning
 from nvsim.footage.extraction import ExtractedFrames, extract_frames
+from nvsim.footage.fisheye import PAIRS, Fisheye, find_fisheye, rectify_files
 from nvsim.footage.sources import Footage
+from nvsim.poses.features import NOTHING, Features, find_features, match_features
 from nvsim.poses.image_set import ImageSet, UnknownCamera, times_of
 from nvsim.poses.tracks import Tracks
 
 STAGE = "poses"
 _NAMED = 20
+_NO_FISHEYE = 0.5  # focal length in Exif over the longer side above which the lens is not checked
 ProgressCallback = Callable[[str, int, int], None]
 
 
@@ -27,6 +32,7 @@ class StoredImages:
     blurred     number of images that are much less sharp than their neighbors
     unreadable  names of photos that cannot be decoded
     frames      the frames of a video, None for photos
+    fisheye     degrees along the longer side of the fisheye lenses whose images are stored as pinhole images
     """
 
     images: ImageSet
@@ -34,6 +40,7 @@ class StoredImages:
     blurred: int
     unreadable: tuple[str, ...] = ()
     frames: ExtractedFrames | None = None
+    fisheye: tuple[float, ...] = ()
 
 
 def store_images(
@@ -52,16 +59,18 @@ def _frames(
     frames = extract_frames(footage, folder, lambda done, total: report_progress("frames", done, total))
     blurred = int(np.count_nonzero(frames.blurred))
     tell(Log(f"{len(frames.names)} of {frames.looked_at} frames are used; {blurred} of them are blurred.", STAGE))
+    lens = frames.fisheye
     images = ImageSet(
         frames.folder,
         frames.names,
-        (UnknownCamera(frames.width, frames.height),),
+        (UnknownCamera(frames.width, frames.height, None if lens is None else lens.pinhole.fx),),
         np.zeros(len(frames.names), np.int64),
         frames.clips,
         times_of(frames.seconds, frames.clips),
         Tracks(np.unique(frames.point, return_inverse=True)[1].astype(np.int64), frames.frame, frames.places),
     )
-    return StoredImages(images, frames.looked_at, blurred, frames=frames)
+    fisheye = _told([lens], tell)
+    return StoredImages(images, frames.looked_at, blurred, frames=frames, fisheye=fisheye)
 
 
 def _photographs(
@@ -73,9 +82,48 @@ def _photographs(
     if stored.unreadable:
         names = ", ".join(stored.unreadable[:_NAMED]) + (", ..." if len(stored.unreadable) > _NAMED else "")
         tell(Warning(f"These files cannot be decoded and are skipped: {names}.", STAGE))
-    cameras = tuple(UnknownCamera(c.width, c.height, c.focal) for c in stored.cameras)
+    cameras = [UnknownCamera(c.width, c.height, c.focal) for c in stored.cameras]
     by_exif = sum(c.focal is not None for c in cameras)
     tell(Log(f"Photographs: {len(stored.names)}; cameras: {len(cameras)}, {by_exif} with a focal length.", STAGE))
+    lenses = []
+    for k, camera in enumerate(cameras):
+        lens = _fisheye([folder / stored.names[i] for i in np.flatnonzero(stored.camera == k)], camera)
+        if lens is not None:
+            lenses.append(lens)
+            cameras[k] = replace(camera, focal=lens.pinhole.fx)
+    fisheye = _told(lenses, tell)
     none = np.zeros(len(stored.names), np.int64)
-    images = ImageSet(stored.folder, stored.names, cameras, stored.camera, none, np.zeros(0))
-    return StoredImages(images, len(footage.files), 0, stored.unreadable)
+    images = ImageSet(stored.folder, stored.names, tuple(cameras), stored.camera, none, np.zeros(0))
+    return StoredImages(images, len(footage.files), 0, stored.unreadable, fisheye=fisheye)
+
+
+def _told(lenses: Iterable[Fisheye | None], tell: Callable[[Log | Warning], None]) -> tuple[float, ...]:
+    """The angles of view of the fisheye lenses, degrees. Reports each of them."""
+    found = [lens for lens in lenses if lens is not None]
+    for lens in found:
+        tell(Log(f"The lens is a fisheye lens of {lens.degrees:.0f} degrees. {lens.words}", STAGE))
+    return tuple(round(lens.degrees, 1) for lens in found)
+
+
+def _fisheye(paths: list[Path], camera: UnknownCamera) -> Fisheye | None:
+    """The fisheye lens of the photos of `camera`, which become pinhole images. None for another lens."""
+    if camera.focal is not None and camera.focal > _NO_FISHEYE * max(camera.width, camera.height):
+        return None
+    near = list(zip(paths, paths[1:]))
+    near = near[:: max(1, -(-len(near) // PAIRS))]
+    lens = find_fisheye([_matched(*pair) for pair in near], camera.width, camera.height)
+    if lens is not None:
+        rectify_files(paths, lens)
+    return lens
+
+
+def _matched(first: Path, second: Path) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Matched pixels (M, 2), (M, 2) of two photos."""
+    one, other = _features_of(first), _features_of(second)
+    rows = match_features(one, other)
+    return one.places[rows[:, 0]], other.places[rows[:, 1]]
+
+
+def _features_of(path: Path) -> Features:
+    image = cv2.imread(str(path), cv2.IMREAD_COLOR)
+    return NOTHING if image is None else find_features(np.asarray(image[..., ::-1], np.uint8))

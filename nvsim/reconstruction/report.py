@@ -101,6 +101,7 @@ class PosesReport:
     mask         stamp of the mask that the user gave for panoramas, empty if the carrier was searched
     weak         places where the frames are not connected, in order of time
     measured     the scale of each piece with a model, from recorded positions; empty if none were recorded
+    fisheye      angles of view of the fisheye lenses, degrees; their frames are stored as pinhole images
     position_logs  stamp of the files next to the video that were searched for positions; None if none were searched
     """
 
@@ -128,6 +129,7 @@ class PosesReport:
     masked: float = 0.0
     mask: Stamp = ()
     bridges: int = 0
+    fisheye: tuple[float, ...] = ()
 
     @property
     def noun(self) -> str:
@@ -273,6 +275,9 @@ def rows(report: PosesReport) -> dict[str, str]:
             found["Blurred frames"] += f"; {report.bridges:,} more connect others and are not in the capture"
     found["Pieces"] = joined
     found["Focal length"] = f"{focal} pixels at {width} x {height}"
+    if report.fisheye:
+        degrees = ", ".join(f"{angle:.0f}" for angle in report.fisheye)
+        found["Fisheye lens"] = f"{degrees} degrees; the frames are stored without distortion"
     if is_video:
         found["Loops"] = f"{report.loops:,} pairs of frames show a place again" if report.loops else _NO_LOOPS
     found |= {"Residual": f"{report.residual_px:.2f} pixels", "Time": f"{report.seconds:.0f} s"}
@@ -333,6 +338,7 @@ def _parsed(data: Any) -> PosesReport:
         mask=_stamp(data.get("mask", ())),
         measured=tuple(_measured(one) for one in data.get("measured", ())),
         bridges=_count(data.get("bridges", 0)),
+        fisheye=tuple(_figure(angle) for angle in data.get("fisheye", ())),
         position_logs=None if data.get("position_logs") is None else _stamp(data["position_logs"]),
     )
 

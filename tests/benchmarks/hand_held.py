@@ -1,15 +1,15 @@
 """Render a hand-held video of the built-in building with its true camera poses.
 
 python tests/benchmarks/hand_held.py FOLDER --scene corridor|house|loop|floors|kitchen [--frames N] [--seed N]
-    [--rounds N] [--people] [--readout SECONDS] [--size 640x480]
+    [--rounds N] [--people] [--fisheye] [--readout SECONDS] [--size 640x480]
 
 The kitchen is filmed from the aisle around the block in its middle, looking down at the furniture; the floor is seldom
 in view. `--rounds N` goes around the loop or the kitchen N times. With `--people`, a person walks in front of the
-camera for 8 of every 20 seconds. Writes FOLDER/video.mp4, FOLDER/truth/poses.txt (frame number, then the row-major
-camera-to-world matrix with OpenCV axes), FOLDER/truth/camera.txt (a COLMAP camera) and, for one storey,
-FOLDER/truth/map.yaml (the occupancy map). A pose belongs to the middle of the exposure of the middle row. Every pixel
-is the mean of rays spread over the pixel and the exposure, so that the video has motion blur and, with a readout above
-0, a rolling shutter.
+camera for 8 of every 20 seconds. With `--fisheye`, the lens is equidistant and 120 degrees wide. Writes
+FOLDER/video.mp4, FOLDER/truth/poses.txt (frame number, then the row-major camera-to-world matrix with OpenCV axes),
+FOLDER/truth/camera.txt (a COLMAP camera) and, for one storey, FOLDER/truth/map.yaml (the occupancy map). A pose
+belongs to the middle of the exposure of the middle row. Every pixel is the mean of rays spread over the pixel and the
+exposure, so that the video has motion blur and, with a readout above 0, a rolling shutter.
 """
 
 from __future__ import annotations
@@ -39,7 +39,10 @@ from nvsim.geometry.camera import Intrinsics
 from nvsim.occupancy.ros import write_ros_map
 
 FPS, EXPOSURE, RADIAL, FIELD_OF_VIEW = 10, 0.015, -0.03, 72.0
-"""Frames per second, exposure in seconds, radial distortion coefficient, and horizontal field of view in degrees."""
+"""Frames per second, exposure in seconds, radial distortion coefficient, and field of view along the longer side of the image
+in degrees."""
+FISHEYE_FIELD_OF_VIEW = 120.0
+"""Field of view of the fisheye lens along the longer side of the image, degrees."""
 _LENGTH = {"corridor": 784}
 _TEXELS = {"_WALL_TEXEL": 0.008, "_FINE_TEXEL": 0.005, "_CEILING_TEXEL": 0.02}
 _OFFSETS = np.array([(0.375, 0.125), (0.625, 0.875), (0.875, 0.375), (0.125, 0.625)])
@@ -60,6 +63,7 @@ class Arguments:
     seed: int = 3
     rounds: int = 1
     people: bool = False
+    fisheye: bool = False
     readout: float = 0.0
     size: str = "640x480"
 
@@ -70,12 +74,16 @@ def main() -> None:
     scene, textures = built(arguments.scene, arguments.seed, arguments.rounds)
     motion = carry(scene.path, np.random.default_rng([arguments.seed, 1]))
     width, height = (int(v) for v in arguments.size.split("x"))
-    lens = Intrinsics.from_fov(width, height, np.radians(FIELD_OF_VIEW))
+    longer = max(width, height)
+    focal = longer / 2 / np.tan(np.radians(FIELD_OF_VIEW) / 2)
+    if arguments.fisheye:
+        focal = longer / np.radians(FISHEYE_FIELD_OF_VIEW)
+    lens = Intrinsics(width, height, focal, focal, width / 2, height / 2)
     longest = arguments.frames or _LENGTH.get(arguments.scene, 1_000_000)
     count = min(longest, int(motion.seconds * FPS))
     built_in = time.perf_counter() - started
     (arguments.folder / "truth").mkdir(parents=True, exist_ok=True)
-    write_truth(arguments.folder / "truth", motion, lens, count)
+    write_truth(arguments.folder / "truth", motion, lens, count, arguments.fisheye)
     if len(scene.storeys) == 1:
         write_ros_map(occupancy(scene), arguments.folder / "truth" / "map.yaml")
     print(f"{count} frames, {motion.seconds:.0f} s of route, built in {built_in:.0f} s", flush=True)
@@ -132,7 +140,7 @@ def around_the_middle(scene: Scene, rounds: int) -> NDArray[np.float64]:
     return np.column_stack([x, y, heading, np.zeros(len(at)), np.full(len(at), np.radians(-28))])
 
 
-def write_truth(folder: Path, motion: Motion, lens: Intrinsics, count: int) -> None:
+def write_truth(folder: Path, motion: Motion, lens: Intrinsics, count: int, fisheye: bool) -> None:
     lines = [
         "# frame, 16 numbers of the camera-to-world matrix, row-major (OpenCV axes; metres, z up, floor z = 0)",
         *(
@@ -141,7 +149,8 @@ def write_truth(folder: Path, motion: Motion, lens: Intrinsics, count: int) -> N
         ),
     ]
     (folder / "poses.txt").write_text("\n".join(lines) + "\n")
-    camera = f"SIMPLE_RADIAL {lens.width} {lens.height} {lens.fx:.6f} {lens.cx} {lens.cy} {RADIAL}"
+    model, radial = ("SIMPLE_RADIAL_FISHEYE", 0.0) if fisheye else ("SIMPLE_RADIAL", RADIAL)
+    camera = f"{model} {lens.width} {lens.height} {lens.fx:.6f} {lens.cx} {lens.cy} {radial}"
     (folder / "camera.txt").write_text(camera)
 
 
@@ -159,7 +168,7 @@ def film(
     writer = _encoder(target, lens)
     gain, balance = 0.0, np.zeros(3)
     for number in range(count):
-        color = frame(scene, textures, motion, lens, number / FPS, given.readout, given.people)
+        color = frame(scene, textures, motion, lens, number / FPS, given)
         balance = 0.97 * balance + rng.normal(0, 0.004, 3)
         wanted = np.clip(_BRIGHT / float(color.mean()), 0.7, 1.5)
         gain = float(wanted) if number == 0 else gain + 0.12 * (float(wanted) - gain)
@@ -191,17 +200,17 @@ def _rolled_off(image: NDArray[np.floating]) -> NDArray[np.floating]:
 
 
 def frame(
-    scene: Scene, textures: Textures, motion: Motion, lens: Intrinsics, at: float, readout: float, people: bool
+    scene: Scene, textures: Textures, motion: Motion, lens: Intrinsics, at: float, given: Arguments
 ) -> NDArray[np.float32]:
     """(H, W, 3) color from 0 to 1 of the frame at `at` seconds."""
-    rows = (np.arange(lens.height) + 0.5) / lens.height - 0.5 if readout > 0 else np.zeros(1)
-    poses = motion.poses(at + rows[:, None] * readout + _SHUTTER * EXPOSURE)
+    rows = (np.arange(lens.height) + 0.5) / lens.height - 0.5 if given.readout > 0 else np.zeros(1)
+    poses = motion.poses(at + rows[:, None] * given.readout + _SHUTTER * EXPOSURE)
     pinhole = np.array([lens.fx, lens.fy, lens.cx, lens.cy])
-    present = walking(motion, at) if people else (np.empty((0, 5)), np.empty((0, 3)))
+    present = walking(motion, at) if given.people else (np.empty((0, 5)), np.empty((0, 3)))
     middle = motion.poses(np.array(at))
     mirrored = _mirror(middle, pinhole, lens.height // 4 + 2, lens.width // 4 + 2, scene.solids, textures, *present)
     color = np.empty((lens.height, lens.width, 3), np.float32)
-    _expose(poses, _OFFSETS, pinhole, RADIAL, scene.solids, textures, *present, mirrored, color)
+    _expose(poses, _OFFSETS, pinhole, RADIAL, given.fisheye, scene.solids, textures, *present, mirrored, color)
     return color
 
 
@@ -217,9 +226,9 @@ def walking(motion: Motion, at: float) -> tuple[NDArray[np.float64], NDArray[np.
 
 
 @njit(cache=True, parallel=True, error_model="numpy")
-def _expose(poses, offsets, lens, radial, solids, textures, people, clothes, mirrored, color):  # type: ignore[no-untyped-def]
+def _expose(poses, offsets, lens, radial, fisheye, solids, textures, people, clothes, mirrored, color):  # type: ignore[no-untyped-def]
     """Renders the mean of one ray per pose (rows or 1, samples, 4, 4) through each pixel of a lens with radial
-    distortion."""
+    distortion, or of an equidistant fisheye lens."""
     for row in prange(color.shape[0]):
         for column in range(color.shape[1]):
             red, green, blue, apart, count = 0.0, 0.0, 0.0, 0.0, 0
@@ -229,9 +238,14 @@ def _expose(poses, offsets, lens, radial, solids, textures, people, clothes, mir
                 xd = (column + offsets[s, 0] - lens[2]) / lens[0]
                 yd = (row + offsets[s, 1] - lens[3]) / lens[1]
                 x, y = xd, yd
-                for _ in range(6):
-                    factor = 1.0 + radial * (x * x + y * y)
-                    x, y = xd / factor, yd / factor
+                if fisheye:
+                    angle = np.sqrt(x * x + y * y)
+                    if angle > 1e-6:
+                        x, y = x / angle * np.tan(angle), y / angle * np.tan(angle)
+                else:
+                    for _ in range(6):
+                        factor = 1.0 + radial * (x * x + y * y)
+                        x, y = xd / factor, yd / factor
                 r, g, b, _, _ = _trace_pixel(
                     x * lens[0] + lens[2], y * lens[1] + lens[3], poses[row % poses.shape[0], s], lens, 1.0 / lens[0],
                     solids, textures, people, clothes, mirrored,

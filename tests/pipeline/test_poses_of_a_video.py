@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 from pathlib import Path
 
 import cv2
@@ -17,8 +18,9 @@ from nvsim.poses import from_images
 from nvsim.poses.from_images import FoundPoses, find_poses
 from nvsim.poses.image_pairs import neighbor_pairs
 from nvsim.poses.image_set import ImageSet, UnknownCamera, times_of
-from nvsim.poses.mapping import consistent_pairs, poses_of, triangulated
+from nvsim.poses.mapping import consistent_pairs, keep_only, poses_of, triangulated
 from nvsim.poses.match_database import keypoints_of, write_geometries
+from nvsim.poses.pieces import split_into_pieces
 from nvsim.poses.pose_graph import transform_pose
 from nvsim.poses.tracks import Tracks
 from tests.unit import textured_room as room
@@ -158,3 +160,17 @@ def test_images_with_nothing_in_common_are_refused_in_a_sentence(tmp_path: Path)
     with pytest.raises(InputError, match="too little in common") as raised:
         find_poses(images, tmp_path / "work")
     assert "\n" not in str(raised.value)
+
+
+def test_the_largest_piece_is_first_also_if_another_model_has_it(
+    found: tuple[ImageSet, FoundPoses, list[str]],
+) -> None:
+    images, poses, _ = found
+    numbers = sorted(poses.model.reg_image_ids())
+    small, large = copy.deepcopy(poses.model), copy.deepcopy(poses.model)
+    keep_only(small, numbers[:12])
+    keep_only(large, numbers[10:])
+    separate = split_into_pieces(small, [numbers[:9], numbers[9:12]], [small, large], images.times)
+    counts = [piece.num_reg_images() for piece in separate]
+    assert counts == sorted(counts, reverse=True)
+    assert counts[0] > 9 and 9 in counts
