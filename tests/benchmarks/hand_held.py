@@ -39,8 +39,8 @@ from nvsim.geometry.camera import Intrinsics
 from nvsim.occupancy.ros import write_ros_map
 
 FPS, EXPOSURE, RADIAL, FIELD_OF_VIEW = 10, 0.015, -0.03, 72.0
-"""Frames per second, exposure in seconds, radial distortion coefficient, and field of view along the longer side of the image
-in degrees."""
+"""Frames per second, exposure in seconds, radial distortion coefficient, and field of view along the longer side of the
+image in degrees."""
 FISHEYE_FIELD_OF_VIEW = 120.0
 """Field of view of the fisheye lens along the longer side of the image, degrees."""
 _LENGTH = {"corridor": 784}
