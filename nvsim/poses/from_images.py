@@ -21,7 +21,7 @@ from nvsim.poses.focal_length import estimate_focal_length
 from nvsim.poses.guided_matching import guided_pairs
 from nvsim.poses.image_pairs import ALIKE, neighbor_pairs, similar_pairs
 from nvsim.poses.image_set import ImageSet
-from nvsim.poses.joining import join, piece_of
+from nvsim.poses.joining import PosePiece, join, piece_of
 from nvsim.poses.loops import close_loops
 from nvsim.poses.mapping import (
     adjust_all,
@@ -46,10 +46,11 @@ from nvsim.poses.match_database import (
     write_database,
     write_geometries,
 )
-from nvsim.poses.piece_reliability import firm_pieces
+from nvsim.poses.piece_reliability import firm_pieces, unsure_images
 from nvsim.poses.pieces import (
     LEAST,
     names_in,
+    only,
     split_after,
     split_into_pieces,
     with_images_beside,
@@ -177,9 +178,9 @@ def _finished(models: list[pycolmap.Reconstruction], inputs: _MappingInputs, pla
             model, _, loops = _closed(model, joined, inputs, False, loops)
             pieces = with_images_beside(model, pieces, _BESIDE * median_depth(model))
         bent = contradicts_floor(model)
-        if (bent or len(pieces[0]) < _ENOUGH * len(images.names)) and not images.clips.any():  # one video only
+        if bent or len(pieces[0]) < _ENOUGH * len(images.names):
             placed([model])
-            straight = _straight(models, inputs)
+            straight = _straight_videos(models, inputs)
             least = (0.5 if bent else 1) * len(pieces[0])
             # A straightened video that contradicts its loops took something else for the floor.
             if straight and len(straight[2][0]) > least and len(straight[1]) >= _LOOPS_LEFT * len(loops):
@@ -193,7 +194,9 @@ def _finished(models: list[pycolmap.Reconstruction], inputs: _MappingInputs, pla
             model = _adjusted(poses_of(model), dict(model.cameras.items()), inputs, False)
             pieces = firm_pieces(model, images.times)
     if images.ordered:
-        astray = contradicted_rotations(poses_of(model), inputs.views).keys()
+        astray = set(contradicted_rotations(poses_of(model), inputs.views))
+        if not held:
+            astray |= unsure_images(model, images.times)
         pieces = [kept for piece in pieces if (kept := [n for n in piece if n not in astray])]
     separate = split_into_pieces(model, pieces, models, images.times)
     held, model = held and separate[0] is model, separate[0]
@@ -211,6 +214,29 @@ def _finished(models: list[pycolmap.Reconstruction], inputs: _MappingInputs, pla
         tuple(name for name in images.names if name not in registered),
         upright,
     )
+
+
+def _straight_videos(
+    models: list[pycolmap.Reconstruction], inputs: _MappingInputs
+) -> tuple[pycolmap.Reconstruction, list[Pair], list[list[int]]] | None:
+    """Straightens each video, and joins them by the points that they share. Returns what `_straight` returns."""
+    clips = inputs.images.clips
+    if not clips.any():
+        return _straight(models, inputs)
+    pieces: list[PosePiece] = []
+    for clip in np.unique(clips):
+        numbers = set((np.flatnonzero(clips == clip) + 1).tolist())
+        parts = [only(model, own) for model in models if (own := numbers & set(model.reg_image_ids()))]
+        straight = _straight(parts, inputs)
+        if straight is not None:
+            pieces += [piece_of(straight[0], p, inputs.keypoints) for p in straight[2] if len(p) >= LEAST]
+    if not pieces:
+        return None
+    poses, views = _joined(pieces, inputs)
+    write_geometries(inputs.path, views)
+    model = _adjusted(poses, dict(models[0].cameras.items()), inputs, True)
+    model, _, loops = _closed(model, views, inputs, True)
+    return model, loops, _pieces_of_straight(model, inputs)
 
 
 def _straight(
@@ -291,7 +317,7 @@ def _joined_again(
         if best is None or len(pieces[0]) > len(best[2][0]):
             best = model, views, pieces
         large = [piece_of(model, p, inputs.keypoints) for p in pieces if len(p) >= LEAST]
-        poses, across = join(large) if len(large) > 1 else ({}, {})
+        poses, across = join(large, inputs.images.clips) if len(large) > 1 else ({}, {})
         joined = [piece for piece in pieces if piece[0] in poses]
         if len(joined) < 2:
             break
@@ -326,12 +352,20 @@ def _join_firm_pieces(
     first = models[0] if base is None else base
     if len(pieces) < 2:
         return first, inputs.views
-    poses, across = join(pieces)
-    if not across and base is not None:
+    poses, views = _joined(pieces, inputs)
+    if len(views) == len(inputs.views) and base is not None:
         return base, inputs.views
-    views = inputs.views | {pair: from_matches(own) for pair, own in across.items() if pair not in inputs.views}
     write_geometries(inputs.path, views)
     return _adjusted(poses, dict(first.cameras.items()), inputs, base is not None), views
+
+
+def _joined(
+    pieces: list[PosePiece], inputs: _MappingInputs
+) -> tuple[dict[int, pycolmap.Rigid3d], dict[Pair, TwoViews]]:
+    """Poses, world to camera by image number, of the pieces that match the largest one. Also the image pairs that
+    connect them."""
+    poses, across = join(pieces, inputs.images.clips)
+    return poses, inputs.views | {pair: from_matches(own) for pair, own in across.items() if pair not in inputs.views}
 
 
 def _adjusted(

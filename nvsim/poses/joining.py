@@ -80,8 +80,10 @@ def piece_of(model: pycolmap.Reconstruction, numbers: Sequence[int], keypoints: 
     )
 
 
-def join(pieces: Sequence[PosePiece]) -> tuple[dict[int, pycolmap.Rigid3d], dict[Pair, NDArray[np.uint32]]]:
-    """Joins to the largest piece all pieces that match it.
+def join(
+    pieces: Sequence[PosePiece], clips: NDArray[np.int64]
+) -> tuple[dict[int, pycolmap.Rigid3d], dict[Pair, NDArray[np.uint32]]]:
+    """Joins to the largest piece all pieces that match it. `clips` (N,) are the videos of image numbers 1 to N.
 
     Returns the poses, world to camera, by image number. Also returns matches (M, 2) of keypoints that show one point in
     two of the pieces, by image indices."""
@@ -96,7 +98,7 @@ def join(pieces: Sequence[PosePiece]) -> tuple[dict[int, pycolmap.Rigid3d], dict
             if by is None or count < _FEWEST:
                 continue
             moved = rest[k].moved(by)
-            if not _continuous(base, moved):
+            if not _continuous(base, moved, clips):
                 continue
             for a, b in zip(here, there, strict=True):
                 _note(shared, rest[k].seen[a], base.seen[b])
@@ -143,8 +145,9 @@ def _similarity(
     return len(agreed), found["tgt_from_src"], agreed[:, 0], agreed[:, 1]
 
 
-def _continuous(base: PosePiece, moved: PosePiece) -> bool:
-    """Whether no step between an image of one piece and the next image of the other is far longer than usual."""
+def _continuous(base: PosePiece, moved: PosePiece, clips: NDArray[np.int64]) -> bool:
+    """Whether no step between an image of one piece and the next image of the other is far longer than usual. From the
+    end of a video to the start of the next, a step of any length is possible."""
     numbers = np.sort(np.concatenate([base.numbers, moved.numbers]))
     centers = np.array([(base if int(n) in base.poses else moved).center(int(n)) for n in numbers])
     own = np.isin(numbers, base.numbers)
@@ -153,7 +156,7 @@ def _continuous(base: PosePiece, moved: PosePiece) -> bool:
     if not len(within):  # the images of the two pieces alternate
         within = np.linalg.norm(np.diff(centers[own], axis=0), axis=1) / np.diff(numbers[own])
     usual = np.percentile(within, 90)
-    across = own[:-1] != own[1:]
+    across = (own[:-1] != own[1:]) & (np.diff(clips[numbers - 1]) == 0)
     return bool((steps[across] < _FASTER * usual).all())
 
 

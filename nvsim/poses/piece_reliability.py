@@ -22,6 +22,7 @@ _LINK_OF_PHOTOGRAPHS = 15  # like _LINK, for two photos, which share no tracked 
 _AROUND = 40  # frames before and after a place from which its connection is measured
 _SIDE = 4  # images before and after a cut, at least
 _FASTER = 2.8  # times the usual speed; people who start to walk after a turn reach 2.4 times
+_FAST, _SHORT = 2.2, 15  # like _FASTER, next to a place without common points; images of a stretch, at most
 _TOO_LOOSE = 0.025  # standard deviation of the log scale above which a video is split into pieces
 
 
@@ -118,14 +119,30 @@ def firm_pieces(
     return sorted((sorted(p) for p in pieces.values()), key=len, reverse=True)
 
 
-def _jumps(seen: Observations, times: NDArray[np.float64]) -> NDArray[np.int64]:
-    """Indices of the images after which the camera moves much faster than around them."""
+def unsure_images(model: pycolmap.Reconstruction, times: NDArray[np.float64]) -> set[int]:
+    """Image numbers of short stretches of a video that share no points with the images on one side and are a fast step
+    away from those on the other. `times` (N,) are the seconds of image numbers 1 to N. Their place is known from one
+    side only, and a step of that size contradicts it."""
+    seen = observations_of(model)
+    shared = shared_points(seen)
+    fast = _jumps(seen, times, _FAST)
+    found: set[int] = set()
+    for k in range(len(seen.numbers) - 1):
+        if shared[max(0, k - 1) : k + 1, k + 1 : k + 3].max() < _LINK:
+            after = min((f for f in fast if k < f <= k + _SHORT), default=k)
+            before = max((f for f in fast if k - _SHORT <= f < k), default=k)
+            found.update(seen.numbers[before + 1 : after + 1].tolist())
+    return found
+
+
+def _jumps(seen: Observations, times: NDArray[np.float64], faster: float = _FASTER) -> NDArray[np.int64]:
+    """Indices of the images after which the camera moves `faster` times as fast as around them."""
     speed = np.linalg.norm(np.diff(seen.center, axis=0), axis=1) / np.diff(times[seen.numbers - 1])
     usual = [
         np.percentile(np.delete(speed[max(0, k - _AROUND // 2) : k + _AROUND // 2 + 1], min(k, _AROUND // 2)), 90)
         for k in range(len(speed) if len(speed) > 1 else 0)
     ]
-    return np.flatnonzero(speed[: len(usual)] > _FASTER * np.array(usual))
+    return np.flatnonzero(speed[: len(usual)] > faster * np.array(usual))
 
 
 def _firm_groups(seen: Observations) -> list[list[int]]:

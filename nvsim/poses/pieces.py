@@ -98,7 +98,7 @@ def split_into_pieces(
     `times` (N,) are the seconds of image numbers 1 to N. Each piece has its own unit. The largest of the
     `pieces` is `model` itself, without the images of the others."""
     first, *rest = pieces
-    found = [model, *(_only(copy.deepcopy(model), part) for part in rest)]
+    found = [model, *(only(model, part) for part in rest)]
     placed = set(model.reg_image_ids())
     for other in others:
         if not set(other.reg_image_ids()) - placed:
@@ -106,15 +106,17 @@ def split_into_pieces(
         for part in firm_pieces(other, times):
             left = set(part) - placed
             if left:
-                found.append(_only(copy.deepcopy(other), left))
+                found.append(only(other, left))
                 placed |= left
-    _only(model, first)
+    keep_only(model, first)
     return sorted(found, key=lambda piece: -piece.num_reg_images())
 
 
-def _only(model: pycolmap.Reconstruction, numbers: Iterable[int]) -> pycolmap.Reconstruction:
-    keep_only(model, numbers)
-    return model
+def only(model: pycolmap.Reconstruction, numbers: Collection[int]) -> pycolmap.Reconstruction:
+    """A copy of `model` with some of its images."""
+    part = copy.deepcopy(model)
+    keep_only(part, numbers)
+    return part
 
 
 def without_bridges(model: pycolmap.Reconstruction, blurred: Collection[str]) -> tuple[str, ...]:

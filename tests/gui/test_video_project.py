@@ -21,6 +21,7 @@ from nvsim.project.project import Project
 from nvsim.reconstruction.report import PosesReport, WeakPlace, write_report
 from nvsim_app.jobs.queries import result_of
 from nvsim_app.look.colors import submap_color
+from nvsim_app.look.labels import Label
 from nvsim_app.painting import cameras
 from nvsim_app.panels.details import DetailsPanel
 from nvsim_app.panels.new_project import NewProjectDialog
@@ -144,6 +145,27 @@ def test_the_trajectory_grows_in_the_views_while_poses_are_computed(
         color = QColor(submap_color(index))
         near = np.abs(ink.astype(int) - (color.red(), color.green(), color.blue())).max(axis=-1) < 40
         assert near.sum() > 50
+
+
+def test_the_frames_are_shown_while_they_are_chosen(qtbot: QtBot, session: Session, tmp_path: Path) -> None:
+    root = tmp_path / "house.nvsim"
+    Project.create_or_open(root).close()
+    session.open(root)
+    document, window = session.document, session.window
+    window.resize(1200, 800)
+    plane = cv2.resize(np.random.default_rng(0).integers(0, 255, (60, 160, 3), np.uint8), (3200, 1200))
+    video = cv2.VideoWriter(str(tmp_path / "walk.mp4"), cv2.VideoWriter.fourcc(*"mp4v"), 10, (640, 480))
+    for x in range(0, 1500, 10):
+        video.write(np.ascontiguousarray(plane[300:780, x : x + 640]))
+    video.release()
+    given = [str(tmp_path / "walk.mp4"), "--project", str(root)]
+    job = window.jobs.start("import", given, root, "Import walk.mp4")
+    qtbot.waitUntil(lambda: "images chosen so far" in window.empty.sentence.text(), timeout=SECONDS)
+    chosen = document.contents.chosen
+    assert chosen is not None and chosen.last.is_file()
+    mark = window.empty.findChildren(Label)[0]
+    assert mark.pixmap().height() > 100
+    window.jobs.cancel(job)
 
 
 def test_weak_places_are_marked_on_the_map_and_in_the_3d_view(

@@ -9,7 +9,7 @@ from known_reconstruction import FOCAL, center_of, facing, pose, reconstruction,
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from nvsim.poses.piece_reliability import Observations, firm_pieces, observations_of, scale_deviation
+from nvsim.poses.piece_reliability import Observations, firm_pieces, observations_of, scale_deviation, unsure_images
 
 AHEAD = np.array([0.0, 1.0, 0.0])
 
@@ -133,6 +133,19 @@ def test_a_video_is_cut_if_the_camera_jumps(far: float, pieces: int) -> None:
     assert len(found) == pieces
     if pieces == 2:
         assert {len(piece) for piece in found} == {HALF}
+
+
+@pytest.mark.parametrize(("step", "unsure"), [(1.0, 0), (2.5, 10)])
+def test_a_stretch_with_an_open_end_and_a_fast_step_at_the_other_is_unsure(step: float, unsure: int) -> None:
+    model = there_and_back(2, False)
+    usual = np.linalg.norm(model.images[5].projection_center() - model.images[6].projection_center())
+    for number in range(HALF + 1, HALF + 11):
+        turn = model.images[number].cam_from_world().rotation
+        back = model.images[number].projection_center() - [0, 0, (step**2 - 1) ** 0.5 * usual]
+        model.images[number].frame.rig_from_world = pycolmap.Rigid3d(turn, -turn.matrix() @ back)
+    found = unsure_images(model, TIMES)
+    assert len(found) == pytest.approx(unsure, abs=2 if unsure else 0)
+    assert found <= set(range(HALF - 1, HALF + 11))
 
 
 def test_groups_that_share_points_elsewhere_are_one_again() -> None:

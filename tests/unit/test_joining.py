@@ -14,6 +14,7 @@ from nvsim.poses.match_database import Keypoints
 
 APART = pycolmap.Sim3d(0.4, pycolmap.Rotation3d(Rotation.from_euler("xyz", [0.3, -0.8, 1.1]).as_matrix()), [3, -2, 1.0])
 """How the second piece of the tests lies from where it should be."""
+ONE_VIDEO = np.zeros(60, np.int64)
 PACE = 0.15  # meters from image to image
 
 
@@ -58,7 +59,7 @@ def assert_at(found: dict[int, pycolmap.Rigid3d], true: dict[int, pycolmap.Rigid
 def test_two_pieces_of_a_known_similarity_join_exactly() -> None:
     poses = walk()
     base, other = piece(poses, 1, 24, numbers(0, 200)), piece(poses, 25, 40, numbers(120, 300)).moved(APART)
-    found, shared = join([other, base])
+    found, shared = join([other, base], ONE_VIDEO)
     assert sorted(found) == list(range(1, 41))
     assert_at(found, poses, 1e-6)
     assert shared
@@ -74,7 +75,7 @@ def test_wrong_likenesses_among_right_ones_do_not_move_a_piece() -> None:
     points = second.points.copy()
     points[:40] = points[np.random.default_rng(3).permutation(40)]
     wrong = PosePiece(second.numbers, second.poses, points, second.looks, second.seen)
-    found, _ = join([piece(poses, 1, 24, numbers(0, 200), 0.005), wrong.moved(APART)])
+    found, _ = join([piece(poses, 1, 24, numbers(0, 200), 0.005), wrong.moved(APART)], ONE_VIDEO)
     assert sorted(found) == list(range(1, 41))
     assert_at(found, poses, 0.05)
 
@@ -86,7 +87,7 @@ def test_a_third_piece_joins_by_what_the_second_shows() -> None:
         piece(poses, 25, 42, numbers(120, 320)).moved(APART),
         piece(poses, 43, 60, numbers(240, 440)).moved(APART.inverse()),
     ]
-    found, _ = join(parts)
+    found, _ = join(parts, ONE_VIDEO)
     assert sorted(found) == list(range(1, 61))
     assert_at(found, poses, 1e-6)
 
@@ -94,7 +95,7 @@ def test_a_third_piece_joins_by_what_the_second_shows() -> None:
 def test_few_common_points_join_nothing() -> None:
     poses = walk()
     base, other = piece(poses, 1, 24, numbers(0, 200)), piece(poses, 25, 40, numbers(190, 390)).moved(APART)
-    found, shared = join([base, other])
+    found, shared = join([base, other], ONE_VIDEO)
     assert sorted(found) == list(range(1, 25)) and shared == {}
     assert all(found[n] is base.poses[n] for n in found)
 
@@ -104,7 +105,7 @@ def test_common_points_that_contradict_each_other_join_nothing() -> None:
     rng = np.random.default_rng(8)
     elsewhere = rng.uniform(-3, 3, (180, 3))
     other = piece(poses, 25, 40, numbers(120, 300), points=elsewhere)
-    found, _ = join([piece(poses, 1, 24, numbers(0, 200)), other])
+    found, _ = join([piece(poses, 1, 24, numbers(0, 200)), other], ONE_VIDEO)
     assert sorted(found) == list(range(1, 25))
 
 
@@ -113,8 +114,17 @@ def test_a_similarity_that_makes_a_jump_in_time_is_refused() -> None:
     # The second piece shows a copy of the first one's room that is 20 meters away from the camera's path.
     far = {n: pose(p.rotation.matrix(), center_of(p) + [0, 20.0, 0]) for n, p in poses.items()}
     base, other = piece(poses, 1, 24, numbers(0, 200)), piece(far, 25, 40, numbers(120, 300)).moved(APART)
-    found, _ = join([base, other])
+    found, _ = join([base, other], ONE_VIDEO)
     assert sorted(found) == list(range(1, 25))
+
+
+def test_a_second_video_may_begin_anywhere() -> None:
+    poses = walk()
+    far = {n: pose(p.rotation.matrix(), center_of(p) + [0, 20.0, 0]) for n, p in poses.items()}
+    base, other = piece(poses, 1, 24, numbers(0, 200)), piece(far, 25, 40, numbers(120, 300)).moved(APART)
+    found, _ = join([base, other], (np.arange(40) >= 24).astype(np.int64))
+    assert sorted(found) == list(range(1, 41))
+    assert_at(found, poses | {n: far[n] for n in range(25, 41)}, 1e-6)
 
 
 def test_common_points_on_a_line_leave_a_turn_open_and_join_nothing() -> None:
@@ -122,7 +132,7 @@ def test_common_points_on_a_line_leave_a_turn_open_and_join_nothing() -> None:
     line = np.array([1.0, 3, 0]) + np.linspace(0, 4, 80)[:, None] * [1, 0.2, 0.1]
     base = piece(poses, 1, 24, numbers(0, 80), points=line)
     other = piece(poses, 25, 40, numbers(0, 80), points=line).moved(APART)
-    assert sorted(join([base, other])[0]) == list(range(1, 25))
+    assert sorted(join([base, other], ONE_VIDEO)[0]) == list(range(1, 25))
 
 
 def test_many_points_may_be_near_each_other_and_few_may_not() -> None:
@@ -133,7 +143,7 @@ def test_many_points_may_be_near_each_other_and_few_may_not() -> None:
     def joined(count: int) -> int:
         base = piece(poses, 1, 24, numbers(0, count), points=counter[:count])
         other = piece(poses, 25, 40, numbers(0, count), points=counter[:count]).moved(APART)
-        return len(join([base, other])[0])
+        return len(join([base, other], ONE_VIDEO)[0])
 
     assert joined(600) == 40
     assert joined(100) == 24
@@ -147,7 +157,7 @@ def test_images_of_two_pieces_may_alternate() -> None:
         kept = one.numbers[first::2]
         return PosePiece(kept, {int(n): poses[int(n)] for n in kept}, one.points, one.looks, one.seen)
 
-    found, _ = join([every_second(base, 0), every_second(other, 1).moved(APART)])
+    found, _ = join([every_second(base, 0), every_second(other, 1).moved(APART)], ONE_VIDEO)
     assert sorted(found) == list(range(1, 41))
 
 

@@ -5,8 +5,8 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from PySide6.QtCore import QEvent, QObject, Qt, Signal, SignalInstance
-from PySide6.QtGui import QPainter, QPaintEvent
+from PySide6.QtCore import QEvent, QObject, QSize, Qt, Signal, SignalInstance
+from PySide6.QtGui import QImage, QPainter, QPaintEvent, QPixmap
 from PySide6.QtWidgets import (
     QBoxLayout,
     QDialog,
@@ -198,11 +198,19 @@ class EmptyState(QWidget):
 
     def dress(self) -> None:
         """Draws the logo in the colors of the palette."""
-        self._mark.setPixmap(icon("nvsim", self.palette()).pixmap(48, 48))
+        self._logo = icon("nvsim", self.palette()).pixmap(48, 48)
+        self._mark.setPixmap(self._logo)
 
-    def say(self, sentence: str, verb: str = "") -> None:
-        """Shows a sentence. `verb` is the missing stage, or "" if no stage can be started."""
+    def say(self, sentence: str, verb: str = "", image: QImage | None = None) -> None:
+        """Shows a sentence. `verb` is the missing stage, or "" if no stage can be started. `image` is shown above the
+        sentence in place of the logo."""
         self._verb = verb
+        if image is None or image.isNull():
+            self._mark.setPixmap(self._logo)
+        else:
+            size = QSize(min(640, self.width()), max(48, self.height() // 2))
+            smooth = Qt.TransformationMode.SmoothTransformation
+            self._mark.setPixmap(QPixmap.fromImage(image).scaled(size, Qt.AspectRatioMode.KeepAspectRatio, smooth))
         self.sentence.setText(sentence)
         if verb in PIPELINE:
             self.stage.setText(f"{WORK[verb].title} only")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import os
 from collections.abc import Callable, Hashable, Iterator
 from dataclasses import dataclass, field, replace
 from itertools import count, takewhile
@@ -33,8 +34,16 @@ if TYPE_CHECKING:
 
 CONTENT_PARTS = (
     "capture", "submaps", "graph", "occupancy", "context", "scene_stamp", "outline", "model_info", "stages",
-    "results", "training", "cloud", "growing", "poses", "reading",
+    "results", "training", "cloud", "growing", "poses", "chosen", "reading",
 )  # fmt: skip
+
+
+@dataclass(frozen=True)
+class ChosenFrames:
+    """The images that a pose computation has stored so far: their number, and the file of the last one."""
+
+    count: int
+    last: Path
 
 
 @dataclass(frozen=True, eq=False)
@@ -58,6 +67,8 @@ class Contents:
     outline       (N, 3) meters, world: positions around the content of a splat file; None for a project
     graph_file    storage of the graph; None if it cannot be saved
     growing       cameras of a video whose poses are being computed, while there is no capture
+    chosen        frames or photos that a running pose computation has stored so far; None unless there are some and no
+                  camera has a pose
     camera_height height of the cameras above the floor in meters, None if the user gave none
     poses         report about the camera poses of the capture's video, None for other captures; while there is no
                   capture, the newest report
@@ -95,6 +106,7 @@ class Contents:
     camera_height: float | None = None
     poses: PosesReport | None = None
     growing: TrajectoryArrays | None = None
+    chosen: ChosenFrames | None = None
     reading: bool = False
 
     @property
@@ -213,8 +225,13 @@ class ProjectReader:
             self._contents = replace(self._contents, training=training)
             yield self._contents
         growing, poses = self._unfinished()
-        if growing is not self._contents.growing or poses is not self._contents.poses:
-            self._contents = replace(self._contents, growing=growing, poses=poses)
+        chosen = self._chosen(growing)
+        if (
+            growing is not self._contents.growing
+            or poses is not self._contents.poses
+            or chosen != self._contents.chosen
+        ):
+            self._contents = replace(self._contents, growing=growing, poses=poses, chosen=chosen)
             yield self._contents
         revision = project.revision(), self._jobs.stamp()  # some commands write files of the project alone
         if revision == self._revision and models == self._stamps.get("scene_stamp"):
@@ -349,6 +366,20 @@ class ProjectReader:
             if (path := self._newest("poses", [f / REPORT for f in folders])) is not None:
                 poses = read_report(path.parent)
         return growing, poses
+
+    def _chosen(self, growing: TrajectoryArrays | None) -> ChosenFrames | None:
+        from nvsim.reconstruction.computing import IMAGES, WORK
+
+        if growing is not None or self._contents.capture is not None:
+            return None
+        folders = list(takewhile(Path.is_dir, map(self._project.layout.poses, count(1))))
+        if not folders or not (folders[-1] / WORK).is_dir():
+            return None
+        with contextlib.suppress(OSError):
+            names = [name for name in os.listdir(folders[-1] / IMAGES) if name.endswith(".jpg")]
+            if names:
+                return ChosenFrames(len(names), folders[-1] / IMAGES / max(names))
+        return None
 
     def _newest(self, part: str, paths: list[Path]) -> Path | None:
         """The most recently changed file; None if it has not changed since the last call."""

@@ -18,6 +18,7 @@ from nvsim_app.jobs.queue import JobHandle
 from nvsim_app.look.widgets import bring_up
 from nvsim_app.panels.jobs import JobPanel, waiting_words
 from nvsim_app.panels.stages import EarlierResults, RunningJob, StageBar
+from nvsim_app.panels.training_images import read_picture
 from nvsim_app.panels.training_window import TrainingWindow
 from nvsim_app.state.reasons import capture_or_job, enabled, with_earlier, with_project_folder, with_training
 from nvsim_app.wiring.part import Dock, Part
@@ -196,6 +197,9 @@ class JobsPart(Part):
             return
         if making is None:
             window.empty.say(missing, document.contents.missing_verb)
+        elif (chosen := document.contents.chosen) is not None:
+            sentence = f"{making.title} …\n{chosen.count:,} images chosen so far"
+            window.empty.say(sentence, image=read_picture(chosen.last))
         else:
             window.empty.say(f"{making.title} …")
 
