@@ -34,6 +34,8 @@ _SMALLEST = 0.5  # square meters of cells with points, at least
 _MARGIN = 0.4  # meters that a patch extends beyond its points
 _INSIDE = 0.15  # meters that points of a wall may be below its floor or above its ceiling
 _FLOOR = 4.0  # square meters from which a horizontal patch is an opaque floor or ceiling
+_RAISED = 0.25, 1.2  # least and greatest meters of a table, a counter, or a bed above the floor
+_LOWER = 0.2  # share of the area of a level patch from which a patch under it is the floor, and the upper one furniture
 _THROUGH = 0.08  # meters: points farther below a floor are reflections, because glossy floors mirror the room
 _SAY = 1e4  # 1 / meters squared: points with a smaller inverse variance are ignored
 _MOST = 1e6  # 1 / meters squared: upper limit of the weight of a cell
@@ -75,9 +77,7 @@ def is_behind_floor(planes: list[Plane], eyes: Float64, points: Float64) -> NDAr
     """(N,) bool, True for world points (N, 3) behind a floor, seen from `eyes` (N, 3) or (3,), meters. Such points are
     reflections in the floor."""
     behind = np.zeros(len(points), bool)
-    for plane in planes:
-        if plane.normal[2] < 0.9 or plane.area < _FLOOR:
-            continue
+    for plane in _floors(planes):
         below, above = plane.offset - points @ plane.normal, eyes @ plane.normal - plane.offset
         may = np.flatnonzero((below > _THROUGH) & (above > 0))
         share = (below / (below + above))[may, None]
@@ -87,6 +87,23 @@ def is_behind_floor(planes: list[Plane], eyes: Float64, points: Float64) -> NDAr
         index = np.where(inside[:, None], index, 0)
         behind[may] |= inside & plane.cells[index[:, 0], index[:, 1]]
     return behind
+
+
+def _floors(planes: list[Plane]) -> list[Plane]:
+    """The floors among `planes`. A large patch with much level ground under it is the top of furniture. The reflections
+    of a room in its floor show a ceiling much farther below, and no tops of tables."""
+    level = [p for p in planes if p.normal[2] > 0.9]
+    return [p for p in level if p.area >= _FLOOR and not any(_is_ground_under(p, q) for q in level)]
+
+
+def _is_ground_under(top: Plane, ground: Plane) -> bool:
+    """Whether the level patch `ground` is as far under the level patch `top` as a floor under furniture."""
+    if (ground.low > top.high).any() or (ground.high < top.low).any():
+        return False
+    x, y = (top.low + top.high) / 2
+    middle = x * top.along + y * top.up
+    over = (top.offset - top.normal @ middle) - (ground.offset - ground.normal @ middle)
+    return bool(_RAISED[0] < over < _RAISED[1] and ground.area >= _LOWER * top.area)
 
 
 def find_planes(parts: Iterable[ObservedPoints]) -> list[Plane]:

@@ -11,19 +11,13 @@ memory from the first to the last area. The growth is relative to that of the ar
 from __future__ import annotations
 
 import json
-import subprocess
 import sys
-import threading
-import time
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-import psutil
 import tyro
-from harness import evaluated
-
-_EVERY = 0.5  # seconds between two memory measurements
+from harness import evaluated, watched
 
 
 @dataclass(frozen=True)
@@ -95,34 +89,6 @@ def graph(project: Path, truth: Path) -> dict[str, Any]:
 
 def nvsim(*words: str) -> dict[str, float]:
     return watched([sys.executable, "-m", "nvsim.cli.main", *words])
-
-
-def watched(command: list[str]) -> dict[str, float]:
-    """Runs a command. Returns its seconds, and the processor seconds and GiB of all its processes. Raises
-    CalledProcessError if it fails."""
-    started = time.perf_counter()
-    running = subprocess.Popen(command, stdout=subprocess.DEVNULL)
-    most, busy, ended = 0, {}, threading.Event()
-
-    def look() -> None:
-        nonlocal most
-        while not ended.wait(_EVERY):
-            try:
-                ours = [psutil.Process(running.pid), *psutil.Process(running.pid).children(recursive=True)]
-                most = max(most, sum(p.memory_full_info().pss for p in ours))
-                busy.update({p.pid: sum(p.cpu_times()[:2]) for p in ours})
-            except psutil.Error:
-                continue
-
-    watching = threading.Thread(target=look)
-    watching.start()
-    code = running.wait()
-    ended.set()
-    watching.join()
-    if code:
-        raise subprocess.CalledProcessError(code, command)
-    seconds = round(time.perf_counter() - started, 1)
-    return {"seconds": seconds, "processor": round(sum(busy.values()), 1), "gib": round(most / (1 << 30), 3)}
 
 
 if __name__ == "__main__":

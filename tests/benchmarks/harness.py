@@ -9,9 +9,12 @@ import json
 import resource
 import subprocess
 import sys
+import threading
 import time
 from collections.abc import Callable, Iterator, Mapping
 from typing import IO, Any
+
+_EVERY = 0.5  # seconds between two memory measurements
 
 
 def report(figures: Mapping[str, Any], as_json: bool = False) -> None:
@@ -47,6 +50,36 @@ def nvsim(*words: str) -> str:
     """The standard output of a command of NVSim. Raises CalledProcessError if it fails."""
     command = [sys.executable, "-m", "nvsim.cli.main", *words]
     return subprocess.run(command, check=True, stdout=subprocess.PIPE, text=True).stdout
+
+
+def watched(command: list[str], output: IO[str] | int = subprocess.DEVNULL) -> dict[str, float]:
+    """Runs a command with its standard output in `output`. Returns its seconds, and the processor seconds and GiB of
+    all its processes. Raises CalledProcessError if it fails."""
+    import psutil
+
+    started = time.perf_counter()
+    running = subprocess.Popen(command, stdout=output)
+    most, busy, ended = 0, {}, threading.Event()
+
+    def look() -> None:
+        nonlocal most
+        while not ended.wait(_EVERY):
+            try:
+                ours = [psutil.Process(running.pid), *psutil.Process(running.pid).children(recursive=True)]
+                most = max(most, sum(p.memory_full_info().pss for p in ours))
+                busy.update({p.pid: sum(p.cpu_times()[:2]) for p in ours})
+            except psutil.Error:
+                continue
+
+    watching = threading.Thread(target=look)
+    watching.start()
+    code = running.wait()
+    ended.set()
+    watching.join()
+    if code:
+        raise subprocess.CalledProcessError(code, command)
+    seconds = round(time.perf_counter() - started, 1)
+    return {"seconds": seconds, "processor": round(sum(busy.values()), 1), "gib": round(most / (1 << 30), 3)}
 
 
 def evaluated(what: str, *words: str) -> dict[str, Any]:

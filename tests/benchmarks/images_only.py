@@ -1,4 +1,4 @@
-"""Run all stages on a capture without its LiDAR scan, and score the results: a table and one JSON line.
+"""Run all stages on a capture without its LiDAR scan, and print their cost and the scores of the results.
 
 python tests/benchmarks/images_only.py PROJECT [--capture FOLDER | --seed N] [--truth FOLDER] [--occupancy MAP]
 
@@ -13,7 +13,7 @@ from __future__ import annotations
 import json
 import subprocess
 import sys
-import time
+import tempfile
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -24,7 +24,7 @@ import tyro
 from scipy.spatial.transform import Rotation
 
 sys.path.insert(0, str(Path(__file__).parent))
-from harness import evaluated, nvsim, report
+from harness import watched
 
 _STAGES = ("submaps", "depth", "floors", "train", "map")
 _OFF, _TURNED, _EXPOSURE, _BLUR = 0.01, 0.2, 0.06, 4
@@ -42,6 +42,10 @@ class Arguments:
     truth: Path | None = None
     occupancy: Path | None = None
     camera_height: float | None = None
+    images: int | None = None
+    """Use only the first images of a kapture capture."""
+    train: tuple[str, ...] = ()
+    """Options of `nvsim train`, each as one word with its value: --train steps=500."""
 
 
 def main() -> None:
@@ -56,23 +60,29 @@ def main() -> None:
         capture, truth = made / "capture", made / "ground_truth"
     occupancy = arguments.occupancy or (None if truth is None else truth / "map.yaml")
     without_scan(capture, beside)
+    if arguments.images is not None:
+        keep_first(beside / "sensors", arguments.images)
     if arguments.shaken:
         shake(beside)
     height = [] if arguments.camera_height is None else ["--camera-height", str(arguments.camera_height)]
     project = ["--project", str(arguments.project)]
     figures: dict[str, Any] = {}
-    nvsim("import", str(beside), *height, *project)
+
+    def add(name: str, found: dict[str, Any]) -> None:
+        figures[name] = found
+        print(name, found, flush=True)
+
+    add("import", cost("import", str(beside), *height, *project))
     for stage in _STAGES:
-        started = time.perf_counter()
-        nvsim(stage, *project)
-        figures[f"{stage}_seconds"] = round(time.perf_counter() - started, 1)
+        options = [word for o in arguments.train for word in f"--{o}".split("=")] if stage == "train" else []
+        add(stage, cost(stage, *options, *project))
     if truth is not None:
-        figures["depth"] = scored("depth", *project, "--truth", str(truth / "depth"))
-        figures["floor"] = scored("floor", *project, "--truth", str(truth))
+        add("evaluate depth", scored("depth", *project, "--truth", str(truth / "depth")))
+        add("evaluate floor", scored("floor", *project, "--truth", str(truth)))
     if occupancy is not None:
-        figures["graph"] = scored("graph", *project, "--occupancy", str(occupancy))
-    figures["views"] = scored("views", *project)
-    report(figures)
+        add("evaluate graph", scored("graph", *project, "--occupancy", str(occupancy)))
+    add("evaluate views", scored("views", *project))
+    print(json.dumps(figures))
 
 
 def without_scan(capture: Path, folder: Path) -> None:
@@ -120,12 +130,28 @@ def shake(folder: Path) -> None:
     (folder / "transforms.json").write_text(json.dumps(tree))
 
 
+def keep_first(sensors: Path, images: int) -> None:
+    """Removes the records of a kapture capture after its first images."""
+    records = (sensors / "records_camera.txt").read_text().splitlines(keepends=True)
+    records = [line for line in records if not line.startswith("#")][:images]
+    (sensors / "records_camera.txt").write_text("# kapture format: 1.1\n" + "".join(records))
+
+
+def cost(*words: str) -> dict[str, float]:
+    return watched([sys.executable, "-m", "nvsim.cli.main", *words])
+
+
 def scored(what: str, *words: str) -> dict[str, Any]:
-    try:
-        found = evaluated(what, *words)
-    except (subprocess.CalledProcessError, ValueError, IndexError) as error:
-        return {"failed": str(error)}
-    return {key: value for key, value in found.items() if not isinstance(value, dict | list)}
+    """The figures of an evaluation, and its cost."""
+    with tempfile.TemporaryFile("w+") as printed:
+        try:
+            command = [sys.executable, "-m", "nvsim.cli.main", "evaluate", what, *words, "--json"]
+            used = watched(command, printed)
+            printed.seek(0)
+            found = json.loads(printed.read().splitlines()[-1])
+        except (subprocess.CalledProcessError, ValueError, IndexError) as error:
+            return {"failed": str(error)}
+    return used | {key: value for key, value in found.items() if not isinstance(value, dict | list)}
 
 
 if __name__ == "__main__":

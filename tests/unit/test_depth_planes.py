@@ -44,6 +44,42 @@ def test_the_six_faces_of_a_room_are_found_to_the_centimetre() -> None:
             assert plane.high[0] - plane.low[0] > 4.5
 
 
+def level_points(rng: np.random.Generator, z: float, *areas: tuple[float, float, float, float]) -> ObservedPoints:
+    """Points with 1 cm of noise on level rectangles x0, y0, x1, y1 at height z, seen from above the aisle."""
+    parts = []
+    for x0, y0, x1, y1 in areas:
+        part = rng.uniform([x0, y0, z], [x1, y1, z], (int(1500 * (x1 - x0) * (y1 - y0)), 3))
+        parts.append(part + 0.01 * rng.standard_normal(part.shape))
+    points = np.concatenate(parts).astype(np.float32)
+    eyes = np.full_like(points, 0.0) + np.float32([2.0, 1.5, 1.5])
+    return ObservedPoints(points, eyes, np.full(len(points), 2e4, np.float32))
+
+
+def levels_of(*parts: ObservedPoints) -> list[float]:
+    joined = [np.concatenate([getattr(p, name) for p in parts]) for name in ("points", "eyes", "say")]
+    return sorted(round(float(p.offset), 1) for p in find_planes([ObservedPoints(*joined)]) if p.normal[2] > 0.9)
+
+
+def test_the_floor_of_an_aisle_between_counters_is_no_reflection_in_their_tops() -> None:
+    rng = np.random.default_rng(2)
+    tops = level_points(rng, 0.9, (0, 0, 4, 1.15), (0, 1.85, 4, 3))  # one patch: the aisle is 0.7 m wide
+    assert levels_of(tops, level_points(rng, 0.0, (0, 1.15, 4, 1.85))) == [0.0, 0.9]
+
+
+@pytest.mark.parametrize(("depth", "size"), [(-0.7, 1.0), (-2.5, 3.0)], ids=["under a table", "ceiling"])
+def test_surfaces_that_a_glossy_floor_mirrors_are_no_planes(depth: float, size: float) -> None:
+    rng = np.random.default_rng(3)
+    assert levels_of(level_points(rng, 0.0, (0, 0, 4, 3)), level_points(rng, depth, (0, 0, size, size))) == [0.0]
+
+
+def test_a_floor_that_is_not_above_lower_ground_still_mirrors() -> None:
+    """The lower ground belongs to another wing of the building."""
+    rng = np.random.default_rng(4)
+    wing = level_points(rng, -0.7, (9, 0, 12, 3))
+    floor, mirrored = level_points(rng, 0.0, (0, 0, 4, 3)), level_points(rng, -2.5, (0, 0, 3, 3))
+    assert levels_of(floor, wing, mirrored) == [-0.7, 0.0]
+
+
 def test_a_wall_stands_behind_what_hangs_on_it() -> None:
     rng = np.random.default_rng(1)
     found = room(rng)

@@ -32,7 +32,7 @@ if TYPE_CHECKING:
     from nvsim.depth.fusion import FusedCloud
 
 STAGE: StageName = "depth"
-_VERSION = 5  # of the committed data; increased when equal inputs give another result
+_VERSION = 6  # of the committed data; increased when equal inputs give another result
 _BLOCK = 1 << 20  # points that are compared with the LiDAR scan at the same time
 _HOLE = 0.15  # meters; a LiDAR scan has a hole at points that are farther than this from all of its points
 
