@@ -20,6 +20,9 @@ from nvsim.events import Failed
 from nvsim.files.atomic import as_input_error
 from nvsim.plain_text import printable
 
+_FOREIGN = ("r2r python",)
+"""Commands that become another program, about which NVSim knows nothing."""
+
 
 class CommandStopped(BaseException):
     """A user or a program asked the command to stop (SIGTERM, Ctrl-C)."""
@@ -40,7 +43,8 @@ def guarded(verb: str, command: type[Command], argv: list[str]) -> int:
     except InputError as error:
         return _fail(verb, str(error), 2, as_json)
     except CommandStopped:
-        return _fail(verb, "stopped; run the same command again to continue", 130, as_json)
+        then = "" if verb in _FOREIGN else "; run the same command again to continue"
+        return _fail(verb, f"stopped{then}", 130, as_json)
     except BrokenPipeError:
         raise  # not a failure of the command
     except MemoryError:

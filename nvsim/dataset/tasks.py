@@ -13,11 +13,13 @@ from numpy.typing import NDArray
 
 from nvsim.errors import InputError
 from nvsim.events import Listener, Log, Progress, Warning
+from nvsim.graph.history import counted
 from nvsim.graph.types import NavGraph
 from nvsim.r2r.instructions.generating import InstructedDataset, instruct
 from nvsim.r2r.instructions.registers import Register
 from nvsim.r2r.instructions.statistics import statistics_of
 from nvsim.r2r.tasks.exporting import (
+    RECORD,
     SURROUNDINGS,
     export_tasks,
     goal_files,
@@ -26,14 +28,14 @@ from nvsim.r2r.tasks.exporting import (
     vlnce_files,
 )
 from nvsim.r2r.tasks.shortest import PathBounds
-from nvsim.r2r.tasks.splitting import Dataset, PathCounts, sample_tasks
+from nvsim.r2r.tasks.splitting import Dataset, Impassable, PathCounts, sample_tasks
 
 if TYPE_CHECKING:
-    from nvsim.r2r.episodes.episode import Episode
+    from nvsim.r2r.episodes.episode import Episode, Scene
 
 MOST_INSTRUCTIONS = 100
 STAGE = "tasks"
-_SHOWN = 5  # viewpoints without room that a warning names
+_SHOWN = 5  # edges or viewpoints that a warning names
 Retell = Callable[[Dataset, Sequence[NavGraph]], tuple[Dataset, dict[str, Any]]]
 
 
@@ -69,7 +71,12 @@ class TaskOptions:
     @property
     def strips(self) -> bool:
         """Whether strips with depth are required."""
-        return self.vlnce or self.streamvln or self.goals
+        return self.episodes or self.goals
+
+    @property
+    def episodes(self) -> bool:
+        """Whether the paths become episodes with small steps."""
+        return self.vlnce or self.streamvln
 
 
 @dataclass(frozen=True, eq=False)
@@ -122,9 +129,12 @@ def make_tasks(
     o = options
     check_options(o)
     dataset = sample_tasks(graphs, o.unseen, o.bounds, o.amounts)
-    tasks = [task for tasks in dataset.splits.values() for task in tasks]
-    used = {task.scan for task in tasks}
+    used = {task.scan for tasks in dataset.splits.values() for task in tasks}
+    if o.episodes:
+        used = {graph.scan for graph in graphs if graph.scan not in dataset.empty}
     seen, scenes, targets = _looked_at([graph for graph in graphs if graph.scan in used], scans, o, clouds, listen)
+    if scenes:
+        dataset = sample_tasks(graphs, o.unseen, o.bounds, o.amounts, _impassable(graphs, scenes, listen))
     instructed = instruct(dataset, graphs, o.instructions, o.amounts.seed, seen, listen, o.register)
     about: dict[str, Any] = {"each": o.instructions, "paths": instructed.paths, "found_again": len(instructed.found)}
     about |= {"register": o.register, "landmarks_in": sorted(seen)}
@@ -134,7 +144,7 @@ def make_tasks(
     splits = instructed.dataset.splits.values()
     about["statistics"] = asdict(statistics_of([text for split in splits for t in split for text in t.instructions]))
     others = [SURROUNDINGS] if seen else []
-    episodes = _episodes(instructed, scenes, listen) if o.vlnce or o.streamvln else {}
+    episodes = _episodes(instructed, scenes, listen) if o.episodes else {}
     others += vlnce_files() if o.vlnce else []
     others += streamvln_files() if o.streamvln else []
     others += rxr_files(o.vlnce) if o.rxr else []
@@ -181,7 +191,6 @@ def _looked_at(
     from nvsim.r2r.surroundings.survey import surroundings_of
     from nvsim.r2r.surroundings.visibility import has_depth, look_around
 
-    wants_episodes = options.vlnce or options.streamvln
     wants_words = options.landmarks and options.instructions > 0
     seen: dict[str, Any] = {}
     scenes: dict[str, Any] = {}
@@ -208,26 +217,44 @@ def _looked_at(
                 seen[graph.scan] = around
             if options.goals:
                 targets[graph.scan] = GoalScene(graph, targets_of(graph, storeys, around, clouds.get(graph.scan)))
-        if wants_episodes:
+        if options.episodes:
             from nvsim.r2r.episodes.episode import Scene
 
             scenes[graph.scan] = Scene(graph, storeys, clouds.get(graph.scan))
     return seen, scenes, targets
 
 
-def _episodes(instructed: InstructedDataset, scenes: dict[str, Any], listen: Listener) -> dict[str, Any]:
+def _impassable(graphs: Sequence[NavGraph], scenes: Mapping[str, Scene], listen: Listener) -> dict[str, Impassable]:
+    """Returns the impassable parts of each scan, and warns about them."""
+    found = {scan: scene.impassable() for scan, scene in scenes.items()}
+    for graph in graphs:
+        if graph.scan not in found:
+            continue
+        one, scene = found[graph.scan], scenes[graph.scan]
+        climbing = sum(scene.climbs(key) for key in one.edges)
+        tight = [key for key in one.edges if not scene.climbs(key)]
+        ends = [id for id in one.ends if not scene.climbs([id])]
+        why = [f"{counted(climbing, 'edge')} on stairs, because actions are limited to one storey"] if climbing else []
+        if tight:
+            named = _some([f"{a} to {b}" for a, b in tight])
+            why.append(f"{counted(len(tight), 'edge')} too narrow for a robot ({named})")
+        if ends:
+            why.append(f"{counted(len(ends), 'start or goal')} without room for a robot ({_some(ends)})")
+        if why:
+            listen(Warning(f"Paths of {graph.scan} avoid {'; '.join(why)}; see {RECORD}", STAGE))
+    return found
+
+
+def _some(names: Sequence[str]) -> str:
+    return ", ".join(names[:_SHOWN]) + (f", and {len(names) - _SHOWN} more" if len(names) > _SHOWN else "")
+
+
+def _episodes(instructed: InstructedDataset, scenes: Mapping[str, Scene], listen: Listener) -> dict[str, list[Episode]]:
     from nvsim.r2r.episodes.episode import episodes_of
 
     episodes = episodes_of(instructed.dataset.splits, scenes, listen)
-    kept = {episode.task.path_id for split in episodes.values() for episode in split}
-    left = [t for tasks in instructed.dataset.splits.values() for t in tasks if t.path_id not in kept]
-    tight = [task for task in left if not scenes[task.scan].climbs(task)]
-    climbing = len(left) - len(tight)
-    why = [f"{climbing} use stairs, and actions are limited to one storey"] if climbing else []
-    if tight:
-        places = sorted({id for task in tight for id in scenes[task.scan].viewpoints_without_room(task)})
-        shown = ", ".join(places[:_SHOWN]) + (f", and {len(places) - _SHOWN} more" if len(places) > _SHOWN else "")
-        why.append(f"{len(tight)} are too narrow for a robot" + (f", which has no room at {shown}" if places else ""))
-    if why:
-        listen(Warning(f"{len(left)} of {instructed.paths} paths have no episode: {'; '.join(why)}", STAGE))
+    lacking = instructed.paths - sum(len(split) for split in episodes.values())
+    if lacking:
+        why = "the search found no actions that stay close to the path and touch nothing"
+        listen(Warning(f"{lacking} of {instructed.paths} paths have no episode: {why}", STAGE))
     return episodes

@@ -16,6 +16,7 @@ from nvsim.cli.main import main
 from nvsim.r2r.episodes.episode import Episode, Scene, in_habitat, rotation_of, tokens
 from nvsim.r2r.surroundings.layers import layers_of
 from nvsim.r2r.surroundings.visibility import look_around
+from nvsim.r2r.tasks.splitting import Impassable
 from nvsim.r2r.tasks.task import Task
 
 ROBOT = 0.25
@@ -71,6 +72,29 @@ def test_a_path_through_a_door_that_is_too_narrow_has_no_episode(tmp_path: Path)
     _, scene = scene_in(tmp_path, 0.45)
     assert scene.episode(Task(1, "boxes", ("b", "c", "f", "g"), 0.0)) is None
     assert scene.episode(Task(2, "boxes", ("a", "b", "e", "d"), 0.0)) is not None
+    assert scene.impassable().edges == (("c", "f"),) and scene.impassable().ends == ()
+
+
+def test_sampled_paths_avoid_a_door_that_is_too_narrow(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    blocks, graph = flat_house(0.45)
+    scans, out = export_blocks(tmp_path / "scans", blocks, graph), tmp_path / "tasks"
+    command = ["export", "tasks", "--scans", str(scans), "--out", str(out), "--fewest-edges", "2"]
+    command += ["--least-metres", "3", "--train", "20", "--val-seen", "4", "--val-unseen", "0"]
+
+    def through_the_door() -> list[bool]:
+        tasks = [task for name in ("train", "val_seen") for task in json.loads((out / f"R2R_{name}.json").read_text())]
+        return [{"c", "f"} <= set(task["path"]) for task in tasks]
+
+    assert main([*command, "--json"]) == 0
+    assert any(through_the_door())
+    capsys.readouterr()
+    assert main([*command, "--vlnce"]) == 0
+    told = capsys.readouterr()
+    crossing = through_the_door()
+    assert crossing and not any(crossing)
+    assert f"{len(crossing)} of {len(crossing)} paths have episodes." in told.out
+    assert "avoid 1 edge too narrow for a robot (c to f)" in " ".join((told.out + told.err).split())
+    assert json.loads((out / "tasks.json").read_text())["impassable"]["boxes"] == {"edges": [["c", "f"]], "ends": []}
 
 
 def test_what_a_cloud_knows_is_not_touched(house: tuple[list[Block], Scene], tmp_path: Path) -> None:
@@ -80,9 +104,10 @@ def test_what_a_cloud_knows_is_not_touched(house: tuple[list[Block], Scene], tmp
     task = Task(1, "boxes", ("f", "g", "h"), 1.5)
     assert Scene(graph, storeys).episode(task) is not None
     assert Scene(graph, storeys, post).episode(task) is None
-    assert Scene(graph, storeys, post).viewpoints_without_room(task) == []
+    assert Scene(graph, storeys).impassable() == Impassable()
+    assert Scene(graph, storeys, post).impassable() == Impassable((("g", "h"),))
     at_g = Scene(graph, storeys, post - [0.85, 0.0, 0.0])  # around (8.2, 0.8)
-    assert at_g.episode(task) is None and at_g.viewpoints_without_room(task) == ["g"]
+    assert at_g.episode(task) is None and at_g.impassable().ends == ("g",)
 
 
 @pytest.mark.parametrize("degrees", [0, 30, 90, 200, 315])

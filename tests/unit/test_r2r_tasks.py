@@ -20,7 +20,7 @@ from nvsim.graph.paths import PathGraph
 from nvsim.graph.types import NavGraph, Viewpoint, edge
 from nvsim.r2r.tasks.joining import by_increasing_use
 from nvsim.r2r.tasks.shortest import PathBounds, ShortestPaths, eligible_paths
-from nvsim.r2r.tasks.splitting import SPLITS, Dataset, PathCounts, sample_tasks
+from nvsim.r2r.tasks.splitting import SPLITS, Dataset, Impassable, PathCounts, sample_tasks
 from nvsim.r2r.tasks.task import read_tasks, write_tasks
 
 
@@ -266,3 +266,27 @@ def test_what_cannot_be_sampled_is_said_in_a_sentence(
     scans = exported(tmp_path, house("one"))
     assert main(["export", "tasks", "--scans", str(scans), "--out", str(tmp_path / "tasks"), *words]) == 2
     assert sentence in capsys.readouterr().err and not (tmp_path / "tasks").exists()
+
+
+def test_no_path_uses_what_a_robot_cannot_use() -> None:
+    graph = house("house", 4)
+    edges, ends = (("0r00", "0r01"), ("1r11", "1r12")), ("2r00", "2r33")
+    bounds = PathBounds(ties=True)
+    whole = eligible_paths(PathGraph.of(graph), bounds)
+    reduced = whole.without(edges, ends)
+    paths = [[reduced.ids[i] for i in reduced.path(k)] for k in range(len(reduced.rows))]
+    expected = []
+    for k in range(len(whole.rows)):
+        path = [whole.ids[i] for i in whole.path(k)]
+        steps = {frozenset(pair) for pair in pairwise(path)}
+        if not steps & {frozenset(e) for e in edges} and path[0] not in ends and path[-1] not in ends:
+            expected.append(path)
+    assert paths == expected and len(whole.rows) > len(paths) > 0
+    assert any("2r00" in path[1:-1] for path in paths)  # a robot may still pass it
+    impassable = {"house": Impassable(edges, ends)}
+    dataset = sample_tasks([graph], (), bounds, PathCounts(40, 8, 10), impassable)
+    tasks = [task for split in dataset.splits.values() for task in split]
+    assert all(list(task.path) in expected or list(task.path)[::-1] in expected for task in tasks)
+    nowhere = {"house": Impassable(ends=tuple(graph.viewpoints))}
+    with pytest.raises(InputError, match="with room for a robot"):
+        sample_tasks([graph], (), bounds, PathCounts(), nowhere)

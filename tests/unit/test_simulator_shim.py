@@ -7,7 +7,12 @@ import os
 import signal
 import subprocess
 import sys
+from dataclasses import dataclass
 from pathlib import Path
+
+import pytest
+
+from nvsim.cli.guard import CommandStopped, guarded
 
 PROGRAM = "import sys, MatterSim; print(MatterSim.Simulator.__module__, sys.argv[1:])"
 
@@ -33,6 +38,26 @@ def test_a_stop_reaches_the_program_and_adds_no_words() -> None:
         running.send_signal(signal.SIGTERM)
         words = running.communicate(timeout=60)
     assert (running.returncode, words) == (-signal.SIGTERM, ("", ""))
+
+
+def test_a_stop_before_the_program_runs_does_not_offer_to_continue(capsys: pytest.CaptureFixture[str]) -> None:
+    @dataclass(frozen=True)
+    class Starting:
+        """Start."""
+
+        def run(self) -> int:
+            raise CommandStopped
+
+    handlers = {number: signal.getsignal(number) for number in (signal.SIGTERM, signal.SIGINT)}
+    try:
+        said = {}
+        for verb in ("r2r python", "map"):
+            assert guarded(verb, Starting, []) == 130
+            said[verb] = capsys.readouterr().err
+    finally:
+        for number, handler in handlers.items():
+            signal.signal(number, handler)
+    assert said["r2r python"] == "nvsim r2r python: stopped\n" and "again to continue" in said["map"]
 
 
 def test_a_program_imports_from_the_current_folder_if_the_path_has_an_empty_entry(tmp_path: Path) -> None:

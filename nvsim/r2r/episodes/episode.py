@@ -32,6 +32,7 @@ from nvsim.files import atomic
 from nvsim.graph.types import NavGraph
 from nvsim.r2r.episodes.episode_actions import FORWARD, TURN, ActionPath, FreeSpace, walk_along
 from nvsim.r2r.surroundings.layers import Layers
+from nvsim.r2r.tasks.splitting import Impassable
 from nvsim.r2r.tasks.task import Task
 
 STAGE = "episodes"
@@ -63,19 +64,23 @@ class Scene:
             space = FreeSpace.of(layers, graph, cloud)
             self._spaces |= {one.viewpoint.id: space for one in layers.seen}
 
-    def climbs(self, task: Task) -> bool:
-        """Returns True if the path uses stairs. Obstacles on stairs cannot be found in a level slice."""
-        return len({self._spaces.get(id) for id in task.path}) > 1 or task.path[0] not in self._spaces
+    def climbs(self, path: Sequence[str]) -> bool:
+        """Returns True if a path uses stairs. Obstacles on stairs cannot be found in a level slice."""
+        return len({self._spaces.get(id) for id in path}) > 1 or path[0] not in self._spaces
 
-    def viewpoints_without_room(self, task: Task) -> list[str]:
-        """Returns the viewpoints of a path on one storey at which the robot has no room."""
-        space, viewpoints = self._spaces[task.path[0]], self._graph.viewpoints
-        return [id for id in task.path if not space.is_free(np.array(viewpoints[id].position[:2]))]
+    def impassable(self) -> Impassable:
+        """Returns the edges and viewpoints that no episode can use, because of stairs or a lack of room."""
+        at = {id: np.array(v.position[:2]) for id, v in self._graph.viewpoints.items() if v.included}
+        edges = [key for key in self._graph.edges if key[0] in at and key[1] in at]
+        return Impassable(
+            tuple(k for k in edges if self.climbs(k) or not self._spaces[k[0]].joins(at[k[0]], at[k[1]])),
+            tuple(id for id in at if id not in self._spaces or not self._spaces[id].is_free(at[id])),
+        )
 
     def episode(self, task: Task, turn: int = TURN) -> Episode | None:
         """Returns the episode of a task with turns of `turn` degrees, or None if the robot has no room along the path
         or would have to climb."""
-        if self.climbs(task):
+        if self.climbs(task.path):
             return None
         viewpoints = [self._graph.viewpoints[id] for id in task.path]
         space = self._spaces[task.path[0]]

@@ -83,6 +83,30 @@ class FreeSpace:
         cost_factors = 1 + np.clip(1 - (self.room + RADIUS) / _EASY, 0, 1)
         return GridWays(open_cells, CELL, (int(row), int(column)), cost_factors=cost_factors).metres.astype(np.float32)
 
+    def joins(self, a: NDArray[np.floating], b: NDArray[np.floating]) -> bool:
+        """Returns True if the robot can move from `a` to `b`, places (2,) or (3,), meters, world.
+
+        It comes within 0.3 m of both, and stays within 0.8 m of the line between them.
+        """
+        import cv2
+
+        ends = np.array([a[:2], b[:2]], np.float64)
+        margin = math.ceil(_REACH / CELL)
+        cells = self.layers.cells_of(ends)
+        top, left = np.maximum(cells.min(axis=0) - margin, 0)
+        bottom, right = cells.max(axis=0) + margin + 1
+        room = self.room[top:bottom, left:right]
+        if not room.size:
+            return False
+        rows, columns = np.indices(room.shape)
+        places = self.layers.centres_of(np.stack([rows + top, columns + left], axis=-1))
+        along = ends[1] - ends[0]
+        share = ((places - ends[0]) @ along / max(float(along @ along), 1e-12)).clip(0, 1)
+        near = np.linalg.norm(ends[0] + share[..., None] * along - places, axis=-1) <= _REACH
+        _, parts = cv2.connectedComponents(((room >= 0) & near).astype(np.uint8), connectivity=4)
+        at = [set(parts[np.linalg.norm(places - end, axis=-1) <= _ARRIVED].tolist()) - {0} for end in ends]
+        return bool(at[0] & at[1])
+
     def _drawn(self, path: NDArray[np.floating]) -> NDArray[np.bool_]:
         return _lines(self.layers, list(zip(path[:-1, :2], path[1:, :2])))
 

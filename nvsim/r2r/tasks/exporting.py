@@ -75,6 +75,7 @@ def export_tasks(
         "amounts": asdict(amounts),
         "instructions": dict(instructions),
         "unseen": {scan: list(ids) for scan, ids in dataset.unseen.items()},
+        "impassable": {scan: asdict(parts) for scan, parts in dataset.impassable.items()},
     }
     # Removes tasks of an earlier run first. Mixed with new ones, train could enter regions of val_unseen.
     for name in sorted(before):

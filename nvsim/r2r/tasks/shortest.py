@@ -8,13 +8,15 @@ file is selected.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from collections.abc import Collection
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from nvsim.errors import InputError
 from nvsim.graph.paths import PathGraph
+from nvsim.graph.types import EdgeKey
 
 _TO_MICROMETRES = 1e6
 LONGEST = 100
@@ -126,6 +128,17 @@ class EligiblePaths:
     def inside(self, chosen: NDArray[np.bool_]) -> NDArray[np.bool_]:
         """Returns (M,) bool: whether all viewpoints of each path are in `chosen` (N,) bool."""
         return np.asarray(np.append(chosen, True)[self.rows].all(axis=1))
+
+    def without(self, edges: Collection[EdgeKey], ends: Collection[str]) -> EligiblePaths:
+        """Returns the paths that use none of `edges`, and neither begin nor end at a viewpoint of `ends`."""
+        row, count = {id: i for i, id in enumerate(self.ids)}, len(self.ids)
+        refused = [min(row[a], row[b]) * count + max(row[a], row[b]) for a, b in edges if a in row and b in row]
+        a, b = self.rows[:, :-1], self.rows[:, 1:]
+        uses = np.isin(np.minimum(a, b) * count + np.maximum(a, b), refused) & (b >= 0)
+        goals = self.rows[np.arange(len(self.rows)), (self.rows >= 0).sum(axis=1) - 1]
+        no_end = [row[id] for id in ends if id in row]
+        kept = ~(uses.any(axis=1) | np.isin(self.rows[:, 0], no_end) | np.isin(goals, no_end))
+        return replace(self, rows=self.rows[kept], metres=self.metres[kept])
 
 
 def eligible_paths(ways: PathGraph, bounds: PathBounds) -> EligiblePaths:

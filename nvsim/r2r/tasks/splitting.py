@@ -10,19 +10,32 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import islice
 from random import Random
+from types import MappingProxyType
 
 import numpy as np
 from numpy.typing import NDArray
 
 from nvsim.errors import InputError
 from nvsim.graph.paths import PathGraph
-from nvsim.graph.types import NavGraph
+from nvsim.graph.types import EdgeKey, NavGraph
 from nvsim.r2r.observations.parts import LEAST, split
 from nvsim.r2r.tasks.joining import by_increasing_use, join_tasks, joined_instructions
 from nvsim.r2r.tasks.shortest import EligiblePaths, PathBounds, eligible_paths
 from nvsim.r2r.tasks.task import JoinedTask, Task
 
 SPLITS = ("train", "val_seen", "val_unseen")
+
+
+@dataclass(frozen=True)
+class Impassable:
+    """The parts of a graph that a robot cannot use.
+
+    edges  edges along which it cannot move
+    ends   included viewpoints at which it has no room, so that it can neither start nor stop there
+    """
+
+    edges: tuple[EdgeKey, ...] = ()
+    ends: tuple[str, ...] = ()
 
 
 def unseen_viewpoints(graph: NavGraph, paths: EligiblePaths, share: float) -> NDArray[np.bool_]:
@@ -88,6 +101,7 @@ class Dataset:
     unseen   scan id -> viewpoint ids that only val_unseen enters
     empty    scan ids without any path
     lacking  split -> number of missing paths
+    impassable  scan id -> what no path uses, {} if all of it is allowed
     """
 
     splits: Mapping[str, Sequence[Task]]
@@ -95,6 +109,7 @@ class Dataset:
     unseen: Mapping[str, tuple[str, ...]]
     empty: tuple[str, ...]
     lacking: Mapping[str, int]
+    impassable: Mapping[str, Impassable] = field(default_factory=dict)
 
 
 @dataclass(eq=False)
@@ -115,10 +130,18 @@ class _Scan:
         self.metres = {self.paths.path(i): float(m) for i, m in enumerate(self.paths.metres)}
 
 
-def sample_tasks(graphs: Iterable[NavGraph], unseen: Sequence[str], bounds: PathBounds, amounts: PathCounts) -> Dataset:
-    """Samples the tasks of all splits. The result depends only on the graphs, `unseen`, bounds and amounts.
+def sample_tasks(
+    graphs: Iterable[NavGraph],
+    unseen: Sequence[str],
+    bounds: PathBounds,
+    amounts: PathCounts,
+    impassable: Mapping[str, Impassable] = MappingProxyType({}),
+) -> Dataset:
+    """Samples the tasks of all splits. The result depends only on the arguments.
 
-    unseen   scans that only val_unseen enters; if empty, a region of every scan is unseen
+    unseen      scans that only val_unseen enters; if empty, a region of every scan is unseen
+    impassable  scan id -> what no path may use. Shortest paths are still those of the whole graph, as agents compute
+                them
 
     Raises InputError if a requested split would be empty, or `unseen` names an unknown scan.
     """
@@ -128,7 +151,7 @@ def sample_tasks(graphs: Iterable[NavGraph], unseen: Sequence[str], bounds: Path
             known = ", ".join(graph.scan for graph in graphs[:5])
             raise InputError(f"--unseen {name!r} is not one of the scans; choose from {known}.")
     random = Random(amounts.seed)
-    scans = [_scan(graph, unseen, bounds, amounts) for graph in graphs]
+    scans = [_scan(graph, unseen, bounds, amounts, impassable.get(graph.scan)) for graph in graphs]
     wanted = {name: getattr(amounts, name) for name in SPLITS}
     seen = _drawn(scans, False, wanted["train"] + wanted["val_seen"], random)
     found = dict(
@@ -137,7 +160,7 @@ def sample_tasks(graphs: Iterable[NavGraph], unseen: Sequence[str], bounds: Path
     found["val_unseen"] = _drawn(scans, True, wanted["val_unseen"], random)
     for name in SPLITS:
         if wanted[name] and not found[name]:
-            raise InputError(_why_none(name, bounds))
+            raise InputError(_why_none(name, bounds, bool(impassable)))
     next_id, splits = 1, {}
     for name in SPLITS:
         splits[name] = [_task(next_id + k, *drawn, random) for k, drawn in enumerate(found[name])]
@@ -154,12 +177,17 @@ def sample_tasks(graphs: Iterable[NavGraph], unseen: Sequence[str], bounds: Path
         {scan.id: tuple(id for id, far in zip(scan.paths.ids, scan.unseen) if far) for scan in scans},
         tuple(scan.id for scan in scans if not len(scan.paths.rows)),
         {name: wanted[name] - len(splits[name]) for name in SPLITS if wanted[name] > len(splits[name])},
+        impassable,
     )
 
 
-def _scan(graph: NavGraph, unseen: Sequence[str], bounds: PathBounds, amounts: PathCounts) -> _Scan:
+def _scan(
+    graph: NavGraph, unseen: Sequence[str], bounds: PathBounds, amounts: PathCounts, impassable: Impassable | None
+) -> _Scan:
     ways = PathGraph.of(graph)
     paths = eligible_paths(ways, bounds)
+    if impassable is not None:
+        paths = paths.without(impassable.edges, impassable.ends)
     if unseen:
         return _Scan(graph.scan, ways, paths, np.full(len(ways.ids), graph.scan in unseen))
     return _Scan(graph.scan, ways, paths, unseen_viewpoints(graph, paths, amounts.unseen_share))
@@ -202,8 +230,9 @@ def _task(path_id: int, scan: _Scan, rows: tuple[int, ...], random: Random) -> T
     return Task(path_id, scan.id, path, heading, (), round(scan.metres[rows], 2))
 
 
-def _why_none(split: str, bounds: PathBounds) -> str:
+def _why_none(split: str, bounds: PathBounds, robot: bool) -> str:
     what = f"path of {bounds.fewest_edges} to {bounds.most_edges} edges and at least {bounds.least_metres:g} m"
+    what += " with room for a robot" if robot else ""
     if split == "val_unseen":
         return (
             f"No region contains a {what} for val_unseen; give a larger --unseen-share, name whole scans with "
