@@ -255,12 +255,14 @@ class Tour:
     def prunes(self) -> None:
         self.begin_editing()
         document = self.document
-        wanted = self.hand.gui.ask(lambda: {id for id in document.graph.viewpoints if degree(document, id) > 6})
+        degrees = self.hand.gui.ask(lambda: {id: degree(document, id) for id in document.graph.viewpoints})
+        most = max(degrees.values())
+        wanted = {id for id, value in degrees.items() if value == most}
         self.hand.press("select by expression", "ctrl+f")
-        self.hand.type("an expression", "degree > 6")
+        self.hand.type("an expression", f"degree > {most - 1}")
         self.hand.press("select", "Return")
         self.hand.press("remove them", "Delete")
-        self.hand.until("they were not removed", lambda: wanted and not wanted & document.graph.viewpoints.keys(), 5)
+        self.hand.until("they were not removed", lambda: not wanted & document.graph.viewpoints.keys(), 5)
 
     def merges(self) -> None:
         surface, document = self.begin_editing(), self.document
@@ -281,15 +283,18 @@ class Tour:
         self.hand.said.append(self.hand.gui.ask(words.text))
 
     def tries_a_threshold(self) -> None:
+        from nvsim_app.wiring.thresholds import ThresholdPart
+
         self.begin_editing()
         panel, gui = self.window.panels["thresholds"], self.hand.gui
+        trial = gui.ask(lambda: self.window.part(ThresholdPart).trial)
         self.bring("Thresholds", panel)
         slider = panel.rows["tau_alpha"].slider
         gui.ask(lambda: panel.ensureWidgetVisible(slider))
         y, share = gui.ask(lambda: (slider.height() // 2, slider.value() / slider.maximum()))
         start = QPoint(8 + round(share * (slider.width() - 16)), y)
         self.hand.drag("drag the slider", slider, start, QPoint(8, y))
-        self.hand.until("the effect is not shown", lambda: panel.apply.isEnabled(), 20)
+        self.hand.until("the effect is not shown", lambda: trial.outcome is not None, 20)
         gui.ask(panel.reset.click)
 
     # Two rooms that are not joined ------------------------------------------------------------------------------

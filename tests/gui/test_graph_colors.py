@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from dataclasses import replace
 
 import numpy as np
 import pytest
+from PySide6.QtCore import Qt
 from PySide6.QtGui import QColor
+from PySide6.QtWidgets import QWidget
+from pytestqt.qtbot import QtBot
 
 from nvsim.benchmarks.graph import random_graph
 from nvsim.graph import edits
@@ -48,6 +52,30 @@ def test_the_photographed_share_is_compared_with_the_threshold_of_the_map(docume
     assert not found.edges and found.groups[0].words == f"below {least:.0%}"
 
 
+def test_the_evidence_has_three_groups_of_about_equal_size(document: Document, monkeypatch) -> None:
+    rng = np.random.default_rng(0)
+    margins = {key: float(value) for key, value in zip(document.graph.edges, rng.uniform(0.1, 0.13, 1000))}
+    failing, unmeasured, *others = margins
+    margins |= {failing: -0.2, unmeasured: float("nan")}
+    monkeypatch.setattr(
+        "nvsim_app.state.graph_coloring.smallest_margin", lambda config: lambda graph, key: margins[key]
+    )
+    found = coloring(document, "evidence")
+    groups = {key: found.groups[group].words for key, group in found.edges.items()}
+    assert groups[failing] == "fails" and groups[unmeasured] == "none"
+    counts = Counter(groups[key] for key in others)
+    assert len(counts) == 3 and max(counts.values()) - min(counts.values()) <= 2, "fixed limits would make one group"
+    for key in others:
+        words = groups[key].removeprefix("passes by ").split()
+        assert float(words[0]) - 1e-3 <= margins[key]
+        assert words[1] == "or" or margins[key] <= float(words[2]) + 1e-3
+    monkeypatch.setattr("nvsim_app.state.graph_coloring.smallest_margin", lambda config: lambda graph, key: -1.0)
+    document.editing.run("remove_edges", {"pairs": [list(failing)]})
+    assert {found.groups[g].words for found in [coloring(document, "evidence")] for g in found.edges.values()} == {
+        "fails"
+    }
+
+
 def test_validity_needs_a_map(document: Document) -> None:
     on_map = coloring(document, "validity")
     assert set(on_map.viewpoints.values()) == {1}, "every viewpoint of the room stands on free floor"
@@ -69,9 +97,53 @@ def test_the_map_shows_them_with_a_legend_and_the_next_window_too(
     ratio = after.devicePixelRatio()
     pixels, _ = window.modes.canvases[1].surface.project(document.graph_arrays.feet)
     seen = [after.pixelColor(*(np.round(p * ratio).astype(int).tolist())).rgb() for p in pixels]
-    assert sum(pixel in colors for pixel in seen) > 0.7 * len(seen)  # the legend covers some viewpoints
+    assert sum(pixel in colors for pixel in seen) > 0.9 * len(seen)
     window.close()
     assert make_window(document).part(ColoringPart).by == "degree"
+
+
+@pytest.mark.parametrize("size", [(800, 500), (960, 540), (1280, 720), (1600, 1000)])
+@pytest.mark.parametrize("by", ["component", "evidence"])
+def test_the_legend_is_below_the_map_and_covers_no_viewpoint(
+    window: MainWindow, document: Document, qtbot: QtBot, size: tuple[int, int], by: str
+) -> None:
+    window.resize(*size)
+    surface, view = window.modes.canvases[1].surface, window.panels["map"]
+    qtbot.waitUntil(lambda: window.width() == size[0])
+    before = view.plot.height()
+    window.actions_table[f"color_{by}"].trigger()
+    qtbot.waitUntil(lambda: view.legend.isVisible() and view.plot.height() < before)
+
+    def whole() -> bool:
+        entries = [entry for entry in view.legend.children() if isinstance(entry, QWidget) and entry.isVisible()]
+        return len(entries) > 1 and all(view.legend.rect().contains(entry.geometry()) for entry in entries)
+
+    qtbot.waitUntil(whole)
+    document.editing.run("remove_edges", {"pairs": [list(key) for key in list(document.graph.edges)[:30]]})
+    qtbot.waitUntil(lambda: not window.part(ColoringPart)._legend.pending)
+    qtbot.wait(50)
+    assert whole(), "an entry is cut off after an edit"
+    assert view.legend.height() < 0.4 * view.height()
+    assert not view.legend.geometry().intersects(view.plot.geometry())
+    pixels, _ = surface.project(document.graph_arrays.feet)
+    assert all(surface.widget.rect().contains(*np.round(p).astype(int).tolist()) for p in pixels)
+    for corner in (view.frame.coordinates, view.frame.north, view.frame.whole):
+        assert corner.parentWidget() is view.plot, "the marks in the corners move with the map"
+
+
+def test_the_legend_is_that_of_the_graph_on_screen(window: MainWindow, document: Document, qtbot: QtBot) -> None:
+    window.actions_table["color_reviewed"].trigger()
+    legend = window.panels["map"].legend
+    count = len(document.graph.viewpoints)
+    assert legend.accessibleDescription() == f"not reviewed  ({count})"
+    window.modes.canvases[1].surface.widget.setFocus()
+    document.editing.run("mark_reviewed", {"viewpoints": [next(iter(document.graph.viewpoints))], "edges": []})
+    expected = f"not reviewed  ({count - 1}), reviewed  (1)"
+    qtbot.waitUntil(lambda: legend.accessibleDescription() == expected)
+    qtbot.keyClick(window.modes.canvases[1].surface.widget, Qt.Key.Key_Z, Qt.KeyboardModifier.ControlModifier)
+    qtbot.waitUntil(lambda: legend.accessibleDescription() == f"not reviewed  ({count})")
+    window.actions_table["color_plain"].trigger()
+    assert legend.isHidden()
 
 
 def test_a_large_graph_is_not_drawn_anew_while_it_and_the_view_stay(

@@ -162,6 +162,21 @@ def test_keys_reach_the_buttons_of_the_selected_row(pipeline: Pipeline, qtbot: Q
     assert (pipeline.handle(1).job.folder / WISH).read_text() == "cancel"
 
 
+@pytest.mark.parametrize("width", [400, 540, 900])
+def test_the_buttons_of_a_row_show_their_whole_texts(pipeline: Pipeline, qtbot: QtBot, width: int) -> None:
+    panel = pipeline.panel
+    panel.resize(2 * width, 300)
+    panel.splitter.setSizes([width, width])
+    pipeline.set(1, "failed")  # then the next job waits, with three buttons
+
+    def whole() -> bool:
+        shown = [b for n in (1, 2, 3) for b in panel.buttons_of(pipeline.handle(n)).buttons.values() if b.isVisible()]
+        return len(shown) >= 4 and all(b.width() >= b.sizeHint().width() for b in shown)
+
+    qtbot.waitUntil(whole)
+    assert sum(button.isVisible() for button in panel.buttons_of(pipeline.handle(2)).buttons.values()) == 3
+
+
 def test_the_other_commands_are_in_the_menu_of_the_row(pipeline: Pipeline, qtbot: QtBot) -> None:
     assert os.path.isdir(pipeline.handle(3).job.folder)
     buttons = pipeline.panel.buttons_of(pipeline.handle(3))

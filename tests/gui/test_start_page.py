@@ -14,16 +14,20 @@ import demo_project
 import demo_room
 import numpy as np
 import pytest
-from PySide6.QtCore import QSettings, Qt
-from PySide6.QtWidgets import QMenu, QToolBar
+from PySide6.QtCore import QPoint, QPointF, QSettings, QSize, Qt
+from PySide6.QtGui import QWheelEvent
+from PySide6.QtWidgets import QApplication, QMenu, QToolBar
 from pytestqt.qtbot import QtBot
 
 from nvsim.errors import InputError
 from nvsim.graph.connectivity import write_connectivity
 from nvsim.project.layout import Layout
 from nvsim.project.project import Project
+from nvsim_app.look.labels import Label
+from nvsim_app.look.widgets import Scrolling
 from nvsim_app.panels.new_project import NewProjectDialog
 from nvsim_app.panels.open_dialog import OpenDialog
+from nvsim_app.panels.start_page import StartPage
 from nvsim_app.session import Session
 from nvsim_app.state.folder_listing import FolderLook
 from nvsim_app.state.recent_projects import MOST, RecentProjects
@@ -213,6 +217,31 @@ def test_what_the_view_showed_becomes_the_image_of_the_project(session: Session,
     session.close_project()
     assert (Layout(project).cache / LAST_VIEW).stat().st_size > 500
     assert look_at(project).picture
+
+
+@pytest.mark.parametrize("size", [(700, 360), (960, 504), (1280, 720)])
+def test_the_first_page_cuts_no_text_off(session: Session, qtbot: QtBot, size: tuple[int, int]) -> None:
+    page = session.window.findChild(StartPage)
+    session.window.resize(*size)
+    qtbot.waitUntil(lambda: session.window.size() == QSize(*size))
+    column = page.findChild(Scrolling)
+    labels = column.widget().findChildren(Label)
+    assert len(labels) > 6
+    for label in labels:
+        if label.wordWrap():
+            assert label.height() >= label.heightForWidth(label.width()), label.text()
+    if size[1] >= 504:
+        assert not column.verticalScrollBar().isVisible(), "it fits the smallest screen"
+        return
+    qtbot.waitUntil(column.verticalScrollBar().isVisible)
+    at = QPointF(column.viewport().rect().center())
+    turn = QWheelEvent(
+        at, column.viewport().mapToGlobal(at), QPoint(), QPoint(0, -2400), Qt.MouseButton.NoButton,
+        Qt.KeyboardModifier.NoModifier, Qt.ScrollPhase.NoScrollPhase, False,
+    )  # fmt: skip
+    QApplication.sendEvent(column.viewport(), turn)
+    last = labels[-1]
+    assert column.viewport().rect().contains(last.mapTo(column.viewport(), last.rect().bottomLeft()))
 
 
 def test_the_tool_bar_appears_with_an_open_file(session: Session, shelf: Path, qtbot: QtBot) -> None:

@@ -257,6 +257,7 @@ class TableView(QTableView):
     def __init__(self, parent: QWidget | None = None) -> None:
         super().__init__(parent)
         self._needed: dict[int, int] = {}  # the width of each column when it was last shown
+        self._least: dict[int, int] = {}  # the width of the widgets in a column, pixels
 
     def setModel(self, model: QAbstractItemModel | None) -> None:
         super().setModel(model)
@@ -280,11 +281,19 @@ class TableView(QTableView):
                 if self.isColumnHidden(place) != (room < 0):
                     self.setColumnHidden(place, room < 0)
 
+    def set_widgets_width(self, place: int, width: int) -> None:
+        """Gives a column at least the width of the widgets in it, in pixels."""
+        if self._least.get(place) != width:
+            self._least[place] = width
+            self.setColumnWidth(place, width)
+            self.fit()
+
     def _width(self, place: int, column: Column[Any]) -> int:
         """The width that a column needs, in pixels. Columns that the panel hides need none."""
         if not self.isColumnHidden(place):
             title = self.horizontalHeader().sectionSizeHint(place)
-            self._needed[place] = max(title, column.width or self.sizeHintForColumn(place))
+            content = max(column.width, self._least.get(place, 0)) or self.sizeHintForColumn(place)
+            self._needed[place] = max(title, content)
         elif not column.optional:
             return 0
         return self._needed.get(place, column.width)  # the title of a hidden column has no size

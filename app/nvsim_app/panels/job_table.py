@@ -108,7 +108,7 @@ COLUMNS: tuple[Column[JobRow], ...] = (
     Column("Progress", lambda row: row.share, lambda share: f"{100 * share:.0f} %", width=78),
     Column("Time left", lambda row: row.left, lambda left: "" if left is None else duration(left), number=True,
            width=70, optional=True),
-    Column("", lambda row: "", width=176),  # the buttons of the job
+    Column("", lambda row: "", width=96),  # the buttons of the job
     Column("Rate", lambda row: row.rate, _rate, number=True, width=56, optional=True),
     Column("Duration", lambda row: row.took, lambda took: "–" if took is None else duration(took), number=True,
            width=84, optional=True),

@@ -325,6 +325,8 @@ class JobPanel(QWidget):
         for key, buttons in self._buttons.items():
             buttons.show_reasons(self._reasons(key))
             buttons.take_focus(key == self._chosen)
+        widths = [buttons.sizeHint().width() for buttons in self._buttons.values()]
+        self.table.set_widgets_width(BUTTONS, max(widths, default=0))
 
     def _reasons(self, handle: JobHandle) -> dict[str, str]:
         """Command -> why it is unavailable for this job, "" if it is available."""

@@ -36,7 +36,8 @@ from nvsim_app.look import colors
 from nvsim_app.look.icons import icon
 from nvsim_app.look.labels import Label
 from nvsim_app.look.plain_text import plain, tip
-from nvsim_app.look.theme import type_font
+from nvsim_app.look.theme import GRID, type_font
+from nvsim_app.look.widgets import Scrolling
 from nvsim_app.state.side_work import ProjectPreview
 
 _THUMBNAIL = QSize(96, 64)
@@ -197,7 +198,7 @@ class DropZone(QWidget):
         self.setCursor(Qt.CursorShape.PointingHandCursor)
         self.setAccessibleName("Drop a project, a capture, a video, a graph or a splat file here")
         layout = QVBoxLayout(self)
-        layout.setContentsMargins(16, 16, 16, 16)
+        layout.setContentsMargins(2 * GRID, GRID, 2 * GRID, GRID)
         layout.setSpacing(4)
         words = Label("Drop a file or folder here", self)
         words.setFont(type_font(bold=True))
@@ -267,16 +268,16 @@ class StartPage(QWidget):
         left = QVBoxLayout()
         left.addLayout(head)
         left.addWidget(words)
-        left.addSpacing(10)
+        left.addSpacing(GRID)
         for button in (self.open, self.new, self.demo):
             left.addWidget(button)
-        left.addSpacing(10)
+        left.addSpacing(GRID)
         left.addWidget(self.drop)
         left.addStretch(1)
         holder = QWidget(self)
         holder.setLayout(left)
-        holder.setMinimumWidth(260)
-        holder.setMaximumWidth(360)
+        column = Scrolling(holder, self)  # in a low window, so that no text is cut off
+        column.setFixedWidth(360)
         recent = Label("Recent projects", self)
         recent.setFont(type_font(bold=True))
         self.recent = RecentList(self)
@@ -309,11 +310,11 @@ class StartPage(QWidget):
         both = QHBoxLayout()
         both.setSpacing(24)
         both.addStretch(1)
-        both.addWidget(holder, 5)
+        both.addWidget(column)
         both.addWidget(right_holder, 8)
         both.addStretch(1)
         layout = QVBoxLayout(self)
-        layout.setContentsMargins(16, 24, 16, 16)
+        layout.setContentsMargins(2 * GRID, 2 * GRID, 2 * GRID, 2 * GRID)
         layout.addLayout(both, 1)
         self.dress()
         self.show_recent(())

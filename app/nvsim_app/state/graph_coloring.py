@@ -76,17 +76,23 @@ def coloring(document: Document, by: str) -> Coloring | None:
         ]
         return _made("Neighbors", groups, of("viewpoints", lambda v: np.searchsorted([0.5, 1.5, 2.5, 3.5, 5.5], v)), {})
     if by == "evidence":
-        words = ("fails", "passes by < 0.05", "passes by < 0.20", "passes by more")
-        groups = [
-            *(Group(c, w, mark) for c, w, mark in zip(_STEPS, words, (1, 2, 3, 0), strict=True)),
-            Group(_NONE, "none", 4),
-        ]
+        # Most margins of a graph are alike, so fixed limits would give one color to all edges.
+        keys, measured = quantity(graph, by, known, "edges")
+        margins = measured.astype(np.float64)
+        passing = margins[margins >= 0.0]
+        thirds = np.unique(np.quantile(passing, (1 / 3, 2 / 3)).round(3)) if len(passing) else np.zeros(0)
+        limits = [0.0, *thirds[thirds > 0.0].tolist()]
+        words = [f"passes by {low:.3g} to {high:.3g}" for low, high in zip(limits, limits[1:])]
+        words.append(f"passes by {limits[-1]:.3g} or more" if len(limits) > 1 else "passes")
+        passes = [Group(c, w, mark) for c, w, mark in zip(_STEPS[-len(words) :], words, (2, 3, 0)[-len(words) :])]
+        groups = [Group(_STEPS[0], "fails", 1), *passes, Group(_NONE, "none", 4)]
 
         def bins(values: NDArray[np.float64]) -> NDArray[np.int64]:
-            return np.where(np.isnan(values), 4, np.searchsorted([0.0, 0.05, 0.2], values, side="right"))
+            found = np.searchsorted(limits, values, side="right")
+            return np.where(np.isnan(values), len(groups) - 1, found)
 
         title = "Evidence" if few else "Evidence (worst row of alpha)"
-        return _made(title, groups, of("viewpoints", bins), of("edges", bins))
+        return _made(title, groups, of("viewpoints", bins), dict(zip(keys, bins(margins).tolist())))
     if by == "photographed":
         limits = [config.photographed, (1 + config.photographed) / 2]
         groups = [
@@ -96,10 +102,10 @@ def coloring(document: Document, by: str) -> Coloring | None:
             Group(_NONE, "not measured", 4),
         ]
 
-        def thirds(values: NDArray[np.float64]) -> NDArray[np.int64]:
+        def shares(values: NDArray[np.float64]) -> NDArray[np.int64]:
             return np.where(np.isnan(values), 3, np.searchsorted(limits, values, side="right"))
 
-        return _made("Photographed directions", groups, of("viewpoints", thirds), {})
+        return _made("Photographed directions", groups, of("viewpoints", shares), {})
     if by in ("reviewed", "validity"):
         yes, no = ("reviewed", "not reviewed") if by == "reviewed" else ("free on the map", "not free on the map")
         groups = [Group(_NONE if by == "reviewed" else _STEPS[0], no, 1), Group(_STEPS[3], yes)]

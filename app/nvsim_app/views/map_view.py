@@ -18,6 +18,7 @@ from nvsim_app.painting.cameras import ViewPose
 from nvsim_app.state.document import Document
 from nvsim_app.state.free_floor import weak_spots
 from nvsim_app.state.loading import CONTENT_PARTS
+from nvsim_app.views.map_legend import MapLegend
 from nvsim_app.views.map_marks import CameraMarker, GraphItem, MapFrame
 
 PICK_PIXELS = 10
@@ -57,7 +58,10 @@ class MapView(QWidget):
         self.plot.setMenuEnabled(False)
         layout = QVBoxLayout(self)
         layout.setContentsMargins(0, 0, 0, 0)
-        layout.addWidget(self.plot)
+        layout.setSpacing(0)
+        layout.addWidget(self.plot, 1)
+        self.legend = MapLegend(self)
+        layout.addWidget(self.legend)
 
         self._occupancy = pg.ImageItem(axisOrder="row-major")
         self._occupancy.setZValue(0)
@@ -81,7 +85,7 @@ class MapView(QWidget):
         self._scale.setParentItem(self.plot.getViewBox())
         self._scale.anchor((1, 1), (1, 1), offset=(-10, -8))
         self.hint = Hint(self.plot, self._missing)
-        self.frame = MapFrame(self)
+        self.frame = MapFrame(self.plot)
         self.camera.hide()
         self._scale.hide()
         self.camera.dragged.connect(self.cameraDragged)
@@ -89,6 +93,7 @@ class MapView(QWidget):
         self.plot.viewport().installEventFilter(self)
         self.plot.scene().sigMouseClicked.connect(self._on_click)
         self.plot.getViewBox().sigRangeChangedManually.connect(self._on_moved)
+        self.plot.getViewBox().sigResized.connect(self._on_resized)
         document.projectChanged.connect(self._on_project)
         document.contentsChanged.connect(self._on_contents)
         document.graphChanged.connect(self._draw_graph)
@@ -187,7 +192,7 @@ class MapView(QWidget):
         """Zooms to the area between two corners (2,) in meters, with space for the north arrow and the scale, so that
         they do not cover it. Another size of the map zooms anew, until the user moves or zooms it."""
         self._fitted = low, high
-        width, height = max(self.width(), 2 * _BESIDE), max(self.height(), 2 * (_ABOVE + _BELOW))
+        width, height = max(self.plot.width(), 2 * _BESIDE), max(self.plot.height(), 2 * (_ABOVE + _BELOW))
         across, along = high - low
         above, below, right = _ABOVE, _BELOW, 0.0
         # Meters per pixel. The range has the aspect ratio of the map, because pyqtgraph changes one axis otherwise.
@@ -320,6 +325,9 @@ class MapView(QWidget):
 
     def resizeEvent(self, event: QResizeEvent) -> None:
         super().resizeEvent(event)
+        self.legend.fit()
+
+    def _on_resized(self, _: object) -> None:
         self.frame.place()
         if self._fitted is not None:
             self._fit(*self._fitted)

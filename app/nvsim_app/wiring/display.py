@@ -19,15 +19,19 @@ from nvsim_app.look import colors, lengths
 from nvsim_app.painting.graph_ink import LARGE, SMOOTH_LINES, DrawingCache
 from nvsim_app.painting.picking import NEAR
 from nvsim_app.painting.primitives import Primitives, disc
+from nvsim_app.panels.deferred_refresh import DeferredRefresh
 from nvsim_app.state.document import Document
 from nvsim_app.state.graph_arrays import GraphArrays, extremes
 from nvsim_app.state.graph_coloring import Coloring, Group, coloring
 from nvsim_app.state.reasons import Reason, with_graph, with_occupancy
 from nvsim_app.views.graph_surface import GraphSurface
+from nvsim_app.views.map_legend import LegendRow
 from nvsim_app.wiring.panels import MapPart
 from nvsim_app.wiring.part import Part, WindowContext
 
 MOST_ROWS = 9  # of the legend
+SETTLE = 80  # milliseconds after the last edit until the legend below the map is updated
+_SYMBOL = (28, 12)  # width and height of the symbols of the legend, pixels
 _LINES = (
     Qt.PenStyle.SolidLine,
     Qt.PenStyle.DashLine,
@@ -71,6 +75,7 @@ class ColoringPart(Part):
         self._rows: tuple[GraphArrays, Coloring, NDArray[np.int64], NDArray[np.int64]] | None = None
         self._primitives = Primitives()
         self._sprites: dict[tuple[str, str], QPixmap] = {}
+        self._symbols: dict[tuple[str, int], QPixmap] = {}
         self._kept: dict[GraphSurface, DrawingCache] = {}
         context.modes.beneath.append(self.paint)
 
@@ -78,16 +83,22 @@ class ColoringPart(Part):
         return {f"color_{by or 'plain'}": partial(self._choose, by) for by in _WAYS}
 
     def restore(self, settings: QSettings) -> None:
+        document = self.context.document
+        self._legend = DeferredRefresh(self.context.part(MapPart).view, self._show_legend, SETTLE)
+        for changed in (document.graphChanged, document.contentsChanged, document.storeys.changed):
+            changed.connect(self._legend.mark)
         by = str(settings.value("graph_colors", ""))
         if by in _WAYS:
             self.context.window.actions_table[f"color_{by or 'plain'}"].setChecked(True)
             self.by = by
+        self._legend.mark()
 
     def _choose(self, by: str, _: bool = False) -> None:
         self.by = by
         self._kept.clear()
         self.context.settings.setValue("graph_colors", by)
         self.context.modes.refresh()
+        self._legend.finish()
 
     @property
     def coloring(self) -> Coloring | None:
@@ -122,7 +133,8 @@ class ColoringPart(Part):
             self._kept[surface].paint(painter, size.width(), size.height(), place, draw, self._rows)
         else:
             self._draw(surface, painter)
-        self._paint_legend(painter, found)
+        if surface.widget is self.context.scene and not self._legend.in_sight:
+            self._paint_legend(painter, found)
 
     def _draw(self, surface: GraphSurface, painter: QPainter, within: QRectF | None = None) -> None:
         assert self._rows is not None
@@ -148,31 +160,58 @@ class ColoringPart(Part):
         return self._sprites[key]
 
     def _paint_legend(self, painter: QPainter, found: Coloring) -> None:
-        """Draws the legend at the lower left, with the number of items of each group."""
-        rows = [(g, int(n)) for g, n in zip(found.groups, found.counts, strict=True) if n]
-        more = len(rows) - MOST_ROWS
-        lines = [f"{group.words}  ({count:,})" for group, count in rows[:MOST_ROWS]]
-        lines += [f"and {more} more"] if more > 0 else []
+        """Draws the legend at the lower left of the 3D view, if the map does not show it."""
+        rows, more = self._legend_rows(found)
+        below = [f"and {more} more"] if more else []
         metrics, view = painter.fontMetrics(), painter.viewport()
         step = metrics.height() + 2
-        width = max(metrics.horizontalAdvance(line) for line in [found.title, *lines]) + 46
-        height = step * (len(lines) + 1) + 10
+        lines = [found.title, *(words for _, words in rows), *below]
+        width = max(metrics.horizontalAdvance(line) for line in lines) + 46
+        height = step * len(lines) + 10
         box = QRectF(8, view.height() - height - 34, width, height)
         painter.setPen(Qt.PenStyle.NoPen)
         painter.setBrush(QColor(16, 20, 26, 205))
         painter.drawRoundedRect(box, 5, 5)
         painter.setPen(QColor("#f2f5f8"))
-        painter.drawText(QPointF(box.left() + 8, box.top() + step - 2), found.title)
         for number, line in enumerate(lines, 1):
-            y = box.top() + step * (number + 1) - 2
-            if number <= len(rows[:MOST_ROWS]):
-                group = rows[number - 1][0]
-                painter.setPen(QPen(QColor(group.color), 2.4, _line(group)))
-                painter.drawLine(QPointF(box.left() + 6, y - 4), QPointF(box.left() + 34, y - 4))
-                places, scales = np.array([[box.left() + 20, y - 4]]), np.full((1, 2), 5.0 / 12)
-                self._primitives.draw_sprites(painter, places, scales, self._sprite(group))
-            painter.setPen(QColor("#f2f5f8"))
-            painter.drawText(QPointF(box.left() + 40, y), line)
+            y = box.top() + step * number - 2
+            painter.drawText(QPointF(box.left() + (8 if number == 1 else 40), y), line)
+            if 1 < number <= len(rows) + 1:
+                painter.drawPixmap(QPointF(box.left() + 6, y - 4 - _SYMBOL[1] / 2), rows[number - 2][0])
+
+    def _legend_rows(self, found: Coloring) -> tuple[list[LegendRow], int]:
+        """The first groups with items: their symbols, and their words with the number of items. And the number of the
+        other groups."""
+        groups = [(group, int(count)) for group, count in zip(found.groups, found.counts, strict=True) if count]
+        rows: list[LegendRow] = [(self._symbol(g), f"{g.words}  ({count:,})") for g, count in groups[:MOST_ROWS]]
+        return rows, len(groups) - len(rows)
+
+    def _symbol(self, group: Group) -> QPixmap:
+        """The line and the disc of a group."""
+        key = group.color, group.mark
+        if key not in self._symbols:
+            symbol = QPixmap(2 * _SYMBOL[0], 2 * _SYMBOL[1])
+            symbol.setDevicePixelRatio(2.0)
+            symbol.fill(Qt.GlobalColor.transparent)
+            painter = QPainter(symbol)
+            painter.setRenderHint(QPainter.RenderHint.Antialiasing)
+            painter.setPen(QPen(QColor(group.color), 2.4, _line(group)))
+            middle = _SYMBOL[1] / 2
+            painter.drawLine(QPointF(0, middle), QPointF(_SYMBOL[0], middle))
+            places, scales = np.array([[_SYMBOL[0] / 2, middle]]), np.full((1, 2), 5.0 / 12)
+            self._primitives.draw_sprites(painter, places, scales, self._sprite(group))
+            painter.end()
+            self._symbols[key] = symbol
+        return self._symbols[key]
+
+    def _show_legend(self) -> None:
+        """Updates the legend below the map."""
+        found = self.coloring if self.context.document.shown_arrays.ids else None
+        legend = self.context.part(MapPart).view.legend
+        if found is None:
+            legend.show_rows("", [], 0)
+        else:
+            legend.show_rows(found.title, *self._legend_rows(found))
 
 
 def _line(group: Group) -> Qt.PenStyle:
