@@ -180,7 +180,7 @@ class RecentList(QListWidget):
 KINDS = (
     ("Project", "a folder NAME.nvsim"),
     ("Capture", f"images with camera poses: {formats.names()}"),
-    ("Video", "a walk through a building, recorded with a phone"),
+    ("Video or photographs", "of a building, from a phone, an action camera, or a 360 degree camera"),
     ("Graph", "R2R connectivity, one file or a folder of files"),
     ("Splats", "PLY, compressed PLY, SPZ, SOG, .splat, from any program"),
 )
