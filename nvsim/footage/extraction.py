@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -16,7 +17,7 @@ from nvsim.files import atomic
 from nvsim.files.opening import is_regular, read_bytes, read_json
 from nvsim.files.reading import reading
 from nvsim.files.stored_arrays import read_arrays
-from nvsim.footage.fisheye import Fisheye, find_fisheye, rectify_files
+from nvsim.footage.fisheye import Fisheye, find_fisheye
 from nvsim.footage.frame_choice import choose_frames, point_positions
 from nvsim.footage.sources import Footage
 
@@ -156,6 +157,19 @@ def extract_frames(
     found = _read(folder, stamp)
     assert found is not None
     return found
+
+
+def rectify_files(paths: Sequence[Path], fisheye: Fisheye) -> None:
+    """Replaces image files of a fisheye lens by pinhole images. Raises InputError if writing fails."""
+
+    def rectify(path: Path) -> None:
+        image = cv2.imread(str(path), cv2.IMREAD_COLOR)
+        rectified = fisheye.rectified(np.asarray(image, np.uint8))
+        encoded = cv2.imencode(path.suffix, rectified, [cv2.IMWRITE_JPEG_QUALITY, QUALITY])[1]
+        atomic.write_bytes(path, encoded.tobytes())
+
+    with ThreadPoolExecutor() as pool:
+        list(pool.map(rectify, paths))
 
 
 def _read(folder: Path, stamp: list[list[object]]) -> ExtractedFrames | None:

@@ -9,16 +9,13 @@ epipolar geometry only if their rays are right.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from functools import cached_property
-from pathlib import Path
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from nvsim.files import atomic
 from nvsim.geometry.camera import Intrinsics
 from nvsim.geometry.lens import Lens
 
@@ -35,7 +32,6 @@ _SAMPLES = 200  # relative poses that are tested for a pair
 _FEWEST, _MOST = 60, 250  # matches of a pair
 PAIRS = 16
 """Pairs of images from which a lens is found, at most."""
-_QUALITY = [cv2.IMWRITE_JPEG_QUALITY, 95]
 _BETTER = 1.05  # how well matches fit a fisheye lens over how well they fit a pinhole camera, at least
 
 
@@ -55,11 +51,6 @@ class Fisheye:
     def degrees(self) -> float:
         """Angle of view along the longer side."""
         return float(np.degrees(max(self.width, self.height) / self.focal))
-
-    @property
-    def words(self) -> str:
-        """What is done with its images, as a sentence."""
-        return f"Its images are stored without distortion, {min(self.degrees, _WIDEST):.0f} degrees wide."
 
     @cached_property
     def pinhole(self) -> Intrinsics:
@@ -86,18 +77,6 @@ class Fisheye:
         outside = (rays[:, 2] <= 1e-6) | (found < 0).any(axis=1) | (found > (self.width, self.height)).any(axis=1)
         found[outside] = np.nan
         return found
-
-
-def rectify_files(paths: Sequence[Path], fisheye: Fisheye) -> None:
-    """Replaces image files of a fisheye lens by pinhole images. Raises InputError if writing fails."""
-
-    def rectify(path: Path) -> None:
-        image = cv2.imread(str(path), cv2.IMREAD_COLOR)
-        encoded = cv2.imencode(path.suffix, fisheye.rectified(np.asarray(image, np.uint8)), _QUALITY)[1]
-        atomic.write_bytes(path, encoded.tobytes())
-
-    with ThreadPoolExecutor() as pool:
-        list(pool.map(rectify, paths))
 
 
 def rays_of(pixels: NDArray[np.float64], width: int, height: int, focal: float) -> NDArray[np.float64]:

@@ -11,8 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from nvsim.events import Log, Warning
-from nvsim.footage.extraction import ExtractedFrames, extract_frames
-from nvsim.footage.fisheye import PAIRS, Fisheye, find_fisheye, rectify_files
+from nvsim.footage.extraction import ExtractedFrames, extract_frames, rectify_files
+from nvsim.footage.fisheye import PAIRS, Fisheye, find_fisheye
 from nvsim.footage.sources import Footage
 from nvsim.poses.features import NOTHING, Features, find_features, match_features
 from nvsim.poses.image_set import ImageSet, UnknownCamera, times_of
@@ -69,7 +69,7 @@ def _frames(
         times_of(frames.seconds, frames.clips),
         Tracks(np.unique(frames.point, return_inverse=True)[1].astype(np.int64), frames.frame, frames.places),
     )
-    fisheye = _told([lens], tell)
+    fisheye = _report_lenses([lens], tell)
     return StoredImages(images, frames.looked_at, blurred, frames=frames, fisheye=fisheye)
 
 
@@ -87,25 +87,26 @@ def _photographs(
     tell(Log(f"Photographs: {len(stored.names)}; cameras: {len(cameras)}, {by_exif} with a focal length.", STAGE))
     lenses = []
     for k, camera in enumerate(cameras):
-        lens = _fisheye([folder / stored.names[i] for i in np.flatnonzero(stored.camera == k)], camera)
+        lens = _rectify_photographs([folder / stored.names[i] for i in np.flatnonzero(stored.camera == k)], camera)
         if lens is not None:
             lenses.append(lens)
             cameras[k] = replace(camera, focal=lens.pinhole.fx)
-    fisheye = _told(lenses, tell)
+    fisheye = _report_lenses(lenses, tell)
     none = np.zeros(len(stored.names), np.int64)
     images = ImageSet(stored.folder, stored.names, tuple(cameras), stored.camera, none, np.zeros(0))
     return StoredImages(images, len(footage.files), 0, stored.unreadable, fisheye=fisheye)
 
 
-def _told(lenses: Iterable[Fisheye | None], tell: Callable[[Log | Warning], None]) -> tuple[float, ...]:
+def _report_lenses(lenses: Iterable[Fisheye | None], tell: Callable[[Log | Warning], None]) -> tuple[float, ...]:
     """The angles of view of the fisheye lenses, degrees. Reports each of them."""
     found = [lens for lens in lenses if lens is not None]
     for lens in found:
-        tell(Log(f"The lens is a fisheye lens of {lens.degrees:.0f} degrees. {lens.words}", STAGE))
+        words = f"The lens is a fisheye lens of {lens.degrees:.0f} degrees; its images are stored without distortion."
+        tell(Log(words, STAGE))
     return tuple(round(lens.degrees, 1) for lens in found)
 
 
-def _fisheye(paths: list[Path], camera: UnknownCamera) -> Fisheye | None:
+def _rectify_photographs(paths: list[Path], camera: UnknownCamera) -> Fisheye | None:
     """The fisheye lens of the photos of `camera`, which become pinhole images. None for another lens."""
     if camera.focal is not None and camera.focal > _NO_FISHEYE * max(camera.width, camera.height):
         return None

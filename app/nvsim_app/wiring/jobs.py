@@ -6,6 +6,7 @@ from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 from PySide6.QtCore import QByteArray, QSettings, QTimer, Signal
+from PySide6.QtGui import QImage
 
 from nvsim.events import Preview
 from nvsim.project.earlier_results import kept_results
@@ -20,6 +21,7 @@ from nvsim_app.panels.jobs import JobPanel, waiting_words
 from nvsim_app.panels.stages import EarlierResults, RunningJob, StageBar
 from nvsim_app.panels.training_images import read_picture
 from nvsim_app.panels.training_window import TrainingWindow
+from nvsim_app.state.loading import ChosenFrames
 from nvsim_app.state.reasons import capture_or_job, enabled, with_earlier, with_project_folder, with_training
 from nvsim_app.wiring.part import Dock, Part
 
@@ -65,6 +67,8 @@ class JobsPart(Part):
 
     def docks(self) -> tuple[Dock, ...]:
         w = self.context
+        self._chosen: ChosenFrames | None = None  # frames whose last image is shown in the center
+        self._frame = QImage()
         self.panel = JobPanel(w.jobs)
         self.panel.againWanted.connect(self._open_again)
         w.jobs.heard.connect(self._on_heard)
@@ -199,7 +203,9 @@ class JobsPart(Part):
             window.empty.say(missing, document.contents.missing_verb)
         elif (chosen := document.contents.chosen) is not None:
             sentence = f"{making.title} …\n{chosen.count:,} images chosen so far"
-            window.empty.say(sentence, image=read_picture(chosen.last))
+            if chosen != self._chosen:
+                self._chosen, self._frame = chosen, read_picture(chosen.last)
+            window.empty.say(sentence, image=self._frame)
         else:
             window.empty.say(f"{making.title} …")
 
