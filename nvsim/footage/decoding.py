@@ -6,7 +6,7 @@ phones store in the container.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -53,6 +53,17 @@ def video_facts(path: Path) -> VideoFacts:
         return VideoFacts(int(frames) if np.isfinite(frames) and 0 < frames < 1e8 else 0, rate, width, height)
     finally:
         video.release()
+
+
+def refuse_different_sizes(videos: Sequence[Path]) -> None:
+    """Raises InputError if a file cannot be opened as a video, or if it has another size than the first."""
+    facts = [video_facts(path) for path in videos]
+    for path, one in zip(videos, facts, strict=True):
+        if (one.width, one.height) != (facts[0].width, facts[0].height):
+            raise InputError(
+                f"{path} is {one.width}x{one.height} pixels and another video {facts[0].width}x{facts[0].height}; use "
+                "videos of one camera in one orientation."
+            )
 
 
 def video_frames(path: Path, fastest: float = FASTEST) -> Iterator[VideoFrame]:

@@ -17,6 +17,7 @@ from nvsim.files import atomic
 from nvsim.files.opening import is_regular, read_bytes, read_json
 from nvsim.files.reading import reading
 from nvsim.files.stored_arrays import read_arrays
+from nvsim.footage.decoding import refuse_different_sizes
 from nvsim.footage.fisheye import Fisheye, find_fisheye
 from nvsim.footage.frame_choice import choose_frames, point_positions
 from nvsim.footage.sources import Footage
@@ -102,6 +103,7 @@ def extract_frames(
         found = _read(folder, stamp)
         if found is not None:
             return found
+    refuse_different_sizes(footage.files)
     atomic.make_folder(folder)
     (folder / _LIST).unlink(missing_ok=True)
     names, clips, seconds, blurred = [], [], [], []
@@ -117,11 +119,6 @@ def extract_frames(
     for index, chosen in enumerate(choose_frames(footage.files, count)):
         image = _shrunk(chosen.frame.image)
         height, width = image.shape[:2]
-        if size is not None and size != (width, height):
-            raise InputError(
-                f"{footage.files[chosen.clip]} is {width}x{height} pixels and another video {size[0]}x{size[1]}; "
-                "use videos of one camera in one orientation."
-            )
         size = width, height
         name = f"{chosen.clip}_{chosen.frame.number:06d}.jpg"
         encoded = cv2.imencode(".jpg", image, [cv2.IMWRITE_JPEG_QUALITY, QUALITY])[1]

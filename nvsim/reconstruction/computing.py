@@ -234,10 +234,10 @@ def _computed(request: _Request, tell: Callable[[Progress | Log | Warning], None
     from nvsim.reconstruction.image_sets import store_images
 
     started, footage, folder = time.monotonic(), request.footage, request.folder
-    from nvsim.footage.decoding import video_facts
+    from nvsim.footage.decoding import refuse_different_sizes
 
-    for file in footage.files if footage.kind == "video" else ():
-        video_facts(file)  # raises InputError before anything is written
+    if footage.kind == "video":
+        refuse_different_sizes(footage.files)  # before anything is written
     options = request.options
     if options is not None:
         refuse_unless_cut(footage, options)

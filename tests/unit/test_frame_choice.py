@@ -134,3 +134,4 @@ def test_videos_of_two_sizes_are_refused(tmp_path: Path, halting: Path) -> None:
     small = write_video(tmp_path / "small.avi", [i[:120, :160] for i in images_at(moving(6))])
     with pytest.raises(InputError, match="160x120 pixels and another video 320x240"):
         extract_frames(Footage(tmp_path, "video", (halting, small)), tmp_path / "frames")
+    assert not (tmp_path / "frames").exists()
