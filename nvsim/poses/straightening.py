@@ -2,8 +2,8 @@
 
 Each part gets the scale at which the floor is one camera height below it. Its z axis becomes vertical, and its walls
 become parallel or at right angles to those of other parts. A reconstruction of a rotation in place keeps the rotation
-and loses scale and position. There, the camera is assumed to move on in its viewing direction, at the speed before and
-after.
+and loses scale and position. There, the camera is assumed to move on with the velocity before and after, relative to its
+viewing direction.
 """
 
 from __future__ import annotations
@@ -32,6 +32,7 @@ _LAST = 3  # steps from which the speed of the camera is estimated
 _NEAR = 4  # images of a turn between two whose rotations are compared, at most
 _MISSING = 3  # images between two reconstructions over which the rotation is extrapolated, at most
 _ON_SPOT = 4.0  # degrees between two chosen frames of a camera that rotates in place
+_SLOWING = 20.0  # degrees per second: rotating so fast, people walk at half their speed
 _SLIPPED = 0.4  # logarithm of the scale: parts of one piece do not differ by more
 _LONGEST_TURN, _TURNING = 45, 2.5  # of a rotation in place: images, at most; degrees per image, at least
 _CHECKED = 4  # parts with a floor that are needed to test whether a reconstruction has one scale
@@ -85,7 +86,7 @@ def straightened(models: Sequence[pycolmap.Reconstruction], folder: Path, times:
                 continue
             turn = _turned_on(poses, own)
             own = {n: _placed(pose, turn, 1.0, np.zeros(3), np.zeros(3)) for n, pose in own.items()}
-            start = _dead_reckoned_centers(poses, own, {})[first]
+            start = _dead_reckoned_centers(poses, own, {}, times)[first]
             own = {n: _placed(pose, np.eye(3), 1.0, center_of(own[first]), start) for n, pose in own.items()}
             own_parts = [part.turned(turn, 1.0) for part in own_parts]
         poses |= own
@@ -282,17 +283,17 @@ def _upright(
         here = {n: _placed(given[n], turn, scale, center_of(given[numbers[0]]), np.zeros(3)) for n in numbers}
         between = {n: _placed(given[n], level, 1.0, np.zeros(3), np.zeros(3)) for n in waiting}
         if poses:
-            centers = _dead_reckoned_centers(poses, here, between)
+            centers = _dead_reckoned_centers(poses, here, between, times)
             here = {n: _placed(pose, np.eye(3), 1.0, np.zeros(3), centers[numbers[0]]) for n, pose in here.items()}
         else:
-            centers = _dead_reckoned_centers({}, here, between)
+            centers = _dead_reckoned_centers({}, here, between, times)
         poses |= {n: _centered(pose, centers[n]) for n, pose in between.items()} | here
         parts += [_UprightPart(waiting, -1, np.nan, _UNKNOWN, _UNKNOWN)] if waiting else []
         parts += [part.turned(turn, scale) for part in own]
         waiting = []
     if poses and waiting:
         between = {n: _placed(given[n], level, 1.0, np.zeros(3), np.zeros(3)) for n in waiting}
-        centers = _dead_reckoned_centers(poses, {}, between)
+        centers = _dead_reckoned_centers(poses, {}, between, times)
         poses |= {n: _centered(pose, centers[n]) for n, pose in between.items()}
         parts.append(_UprightPart(waiting, -1, np.nan, _UNKNOWN, _UNKNOWN))
     return poses, parts
@@ -375,36 +376,64 @@ def _turned_on(before: Poses, after: Poses) -> NDArray[np.float64]:
     return np.asarray(Rotation.from_rotvec(yaw * _UP).as_matrix())
 
 
-def _dead_reckoned_centers(before: Poses, after: Poses, between: Poses) -> dict[int, NDArray[np.float64]]:
-    """Camera centers of the images `between` and of the first image of `after`, by dead reckoning.
+def _dead_reckoned_centers(
+    before: Poses, after: Poses, between: Poses, times: NDArray[np.float64]
+) -> dict[int, NDArray[np.float64]]:
+    """Camera centers of the images `between` and of the first image of `after`, by dead reckoning. `times` (N,) are the
+    seconds of image numbers 1 to N.
 
-    The camera moves on from `before` in its viewing direction, and its speed changes evenly. While it rotates, it does
-    not move: a frame is chosen once the image has moved by some degrees, and the rotation accounts for them. If one
-    side is missing, the speed of the other is used."""
+    The camera goes on with its velocity relative to the viewing direction, which changes evenly from that at the end of
+    `before` to that at the start of `after`. It is slower the faster the camera rotates. If one side is missing, the
+    velocity of the other is used."""
     ends = [(before, max(before))] if before else []
     ends += [(after, min(after))] if after else []
-    speeds = [_median_step(poses, at) for poses, at in ends]
+    speeds = [_velocity(poses, at, times) for poses, at in ends]
     poses = {**between, **{at: own[at] for own, at in ends}}
     numbers = sorted(poses)
     first, last = numbers[0], numbers[-1]
     centers = {first: center_of(poses[first]) if before else np.zeros(3)}
     for at, n in zip(numbers, numbers[1:]):
-        ahead = poses[at].rotation.matrix()[2, :2] + poses[n].rotation.matrix()[2, :2]
-        share = (n + at - 2 * first) / 2 / (last - first)
-        turn = rotation_angle(poses[n].rotation.matrix() @ poses[at].rotation.matrix().T) / (n - at)
-        step = (speeds[0] * (1 - share) + speeds[-1] * share) * (n - at) * max(0.0, 1 - turn / _ON_SPOT)
-        centers[n] = centers[at] + step * np.append(ahead / max(float(np.linalg.norm(ahead)), 1e-9), 0.0)
+        step = _Step(poses[at], poses[n], float(times[n - 1] - times[at - 1]))
+        share = ((times[n - 1] + times[at - 1]) / 2 - times[first - 1]) / max(times[last - 1] - times[first - 1], 1e-9)
+        velocity = step.slowness * (speeds[0] * (1 - share) + speeds[-1] * share)
+        centers[n] = centers[at] + step.seconds * np.append(velocity @ step.axes, 0.0)
     if not before:  # shift the centers so that they end at the start of `after`
         off = center_of(poses[last]) - centers[last]
         centers = {n: center + off for n, center in centers.items()}
     return centers
 
 
-def _median_step(poses: Poses, at: int) -> float:
-    """The median step per image of the images nearest to image `at`."""
+@dataclass(frozen=True, eq=False)
+class _Step:
+    """The way from a pose to the next of an upright video, and its duration in seconds."""
+
+    one: pycolmap.Rigid3d
+    other: pycolmap.Rigid3d
+    seconds: float
+
+    @property
+    def axes(self) -> NDArray[np.float64]:
+        """(2, 2) horizontal unit vectors, in its rows: ahead and to the right."""
+        x, y = self.one.rotation.matrix()[2, :2] + self.other.rotation.matrix()[2, :2]
+        return np.array([[x, y], [y, -x]]) / max(float(np.hypot(x, y)), 1e-9)
+
+    @property
+    def slowness(self) -> float:
+        """Usual speed of a camera that rotates like this, as a share of the speed without rotation."""
+        turned = rotation_angle(self.other.rotation.matrix() @ self.one.rotation.matrix().T)
+        return 1 / (1 + turned / max(self.seconds, 1e-9) / _SLOWING)
+
+
+def _velocity(poses: Poses, at: int, times: NDArray[np.float64]) -> NDArray[np.float64]:
+    """(2,) velocity ahead and to the right, per second, if the camera did not rotate: the median of the steps between
+    the images nearest to image `at`."""
     near = sorted(sorted(poses, key=lambda n: abs(n - at))[: _LAST + 1])
-    steps = [np.linalg.norm(center_of(poses[j]) - center_of(poses[i])) / (j - i) for i, j in zip(near, near[1:])]
-    return float(np.median(steps)) if steps else 0.0
+    own = []
+    for i, j in zip(near, near[1:]):
+        step = _Step(poses[i], poses[j], float(times[j - 1] - times[i - 1]))
+        moved = (center_of(poses[j]) - center_of(poses[i]))[:2] / max(step.seconds, 1e-9)
+        own.append(step.axes @ moved / step.slowness)
+    return np.median(own, axis=0) if own else np.zeros(2)
 
 
 def _solved(poses: Poses, parts: list[_UprightPart]) -> Poses:
