@@ -2,8 +2,8 @@
 
 Each part gets the scale at which the floor is one camera height below it. Its z axis becomes vertical, and its walls
 become parallel or at right angles to those of other parts. A reconstruction of a rotation in place keeps the rotation
-and loses scale and position. There, the camera is assumed to move on with the velocity before and after, relative to its
-viewing direction.
+and loses scale and position. There, the camera is assumed to move on with the velocity before and after, relative to
+its viewing direction.
 """
 
 from __future__ import annotations
