@@ -22,6 +22,7 @@ from nvsim.reconstruction.report import PosesReport, WeakPlace, write_report
 from nvsim_app.jobs.queries import result_of
 from nvsim_app.look.colors import submap_color
 from nvsim_app.look.labels import Label
+from nvsim_app.look.plain_text import in_window
 from nvsim_app.painting import cameras
 from nvsim_app.panels.details import DetailsPanel
 from nvsim_app.panels.new_project import NewProjectDialog
@@ -96,6 +97,10 @@ def test_a_video_that_cannot_be_decoded_is_refused_by_the_check() -> None:
     result = result_of(json.dumps({"refused": False, "findings": [unknown], "videos": [video, video]}))
     assert result.assumes_scale and not result.wants_scale
     assert result.sentence.startswith("These 2 videos can be used.") and result.sentence.endswith("in camera heights.")
+    assert in_window(SCALE_IN_HEIGHTS) == (  # a known length has no field: it is measured in the imported capture
+        "lengths are in camera heights of 1.5 m; set Camera height; after the import, you can also measure a known "
+        "length"
+    )
     with pytest.raises(ValueError, match="not a data check"):
         result_of(json.dumps({"refused": False, "findings": [], "videos": [{"name": "y.mp4"}]}))
 

@@ -88,6 +88,10 @@ _LABELS = {verb: row.title for verb, row in WORK.items()} | {
 _PHRASES = (
     (re.compile(r"; --model 1(?: to \d+)? imports another piece"), "; the list of pieces imports another one"),
     (re.compile(r"or continue with one piece by --model [^.]*"), "or choose one of the pieces"),
+    (
+        re.compile(r" METERS or --known-length, or measure a known length in the window"),
+        "; after the import, you can also measure a known length",
+    ),
     (re.compile(r"with --force"), "by selecting that in the form"),
 )
 _VALUE = (
