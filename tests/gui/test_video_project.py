@@ -98,7 +98,7 @@ def test_a_video_that_cannot_be_decoded_is_refused_by_the_check() -> None:
     assert result.assumes_scale and not result.wants_scale
     assert result.sentence.startswith("These 2 videos can be used.") and result.sentence.endswith("in camera heights.")
     assert in_window(SCALE_IN_HEIGHTS) == (  # a known length has no field: it is measured in the imported capture
-        "lengths are in camera heights of 1.5 m; set Camera height; after the import, you can also measure a known "
+        "lengths are in camera heights of 1.5 m; set “Camera height”; after the import, you can also measure a known "
         "length"
     )
     with pytest.raises(ValueError, match="not a data check"):
