@@ -28,11 +28,12 @@ from nvsim.poses.two_views import TwoViews
 
 _LENGTH = 12  # images of a part
 _LINED = 4  # images of a part in which lines are detected
-_LAST = 3  # steps from which the speed of the camera is estimated
+_LAST, _FEWEST = 0.7, 3  # seconds, and images at least, from which the velocity of the camera is estimated
 _NEAR = 4  # images of a turn between two whose rotations are compared, at most
 _MISSING = 3  # images between two reconstructions over which the rotation is extrapolated, at most
 _ON_SPOT = 4.0  # degrees between two chosen frames of a camera that rotates in place
-_SLOWING = 20.0  # degrees per second: rotating so fast, people walk at half their speed
+_SLOWING = 25.0  # degrees per second: rotating so fast, people walk at half their speed
+_FASTER = 2.0  # largest ratio of an assumed speed to the measured one
 _SLIPPED = 0.4  # logarithm of the scale: parts of one piece do not differ by more
 _LONGEST_TURN, _TURNING = 45, 2.5  # of a rotation in place: images, at most; degrees per image, at least
 _CHECKED = 4  # parts with a floor that are needed to test whether a reconstruction has one scale
@@ -387,7 +388,7 @@ def _dead_reckoned_centers(
     velocity of the other is used."""
     ends = [(before, max(before))] if before else []
     ends += [(after, min(after))] if after else []
-    speeds = [_velocity(poses, at, times) for poses, at in ends]
+    known = [_velocity(poses, at, times) for poses, at in ends]
     poses = {**between, **{at: own[at] for own, at in ends}}
     numbers = sorted(poses)
     first, last = numbers[0], numbers[-1]
@@ -395,7 +396,9 @@ def _dead_reckoned_centers(
     for at, n in zip(numbers, numbers[1:]):
         step = _Step(poses[at], poses[n], float(times[n - 1] - times[at - 1]))
         share = ((times[n - 1] + times[at - 1]) / 2 - times[first - 1]) / max(times[last - 1] - times[first - 1], 1e-9)
-        velocity = step.slowness * (speeds[0] * (1 - share) + speeds[-1] * share)
+        now = _usual_speed(step.turned / max(step.seconds, 1e-9))
+        one, other = (velocity * min(_FASTER, now / usual) for velocity, usual in (known[0], known[-1]))
+        velocity = one * (1 - share) + other * share
         centers[n] = centers[at] + step.seconds * np.append(velocity @ step.axes, 0.0)
     if not before:  # shift the centers so that they end at the start of `after`
         off = center_of(poses[last]) - centers[last]
@@ -418,22 +421,28 @@ class _Step:
         return np.array([[x, y], [y, -x]]) / max(float(np.hypot(x, y)), 1e-9)
 
     @property
-    def slowness(self) -> float:
-        """Usual speed of a camera that rotates like this, as a share of the speed without rotation."""
-        turned = rotation_angle(self.other.rotation.matrix() @ self.one.rotation.matrix().T)
-        return 1 / (1 + turned / max(self.seconds, 1e-9) / _SLOWING)
+    def turned(self) -> float:
+        """Rotation in degrees."""
+        return rotation_angle(self.other.rotation.matrix() @ self.one.rotation.matrix().T)
 
 
-def _velocity(poses: Poses, at: int, times: NDArray[np.float64]) -> NDArray[np.float64]:
-    """(2,) velocity ahead and to the right, per second, if the camera did not rotate: the median of the steps between
-    the images nearest to image `at`."""
-    near = sorted(sorted(poses, key=lambda n: abs(n - at))[: _LAST + 1])
-    own = []
-    for i, j in zip(near, near[1:]):
-        step = _Step(poses[i], poses[j], float(times[j - 1] - times[i - 1]))
-        moved = (center_of(poses[j]) - center_of(poses[i]))[:2] / max(step.seconds, 1e-9)
-        own.append(step.axes @ moved / step.slowness)
-    return np.median(own, axis=0) if own else np.zeros(2)
+def _velocity(poses: Poses, at: int, times: NDArray[np.float64]) -> tuple[NDArray[np.float64], float]:
+    """(2,) velocity ahead and to the right, per second, and the usual speed of a camera that rotates like there: means
+    over the images next to image `at`. They are many enough that errors of their places matter little."""
+    near = sorted(poses, key=lambda n: abs(n - at))
+    near = sorted(n for k, n in enumerate(near) if k < _FEWEST or abs(times[n - 1] - times[at - 1]) <= _LAST)
+    steps = [_Step(poses[i], poses[j], float(times[j - 1] - times[i - 1])) for i, j in zip(near, near[1:])]
+    seconds = sum(step.seconds for step in steps)
+    if seconds <= 0:
+        return np.zeros(2), 1.0
+    moved = [step.axes @ (center_of(step.other) - center_of(step.one))[:2] for step in steps]
+    turned = sum(step.turned for step in steps)
+    return np.sum(moved, axis=0) / seconds, _usual_speed(turned / seconds)
+
+
+def _usual_speed(rate: float) -> float:
+    """Usual speed of a camera that rotates by `rate` degrees per second, as a share of that without rotation."""
+    return 1 / (1 + (rate / _SLOWING) ** 4)
 
 
 def _solved(poses: Poses, parts: list[_UprightPart]) -> Poses:
