@@ -102,14 +102,18 @@ class RememberedNormals:
         return self._seen[key].astype(np.float32)
 
 
-def scores(pairs: list[tuple[Mask, Mask]]) -> tuple[str, str, str]:
-    """Mean IoU over frames with at least 1 % of true floor, and precision and recall over all their pixels. `pairs` has
-    the predicted and the true mask of the counted pixels (N,) of each frame."""
+def scores(pairs: list[tuple[Mask, Mask]]) -> tuple[str, str, str, str]:
+    """Mean IoU over frames with at least 1 % of true floor, precision and recall over all their pixels, and the mean
+    share of pixels that are called floor in the other frames ("" if there are none). `pairs` has the predicted and the
+    true mask of the counted pixels (N,) of each frame; frames without counted pixels are skipped."""
+    pairs = [(m, t) for m, t in pairs if len(t)]
     counted = [(m, t) for m, t in pairs if t.mean() >= 0.01]
+    without = [m.mean() for m, t in pairs if t.mean() < 0.01]
     hits = sum(int((m & t).sum()) for m, t in counted)
     found, true = (sum(int(pair[k].sum()) for pair in counted) for k in (0, 1))
     ious = [(m & t).sum() / max(1, (m | t).sum()) for m, t in counted]
-    return f"{np.mean(ious):.3f}", f"{hits / max(1, found):.3f}", f"{hits / max(1, true):.3f}"
+    wrong = f"{np.mean(without):.3f}" if without else ""
+    return f"{np.mean(ious):.3f}", f"{hits / max(1, found):.3f}", f"{hits / max(1, true):.3f}", wrong
 
 
 def main() -> None:
@@ -160,7 +164,7 @@ def main() -> None:
                         flat = faces.normals(image, camera)[..., 2] >= 0.9
                         found.setdefault("normals alone", []).append((flat[known], right[known]))
             rows += [(name, who, *scores(pairs)) for who, pairs in found.items()]
-    terminal.table(("scan", "masks by", "IoU", "precision", "recall"), rows, a.project.name)
+    terminal.table(("scan", "masks by", "IoU", "precision", "recall", "floor where none is"), rows, a.project.name)
 
 
 if __name__ == "__main__":
