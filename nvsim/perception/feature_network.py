@@ -21,7 +21,7 @@ class FeatureNetwork:
         self._chain, self._result, self.name = chain, chain.description.result, name
 
     def find(self, image: Image, most: int, usable: NDArray[np.bool_] | None = None) -> Features:
-        """See FeatureFinder. Raises InputError if the network gives keypoints and descriptors of different numbers."""
+        """The `most` distinct features of `image` (H, W, 3) uint8 RGB on `usable` pixels (H, W). Raises InputError if the network gives keypoints and descriptors of different numbers."""
         shown = self._chain.show(image)
         keypoints = self._chain.value(shown.values, self._result.value).reshape(-1, 2)
         looks = self._chain.value(shown.values, self._result.descriptors)
@@ -44,7 +44,7 @@ class FeatureNetwork:
 
     def match(self, one: Features, other: Features) -> NDArray[np.int64]:
         """(M, 2) int64 pairs of features of two images, by the matcher of the model. Without one, nearest descriptors
-        match."""
+        match. Raises InputError if the number of matches is wrong."""
         if not self._result.matches:
             return match_features(one, other)
         if not len(one) or not len(other):
