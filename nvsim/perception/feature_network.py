@@ -21,7 +21,9 @@ class FeatureNetwork:
         self._chain, self._result, self.name = chain, chain.description.result, name
 
     def find(self, image: Image, most: int, usable: NDArray[np.bool_] | None = None) -> Features:
-        """The `most` distinct features of `image` (H, W, 3) uint8 RGB on `usable` pixels (H, W). Raises InputError if the network gives keypoints and descriptors of different numbers."""
+        """The `most` distinct features of `image` (H, W, 3) uint8 RGB on `usable` pixels (H, W).
+
+        Raises InputError if the network gives keypoints, descriptors, and scores of different numbers."""
         shown = self._chain.show(image)
         keypoints = self._chain.value(shown.values, self._result.value).reshape(-1, 2)
         looks = self._chain.value(shown.values, self._result.descriptors)
