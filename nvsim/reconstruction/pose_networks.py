@@ -45,9 +45,11 @@ class PoseNetworks:
         return any(name not in ("", NONE) for name in (self.features, self.people))
 
     def refuse_for_poses(self, source: Path) -> None:
-        """Raises InputError if a network is selected, because `source` has poses."""
+        """Raises InputError if a network is selected, because `source` needs no poses."""
         if self.is_given:
-            raise InputError(f"{source} has poses, so --features and --people do not apply; omit them.")
+            raise InputError(
+                f"{source} is not a video or photographs without poses, so --features and --people do not apply; omit them."
+            )
 
     def kept(self, before: tuple[Digest, ...]) -> PoseNetworks:
         """These names, with those of earlier poses where none is given."""
