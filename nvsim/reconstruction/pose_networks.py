@@ -48,7 +48,8 @@ class PoseNetworks:
         """Raises InputError if a network is selected, because `source` needs no poses."""
         if self.is_given:
             raise InputError(
-                f"{source} is not a video or photographs without poses, so --features and --people do not apply; omit them."
+                f"{source} is not a video or photographs without poses, so --features and --people do not apply; "
+                "omit them."
             )
 
     def kept(self, before: tuple[Digest, ...]) -> PoseNetworks:
