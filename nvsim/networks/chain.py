@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from nvsim.errors import InputError
 from nvsim.files.reading import reading
 from nvsim.networks.binding import BoundTensor, bind, describe_nodes
-from nvsim.networks.description import OF_PROMPTS, Constant, Description, Scheduler, Step
+from nvsim.networks.description import OF_PAIRS, OF_PROMPTS, Constant, Description, Scheduler, Step
 from nvsim.networks.image_preparation import Image, Placement, Preparation
 from nvsim.networks.onnx_session import TYPES, Node, Provider, SharedFile, providers, shared_file
 
@@ -106,10 +106,10 @@ class Chain:
         runs = [_bound(step, self.paths[step.file], files[step.file]) for step in description.steps]
         self.images = _sized(description, runs)
         self._ddim = {name: Ddim(scheduler) for name, scheduler in description.schedulers.items()}
-        # Steps that depend on a prompt run once per prompt; all others run once per image.
+        # Steps that depend on a prompt or a pair run once for each of them; all others run once per image.
         self._once: list[_BoundStep] = []
         self._each: list[_BoundStep] = []
-        prompted = set(OF_PROMPTS)
+        prompted = {*OF_PROMPTS, *OF_PAIRS}
         for run in runs:
             if any(prompted.intersection(b.tensor.values) for b in run.inputs):
                 prompted |= {v for b in run.outputs for v in b.tensor.values}
@@ -136,10 +136,11 @@ class Chain:
             self._run(run, values)
         return ProcessedImage(image, values, placements)
 
-    def ask(self, shown: ProcessedImage, given: Mapping[str, NDArray[Any]]) -> Values:
-        """Every value for a prompt, by name. `given` holds the prompt: points (K, 2) float32 in pixel indices of the
-        network's image, and labels (K,) float32."""
-        values = {**shown.values, **given}
+    def ask(self, shown: ProcessedImage | None, given: Mapping[str, NDArray[Any]]) -> Values:
+        """Every value for a prompt or a pair of images, by name. `given` holds the prompt: points (K, 2) float32 in
+        pixel indices of the network's image, and labels (K,) float32. For a pair, it holds the values that
+        `description.OF_PAIRS` lists, and `shown` is None."""
+        values = {**(shown.values if shown is not None else {}), **given}
         for run in self._each:
             self._run(run, values)
         return values

@@ -1,7 +1,7 @@
 """The description of a model: its files, their inputs and outputs, and the meaning of the outputs.
 
-A model has one role: floor by appearance ("semantic"), surface normals ("normals"), or the region at points
-("prompted").
+A model has one role: floor by appearance ("semantic"), surface normals ("normals"), the region at points ("prompted"),
+or keypoints with descriptors and their matches ("features").
 """
 
 from __future__ import annotations
@@ -11,7 +11,7 @@ from typing import Literal
 
 from nvsim.networks.image_preparation import Preparation
 
-Role = Literal["semantic", "normals", "prompted"]
+Role = Literal["semantic", "normals", "prompted", "features"]
 Meaning = Literal["logits", "probabilities", "labels"]
 Direction = Literal["right", "left", "down", "up", "forward", "backward"]
 Kind = Literal["", "float", "int"]
@@ -25,6 +25,22 @@ The points and labels of a prompt, the height and width of the image, the timest
 it is rotated to level."""
 
 OF_PROMPTS = ("points", "labels")
+OF_PAIRS = tuple(f"{name}_{k}" for name in ("keypoints", "centered", "descriptors", "size") for k in (0, 1))
+"""Values of two images that a matcher can use, float32.
+
+keypoints_0    (1, N, 2) pixels; the center of the first pixel is at 0
+centered_0     (1, N, 2) distance from the image center over half the longer side, as LightGlue normalizes keypoints
+descriptors_0  (1, N, D)
+size_0         (1, 2) width and height, pixels
+"""
+
+
+def given_values(role: Role) -> tuple[str, ...]:
+    """Names of the values that NVSim gives to the steps of a model with this role."""
+    if role == "prompted":
+        return tuple(name for name in GIVEN if name != "rays")
+    known = tuple(name for name in GIVEN if name not in OF_PROMPTS)
+    return (*(name for name in known if name != "rays"), *OF_PAIRS) if role == "features" else known
 
 
 @dataclass(frozen=True)
@@ -127,6 +143,7 @@ class FloorResult:
     """classes   number of classes in the output; 1 if the network detects floor only. If the output has one more
               channel, the first is the background
     floor     indices of the classes that are floor
+    people    indices of the classes that are people, empty if there are none
     scores    the value with the quality of each of several floor masks, of which the best is used; "" for a single mask
     """
 
@@ -137,6 +154,7 @@ class FloorResult:
     classes: int = 1
     floor: tuple[int, ...] = (0,)
     scores: str = ""
+    people: tuple[int, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -171,7 +189,28 @@ class MaskResult:
     single: Literal["skip", "best", "first"] = "skip"
 
 
-Result = FloorResult | NormalsResult | MaskResult
+@dataclass(frozen=True)
+class FeaturesResult:
+    """value         the value with the keypoints (1, N, 2): pixels of the image, the center of the first pixel at 0, or
+                  -1 to 1 from the first to the last pixel of each axis
+    descriptors   the value with their descriptors (1, N, D)
+    scores        the value with their scores (1, N), "" if the best keypoints are first
+    matches       the value with the matches of two images: (M, 2) indices, or for each keypoint of the first image the
+                  index in the second, -1 without a match. "" if the model does not match
+    match_scores  the value with the scores of the rows of `matches`, "" if there is none. Scores below
+                  `least` are no match
+    """
+
+    value: str
+    image: str
+    descriptors: str
+    scores: str = ""
+    matches: str = ""
+    match_scores: str = ""
+    least: float = 0.1
+
+
+Result = FloorResult | NormalsResult | MaskResult | FeaturesResult
 
 
 @dataclass(frozen=True)
@@ -202,11 +241,13 @@ ROLE_WORDS: dict[Role, str] = {
     "semantic": "floor segmentation",
     "normals": "surface normals",
     "prompted": "segmentation at points",
+    "features": "keypoints and their matches",
 }
 IMPROVES: dict[Role, str] = {
     "semantic": "floor masks: holes of a LiDAR scan, and captures without one (`nvsim floors --provider auto`)",
     "normals": "the paper's normals of the map (`nvsim map --normal-source network`), and hybrid floor masks",
     "prompted": "corrections of masks by points, and the last step of hybrid floor masks",
+    "features": "camera poses of videos and photographs (`nvsim poses --features NAME`)",
 }
 SINGLE_FILES = {
     "lpips": "LPIPS among the metrics of `nvsim evaluate views`",

@@ -42,6 +42,11 @@ class Placement:
         placed = np.asarray(points, float) * factor + (self.left, self.top) - 0.5
         return placed.astype(np.float32)
 
+    def image_points(self, points: NDArray[np.floating]) -> NDArray[np.float64]:
+        """(K, 2) float64 pixels of the image, from pixel indices (K, 2) in the network's image: inverse of `points`."""
+        factor = np.array([self.wide / self.width, self.high / self.height])
+        return np.asarray((np.asarray(points, float) + 0.5 - (self.left, self.top)) / factor)
+
     def back(self, values: NDArray[Any]) -> NDArray[np.float32]:
         """(..., height, width) float32 from `values` (..., h, w) that cover the network's image. Padding is cut off,
         and values are interpolated linearly."""

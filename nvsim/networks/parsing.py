@@ -9,11 +9,10 @@ from typing import Any, TypeVar, get_args
 
 from nvsim.errors import InputError
 from nvsim.networks.description import (
-    GIVEN,
-    OF_PROMPTS,
     Constant,
     Description,
     Direction,
+    FeaturesResult,
     File,
     FloorResult,
     Frame,
@@ -27,6 +26,7 @@ from nvsim.networks.description import (
     Scheduler,
     Step,
     Tensor,
+    given_values,
 )
 from nvsim.networks.image_preparation import preparation_in
 from nvsim.networks.toml_table import TomlTable
@@ -155,6 +155,11 @@ def _result(table: TomlTable, role: Role) -> Result:
     if role == "prompted":
         single = table.one_of("single", ("skip", "best", "first"), MaskResult.single)
         result = MaskResult(value, image, table.word("scores", ""), single)
+    elif role == "features":
+        result = FeaturesResult(
+            value, image, table.word("descriptors"), table.word("scores", ""), table.word("matches", ""),
+            table.word("match_scores", ""), table.number("least", FeaturesResult.least),
+        )  # fmt: skip
     elif role == "normals":
         result = NormalsResult(
             value, image, _axes(table), _channels_last(table), table.flag("halved", False),
@@ -166,7 +171,7 @@ def _result(table: TomlTable, role: Role) -> Result:
         floor = table.wholes("floor", classes - 1, (0,) if classes == 1 else None)
         result = FloorResult(
             value, image, table.one_of("meaning", get_args(Meaning)), _channels_last(table), classes, floor,
-            table.word("scores", ""),
+            table.word("scores", ""), table.wholes("people", classes - 1, ()),
         )  # fmt: skip
     table.refuse_others()
     return result
@@ -195,8 +200,7 @@ def _check(d: Description, path: Path) -> None:
     if not d.files or not d.images or not d.steps:
         missing = "files" if not d.files else "images" if not d.images else "steps"
         raise InputError(f"{path}: {missing} is missing; a description has files, images, steps and result.")
-    given = [name for name in GIVEN if (name not in OF_PROMPTS if d.role != "prompted" else name != "rays")]
-    known = (*d.images, *d.constants, *given)
+    known = (*d.images, *d.constants, *given_values(d.role))
     for constant in d.constants.values():
         if constant.like:  # it is created when that value exists
             need(constant.like, tuple(v for s in d.steps for t in s.outputs for v in t.values), "the value")
@@ -215,8 +219,8 @@ def _check(d: Description, path: Path) -> None:
     need(result.value, known, "the value")
     if result.image or not isinstance(result, MaskResult):
         need(result.image, tuple(d.images), "the image")
-    more = {"scores": getattr(result, "scores", ""), "there": getattr(result, "there", "")}
-    for name in filter(None, more.values()):
-        need(name, known, "the value")
+    for key in ("scores", "there", "descriptors", "matches", "match_scores"):
+        if getattr(result, key, ""):
+            need(getattr(result, key), known, "the value")
     if d.points is not None and d.points.image:
         need(d.points.image, tuple(d.images), "the image")

@@ -14,6 +14,7 @@ from nvsim.files.reading import reading
 from nvsim.geometry.camera import Camera, Intrinsics, camera_pose
 from nvsim.networks.chain import Chain
 from nvsim.networks.installed import InstalledModel
+from nvsim.perception.feature_network import FeatureNetwork
 from nvsim.perception.normals_network import NormalsNetwork
 from nvsim.perception.prompted_network import PromptedNetwork
 from nvsim.perception.semantic_network import SemanticNetwork
@@ -85,5 +86,9 @@ def _answer(chain: Chain) -> str:
         if not there.any():
             raise InputError(f"{path} finds no surface in a test image; check the range of its images.")
         return f"{float((normals[there][:, 2] > 0.9).mean()):.0%} of a test image is horizontal"
+    if role == "features":
+        network = FeatureNetwork(chain, "")
+        features = network.find(image, 1000)
+        return f"{len(features)} keypoints on a test image, {len(network.match(features, features))} of them matched"
     mask = PromptedNetwork(chain).mask(image, np.array([[width / 2, height * 0.8]]), camera)
     return f"a region of {float(mask.mean()):.0%} at a point of a test image"

@@ -1,9 +1,13 @@
-"""Image features: SIFT keypoints (Lowe 2004), compared as RootSIFT (Arandjelovic and Zisserman 2012)."""
+"""Image features: SIFT keypoints (Lowe 2004), compared as RootSIFT (Arandjelovic and Zisserman 2012).
+
+A network can replace SIFT; see FeatureFinder.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from typing import Any, Protocol
 
 import cv2
 import numpy as np
@@ -11,7 +15,8 @@ from numpy.typing import NDArray
 
 MOST = 1000  # features of an image
 _CONTRAST = 0.02
-_BORDER = 9  # pixels next to unusable ones that are skipped; the edge of a mask is not an edge of the building
+BORDER = 9
+"""Pixels. Features within half of it of unusable pixels are skipped; the edge of a mask is no edge of the building."""
 _RATIO = 0.8  # distance to the best match over the distance to the second best
 _AT_ONCE = 256  # vectors that are compared with all others at once, so that the products stay in the processor's cache
 
@@ -21,11 +26,16 @@ class Features:
     """The features of an image, the most distinct first.
 
     places       (N, 2) float64, pixels; (0.5, 0.5) is the center of the first pixel
-    descriptors  (N, 128) uint8, compact because the descriptors of all images are in memory
+    descriptors  (N, 128) uint8 of SIFT, or (N, D) float16 unit vectors of a network. They are compact because the
+                 descriptors of all images are in memory
+    matcher      the network that matches these features, None if the nearest descriptors match
+    size         width and height of the image in pixels, for the matcher
     """
 
     places: NDArray[np.float64]
-    descriptors: NDArray[np.uint8]
+    descriptors: NDArray[Any]
+    matcher: Matcher | None = None
+    size: tuple[int, int] = (0, 0)
 
     def __len__(self) -> int:
         return len(self.places)
@@ -36,7 +46,21 @@ class Features:
 
     def at(self, rows: slice | NDArray[np.int64]) -> Features:
         """The features at `rows`: a slice or indices (M,)."""
-        return Features(self.places[rows], self.descriptors[rows])
+        return replace(self, places=self.places[rows], descriptors=self.descriptors[rows])
+
+
+Matcher = Callable[[Features, Features], NDArray[np.int64]]
+"""Function that gives the pairs (M, 2) int64 of features of two images."""
+
+
+class FeatureFinder(Protocol):
+    """Finds features in place of SIFT. `name` is its name for users."""
+
+    name: str
+
+    def find(self, image: NDArray[np.uint8], most: int, usable: NDArray[np.bool_] | None = None) -> Features:
+        """The `most` distinct features of `image` (H, W, 3) uint8 RGB. `usable` (H, W) selects pixels; None
+        uses all."""
 
 
 NOTHING = Features(np.zeros((0, 2)), np.zeros((0, 128), np.uint8))
@@ -51,7 +75,7 @@ def find_features(
     """Finds the features of `image` (H, W, 3) uint8 RGB. `usable` (H, W) selects pixels; None uses all pixels. A lower
     `contrast` finds more features on plain walls."""
     finder = cv2.SIFT.create(most, contrastThreshold=contrast)
-    mask = None if usable is None else cv2.erode(usable.astype(np.uint8), np.ones((_BORDER, _BORDER), np.uint8))
+    mask = None if usable is None else cv2.erode(usable.astype(np.uint8), np.ones((BORDER, BORDER), np.uint8))
     keys, found = finder.detectAndCompute(cv2.cvtColor(image, cv2.COLOR_RGB2GRAY), mask)
     if found is None or not len(keys):
         return NOTHING
@@ -61,9 +85,11 @@ def find_features(
 
 
 def match_features(one: Features, other: Features) -> NDArray[np.int64]:
-    """(M, 2) int64 pairs of features of two images that are each other's best match and clearly better than the second
-    best."""
-    return match_descriptors(root_sift(one), root_sift(other), _RATIO)
+    """(M, 2) int64 pairs of features of two images: those of their matcher. Without one, those that are each other's
+    best match and clearly better than the second best."""
+    if one.matcher is not None:
+        return one.matcher(one, other)
+    return match_descriptors(unit_vectors(one), unit_vectors(other), _RATIO)
 
 
 def match_descriptors(
@@ -72,7 +98,7 @@ def match_descriptors(
     ratio: float,
     allowed: Callable[[slice], NDArray[np.bool_]] | None = None,
 ) -> NDArray[np.int64]:
-    """(M, 2) int64 pairs of unit vectors (N, 128) that are each other's nearest, and nearer than `ratio` times the
+    """(M, 2) int64 pairs of unit vectors (N, D) that are each other's nearest, and nearer than `ratio` times the
     second nearest. `allowed` gives, for a slice of `one`, the vectors of `other` that are compared, (n, N2) bool; None
     compares all."""
     if len(one) < 2 or len(other) < 2:
@@ -100,7 +126,10 @@ def match_descriptors(
     return np.stack([np.flatnonzero(clear), best[clear]], axis=1)
 
 
-def root_sift(features: Features) -> NDArray[np.float32]:
-    """(N, 128) RootSIFT: unit vectors, the square roots of the descriptors divided by their sums."""
+def unit_vectors(features: Features) -> NDArray[np.float32]:
+    """(N, D) the descriptors as unit vectors. Those of SIFT become RootSIFT: square roots of the descriptors divided by
+    their sums."""
+    if features.descriptors.dtype != np.uint8:
+        return features.descriptors.astype(np.float32)
     values = features.descriptors.astype(np.float32)
     return np.asarray(np.sqrt(values / np.maximum(values.sum(axis=1, keepdims=True), 1e-9)), np.float32)

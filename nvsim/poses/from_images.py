@@ -1,13 +1,13 @@
 """Camera poses of images that have none: features, matches, focal length, verification, global mapping, loops.
 
 This is structure from motion on the CPU with pycolmap. Tracked points carry weak texture from frame to frame of a
-video. SIFT features match frames that show a place again later.
+video. Features match frames that show a place again later: those of SIFT, or of a network that measures better.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import cv2
@@ -16,7 +16,8 @@ import pycolmap
 from numpy.typing import NDArray
 
 from nvsim.errors import InputError
-from nvsim.poses.features import NOTHING, Features, find_features
+from nvsim.poses.feature_comparison import FeatureComparison, compare_features
+from nvsim.poses.features import NOTHING, FeatureFinder, Features, find_features
 from nvsim.poses.focal_length import estimate_focal_length
 from nvsim.poses.guided_matching import guided_pairs
 from nvsim.poses.image_pairs import ALIKE, neighbor_pairs, similar_pairs
@@ -93,6 +94,7 @@ class FoundPoses:
     loops      number of matched image pairs far apart in time that agree
     left_out   names of images without a pose in the largest piece
     upright    for each model, whether z is up and its unit is the height of the cameras above the floor
+    compared   how SIFT and the features of a network compare, None if no network was given
     """
 
     models: tuple[pycolmap.Reconstruction, ...]
@@ -101,6 +103,7 @@ class FoundPoses:
     loops: int
     left_out: tuple[str, ...]
     upright: tuple[bool, ...]
+    compared: FeatureComparison | None = None
 
     @property
     def model(self) -> pycolmap.Reconstruction:
@@ -118,10 +121,18 @@ def find_poses(
     folder: Path,
     report_progress: ProgressCallback = lambda step, done, total: None,
     placed: Placed = lambda models: None,
+    network: FeatureFinder | None = None,
 ) -> FoundPoses:
     """Computes the poses of `images`. Intermediate files are written to `folder`. `placed` receives the intermediate
-    reconstructions. Raises InputError if the images have too little in common."""
+    reconstructions. The features are those of SIFT, or those of a `network` if they measure better on a sample of
+    pairs. Raises InputError if the images have too little in common."""
     features = features_of_all(images, report_progress)
+    compared = None
+    if network is not None:
+        report_progress("comparison", 0, 1)
+        compared = compare_features(images, features, network, lambda i: _features_of(images, i, network))
+        if compared.is_network_used:
+            features = features_of_all(images, report_progress, network)
     keypoints = keypoints_of(images, features)
     path = folder / "database.db"
     write_database(path, images, keypoints)
@@ -147,7 +158,8 @@ def find_poses(
         off = max(abs(cameras[k].mean_focal_length() / before[k].mean_focal_length() - 1) for k in cameras)
         if off < _FOCAL_OFF:
             break
-    return _finished(models, _MappingInputs(images, keypoints, similar, views, path, folder, report_progress), placed)
+    inputs = _MappingInputs(images, keypoints, similar, views, path, folder, report_progress)
+    return replace(_finished(models, inputs, placed), compared=compared)
 
 
 @dataclass(frozen=True, eq=False)
@@ -382,13 +394,13 @@ def _adjusted(
     return model
 
 
-def features_of_all(images: ImageSet, report_progress: ProgressCallback) -> list[Features]:
-    """The features of each image, empty for an image that cannot be read."""
+def features_of_all(
+    images: ImageSet, report_progress: ProgressCallback, network: FeatureFinder | None = None
+) -> list[Features]:
+    """The features of each image, of SIFT or of a `network`. They are empty for an image that cannot be read."""
     found: list[Features] = []
-    usable = [images.usable[k] if images.usable else None for k in images.camera.tolist()]
-    most = _FEATURES if images.ordered or images.rig else _features_of_photograph(len(images.names))
     with thread_pool() as pool:
-        for features in pool.map(lambda name, own: _features_of(images.folder / name, own, most), images.names, usable):
+        for features in pool.map(lambda i: _features_of(images, i, network), range(len(images.names))):
             found.append(features)
             report_progress("features", len(found), len(images.names))
     return found
@@ -400,15 +412,18 @@ def _features_of_photograph(count: int) -> int:
     return int(np.clip((_COMPARISONS / max(pairs, 1)) ** 0.5, _FEATURES, _FEATURES_OF_PHOTOGRAPH))
 
 
-def _features_of(path: Path, usable: NDArray[np.bool_] | None, most: int) -> Features:
-    image = cv2.imread(str(path), cv2.IMREAD_COLOR)
+def _features_of(images: ImageSet, index: int, network: FeatureFinder | None) -> Features:
+    image = cv2.imread(str(images.folder / images.names[index]), cv2.IMREAD_COLOR)
     if image is None:
         return NOTHING
-    found = find_features(np.asarray(cv2.cvtColor(image, cv2.COLOR_BGR2RGB)), most, usable, _CONTRAST)
+    rgb, usable = np.asarray(cv2.cvtColor(image, cv2.COLOR_BGR2RGB), np.uint8), images.usable_pixels(index)
+    most = _FEATURES if images.ordered or images.rig else _features_of_photograph(len(images.names))
+    if network is not None:
+        return network.find(rgb, most, usable)
+    found = find_features(rgb, most, usable, _CONTRAST)
     # SIFT lists a keypoint once for each of its orientations.
     _, single = np.unique(np.round(found.places * 4).astype(np.int64), axis=0, return_index=True)
-    single = np.sort(single)
-    return Features(found.places[single], found.descriptors[single])
+    return found.at(np.sort(single))
 
 
 def _matches(

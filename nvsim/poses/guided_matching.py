@@ -13,7 +13,7 @@ import pycolmap
 from numpy.typing import NDArray
 
 from nvsim.geometry.rotation import rotation_angle
-from nvsim.poses.features import match_descriptors, root_sift
+from nvsim.poses.features import match_descriptors, unit_vectors
 from nvsim.poses.mapping import poses_of
 from nvsim.poses.match_database import Keypoints, Pair
 from nvsim.poses.threads import thread_pool
@@ -84,7 +84,7 @@ def _matches(
     lines = (lines / np.maximum(np.linalg.norm(lines[:, :2], axis=1, keepdims=True), 1e-12)).astype(np.float32)
     places = np.ascontiguousarray(y.T.astype(np.float32))
     pairs = match_descriptors(
-        root_sift(one), root_sift(other), _RATIO, lambda rows: np.abs(lines[rows] @ places) < near
+        unit_vectors(one), unit_vectors(other), _RATIO, lambda rows: np.abs(lines[rows] @ places) < near
     )
     return np.asarray(pairs, np.uint32)
 

@@ -8,7 +8,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from nvsim.poses.features import Features, root_sift
+from nvsim.poses.features import Features, unit_vectors
 
 _NEXT = (1, 2, 3, 5, 8)  # distances in frames between the two images of a pair of neighbors
 _WORDS, _SIZE = 64, 256  # visual words of an image descriptor, and its length
@@ -48,7 +48,7 @@ def image_descriptors(features: Sequence[Features]) -> NDArray[np.float32]:
     The larger the dot product of two, the more likely the two images show one place. The method is VLAD (Jegou et al.
     2010) over words that are learned from these images, half-whitened."""
     rng = np.random.default_rng(0)
-    sampled = [root_sift(f)[rng.permutation(len(f))[:_SAMPLED]] for f in features]
+    sampled = [unit_vectors(f)[rng.permutation(len(f))[:_SAMPLED]] for f in features if len(f)]
     pool = np.concatenate(sampled) if sampled else np.zeros((0, 128), np.float32)
     if len(pool) < 2 * _WORDS:
         return np.zeros((len(features), 1), np.float32)
@@ -56,10 +56,10 @@ def image_descriptors(features: Sequence[Features]) -> NDArray[np.float32]:
     cv2.setRNGSeed(0)
     stop = (cv2.TERM_CRITERIA_MAX_ITER, 12, 0)
     _, _, words = cv2.kmeans(pool, _WORDS, np.zeros((len(pool), 1), np.int32), stop, 1, cv2.KMEANS_PP_CENTERS)
-    found = np.zeros((len(features), _WORDS, 128), np.float32)
+    found = np.zeros((len(features), *words.shape), np.float32)
     for i, one in enumerate(features):
         if len(one):
-            values = root_sift(one)
+            values = unit_vectors(one)
             nearest = (2 * values @ words.T - (words**2).sum(axis=1)).argmax(axis=1)
             np.add.at(found[i], nearest, values - words[nearest])
     found /= np.maximum(np.linalg.norm(found, axis=2, keepdims=True), 1e-9)

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from pathlib import Path
 
+import cv2
 import numpy as np
 from numpy.typing import NDArray
 
@@ -17,6 +18,11 @@ _NO_TRACKS = Tracks(np.zeros(0, np.int64), np.zeros(0, np.int64), np.zeros((0, 2
 def times_of(seconds: NDArray[np.float64], clips: NDArray[np.int64]) -> NDArray[np.float64]:
     """(N,) float64 `ImageSet.times` of frames at `seconds` (N,) of the videos `clips` (N,)."""
     return np.asarray(seconds + _BETWEEN * clips, np.float64)
+
+
+def mask_path(masks: Path, name: str) -> Path:
+    """The path of the mask of the image `name` in the folder `masks`."""
+    return masks / f"{name}.png"
 
 
 @dataclass(frozen=True)
@@ -52,6 +58,8 @@ class ImageSet:
              order has no meaning. The next video begins a day after the last.
     tracks   points that were tracked through the images; `Tracks.frame` is an index into `names`
     rig      the rig of all cameras, None for images with separate poses
+    masks    folder of masks NAME.png, black where features are not searched; None without masks, and an image may have
+             none
     usable   for each camera, (H, W) bool: pixels in which features are searched; empty for all pixels of all cameras
     """
 
@@ -64,6 +72,15 @@ class ImageSet:
     tracks: Tracks = field(default=_NO_TRACKS)
     rig: RigOfViews | None = None
     usable: tuple[NDArray[np.bool_], ...] = ()
+    masks: Path | None = None
+
+    def usable_pixels(self, index: int) -> NDArray[np.bool_] | None:
+        """(H, W) bool, pixels of an image in which features are searched; None for all."""
+        usable = self.usable[int(self.camera[index])] if self.usable else None
+        mask = None if self.masks is None else cv2.imread(str(mask_path(self.masks, self.names[index])), 0)
+        if mask is None:
+            return usable
+        return np.asarray(mask > 0 if usable is None else usable & (mask > 0))
 
     @property
     def ordered(self) -> bool:

@@ -14,7 +14,7 @@ import numpy as np
 import pycolmap
 from numpy.typing import NDArray
 
-from nvsim.poses.features import match_descriptors, root_sift
+from nvsim.poses.features import match_descriptors, unit_vectors
 from nvsim.poses.match_database import Keypoints, Pair
 
 _RATIO = 0.9  # distance to the best match over the distance to the second best
@@ -58,9 +58,9 @@ class PosePiece:
 
 
 def piece_of(model: pycolmap.Reconstruction, numbers: Sequence[int], keypoints: Sequence[Keypoints]) -> PosePiece:
-    """The images `numbers` of a model as a piece, with the points that their SIFT features show."""
+    """The images `numbers` of a model as a piece, with the points that their features show."""
     inside = set(int(n) for n in numbers)
-    descriptors = {n: root_sift(keypoints[n - 1].features) for n in inside}
+    descriptors = {n: unit_vectors(keypoints[n - 1].features) for n in inside}
     points, looks, seen = [], [], []
     for point in model.points3D.values():
         elements = [(e.image_id, e.point2D_idx) for e in point.track.elements if e.image_id in inside]
@@ -75,7 +75,7 @@ def piece_of(model: pycolmap.Reconstruction, numbers: Sequence[int], keypoints: 
         np.array(sorted(inside), np.int64),
         poses,
         np.array(points, np.float64).reshape(-1, 3),
-        np.array(looks, np.float32).reshape(-1, 128),
+        np.array(looks, np.float32).reshape(len(looks), -1) if looks else np.zeros((0, 0), np.float32),
         seen,
     )
 

@@ -1,6 +1,6 @@
 """Write keypoints, matches, and verified image pairs to a COLMAP database, the input of pycolmap.
 
-The keypoints of an image are its SIFT features, followed by the points that were tracked through it.
+The keypoints of an image are its features, followed by the points that were tracked through it.
 """
 
 from __future__ import annotations
@@ -27,9 +27,9 @@ pycolmap.logging.minloglevel = int(pycolmap.logging.ERROR)
 
 @dataclass(frozen=True, eq=False)
 class Keypoints:
-    """The keypoints of an image: SIFT features, then tracked points by increasing number.
+    """The keypoints of an image: features, then tracked points by increasing number.
 
-    features  SIFT features of the image
+    features  features of the image
     ids       (T,) int64, numbers of its tracked points
     tracked   (T, 2) float64, their positions, pixels
     """

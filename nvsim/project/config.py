@@ -70,13 +70,21 @@ class CaptureConfig:
     mask: str = ""
     """PNG file with the proportions of the panoramas. Black pixels are ignored. It replaces the mask that NVSim makes
     of the person or tripod that carries the camera."""
+    features: str = ""
+    """Installed network that finds and matches keypoints of a video or photographs (see nvsim models). It is compared
+    with SIFT on a sample of pairs, and used if it is better. none: SIFT. If left out, NVSim keeps that of the last
+    import."""
+    people: str = ""
+    """Installed network that recognizes people in a video or photographs (see nvsim models). People are masked: they
+    have no features, depth, floor or training loss. none: no masks. If left out, NVSim keeps that of the last
+    import."""
 
     @property
     def key(self) -> dict[str, dict[str, object]]:
         """The part of the import's key that depends on these options. Options of later versions only count if they are
         used, so that existing imports stay current."""
         values = asdict(self)
-        for later in ("known_length", "leave_out", "images", "model", "views", "mask", "clean"):
+        for later in ("known_length", "leave_out", "images", "model", "views", "mask", "clean", "features", "people"):
             if not values[later]:
                 del values[later]
         for later in ("axes", "poses", "up"):

@@ -21,6 +21,7 @@ from nvsim.files.opening import is_regular, read_json
 from nvsim.files.reading import as_reading_error, reading
 from nvsim.footage.cut_options import MASKS, CutOptions, refuse_mask_in_output, refuse_unless_cut
 from nvsim.footage.sources import Footage, Stamp, is_panoramic, need_footage
+from nvsim.reconstruction.pose_networks import SAME_NETWORKS, Digest, PoseNetworks
 from nvsim.reconstruction.report import REPORT, SETTINGS, PosesReport, WeakPlace, read_report, stamp_of, write_report
 
 if TYPE_CHECKING:
@@ -37,7 +38,9 @@ _NAMED = 20
 _STEPS = {
     "frames": (0.0, 0.35, "choose sharp frames and track points"),
     "photographs": (0.0, 0.35, "read photographs"),
+    "people": (0.33, 0.35, "mask people"),
     "features": (0.35, 0.45, "find features"),
+    "comparison": (0.45, 0.45, "compare the network with SIFT"),
     "matches": (0.45, 0.55, "match images"),
     "relative poses": (0.55, 0.7, "estimate poses of image pairs"),
     "mapping": (0.7, 0.9, "estimate poses of all images"),
@@ -48,23 +51,31 @@ _WHOLE = 1000  # units of progress
 
 
 def compute_poses(
-    source: Path, folder: Path, listen: Listener, chosen: bool = False, options: CutOptions | None = None
+    source: Path,
+    folder: Path,
+    listen: Listener,
+    chosen: bool = False,
+    options: CutOptions | None = None,
+    networks: PoseNetworks = SAME_NETWORKS,
 ) -> PosesReport:
     """Computes the camera poses of the video, or of the folder of videos or photos, at `source`. Returns the report.
 
     `folder` becomes a COLMAP capture with the report in `poses.json`. It has a model for each piece with enough frames,
-    the largest in `sparse/0`. If the folder is finished for these files, settings, and `options` for panoramas, it is
-    reused. If it is unfinished, the computation continues. Without `options`, those of the folder are kept. Progress
-    goes to `listen` as events of the stage "poses".
+    the largest in `sparse/0`. If the folder is finished for these files, settings, `options` for panoramas, and
+    `networks`, it is reused. If it is unfinished, the computation continues. Without `options`, or without a name in
+    `networks`, those of the folder are kept. Progress goes to `listen` as events of the stage "poses".
 
     Raises InputError if the video cannot be decoded, if the folder contains something else, or if there are `options`
-    but no panoramas. Also raises it if fewer than half of the frames have a pose, unless the user has `chosen` a piece.
+    but no panoramas. Also raises it if a network is not installed, or is given for panoramas, which use none. Also
+    raises it if fewer than half of the frames have a pose, unless the user has `chosen` a piece.
     """
     footage = need_footage(source)
     refuse_mask_in_output(options, folder)
     stamp = _stamp(footage)
     known = read_report(folder)
-    if known is not None and _is_current(known, footage, stamp, options) and _is_whole(folder, known):
+    if networks.is_given and is_panoramic(footage):
+        raise InputError(f"{source} is a 360 degree capture, to which --features and --people do not apply; omit them.")
+    if known is not None and _is_current(known, footage, stamp, options, networks) and _is_whole(folder, known):
         listen(Log(f"The poses in {folder} are up to date.", STAGE))
         return _report_end(_usable(_measured(known, footage, folder), chosen), listen)
     begun = _begun(folder)
@@ -72,10 +83,12 @@ def compute_poses(
     settings = begun.settings if begun is not None else SETTINGS if known is None else known.settings
     if options is None:
         options = begun.options if begun is not None else None if known is None else _options_of(known, footage)
+    networks = networks.kept(begun.networks if begun is not None else () if known is None else known.networks)
+    digests = networks.digests
     if settings != SETTINGS:
         discard(folder)
     listen(Progress(STAGE, 0, _WHOLE, _STEPS["frames" if footage.kind == "video" else "photographs"][2]))
-    report = _computed_in_child(_Request(footage, folder, stamp, options), listen)
+    report = _computed_in_child(_Request(footage, folder, stamp, options, networks, digests), listen)
     return _report_end(_usable(_measured(report, footage, folder), chosen), listen)
 
 
@@ -89,18 +102,22 @@ def _measured(report: PosesReport, footage: Footage, folder: Path) -> PosesRepor
     return found
 
 
-def is_finished(folder: Path, footage: Footage, options: CutOptions | None = None) -> bool:
-    """Whether `folder` has finished poses of these files, for the settings of this version and for `options`, if
-    given."""
+def is_finished(
+    folder: Path, footage: Footage, options: CutOptions | None = None, networks: PoseNetworks = SAME_NETWORKS
+) -> bool:
+    """Whether `folder` has finished poses of these files, for the settings of this version, and for `options` and
+    `networks`, if given."""
     try:
         known = read_report(folder)
-        return known is not None and _is_current(known, footage, _stamp(footage), options)
+        return known is not None and _is_current(known, footage, _stamp(footage), options, networks)
     except InputError:
         return False
 
 
-def _is_current(known: PosesReport, footage: Footage, stamp: Stamp, options: CutOptions | None) -> bool:
-    if known.stamp != stamp or known.settings != SETTINGS:
+def _is_current(
+    known: PosesReport, footage: Footage, stamp: Stamp, options: CutOptions | None, networks: PoseNetworks
+) -> bool:
+    if known.stamp != stamp or known.settings != SETTINGS or not networks.agree(known.networks):
         return False
     return options is None or options.agrees(known.views, known.mask, footage.sides)
 
@@ -174,11 +191,13 @@ def _refuse_other(folder: Path, stamp: Stamp, known: PosesReport | None, begun: 
 
 @dataclass(frozen=True)
 class _UnfinishedPoses:
-    """The files of an unfinished computation, the version of its settings, and its options for panoramas."""
+    """The files of an unfinished computation, the version of its settings, its options for panoramas, and its
+    networks."""
 
     stamp: Stamp
     settings: int
     options: CutOptions | None
+    networks: tuple[Digest, ...]
 
 
 def _begun(folder: Path) -> _UnfinishedPoses | None:
@@ -192,7 +211,8 @@ def _begun(folder: Path) -> _UnfinishedPoses | None:
         stamp = tuple((str(name), int(size), int(changed)) for name, size, changed in data["stamp"])
         views, mask = data.get("views"), data.get("mask")
         given = None if views is None and mask is None else CutOptions(views and int(views), mask and Path(str(mask)))
-        return _UnfinishedPoses(stamp, int(data["settings"]), given)
+        networks = tuple((str(use), str(name), str(digest)) for use, name, digest in data.get("networks", ()))
+        return _UnfinishedPoses(stamp, int(data["settings"]), given, networks)
 
 
 @dataclass(frozen=True)
@@ -201,6 +221,8 @@ class _Request:
     folder: Path
     stamp: Stamp
     options: CutOptions | None
+    networks: PoseNetworks
+    digests: tuple[Digest, ...]
 
 
 def _computed_in_child(request: _Request, listen: Listener) -> PosesReport:
@@ -243,7 +265,7 @@ def _computed(request: _Request, tell: Callable[[Progress | Log | Warning], None
         refuse_unless_cut(footage, options)
     work = folder / WORK
     atomic.make_folder(work)
-    begun: dict[str, object] = {"stamp": request.stamp, "settings": SETTINGS}
+    begun: dict[str, object] = {"stamp": request.stamp, "settings": SETTINGS, "networks": request.digests}
     if options is not None:
         begun |= {"views": options.views, "mask": options.mask and str(options.mask)}
     atomic.write_text(work / _BEGUN, json.dumps(begun))
@@ -257,15 +279,17 @@ def _computed(request: _Request, tell: Callable[[Progress | Log | Warning], None
             footage, options or CutOptions(), request.stamp, folder / IMAGES, work, progress, tell
         )
         return _stored(report, [model], folder)
+    atomic.remove(folder / MASKS)
     stored = store_images(footage, folder / IMAGES, progress, tell)
+    images, masked = request.networks.without_people(stored.images, folder / MASKS, progress)
 
     from nvsim.poses.from_images import find_poses  # imported after decoding: the import takes seconds
     from nvsim.poses.pieces import without_bridges
     from nvsim.reconstruction.growing_trajectory import write_growing
     from nvsim.reconstruction.weak_places import find_weak_places
 
-    images, camera = stored.images, stored.images.cameras[0]
-    found = find_poses(images, work, progress, lambda models: write_growing(models, work))
+    camera, network = images.cameras[0], request.networks.feature_network()
+    found = find_poses(images, work, progress, lambda models: write_growing(models, work), network)
     bridges: list[str] = []
     weak: tuple[WeakPlace, ...] = ()
     if stored.frames is not None:
@@ -293,6 +317,9 @@ def _computed(request: _Request, tell: Callable[[Progress | Log | Warning], None
         upright=found.upright,
         weak=weak,
         fisheye=stored.fisheye,
+        masked=masked,
+        networks=request.digests,
+        compared=found.compared,
     )
     report = _stored(report, found.models, folder)
     for name in bridges:  # otherwise the check of the capture warns of images without a pose

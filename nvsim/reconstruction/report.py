@@ -13,6 +13,7 @@ from nvsim.files import atomic
 from nvsim.files.opening import is_number, is_regular, read_json
 from nvsim.files.reading import reading
 from nvsim.footage.sources import Footage, Stamp
+from nvsim.poses.feature_comparison import FeatureComparison
 
 if TYPE_CHECKING:
     from nvsim.capture.types import Alignment
@@ -97,11 +98,13 @@ class PosesReport:
     views        number of images of each frame; more than 1 for panoramas, where `frames` counts panoramas, not views
     members      names of the frames of each piece, in the order of `pieces`; empty in reports of older versions
     upright      for each piece, whether z is up and its unit is the height of the cameras above the floor
-    masked       percentage of the pixels of panorama views that a mask ignores
+    masked       percentage of the pixels that masks of panorama views or of people ignore
     mask         stamp of the mask that the user gave for panoramas, empty if the carrier was searched
     weak         places where the frames are not connected, in order of time
     measured     the scale of each piece with a model, from recorded positions; empty if none were recorded
     fisheye      angles of view of the fisheye lenses, degrees; their frames are stored as pinhole images
+    networks     networks that the user selected: use ("features" or "people"), name, and digest of each
+    compared     how the features of the network and SIFT compare, None without a network for features
     position_logs  stamp of the files next to the video that were searched for positions; None if none were searched
     """
 
@@ -130,6 +133,8 @@ class PosesReport:
     mask: Stamp = ()
     bridges: int = 0
     fisheye: tuple[float, ...] = ()
+    networks: tuple[tuple[str, str, str], ...] = ()
+    compared: FeatureComparison | None = None
 
     @property
     def noun(self) -> str:
@@ -281,6 +286,11 @@ def rows(report: PosesReport) -> dict[str, str]:
     if is_video:
         found["Loops"] = f"{report.loops:,} pairs of frames show a place again" if report.loops else _NO_LOOPS
     found |= {"Residual": f"{report.residual_px:.2f} pixels", "Time": f"{report.seconds:.0f} s"}
+    if report.compared is not None:
+        found["Features"] = _compared(report.compared)
+    for use, name, _ in report.networks:
+        if use == "people":
+            found["People"] = f"{report.masked:.1f} % of the pixels are masked, by {name}"
     if report.views > 1:
         images = f"{report.views * report.with_pose:,} images with a pose"
         found["Panoramas"] = f"each frame is {report.views} views: {images}"
@@ -299,6 +309,16 @@ def rows(report: PosesReport) -> dict[str, str]:
     if len(report.weak) > _SHOWN:
         found["More weak places"] = f"{len(report.weak) - _SHOWN:,}; poses.json lists them"
     return found
+
+
+def _compared(compared: FeatureComparison) -> str:
+    def figures(k: int) -> str:
+        return (
+            f"{compared.matches[k]:.0f} verified matches per pair, {100 * compared.verified[k]:.0f} % of pairs verified"
+        )
+
+    used = compared.network if compared.is_network_used else "SIFT"
+    return f"{used} is used: on {compared.pairs} pairs, {compared.network} has {figures(0)}; SIFT has {figures(1)}"
 
 
 def _clock(seconds: float) -> str:
@@ -339,12 +359,19 @@ def _parsed(data: Any) -> PosesReport:
         measured=tuple(_measured(one) for one in data.get("measured", ())),
         bridges=_count(data.get("bridges", 0)),
         fisheye=tuple(_figure(angle) for angle in data.get("fisheye", ())),
+        networks=tuple((_text(use), _text(name), _text(digest)) for use, name, digest in data.get("networks", ())),
+        compared=None if data.get("compared") is None else _comparison(data["compared"]),
         position_logs=None if data.get("position_logs") is None else _stamp(data["position_logs"]),
     )
 
 
 def _stamp(data: Any) -> Stamp:
     return tuple((_text(path), _count(size), _count(changed)) for path, size, changed in data)
+
+
+def _comparison(data: Any) -> FeatureComparison:
+    (network, sift), (verified, by_sift) = (map(_figure, data[key]) for key in ("matches", "verified"))
+    return FeatureComparison(_text(data["network"]), _count(data["pairs"]), (network, sift), (verified, by_sift))
 
 
 def _measured(data: Any) -> MeasuredScale:

@@ -13,15 +13,21 @@ from onnx_samples import I64, save, value
 FLOOR, RUG = 4.0, 2.0
 
 
-def segformer(path: Path, classes: int = 150, size: tuple[int | str, int | str] = ("h", "w")) -> Path:
-    """`pixel_values`, ImageNet's range; `logits` a quarter as fine. With 151 classes the first is the background."""
+def segformer(
+    path: Path, classes: int = 150, size: tuple[int | str, int | str] = ("h", "w"), red: int | None = None
+) -> Path:
+    """`pixel_values`, ImageNet's range; `logits` a quarter as fine. With 151 classes the first is the background. With
+    `red`, the logit of that class is 40 times the red minus the green and the blue."""
     sides = tuple(n // 4 if isinstance(n, int) else f"{n}4" for n in size)
     nodes = [
         *_logits("pixel_values", classes),
         ("AveragePool", ["fine"], ["logits"], {"kernel_shape": [4, 4], "strides": [4, 4]}),
     ]
     outputs = [value("logits", 1, classes, *sides)]
-    return save(path, nodes, [value("pixel_values", 1, 3, *size)], outputs, _weights(classes, 1.0))
+    weights = _weights(classes, 1.0)
+    if red is not None:
+        weights["weights"][red, :, 0, 0] = 40, -80, -80
+    return save(path, nodes, [value("pixel_values", 1, 3, *size)], outputs, weights)
 
 
 def mmseg(path: Path, size: int = 512) -> Path:

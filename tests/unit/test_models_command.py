@@ -56,7 +56,7 @@ def test_what_is_not_installed_is_listed_with_where_it_comes_from_and_what_it_im
     found = listed(capsys)
     assert found["folder"] == str(models) and found["models"] == []
     lacking = {row["role"]: row for row in found["lacking"]}
-    assert len(lacking) == 3 and "holes of a LiDAR scan" in lacking["floor segmentation"]["improves"]
+    assert len(lacking) == 4 and "holes of a LiDAR scan" in lacking["floor segmentation"]["improves"]
     known = {name: k for row in lacking.values() for k in row["known"] for name in k["names"]}
     assert known["metric3d-vit-small"]["licence"].startswith("BSD") and known["sam2.1-tiny"]["source"].startswith(
         "http"

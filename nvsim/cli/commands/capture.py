@@ -239,24 +239,32 @@ class Poses:
     mask: str = ""
     """A PNG file with the proportions of the panoramas, whose black pixels are ignored. It replaces the mask of the
     camera carrier that NVSim computes."""
+    features: str = ""
+    """Installed network that finds and matches keypoints (see nvsim models). It is compared with SIFT on a sample of
+    pairs, and used if it is better. none: SIFT. Default: that of the previous run, else none."""
+    people: str = ""
+    """Installed network that recognizes people (see nvsim models). People are masked: they have no features and tracked
+    points. none: no masks. Default: that of the previous run, else none."""
     json: bool = False
     """Print events and the result as JSON."""
 
     def run(self) -> int:
         from nvsim.footage.cut_options import cut_options
         from nvsim.reconstruction.computing import compute_poses
+        from nvsim.reconstruction.pose_networks import PoseNetworks
         from nvsim.reconstruction.posed_panoramas import cut_posed_panoramas, find_posed_panoramas
         from nvsim.reconstruction.report import rows
 
         out, source = self.out.expanduser(), self.source.expanduser()
         panoramas = find_posed_panoramas(source)
-        options = cut_options(self.views, self.mask)
+        options, networks = cut_options(self.views, self.mask), PoseNetworks(self.features, self.people)
         with event_listener(self.json) as listen:
             if panoramas is not None:
+                networks.refuse_for_poses(source)
                 cut_posed_panoramas(panoramas, out, listen, options)
                 listen(Log(f"Continue with `nvsim run {out} --project NAME.nvsim`.", "poses"))
                 return 0
-            report = compute_poses(source, out, listen, options=options)
+            report = compute_poses(source, out, listen, options=options, networks=networks)
             for name, words in rows(report).items():
                 listen(Log(f"{name}: {words}", "poses"))
             is_measured = any(not measured.refused for measured in report.measured[:1])
@@ -288,8 +296,8 @@ class Import:
                 if self.understood != CaptureConfig(leave_out=leave_out):
                     raise InputError(
                         "An added capture has the scale and the held-out frames of the first; do not give --scale, "
-                        "--camera-height, --known-length, --hold-out, --images, --axes, --poses, --views or --mask. "
-                        "Instead of --model, name the model's folder."
+                        "--camera-height, --known-length, --hold-out, --images, --axes, --poses, --views, --mask, "
+                        "--features or --people. Instead of --model, name the model's folder."
                     )
                 added_captures.run(project, self.capture, listen, leave_out)
             else:

@@ -47,13 +47,15 @@ def run(
     from nvsim.footage.cut_options import cut_options
     from nvsim.poses.pose_checks import contradictions, with_poses
     from nvsim.project.stages import imported_splats, posed
+    from nvsim.reconstruction.pose_networks import PoseNetworks
     from nvsim.reconstruction.report import report_beside
 
     if imported_splats.is_splats(source):
         return imported_splats.run(project, source, config, listen)
     started = time.monotonic()
-    source = posed.run(project, source, listen, config.model, cut_options(config.views, config.mask))
-    config = dataclasses.replace(config, views=None, mask="")  # stored with the views, which are the source
+    networks = PoseNetworks(config.features, config.people)
+    source = posed.run(project, source, listen, config.model, cut_options(config.views, config.mask), networks)
+    config = dataclasses.replace(config, views=None, mask="", features="", people="")  # stored with the poses
     listen(Progress(STAGE, 0, 1, str(source)))
     images = str(Path(config.images).expanduser().absolute()) if config.images else ""
     config = dataclasses.replace(config, leave_out=expand_list(config.leave_out), images=images)

@@ -12,13 +12,21 @@ from nvsim.footage.cut_options import CutOptions, not_panoramic
 from nvsim.project.project import Project
 from nvsim.reconstruction.computing import compute_poses, discard, is_begun_for_others, is_finished
 from nvsim.reconstruction.footage_check import footage_at
+from nvsim.reconstruction.pose_networks import SAME_NETWORKS, PoseNetworks
 from nvsim.reconstruction.posed_panoramas import belongs_to, cut_posed_panoramas, find_posed_panoramas, is_used
 from nvsim.reconstruction.report import REPORT
 
 _MOST = 1000  # folders of poses in a project
 
 
-def run(project: Project, source: Path, listen: Listener, model: str = "", options: CutOptions | None = None) -> Path:
+def run(
+    project: Project,
+    source: Path,
+    listen: Listener,
+    model: str = "",
+    options: CutOptions | None = None,
+    networks: PoseNetworks = SAME_NETWORKS,
+) -> Path:
     """The capture to import for `source`.
 
     For a video or photographs, it is the folder in the project with their poses, which are computed if missing. For
@@ -26,11 +34,14 @@ def run(project: Project, source: Path, listen: Listener, model: str = "", optio
 
     model    the piece of the video that the user wants, "" for the largest
     options  how to cut panoramas; None uses the newest existing views
+    networks  the user's networks for features and people
 
-    Raises InputError if the poses cannot be computed, or `options` are given for a source without panoramas.
+    Raises InputError if the poses cannot be computed, or `options` are given for a source without panoramas,
+    or `networks` for a source that needs no poses.
     """
     panoramas = find_posed_panoramas(source.expanduser())
     if panoramas is not None:
+        networks.refuse_for_poses(source)
         file = panoramas
         folder = _folder_for(project, lambda at: belongs_to(at, file, options))
         if not is_used(folder):
@@ -39,14 +50,15 @@ def run(project: Project, source: Path, listen: Listener, model: str = "", optio
         return folder
     footage = footage_at(source.expanduser())
     if footage is None:
+        networks.refuse_for_poses(source)
         if options is not None:
             raise not_panoramic(source)
         return source
     videos = footage
-    folder = _folder_for(project, lambda at: is_finished(at, videos, options))
+    folder = _folder_for(project, lambda at: is_finished(at, videos, options, networks))
     if is_begun_for_others(folder, footage):
         discard(folder)
-    compute_poses(footage.source, folder, listen, chosen=bool(model), options=options)
+    compute_poses(footage.source, folder, listen, chosen=bool(model), options=options, networks=networks)
     return folder
 
 
