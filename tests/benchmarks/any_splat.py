@@ -112,11 +112,18 @@ def large(count: int, folder: Path) -> dict[str, object]:
     gaussians = Gaussians(*parts)
     gaussians.means[:, :2] += noise[:count, :2]
     write_splats(folder / "large.ply", gaussians, False, "ply")
-    started = time.monotonic()
+    started, used = time.monotonic(), time.process_time()
     graph, _, _ = build(folder / "large.ply", folder / "large.nvsim", 1.0)
     peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 2**20
     seconds = round(time.monotonic() - started, 1)
-    return {"gaussians": count, "viewpoints": len(graph.viewpoints), "seconds": seconds, "peak_GiB": round(peak, 2)}
+    return {
+        "gaussians": count,
+        "viewpoints": len(graph.viewpoints),
+        "components": len(components(graph)),
+        "seconds": seconds,
+        "cpu_seconds": round(time.process_time() - used, 1),
+        "peak_GiB": round(peak, 2),
+    }
 
 
 def main() -> None:

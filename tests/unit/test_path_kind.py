@@ -33,6 +33,7 @@ def made(root: Path, name: str, text: str = "") -> Path:
         ("meta.json", "{}", "splats"),
         ("scene.ply", "ply\n", "splats"),
         ("scene", "ply\n", "splats"),
+        ("house.splats", "a.ply\n", "splats"),
         ("map.yaml", "image: map.pgm", "occupancy map"),
         ("map.BT", "# Octomap", "occupancy map"),
         ("two.captures", "a\nb\n", "capture"),

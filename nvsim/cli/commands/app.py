@@ -17,7 +17,8 @@ class App:
 
     path: Positional[Path | None] = None
     """A project folder, NAME.nvsim; a connectivity file, SCAN_connectivity.json, or a folder of them with its
-    scans.txt; or a splat file: PLY, compressed PLY, SPZ, SOG (also unpacked: its meta.json), .splat."""
+    scans.txt; or a splat file: PLY, compressed PLY, SPZ, SOG (also unpacked: its meta.json), .splat,
+    .ksplat, or a .splats list of them."""
     project: Path | None = None
     """The path, as a named option."""
     memory: Memory = None

@@ -31,7 +31,8 @@ CapturePath = Annotated[
     Path,
     tyro.conf.Positional,
     tyro.conf.arg(
-        help=f"A folder or file: {formats.names()}; or a video, or a folder of videos or photographs; or a splat file."
+        help=f"A folder or file: {formats.names()}; or a video, or a folder of videos or photographs; or a splat file "
+        "or a .splats list of them."
     ),
 ]
 _PLACES = 3

@@ -40,14 +40,13 @@ def is_splats(source: Path) -> bool:
 
 
 def run(project: Project, source: Path, config: CaptureConfig, listen: Listener = silent) -> Capture:
-    """Imports the splat file `source`. Raises InputError if it is damaged, does not show the inside of a building, or
-    if an option does not apply to splat files."""
+    """Imports the splat file, or the list of splat files, `source`. Raises InputError if it is damaged, does not show
+    the inside of a building, or if an option does not apply to splat files."""
     from nvsim.capture.store import save_capture
     from nvsim.scene_import.parts import divide
     from nvsim.scene_import.scene import align_scene
     from nvsim.splats.files import save_model
-    from nvsim.splats.formats.choice import read_splats
-    from nvsim.splats.turning import up_of
+    from nvsim.splats.formats.choice import read_splats, up_axis
     from nvsim.splats.types import SubmapModel
 
     started, source = time.monotonic(), source.expanduser().absolute()
@@ -66,7 +65,7 @@ def run(project: Project, source: Path, config: CaptureConfig, listen: Listener 
     listen(Progress(STAGE, 0, 3, str(source)))
     splats = read_splats(source)
     listen(Progress(STAGE, 1, 3, "storeys"))
-    scene = align_scene(str(source), splats.gaussians, up_of(source), config.up, config.scale)
+    scene = align_scene(str(source), splats.gaussians, up_axis(source), config.up, config.scale)
     for note in (*splats.notes, *scene.notes):
         listen(Log(note, STAGE))
     for doubt in scene.doubts:
@@ -119,11 +118,17 @@ def _refuse_options(config: CaptureConfig) -> None:
             raise InputError(f"--{name.replace('_', '-')} needs images, and a splat file has none; leave it out.")
 
 
-def _fingerprint(source: Path) -> tuple[int, int]:
+def _fingerprint(source: Path) -> tuple[int, ...]:
+    """Size and time of the file, and of those that it names if it is a list. Raises InputError if one cannot be
+    read."""
     from nvsim.files.opening import opened, size_of
+    from nvsim.splats.formats.choice import files_of
 
-    with opened(source) as file:  # raises InputError if it cannot be read
-        return size_of(file), source.stat().st_mtime_ns
+    found: list[int] = []
+    for path in files_of(source):
+        with opened(path) as file:
+            found += size_of(file), path.stat().st_mtime_ns
+    return tuple(found)
 
 
 def _cleaned(gaussians: Gaussians, levels: tuple[Level, ...], height: float, listen: Listener) -> Gaussians:

@@ -11,12 +11,14 @@ from nvsim.errors import InputError
 from nvsim.files.opening import opened
 from nvsim.files.reading import reading
 from nvsim.splats.formats.cleaning import usable
+from nvsim.splats.formats.splat_list import SUFFIX, is_list, join_splats, listed_splats
 from nvsim.splats.ply import read_ply, write_ply
+from nvsim.splats.turning import Up, up_of
 from nvsim.splats.types import Gaussians
 
 Format = Literal["ply", "compressed-ply", "spz"]
 SUFFIXES: dict[Format, str] = {"ply": ".ply", "compressed-ply": ".compressed.ply", "spz": ".spz"}
-READABLE = (".ply", ".spz", ".splat", ".ksplat", ".sog", "meta.json")
+READABLE = (".ply", ".spz", ".splat", ".ksplat", ".sog", "meta.json", SUFFIX)
 """Endings of the file names that `read_splats` can read. meta.json belongs to an unpacked SOG."""
 
 
@@ -32,7 +34,8 @@ def named_as_splats(path: Path) -> bool:
 
 
 def recognise(path: Path) -> Kind:
-    """The format of a file, detected by its first bytes. Only .splat and .ksplat are detected by their names.
+    """The format of a file, detected by its first bytes. Only .splat and .ksplat are detected by their names. The
+    format of a list is that of its first file.
 
     Raises InputError if the file cannot be read or is not a splat file.
     """
@@ -41,6 +44,9 @@ def recognise(path: Path) -> Kind:
             f"{path} is the index of a streamed SOG in several levels of detail, which NVSim cannot open as a"
             " whole; open the meta.json of one of its folders, or export the scene as one .sog or .ply."
         )
+    if is_list(path):
+        kinds = [recognise(one.path) for one in listed_splats(path)]
+        return kinds[0]
     with opened(path) as file, reading(path, "a splat file"):
         head = file.read(4096)
         is_zip = path.name != _META and zipfile.is_zipfile(file)
@@ -88,14 +94,41 @@ class Splats:
 
 
 def read_splats(path: Path) -> Splats:
-    """Reads a PLY (INRIA), compressed PLY (SuperSplat), SPZ, SOG, .splat or .ksplat file. Gaussians that cannot be
-    rendered are removed, see `usable`.
+    """Reads a PLY (INRIA), compressed PLY (SuperSplat), SPZ, SOG, .splat or .ksplat file, or a .splats list of such
+    files. Gaussians that cannot be rendered are removed, see `usable`.
 
     Raises InputError naming the file and the defect.
     """
+    if is_list(path):
+        return _read_several(path)
     gaussians, antialiased = _read(path)
     gaussians, notes = usable(path, gaussians)
     return Splats(gaussians, antialiased, notes)
+
+
+def _read_several(path: Path) -> Splats:
+    listed = listed_splats(path)
+    contents = [read_splats(one.path) for one in listed]
+    antialiased = {one.antialiased for one in contents} - {None}
+    if len(antialiased) > 1:
+        raise InputError(
+            f"{path} names files for rendering with antialiasing and others without; export all of them in one way."
+        )
+    notes = tuple(note for one in contents for note in one.notes)
+    gaussians = join_splats(listed, [one.gaussians for one in contents])
+    return Splats(gaussians, next(iter(antialiased), None), notes)
+
+
+def files_of(path: Path) -> list[Path]:
+    """The files whose content `read_splats` returns: `path`, and those that it names if it is a list. Raises InputError
+    if the list cannot be read."""
+    return [path, *(one.path for one in listed_splats(path))] if is_list(path) else [path]
+
+
+def up_axis(path: Path) -> Up:
+    """The usual up axis of a splat file, see `up_of`; of a list, that of its first file. Raises InputError if the file
+    cannot be read."""
+    return up_of(listed_splats(path)[0].path if is_list(path) else path)
 
 
 def _read(path: Path) -> tuple[Gaussians, bool | None]:
