@@ -120,13 +120,15 @@ def _read_list(path: Path, findings: Findings) -> RawCapture:
 
 
 FORMATS: tuple[Format, ...] = (
-    Format("kapture", "a kapture tree (sensors/sensors.txt)", kapture.find, kapture.read, lacks=kapture.lacks),
+    Format(
+        "kapture", "a kapture tree (sensors/sensors.txt)", kapture.find, kapture.read, lacks=kapture.explain_missing
+    ),
     Format(
         "nerfstudio transforms.json",
         "a transforms.json (nerfstudio, instant-ngp) or transforms_train.json (Blender)",
         nerfstudio.find,
         nerfstudio.read,
-        lacks=nerfstudio.lacks,
+        lacks=nerfstudio.explain_missing,
         rather="COLMAP",  # both describe the same recording, and the one with a point cloud has more information
     ),
     Format("a .captures list", "a file NAME.captures that lists several in one world", multi_capture.find, _read_list),
@@ -135,7 +137,7 @@ FORMATS: tuple[Format, ...] = (
         "a COLMAP model (cameras, images, points3D as .bin or .txt)",
         colmap.find,
         colmap.read,
-        lacks=colmap.lacks,
+        lacks=colmap.explain_missing,
     ),
 )
 """In the order of the search. The first format that matches is read."""

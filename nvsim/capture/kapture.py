@@ -57,7 +57,7 @@ def find(path: Path) -> Path | None:
     return None
 
 
-def lacks(folder: Path) -> str:
+def explain_missing(folder: Path) -> str:
     """A sentence about a folder with a `sensors` folder that is not a kapture tree; "" without a `sensors` folder."""
     if not (folder / "sensors").is_dir():
         return ""

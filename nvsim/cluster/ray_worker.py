@@ -26,7 +26,7 @@ class _WorkStopped(BaseException):
     """The caller has stopped the work."""
 
 
-def work(order: bytes, cores: int) -> Iterator[list[tuple[str, object]]]:
+def run_work_call(order: bytes, cores: int) -> Iterator[list[tuple[str, object]]]:
     """Runs the pickled `order` with `cores` threads.
 
     Yields lists of pairs: "message" and an Event or SentFile. The last pair is "finished" and a Finished, "mistake" and

@@ -22,7 +22,7 @@ from nvsim.endpoint.connection import LARGEST, Connection, NoReply, Reply, TooLa
 from nvsim.endpoint.options import AskingOptions, Endpoint
 from nvsim.endpoint.request import Request
 from nvsim.errors import InputError, shown
-from nvsim.events import Listener, Warning, silent
+from nvsim.events import Listener, Warning, ignore_event
 from nvsim.files.opening import parse_json
 
 _LONGEST_WAIT = 60.0  # seconds of our own backoff
@@ -43,7 +43,12 @@ class Client:
     """
 
     def __init__(
-        self, endpoint: Endpoint, kept: StoredAnswers, budget: Budget, options: AskingOptions, listen: Listener = silent
+        self,
+        endpoint: Endpoint,
+        kept: StoredAnswers,
+        budget: Budget,
+        options: AskingOptions,
+        listen: Listener = ignore_event,
     ) -> None:
         self.endpoint, self.kept, self.budget, self.options = endpoint, kept, budget, options
         self.may_send = False

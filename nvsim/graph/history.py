@@ -235,7 +235,7 @@ class History:
             lost = len(was.viewpoints - chosen.viewpoints) + len(was.edges - chosen.edges)
             if self._index > 0 and not current.changes and lost <= 1:
                 self._index -= 1
-            self._append(Step(text or words(chosen), chosen, time.time(), edit=False), graph, graph)
+            self._append(Step(text or selection_text(chosen), chosen, time.time(), edit=False), graph, graph)
         self._announce(graph, True, True)
 
     def undo(self) -> bool:
@@ -303,7 +303,7 @@ class History:
             callback(change)
 
 
-def words(chosen: GraphSelection) -> str:
+def selection_text(chosen: GraphSelection) -> str:
     """Return the text of a selection step: "Select 3 viewpoints and edge 1a6a21cd – 2e24da71"."""
     kept = [
         named(things, thing) for things, thing in ((chosen.viewpoints, "viewpoint"), (chosen.edges, "edge")) if things

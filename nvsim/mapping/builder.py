@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from nvsim.errors import InputError
-from nvsim.events import Listener, Log, Progress, Warning, silent
+from nvsim.events import Listener, Log, Progress, Warning, ignore_event
 from nvsim.graph.paths import components
 from nvsim.graph.types import NavGraph
 from nvsim.mapping.config import MappingConfig
@@ -73,7 +73,7 @@ def build_map(
     previous: NavGraph | None = None,
     remembered: NavGraph | None = None,
     scanned: bool = True,
-    listen: Listener = silent,
+    listen: Listener = ignore_event,
     keep: Callable[[NavGraph], None] | None = None,
 ) -> BuildResult:
     """Build the navigation graph of the camera positions `trajectory` (N, 3), meters, world. The search begins at

@@ -15,7 +15,7 @@ from nvsim.capture.types import Alignment, Capture, Frame
 from nvsim.poses.agreement import AGREES, Evidence, evidence_of, match_errors
 from nvsim.poses.overlap import Overlaps, find_overlaps
 from nvsim.poses.pose_mistakes import explain
-from nvsim.poses.refinement import is_good, median_epipolar_error
+from nvsim.poses.refinement import are_poses_good, median_epipolar_error
 
 _PAIRS, _FRAMES = 8, 5  # image pairs, and frames in them, below which the check makes no claim
 _AGREE = 0.6  # share of the pairs that agree with usable poses
@@ -151,10 +151,10 @@ def _wrong_frames(
     return tuple(frames[i].name for i in sorted(wrong))
 
 
-def of_poses(capture: Capture) -> Finding | None:
+def find_pose_contradiction(capture: Capture) -> Finding | None:
     """The finding that the poses contradict the images, and its consequence. None if the poses agree with the images or
     cannot be tested."""
-    if not capture.alignment.scale_known or is_good(missed := median_epipolar_error(capture.frames)):
+    if not capture.alignment.scale_known or are_poses_good(missed := median_epipolar_error(capture.frames)):
         return None
     message = f"the poses miss matched features by {missed:.2f} pixels; exact poses miss them by 0.1 pixels"
     if capture.is_measured:

@@ -70,7 +70,7 @@ def restore(project: Project, stage: str) -> str:
             cuts.write_rows(c, submaps)
         if restored is not None:
             graph_table.write(c, restored)
-    results.tidy(found, root)
+    results.remove_unreferenced_files(found, root)
     if submaps is not None:
         from nvsim.submaps.picture import draw_submaps
 
@@ -84,7 +84,7 @@ def discard(project: Project, stage: str) -> int:
     before, found = need_kept(project, stage), project.stage_results()
     freed = bytes_of(project.root, before, found.in_use(stage, project.root))
     project.set_stage_results(found := found.put("previous", stage, None))
-    results.tidy(found, project.root)
+    results.remove_unreferenced_files(found, project.root)
     return freed
 
 

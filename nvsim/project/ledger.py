@@ -49,7 +49,7 @@ def is_current(project: Project, stage: str, key: str, part: int = 0) -> bool:
     return found is not None and found.key == key
 
 
-def begin(project: Project, stage: str, key: str, part: int = 0) -> bool:
+def begin_part(project: Project, stage: str, key: str, part: int = 0) -> bool:
     """Records that a part is being made; the result in use remains in use. Returns whether unfinished work for these
     inputs can be continued."""
     found = project.stage_results()
@@ -57,11 +57,13 @@ def begin(project: Project, stage: str, key: str, part: int = 0) -> bool:
     if work is not None and work.key == key:
         return True
     project.set_stage_results(found := found.begun(stage, part, key, project.root))
-    results.tidy(found, project.root)
+    results.remove_unreferenced_files(found, project.root)
     return False
 
 
-def made(summary: Mapping[str, Any], key: str, seconds: float, settings: str = "", batch: str = "") -> StagePart:
+def finished_part(
+    summary: Mapping[str, Any], key: str, seconds: float, settings: str = "", batch: str = ""
+) -> StagePart:
     """A part of a stage that finished just now."""
     return StagePart(key, seconds, time.time(), json.dumps(summary), __version__, settings, batch)
 
@@ -92,8 +94,8 @@ def finish(
     found, root = project.stage_results(), project.root
     # A part without `begin`, as in a project of an older version, keeps its present key.
     start = found.unfinished.get((stage, part)) or found.part(stage, part)
-    parts = {part: made(summary, "" if start is None else start.key, seconds, settings)}
-    parts |= {other: made({}, key, 0.0) for other, key in (also or {}).items()}
+    parts = {part: finished_part(summary, "" if start is None else start.key, seconds, settings)}
+    parts |= {other: finished_part({}, key, 0.0) for other, key in (also or {}).items()}
     new = {name: place for name, place in found.made_at(stage, part).items() if part == 0 and (root / place).exists()}
     newest = found.places.get("cut/submaps")
     if stage == "floors" and part == 0 and newest is not None:
@@ -106,10 +108,10 @@ def finish(
         results.write(c, found)
         if write_rows is not None:
             write_rows(c)
-    results.tidy(found, root)
+    results.remove_unreferenced_files(found, root)
 
 
-def forget(project: Project, stage: str) -> None:
+def remove_records(project: Project, stage: str) -> None:
     """Removes the records of a stage, as if it had never run."""
     found = project.stage_results()
     in_use = found.get("in use", stage) or StageResult()
@@ -153,7 +155,7 @@ def add_model(project: Project, submap: int, seconds: float, figures: dict[str, 
     """
     found, root = project.stage_results(), project.root
     work = found.unfinished.get((TRAIN, submap))
-    part = made(figures, "" if work is None else work.key, seconds)
+    part = finished_part(figures, "" if work is None else work.key, seconds)
     files = found.made_at(TRAIN, submap)
     used, former = True, found.in_use(TRAIN, root)
     found = found.dropped(TRAIN, submap)
@@ -177,7 +179,7 @@ def add_model(project: Project, submap: int, seconds: float, figures: dict[str, 
     project.set_stage_results(found)
     remove_folder(project.layout.live(submap))
     project.layout.checkpoint(submap).unlink(missing_ok=True)
-    results.tidy(found, root)
+    results.remove_unreferenced_files(found, root)
     return used
 
 
@@ -198,4 +200,4 @@ def clear_unfinished(project: Project, of_others: Iterable[int]) -> None:
             path.unlink(missing_ok=True)
     for path in layout.checkpoints.glob(".*"):
         remove(path)
-    results.tidy(found, project.root)
+    results.remove_unreferenced_files(found, project.root)

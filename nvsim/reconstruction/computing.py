@@ -112,7 +112,7 @@ def _options_of(known: PosesReport, footage: Footage) -> CutOptions | None:
     return CutOptions(None if footage.sides else known.views, Path(known.mask[0][0]) if known.mask else None)
 
 
-def is_begun_for_others(folder: Path, footage: Footage) -> bool:
+def has_poses_of_other_files(folder: Path, footage: Footage) -> bool:
     """Whether `folder` has unfinished poses of files other than these."""
     begun = _begun(folder)
     return begun is not None and begun.stamp != _stamp(footage)

@@ -15,7 +15,7 @@ _SHORT = 24
 
 
 @njit(cache=True)
-def starts(
+def find_tile_starts(
     tile_counts: Int32,  # (blocks, tiles) in: entries; out: position of the block's first entry of the tile
     offsets: Int64,  # (tiles + 1,) out: start of each tile
 ) -> tuple[np.int64, np.int64]:

@@ -14,7 +14,7 @@ from PySide6.QtTest import QTest
 from PySide6.QtWidgets import QApplication
 from pytestqt.qtbot import QtBot
 
-from nvsim.cli.graph_target import one_source
+from nvsim.cli.graph_target import read_one_graph
 from nvsim.cli.main import main
 from nvsim.graph.connectivity import write_connectivity
 from nvsim.graph.findings import check_graph
@@ -125,7 +125,7 @@ def test_the_window_and_the_command_agree_after_any_actions(
             document = window.document
             assert document.editing.checking.complete
             assert set(document.editing.findings.values()) == set(
-                check_graph(document.graph, one_source(window.path).context)
+                check_graph(document.graph, read_one_graph(window.path).context)
             )
         window.document.editing.save(wait=True)
         QApplication.processEvents()
@@ -213,6 +213,6 @@ def test_a_saved_file_is_checked_again_with_its_new_lists(qapp: QApplication, tm
     QApplication.processEvents()
     settle(window)
     assert checking.complete and checking._validator is not before
-    known = one_source(window.path).context
+    known = read_one_graph(window.path).context
     assert set(window.document.editing.findings.values()) == set(check_graph(window.document.graph, known))
     window.end()

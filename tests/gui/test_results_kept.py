@@ -13,7 +13,7 @@ from nvsim.project.earlier_results import replaced_result_sentence
 from nvsim.project.project import Project
 from nvsim_app.forms.form import CommandForm
 from nvsim_app.panels.stages import EarlierResults
-from nvsim_app.panels.submaps import model_words, trains
+from nvsim_app.panels.submaps import is_training, model_words
 from nvsim_app.session import Session
 from nvsim_app.state.loading import Contents
 from nvsim_app.wiring.jobs import JobsPart
@@ -55,7 +55,7 @@ def test_a_cancelled_training_leaves_the_trained_model_in_the_view(
     scene, blank = session.window.scene, []
 
     def words() -> str:
-        return model_words(document.contents, 0, trains(document))
+        return model_words(document.contents, 0, is_training(document))
 
     scene.feed.changed.connect(lambda: blank.append(scene.picture is None))
     handle = part.run_stage("train")

@@ -20,7 +20,7 @@ from nvsim.graph.arguments import Argument
 from nvsim.graph.connectivity import read_connectivity, write_connectivity
 from nvsim.graph.edits import set_height
 from nvsim.graph.history import History
-from nvsim.graph.operations import perform
+from nvsim.graph.operations import perform_operation
 from nvsim.graph.types import Evidence, NavGraph, Viewpoint, edge
 from nvsim.mapping import criteria
 from nvsim.mapping.config import MappingConfig
@@ -65,7 +65,7 @@ def test_an_operation_is_a_function_and_a_row(tmp_path: Path, monkeypatch: pytes
     monkeypatch.setitem(operation_table.OPERATIONS, "kneel", row)
     graph = NavGraph("row", {id: Viewpoint(id, (x, 0.0, 1.5)) for id, x in (("a", 0.0), ("b", 2.0))}, {})
     history = History(graph)
-    perform(history, "kneel", {"ids": ["a"]})
+    perform_operation(history, "kneel", {"ids": ["a"]})
     assert history.undo_text == "Kneel" and history.graph.viewpoints["a"].height == 0.5
     history.undo()
     assert history.graph.viewpoints["a"].height == 1.5

@@ -111,7 +111,7 @@ def test_a_file_takes_the_place_of_a_link_and_what_it_leads_to_stays(tmp_path, v
 
 def test_a_library_writes_in_a_folder_that_only_the_user_can_open(tmp_path) -> None:
     path = tmp_path / "film.mp4"
-    with atomic.replacing(path) as temporary:
+    with atomic.replacement_file(path) as temporary:
         assert temporary.name == path.name and temporary.parent.parent == tmp_path
         assert temporary.parent.stat().st_mode & 0o777 == 0o700 and not list(temporary.parent.iterdir())
         temporary.write_bytes(b"film")

@@ -118,7 +118,7 @@ def project(tmp_path: Path):
         every = tuple(range(4))
         opened.set_submaps((Submap(0, every, every, capture.positions),))
         for stage in ("import", "submaps"):
-            ledger.begin(opened, stage, stage)
+            ledger.begin_part(opened, stage, stage)
             ledger.finish(opened, stage, 0.0, {}, settings='{"camera_height": 1.5, "hold_out": 0}')
         yield opened
 

@@ -10,11 +10,11 @@ from nvsim.cli.main import COMMANDS
 from nvsim.errors import InputError
 from nvsim.project import pipeline
 from nvsim.project.config import CaptureConfig, RunConfig
-from nvsim.project.jobs.files import number_in
+from nvsim.project.jobs.files import finite_number
 from nvsim.project.jobs.joblist import JobList
 from nvsim.project.project import Project
 from nvsim.project.stages import depths, floors, imported, mapped, submaps, trained
-from nvsim.project.state.results import StagePart, StageResult, StageResults, first_stale
+from nvsim.project.state.results import StagePart, StageResult, StageResults, first_outdated_stage
 from nvsim.project.work import FROM_A_CUT, PIPELINE, STAGE, STAGES, WORK, sentence
 
 
@@ -63,9 +63,15 @@ def test_what_is_said_of_a_stage_is_whole() -> None:
 
 
 def test_the_first_stale_stage_is_the_one_to_run_again() -> None:
-    assert first_stale(frozenset(), frozenset()) is None
-    assert first_stale(frozenset({"map", "train"}), frozenset({"floors"})) == ("floors", STAGE["floors"].former)
-    assert first_stale(frozenset({"map", "floors"}), frozenset({"floors"})) == ("floors", STAGE["floors"].outdated)
+    assert first_outdated_stage(frozenset(), frozenset()) is None
+    assert first_outdated_stage(frozenset({"map", "train"}), frozenset({"floors"})) == (
+        "floors",
+        STAGE["floors"].former,
+    )
+    assert first_outdated_stage(frozenset({"map", "floors"}), frozenset({"floors"})) == (
+        "floors",
+        STAGE["floors"].outdated,
+    )
 
 
 def test_what_ended_before_the_import_is_outdated(tmp_path: Path) -> None:
@@ -86,5 +92,5 @@ def test_the_help_loads_nothing_heavy() -> None:
 
 def test_a_number_that_is_text_with_control_characters_is_named_in_one_printable_line() -> None:
     with pytest.raises(ValueError) as raised:
-        number_in("\x00\x1b[31m\n" * 30)
+        finite_number("\x00\x1b[31m\n" * 30)
     assert str(raised.value).isprintable() and len(str(raised.value)) < 100

@@ -42,7 +42,7 @@ from nvsim.r2r.surroundings.floor_objects import FloorObject
 from nvsim.r2r.surroundings.layers import CELL, layers_of
 from nvsim.r2r.surroundings.naming import COLOURS, NAMELESS, Outline, Shape, lab_of, names_of, shape_of
 from nvsim.r2r.surroundings.survey import Surroundings, surroundings_of
-from nvsim.r2r.surroundings.visibility import look_around
+from nvsim.r2r.surroundings.visibility import views_from_viewpoints
 from nvsim.r2r.tasks.shortest import PathBounds
 from nvsim.r2r.tasks.splitting import SPLITS, PathCounts, sample_tasks
 
@@ -55,7 +55,7 @@ IMPLIED = {"plant": "green"}
 def house(tmp_path_factory: pytest.TempPathFactory) -> Seen:
     blocks, graph = flat_house()
     root = export_blocks(tmp_path_factory.mktemp("scans"), blocks, graph)
-    return graph, surroundings_of(graph, list(layers_of(list(look_around(root, graph)), graph)))
+    return graph, surroundings_of(graph, list(layers_of(list(views_from_viewpoints(root, graph)), graph)))
 
 
 @pytest.mark.parametrize(
@@ -333,7 +333,7 @@ def test_an_object_behind_a_doorway_is_not_in_front_of_one_who_has_not_gone_thro
     blocks, graph = flat_house(door=1.58)
     blocks.append(Block((5.75, 0.5, 0), (6.35, 1.1, 1.0), BLUE))
     root = export_blocks(tmp_path, blocks, graph)
-    seen = surroundings_of(graph, list(layers_of(list(look_around(root, graph)), graph)))
+    seen = surroundings_of(graph, list(layers_of(list(views_from_viewpoints(root, graph)), graph)))
     (behind,) = [i for i, thing in enumerate(seen.things) if thing.middle[0] > 5.2]
     assert behind in {i for i, _, _ in seen.visible["g"]}
     assert behind not in {i for i, _, _ in seen.visible["c"]}

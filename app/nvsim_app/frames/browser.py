@@ -248,7 +248,7 @@ class FrameBrowser(QObject):
     def _on_painted(self, box: Box) -> None:
         layer, correction = self._layer["floor"], self.corrector.correction
         if layer.painted is not None and correction is not None:
-            pictures.retint(layer.painted, correction.mask, layer.color, box)
+            pictures.repaint_mask(layer.painted, correction.mask, layer.color, box)
             self.page.canvas.refresh(box)
 
     def _on_stepped(self) -> None:

@@ -34,7 +34,7 @@ def choose(
     context.editing.select(found)
 
 
-def choose_what_is_under(context: ModeContext, pointer: Pointer) -> bool:
+def select_at_pointer(context: ModeContext, pointer: Pointer) -> bool:
     """Selects the viewpoint, or else the edge, under the mouse pointer. Returns False if there is neither and no
     modifier key is pressed."""
     viewpoint = pointer.viewpoint
@@ -78,7 +78,7 @@ class SelectMode(Mode):
         self._nudge = 0
 
     def click(self, pointer: Pointer) -> bool:
-        return choose_what_is_under(self.context, pointer)
+        return select_at_pointer(self.context, pointer)
 
     # Dragging --------------------------------------------------------------------------------------------------
 
@@ -180,7 +180,7 @@ class BoxMode(Mode):
     _box: tuple[GraphSurface, QRectF] | None = None
 
     def click(self, pointer: Pointer) -> bool:
-        return choose_what_is_under(self.context, pointer)
+        return select_at_pointer(self.context, pointer)
 
     def takes_drag(self, start: Pointer) -> bool:
         return True
@@ -217,7 +217,7 @@ class LassoMode(Mode):
     _way: tuple[QPointF, ...] = ()
 
     def click(self, pointer: Pointer) -> bool:
-        return choose_what_is_under(self.context, pointer)
+        return select_at_pointer(self.context, pointer)
 
     def takes_drag(self, start: Pointer) -> bool:
         return True

@@ -83,7 +83,7 @@ def chip_box(painter: QPainter, anchor: QPointF, text: str) -> QRectF:
     return QRectF(anchor.x(), anchor.y() - height, width, height)
 
 
-def chip(painter: QPainter, anchor: QPointF, text: str, text_color: QColor, fill: QColor) -> QRectF:
+def paint_label(painter: QPainter, anchor: QPointF, text: str, text_color: QColor, fill: QColor) -> QRectF:
     """Paints a small rounded label with its lower left corner at `anchor`. Returns its rectangle."""
     text, box = plain(text), chip_box(painter, anchor, text)
     painter.setPen(Qt.PenStyle.NoPen)

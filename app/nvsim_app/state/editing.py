@@ -22,7 +22,7 @@ from nvsim.graph.history import History, HistoryChange
 from nvsim.graph.operations import EditContext, apply, describe, record
 from nvsim.graph.review import Review
 from nvsim.graph.selection import NOTHING, GraphSelection
-from nvsim.graph.sight import sight_on
+from nvsim.graph.sight import line_of_sight_test
 from nvsim.graph.store import same_graph
 from nvsim.graph.types import NavGraph
 from nvsim.mapping.config import MappingConfig
@@ -296,4 +296,4 @@ class Editing(QObject):
 
 def _see_each_other(occupancy: OccupancyMap, a: NDArray[np.float64], b: NDArray[np.float64]) -> NDArray[np.bool_]:
     """Whether pairs of positions see each other on the map. The index is built on demand, because few edits need it."""
-    return sight_on(occupancy)(a, b)
+    return line_of_sight_test(occupancy)(a, b)

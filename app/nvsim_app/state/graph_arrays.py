@@ -190,7 +190,7 @@ class TrajectoryArrays:
         return TrajectoryArrays(found.positions, found.piece, np.stack([rows[:-1], rows[1:]], axis=1)[near])
 
 
-def extremes(points: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def column_bounds(points: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """The minimum and the maximum (D,) of each column of `points` (N, D), N > 0. The loop over columns is a hundred
     times as fast as numpy's reduction of short rows."""
     columns = points.T

@@ -19,7 +19,7 @@ from nvsim.graph.findings import Context
 from nvsim.graph.types import NavGraph
 from nvsim.mapping.config import MappingConfig
 from nvsim.occupancy.types import OccupancyMap
-from nvsim.project.state.results import first_stale
+from nvsim.project.state.results import first_outdated_stage
 from nvsim.project.work import STAGE, StageName, sentence
 from nvsim.submaps.split import Submap
 from nvsim_app.painting.dots import Dots
@@ -143,7 +143,7 @@ class Contents:
     @property
     def _stale(self) -> tuple[StageName, str] | None:
         nothing = self.capture is None and self.graph is None
-        return None if nothing else first_stale(self.outdated, self.former)
+        return None if nothing else first_outdated_stage(self.outdated, self.former)
 
     @property
     def missing(self) -> str:
@@ -160,7 +160,7 @@ class Contents:
         return sentence(STAGE[verb].lacking) if self._stale is None else self._stale[1]
 
 
-def prepared(contents: Contents) -> Contents:
+def with_derived_arrays(contents: Contents) -> Contents:
     """`contents` with the arrays that views derive from the graph and the cloud, computed here instead of in the main
     thread."""
     graph, cloud = contents.graph, contents.scan_cloud
@@ -277,7 +277,7 @@ class ProjectReader:
                 continue
             self._contents = replace(self._contents, **{part: value})
             if part in ("capture", "cloud", "occupancy"):
-                self._contents = prepared(self._contents)
+                self._contents = with_derived_arrays(self._contents)
             if part == "capture":
                 held_out, height = self._as_imported()
                 self._contents = replace(self._contents, held_out=held_out, camera_height=height, poses=self._poses())
@@ -288,7 +288,7 @@ class ProjectReader:
                     self._contents, outdated=states.outdated, former=states.former, kept=states.kept
                 )
             if part == "graph":
-                self._contents = prepared(replace(self._contents, thresholds=thresholds_of(project)))
+                self._contents = with_derived_arrays(replace(self._contents, thresholds=thresholds_of(project)))
             if part == "scene_stamp":
                 self._contents = replace(
                     self._contents, model_info=self._model_info(), live=value is not None and not self._folders()

@@ -19,7 +19,7 @@ TRAININGS = ("train", "run", "demo", "r2r train")
 UNDECIDED = "a splat file is open, which has no trajectory and no graph"
 
 
-def always(document: Document) -> Reason:
+def never_disabled(document: Document) -> Reason:
     return None
 
 
@@ -47,7 +47,7 @@ def with_results(document: Document) -> Reason:
     return None if document.contents.results else "there are no evaluation results yet"
 
 
-def with_measured(document: Document) -> Reason:
+def with_evidence(document: Document) -> Reason:
     """Needs the graph of a project, which has evidence."""
     if (first := with_graph(document)) is not None:
         return first
@@ -84,7 +84,7 @@ def with_splat_file(document: Document) -> Reason:
     return None if document.contents.outline is not None else "only a splat file can be turned upright"
 
 
-def with_earlier(document: Document) -> Reason:
+def with_earlier_result(document: Document) -> Reason:
     kept = document.contents.kept
     return None if kept else "there is no earlier result yet; each new run of a stage stores the previous result"
 
@@ -98,7 +98,7 @@ def with_frame(document: Document) -> Reason:
     return None if document.frame_at_hand is not None else "no frame is selected"
 
 
-def with_page(document: Document) -> Reason:
+def with_frame_page(document: Document) -> Reason:
     return None if document.page_frame is not None else "the 3D view is already shown"
 
 
@@ -125,7 +125,7 @@ def writable(document: Document) -> Reason:
     return with_editing(document) or document.editing.locked or None
 
 
-def with_chosen(needs: SelectionNeeds, *, changes: bool = True) -> Check:
+def with_selection(needs: SelectionNeeds, *, changes: bool = True) -> Check:
     """Needs a selection that satisfies `needs`, and a writable graph if the command `changes` it."""
 
     def reason(document: Document) -> Reason:
@@ -155,7 +155,7 @@ def can_save(document: Document) -> Reason:
     return None if document.editing.dirty else "everything is saved"
 
 
-def with_file_of_its_own(document: Document) -> Reason:
+def with_graph_file(document: Document) -> Reason:
     file = document.contents.graph_file
     return None if isinstance(file, ForeignGraph) else "the graph is part of a project; File > Export writes a file"
 
@@ -231,10 +231,10 @@ _WITH: dict[StageName, Callable[[Document], Reason]] = {
 }
 
 
-def enabled(verb: str) -> Callable[[Document], Reason]:
+def reason_of_command(verb: str) -> Callable[[Document], Reason]:
     """A function that returns why `nvsim VERB` cannot begin on a document, or None."""
     row = WORK[verb]
-    needed = always if row.needs is None else _WITH[row.needs]
+    needed = never_disabled if row.needs is None else _WITH[row.needs]
     if verb in NEEDS_IMAGES:
         return lambda document: needed(document) if document.contents.has_images else NO_IMAGES
     if not row.draws:

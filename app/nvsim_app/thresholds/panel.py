@@ -22,7 +22,7 @@ from nvsim.mapping.families import FAMILIES
 from nvsim.project.work import STAGE, sentence
 from nvsim_app.look import colors
 from nvsim_app.look.labels import Label, MarkedLabel
-from nvsim_app.look.plain_text import plain, tip
+from nvsim_app.look.plain_text import plain, tooltip_text
 from nvsim_app.state.document import Document
 from nvsim_app.thresholds.slider import MARKS, ThresholdRow, preset, thresholds, with_value
 from nvsim_app.thresholds.threshold_preview import ThresholdPreview
@@ -89,10 +89,10 @@ class ThresholdPanel(QScrollArea):
         self.rule = QComboBox(parent)
         for key, text in _RULES.items():
             self.rule.addItem(text, key)
-        self.rule.setToolTip(tip(docs.get("rule", "")))
+        self.rule.setToolTip(tooltip_text(docs.get("rule", "")))
         self.rule.setAccessibleName("Rule")
         self.both_ways = QCheckBox("Both ways", parent)
-        self.both_ways.setToolTip(tip(docs.get("both_ways", "")))
+        self.both_ways.setToolTip(tooltip_text(docs.get("both_ways", "")))
         self.rule.currentIndexChanged.connect(lambda _: self._choose("rule", self.rule.currentData()))
         self.both_ways.toggled.connect(lambda on: self._choose("both_ways", on))
         row.addWidget(self.rule, 1)
@@ -104,7 +104,7 @@ class ThresholdPanel(QScrollArea):
         self.families = {family: QCheckBox(family.capitalize(), parent) for family in FAMILIES}
         for i, (family, box) in enumerate(self.families.items()):
             box.setObjectName(f"criterion_{family}")
-            box.setToolTip(tip(docs.get("criteria", "")))
+            box.setToolTip(tooltip_text(docs.get("criteria", "")))
             box.toggled.connect(lambda _: self._choose_families())
             grid.addWidget(box, *divmod(i, _ACROSS))
         grid.setColumnStretch(_ACROSS, 1)
@@ -129,7 +129,7 @@ class ThresholdPanel(QScrollArea):
             button = QPushButton(text, parent)
             button.setFlat(True)
             button.setObjectName(f"preset_{key}")
-            button.setToolTip(tip(f"{words}; the mark of this color below each slider"))
+            button.setToolTip(tooltip_text(f"{words}; the mark of this color below each slider"))
             button.clicked.connect(lambda _=False, k=key: self.take_preset(k))
             row.addWidget(mark)
             row.addWidget(button)
@@ -179,7 +179,7 @@ class ThresholdPanel(QScrollArea):
         self.apply.setToolTip(
             "Change the edges of the graph as shown, as one step that can be undone"
             if reason is None
-            else tip(f"Unavailable: {reason}.")
+            else tooltip_text(f"Unavailable: {reason}.")
         )
         self.reset.setEnabled(self._trial.differs)
         self.build.setEnabled(self._document.project is not None and self._document.graph is not None)
@@ -221,10 +221,10 @@ class ThresholdPanel(QScrollArea):
 
     def _notes(self) -> str:
         outcome = self._trial.outcome
-        return plain(self._trial.refusal) if outcome is None else " ".join(notes(outcome))
+        return plain(self._trial.refusal) if outcome is None else " ".join(side_effect_notes(outcome))
 
 
-def notes(outcome: ThresholdEffect) -> list[str]:
+def side_effect_notes(outcome: ThresholdEffect) -> list[str]:
     """The side effects of an outcome, one sentence each."""
     found = []
     if outcome.lonely:

@@ -13,7 +13,7 @@ from nvsim.capture import formats
 from nvsim.capture.excluded_frames import FROM_FILE, write_names
 from nvsim.capture.multi_capture import SUFFIX, write_list
 from nvsim.errors import InputError
-from nvsim.files.user_folders import home
+from nvsim.files.user_folders import home_folder
 from nvsim.project.path_kind import GRAPHS, path_kind, sentence_about
 from nvsim.project.work import STAGE
 from nvsim_app.actions import Action
@@ -145,7 +145,7 @@ class NewProjectPart(Part):
 
     def choose_demo(self) -> None:
         """Asks for the path of the demo project, and creates it."""
-        start = str(home() / "demo.nvsim")
+        start = str(home_folder() / "demo.nvsim")
         chosen, _ = QFileDialog.getSaveFileName(self.context.window, "Demo project", start, "Projects (*.nvsim)")
         if chosen:
             path = Path(chosen if chosen.endswith(".nvsim") else f"{chosen}.nvsim")

@@ -8,7 +8,7 @@ from collections.abc import Iterable, Sequence
 from dataclasses import replace
 
 from nvsim.graph.edits.change import Change, EditError, Place, key_of, need_number, need_place, unique
-from nvsim.graph.edits.moving import move_in
+from nvsim.graph.edits.moving import move_within_change
 from nvsim.graph.types import Edge, EdgeKey, NavGraph, Viewpoint, edge
 
 
@@ -36,7 +36,7 @@ def place_viewpoint(
     )
 
 
-def snapped(position: Sequence[float], trajectory: Iterable[Sequence[float]]) -> tuple[int, Place]:
+def nearest_trajectory_position(position: Sequence[float], trajectory: Iterable[Sequence[float]]) -> tuple[int, Place]:
     """Return the index and the position (x, y, z), meters, of the frame of the trajectory (N, 3) that is nearest to
     `position`. If `position` is only x and y, the height of frames is ignored. With z, frames on other floors are
     farther away.
@@ -174,7 +174,7 @@ def merge_viewpoints(graph: NavGraph, ids: Iterable[str], into: str | None = Non
     others = unique(other for id in gone for other in change.neighbours(id) if other != kept and other not in gone)
     change.drop(*gone)
     if middle:
-        move_in(change, kept, _mean(places))
+        move_within_change(change, kept, _mean(places))
     for other in others:
         if key_of(kept, other) not in change.edges:
             change.put_edge(edge(kept, other, "person"))

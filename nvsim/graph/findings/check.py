@@ -16,7 +16,7 @@ from nvsim.graph.findings.detours import DetourFindings, about_detour, influence
 from nvsim.graph.findings.elements import Neighbourhood, about_edge, about_pair, about_viewpoint, is_steep
 from nvsim.graph.findings.groups import ConnectedGroups
 from nvsim.graph.paths import components
-from nvsim.graph.touched_elements import touched_between
+from nvsim.graph.touched_elements import elements_touched_between
 from nvsim.graph.types import EdgeKey, NavGraph
 
 _NOTHING = Context()
@@ -208,7 +208,7 @@ def _measured_anew(before: NavGraph, after: NavGraph) -> set[str]:
     """Return the viewpoints from which evidence was measured that was added, removed or changed."""
     if before.evidence is after.evidence:
         return set()
-    touched = touched_between(before, after)
+    touched = elements_touched_between(before, after)
     keys = {*before.evidence, *after.evidence} if touched is None else touched.evidence
     found: set[str] = set()
     for key in keys:

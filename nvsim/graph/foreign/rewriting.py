@@ -34,7 +34,7 @@ def edges_in(document: Document) -> tuple[tuple[EdgeKey, ...], frozenset[EdgeKey
     return tuple(keys(either)), frozenset(keys(either & (free != free.T)))
 
 
-def rewritten(document: Document, before: NavGraph, after: NavGraph) -> Document:
+def rewrite_document(document: Document, before: NavGraph, after: NavGraph) -> Document:
     """Return the document of graph `after`, where `document` is that of graph `before`.
 
     Visibility does not change; a new viewpoint sees the viewpoints that it is joined to. A moved viewpoint keeps the

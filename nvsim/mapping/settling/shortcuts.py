@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from nvsim.graph.types import Viewpoint
-from nvsim.kernel_threads import allowed
+from nvsim.kernel_threads import allowed_threads
 from nvsim.mapping.criteria import can_stand
 from nvsim.mapping.search.survey import Survey
 from nvsim.mapping.search.trajectory import Walk
@@ -194,7 +194,7 @@ class Shortcuts:
             if far:
                 looks.append((id, far))
         # In parallel: each is a search over floor in a kernel, and no area is closed meanwhile.
-        with ThreadPoolExecutor(allowed(), "shortcuts") as pool:
+        with ThreadPoolExecutor(allowed_threads(), "shortcuts") as pool:
             for _ in pool.map(self._measure_paths, *zip(*looks, strict=True)) if looks else ():
                 pass
         pairs = [(round(self._known[id][other][0], 3), id, other) for id, far in looks for other in far]

@@ -45,14 +45,14 @@ class FloorPixels:
             floor_kernels.project(points, eye.world_to_camera, np.array([k.fx, k.fy, k.cx, k.cy]), pixels, depth)
         else:
             pixels, depth = eye.project(points)
-        floor_kernels.place(pixels, depth, *size_of(eye), wraps, inside, corners, across, along)
+        floor_kernels.locate_points(pixels, depth, *size_of(eye), wraps, inside, corners, across, along)
         return FloorPixels(inside, depth, corners, across, along)
 
     def mark(self, image: NDArray[np.bool_]) -> None:
         """Set the pixels that points inside are read from to True in an image (H, W)."""
         from nvsim.mapping import floor_kernels
 
-        floor_kernels.mark(self.corners, self.inside, image)
+        floor_kernels.mark_pixels(self.corners, self.inside, image)
 
     def are_marked(self, image: NDArray[np.bool_]) -> bool:
         """Whether all of these pixels are True in an image (H, W)."""

@@ -14,7 +14,7 @@ from nvsim.capture.axes import CHOICES
 from nvsim.capture.findings import Finding
 from nvsim.capture.types import Alignment, Capture, DepthFile, Frame
 from nvsim.errors import InputError
-from nvsim.events import Done, Listener, Log, Progress, Warning, silent
+from nvsim.events import Done, Listener, Log, Progress, Warning, ignore_event
 from nvsim.files.reading import reading
 from nvsim.project import ledger
 from nvsim.project.config import CaptureConfig, PoseUse
@@ -29,7 +29,11 @@ STAGE: StageName = "import"
 
 
 def run(
-    project: Project, source: Path, config: CaptureConfig, listen: Listener = silent, alignment: Alignment | None = None
+    project: Project,
+    source: Path,
+    config: CaptureConfig,
+    listen: Listener = ignore_event,
+    alignment: Alignment | None = None,
 ) -> Capture:
     """Reads and checks the capture of `source`, stores it in the project, and returns it. If `alignment` is given, the
     capture is in its frame. A splat file is imported as a capture without images.
@@ -126,7 +130,7 @@ def run(
     report_replaced_result(project, STAGE, listen)
     with contextlib.suppress(InputError):  # an unreadable capture is imported again
         project.fix_cut()
-    ledger.begin(project, STAGE, key)
+    ledger.begin_part(project, STAGE, key)
     save_capture(capture, project.making(project.stage_results().made_at(STAGE)).layout.imported)
     points = 0 if capture.cloud is None else len(capture.cloud.points)
     summary = {"frames": len(capture.frames), "points": points, "format": capture.format, **adjusted}
@@ -177,11 +181,11 @@ def _without_faulty(capture: Capture, checked: Capture) -> Capture:
 
 def _posed(capture: Capture, config: CaptureConfig, listen: Listener) -> tuple[Capture, dict[str, float]]:
     """The capture with the poses that `config` selects, and the figures of the adjustment for the summary."""
-    from nvsim.poses.refinement import is_good, median_epipolar_error, refine
+    from nvsim.poses.refinement import are_poses_good, median_epipolar_error, refine
 
     measured = capture.is_measured or bool(capture.scans or capture.depths)
     if config.poses == "given" or (
-        config.poses == "auto" and (measured or is_good(median_epipolar_error(capture.frames)))
+        config.poses == "auto" and (measured or are_poses_good(median_epipolar_error(capture.frames)))
     ):
         return capture, {}
     found = refine(capture.frames, lambda done, of: listen(Progress(STAGE, done, of, "matches between images")))

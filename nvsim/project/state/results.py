@@ -230,7 +230,7 @@ def _names_of(stage: str, part: int) -> tuple[str, ...]:
     return (model_name(part),) if stage == "train" else _NAMES.get(stage, ()) if part == 0 else ()
 
 
-def first_stale(outdated: frozenset[StageName], former: frozenset[StageName]) -> tuple[StageName, str] | None:
+def first_outdated_stage(outdated: frozenset[StageName], former: frozenset[StageName]) -> tuple[StageName, str] | None:
     """The first stage with a result of another capture or cut than the present one, and a sentence about it; None if
     there is none."""
     for stage in STAGES:
@@ -257,7 +257,7 @@ def read(c: sqlite3.Connection, path: Path) -> StageResults:
     for slot, stage, part, *cells in tables.read(c, path, "stage_parts", _KEPT | _PART | _ABOUT):
         parts.setdefault((slot, stage), {})[part] = StagePart(*cells)
     for slot, stage, name, place in tables.read(c, path, "stage_files", _FILE):
-        files.setdefault((slot, stage), {}).update(trusted({name: place}))
+        files.setdefault((slot, stage), {}).update(files_inside_project({name: place}))
     results = {key: StageResult(parts.get(key, {}), files.get(key, {})) for key in dict.fromkeys([*parts, *files])}
     unfinished = {(s, p): UnfinishedPart(*work) for s, p, *work in tables.read(c, path, "unfinished", _UNFINISHED)}
     generation = max((n for (n,) in tables.read(c, path, "generation", {"number": COUNT})), default=0)
@@ -266,7 +266,7 @@ def read(c: sqlite3.Connection, path: Path) -> StageResults:
 
 def read_places(c: sqlite3.Connection) -> dict[str, str]:
     """`StageResults.places` alone, for the paths of a project."""
-    return trusted(dict(c.execute("SELECT name, place FROM stage_files WHERE slot = 'in use'")))
+    return files_inside_project(dict(c.execute("SELECT name, place FROM stage_files WHERE slot = 'in use'")))
 
 
 def write(c: sqlite3.Connection, value: StageResults) -> None:
@@ -285,7 +285,7 @@ def write(c: sqlite3.Connection, value: StageResults) -> None:
             c.execute(f"INSERT INTO {table} VALUES ({', '.join('?' * len(row))})", row)
 
 
-def trusted(files: Mapping[str, Any]) -> dict[str, str]:
+def files_inside_project(files: Mapping[str, Any]) -> dict[str, str]:
     """The files inside the project, because projects may come from other people. A kept graph elsewhere is missing."""
     texts = {n: p for n, p in files.items() if isinstance(n, str) and isinstance(p, str)}
     found = {n: p for n, p in texts.items() if _NAME.fullmatch(n) and _PLACE.fullmatch(p)}
@@ -311,7 +311,7 @@ def _models(root: Path) -> list[str]:
     return [p.parent.name for p in root.glob("models/submap_*/model.json") if p.parent.name[7:].isdecimal()]
 
 
-def tidy(value: StageResults, root: Path) -> None:
+def remove_unreferenced_files(value: StageResults, root: Path) -> None:
     """Removes generations without references: deleted results, and leftovers of killed processes. Only the writer may
     call it."""
     wanted, named = value.all_places(), value.places

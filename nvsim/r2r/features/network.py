@@ -21,7 +21,7 @@ from nvsim.networks.image_preparation import Preparation, preparation_in
 from nvsim.networks.onnx_session import Provider, Session, providers
 from nvsim.networks.toml_table import LARGEST, TomlTable, parsed
 from nvsim.r2r.features.backbone import Backbone, Float32, Projection
-from nvsim.r2r.features.layouts import CLASSES, Layout, maker_of
+from nvsim.r2r.features.layouts import CLASSES, Layout, feature_maker
 
 MOST_WIDTH = 65536
 _EXAMPLE = "width = 512 and size = [224, 224]"
@@ -177,7 +177,7 @@ def choose_backbone(
 
     Raises InputError if the network cannot be used.
     """
-    maker = maker_of(layout, model, projection)
+    maker = feature_maker(layout, model, projection)
     if maker.file is not None:
         return Network(maker.file, batch, provider), ""
     if maker.kind == "trunk":

@@ -161,7 +161,7 @@ def objects_around(id: str, facing: float, seen: Surroundings) -> Iterator[Cue]:
     for i, heading, metres in sorted(seen.visible.get(id, ()), key=lambda one: one[2]):
         off = _turn(heading - facing)
         side: CueSide = "ahead" if abs(off) <= _AHEAD else "right" if off > 0 else "left"
-        if not is_vague(_look(seen, i)) and (
+        if not is_unnamed(_look(seen, i)) and (
             side == "ahead" or _BESIDE[0] <= abs(off) <= _BESIDE[1] and metres < _ACROSS
         ):
             yield Cue("by", _look(seen, i), side, 0.0, i)
@@ -232,14 +232,14 @@ def drop_redundant_cues(cues: Set[Cue]) -> frozenset[Cue]:
     """Removes cues that others make needless: of an object with a better cue, without its side, and at the same end."""
     kept: dict[int, Cue] = {}
     for kind in ("by", "past", "towards"):
-        of_kind = sorted((c for c in cues if c.kind == kind), key=lambda c: (is_vague(c.what), c.side == "", c))
+        of_kind = sorted((c for c in cues if c.kind == kind), key=lambda c: (is_unnamed(c.what), c.side == "", c))
         for cue in of_kind[:1] if kind != "past" else of_kind:
             kept.setdefault(cue.which, cue)
     plain = {cue for cue in cues if cue.kind not in ("by", "past", "towards")}
     return frozenset(plain | set(kept.values()))
 
 
-def chosen_cues(cues: Set[Cue], random: Random) -> frozenset[Cue]:
+def choose_cues(cues: Set[Cue], random: Random) -> frozenset[Cue]:
     """Selects cues at random: at most one of each kind, and rather with a side."""
     some: list[Cue] = []
     doors: list[Cue] = []
@@ -248,7 +248,7 @@ def chosen_cues(cues: Set[Cue], random: Random) -> frozenset[Cue]:
         of_kind = [cue for cue in sorted(cues) if cue.kind == kind and cue.what not in named]
         if not of_kind or random.random() >= _SAID[kind]:
             continue
-        best = [cue for cue in of_kind if not is_vague(cue.what)] or of_kind
+        best = [cue for cue in of_kind if not is_unnamed(cue.what)] or of_kind
         one = best[int(random.random() * len(best))]
         if kind == "through" and int(one.what) > 2:
             continue
@@ -258,12 +258,12 @@ def chosen_cues(cues: Set[Cue], random: Random) -> frozenset[Cue]:
     return frozenset([*doors, *some[:_MOST_CUES]])
 
 
-def is_vague(look: str) -> bool:
+def is_unnamed(look: str) -> bool:
     """Whether an object has no better name than "object". Such names are used only if there is no other landmark."""
     return look.endswith(" object")
 
 
-def few_cues(cues: Set[Cue], most: int, is_last: bool, random: Random) -> frozenset[Cue]:
+def choose_few_cues(cues: Set[Cue], most: int, is_last: bool, random: Random) -> frozenset[Cue]:
     """Selects the cues of a leg for a short text: doorways or stairs, then up to `most` others.
 
     The last leg gets an object at its end if there is one. Vague names are used only if there is no other cue.
@@ -272,7 +272,7 @@ def few_cues(cues: Set[Cue], most: int, is_last: bool, random: Random) -> frozen
     found = [cue for cue in sorted(cues) if cue.kind in ("stairs", "to stairs")]
     found += doors if any(cue.kind == "through" and int(cue.what) <= 2 for cue in doors) else []
     others = [cue for cue in sorted(cues) if cue not in doors and cue.kind not in ("stairs", "to stairs")]
-    clear = [cue for cue in others if not is_vague(cue.what)]
+    clear = [cue for cue in others if not is_unnamed(cue.what)]
     others = clear or ([] if found else others)
     ends = [cue for cue in others if cue.kind == "by"] if is_last else []
     if ends:

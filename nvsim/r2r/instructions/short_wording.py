@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 from random import Random
 
 from nvsim.r2r.instructions.cues import Cue
-from nvsim.r2r.instructions.ground import PACE, RISER, Detail, Leg, degrees_of, hour_of, turn_of
+from nvsim.r2r.instructions.ground import PACE, RISER, Detail, Leg, clock_hour, degrees_of, rounded_turn
 from nvsim.r2r.instructions.phrases import (
     CLOCK,
     CORRIDOR,
@@ -18,7 +18,7 @@ from nvsim.r2r.instructions.phrases import (
     ObjectNames,
     alternatives_pattern,
     choose_alternatives,
-    one_of,
+    choose_phrase,
     sentence,
 )
 
@@ -239,12 +239,12 @@ def _sentences(clauses: Sequence[_Clause], random: Random) -> str:
 def _joined(group: Sequence[str], follows: bool, ends: bool, random: Random) -> str:
     *first, last = group
     openers = _FIRST if not follows else _LAST if ends else _OPENERS
-    opener = "" if group[0].split(" ")[0] in _NO_OPENER else one_of(openers, random)
+    opener = "" if group[0].split(" ")[0] in _NO_OPENER else choose_phrase(openers, random)
     if not first:
         return sentence(opener + last)
     alone = last.split(" ")[0] in _NO_OPENER
     links = (" and ",) if opener in ("then ", "next, ") else (" and ", ", then ", " and then ", " and ")
-    link = ", and " if len(group) > 2 or alone else one_of(links, random)
+    link = ", and " if len(group) > 2 or alone else choose_phrase(links, random)
     return sentence(opener + ", ".join(first) + link + last)
 
 
@@ -258,8 +258,8 @@ def _turn(leg: Leg, detail: Detail, random: Random) -> str:
             else ""
         )
     if detail == "clock":
-        return "" if hour_of(leg) == 12 else choose_alternatives(CLOCK, random).format(hour_of(leg))
-    turn = turn_of(leg)
+        return "" if clock_hour(leg) == 12 else choose_alternatives(CLOCK, random).format(clock_hour(leg))
+    turn = rounded_turn(leg)
     return "" if turn == "ahead" else choose_alternatives(TURNS[turn], random)
 
 

@@ -12,7 +12,7 @@ from nvsim.endpoint.budget import RequestEstimate, estimate_requests
 from nvsim.endpoint.client import Client
 from nvsim.endpoint.prompt import FOLDER, Prompt
 from nvsim.endpoint.request import Detail, Message, Part, Request
-from nvsim.events import Listener, Progress, Warning, silent
+from nvsim.events import Listener, Progress, Warning, ignore_event
 from nvsim.graph.types import NavGraph
 from nvsim.r2r.prompted.views import ViewRenderer, bearing, level
 from nvsim.r2r.tasks.task import Task
@@ -74,7 +74,7 @@ class InstructionWriter:
         return estimate_requests((request, client.is_kept(request)) for request in requests)
 
     def write(
-        self, client: Client, tasks: Sequence[Task], at_once: int, listen: Listener = silent
+        self, client: Client, tasks: Sequence[Task], at_once: int, listen: Listener = ignore_event
     ) -> GeneratedInstructions:
         """Requests the instructions of all tasks. Raises InputError in the cases that `Client.ask` lists."""
         found: dict[int, tuple[str, ...]] = {}

@@ -181,7 +181,7 @@ def roll_out(
     return found
 
 
-def walked(
+def run_greedily(
     model: RecurrentModel, world: World, episodes: Sequence[Episode], steps: int, at_once: int = 128
 ) -> Iterator[tuple[str, list[Pose]]]:
     """Yields the instr_id and trajectory of every episode, with the best action in each step.

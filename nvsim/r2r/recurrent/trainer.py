@@ -23,7 +23,7 @@ from nvsim.r2r.metrics.scores import NEAR, score
 from nvsim.r2r.recurrent.config import LearningConfig, ModelConfig
 from nvsim.r2r.recurrent.dataset import Dataset, Vocabulary, episodes_of, held_out
 from nvsim.r2r.recurrent.model import RecurrentModel
-from nvsim.r2r.recurrent.rollout import Episode, Rollout, Way, read_words, roll_out, walked
+from nvsim.r2r.recurrent.rollout import Episode, Rollout, Way, read_words, roll_out, run_greedily
 from nvsim.r2r.recurrent.world import STOP, Int64, World, read_world
 from nvsim.training.checkpoint import Arrays, Checkpoint
 
@@ -164,7 +164,7 @@ class Trainer:
 
     def try_out(self) -> tuple[float, float]:
         """Returns the success rate and SPL on the held-out tasks."""
-        trajectories = dict(walked(self.model, self.world, self.out, self.learning.steps))
+        trajectories = dict(run_greedily(self.model, self.world, self.out, self.learning.steps))
         found = score(self.out_tasks, trajectories, self._distances)
         return float(found.success.mean()), float(found.spl.mean())
 

@@ -49,7 +49,7 @@ def names_of(lab: NDArray[np.floating]) -> NDArray[np.int64]:
     return found
 
 
-def differ(one: str, other: str) -> bool:
+def are_colors_distinct(one: str, other: str) -> bool:
     """Whether two color names cannot be confused by light and shadow."""
     if one == other or {one, other} in ({"brown", "beige"}, {"white", "beige"}, {"red", "brown"}, {"beige", "yellow"}):
         return False

@@ -10,7 +10,7 @@ from typing import Literal
 from nvsim.errors import InputError
 from nvsim.files.opening import opened
 from nvsim.files.reading import reading
-from nvsim.splats.formats.cleaning import usable
+from nvsim.splats.formats.cleaning import renderable_gaussians
 from nvsim.splats.ply import read_ply, write_ply
 from nvsim.splats.types import Gaussians
 
@@ -94,7 +94,7 @@ def read_splats(path: Path) -> Splats:
     Raises InputError naming the file and the defect.
     """
     gaussians, antialiased = _read(path)
-    gaussians, notes = usable(path, gaussians)
+    gaussians, notes = renderable_gaussians(path, gaussians)
     return Splats(gaussians, antialiased, notes)
 
 
