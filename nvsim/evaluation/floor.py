@@ -53,7 +53,7 @@ class MaskWithTruth(NamedTuple):
     """A mask and its ground truth, (H, W) bool, and (H, W) bool, which pixels count (None: all)."""
 
     name: str
-    found: NDArray[np.bool_]
+    predicted: NDArray[np.bool_]
     expected: NDArray[np.bool_]
     known: NDArray[np.bool_] | None = None
 

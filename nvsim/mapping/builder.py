@@ -175,10 +175,10 @@ def _cut_detours(draft: GraphBuilder, detour: TrajectoryDetour, survey: Survey) 
     for a, b in list(draft.edges()):
         ends = draft.viewpoints[a], draft.viewpoints[b]
         if detour(ends[0].position, ends[1].position):
-            draft.cut(a, b)
+            draft.remove_edge(a, b)
             found += 1
             for here, there in (ends, ends[::-1]):
-                survey.leave_out(here, there, "around")
+                survey.record_omitted_edge(here, there, "around")
     return found
 
 

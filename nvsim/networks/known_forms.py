@@ -129,7 +129,7 @@ def description_from_legacy_toml(
                 "resize": "centre", "interpolation": "linear", "brightest": white,
                 "mean": list(table.three("mean", (0.0, 0.0, 0.0))),
                 "std": list(table.three("std", (1.0, 1.0, 1.0), positive=True)),
-                "pad": [255 * part for part in _GREY], "multiple": table.whole("multiple", 1024, 1),
+                "pad": [255 * part for part in _GREY], "multiple": table.integer("multiple", 1024, 1),
             }
         },
         "steps": [

@@ -134,14 +134,14 @@ def _wrong_frames(
         pairs, bad = evidence.frames[left], off[left] > _WRONG
         counts = np.bincount(pairs.ravel(), minlength=len(frames))
         faults = np.bincount(pairs[bad].ravel(), minlength=len(frames))
-        least = np.where(np.isin(np.arange(len(frames)), overlaps.strangers), 1, 2)
+        least = np.where(np.isin(np.arange(len(frames)), overlaps.unmatched_frames), 1, 2)
         sure = np.flatnonzero((faults >= least) & (faults >= 0.8 * counts))
         if not len(sure):
             break
         wrong.add(int(sure[np.argmax(faults[sure])]))
     place = {index: k for k, index in enumerate(overlaps.order)}
     poses = np.stack([f.camera_to_world for f in frames])
-    for index in overlaps.strangers:
+    for index in overlaps.unmatched_frames:
         around = [overlaps.order[place[index] + step] for step in (-1, 1)]
         steps = [float(np.linalg.norm(poses[index, :3, 3] - poses[a, :3, 3])) for a in around]
         between = float(np.linalg.norm(poses[around[0], :3, 3] - poses[around[1], :3, 3]))

@@ -56,7 +56,7 @@ def begin_part(project: Project, stage: str, key: str, part: int = 0) -> bool:
     work = found.unfinished.get((stage, part))
     if work is not None and work.key == key:
         return True
-    project.set_stage_results(found := found.begun(stage, part, key, project.root))
+    project.set_stage_results(found := found.with_unfinished_part(stage, part, key, project.root))
     results.remove_unreferenced_files(found, project.root)
     return False
 
@@ -116,7 +116,7 @@ def remove_records(project: Project, stage: str) -> None:
     found = project.stage_results()
     in_use = found.get("in use", stage) or StageResult()
     unfinished = {key: work for key, work in found.unfinished.items() if key[0] != stage}
-    found = replace(found, unfinished=unfinished).put("in use", stage, StageResult({}, in_use.files))
+    found = replace(found, unfinished=unfinished).with_result("in use", stage, StageResult({}, in_use.files))
     project.set_stage_results(found)
 
 
@@ -158,24 +158,26 @@ def add_model(project: Project, submap: int, seconds: float, figures: dict[str, 
     part = finished_part(figures, "" if work is None else work.key, seconds)
     files = found.made_at(TRAIN, submap)
     used, former = True, found.in_use(TRAIN, root)
-    found = found.dropped(TRAIN, submap)
+    found = found.without_unfinished(TRAIN, submap)
     if TRAIN in found.former:
         new = _newest(found)
         new = StageResult({**new.parts, submap: part}, {**new.files, **files})
         used = set(new.parts) >= {s.index for s in project.submaps()}
         if used:
-            found = found.put("previous", TRAIN, former).put_to_use(TRAIN, new)
-        found = found.put("next", TRAIN, None if used else new)
+            found = found.with_result("previous", TRAIN, former).with_result_in_use(TRAIN, new)
+        found = found.with_result("next", TRAIN, None if used else new)
     else:
         before, in_use = None, found.get("in use", TRAIN) or StageResult()
         parts = in_use.parts
         if all(p.batch != batch for p in parts.values()) or (submap in parts and parts[submap].batch == batch):
             before = former
             earlier = {index: replace(part, batch="") for index, part in parts.items()}
-            found = found.put("in use", TRAIN, StageResult(earlier, in_use.files))
+            found = found.with_result("in use", TRAIN, StageResult(earlier, in_use.files))
         if "cut/submaps" in found.places:
             files["cut/train"] = found.places["cut/submaps"]
-        found = found.finished(TRAIN, {submap: replace(part, batch=batch)}, files, before).put("next", TRAIN, None)
+        found = found.finished(TRAIN, {submap: replace(part, batch=batch)}, files, before).with_result(
+            "next", TRAIN, None
+        )
     project.set_stage_results(found)
     remove_folder(project.layout.live(submap))
     project.layout.checkpoint(submap).unlink(missing_ok=True)
@@ -189,7 +191,7 @@ def clear_unfinished(project: Project, of_others: Iterable[int]) -> None:
     found, layout = project.stage_results(), project.layout
     left = {part for stage, part in found.unfinished if stage == TRAIN}
     wanted = left & set(of_others)
-    project.set_stage_results(found := found.dropped(TRAIN, *(left - wanted)))
+    project.set_stage_results(found := found.without_unfinished(TRAIN, *(left - wanted)))
     keep = {p for part in wanted for p in (layout.checkpoint(part), layout.live(part))}
     for path in [*layout.checkpoints.glob("submap_*.ckpt"), *layout.checkpoints.glob("live_*")]:
         if path in keep:

@@ -123,7 +123,8 @@ class BackgroundNetwork:
 
 
 class Networks:
-    """One embedding is the input of both networks, as in Splatfacto-W. A view begins with `look` and ends with `learn`.
+    """One embedding is the input of both networks, as in Splatfacto-W. A view begins with `select_embedding` and ends
+    with `propagate_gradients`.
 
     colour   (3,) the initial background color, 0 to 1
     """
@@ -154,7 +155,7 @@ class Networks:
             groups["colours"] = ParameterGroup.of(self.colours.values, rate.network, self.colours.gradient)
         return groups
 
-    def look(self, position: NDArray[np.floating], name: str | None = None) -> None:
+    def select_embedding(self, position: NDArray[np.floating], name: str | None = None) -> None:
         """Selects the embedding of the training view `name`, or, without a name, of another view at `position` (3,)."""
         self._taken = self.embedding.at(position, name)
         self.seen = self._taken.detach().requires_grad_()
@@ -162,7 +163,7 @@ class Networks:
             if part is not None:
                 part.gradient[:] = 0
 
-    def backdrop(self, share: float) -> Float32:
+    def background_coefficients(self, share: float) -> Float32:
         """(25, 3) coefficients of the background after `share` of the steps."""
         assert self.background is not None
         interval = self._config.appearance.background_interval
@@ -174,7 +175,7 @@ class Networks:
         """Propagates the gradient `d_coefficients` (25, 3) of the last `backdrop`."""
         propagate_gradient(self._coefficients, torch.from_numpy(d_coefficients))
 
-    def learn(self) -> None:
+    def propagate_gradients(self) -> None:
         """Propagates the gradients of the background and the colors through the embedding."""
         if self.seen.grad is not None and self._taken.requires_grad:
             propagate_gradient(self._taken, self.seen.grad)

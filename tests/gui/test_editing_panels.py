@@ -44,7 +44,7 @@ def cut_off(document: Document, row: int = 0) -> str:
 @pytest.fixture
 def validation(window: MainWindow, document: Document) -> ValidationPanel:
     window.show_dock("validation")
-    document.editing.checking.look()
+    document.editing.checking.validate()
     panel = window.panels["validation"]
     assert isinstance(panel, ValidationPanel)
     return panel

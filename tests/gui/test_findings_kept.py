@@ -154,10 +154,10 @@ def test_findings_after_recovery_count_the_restored_edits(qapp: QApplication, tm
 def test_the_panel_says_that_it_checks_until_the_findings_are_known(document: Document, qtbot: QtBot) -> None:
     panel = ValidationPanel(document)
     qtbot.addWidget(panel)
-    document.editing.checking.look_soon(document.graph, None)
+    document.editing.checking.schedule_validation(document.graph, None)
     panel.renew()
     assert panel.clean.text() == "Checking…" and panel.boxes["error"].text() == "errors"
-    document.editing.checking.look()
+    document.editing.checking.validate()
     panel.renew()
     assert panel.clean.text() == "No problems found." and panel.boxes["error"].text() == "0 errors"
 
@@ -167,7 +167,7 @@ def test_a_panel_shows_no_findings_of_another_graph(document: Document, qtbot: Q
     qtbot.addWidget(panel)
     panel.show()
     qtbot.waitUntil(lambda: panel.clean.text() == "No problems found.")
-    document.editing.checking.look_soon(document.graph, None)
+    document.editing.checking.schedule_validation(document.graph, None)
     assert panel.clean.text() == "Checking…" and panel.clean.isVisible() and not panel.tree.isVisible()
     qtbot.waitUntil(lambda: panel.clean.text() == "No problems found.")
     panel.hide()

@@ -205,7 +205,7 @@ def test_a_project_opens_as_it_was_left(
     again.set_contents(demo_room.contents(Path("demo.nvsim")))
     assert second.scene.pose == POSE and second.scene.channel == "normal"
     assert again.selection.viewpoint == document.graph_arrays.ids[4]
-    assert second.panels["map"].seen == pytest.approx(seen) and second.panels["inspector"].view.gaze[0] == 1.0
+    assert second.panels["map"].seen == pytest.approx(seen) and second.panels["inspector"].view.view_center[0] == 1.0
     assert second.part(CameraPathPart).poses == [POSE]
     # Another project has a camera of its own, and this one keeps what is left now.
     second.scene.navigation.set_pose(replace(POSE, heading=0.3))

@@ -108,8 +108,8 @@ def test_an_edge_criterion_is_a_threshold_and_a_row(monkeypatch: pytest.MonkeyPa
     assert decide(evidence, config) == "open"
     monkeypatch.setattr(criteria, "CRITERIA", (*criteria.CRITERIA, row))
     assert decide(evidence, config) == "unknown"
-    assert Rethresholder(graph).decide(config).disappear.tolist() == [[0, 1]]
-    assert len(Rethresholder(graph).decide(replace(config, cell_support=0.0)).disappear) == 0
+    assert Rethresholder(graph).decide(config).lost_edges.tolist() == [[0, 1]]
+    assert len(Rethresholder(graph).decide(replace(config, cell_support=0.0)).lost_edges) == 0
     failed = explain(evidence, config).failed
     assert failed is not None and failed.criterion is row and failed.part == (slice(10, 11), slice(9, 10))
     (direction,) = directions(graph, GraphArrays.of(graph), "a", config)  # what inspector and details show

@@ -132,7 +132,7 @@ def test_graphs_far_back_are_made_again_from_deltas_without_a_difference() -> No
         if i % 5 == 0:
             key = next(iter(after.edges))
             after = edits.add_edges(edits.remove_edges(after, [key]), [key])  # to the end of the order
-        graphs.put(i + 1, before, after)
+        graphs.store_step(i + 1, before, after)
         plain.append(after)
     for index in (150, 3, 77, 76, 75, 149, 0):
         assert same_graph(graphs[index], plain[index])

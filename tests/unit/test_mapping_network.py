@@ -124,7 +124,7 @@ def test_both_must_pass_and_either_is_decided_again_without_rendering(models: Pa
     assert again.report["decisions"]["limit"] > 0, "the Gaussians alone let it through"
     loose = replace(config, tau_network_normal=-0.1, row_network_normal=-0.1)
     found = Rethresholder(refused.graph).decide(loose)
-    assert found.beyond > 0 == Rethresholder(refused.graph).decide(config).beyond
+    assert found.new_steps > 0 == Rethresholder(refused.graph).decide(config).new_steps
     plain = built(replace(config, criteria=("alpha", "normal"), max_viewpoints=1), start=start).graph
     measured = built(replace(config, isolated=True, max_viewpoints=1), previous=plain, start=start)
     assert measured.report["rendered_viewpoints"] == 1, "a network cannot be asked about what was not measured by it"

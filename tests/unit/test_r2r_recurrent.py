@@ -138,7 +138,9 @@ def test_a_batch_does_what_each_does_alone(folder: Path, panorama: bool) -> None
         together = roll_out(model, world, episodes, read_words(model, episodes), "path", 0)
         for i, episode in enumerate(episodes):
             alone = roll_out(model, world, [episode], read_words(model, [episode]), "path", 0)
-            mine = [step.scores[int(np.flatnonzero(step.who == i)[0])] for step in together.steps if i in step.who]
+            mine = [
+                step.scores[int(np.flatnonzero(step.agents == i)[0])] for step in together.steps if i in step.agents
+            ]
             assert len(mine) == len(alone.steps) == len(episode.path)
             for ours, theirs in zip(mine, (step.scores[0] for step in alone.steps)):
                 assert torch.allclose(ours[: len(theirs)], theirs, atol=1e-5) and ours[len(theirs) :].isneginf().all()

@@ -283,7 +283,7 @@ def read_short(text: str) -> set[Cue]:
     tables += [("by", short.STOP_BY), ("by", {"": short.WALK_TO}), ("by", {"": short.AT}), ("walk", short.WALKS)]
     tables += [("towards", {"": short.TOWARDS}), ("stairs", short.STAIRS), ("to stairs", short.TO_STAIRS)]
     cues = cues_in(text, [*tables, ("floor", {"": short.FLOOR}), ("rug", rugged(short.RUG))])
-    walks = {cue.what for cue in cues if cue.kind == "walk"}
+    walks = {cue.subject for cue in cues if cue.kind == "walk"}
     found = {cue for cue in cues if cue.kind != "walk"}
     for walk in walks & {"1", "2"}:
         found.add(Cue("through", walk))
@@ -338,7 +338,9 @@ def test_an_object_behind_a_doorway_is_not_in_front_of_one_who_has_not_gone_thro
     assert behind in {i for i, _, _ in seen.visible["g"]}
     assert behind not in {i for i, _, _ in seen.visible["c"]}
     assert not [
-        cue for cue in cues_along("bc", math.radians(90), seen) if cue.what.startswith("blue") and cue.side == "ahead"
+        cue
+        for cue in cues_along("bc", math.radians(90), seen)
+        if cue.subject.startswith("blue") and cue.side == "ahead"
     ]
 
 
@@ -355,8 +357,10 @@ def test_one_name_stands_for_one_object_of_an_instruction() -> None:
         floors=dict.fromkeys(steps, ()),
     )
     # Two red sofas along one leg have no name of their own; the blue chair is one.
-    assert {(cue.what, cue.which) for cue in cues_along("abc", 0.0, seen) if cue.kind == "past"} == {("blue chair", 1)}
+    assert {(cue.subject, cue.object_index) for cue in cues_along("abc", 0.0, seen) if cue.kind == "past"} == {
+        ("blue chair", 1)
+    }
     first, second = cues_along("ab", 0.0, seen), cues_along("bc", 0.0, seen)
     assert Cue("past", "red sofa", "left") in first
     legs = with_one_name_each([Leg(0.0, 2.0, "level", first), Leg(0.5, 2.0, "level", second)])
-    assert {cue.which for leg in legs for cue in leg.cues if cue.what == "red sofa"} == {0}
+    assert {cue.object_index for leg in legs for cue in leg.cues if cue.subject == "red sofa"} == {0}

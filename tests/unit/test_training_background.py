@@ -135,8 +135,8 @@ def test_first_paint_already_shows_the_floor() -> None:
     assert made is not None and texture is not None
     view = room.views[3]
     painted = np.empty((3, 72, 96), np.float32)
-    made.look(view.camera.position, view.name)
-    evaluate(view.camera, made.backdrop(1.0), painted)
+    made.select_embedding(view.camera.position, view.name)
+    evaluate(view.camera, made.background_coefficients(1.0), painted)
     constant = np.abs(painted.transpose(1, 2, 0) - view.image / 255.0)[view.floor].mean()
     texture.add(hits_of(view.camera, room.floor), painted)
     textured = np.abs(painted.transpose(1, 2, 0) - view.image / 255.0)[view.floor].mean()

@@ -16,7 +16,7 @@ _PROGRAM = ChildProgram(
     worker.serve,
     "frames",
     "The frames cannot be prepared",
-    stopped="The process that prepares thumbnails and candidate masks stopped repeatedly.",
+    crash_text="The process that prepares thumbnails and candidate masks stopped repeatedly.",
     restarts=RESTARTS,
     nice=10,  # the renderer has priority, too
 )

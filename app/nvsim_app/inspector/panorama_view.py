@@ -83,17 +83,17 @@ class PanoramaView(QWidget):
         self.shows_regions = on
         self.update()
 
-    def look_to(self, heading: float) -> None:
+    def set_heading(self, heading: float) -> None:
         """Centers the view at `heading` (radians)."""
         self._heading = heading
         self.update()
 
     @property
-    def gaze(self) -> tuple[float, float, float]:
+    def view_center(self) -> tuple[float, float, float]:
         """Heading and elevation of the view center in radians, and the zoom; zoom 1 shows the whole turn."""
         return self._heading, self._elevation, self._zoom
 
-    def look(self, heading: float, elevation: float, zoom: float) -> None:
+    def set_view_center(self, heading: float, elevation: float, zoom: float) -> None:
         """Restores the view of `gaze`."""
         self._heading, self._elevation, self._zoom = heading, elevation, min(max(zoom, 1.0), _NEAREST)
         self.update()
@@ -245,7 +245,7 @@ class PanoramaView(QWidget):
         if self._inspection.viewpoint is None:
             text = "Select a viewpoint to see its panorama."
         elif not there:
-            text = self.hint or self._panoramas.trouble or self._panoramas.words
+            text = self.hint or self._panoramas.failure_reason or self._panoramas.words
         elif self._panoramas.drawing:
             text = "rendering at full resolution…"
         else:

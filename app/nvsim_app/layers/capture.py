@@ -133,7 +133,7 @@ class FrustumLayer(Layer):
 
     @property
     def missing(self) -> str:
-        return "" if len(self._document.trajectory.positions) else STAGE["import"].lacking
+        return "" if len(self._document.trajectory.positions) else STAGE["import"].missing
 
     def forget(self) -> None:
         self._of, self._starts, self._ends = None, np.zeros((0, 8, 3)), np.zeros((0, 8, 3))
@@ -259,7 +259,7 @@ class TrajectoryLayer(Layer):
 
     @property
     def missing(self) -> str:
-        return "" if len(self._document.drawn_trajectory.positions) else STAGE["import"].lacking
+        return "" if len(self._document.drawn_trajectory.positions) else STAGE["import"].missing
 
     def paint(self, painter: QPainter, camera: Camera) -> None:
         trajectory = self._document.drawn_trajectory

@@ -117,7 +117,7 @@ class GraphLayer(Layer):
 
     @property
     def missing(self) -> str:
-        return "" if self._document.graph_arrays.ids else STAGE["map"].lacking
+        return "" if self._document.graph_arrays.ids else STAGE["map"].missing
 
     def seen(self, camera: Camera) -> ProjectedViewpoints:
         """The viewpoints projected to `camera`. The result is cached for repeated calls."""

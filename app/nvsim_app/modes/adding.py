@@ -60,7 +60,7 @@ class AddEdgeMode(Mode):
     def drag(self, start: Pointer, now: Pointer) -> None:
         self.hover(now)
 
-    def drop(self, start: Pointer, now: Pointer) -> None:
+    def end_drag(self, start: Pointer, now: Pointer) -> None:
         there = now.viewpoint
         if there is None:
             self.cancel()

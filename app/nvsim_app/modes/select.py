@@ -101,9 +101,9 @@ class SelectMode(Mode):
         self._offset, self._now = self._offset_to(now), now
         self.context.refresh()
 
-    def drop(self, start: Pointer, now: Pointer) -> None:
+    def end_drag(self, start: Pointer, now: Pointer) -> None:
         if not self._moving:
-            self._box.drop(start, now)
+            self._box.end_drag(start, now)
             return
         offset, moved = self._offset_to(now), self._moving
         self.cancel()
@@ -189,7 +189,7 @@ class BoxMode(Mode):
         self._box = (start.surface, QRectF(start.point, now.point).normalized())
         self.context.refresh()
 
-    def drop(self, start: Pointer, now: Pointer) -> None:
+    def end_drag(self, start: Pointer, now: Pointer) -> None:
         box = QRectF(start.point, now.point).normalized()
         self.cancel()
         corners = [box.topLeft(), box.topRight(), box.bottomRight(), box.bottomLeft()]
@@ -229,7 +229,7 @@ class LassoMode(Mode):
         self._way = (*self._way, now.point)
         self.context.refresh()
 
-    def drop(self, start: Pointer, now: Pointer) -> None:
+    def end_drag(self, start: Pointer, now: Pointer) -> None:
         way = (*self._way, now.point)
         self.cancel()
         choose(self.context, now, start.surface.polygon_selection(way))

@@ -130,8 +130,8 @@ class CaptureFixes(QWidget):
         self.leave_out.setToolTip(tooltip_text("Unavailable: no image would be left." if all_of_them else listed))
         self.take_back.setText(f"Include {left_out:,} frame{'' if left_out == 1 else 's'} again")
         self.take_back.setVisible(left_out > 0 and result is not None)
-        self.folder.setVisible(result is not None and result.wants_images and own_images)
-        self.scale.setVisible(result is not None and (result.wants_scale or result.assumes_scale))
+        self.folder.setVisible(result is not None and result.needs_images and own_images)
+        self.scale.setVisible(result is not None and (result.needs_scale or result.accepts_scale))
         self._axes = "" if result is None else result.axes
         self.axes.setText(f"Read poses as {self._axes}")
         self.axes.setVisible(bool(self._axes) and own_images)

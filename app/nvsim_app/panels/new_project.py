@@ -340,7 +340,7 @@ class NewProjectDialog(QDialog):
         if self.check.running or self._due.isActive():
             self.verdict.setText("Checking the capture: every image, pose and point…")
         elif result is not None:
-            mended = " The buttons below the list can fix this." if result.refused and result.mendable else ""
+            mended = " The buttons below the list can fix this." if result.refused and result.is_fixable else ""
             self.verdict.setText(f"{result.sentence}{mended}")
         elif not self.capture.text().strip():
             self.verdict.setText(
@@ -350,7 +350,7 @@ class NewProjectDialog(QDialog):
         self.problem.setText(problem)
         checking = self.check.running or self._due.isActive()
         self.mending.offer(None if checking else result, self.findings.chosen, len(self.left_out), not self._beside)
-        ready = result is not None and not result.refused and not result.wants_scale and not problem and not checking
+        ready = result is not None and not result.refused and not result.needs_scale and not problem and not checking
         self.run_button.setEnabled(ready)
         self.import_button.setEnabled(ready)
 

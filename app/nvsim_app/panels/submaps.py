@@ -119,7 +119,7 @@ def model_words(contents: Contents, submap: int, training: bool) -> str:
     """The state of a submap's model, for example "trained, 2000 steps · training, step 430". training: whether a job
     trains models."""
     info, step = contents.model_info.get(submap), contents.training.get(submap)
-    if "train" in contents.former:
+    if "train" in contents.stages_of_previous_cut:
         words = "models of the previous submaps are shown"
     elif info is not None:
         steps = info.get("steps")

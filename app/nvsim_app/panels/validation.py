@@ -369,7 +369,7 @@ class ValidationPanel(QWidget):
             return
         by = finding.ignored_by(graph.ignored)
         if by is not None:
-            self._document.editing.heed(by)
+            self._document.editing.show_ignored_again(by)
         elif self.reason.text().strip():
             self._document.editing.ignore_finding(finding, self.reason.text().strip())
             self.reason.clear()

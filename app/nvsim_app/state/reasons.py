@@ -55,7 +55,7 @@ def with_evidence(document: Document) -> Reason:
 
 
 def with_scene(document: Document) -> Reason:
-    return None if document.contents.scene_stamp is not None else STAGE["train"].lacking
+    return None if document.contents.scene_stamp is not None else STAGE["train"].missing
 
 
 def with_submaps(document: Document) -> Reason:
@@ -67,13 +67,13 @@ def with_submaps(document: Document) -> Reason:
 def with_graph(document: Document) -> Reason:
     if document.contents.outline is not None:
         return UNDECIDED
-    return None if document.graph is not None else STAGE["map"].lacking
+    return None if document.graph is not None else STAGE["map"].missing
 
 
 def with_trajectory(document: Document) -> Reason:
     if document.contents.outline is not None:
         return UNDECIDED
-    return None if len(document.trajectory.positions) else STAGE["import"].lacking
+    return None if len(document.trajectory.positions) else STAGE["import"].missing
 
 
 def with_occupancy(document: Document) -> Reason:
@@ -85,7 +85,7 @@ def with_splat_file(document: Document) -> Reason:
 
 
 def with_earlier_result(document: Document) -> Reason:
-    kept = document.contents.kept
+    kept = document.contents.restorable_stages
     return None if kept else "there is no earlier result yet; each new run of a stage stores the previous result"
 
 
@@ -107,7 +107,7 @@ def with_masks(document: Document) -> Reason:
     if document.frame_at_hand is None or document.path is None:
         return "no frame is selected"
     if "floors" not in document.contents.stages and not Layout(document.path).masks.is_dir():
-        return STAGE["floors"].lacking
+        return STAGE["floors"].missing
     return None if os.access(document.path, os.W_OK) else "the project folder is not writable"
 
 
@@ -192,21 +192,21 @@ def capture_or_job(document: Document) -> Reason:
 def submaps_or_job(document: Document) -> Reason:
     if document.project is None or _pending(document) or document.contents.submaps:
         return capture_or_job(document)
-    return STAGE["submaps"].lacking
+    return STAGE["submaps"].missing
 
 
 def depth_or_job(document: Document) -> Reason:
     reason = capture_or_job(document)
     if reason is not None or _pending(document) or "depth" in document.contents.stages:
         return reason
-    return STAGE["depth"].lacking
+    return STAGE["depth"].missing
 
 
 def floors_or_job(document: Document) -> Reason:
     reason = submaps_or_job(document)
     if reason is not None or _pending(document) or "floors" in document.contents.stages:
         return reason
-    return STAGE["floors"].lacking
+    return STAGE["floors"].missing
 
 
 def models_or_job(document: Document) -> Reason:
@@ -237,6 +237,6 @@ def reason_of_command(verb: str) -> Callable[[Document], Reason]:
     needed = never_disabled if row.needs is None else _WITH[row.needs]
     if verb in NEEDS_IMAGES:
         return lambda document: needed(document) if document.contents.has_images else NO_IMAGES
-    if not row.draws:
+    if not row.renders_models:
         return needed
     return lambda document: needed(document) or models_or_job(document)

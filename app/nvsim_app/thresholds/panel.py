@@ -190,7 +190,7 @@ class ThresholdPanel(QScrollArea):
     def obstacle(self) -> str | None:
         """The reason why nothing can be applied; None if it can."""
         if self._document.graph is None:
-            return STAGE["map"].lacking
+            return STAGE["map"].missing
         if self._trial.preparing:
             return "the evidence is still being prepared"
         if self._trial.refusal:
@@ -203,7 +203,7 @@ class ThresholdPanel(QScrollArea):
     def _headline(self) -> str:
         outcome = self._trial.outcome
         if self._document.graph is None:
-            return sentence(STAGE["map"].lacking)
+            return sentence(STAGE["map"].missing)
         if self._trial.preparing:
             return "Preparing the evidence…"
         if self._trial.refusal:
@@ -212,7 +212,7 @@ class ThresholdPanel(QScrollArea):
             return "Move a slider to see its effect."
         if not outcome:
             return "No edge appears or disappears."
-        more, less = len(outcome.appear), len(outcome.disappear)
+        more, less = len(outcome.new_edges), len(outcome.lost_edges)
         appear, disappear = colors.text("open"), colors.text("blocked")
         return (
             f'<span style="color:{appear}"><b>+{more:,}</b></span> {_edges(more)} would appear, '
@@ -227,21 +227,17 @@ class ThresholdPanel(QScrollArea):
 def side_effect_notes(outcome: ThresholdEffect) -> list[str]:
     """The side effects of an outcome, one sentence each."""
     found = []
-    if outcome.lonely:
-        found.append(
-            f"{outcome.lonely:,} {_things(outcome.lonely, 'viewpoint loses its', 'viewpoints lose their')} last edge."
-        )
-    if outcome.kept:
-        found.append(
-            f"{outcome.kept:,} {_things(outcome.kept, 'edge stays', 'edges stay')}: added or locked by a user."
-        )
-    if outcome.unanswered:
-        found.append(f"For {outcome.unanswered:,} new edges, the opposite direction was not measured.")
-    if outcome.beyond:
-        found.append(
-            f"{outcome.beyond:,} {_things(outcome.beyond, 'step leads', 'steps lead')} to places without a viewpoint; "
-            "only Build again explores them."
-        )
+    if outcome.isolated_viewpoints:
+        verb = _things(outcome.isolated_viewpoints, "viewpoint loses its", "viewpoints lose their")
+        found.append(f"{outcome.isolated_viewpoints:,} {verb} last edge.")
+    if outcome.kept_by_user:
+        verb = _things(outcome.kept_by_user, "edge stays", "edges stay")
+        found.append(f"{outcome.kept_by_user:,} {verb}: added or locked by a user.")
+    if outcome.one_way_measured:
+        found.append(f"For {outcome.one_way_measured:,} new edges, the opposite direction was not measured.")
+    if outcome.new_steps:
+        verb = _things(outcome.new_steps, "step leads", "steps lead")
+        found.append(f"{outcome.new_steps:,} {verb} to places without a viewpoint; only Build again explores them.")
     return found
 
 

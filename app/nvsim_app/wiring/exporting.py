@@ -63,13 +63,13 @@ class ExportPart(Part):
     ACTIONS = (
         Action("export_graph", "&Export graph…", "Export the graph for agents, other tools, or as an image", "&File",
                1, "Ctrl+E", "export", enabled=with_editing),
-        Action("export_scan", f"{WORK[VERB].title}…", f"{WORK[VERB].does[0].upper()}{WORK[VERB].does[1:]}", "&File", 1,
+        Action("export_scan", f"{WORK[VERB].title}…", sentence(WORK[VERB].summary)[:-1], "&File", 1,
                "Ctrl+Shift+E", enabled=reason_of_command(VERB)),
-        Action("export_tasks", f"{WORK[TASKS].title}…", sentence(WORK[TASKS].does)[:-1], "&File", 1,
+        Action("export_tasks", f"{WORK[TASKS].title}…", sentence(WORK[TASKS].summary)[:-1], "&File", 1,
                enabled=reason_of_command(TASKS)),
-        Action("export_dataset", f"{WORK[DATASET].title}…", sentence(WORK[DATASET].does)[:-1], "&File", 1,
+        Action("export_dataset", f"{WORK[DATASET].title}…", sentence(WORK[DATASET].summary)[:-1], "&File", 1,
                "Ctrl+Shift+D", enabled=reason_of_command(DATASET)),
-        Action("export_features", f"{WORK[FEATURES].title}…", sentence(WORK[FEATURES].does)[:-1], "&File", 1,
+        Action("export_features", f"{WORK[FEATURES].title}…", sentence(WORK[FEATURES].summary)[:-1], "&File", 1,
                enabled=reason_of_command(FEATURES)),
     )  # fmt: skip
 

@@ -78,7 +78,7 @@ class FilePart(Part):
 
     def _on_chosen(self, path: Path) -> None:
         self.context.settings.setValue(_FOLDER, str(path.parent))
-        self.context.part(NewProjectPart).take([path])
+        self.context.part(NewProjectPart).open_paths([path])
 
     def _step_scan(self, step: int) -> None:
         file = self.context.document.contents.graph_file

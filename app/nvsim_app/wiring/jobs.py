@@ -49,7 +49,7 @@ def _about(verb: str) -> str:
 def _actions(verbs: Sequence[str], section: int) -> tuple[Action, ...]:
     rows = (WORK[verb] for verb in verbs)
     return tuple(
-        Action(_name(row.verb), f"{row.title}…", f"{row.does[0].upper()}{row.does[1:]}", "&Jobs", section,
+        Action(_name(row.verb), f"{row.title}…", f"{row.summary[0].upper()}{row.summary[1:]}", "&Jobs", section,
                _SHORTCUTS.get(row.verb, ""), enabled=reason_of_command(row.verb))
         for row in rows
     )  # fmt: skip

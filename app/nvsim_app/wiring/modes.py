@@ -154,8 +154,8 @@ class ContextPart(Part):
         proposing = self.context.part(ProposePart)
         ghost = proposing.under(pointer)
         if ghost is not None and pointer.viewpoint is None:
-            menu.addAction("Accept this proposed edge", partial(proposing.take, ghost))
-            menu.addAction("Dismiss it", partial(proposing.drop, ghost))
+            menu.addAction("Accept this proposed edge", partial(proposing.accept_edge, ghost))
+            menu.addAction("Dismiss it", partial(proposing.dismiss_edge, ghost))
 
     def _fill_for_things(self, menu: QMenu) -> None:
         graph, chosen = self.context.document.graph, self.context.document.editing.selection

@@ -218,11 +218,11 @@ class ProposePart(Part):
         row = nearest_segment(lines, depths, (pointer.point.x(), pointer.point.y()), EDGE_REACH)
         return None if row is None else keys[int(index[row])]
 
-    def take(self, edge: EdgeKey) -> None:
+    def accept_edge(self, edge: EdgeKey) -> None:
         """Adds one proposed edge. The others stay proposed."""
         edit_commands.add_edge(self.context.document.editing, *edge)
 
-    def drop(self, edge: EdgeKey) -> None:
+    def dismiss_edge(self, edge: EdgeKey) -> None:
         """Dismisses one proposed edge."""
         self.proposals.without(edge)
         self._tell()

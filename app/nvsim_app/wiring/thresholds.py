@@ -106,7 +106,7 @@ class ThresholdPart(Part):
         graph, outcome = self.trial.graph(), self.trial.outcome
         if self.panel.obstacle is not None or graph is None or outcome is None:
             return
-        text = f"Decide again: {len(outcome.appear)} edges appear, {len(outcome.disappear)} disappear"
+        text = f"Decide again: {len(outcome.new_edges)} edges appear, {len(outcome.lost_edges)} disappear"
         if self.context.document.editing.perform(text, graph):
             self._remember_applied()
 

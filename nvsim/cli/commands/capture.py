@@ -142,7 +142,7 @@ def _of_measured_scale(poses: PosesReport, used: float | None, arguments: Check)
     if measured is None:
         return []
     if used is not None:
-        contradiction = poses.contradiction(used, source, model).rstrip(".")
+        contradiction = poses.scale_contradiction(used, source, model).rstrip(".")
         wrong = "lengths may be wrong by that much"
         return [Finding("warning", contradiction, source.name, wrong)] if contradiction else []
     words = measured.words(poses.is_upright(source, model))
@@ -193,7 +193,7 @@ def _check_video(footage: Footage, arguments: Check) -> int:
         if footage.kind == "video":
             say("This is a video, not a capture; it can be decoded. NVSim computes its camera poses before the import.")
         else:
-            say(f"These are {footage.words} without poses. NVSim computes their camera poses before the import.")
+            say(f"These are {footage.description} without poses. NVSim computes their camera poses before the import.")
         height = "" if arguments.camera_height is None else f"{arguments.camera_height:g}"
         scale = f" --camera-height {height or '1.4'}" if arguments.scale is None else f" --scale {arguments.scale:g}"
         if not known and all(f.message != SCALE_ASSUMED for f in report.findings):

@@ -244,7 +244,7 @@ def _asked_instructions(
         "paths": len(written.found),
         "tokens_in": budget.tokens_in,
         "tokens_out": budget.tokens_out,
-        "price": budget.money,
+        "price": budget.cost,
         "asked": budget.asked,
         "answers_used_again": budget.used_again,
         "generated_instead": {str(id): said.why for id, said in written.lacking.items()},

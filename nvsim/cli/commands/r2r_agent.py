@@ -133,14 +133,14 @@ def _run_mapgpt(a: R2RAgent, scans: Path, tasks: Path) -> int:
         "unanswered": ends["unanswered"],
         "tokens_in": budget.tokens_in,
         "tokens_out": budget.tokens_out,
-        "price": budget.money,
+        "price": budget.cost,
         "asked": budget.asked,
         "answers_used_again": budget.used_again,
     }
     if a.json:
         say(as_json(figures))
     else:
-        cost = "" if budget.money is None else f" for {budget.money:.4g}"
+        cost = "" if budget.cost is None else f" for {budget.cost:.4g}"
         spent = f"{budget.tokens_in:,} tokens in and {budget.tokens_out:,} out{cost}"
         say(
             f"{len(done)} episodes: {ends['stop']} stopped, {ends['steps']} ran out of steps, {ends['unanswered']} "

@@ -128,7 +128,7 @@ class JudgeRequester:
             for a, b in pairs_of(list(view.images))
             for order in ((a, b), (b, a))
         )
-        return estimate_requests((request, client.is_kept(request)) for request in requests)
+        return estimate_requests((request, client.has_stored_answer(request)) for request in requests)
 
     def judge(
         self, client: Client, name: str, shown: Sequence[ContestantImages], listen: Listener = ignore_event

@@ -55,7 +55,7 @@ def set_height(graph: NavGraph, ids: Iterable[str], height: float) -> NavGraph:
         if found.height == height:
             continue
         move_within_change(change, id, (x, y, z - found.height + height))
-        change.put(replace(change.viewpoint(id), height=height))
+        change.set_viewpoint(replace(change.viewpoint(id), height=height))
     return change.done()
 
 
@@ -64,14 +64,14 @@ def move_within_change(change: Change, id: str, position: Place) -> None:
     found = change.viewpoint(id)
     if found.position == position:
         return
-    change.put(replace(found, position=position, origin="person", reviewed=False, photographed=None))
+    change.set_viewpoint(replace(found, position=position, origin="person", reviewed=False, photographed=None))
     for other in change.neighbours(id):
         joined = change.edges[key_of(id, other)]
-        change.put_edge(replace(joined, origin="person", reviewed=False))
+        change.set_edge(replace(joined, origin="person", reviewed=False))
     for key in change.evidence_keys(id):
         evidence = change.evidence[key]
         if not evidence.stale:
-            change.put_evidence(replace(evidence, stale=True))
+            change.set_evidence(replace(evidence, stale=True))
 
 
 def straighten(graph: NavGraph, ids: Iterable[str], even: bool = False) -> NavGraph:

@@ -37,8 +37,8 @@ def check_graph(graph: NavGraph, context: Context = _NOTHING) -> list[Finding]:
         found.append(Finding("island", "warning", message, ids, fixes=fixes))
     places, beside = Neighbourhood(context.limits.near), Neighbourhood(context.limits.neighbours)
     for viewpoint in graph.viewpoints.values():
-        places.put(viewpoint)
-        beside.put(viewpoint)
+        places.set_viewpoint(viewpoint)
+        beside.set_viewpoint(viewpoint)
         found += [about_pair(graph, viewpoint, graph.viewpoints[other]) for other in places.near(viewpoint.id)]
         for other in beside.near(viewpoint.id):
             found += about_detour(graph, key_of(viewpoint.id, other), context)
@@ -90,7 +90,7 @@ class Validator:
         limits = self._context.limits
         self._places, self._detours = Neighbourhood(max(limits.near, influence_radius(limits))), DetourFindings()
         for viewpoint in graph.viewpoints.values():
-            self._places.put(viewpoint)
+            self._places.set_viewpoint(viewpoint)
             yield
         self._groups = ConnectedGroups()
         yield from self._groups.beginning(graph)
@@ -132,9 +132,9 @@ class Validator:
         around = self._places.around(viewpoints)
         for id in viewpoints:
             if id in graph.viewpoints:
-                self._places.put(graph.viewpoints[id])
+                self._places.set_viewpoint(graph.viewpoints[id])
             else:
-                self._places.drop(id)
+                self._places.remove_viewpoint(id)
         around |= self._places.around(viewpoints.union(measured, *edges))
         self._look_around(viewpoints, around)
         for id in beside:

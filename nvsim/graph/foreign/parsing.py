@@ -158,7 +158,7 @@ def _with_list_faults(entry: Entry, index: int, rows: dict[str, NDArray[np.bool_
         if held is not None and len(rows[key]) != count:
             faults.append(("length", f"lists {len(rows[key])} flags as {key} but the file has {count} entries"))
             if isinstance(held, FlagStyle):
-                entry = entry.put(key, held.write(rows[key]))
+                entry = entry.with_value(key, held.write(rows[key]))
     if index < len(rows["unobstructed"]) and rows["unobstructed"][index]:
         faults.append(("self", "lists an edge to itself"))
     return entry if not faults else Entry(entry.viewpoint, entry.members, entry.closing, tuple(faults))

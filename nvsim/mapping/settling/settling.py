@@ -112,7 +112,7 @@ class GapFiller:
         self._survey.lattice.begin(viewpoint.id, viewpoint.position[:2])
         around = self._survey.around(viewpoint)
         if can_stand(around, self._config):
-            self._survey.take(viewpoint, around)
+            self._survey.add_viewpoint(viewpoint, around)
             yield viewpoint, seen
 
 
@@ -167,7 +167,7 @@ class Settling:
             for other in self._near_over_floor(self._draft.viewpoints[id], self._config.reach):
                 if other.id in inside:
                     pairs.add((min(id, other.id), max(id, other.id)))
-        length = {pair: self._ways.apart(*pair) for pair in pairs}
+        length = {pair: self._ways.distance(*pair) for pair in pairs}
         order = sorted(pairs, key=lambda pair: (length[pair], pair))
         for stretch, spare in ((self._config.stretch, _SPARE), *_NARROW):
             for a, b in order:
@@ -186,8 +186,8 @@ class Settling:
         """
         for a, b in edges:
             ends = stands_for[a], stands_for[b]
-            was = sum(self._ways.apart(*pair) for pair in ((ends[0], a), (a, b), (b, ends[1])))
-            alone = ends[0] == ends[1] and not self._ways.around(ends[0]) and self._ways.apart(a, b) >= _STEP
+            was = sum(self._ways.distance(*pair) for pair in ((ends[0], a), (a, b), (b, ends[1])))
+            alone = ends[0] == ends[1] and not self._ways.around(ends[0]) and self._ways.distance(a, b) >= _STEP
             if not alone and self._ways.metres(*ends, DETOUR * was) <= DETOUR * was:
                 continue
             for id in (a, b):
@@ -242,7 +242,7 @@ class Settling:
         """Write the edges to the graph. Write to the evidence of open corridors why they have no edge."""
         draft = self._draft
         for a, b in draft.edges():
-            draft.cut(a, b)
+            draft.remove_edge(a, b)
         for a, b in self._ways.edges():
             step = draft.step_towards(draft.viewpoints[a], draft.viewpoints[b])
             draft.join(a, b, "merge" if step is None else "step")
@@ -252,10 +252,10 @@ class Settling:
                     continue
                 at = [v for v in draft.near(self._survey.arrival(viewpoint, evidence.target), SAME) if v.id != id]
                 if not at:
-                    self._survey.keep(replace(evidence, decision="served"))
+                    self._survey.store_evidence(replace(evidence, decision="served"))
                 elif not draft.are_joined(id, at[0].id):
                     back = self._survey.known(at[0], viewpoint) if self._config.both_ways else OPEN
-                    self._survey.keep(replace(evidence, decision="spare" if back in (OPEN, "") else "return"))
+                    self._survey.store_evidence(replace(evidence, decision="spare" if back in (OPEN, "") else "return"))
 
     def _room(self, id: str) -> float:
         """Decimeters to the nearest unknown floor."""

@@ -299,7 +299,7 @@ class Shortcuts:
         around = self._survey.around(viewpoint)
         if not can_stand(around, self._survey.config):
             return None
-        self._survey.take(viewpoint, around)
+        self._survey.add_viewpoint(viewpoint, around)
         return self._draft.viewpoints[viewpoint.id]
 
     def _shut(self, a: Viewpoint, b: Viewpoint) -> None:

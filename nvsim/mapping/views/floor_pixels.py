@@ -18,18 +18,20 @@ Eye = Camera | Sphere
 class FloorPixels:
     """The pixels of floor points in a view.
 
-    inside   (rows, cells) bool, whether a point is in the image, with a tolerance of one pixel at its border
-    depth    (rows, cells) meters along the optical axis, or along the ray for a panorama
-    corners  (4, rows, cells) the pixels around each point, numbered through the image row by row: upper left and right,
-             lower left and right; 0 for points outside; the last column of a panorama is beside its first
-    across, along  (rows, cells) position of the point between these pixels, 0 to 1
+    inside                  (rows, cells) bool, whether a point is in the image, with a tolerance of one pixel at its
+                            border
+    depth                   (rows, cells) meters along the optical axis, or along the ray for a panorama
+    corners                 (4, rows, cells) the pixels around each point, numbered through the image row by row: upper
+                            left and right, lower left and right; 0 for points outside; the last column of a panorama is
+                            beside its first
+    fraction_x, fraction_y  (rows, cells) position of the point between these pixels, 0 to 1
     """
 
     inside: NDArray[np.bool_]
     depth: NDArray[np.float64]
     corners: NDArray[np.int64]
-    across: NDArray[np.float64]
-    along: NDArray[np.float64]
+    fraction_x: NDArray[np.float64]
+    fraction_y: NDArray[np.float64]
 
     @staticmethod
     def of(eye: Eye, points: NDArray[np.float64]) -> FloorPixels:
@@ -66,7 +68,7 @@ class FloorPixels:
 
         found = np.empty(self.inside.shape)
         floor_kernels.read(
-            np.ascontiguousarray(image), self.corners, self.across, self.along, self.inside, outside, found
+            np.ascontiguousarray(image), self.corners, self.fraction_x, self.fraction_y, self.inside, outside, found
         )
         return found
 

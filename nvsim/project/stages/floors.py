@@ -144,12 +144,12 @@ def run(
     parts = [*([depth.key, _WITH_DEPTH] if depth else []), *([_WITH_STAIRS] if stacked else []), *provider.key()]
     key = ledger.key_of(STAGE, submaps_key(project), how.key, _VERSION, *parts)
     if ledger.is_current(project, STAGE, key) and _is_whole(project):
-        listen(Log(f"The floor masks are up to date; they were made {provider.words}.", STAGE))
+        listen(Log(f"The floor masks are up to date; they were made {provider.description}.", STAGE))
         refresh_support(project, listen)
         return
     from nvsim.perception.segment import segment_capture
 
-    listen(Log(f"The floor is found {provider.words}.", STAGE))
+    listen(Log(f"The floor is found {provider.description}.", STAGE))
     capture, submaps = replace(project.need_capture(), cloud=project.scan()), submaps_of_capture(project)
     other = provider.open(capture)  # raises before any result is replaced
     if capture.cloud is None or not capture.cloud.is_dense:

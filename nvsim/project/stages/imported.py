@@ -93,7 +93,7 @@ def run(
         capture = dataclasses.replace(capture, alignment=dataclasses.replace(capture.alignment, scale_known=False))
         listen(Warning(f"{SCALE_ASSUMED[0].upper()}{SCALE_ASSUMED[1:]}: {SCALE_IN_HEIGHTS}.", STAGE))
     if is_given and poses_report is not None:
-        contradiction = poses_report.contradiction(capture.alignment.scale, source, config.model)
+        contradiction = poses_report.scale_contradiction(capture.alignment.scale, source, config.model)
         if contradiction:
             listen(Warning(contradiction, STAGE))
     key = ledger.key_of(STAGE, fingerprint(capture), str(capture.source), config.key)

@@ -176,7 +176,7 @@ class StageResults:
 
     # Changes ----------------------------------------------------------------------------------------------------
 
-    def put(self, slot: Slot, stage: str, result: StageResult | None) -> StageResults:
+    def with_result(self, slot: Slot, stage: str, result: StageResult | None) -> StageResults:
         """With `result` in this slot, or without one."""
         others = {k: r for k, r in self.results.items() if k != (slot, stage)}
         return replace(self, results=others if result is None else {**others, (slot, stage): result})
@@ -184,13 +184,13 @@ class StageResults:
     def completed(self, slot: Slot, stage: str, files: Mapping[str, str]) -> StageResults:
         """With these files of a result, if it does not have them."""
         found = self.results.get((slot, stage), StageResult())
-        return self.put(slot, stage, StageResult(found.parts, {**files, **found.files}))
+        return self.with_result(slot, stage, StageResult(found.parts, {**files, **found.files}))
 
     def numbered(self) -> StageResults:
         """With the number of the next generation."""
         return replace(self, generation=self.generation + 1)
 
-    def begun(self, stage: str, part: int, key: str, root: Path) -> StageResults:
+    def with_unfinished_part(self, stage: str, part: int, key: str, root: Path) -> StageResults:
         """With a part that is being made for `key`, at its own name if that is free, else at a numbered one."""
         names, places = _names_of(stage, part), self.places
         taken = self.part(stage, part) is not None
@@ -199,7 +199,7 @@ class StageResults:
         work = UnfinishedPart(key, 0 if new is self else new.generation)
         return replace(new, unfinished={**self.unfinished, (stage, part): work})
 
-    def dropped(self, stage: str, *parts: int) -> StageResults:
+    def without_unfinished(self, stage: str, *parts: int) -> StageResults:
         """Without the unfinished work on these parts."""
         gone = {(stage, part) for part in parts}
         return replace(self, unfinished={k: u for k, u in self.unfinished.items() if k not in gone})
@@ -209,10 +209,10 @@ class StageResults:
     ) -> StageResults:
         """With new `parts` and `files` of a stage in use, and `before` as the previous result if it is not None."""
         found = self.results.get(("in use", stage), StageResult())
-        new = self.put("in use", stage, StageResult({**found.parts, **parts}, {**found.files, **files}))
-        return (new if before is None else new.put("previous", stage, before)).dropped(stage, *parts)
+        new = self.with_result("in use", stage, StageResult({**found.parts, **parts}, {**found.files, **files}))
+        return (new if before is None else new.with_result("previous", stage, before)).without_unfinished(stage, *parts)
 
-    def put_to_use(self, stage: str, result: StageResult) -> StageResults:
+    def with_result_in_use(self, stage: str, result: StageResult) -> StageResults:
         """With `result` in use in place of the present one."""
         files = dict(result.files)
         files.pop("graph", None)  # a kept graph is a file, the graph in use is in the database
@@ -222,7 +222,7 @@ class StageResults:
             # A folder without a number may belong to the replaced result.
             gone = {n for n in {*self.places, *self.all_places()} if n.startswith("models/")} - {NOWHERE}
             files = {name.split(".")[0]: NOWHERE for name in gone} | files
-        return self.put("in use", stage, StageResult(parts, files))
+        return self.with_result("in use", stage, StageResult(parts, files))
 
 
 def _names_of(stage: str, part: int) -> tuple[str, ...]:
@@ -237,7 +237,7 @@ def first_outdated_stage(outdated: frozenset[StageName], former: frozenset[Stage
         if stage in outdated:
             return stage, STAGE[stage].outdated
         if stage in former:
-            return stage, STAGE[stage].former
+            return stage, STAGE[stage].from_previous_cut
     return None
 
 

@@ -46,13 +46,13 @@ class GrowingLmdb:
         """Whether an array with this key and this fingerprint `mark` exists."""
         return self._rows.has(key, mark)
 
-    def put(self, key: str, mark: bytes, array: NDArray[np.float32]) -> None:
+    def store(self, key: str, mark: bytes, array: NDArray[np.float32]) -> None:
         """Stores an array of any shape, float32. Raises InputError if writing fails or the key is not short ASCII."""
         import msgpack
 
         _name(key)
         value = {b"data": array.tobytes(), b"type": array.dtype.str, b"shape": array.shape}
-        self._rows.put(key, mark, msgpack.packb(value))
+        self._rows.append(key, mark, msgpack.packb(value))
 
     def finish(self, wanted: set[str]) -> None:
         """Writes the LMDB with the arrays of the keys `wanted`. Raises InputError if writing fails."""
@@ -140,7 +140,7 @@ def extract_candidates(
                 key, _, _, views = places[n]
                 array = np.empty((len(views), layout.tokens, layout.width), np.float32)
                 array[:] = _tokens(backbone, fit, [prepared[view] for view in views])
-                file.put(key, marks[n], array)
+                file.store(key, marks[n], array)
                 done += 1
                 listen(Progress(STAGE, done, len(places), key))
         file.finish({place[0] for place in places})

@@ -84,7 +84,7 @@ def extract(
                 rows = compute_in_batches(backbone, prepared)
                 values, logits = rows[:, : backbone.width], rows[:, backbone.width :][:, :classes]
                 row = np.ascontiguousarray(np.concatenate([fit(values), logits], axis=1), np.float32)
-                kept.put(keys[n], fingerprints[n], _SIZE.pack(*size) + row.tobytes())
+                kept.append(keys[n], fingerprints[n], _SIZE.pack(*size) + row.tobytes())
                 done += 1
                 listen(Progress(STAGE, done, len(places), places[n][0].id))
         write = write_tsv if layout.is_tsv else write_hdf5

@@ -64,11 +64,11 @@ def parse_description(text: str, path: Path) -> Description:
     table = TomlTable(parsed(text, path), path)
     description = Description(
         name=table.word("name", path.stem),
-        width=table.whole("width", MOST_WIDTH),
+        width=table.integer("width", MOST_WIDTH),
         preparation=preparation_in(table),
         output=table.word("output", "") or None,
         classes=table.word("classes", "") or None,
-        tokens=table.whole("tokens", MOST_WIDTH, 1),
+        tokens=table.integer("tokens", MOST_WIDTH, 1),
     )
     table.refuse_others()
     return description

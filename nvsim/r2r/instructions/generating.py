@@ -247,7 +247,7 @@ def _without_needless(ground: PathSteps, path: list[int], heading: float, said: 
         for cue in (None, *sorted(said[i].cues)):
             leg = replace(said[i], metres=None) if cue is None else replace(said[i], cues=said[i].cues - {cue})
             is_end = cue is not None and cue.kind == "by" and i + 1 == len(said)
-            if leg == said[i] or is_end or cue is not None and (cue.which < 0 or len(leg.cues) < 2):
+            if leg == said[i] or is_end or cue is not None and (cue.object_index < 0 or len(leg.cues) < 2):
                 continue
             fewer = [*said[:i], leg, *said[i + 1 :]]
             if find_described_path(ground, path[0], heading, fewer) == path:
@@ -260,7 +260,11 @@ def with_one_name_each(legs: Sequence[Leg]) -> list[Leg]:
     named: dict[str, int] = {}
     kept = []
     for leg in legs:
-        cues = [c for c in sorted(leg.cues, key=lambda c: (c.at, c)) if named.setdefault(c.what, c.which) == c.which]
+        cues = [
+            c
+            for c in sorted(leg.cues, key=lambda c: (c.distance, c))
+            if named.setdefault(c.subject, c.object_index) == c.object_index
+        ]
         kept.append(replace(leg, cues=frozenset(cues)))
     return kept
 

@@ -126,7 +126,7 @@ class ObjectNames:
 
     def of(self, cue: Cue) -> str:
         """Returns the name of the object of a cue, without an article."""
-        colour, _, shape = cue.what.partition(" ")
-        if cue.what not in self._nouns:
-            self._nouns[cue.what] = choose_alternatives(THINGS[shape], self._random)
-        return self._nouns[cue.what].format(colour)
+        colour, _, shape = cue.subject.partition(" ")
+        if cue.subject not in self._nouns:
+            self._nouns[cue.subject] = choose_alternatives(THINGS[shape], self._random)
+        return self._nouns[cue.subject].format(colour)

@@ -265,11 +265,11 @@ def _turn(leg: Leg, detail: Detail, random: Random) -> str:
 
 def _moves(leg: Leg, names: ObjectNames, random: Random) -> list[str]:
     """Returns the imperatives of a walk with its landmarks, in the order of the way."""
-    door = min((cue.at for cue in leg.cues if cue.kind in ("through", "rug", "floor")), default=float("inf"))
+    door = min((cue.distance for cue in leg.cues if cue.kind in ("through", "rug", "floor")), default=float("inf"))
     found: list[str] = []
-    past = sorted((cue for cue in leg.cues if cue.kind == "past"), key=lambda cue: cue.at)
-    early = [cue for cue in past if cue.at < door]
-    late = [cue for cue in past if cue.at >= door]
+    past = sorted((cue for cue in leg.cues if cue.kind == "past"), key=lambda cue: cue.distance)
+    early = [cue for cue in past if cue.distance < door]
+    late = [cue for cue in past if cue.distance >= door]
     main = _main(leg, names, random)
     far = _distance(leg, random)
     if main:
@@ -290,8 +290,8 @@ def _moves(leg: Leg, names: ObjectNames, random: Random) -> list[str]:
             if is_plain
             else f", {far} {choose_alternatives('[in all|in total|altogether|overall]', random)}"
         )
-    tail = [choose_alternatives(STAIRS[c.what], random) for c in sorted(leg.cues) if c.kind == "stairs"]
-    tail += [choose_alternatives(TO_STAIRS[c.what], random) for c in sorted(leg.cues) if c.kind == "to stairs"]
+    tail = [choose_alternatives(STAIRS[c.subject], random) for c in sorted(leg.cues) if c.kind == "stairs"]
+    tail += [choose_alternatives(TO_STAIRS[c.subject], random) for c in sorted(leg.cues) if c.kind == "to stairs"]
     tail += [choose_alternatives(UNTIL[c.side], random).format(names.of(c)) for c in sorted(leg.cues) if c.kind == "by"]
     found[-1] = " ".join([found[-1], *tail])
     return found
@@ -306,12 +306,12 @@ def _main(leg: Leg, names: ObjectNames, random: Random) -> str:
     if "through" in of:
         words.append(choose_alternatives(WALKS[_through(of)], random))
     if "rug" in of:
-        how, _, rug = of["rug"].what.partition(" ")
+        how, _, rug = of["rug"].subject.partition(" ")
         words.append(choose_alternatives(RUG[how], random).format(rug))
     if "floor" in of:
-        words.append(choose_alternatives(FLOOR, random).format(*of["floor"].what.split(" to ")))
+        words.append(choose_alternatives(FLOOR, random).format(*of["floor"].subject.split(" to ")))
     if "along" in of:
-        words.append(choose_alternatives(WALKS[of["along"].what], random))
+        words.append(choose_alternatives(WALKS[of["along"].subject], random))
     if "towards" in of:
         words.append(choose_alternatives(TOWARDS, random).format(names.of(of["towards"])))
     return " and ".join(words[:2])
@@ -319,12 +319,12 @@ def _main(leg: Leg, names: ObjectNames, random: Random) -> str:
 
 def _through(of: dict[str, Cue]) -> str:
     """Returns the key in WALKS for the doorway with the rooms before and after it."""
-    out, into = (of[kind].what if kind in of else "" for kind in ("out of", "into"))
+    out, into = (of[kind].subject if kind in of else "" for kind in ("out of", "into"))
     if (out, into) == ("corridor", "corridor"):
         return "out corridor"
     if out and into:
         return f"{out} to {into}"
-    return f"out {out}" if out else f"into {into}" if into else of["through"].what
+    return f"out {out}" if out else f"into {into}" if into else of["through"].subject
 
 
 def _distance(leg: Leg, random: Random) -> str:

@@ -109,20 +109,20 @@ def cue_words(cues: Sequence[Cue], names: ObjectNames, random: Random) -> str:
     said = [*_doors(cues, random)]
     for cue in sorted(cues):
         if cue.kind == "along":
-            said.append(choose_phrase(ALONG[cue.what], random))
+            said.append(choose_phrase(ALONG[cue.subject], random))
         elif cue.kind == "towards":
             said.append(choose_phrase(TOWARDS, random).format(names.of(cue)))
         elif cue.kind == "floor":
             said.append(choose_phrase(FLOOR, random).format(*_floors(cue)))
         elif cue.kind == "rug":
-            how, _, rug = cue.what.partition(" ")
+            how, _, rug = cue.subject.partition(" ")
             said.append(choose_phrase(RUG[how], random).format(rug))
-    said += [choose_phrase(STAIRS[c.what], random) for c in sorted(cues) if c.kind == "stairs"]
-    said += [choose_phrase(TO_STAIRS[c.what], random) for c in sorted(cues) if c.kind == "to stairs"]
-    past = [c for c in sorted(cues, key=lambda c: (c.at, c)) if c.kind == "past"]
-    door = min((c.at for c in cues if c.kind == "through"), default=0.0)
-    before = [_past_words(c, names, random) for c in past if c.at < door]
-    said = [*before, *said, *(_past_words(c, names, random) for c in past if c.at >= door)]
+    said += [choose_phrase(STAIRS[c.subject], random) for c in sorted(cues) if c.kind == "stairs"]
+    said += [choose_phrase(TO_STAIRS[c.subject], random) for c in sorted(cues) if c.kind == "to stairs"]
+    past = [c for c in sorted(cues, key=lambda c: (c.distance, c)) if c.kind == "past"]
+    door = min((c.distance for c in cues if c.kind == "through"), default=0.0)
+    before = [_past_words(c, names, random) for c in past if c.distance < door]
+    said = [*before, *said, *(_past_words(c, names, random) for c in past if c.distance >= door)]
     said += [choose_phrase(BY[c.side], random).format(names.of(c)) for c in sorted(cues) if c.kind == "by"]
     return ", ".join(said)
 
@@ -137,12 +137,12 @@ def stop_words(cue: Cue, names: ObjectNames, random: Random) -> str:
 
 
 def _floors(cue: Cue) -> list[str]:
-    names = cue.what.split(" to ")
+    names = cue.subject.split(" to ")
     return [*names, *(FLOOR_OF.get(name, name) for name in names)]
 
 
 def _doors(cues: Sequence[Cue], random: Random) -> Sequence[str]:
-    of = {cue.kind: cue.what for cue in cues}
+    of = {cue.kind: cue.subject for cue in cues}
     if "through" not in of:
         return []
     words = [choose_phrase(THROUGH[of["through"]], random)]
@@ -265,7 +265,7 @@ def long_instruction(
             else None
         )
         found.append((sentence(opener + _walk(leg, by, not turn, names, random)), i))
-        into = [cue.what for cue in leg.cues if cue.kind == "into"]
+        into = [cue.subject for cue in leg.cues if cue.kind == "into"]
         if into:
             found.append(
                 (

@@ -83,7 +83,7 @@ def check_submission(
                 f"{where}, {id}: the trajectory begins at {shown(path[0])} and not at the start {task.path[0]}; write "
                 "the start as its first step."
             )
-        wrong = distances[task.scan].wrong_step(path)
+        wrong = distances[task.scan].find_invalid_step(path)
         if wrong:
             raise InputError(f"{where}, {id}: {wrong}; write every viewpoint that the agent passes.")
 

@@ -45,7 +45,7 @@ class Bearing:
         """Returns the turn in radians from the heading `facing`, positive to the right, in (-pi, pi]."""
         return 0.0 if self.heading is None else wrapped(self.heading - facing)
 
-    def words(self, facing: float) -> str:
+    def describe(self, facing: float) -> str:
         """Describes the move for an agent with heading `facing` (radians): "turn slightly right and go 2.4 m, up"."""
         turn = rounded_turn(Leg(self.turn(facing), self.metres, self.slope))
         slope = "" if self.slope == "level" else f", {self.slope}"
