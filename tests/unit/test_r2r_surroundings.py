@@ -152,7 +152,7 @@ def outline(*boxes: tuple[float, float, float, float, float, float], colour: str
     cells = np.argwhere(tops.T > 0).astype(np.int32)
     at = cells[:, 1], cells[:, 0]
     longer, shorter = max(size), min(size)
-    facts = {"own": 0.95, "begins": 0.15, "spread": 2.0} | known
+    facts = {"color_share": 0.95, "color_start": 0.15, "spread": 2.0} | known
     return Outline(
         cells, tops[at], lowest[at], float(np.quantile(tops[at], 0.9)), longer, shorter, False, colour, **facts
     )
@@ -162,14 +162,14 @@ def outline(*boxes: tuple[float, float, float, float, float, float], colour: str
     "form, shape",
     [
         (outline((0, 0, 0.43, 0.5, 0.5, 0.48), (0, 0.4, 0.48, 0.5, 0.5, 0.92), colour="blue"), "chair"),
-        (outline((0, 0, 0.4, 0.5, 0.5, 1.3), colour="green", begins=0.4), "plant"),
+        (outline((0, 0, 0.4, 0.5, 0.5, 1.3), colour="green", color_start=0.4), "plant"),
         (outline((0, 0, 0.12, 0.5, 0.5, 1.3), colour="green"), "object"),
-        (outline((0, 0, 0.12, 2, 0.85, 0.42), (0, 0, 0.42, 2, 0.25, 0.8), colour="green", begins=0.12), "sofa"),
+        (outline((0, 0, 0.12, 2, 0.85, 0.42), (0, 0, 0.42, 2, 0.25, 0.8), colour="green", color_start=0.12), "sofa"),
         (outline((0, 0, 0.7, 1.5, 0.7, 0.74), (1.1, 0, 0.12, 1.5, 0.7, 0.7)), "desk"),
         (outline((0, 0, 0.7, 1.5, 0.8, 0.74)), "table"),
         (outline((0, 0, 0.36, 1.1, 0.6, 0.4)), "low table"),
         (outline((0, 0, 0.12, 1.0, 0.45, 1.1)), "cabinet"),
-        (outline((0, 0, 0.12, 1.2, 0.35, 0.85), own=0.45, spread=10.0), "bookshelf"),
+        (outline((0, 0, 0.12, 1.2, 0.35, 0.85), color_share=0.45, spread=10.0), "bookshelf"),
         (outline((0, 0, 0.12, 0.8, 0.45, 0.6)), "box"),
         (outline((0, 0, 0.12, 1.8, 1.0, 0.15)), "platform"),
         (outline((0, 0, 0.12, 1.5, 0.5, 1.8), colour="red"), "tall"),
