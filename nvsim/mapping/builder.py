@@ -183,7 +183,7 @@ def _cut_detours(draft: GraphBuilder, detour: TrajectoryDetour, survey: Survey) 
 
 
 def _say(report: dict[str, Any], places: int, disconnection: str, config: MappingConfig, listen: Listener) -> None:
-    """Report a build to the user. `parted` explains why parts of the graph are disconnected."""
+    """Report a build to the user. `disconnection` explains why parts of the graph are disconnected."""
     if report["limited"]:
         listen(
             Warning(

@@ -30,11 +30,11 @@ def compile_once(tell: Callable[[str], object]) -> None:
     class FirstCompilation(event.Listener):
         """Tells once that kernels are compiled. Numba reports a kernel only if it is not in the cache."""
 
-        told = False
+        reported = False
 
         def on_start(self, event: object) -> None:
-            if not self.told:
-                self.told = True
+            if not self.reported:
+                self.reported = True
                 tell(SAID)
 
         def on_end(self, event: object) -> None:

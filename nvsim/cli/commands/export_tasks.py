@@ -105,8 +105,8 @@ class ExportTasks:
                 which = "generated instructions" if "endpoint" in made.about else "instructions"
                 say(f"From the {which} alone a follower finds {_found(made.instructed)}.")
             if "endpoint" in made.about:
-                told = made.about["endpoint"]
-                say(f"{told['paths']} of {made.instructed.paths} paths have instructions from {told['model']}.")
+                written = made.about["endpoint"]
+                say(f"{written['paths']} of {made.instructed.paths} paths have instructions from {written['model']}.")
             if made.episodes:
                 say(f"{sum(made.episodes.values())} of {made.instructed.paths} paths have episodes.")
             say(*(f"Wrote {path}" for path in made.written))
