@@ -287,7 +287,7 @@ class _Explorer:
     def _coverer(self, place: NDArray[np.floating]) -> str | None:
         """Return the nearest viewpoint in line with a position of the trajectory."""
         for viewpoint in self._search.draft.near(place, self._reach):
-            if self._walk.in_line(np.array(viewpoint.position), place):
+            if self._walk.is_line_known(np.array(viewpoint.position), place):
                 return viewpoint.id
         return None
 

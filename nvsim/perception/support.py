@@ -273,7 +273,7 @@ def _near_points(
         return
     low, high = (places.min(axis=0), places.max(axis=0)) if len(places) else (-np.inf, np.inf)
     low, high = low - 2 * config.distance, high + 2 * config.distance
-    guessed = cloud.is_guessed
+    guessed = cloud.is_estimated
     for start in range(0, len(cloud.points), _BLOCK):
         points = np.asarray(cloud.points[start : start + _BLOCK], np.float64)
         around = ((points[:, :2] > low) & (points[:, :2] < high)).all(axis=1)

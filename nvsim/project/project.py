@@ -218,7 +218,7 @@ class Project:
             return scanned
         if capture.has_measured_depth:
             seen = replace(seen, kind="depth", normals=None)  # as accurate as a LiDAR scan, so used like one
-        return scanned.completed_by(seen) if scanned is not None and dense else seen
+        return scanned.merged_with(seen) if scanned is not None and dense else seen
 
     def scan_on(self, floor: Floor, places: NDArray[np.floating] | None = None, reach: float = 0.0) -> Cloud | None:
         """Like `scan`, without the noise of estimated depth near `floor`, so that floor does not count as obstacle. If

@@ -81,13 +81,13 @@ def test_many_moves_in_one_turn_are_decided_once(part: ThresholdPart, qtbot: QtB
 
 
 def test_presets_set_all_sliders_and_mark_their_places(part: ThresholdPart, qtbot: QtBot) -> None:
-    part.panel.take_preset("paper")
+    part.panel.apply_preset("paper")
     tried(part, qtbot)
     assert part.trial.config.rule == "mean" and not part.trial.config.both_ways
     row = part.panel.rows["support"]
     assert row.figure.value() == 0.0 and row.slider._marks["paper"] == 0 and row.slider._marks["default"] == 85
     assert not part.panel.rows["row_alpha"].slider.isEnabled(), "the paper's rule does not ask about rows"
-    part.panel.take_preset("project")
+    part.panel.apply_preset("project")
     assert not part.trial.differs
 
 

@@ -187,8 +187,8 @@ def test_what_the_user_saw_can_be_ordered_anew_and_nothing_else(jobs: JobList) -
     seen = needed(jobs)
     (job.folder / "order.json").write_text(json.dumps({**data, "title": "Something else", "proof": ""}))
     with pytest.raises(InputError, match="has changed"):
-        jobs.order_anew(seen)
-    jobs.order_anew(needed(jobs))
+        jobs.order_again(seen)
+    jobs.order_again(needed(jobs))
     assert needed(jobs).ours and needed(jobs).status.state == "queued" and jobs.claim() is not None
 
 

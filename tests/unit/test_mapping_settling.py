@@ -143,7 +143,7 @@ def test_untying_a_grid_keeps_it_together_and_leaves_no_edge_that_could_be_spare
         for end in metres:
             last = [n for n in after[end] if n in metres and metres[n] < metres[end]]
             tied = [n for n in last if metres[n] + after[n][end]["weight"] <= metres[end] + SAME_LENGTH]
-            assert len(tied) < 2 or not any(found.can_spare_edge(n, end) for n in tied)
+            assert len(tied) < 2 or not any(found.is_edge_redundant(n, end) for n in tied)
 
 
 def test_a_way_is_as_long_whatever_is_left_aside_on_the_search_for_it() -> None:

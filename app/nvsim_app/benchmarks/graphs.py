@@ -131,7 +131,7 @@ def measure(settings: QSettings, edits: int = 120, viewpoints: int = 10_000, see
     run_event_loop(lambda: True, SETTLE)
     for layer in window.scene.overlays.layers:
         window.scene.overlays.set_shown(layer.name, True)
-    window.scene.look_over()
+    window.scene.show_overview()
     plan.frame_everything()
     run_event_loop(lambda: True, SETTLE)
     rng = random.Random(seed)

@@ -248,7 +248,7 @@ class Candidates(QObject):
         if self._root is None or self._index is None or self._asked or self._made:
             return
         self._asked = True
-        self.link.open_if_other(self._root)
+        self.link.set_project(self._root)
         self.link.ask_candidates(self._index)
         self.changed.emit()
 
@@ -289,7 +289,7 @@ class Candidates(QObject):
 
     def _on_prompt(self, index: int, points: list[tuple[float, float, bool]]) -> None:
         if self._root is not None:
-            self.link.open_if_other(self._root)
+            self.link.set_project(self._root)
             self.link.ask_prompt(index, points)
 
     def _on_waiting(self, waiting: bool) -> None:

@@ -64,7 +64,7 @@ class FrameLink(QObject):
         self.rest()
         self._root = root
 
-    def open_if_other(self, root: Path) -> None:
+    def set_project(self, root: Path) -> None:
         """Sets the project, if it is another one."""
         if root != self._root:
             self.open(root)

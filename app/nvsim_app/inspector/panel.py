@@ -240,7 +240,7 @@ class InspectorPanel(QScrollArea):
                 button.setChecked(True)
                 self.view.set_channel(channel)
 
-    def offer_channels(self, drawn: bool) -> None:
+    def enable_channels(self, drawn: bool) -> None:
         """Enables the available channels: models render all of them, images beside a file have only colors."""
         for button in self.channels.buttons():
             channel = str(button.property("channel"))

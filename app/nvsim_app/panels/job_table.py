@@ -232,7 +232,7 @@ class ImportedJobDialog(QDialog):
         self.command.setAccessibleName("Command")
         self.command.setReadOnly(True)
         self.command.setFont(QFontDatabase.systemFont(QFontDatabase.SystemFont.FixedFont))
-        reason = queue.why_not_anew(job)
+        reason = queue.why_not_order_again(job)
         if len(command) > _MOST:
             reason = "Its command is too long to be shown."
         self.problem = InkLabel("blocked", self)
@@ -264,7 +264,7 @@ class ImportedJobDialog(QDialog):
 
     def _on_order(self) -> None:
         try:
-            self._queue.order_anew(self._job)
+            self._queue.order_again(self._job)
         except InputError as error:
             self.problem.setText(str(error))
             self.problem.show()

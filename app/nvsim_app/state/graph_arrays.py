@@ -183,7 +183,7 @@ class TrajectoryArrays:
         return TrajectoryArrays(positions, owner, np.concatenate(segments))
 
     @staticmethod
-    def of_growing(found: GrowingTrajectory) -> TrajectoryArrays:
+    def from_growing(found: GrowingTrajectory) -> TrajectoryArrays:
         """The cameras of a video whose poses are being computed. A piece of the video is treated like a submap."""
         rows = np.arange(len(found.positions))
         near = (np.diff(found.piece) == 0) & (np.diff(found.frame) <= _MISSING)

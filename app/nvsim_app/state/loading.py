@@ -366,7 +366,7 @@ class ProjectReader:
         folders = list(takewhile(Path.is_dir, map(self._project.layout.poses, count(1))))
         with contextlib.suppress(InputError):  # the file is being replaced or removed, or is damaged
             if (path := self._newest("growing", [f / WORK / GROWING for f in folders])) is not None:
-                growing = TrajectoryArrays.of_growing(read_growing(path))
+                growing = TrajectoryArrays.from_growing(read_growing(path))
             if (path := self._newest("poses", [f / REPORT for f in folders])) is not None:
                 poses = read_report(path.parent)
         return growing, poses

@@ -169,7 +169,7 @@ class CalibrationPanel(QWidget):
         self.list = table(self.model, self, "Thresholds")
         self.list.selectionModel().currentRowChanged.connect(self._show_chosen)
         self.take = QPushButton(self)
-        self.take.clicked.connect(self.take_suggestion)
+        self.take.clicked.connect(self.apply_suggestion)
         self.plot = CalibrationPlot(self)
         self._lay_out()
         calibrations.changed.connect(self.refresh)
@@ -258,7 +258,7 @@ class CalibrationPanel(QWidget):
     def _suffix(self) -> str:
         return "" if self._judge == "point" else "_robot"
 
-    def take_suggestion(self) -> None:
+    def apply_suggestion(self) -> None:
         """Moves the slider of the selected threshold to the suggested value."""
         if self.obstacle is None:
             config = self._calibrations.taking(self.chosen, self._judge)

@@ -130,13 +130,13 @@ class ThresholdPanel(QScrollArea):
             button.setFlat(True)
             button.setObjectName(f"preset_{key}")
             button.setToolTip(tooltip_text(f"{words}; the mark of this color below each slider"))
-            button.clicked.connect(lambda _=False, k=key: self.take_preset(k))
+            button.clicked.connect(lambda _=False, k=key: self.apply_preset(k))
             row.addWidget(mark)
             row.addWidget(button)
         row.addStretch(1)
         return row
 
-    def take_preset(self, name: str) -> None:
+    def apply_preset(self, name: str) -> None:
         """Moves all sliders to the values of "project", "default", or "paper"."""
         self._trial.set_config(preset(self._trial.project_config, self._sources()[name]))
 

@@ -230,14 +230,14 @@ class Navigation(QObject):
             self._start()
         return True
 
-    def let_go(self) -> None:
+    def release_all(self) -> None:
         """Discards pressed keys and drags. Call it when the focus is lost, because their release is not received."""
         self._held.clear()
         self._last = self._pressed_at = None
         self._dragged = False
 
     def stop(self) -> None:
-        self.let_go()
+        self.release_all()
         self._flight = None
         self._timer.stop()
 

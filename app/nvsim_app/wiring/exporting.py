@@ -219,7 +219,7 @@ class ScanForm(QObject):
         document = context.document
         assert document.project is not None  # the form exists only with a project
         self.panel = ScanEstimatePanel(document.project, form.verb, form)
-        form.stand_beside(self.panel)
+        form.show_beside(self.panel)
         form.tried.connect(self.panel.show_arguments)
         form.finished.connect(self.panel.question.stop)
         self.panel.refused.connect(self._on_refused)
@@ -266,7 +266,7 @@ class FeaturesForm(QObject):
         super().__init__(form)
         self._form, self._context = form, context
         self.panel = FeatureMakersPanel(form)
-        form.stand_beside(self.panel)
+        form.show_beside(self.panel)
         form.resize(form.width() + 120, form.height())  # its options have long help texts
         form.tried.connect(self._on_tried)
 

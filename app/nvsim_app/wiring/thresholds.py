@@ -82,7 +82,7 @@ class ThresholdPart(Part):
 
     def _take(self, preset: str) -> None:
         self.show_panel()
-        self.panel.take_preset(preset)
+        self.panel.apply_preset(preset)
 
     def _on_contents(self, parts: frozenset[str]) -> None:
         if parts & {"graph", "capture"}:

@@ -181,7 +181,7 @@ class Document:
     )
 
     @cached_property
-    def tells_sight(self) -> bool:
+    def has_visibility(self) -> bool:
         """Whether the visibility lists contain more than edges."""
         return bool((self.flags["visible"] & ~self.flags["unobstructed"]).any())
 

@@ -91,7 +91,7 @@ class ForeignFile:
         as in the files of many exporters.
         """
         document = self._document
-        if not document.tells_sight:
+        if not document.has_visibility:
             return None
 
         row, seen = {e.viewpoint.position: i for i, e in enumerate(document.entries)}, document.flags["visible"]

@@ -209,7 +209,7 @@ class Measurements:
         traversed = self._traversed if self._config.support > 0 else None
         ground = corridor.ground(self._floor_at)
         if not self._by_stair(viewpoint, corridor):
-            found = None if traversed is None else traversed.surely_at(ground)
+            found = None if traversed is None else traversed.is_surely_traversed(ground)
             return found if found is not None and found.any() else None
         free = out_of_sight(view.camera, ground) if self._config.both_ways else np.zeros(ground.shape[:2], bool)
         return free if traversed is None else free | traversed.at(ground)

@@ -107,7 +107,7 @@ class DraftGraph:
                 found.update(dict.fromkeys(part, len(part)))
         return found
 
-    def can_spare(self, id: str) -> bool:
+    def is_redundant(self, id: str) -> bool:
         """Whether the neighbors of a viewpoint reach each other without it, without a long detour."""
         around = [other for other, _ in self.around(id)]
         most = {
@@ -122,7 +122,7 @@ class DraftGraph:
             self.join(id, other)
         return spared
 
-    def can_spare_edge(self, a: str, b: str) -> bool:
+    def is_edge_redundant(self, a: str, b: str) -> bool:
         """Whether another path joins the ends of an edge without a long detour. For near viewpoints, it must also be
         short."""
         length = self.distance(a, b)
@@ -158,7 +158,7 @@ def _remove_tie_from(ways: DraftGraph, start: str) -> set[str]:
     for end in sorted(metres, key=lambda id: (metres[id], id)):
         last = _last(ways, metres, end)
         for before in last if len(last) > 1 else []:
-            if ways.can_spare_edge(before, end):
+            if ways.is_edge_redundant(before, end):
                 touched = {id for side in (before, end) for id in ways.all_metres(side, _FAR + SAME_LENGTH)}
                 ways.remove_edge(before, end)
                 return touched

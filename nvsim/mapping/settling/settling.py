@@ -68,7 +68,7 @@ class GapFiller:
                 seen = self._visible_viewpoints(halfway)
                 if not seen or level_distance(seen[0], halfway[:2]) < self._config.merge_radius:
                     continue
-                if self._walk.in_line(halfway, place):
+                if self._walk.is_line_known(halfway, place):
                     tries += 1
                     yield from self._stand(halfway, seen)
                     covered = self._is_covered(place)
@@ -87,7 +87,7 @@ class GapFiller:
             there = stand[which[at]]
             level = np.abs(there[:, 2] - places[at, 2]) <= STEEPEST * metres[at] + SAME_FLOOR - SAME
             at, there = at[level], there[level]
-            covered[at[self._walk.all_in_line(there, places[at])]] = True
+            covered[at[self._walk.are_lines_known(there, places[at])]] = True
         return covered
 
     def _is_covered(self, place: NDArray[np.floating]) -> bool:
@@ -98,7 +98,7 @@ class GapFiller:
         """Return the viewpoints within one step to which known floor leads straight, the nearest first."""
         near = self._draft.near(place, self._config.tau_dist)
         there = np.array([v.position for v in near]).reshape(-1, 3)
-        found = self._walk.all_in_line(there, np.broadcast_to(place, there.shape))
+        found = self._walk.are_lines_known(there, np.broadcast_to(place, there.shape))
         return [v for v, line in zip(near, found.tolist(), strict=True) if line]
 
     def _stand(self, place: NDArray[np.floating], seen: list[Viewpoint]) -> Iterator[tuple[Viewpoint, list[Viewpoint]]]:
@@ -213,7 +213,7 @@ class Settling:
                     near.append((id, other.id))
         for pair in near:
             for id in sorted(pair, key=lambda id: (hang_together[id], self._room(id), id)):
-                if all(end in self._ways for end in pair) and self._ways.can_spare(id):
+                if all(end in self._ways for end in pair) and self._ways.is_redundant(id):
                     self._ways.remove(id)
 
     def _fill(self) -> None:
@@ -268,7 +268,7 @@ class Settling:
         others = [v for v in self._draft.near(here, reach) if v.id != viewpoint.id]
         new = [v for v in others if (viewpoint.id, v.id) not in known]
         there = np.array([v.position for v in new]).reshape(-1, 3)
-        found = self._survey.walk.all_in_line(np.broadcast_to(here, there.shape), there)
+        found = self._survey.walk.are_lines_known(np.broadcast_to(here, there.shape), there)
         known.update(((viewpoint.id, v.id), bool(line)) for v, line in zip(new, found, strict=True))
         return [v for v in others if known[viewpoint.id, v.id]]
 

@@ -207,7 +207,7 @@ class JobList:
                 raise as_input_error(job.folder / WISH, error) from error
             self._write(job, JobStatus(worked=job.status.worked))
 
-    def order_anew(self, seen: Job) -> None:
+    def order_again(self, seen: Job) -> None:
         """Replaces a foreign job by an order of this user, which waits in the queue. `seen` is the job that the user
         has checked. Raises InputError if the job has changed since then."""
         with self._locked():
