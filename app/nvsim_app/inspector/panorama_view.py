@@ -94,7 +94,7 @@ class PanoramaView(QWidget):
         return self._heading, self._elevation, self._zoom
 
     def set_view_center(self, heading: float, elevation: float, zoom: float) -> None:
-        """Restores the view of `gaze`."""
+        """Restores the view of `view_center`."""
         self._heading, self._elevation, self._zoom = heading, elevation, min(max(zoom, 1.0), _NEAREST)
         self.update()
 
