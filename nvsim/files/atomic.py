@@ -173,7 +173,7 @@ def write_bytes(path: Path, data: bytes) -> None:
 
 def write_text(path: Path, text: str) -> None:
     """Replaces the content of `path` with text in UTF-8. Raises InputError if the disk reports an error, or like
-    `encoded`."""
+    `encode_text`."""
     write_bytes(path, encode_text(path, text))
 
 

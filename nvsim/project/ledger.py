@@ -82,17 +82,17 @@ def finish(
     also: Mapping[int, str] | None = None,
     keep: bool = True,
 ) -> None:
-    """Commits the part that was made since `begin`, and replaces the result in use.
+    """Commits the part that was made since `begin_part`, and replaces the result in use.
 
     write_rows  writes other tables in the same transaction
-    files       places of files that are not made at the places of `begin`
+    files       places of files that are not made at the places of `begin_part`
     settings    options as JSON, if later stages read them
     before      files of the replaced result, in addition to those in use
     also        keys of other parts that are made together with this one
     keep        whether the replaced result becomes the previous result of the stage
     """
     found, root = project.stage_results(), project.root
-    # A part without `begin`, as in a project of an older version, keeps its present key.
+    # A part without `begin_part`, as in a project of an older version, keeps its present key.
     start = found.unfinished.get((stage, part)) or found.part(stage, part)
     parts = {part: finished_part(summary, "" if start is None else start.key, seconds, settings)}
     parts |= {other: finished_part({}, key, 0.0) for other, key in (also or {}).items()}

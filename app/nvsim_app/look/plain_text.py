@@ -1,9 +1,9 @@
 """Shows text from outside (file names, frames, identifiers, jobs, errors) as plain text.
 
 Qt interprets any text that looks like HTML and opens the files that it names: an image in a tooltip can read /dev/zero.
-So every label is a `labels.Label`, every tooltip goes through `tip`, and trusted markup includes text from outside only
-through `escape_html`. Control characters, changes of the writing direction, and line breaks in names become visible.
-Very long texts are cut. Sentences name the labels of the window in place of commands. Does not use Qt.
+So every label is a `labels.Label`, every tooltip goes through `tooltip_text`, and trusted markup includes text from
+outside only through `escape_html`. Control characters, changes of the writing direction, and line breaks in names
+become visible. Very long texts are cut. Sentences name the labels of the window in place of commands. Does not use Qt.
 """
 
 from __future__ import annotations

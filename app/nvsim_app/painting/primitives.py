@@ -77,7 +77,7 @@ def disc(color: str, outline: str, diameter: int = 24, shape: str = "disc") -> Q
 
 
 def chip_box(painter: QPainter, anchor: QPointF, text: str) -> QRectF:
-    """The rectangle of `chip`."""
+    """The rectangle of `paint_label`."""
     metrics = painter.fontMetrics()
     width, height = metrics.horizontalAdvance(plain(text)) + 12, metrics.height() + 4
     return QRectF(anchor.x(), anchor.y() - height, width, height)

@@ -173,7 +173,7 @@ def _digest(path: Path, description: Description) -> str:
 def choose_backbone(
     layout: Layout, model: Path | None, batch: int, provider: Provider, projection: bool = False
 ) -> tuple[Backbone, str]:
-    """Returns the backbone that `maker_of` selects, and a warning ("" if there is none).
+    """Returns the backbone that `feature_maker` selects, and a warning ("" if there is none).
 
     Raises InputError if the network cannot be used.
     """

@@ -89,7 +89,7 @@ class Splats:
 
 def read_splats(path: Path) -> Splats:
     """Reads a PLY (INRIA), compressed PLY (SuperSplat), SPZ, SOG, .splat or .ksplat file. Gaussians that cannot be
-    rendered are removed, see `usable`.
+    rendered are removed, see `renderable_gaussians`.
 
     Raises InputError naming the file and the defect.
     """
