@@ -116,7 +116,7 @@ _KINDS: dict[str, type] = {
 }
 
 
-def silent(event: Event) -> None:
+def ignore_event(event: Event) -> None:
     """A listener that does nothing."""
 
 

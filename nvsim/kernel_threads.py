@@ -3,9 +3,9 @@
 By default, numba uses Intel's TBB if it is installed. A process that used TBB may hang at its end: TBB's unloading
 (`unload_tbb`) waits for threads that no longer exist. TBB is therefore the last choice. OpenMP is the first choice,
 because any number of Python threads may start kernels on it. Numba's own pool (`workqueue`) is always available. It
-ends the process if two threads start kernels at once, so `LOCK` in `nvsim.render.workspace` prevents that and `at_once`
-tells whether it is allowed. The kernels split their work into numbered parts, so all three libraries give equal
-results.
+ends the process if two threads start kernels at once, so `LOCK` in `nvsim.render.workspace` prevents that and
+`can_start_kernels_at_once` tells whether it is allowed. The kernels split their work into numbered parts, so all three
+libraries give equal results.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ def cores() -> int:
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
-def allowed() -> int:
+def allowed_threads() -> int:
     """Number of threads that this process may use: its cores, or fewer if NUMBA_NUM_THREADS says so."""
     said = os.environ.get(_LIMITS[0], "")
     return min(int(said), cores()) if said.isdecimal() and int(said) else cores()
@@ -43,7 +43,7 @@ def choose() -> None:
         numba.config.THREADING_LAYER_PRIORITY = order
 
 
-def at_once() -> bool:
+def can_start_kernels_at_once() -> bool:
     """Whether several Python threads may start kernels at once. False until the first kernel ran."""
     import numba
 

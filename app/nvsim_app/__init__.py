@@ -1,5 +1,5 @@
 """The desktop application: document, views, panels, and jobs. A thin layer over nvsim, which never imports it."""
 
-from nvsim_app.singleton_refcounts import protect_singletons
+from nvsim_app.singleton_refcounts import raise_singleton_refcounts
 
-protect_singletons()
+raise_singleton_refcounts()

@@ -13,9 +13,9 @@ from PySide6.QtGui import QAction, QActionGroup, QKeySequence, QPalette
 from PySide6.QtWidgets import QMenu, QMenuBar, QToolBar
 
 from nvsim_app.look.icons import icon
-from nvsim_app.look.plain_text import plain, tip
+from nvsim_app.look.plain_text import plain, tooltip_text
 from nvsim_app.state.document import Document
-from nvsim_app.state.reasons import Reason, always
+from nvsim_app.state.reasons import Reason, never_disabled
 
 MENUS = (
     "&File",
@@ -52,7 +52,7 @@ class Action:
     check: str = ""
     group: str = ""
     toolbar: bool = False
-    enabled: Callable[[Document], Reason] = always
+    enabled: Callable[[Document], Reason] = never_disabled
 
 
 class ActionTable(QObject):
@@ -108,7 +108,7 @@ class ActionTable(QObject):
             shortcut = f" ({keys})" if keys else ""
             reason_words = (reason or "").rstrip(".")
             not_now = "" if reason is None else f"Unavailable: {reason_words}."
-            action.setToolTip(tip(f"{entry.tip}{shortcut}\n{not_now}".rstrip()))
+            action.setToolTip(tooltip_text(f"{entry.tip}{shortcut}\n{not_now}".rstrip()))
             action.setStatusTip(plain(f"{entry.tip}. {not_now}" if not_now else entry.tip))
 
     def keys(self, id: str) -> str:

@@ -14,7 +14,7 @@ import sys
 _FAR_AWAY = 1 << 40
 
 
-def protect_singletons() -> None:
+def raise_singleton_refcounts() -> None:
     """Adds 2**40 to the three reference counts. Does nothing if the objects are already immortal."""
     if sys.implementation.name != "cpython" or sys.version_info >= (3, 12):
         return

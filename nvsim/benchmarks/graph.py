@@ -20,8 +20,8 @@ from nvsim.graph.findings import Context, Validator
 from nvsim.graph.foreign import ForeignFile
 from nvsim.graph.history import History
 from nvsim.graph.journal import Journal
-from nvsim.graph.operations import perform
-from nvsim.graph.selection import within
+from nvsim.graph.operations import perform_operation
+from nvsim.graph.selection import select_within
 from nvsim.graph.store import decode_evidence, encode_evidence
 from nvsim.graph.types import Evidence, NavGraph, Viewpoint, edge
 from nvsim.occupancy.types import FREE, OCCUPIED, OccupancyMap
@@ -87,7 +87,7 @@ def measure(edits: int = 300, viewpoints: int = 10_000, seed: int = 0) -> dict[s
         validator = Validator(graph, Context(occupancy=random_map(graph, seed)))
         _ = graph.adjacency, graph.evidence_of  # the window has computed them before the first edit
         followed = [graph]
-        perform(history, "mark_reviewed", {"viewpoints": [next(iter(graph.viewpoints))]})
+        perform_operation(history, "mark_reviewed", {"viewpoints": [next(iter(graph.viewpoints))]})
         before = time.perf_counter()
         journal.flush()  # the first write has the whole graph, once per opening
         first_flush = time.perf_counter() - before
@@ -148,7 +148,7 @@ def _single_edits(
         kind = rng.choice(sorted(kinds))
         before = time.perf_counter()
         try:
-            perform(history, kind, kinds[kind])
+            perform_operation(history, kind, kinds[kind])
         except EditError:
             continue
         follow()
@@ -167,10 +167,10 @@ def _many_at_once(history: History, follow: Callable[[], None]) -> dict[str, flo
         box = [(low, low), (high, low), (high, high), (low, high)]
 
         def delete() -> None:
-            perform(history, "remove_viewpoints", {"ids": history.selection.viewpoints})
+            perform_operation(history, "remove_viewpoints", {"ids": history.selection.viewpoints})
 
         def select(box: list[tuple[float, float]] = box) -> None:
-            history.select(within(history.graph, box))
+            history.select(select_within(history.graph, box))
 
         for what, do in (("select", select), ("delete", delete), ("undo", history.undo), ("redo", history.redo)):
             before = time.perf_counter()
@@ -193,8 +193,8 @@ def _file_times(seed: int) -> dict[str, float]:
             opened.append(time.perf_counter() - before)
             history = History(file.graph)
             id = list(file.graph.viewpoints)[i]
-            perform(history, "shift_viewpoints", {"ids": [id], "by": [0.5, 0.0, 0.0]})
-            perform(history, "remove_viewpoints", {"ids": [list(file.graph.viewpoints)[-1]]})
+            perform_operation(history, "shift_viewpoints", {"ids": [id], "by": [0.5, 0.0, 0.0]})
+            perform_operation(history, "remove_viewpoints", {"ids": [list(file.graph.viewpoints)[-1]]})
             before = time.perf_counter()
             file.save(history.graph)
             saved.append(time.perf_counter() - before)

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from nvsim.benchmarks.map_builder import HALL, hall
 from nvsim.geometry.directions import cube
 from nvsim.mapping.config import MappingConfig
-from nvsim.mapping.corridor import Corridor, HeightAt, ahead, headings
+from nvsim.mapping.corridor import Corridor, HeightAt, headings, offset_ahead
 from nvsim.mapping.views.floor_view import pixels_read
 from nvsim.mapping.views.view_sources import camera_towards
 from nvsim.render.backends import Backend, resolve_backend
@@ -110,7 +110,9 @@ class _PositionViews:
         self._scene, self._place, self._backend = scene, np.asarray(place, np.float64), backend
         xy = self._place[:2]
         eye = float(self._place[2])
-        corridors = [Corridor((xy[0], xy[1]), tuple(xy + ahead(h, config.tau_dist)), eye) for h in headings(config)]
+        corridors = [
+            Corridor((xy[0], xy[1]), tuple(xy + offset_ahead(h, config.tau_dist)), eye) for h in headings(config)
+        ]
         self._cameras = [camera_towards(self._place, h, config) for h in headings(config)]
         self.masks = [pixels_read(camera, [c], floor_at) for camera, c in zip(self._cameras, corridors, strict=True)]
         self._faces = cube(self._place, _FACE)
@@ -152,7 +154,7 @@ def _on_corridors(
     found = np.zeros(down.shape, bool)
     for corridor in corridors:
         cells = corridor.cells() - xy
-        forward = ahead(corridor.heading, 1.0)
+        forward = offset_ahead(corridor.heading, 1.0)
         right = np.array([forward[1], -forward[0]])
         along, across = offset @ forward, offset @ right
         reach = cells @ forward

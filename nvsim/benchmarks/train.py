@@ -15,7 +15,7 @@ from nvsim.benchmarks import simple_step
 from nvsim.benchmarks.card import name_of
 from nvsim.geometry.camera import Camera, Intrinsics, camera_pose
 from nvsim.geometry.floor_surface import FloorSurface
-from nvsim.training.background.floor_paint import first_paint
+from nvsim.training.background.floor_paint import initial_floor_paint
 from nvsim.training.config import Device, preset
 from nvsim.training.devices import choice
 from nvsim.training.model_fit import STEP_PARTS, ModelFit
@@ -71,7 +71,7 @@ def measure(
     torch.set_num_threads(1)
     try:
         start = synthetic_gaussians(gaussians, sh_degree, seed)
-        fit = ModelFit(start, *first_paint(views, floor, config, seed), floor, config)
+        fit = ModelFit(start, *initial_floor_paint(views, floor, config, seed), floor, config)
         inlier = np.ones((height, width), np.bool_)
         laps: dict[str, list[float]] = {name: [] for name in ("step", *STEP_PARTS)}
         for step in range(1, warm_up + steps + 1):

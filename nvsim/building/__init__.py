@@ -9,12 +9,12 @@ from __future__ import annotations
 from pathlib import Path
 
 from nvsim.building.config import BuildingConfig
-from nvsim.events import Listener, silent
+from nvsim.events import Listener, ignore_event
 
 __all__ = ["BuildingConfig", "generate"]
 
 
-def generate(folder: Path, config: BuildingConfig, listen: Listener = silent) -> None:
+def generate(folder: Path, config: BuildingConfig, listen: Listener = ignore_event) -> None:
     """Writes `folder`/capture (nerfstudio) and `folder`/ground_truth; returns at once if this building already exists
     there. Deterministic in `config`. Raises InputError if a file cannot be written."""
     from nvsim.building.generation import generate as generate_now

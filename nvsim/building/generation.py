@@ -17,7 +17,7 @@ from nvsim.building.scan import scan
 from nvsim.building.scene import CAMERA_HEIGHT, Scene, make_scene, textures_of
 from nvsim.building.truth import HIGH, LOW, RESOLUTION, floor_mask, normals, transient_mask, true_occupancy
 from nvsim.capture.types import Cloud
-from nvsim.events import Listener, Progress, silent
+from nvsim.events import Listener, Progress, ignore_event
 from nvsim.files import atomic
 from nvsim.geometry.camera import Camera, Intrinsics, camera_pose
 from nvsim.occupancy.paths import clearance
@@ -130,7 +130,7 @@ _NOISE = 1.5 / 255
 _RECORD = "building.json"
 
 
-def generate(folder: Path, config: BuildingConfig, listen: Listener = silent) -> None:
+def generate(folder: Path, config: BuildingConfig, listen: Listener = ignore_event) -> None:
     """Writes `folder`/capture and `folder`/ground_truth; returns at once if this building already exists there.
 
     Raises InputError if a file cannot be written.

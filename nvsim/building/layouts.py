@@ -57,10 +57,10 @@ def _small(rng: np.random.Generator, glazed: bool, within: Rect | None) -> Plan:
     west, east = (split * 0.42, depth * 0.55), (split + (width - split) * 0.58, depth * 0.55)
     stops = (
         TrajectoryCorner(split * 0.36, 1.35),
-        TrajectoryCorner(*west, spin=True),
+        TrajectoryCorner(*west, turns_in_place=True),
         TrajectoryCorner(split - ENTRY, door.centre),
         TrajectoryCorner(split + ENTRY, door.centre),
-        TrajectoryCorner(*east, spin=True),
+        TrajectoryCorner(*east, turns_in_place=True),
         TrajectoryCorner(split + ENTRY, door.centre),
         TrajectoryCorner(split - ENTRY, door.centre),
         TrajectoryCorner(split * 0.30, door.centre + 0.2),

@@ -196,7 +196,7 @@ def make_scene(config: BuildingConfig) -> Scene:
     """Makes the plans, trajectory, furniture, and people; deterministic in the configuration."""
     storeys = make_storeys(config, _stream(config, 0), _stream(config, 0, 1))
     flight = storeys[0].plan.flight
-    dense = with_floor_heights(path(tuple(stop for s in storeys for stop in s.plan.stops)), flight)
+    dense = with_floor_heights(path(tuple(stop for s in storeys for stop in s.plan.trajectory_corners)), flight)
     walk = frames(dense, config.step, np.radians(config.turn))
     boxes: list[Box] = []
     shaft: Paint | None = None

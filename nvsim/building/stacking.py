@@ -66,12 +66,14 @@ def _join_with_strip(size: str, below: Plan, above: Plan) -> tuple[Plan, Plan]:
     entry, landing = round(foot - _SHORT, 2), round(head + _LANDING, 2)
     low = _with_strip(below, flight, entry, (foot - _BEFORE, foot), (foot - _BEFORE, head + INNER_WALL / 2))
     arrive = (*ways[0], TrajectoryCorner(entry, depth - ENTRY), TrajectoryCorner(entry, middle))
-    low = replace(low, stops=(*low.stops, *arrive))
+    low = replace(low, trajectory_corners=(*low.trajectory_corners, *arrive))
     far = head + 2 * _LANDING if width - head > 3 * _LANDING else width
     high = _with_strip(above.flipped_x(), flight, landing, (foot, far), (foot - INNER_WALL / 2, far))
     way = [replace(s, x=width - s.x) for s in ways[1]]
     leave = (TrajectoryCorner(landing, middle), TrajectoryCorner(landing, depth - ENTRY), *way[::-1])
-    high = replace(high, stops=(*leave, *high.stops, *leave[::-1], TrajectoryCorner(entry, middle)))
+    high = replace(
+        high, trajectory_corners=(*leave, *high.trajectory_corners, *leave[::-1], TrajectoryCorner(entry, middle))
+    )
     return low, high
 
 
@@ -103,11 +105,13 @@ def _with_strip(
 def _to_the_far_room(plan: Plan) -> tuple[TrajectoryCorner, ...]:
     """From the end of a full building's tour to the room in the middle of its far side."""
     into = max((o for o in plan.openings if o.along == "x"), key=lambda o: o.line)
-    return TrajectoryCorner(into.centre, plan.stops[-1].y), TrajectoryCorner(into.centre, into.line + ENTRY)
+    return TrajectoryCorner(into.centre, plan.trajectory_corners[-1].y), TrajectoryCorner(
+        into.centre, into.line + ENTRY
+    )
 
 
 def _to_the_near_room(plan: Plan) -> tuple[TrajectoryCorner, ...]:
     """From the end of a full building's tour, and from its beginning, to the room in its far corner."""
-    end = plan.stops[-1]
+    end = plan.trajectory_corners[-1]
     into = min((o for o in plan.openings if o.along == "y" and o.centre == end.y), key=lambda o: o.line)
     return end, TrajectoryCorner(into.line - ENTRY, end.y)

@@ -24,7 +24,7 @@ def _wrapped(angle: float) -> float:
 def path(stops: tuple[TrajectoryCorner, ...]) -> NDArray[np.float64]:
     """(N, 3) x, y and unwrapped heading (0 is +y, clockwise), meters and radians, every centimeter or half degree."""
     points = [np.array([s.x, s.y]) for s in stops]
-    spins = [s.spin for s in stops]
+    spins = [s.turns_in_place for s in stops]
     kept = [0] + [i for i in range(1, len(points)) if np.linalg.norm(points[i] - points[i - 1]) > 0.02]
     points, spins = [points[i] for i in kept], [spins[i] for i in kept]
     heading = _heading(points[0], points[1])

@@ -25,7 +25,7 @@ from nvsim.capture.colmap_layout import (
     ModelFolder,
     child_folders,
     is_technical,
-    is_usual,
+    is_usual_path,
     model_extension,
     models_in,
     numbered_with,
@@ -133,7 +133,7 @@ def find(path: Path) -> Path | None:
     return path.parent if path.stem in (*LISTS, *RIG_LISTS) and model_extension(path.parent) is not None else None
 
 
-def lacks(path: Path) -> str:
+def explain_missing(path: Path) -> str:
     """A sentence about the missing parts of a COLMAP model in a folder, or in the folder of a model's file; "" if it
     does not look like a COLMAP model."""
     if path.is_dir():
@@ -196,7 +196,7 @@ def _chosen(models: list[ModelFolder], root: Path, findings: Findings) -> tuple[
         assert isinstance(rows, InputError)
         raise rows
     chosen = max(readable, key=lambda model: len(readable[model]))
-    if not is_usual(chosen):
+    if not is_usual_path(chosen):
         findings.note("the COLMAP model is in an unusual folder", shown(chosen.name), "name that folder to be sure")
     names = {row.name for row in readable[chosen]}
     further = [m for m, rows in lists.items() if isinstance(rows, InputError) or {row.name for row in rows} - names]

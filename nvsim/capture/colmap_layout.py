@@ -80,7 +80,7 @@ def child_folders(folder: Path) -> list[Path]:
     return [folder / name for name in sorted(names, key=natural_order)]
 
 
-def is_usual(model: ModelFolder) -> bool:
+def is_usual_path(model: ModelFolder) -> bool:
     """Whether the model is at a path where COLMAP, nerfstudio, and 3D Gaussian Splatting write models."""
     return _rank(model.name)[0] == 0
 

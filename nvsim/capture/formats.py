@@ -97,22 +97,23 @@ def _complete(folder: Path) -> str:
 class Format:
     """One file format of captures.
 
-    name    for a list of names
-    words   noun phrase for a sentence: "a capture is ..."
-    find    a folder, or a file of it -> the argument of `read`, judged by file names only; None for other formats
-    read    (result of `find`, findings) -> the capture. Tolerable problems are added to the findings. Raises InputError
-            if nothing can be read
-    rather  name of the format that is read instead if both are present and this one has no point cloud
-    lacks   a folder or file without a recognized format -> a sentence about the missing parts of this format; "" if it
-            does not resemble this format
+    name              for a list of names
+    description       noun phrase for a sentence: "a capture is ..."
+    find              a folder, or a file of it -> the argument of `read`, judged by file names only; None for other
+                      formats
+    read              (result of `find`, findings) -> the capture. Tolerable problems are added to the findings. Raises
+                      InputError if nothing can be read
+    preferred_format  name of the format that is read instead if both are present and this one has no point cloud
+    explain_missing   a folder or file without a recognized format -> a sentence about the missing parts of this format;
+                      "" if it does not resemble this format
     """
 
     name: str
-    words: str
+    description: str
     find: Callable[[Path], Path | None]
     read: Callable[[Path, Findings], RawCapture]
-    rather: str = ""
-    lacks: Callable[[Path], str] = _complete
+    preferred_format: str = ""
+    explain_missing: Callable[[Path], str] = _complete
 
 
 def _read_list(path: Path, findings: Findings) -> RawCapture:
@@ -120,14 +121,20 @@ def _read_list(path: Path, findings: Findings) -> RawCapture:
 
 
 FORMATS: tuple[Format, ...] = (
-    Format("kapture", "a kapture tree (sensors/sensors.txt)", kapture.find, kapture.read, lacks=kapture.lacks),
+    Format(
+        "kapture",
+        "a kapture tree (sensors/sensors.txt)",
+        kapture.find,
+        kapture.read,
+        explain_missing=kapture.explain_missing,
+    ),
     Format(
         "nerfstudio transforms.json",
         "a transforms.json (nerfstudio, instant-ngp) or transforms_train.json (Blender)",
         nerfstudio.find,
         nerfstudio.read,
-        lacks=nerfstudio.lacks,
-        rather="COLMAP",  # both describe the same recording, and the one with a point cloud has more information
+        explain_missing=nerfstudio.explain_missing,
+        preferred_format="COLMAP",  # the one of both with a point cloud has more information
     ),
     Format("a .captures list", "a file NAME.captures that lists several in one world", multi_capture.find, _read_list),
     Format(
@@ -135,7 +142,7 @@ FORMATS: tuple[Format, ...] = (
         "a COLMAP model (cameras, images, points3D as .bin or .txt)",
         colmap.find,
         colmap.read,
-        lacks=colmap.lacks,
+        explain_missing=colmap.explain_missing,
     ),
 )
 """In the order of the search. The first format that matches is read."""
@@ -148,7 +155,7 @@ def names() -> str:
 
 def formats_in_words() -> str:
     """The formats for a sentence: "a ..., a ... or a ..."."""
-    return _listed([format.words for format in FORMATS])
+    return _listed([format.description for format in FORMATS])
 
 
 def is_capture(path: Path) -> bool:
@@ -167,7 +174,7 @@ def resembles_capture(path: Path) -> bool:
     for depth in range(_DEEPEST + 1):
         if any(is_capture(folder) for folder in level):
             return True
-        if depth < 2 and any(format.lacks(folder) for folder in level for format in FORMATS):
+        if depth < 2 and any(format.explain_missing(folder) for folder in level for format in FORMATS):
             return True
         level = _below(level)
     return False
@@ -228,7 +235,7 @@ def _read(path: Path, findings: Findings) -> RawCapture:
         raise _unknown(path)
     (first, at), *others = found
     for other, beside in others:
-        if other.name == first.rather:
+        if other.name == first.preferred_format:
             return _richer(first, at, other, beside, path, findings)
     return first.read(at, findings)
 
@@ -239,7 +246,7 @@ def _richer(first: Format, at: Path, other: Format, beside: Path, folder: Path, 
     raw = first.read(at, own)
     if raw.cloud is None:
         findings.note(
-            f"{at.name} has no point cloud and {other.words} is beside it",
+            f"{at.name} has no point cloud and {other.description} is beside it",
             folder.name,
             f"the {other.name} capture is read; name {at.name} to read it instead",
         )
@@ -252,7 +259,7 @@ def _richer(first: Format, at: Path, other: Format, beside: Path, folder: Path, 
 def _unknown(path: Path) -> InputError:
     for place in (path, *(child_folders(path)[:_MOST] if path.is_dir() else ())):
         for format in FORMATS:
-            if sentence := format.lacks(place):
+            if sentence := format.explain_missing(place):
                 return InputError(sentence)
     if sentence := describe_content(path):
         return InputError(f"{sentence} A capture is {formats_in_words()}.")

@@ -57,7 +57,7 @@ def find(path: Path) -> Path | None:
     return None
 
 
-def lacks(folder: Path) -> str:
+def explain_missing(folder: Path) -> str:
     """A sentence about a folder with a `sensors` folder that is not a kapture tree; "" without a `sensors` folder."""
     if not (folder / "sensors").is_dir():
         return ""
@@ -281,7 +281,7 @@ def _read_lidar(sensors: Path, tree: SensorTree, findings: Findings) -> tuple[Cl
             points = cloud.points.astype(np.float64) @ to_world[:3, :3].T + to_world[:3, 3]
             clouds.append(Cloud(stored_points(points), cloud.colors))
             scans.append(ScanFile(path, fields[1], to_world))
-        elif tree.ever_posed(fields[1]):
+        elif tree.has_any_pose(fields[1]):
             findings.warning("the cloud has no pose at its timestamp", f"{fields[2]}, {where}", "it is skipped")
         else:
             findings.note("the cloud's sensor has no pose at all", where, "it is assumed to be in the world frame")

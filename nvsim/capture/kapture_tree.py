@@ -62,5 +62,5 @@ class SensorTree:
         carrier = self._carriers(device)[-1][0]
         return "" if carrier == device else carrier
 
-    def ever_posed(self, device: str) -> bool:
+    def has_any_pose(self, device: str) -> bool:
         return any(carrier in self._posed for carrier, _ in self._carriers(device))

@@ -59,7 +59,7 @@ def find(path: Path) -> Path | None:
     return named[0] if len(named) == 1 else None
 
 
-def lacks(folder: Path) -> str:
+def explain_missing(folder: Path) -> str:
     """A sentence about a folder with several possible transforms files, of which none is read; "" otherwise."""
     named = _named_alike(folder)
     if len(named) > 1:

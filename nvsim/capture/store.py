@@ -38,7 +38,7 @@ def save_capture(capture: Capture, folder: Path) -> None:
         arrays: dict[str, NDArray[np.generic]] = {"points": capture.cloud.points}
         if capture.cloud.colors is not None:
             arrays["colors"] = capture.cloud.colors
-        with atomic.replacing(folder / cloud_name) as temporary, open(temporary, "wb") as out:
+        with atomic.replacement_file(folder / cloud_name) as temporary, open(temporary, "wb") as out:
             np.savez(out, **arrays)  # type: ignore[arg-type]
     lenses = list(dict.fromkeys([*(f.lens for f in capture.frames), *(d.lens for d in capture.depths)]))
     number = {lens: i for i, lens in enumerate(lenses)}

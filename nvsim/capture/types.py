@@ -41,13 +41,13 @@ class Cloud:
         return self.kind != "sfm"
 
     @property
-    def is_guessed(self) -> NDArray[np.bool_]:
+    def is_estimated(self) -> NDArray[np.bool_]:
         """(N,) bool, True for points from the estimated depth of images."""
         if self.normals is None:
             return np.zeros(len(self.points), bool)
         return np.asarray(self.normals.any(axis=1))
 
-    def completed_by(self, added: Cloud) -> Cloud:
+    def merged_with(self, added: Cloud) -> Cloud:
         """These points and those of `added`, which must have colors."""
         assert added.colors is not None
         colors = None if self.colors is None else np.concatenate([self.colors, added.colors])

@@ -12,7 +12,7 @@ from nvsim.endpoint.options import Endpoint
 from nvsim.errors import InputError
 
 
-def agree(asked: Sequence[tuple[Endpoint, RequestEstimate, Prices]], notes: Sequence[str], yes: bool) -> bool:
+def ask_for_consent(asked: Sequence[tuple[Endpoint, RequestEstimate, Prices]], notes: Sequence[str], yes: bool) -> bool:
     """Prints on stderr what is sent to each endpoint, with `notes`, and asks for consent unless `yes`. Does not ask if
     all answers are stored. Returns whether requests may be sent. Raises InputError if the user declines, or if there is
     no terminal to ask on.

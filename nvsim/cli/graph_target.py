@@ -72,7 +72,7 @@ def sources(
         from nvsim.occupancy.read import read_map
 
         map = read_map(occupancy, heights)
-        terminal.notes(map.notes)
+        terminal.print_notes(map.notes)
     if is_project(path):
         from nvsim.mapping.explanation.explain import smallest_margin
         from nvsim.project.graph import context_of, thresholds_of
@@ -89,12 +89,12 @@ def sources(
     for file in connectivity_files(path):
         foreign = ForeignFile.open(file)
         beside = foreign.beside.occupancy() if map is None else None
-        terminal.notes(() if beside is None else beside.notes)
+        terminal.print_notes(() if beside is None else beside.notes)
         context = foreign.context(limits, beside if map is None else map)
         yield GraphWithContext(file, foreign.scan, foreign.graph, context, None, foreign.sight(unknown=False))
 
 
-def one_source(path: Path, occupancy: Path | None = None, heights: Heights | None = None) -> GraphWithContext:
+def read_one_graph(path: Path, occupancy: Path | None = None, heights: Heights | None = None) -> GraphWithContext:
     """The one graph at `path`. Raises InputError if there are several."""
     found = sources(path, None, occupancy, heights)
     first = next(found)
@@ -136,7 +136,7 @@ class GraphTarget:
         return QuantityInputs(self._occupancy() if "validity" in expression else None, margin)
 
     def surroundings(self) -> EditContext:
-        from nvsim.graph.sight import sight_on
+        from nvsim.graph.sight import line_of_sight_test
 
         occupancy, walk = self._occupancy(), None
         if self.is_project:
@@ -146,7 +146,7 @@ class GraphTarget:
                 capture = project.capture()
                 walk = None if capture is None else capture.positions
         if occupancy is not None:
-            return EditContext(sight_on(occupancy), walk)
+            return EditContext(line_of_sight_test(occupancy), walk)
         return EditContext(None if self.is_project else self._foreign.sight(), walk)
 
     def journal(self) -> Journal:
@@ -210,7 +210,7 @@ class GraphTarget:
 
     def _occupancy(self) -> OccupancyMap | None:
         found = self._read_occupancy()
-        terminal.notes(() if found is None else found.notes)
+        terminal.print_notes(() if found is None else found.notes)
         return found
 
     def _read_occupancy(self) -> OccupancyMap | None:
@@ -228,7 +228,7 @@ class GraphTarget:
 
 
 @contextmanager
-def refused_as_input(where: str = "") -> Iterator[None]:
+def edit_errors_as_input_errors(where: str = "") -> Iterator[None]:
     """Turns an EditError in the block into an InputError with its message after the prefix `where`."""
     try:
         yield

@@ -11,14 +11,14 @@ import sys
 from collections.abc import Sequence
 
 from nvsim.cli.command_table import COMMANDS
-from nvsim.cli.terminal import say, screened
+from nvsim.cli.terminal import guarded_terminal, say
 
 _GROUPS = {verb.split()[0] for verb in COMMANDS if " " in verb}
 
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Runs one command; returns its exit code."""
-    with screened():
+    with guarded_terminal():
         try:
             return _run(list(sys.argv[1:] if argv is None else argv))
         except BrokenPipeError:

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
 
 @contextmanager
-def working(path: Path, verb: str, as_json: bool, create: bool = False) -> Iterator[tuple[Project, Listener]]:
+def project_job(path: Path, verb: str, as_json: bool, create: bool = False) -> Iterator[tuple[Project, Listener]]:
     """Opens the project for writing, and records the command as a job until the block ends. Raises InputError if the
     project cannot be opened."""
     from nvsim.project.project import Project

@@ -1,6 +1,6 @@
 """Print results as a JSON object or a small table, without control characters that come from files.
 
-`say` prints messages, one line each. `screened` guards the standard streams, so that text of any other origin
+`say` prints messages, one line each. `guarded_terminal` guards the standard streams, so that text of any other origin
 (argparse, warnings, a library) is also safe.
 """
 
@@ -26,7 +26,7 @@ def say(*lines: object, error: bool = False) -> None:
 
 
 @contextmanager
-def screened() -> Iterator[None]:
+def guarded_terminal() -> Iterator[None]:
     """Guards sys.stdout and sys.stderr while a command runs. File names may use characters outside the terminal's
     encoding; these are escaped."""
     former = sys.stdout, sys.stderr
@@ -112,7 +112,7 @@ def figures(values: Mapping[str, object], in_json: bool, title: str = "") -> Non
     table(("metric", "value"), [(k, _text(v)) for k, v in flat.items()], title)
 
 
-def notes(sentences: Iterable[str]) -> None:
+def print_notes(sentences: Iterable[str]) -> None:
     """Prints notes about a file on stderr, each sentence once, so that the results on stdout stay clean."""
     say(*(f"note: {sentence}" for sentence in dict.fromkeys(sentences)), error=True)
 

@@ -23,7 +23,7 @@ from nvsim.cli.terminal import say
 from nvsim.errors import InputError, shown
 from nvsim.events import Failed, Log
 from nvsim.files.atomic import as_input_error
-from nvsim.files.opening import own_file, read_end
+from nvsim.files.opening import open_own_file, read_end
 from nvsim.kernel_threads import limit
 from nvsim.project.jobs.files import EventWriter
 from nvsim.project.jobs.joblist import Job, JobList
@@ -171,7 +171,7 @@ def _last_words(output: Path) -> str:
 
 def _redirect(descriptor: int, path: Path) -> None:
     """Redirects the output of the process and its future children into the file."""
-    file = own_file(path, os.O_WRONLY | os.O_CREAT | os.O_APPEND)
+    file = open_own_file(path, os.O_WRONLY | os.O_CREAT | os.O_APPEND)
     os.dup2(file, descriptor)
     os.close(file)
 

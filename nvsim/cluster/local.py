@@ -46,7 +46,7 @@ class LocalPool:
         try:
             while waiting or running:
                 while waiting and len(running) < most:
-                    if running and (waiting[0].alone or any(c.piece.alone for c in running.values())):
+                    if running and (waiting[0].exclusive or any(c.piece.exclusive for c in running.values())):
                         break
                     piece = waiting.pop(0)
                     child = _WorkerProcess(piece, begin(piece))
@@ -90,7 +90,7 @@ class _WorkerProcess:
         except (EOFError, OSError):
             self._process.join()
             return _WorkError(
-                f"the work on {self.piece.words} ended unexpectedly (code {self._process.exitcode}), usually because "
+                f"the work on {self.piece.label} ended unexpectedly (code {self._process.exitcode}), usually because "
                 "memory ran out. Run the same command again to continue, with --at-once 1 to use less memory.",
                 False,
             )
@@ -128,7 +128,7 @@ def _work(order: WorkCall, connection: Connection) -> None:
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C reaches the whole process group; the parent handles it
     threading.Thread(target=_end_with_parent, daemon=True).start()
     try:
-        connection.send(WorkResult(order.work(_PipeCaller(connection), *order.given)))
+        connection.send(WorkResult(order.function(_PipeCaller(connection), *order.arguments)))
     except InputError as error:
         connection.send(_WorkError(str(error), False))
     except MemoryError:

@@ -15,20 +15,20 @@ from nvsim.events import Event
 class WorkItem:
     """A piece of work that runs in its own process.
 
-    stage   the stage that the piece belongs to
-    part    its number in the stage: that of the submap, or of the first frame
-    words   the piece as users read it: "submap 3"
-    cores   number of threads
-    bytes   expected memory
-    alone   on one machine, no other piece runs during this one
+    stage      the stage that the piece belongs to
+    part       its number in the stage: that of the submap, or of the first frame
+    label      the piece as users read it: "submap 3"
+    cores      number of threads
+    bytes      expected memory
+    exclusive  on one machine, no other piece runs during this one
     """
 
     stage: str
     part: int
-    words: str
+    label: str
     cores: int
     bytes: int
-    alone: bool = False
+    exclusive: bool = False
 
 
 @dataclass(frozen=True)
@@ -97,8 +97,8 @@ Work = Callable[..., object]
 class WorkCall:
     """The work of a piece: the function, and its arguments after the caller."""
 
-    work: Work
-    given: tuple[object, ...]
+    function: Work
+    arguments: tuple[object, ...]
 
 
 class Executor(Protocol):

@@ -56,22 +56,22 @@ class Attempt:
         where = f" on {self.worker}" if self.worker else ""
         if for_memory and self.bytes >= most_bytes:
             raise InputError(
-                f"The work on {self.piece.words} was killed{where} because it needed more than the requested "
+                f"The work on {self.piece.label} was killed{where} because it needed more than the requested "
                 f"{_gb(self.bytes)} GB of memory, and no machine has more; use more submaps, fewer Gaussians or a "
                 "larger machine."
             )
         if self.losses > RETRIES:
             raise InputError(
-                f"The work on {self.piece.words} lost its worker {self.losses} times without progress{where}; check "
+                f"The work on {self.piece.label} lost its worker {self.losses} times without progress{where}; check "
                 "Ray's logs there. Run the same command again to continue from the last checkpoint."
             )
         if for_memory:
             self.bytes = min(2 * self.bytes, most_bytes)
             return (
-                f"The work on {self.piece.words} was killed{where} because memory ran out; it restarts from its last "
+                f"The work on {self.piece.label} was killed{where} because memory ran out; it restarts from its last "
                 f"checkpoint with {_gb(self.bytes)} GB."
             )
-        return f"The worker of {self.piece.words}{where} was lost; another continues from the last checkpoint."
+        return f"The worker of {self.piece.label}{where} was lost; another continues from the last checkpoint."
 
 
 def _gb(count: int) -> str:
@@ -119,7 +119,7 @@ class RayPool:
                     for kind, value in self._next_messages(stream):
                         if kind == "began":
                             attempt.worker = str(value)
-                            yield piece, Worker(piece.stage, attempt.worker, piece.part, piece.words, "works")
+                            yield piece, Worker(piece.stage, attempt.worker, piece.part, piece.label, "works")
                         elif kind == "warned":
                             if str(value) not in self._warned:
                                 self._warned.add(str(value))
@@ -132,7 +132,7 @@ class RayPool:
                             yield piece, message
                         elif kind == "finished":
                             del running[stream]
-                            yield piece, Worker(piece.stage, attempt.worker, piece.part, piece.words, "ended")
+                            yield piece, Worker(piece.stage, attempt.worker, piece.part, piece.label, "ended")
                             assert isinstance(value, WorkResult)
                             if isinstance(value.value, StorageNotShared):
                                 yield piece, value.value
@@ -142,7 +142,7 @@ class RayPool:
                         elif kind in ("lost", "memory"):
                             del running[stream]
                             if attempt.worker:
-                                yield piece, Worker(piece.stage, attempt.worker, piece.part, piece.words, "lost")
+                                yield piece, Worker(piece.stage, attempt.worker, piece.part, piece.label, "lost")
                             sentence = attempt.prepare_restart(kind == "memory", self._most_bytes())
                             yield piece, Warning(sentence, piece.stage)
                             attempt.worker = ""
@@ -163,9 +163,9 @@ class RayPool:
         cores = min(attempt.piece.cores, max(self.machines, default=1))
         memory = min(attempt.bytes, self._most_bytes())
         task = self._serve.options(
-            num_cpus=cores, memory=memory, max_retries=0, num_returns="streaming", name=attempt.piece.words
+            num_cpus=cores, memory=memory, max_retries=0, num_returns="streaming", name=attempt.piece.label
         )
-        return task.remote(pickle.dumps((order.work, order.given)), attempt.piece.cores, versions())
+        return task.remote(pickle.dumps((order.function, order.arguments)), attempt.piece.cores, versions())
 
     def _streams_with_messages(self, running: dict[Any, Attempt]) -> list[Any]:
         """The streams that have a message; may be empty after a short wait."""
@@ -226,7 +226,7 @@ class RayPool:
     def _why_idle(self, attempt: Attempt) -> str:
         cores, gigabytes = attempt.piece.cores, attempt.bytes / 1e9
         return (
-            f"No worker has started {attempt.piece.words} for {_SLOW:.0f} s: it needs {cores} free cores and "
+            f"No worker has started {attempt.piece.label} for {_SLOW:.0f} s: it needs {cores} free cores and "
             f"{gigabytes:.1f} GB on one machine; the cluster's largest has {max(self.machines, default=0)} cores and "
             f"{self._most_bytes() / 1e9:.1f} GB."
         )

@@ -36,6 +36,6 @@ def serve(order: bytes, cores: int, ours: dict[str, str]) -> Iterator[list[tuple
     other = [f"{name} {theirs[name]} instead of {version}" for name, version in ours.items() if theirs[name] != version]
     if other:
         yield [("warned", f"{host} has {', '.join(other)}: its results may differ in their last digits.")]
-    from nvsim.cluster.ray_worker import work
+    from nvsim.cluster.ray_worker import run_work_call
 
-    yield from work(order, cores)
+    yield from run_work_call(order, cores)

@@ -26,7 +26,7 @@ class _WorkStopped(BaseException):
     """The caller has stopped the work."""
 
 
-def work(order: bytes, cores: int) -> Iterator[list[tuple[str, object]]]:
+def run_work_call(order: bytes, cores: int) -> Iterator[list[tuple[str, object]]]:
     """Runs the pickled `order` with `cores` threads.
 
     Yields lists of pairs: "message" and an Event or SentFile. The last pair is "finished" and a Finished, "mistake" and
@@ -57,15 +57,15 @@ class _ClusterCaller:
         self._messages: queue.SimpleQueue[tuple[str, object]] = queue.SimpleQueue()
 
     def tell(self, event: Event) -> None:
-        self.put("message", event)
+        self.put_message("message", event)
 
     def send(self, name: str, data: bytes) -> None:
-        self.put("message", SentFile.of(name, data))
+        self.put_message("message", SentFile.of(name, data))
 
     def ready(self) -> None:
         pass
 
-    def put(self, kind: str, value: object) -> None:
+    def put_message(self, kind: str, value: object) -> None:
         if self.stopped.is_set():
             raise _WorkStopped
         self._messages.put((kind, value))
@@ -107,7 +107,7 @@ def _do(order: bytes, cores: int, driver: _ClusterCaller) -> None:
         lines = _LineForwarder(driver)
         with redirect_stdout(lines), redirect_stderr(lines):
             value = function(driver, *given)
-        driver.put("finished", WorkResult(value))
+        driver.put_message("finished", WorkResult(value))
     except _WorkStopped:
         pass
     except InputError as error:
@@ -120,4 +120,4 @@ def _do(order: bytes, cores: int, driver: _ClusterCaller) -> None:
 
 def _last(driver: _ClusterCaller, kind: str, value: str) -> None:
     if not driver.stopped.is_set():
-        driver.put(kind, value)
+        driver.put_message(kind, value)

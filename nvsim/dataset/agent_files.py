@@ -127,7 +127,7 @@ class Agent:
     notes: tuple[str, ...] = ()
 
 
-def linked(source: str) -> Writer:
+def link_writer(source: str) -> Writer:
     """A writer that links a file or a folder of the dataset; placeholders are replaced in `source`."""
 
     def write(parts: DatasetParts, path: Path, of: str) -> None:
@@ -137,7 +137,7 @@ def linked(source: str) -> Writer:
 
 
 def _features(name: LayoutName) -> Writer:
-    return linked(f"{FEATURES}/{LAYOUTS[name].file}")
+    return link_writer(f"{FEATURES}/{LAYOUTS[name].file}")
 
 
 def _connectivity(parts: DatasetParts, path: Path, of: str) -> None:
@@ -241,8 +241,10 @@ def _lerobot(parts: DatasetParts, path: Path, scan: str) -> None:
 
 def _habitat(episodes: str, scenes: str) -> dict[str, Writer]:
     """Writers of the VLN-CE episodes of every split, and of the scenes for Habitat, in these folders."""
-    both = {f"{episodes}/{{steps}}/{{steps}}{end}": linked(f"{TASKS}/vlnce/{{steps}}/{{steps}}{end}") for end in _ENDS}
-    return {**both, f"{scenes}/nvsim": linked(f"{SCENES}/nvsim")}
+    both = {
+        f"{episodes}/{{steps}}/{{steps}}{end}": link_writer(f"{TASKS}/vlnce/{{steps}}/{{steps}}{end}") for end in _ENDS
+    }
+    return {**both, f"{scenes}/nvsim": link_writer(f"{SCENES}/nvsim")}
 
 
 _ENDS = (".json.gz", "_gt.json.gz")
@@ -266,7 +268,9 @@ AGENTS: dict[AgentName, Agent] = {
         {
             **_ANNOTATIONS,
             "R2R/annotations/pretrain_map/R2R_{split}_enc.jsonl": _pretraining,
-            "R2R/annotations/scanvp_candview_relangles.json": linked(f"{CANDIDATES}/scanvp_candview_relangles.json"),
+            "R2R/annotations/scanvp_candview_relangles.json": link_writer(
+                f"{CANDIDATES}/scanvp_candview_relangles.json"
+            ),
             "R2R/features/pth_vit_base_patch16_224_imagenet.hdf5": _features("vit-b16"),
         },
         _SCRIPT,
@@ -341,7 +345,7 @@ AGENTS: dict[AgentName, Agent] = {
         {
             "R2R/connectivity": _connectivity,
             "R2R/annotations/{split}_processed.json": _flat,
-            "images/{scan}": linked(f"{SCANS}/views/{{scan}}"),
+            "images/{scan}": link_writer(f"{SCANS}/views/{{scan}}"),
         },
         (
             'cd "$CHECKOUT"',
@@ -358,7 +362,7 @@ AGENTS: dict[AgentName, Agent] = {
         {
             "R2R/connectivity": _connectivity,
             "R2R/annotations/R2R_{split}_instr.json": _flat,
-            "R2R/navigable/{scan}_navigable.json": linked(f"{CANDIDATES}/navigable/{{scan}}_navigable.json"),
+            "R2R/navigable/{scan}_navigable.json": link_writer(f"{CANDIDATES}/navigable/{{scan}}_navigable.json"),
             "R2R/observations_list_summarized/{scan}.json": _texts(text_views.write_observations),
             "R2R/observations_summarized/{scan}_summarized.json": _texts(text_views.write_summaries),
             "R2R/objects_list/{scan}.json": _texts(text_views.write_objects),
@@ -379,7 +383,7 @@ AGENTS: dict[AgentName, Agent] = {
         "NavGPT-2",
         {
             **_ANNOTATIONS,
-            "R2R/annotations/scanvp_candidates.json": linked(f"{CANDIDATES}/scanvp_candidates.json"),
+            "R2R/annotations/scanvp_candidates.json": link_writer(f"{CANDIDATES}/scanvp_candidates.json"),
             "R2R/features/MP3D_eva_clip_g_can.lmdb": _features("eva-g"),
         },
         (
@@ -395,8 +399,8 @@ AGENTS: dict[AgentName, Agent] = {
     "streamvln": Agent(
         "StreamVLN",
         {
-            "{steps}/annotations.json": linked(f"{TASKS}/streamvln/{{steps}}/annotations.json"),
-            "{steps}/images": linked(f"{FRAMES}/{{steps}}"),
+            "{steps}/annotations.json": link_writer(f"{TASKS}/streamvln/{{steps}}/annotations.json"),
+            "{steps}/images": link_writer(f"{FRAMES}/{{steps}}"),
             **_habitat("data/datasets/r2r", "data/scene_datasets"),
         },
         (
@@ -553,7 +557,7 @@ def _link(source: Path, target: Path) -> None:
         raise InputError(f"{source} is missing; export the dataset again.")
     if target.is_file() and os.path.samefile(source, target):
         return
-    with atomic.replacing(target) as temporary:
+    with atomic.replacement_file(target) as temporary:
         try:
             os.link(source, temporary)
         except OSError:  # another disk, or a file system without hard links

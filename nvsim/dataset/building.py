@@ -117,7 +117,7 @@ class DatasetOptions:
 
 
 @contextmanager
-def prepared(
+def prepare_exports(
     projects: Sequence[Path], out: Path, options: DatasetOptions
 ) -> Iterator[list[tuple[Project, PreparedExport]]]:
     """Yields the projects, opened for reading, with their prepared scan exports.
@@ -147,9 +147,9 @@ def export_dataset(projects: Sequence[Path], out: Path, options: DatasetOptions,
     """Writes the dataset of `projects` into the folder `out`; returns the content of dataset.json. Parts that are
     complete and have unchanged inputs are reused.
 
-    Raises InputError in the cases of `prepared`, if no path fits into a split, or if the disk refuses.
+    Raises InputError in the cases of `prepare_exports`, if no path fits into a split, or if the disk refuses.
     """
-    with prepared(projects, out, options) as sources:
+    with prepare_exports(projects, out, options) as sources:
         o = options.tasks  # no images are drawn if no path fits
         sample_tasks([source.graph for _, source in sources], o.unseen, o.bounds, o.amounts)
         atomic.make_folder(out)

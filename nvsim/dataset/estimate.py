@@ -11,7 +11,7 @@ from nvsim.dataset.building import FOR_AGENTS, RESULTS, DatasetOptions
 from nvsim.dataset.tables import DATA
 from nvsim.project.project import Project
 from nvsim.r2r.features.layouts import LAYOUTS
-from nvsim.r2r.observations.estimate import shortage, time_words
+from nvsim.r2r.observations.estimate import duration_text, shortage
 from nvsim.r2r.observations.export import PreparedExport
 from nvsim.r2r.tasks.splitting import sample_tasks
 
@@ -113,7 +113,7 @@ def estimate_dataset(sources: Sequence[tuple[Project, PreparedExport]], options:
         "drawn": drawn,
         "todo": sum(found.todo for found in founds),
         "seconds": whole,
-        "time": "unknown time for gsplat" if whole is None else time_words(whole),
+        "time": "unknown time for gsplat" if whole is None else duration_text(whole),
         "free": first.free,
         "shortage": shortage(missing, first.free, first.root),
         "paths": paths,

@@ -27,15 +27,15 @@ from nvsim.events import Listener, Progress
 from nvsim.files import atomic
 from nvsim.files.opening import read_json
 from nvsim.geometry.camera import Camera, Intrinsics, camera_pose
-from nvsim.kernel_threads import allowed
-from nvsim.project.stages.training_pool import BASE_BYTES, GAUSSIAN_BYTES, fitting
+from nvsim.kernel_threads import allowed_threads
+from nvsim.project.stages.training_pool import BASE_BYTES, GAUSSIAN_BYTES, count_that_fit
 from nvsim.r2r.episodes.episode import Episode, video_name
 from nvsim.r2r.observations.drawing import ScanModels
 from nvsim.r2r.observations.layout import jpeg, png
 from nvsim.r2r.observations.record import key_of
 from nvsim.r2r.observations.skybox import as_bytes, distances
 from nvsim.render.model import render_model
-from nvsim.splats.files import count_of, load_model
+from nvsim.splats.files import gaussian_count, load_model
 from nvsim.splats.types import SubmapModel
 
 STAGE = "frames"
@@ -113,9 +113,9 @@ def write_frames(
     left = sum(len(order.models) for order in todo)
     done = count - left
     listen(Progress(STAGE, done, count))
-    gaussians = max((count_of(one) for order in todo for one in set(order.models)), default=0)
-    room = fitting(psutil.virtual_memory().available, BASE_BYTES + gaussians * GAUSSIAN_BYTES)
-    for drawn in _draw_all(todo, max(1, min(allowed(), room, left // _WORTHWHILE))):
+    gaussians = max((gaussian_count(one) for order in todo for one in set(order.models)), default=0)
+    room = count_that_fit(psutil.virtual_memory().available, BASE_BYTES + gaussians * GAUSSIAN_BYTES)
+    for drawn in _draw_all(todo, max(1, min(allowed_threads(), room, left // _WORTHWHILE))):
         done += drawn
         listen(Progress(STAGE, done, count))
 

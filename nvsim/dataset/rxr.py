@@ -30,7 +30,7 @@ from numpy.typing import NDArray
 from nvsim.events import Listener, Progress
 from nvsim.files import atomic
 from nvsim.graph.types import NavGraph
-from nvsim.r2r.episodes.episode import Episode, ground_truth_actions, gzip_bytes, instruction_id, placed
+from nvsim.r2r.episodes.episode import Episode, episode_fields, ground_truth_actions, gzip_bytes, instruction_id
 from nvsim.r2r.instructions.generating import InstructedDataset
 from nvsim.r2r.instructions.ground import wrapped
 from nvsim.r2r.tasks.task import Task
@@ -259,4 +259,4 @@ def _episode(episode: Episode, guide: TimedInstruction) -> dict[str, Any]:
         "timed_instruction": _timed(guide),
     }
     ids = {"episode_id": str(guide.id), "trajectory_id": str(episode.task.path_id)}
-    return {**placed(episode), **ids, "instruction": about}
+    return {**episode_fields(episode), **ids, "instruction": about}

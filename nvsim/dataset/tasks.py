@@ -189,7 +189,7 @@ def _looked_at(
     from nvsim.r2r.observations.layout import ScanPlaces
     from nvsim.r2r.surroundings.layers import layers_of
     from nvsim.r2r.surroundings.survey import surroundings_of
-    from nvsim.r2r.surroundings.visibility import has_depth, look_around
+    from nvsim.r2r.surroundings.visibility import has_depth, views_from_viewpoints
 
     wants_words = options.landmarks and options.instructions > 0
     seen: dict[str, Any] = {}
@@ -207,7 +207,7 @@ def _looked_at(
             continue
         count = sum(v.included for v in graph.viewpoints.values())
         views = []
-        for one in look_around(scans, graph):
+        for one in views_from_viewpoints(scans, graph):
             views.append(one)
             listen(Progress("surroundings", len(views), count, graph.scan))
         storeys = list(layers_of(views, graph))

@@ -39,7 +39,7 @@ def write_cloud(path: Path, cloud: FusedCloud) -> None:
     count = len(cloud.points)
     header = ["ply", "format binary_little_endian 1.0", "comment Vertical Axis: z", f"element vertex {count}"]
     text = "\n".join([*header, *properties, "end_header", ""])
-    with atomic.replacing(path) as temporary, open(temporary, "wb") as file:
+    with atomic.replacement_file(path) as temporary, open(temporary, "wb") as file:
         file.write(text.encode("ascii"))
         for start in range(0, count, _BLOCK):
             part = slice(start, start + _BLOCK)

@@ -34,11 +34,11 @@ from nvsim.depth.fusion import FusedCells, FusedCloud, Map, fuse, joined
 from nvsim.depth.labelling import label_planes
 from nvsim.depth.planes import Plane, find_planes, is_behind_floor
 from nvsim.depth.refinement import refine, smooth_depth
-from nvsim.depth.smoothing import smooth, winner
+from nvsim.depth.smoothing import best_inverse_depth, smooth
 from nvsim.depth.sweep import sweep
 from nvsim.depth.view import Views, Warp, neighbours
 from nvsim.depth.visibility import Carver, DepthCheck
-from nvsim.events import Listener, Progress, silent
+from nvsim.events import Listener, Progress, ignore_event
 from nvsim.files.atomic import make_folder
 from nvsim.geometry.camera import Camera
 
@@ -73,7 +73,7 @@ def estimate_depth(
     capture: Capture,
     folder: Path,
     config: DepthConfig | None = None,
-    listen: Listener = silent,
+    listen: Listener = ignore_event,
     elsewhere: Elsewhere | None = None,
 ) -> FusedCloud:
     """Write depth and confidence of every frame to `folder` (see `nvsim.depth.files`) and return the fused cloud.
@@ -170,7 +170,7 @@ class FramesInPhases:
             with np.errstate(divide="ignore"):
                 weight = np.where(inverse > 0, 1 / (_NOISE * inverse) ** 2, 0).astype(np.float32)
         else:
-            inverse, weight = guess_depth(self.views, index, self._config)
+            inverse, weight = estimate_single_frame(self.views, index, self._config)
         write_draft(out / "single", index, inverse, weight)
 
     def _unmasked(self, index: int, inverse: Float32) -> Float32:
@@ -304,7 +304,7 @@ def _fused(cameras: list[Camera], maps: Draft, config: DepthConfig, seen: int) -
     return fuse(cameras, read, config.voxel, seen, config.threads)
 
 
-def guess_depth(views: Views, index: int, config: DepthConfig) -> tuple[Float32, Float32]:
+def estimate_single_frame(views: Views, index: int, config: DepthConfig) -> tuple[Float32, Float32]:
     """Depth of one frame alone, as two (H, W) float32 arrays.
 
     The first is inverse depth, 1 / meters, 0 where unknown. The second is its inverse variance, meters squared: the
@@ -320,7 +320,7 @@ def guess_depth(views: Views, index: int, config: DepthConfig) -> tuple[Float32,
     step = float(inverse[1] - inverse[0])
     cost = sweep(view.census, sources, turned, shifts, inverse, config.threshold)
     total = smooth(cost, view.grey, config.small, config.large, config.fall)
-    found, margin = winner(total, inverse.astype(np.float32))
+    found, margin = best_inverse_depth(total, inverse.astype(np.float32))
     found[(margin < config.margin) | (view.grey < 0)] = 0
     found = smooth_depth(found, _REACH, 2 * step)
     knowledge = np.zeros_like(found)

@@ -49,7 +49,7 @@ def flatten_floor(cloud: Cloud, surface: Floor) -> Cloud:
     for start in range(0, len(ground), _BLOCK):
         part = slice(start, start + _BLOCK)
         ground[part] = surface.height_at(cloud.points[part])
-    above = np.where(cloud.is_guessed, cloud.points[:, 2] - ground, np.float32(np.nan))
+    above = np.where(cloud.is_estimated, cloud.points[:, 2] - ground, np.float32(np.nan))
     floor = np.abs(above) <= floor_reach(above, cloud.normals)
     points = cloud.points.copy()
     points[floor, 2] = ground[floor] + np.float32(_KEPT) * above[floor]

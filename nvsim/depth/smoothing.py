@@ -96,7 +96,9 @@ def smooth(
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def winner(total: NDArray[np.int16], inverse: NDArray[np.float32]) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+def best_inverse_depth(
+    total: NDArray[np.int16], inverse: NDArray[np.float32]
+) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
     """Two (H, W) float32 arrays: inverse depth in 1 / meters, and the margin of the best cost.
 
     The depth is the plane with the lowest cost in `total` (H, W, D), refined by a parabola through its neighbors; 0 at

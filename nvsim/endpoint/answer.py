@@ -49,7 +49,7 @@ class StoredAnswers:
     def get(self, key: str) -> Answer | None:
         return _answer(_record(self.path(key)).get("answer"))
 
-    def paid(self, url: str, model: str) -> tuple[int, int]:
+    def tokens_spent(self, url: str, model: str) -> tuple[int, int]:
         """Input and output tokens of all stored answers of a model."""
         into = out = 0
         for path in self.folder.glob("??/*.json"):
@@ -59,7 +59,7 @@ class StoredAnswers:
                 into, out = into + answer.tokens_in, out + answer.tokens_out
         return into, out
 
-    def put(self, key: str, url: str, model: str, request: Request, answer: Answer) -> None:
+    def store(self, key: str, url: str, model: str, request: Request, answer: Answer) -> None:
         """Writes request and answer atomically. Raises InputError if the disk refuses."""
         kept = {
             "format": _FORMAT,

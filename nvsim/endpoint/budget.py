@@ -62,7 +62,7 @@ class Budget:
         self._changed = threading.Condition()
 
     @contextmanager
-    def holding(self, estimate: int, tokens_out: int) -> Iterator[None]:
+    def reserve(self, estimate: int, tokens_out: int) -> Iterator[None]:
         """Reserves the largest cost of a request while it runs. Waits if other requests have reserved the rest. Raises
         BudgetSpent if the budget is too small even without other reservations."""
         with self._changed:
@@ -80,7 +80,7 @@ class Budget:
                 self._held_out -= tokens_out
                 self._changed.notify_all()
 
-    def paid_before(self, tokens_in: int, tokens_out: int) -> None:
+    def add_earlier_tokens(self, tokens_in: int, tokens_out: int) -> None:
         """Adds the tokens that earlier commands spent."""
         with self._changed:
             self.tokens_in += tokens_in
@@ -101,7 +101,7 @@ class Budget:
             self.used_again += 1
 
     @property
-    def money(self) -> float | None:
+    def cost(self) -> float | None:
         return self.prices.of(self.tokens_in, self.tokens_out)
 
     def _is_within_budget(self, tokens_in: int, tokens_out: int) -> bool:
@@ -115,7 +115,7 @@ class Budget:
         spent = f"{self.tokens_in + self.tokens_out} tokens"
         flags = "--budget-tokens"
         if self._most_money is not None:
-            spent += f" for {self.money:.4g}"
+            spent += f" for {self.cost:.4g}"
             flags = "--budget-tokens or --budget-money" if self._most_tokens is not None else "--budget-money"
         return (
             f"The budget is spent ({spent}) and the next request does not fit; answers are stored, so raise "
@@ -162,7 +162,7 @@ class RequestEstimate:
     tokens_out: int = 0
     kept: int = 0
 
-    def with_one(self, request: Request) -> RequestEstimate:
+    def with_request(self, request: Request) -> RequestEstimate:
         return replace(
             self,
             requests=self.requests + 1,
@@ -190,7 +190,7 @@ def estimate_requests(requests: Iterable[tuple[Request, bool]]) -> RequestEstima
     """The total of these requests, each with whether its answer is stored."""
     found = RequestEstimate()
     for request, kept in requests:
-        found = replace(found, kept=found.kept + 1) if kept else found.with_one(request)
+        found = replace(found, kept=found.kept + 1) if kept else found.with_request(request)
     return found
 
 

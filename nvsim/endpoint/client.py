@@ -22,7 +22,7 @@ from nvsim.endpoint.connection import LARGEST, Connection, NoReply, Reply, TooLa
 from nvsim.endpoint.options import AskingOptions, Endpoint
 from nvsim.endpoint.request import Request
 from nvsim.errors import InputError, shown
-from nvsim.events import Listener, Warning, silent
+from nvsim.events import Listener, Warning, ignore_event
 from nvsim.files.opening import parse_json
 
 _LONGEST_WAIT = 60.0  # seconds of our own backoff
@@ -43,18 +43,23 @@ class Client:
     """
 
     def __init__(
-        self, endpoint: Endpoint, kept: StoredAnswers, budget: Budget, options: AskingOptions, listen: Listener = silent
+        self,
+        endpoint: Endpoint,
+        kept: StoredAnswers,
+        budget: Budget,
+        options: AskingOptions,
+        listen: Listener = ignore_event,
     ) -> None:
         self.endpoint, self.kept, self.budget, self.options = endpoint, kept, budget, options
         self.may_send = False
-        budget.paid_before(*kept.paid(endpoint.url, endpoint.model))
+        budget.add_earlier_tokens(*kept.tokens_spent(endpoint.url, endpoint.model))
         self._listen = listen
         self._connection = Connection(endpoint.key, options.timeout)
         self._lock = threading.Lock()
         self._not_before = 0.0  # value of time.monotonic() at which the next request may be sent
         self._spelled = {"tokens": "max_tokens", "temperature": "temperature"}
 
-    def is_kept(self, request: Request) -> bool:
+    def has_stored_answer(self, request: Request) -> bool:
         """Whether the answer is stored, so that nothing would be sent."""
         return self.kept.get(self._key(request)) is not None
 
@@ -70,9 +75,9 @@ class Client:
         if found is None:
             if not self.may_send:
                 raise InputError("A request has no stored answer, and nothing was sent; give --yes to send it.")
-            with self.budget.holding(tokens_in(request), request.tokens):
+            with self.budget.reserve(tokens_in(request), request.tokens):
                 found = self._request_answer(request)
-                self.kept.put(key, self.endpoint.url, self.endpoint.model, request, found)
+                self.kept.store(key, self.endpoint.url, self.endpoint.model, request, found)
                 self.budget.count(found, tokens_in(request))
         else:
             self.budget.count_again()

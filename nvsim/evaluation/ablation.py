@@ -23,11 +23,11 @@ from nvsim.evaluation.ablation_runs import (
     SharedViews,
     TrainingRun,
     ablation_rows,
+    delete_run,
     finished,
-    forget,
     preset_rows,
     progress_of_run,
-    run_of,
+    training_run,
 )
 from nvsim.evaluation.comparison import ComparedImage, Tile
 from nvsim.evaluation.scores import Distance, Image, Scores, mean_scores, score
@@ -68,7 +68,7 @@ class ScoredRun:
     tiles: dict[str, Tile] = field(default_factory=dict)
 
 
-def totals(scored: Sequence[ScoredRun]) -> dict[str, Any]:
+def mean_over_submaps(scored: Sequence[ScoredRun]) -> dict[str, Any]:
     """Means over all frames and views of some submaps. Seconds and Gaussians are sums."""
     return {
         **mean_scores([row for s in scored for row in s.frames]),
@@ -190,7 +190,7 @@ def evaluate_ablation(
     frames, or if a named submap or row does not exist."""
     chosen, tables, folder = chosen_submaps(project, config.submaps), _tables(config), truth_of(project, truth)
     runs = {
-        (row, submap.index, seed): run_of(project, submap, row.config, seed)
+        (row, submap.index, seed): training_run(project, submap, row.config, seed)
         for submap in chosen
         for lines in tables.values()
         for row in lines
@@ -203,7 +203,7 @@ def evaluate_ablation(
         distinct.setdefault(run.folder, run)
     if config.afresh:
         for run in distinct.values():
-            forget(run)
+            delete_run(run)
     todo = [run for run in distinct.values() if not run.is_done]
     listen(Log(f"{len(distinct)} runs, {len(distinct) - len(todo)} of them already finished.", STAGE))
     total, before = sum(run.config.steps for run in todo), 0
@@ -237,9 +237,10 @@ def _table(
         named = {"row": row.name, "title": row.title}
         for seed in seeds:
             parts += [
-                {**named, "seed": seed, "submap": s.index, **totals([scored[row, s.index, seed]])} for s in submaps
+                {**named, "seed": seed, "submap": s.index, **mean_over_submaps([scored[row, s.index, seed]])}
+                for s in submaps
             ]
-        per_seed = [totals([scored[row, s.index, seed] for s in submaps]) for seed in seeds]
+        per_seed = [mean_over_submaps([scored[row, s.index, seed] for s in submaps]) for seed in seeds]
         rows.append({**named, **_over_seeds(per_seed)})
     tiles = [[scored[row, submap, seeds[0]].tiles[picture.name] for row in lines] for submap, picture in shown]
     return AblationTable(rows, parts, tiles)

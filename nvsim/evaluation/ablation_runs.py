@@ -144,7 +144,7 @@ class TrainingRun:
         return (self.model_folder / DESCRIPTION).is_file()
 
 
-def run_of(project: Project, submap: Submap, config: TrainingConfig, seed: int) -> TrainingRun:
+def training_run(project: Project, submap: Submap, config: TrainingConfig, seed: int) -> TrainingRun:
     """The run of a configuration. The configuration's name, threads, and checkpoint interval do not affect the key."""
     plain = dataclasses.replace(config, name="", threads=0, checkpoint_seconds=0.0)
     program = (__version__, _VERSION)
@@ -190,7 +190,7 @@ def finished(project: Project, run: TrainingRun, views: Views, listen: Listener)
     return model
 
 
-def forget(run: TrainingRun) -> None:
+def delete_run(run: TrainingRun) -> None:
     """Deletes the run from the disk."""
     shutil.rmtree(run.folder, ignore_errors=True)
 

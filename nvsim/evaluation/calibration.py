@@ -162,12 +162,12 @@ class _ThresholdScorer:
             figures["low" + suffix], figures["high" + suffix] = round(low, 5), round(high, 5)
             figures["recall" + suffix] = _share(valid, int(free.sum()))
         again = self._again.decide(config)
-        edges = self._edges - set(map(tuple, again.disappear.tolist())) | set(map(tuple, again.appear.tolist()))
+        edges = self._edges - set(map(tuple, again.lost_edges.tolist())) | set(map(tuple, again.new_edges.tolist()))
         walked = [edge for edge in edges if self._included[list(edge)].all()]
         joined = np.zeros(len(self._included), bool)
         joined[np.array(walked, np.int64).ravel()] = True
         figures |= {"viewpoints": int(joined.sum()), "edges": len(walked), "coverage": self._coverage(joined)}
-        return {**figures, "beyond": again.beyond}
+        return {**figures, "beyond": again.new_steps}
 
     def _coverage(self, viewpoints: NDArray[np.bool_]) -> float:
         """Share of the free area reachable from the trajectory. Cached, as many thresholds keep the same viewpoints."""

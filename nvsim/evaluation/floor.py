@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from nvsim.capture.images import read_image
 from nvsim.errors import InputError
 from nvsim.evaluation.frame_truth import FrameTruth, frame_truth
-from nvsim.events import Listener, Progress, silent
+from nvsim.events import Listener, Progress, ignore_event
 from nvsim.geometry.sampling import evenly_spaced
 from nvsim.networks.installed import BUNDLED, find_model
 from nvsim.perception.hybrid import HybridFloor
@@ -53,7 +53,7 @@ class MaskWithTruth(NamedTuple):
     """A mask and its ground truth, (H, W) bool, and (H, W) bool, which pixels count (None: all)."""
 
     name: str
-    found: NDArray[np.bool_]
+    predicted: NDArray[np.bool_]
     expected: NDArray[np.bool_]
     known: NDArray[np.bool_] | None = None
 
@@ -99,7 +99,7 @@ STAGE = "evaluate floor"
 
 def evaluate_project_floor(
     project: Project, truth: Path | None, from_scan: bool = False, cues: int = 0, semantic: str = BUNDLED,
-    normals: str = BUNDLED, listen: Listener = silent,
+    normals: str = BUNDLED, listen: Listener = ignore_event,
 ) -> dict[str, Any]:  # fmt: skip
     """`floor_figures` of the computed masks without user corrections, and the provider that made them.
 

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from nvsim.capture.images import read_image
 from nvsim.errors import InputError
 from nvsim.evaluation.frame_truth import frame_truth
-from nvsim.events import Listener, Progress, silent
+from nvsim.events import Listener, Progress, ignore_event
 from nvsim.geometry.camera import Camera
 from nvsim.geometry.sampling import evenly_spaced
 from nvsim.perception.main_directions import StraightNormals, straightened
@@ -59,7 +59,13 @@ class Angles:
 
 
 def evaluate_project_normals(
-    project: Project, model: str, of: Of, truth: Path | None, from_scan: bool, most: int, listen: Listener = silent
+    project: Project,
+    model: str,
+    of: Of,
+    truth: Path | None,
+    from_scan: bool,
+    most: int,
+    listen: Listener = ignore_event,
 ) -> dict[str, Any]:
     """The metrics of `Angles` for the network `model`, whose normals are straightened by the headings of the capture.
 

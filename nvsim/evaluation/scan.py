@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from nvsim.errors import InputError
 from nvsim.evaluation.scan_files import ScanFiles, direction_errors, sample_strip, scans_in, seam_steps
 from nvsim.evaluation.scores import psnr
-from nvsim.events import Listener, Progress, silent
+from nvsim.events import Listener, Progress, ignore_event
 from nvsim.geometry.camera import Camera, Intrinsics, camera_pose
 from nvsim.geometry.directions import HEIGHT, STEP, VFOV, VIEWS, WIDTH, heading_and_elevation, sweep
 from nvsim.graph.types import NavGraph
@@ -107,7 +107,7 @@ def evaluate_scan(
     scan: str | None = None,
     project: Project | None = None,
     views: int = 400,
-    listen: Listener = silent,
+    listen: Listener = ignore_event,
 ) -> dict[str, Any]:
     """Metrics of one scan in the folder `root`, by name. `problems` lists sentences about defects; it is empty if there
     are none. With the `project` that it was exported from, `views` views are rendered and compared.

@@ -23,7 +23,7 @@ from nvsim.geometry.camera import Camera, Intrinsics, camera_pose
 from nvsim.geometry.directions import HEIGHT, NAMES, WIDTH, face_axes
 from nvsim.geometry.floor_surface import FloorSurface
 from nvsim.geometry.rotation import rotation_angle
-from nvsim.graph.connectivity import SUFFIX, cut_off, read_connectivity, read_scans
+from nvsim.graph.connectivity import SUFFIX, read_connectivity, read_scans, truncated_last_name
 from nvsim.graph.types import NavGraph
 from nvsim.r2r.observations.export import GRAPH, PLANS, UNSEEN
 from nvsim.r2r.observations.layout import ScanPlaces, jpeg
@@ -67,7 +67,7 @@ class ScanFiles:
         found = []
         listed = self.places.scans
         names = read_scans(listed) if listed.is_file() else []
-        cut = cut_off(listed) if names else None
+        cut = truncated_last_name(listed) if names else None
         if cut is not None:
             found.append(f"The last line of {listed}, {shown(cut)}, is incomplete; run `nvsim export scan` again.")
         for name in names:

@@ -12,7 +12,7 @@ from nvsim.capture.types import Capture
 from nvsim.errors import InputError
 from nvsim.occupancy.heights import Heights
 from nvsim.occupancy.storeys import StoreyMap, StoreyMaps, is_storeys, read_storeys
-from nvsim.occupancy.types import OccupancyMap, turned
+from nvsim.occupancy.types import OccupancyMap, transformed_map
 from nvsim.project.occupancy_maps import refuse_own_depth, true_map
 from nvsim.project.project import Project
 
@@ -92,7 +92,7 @@ def maps_in_aligned_frame(
 
     def moved(found: OccupancyMap) -> OccupancyMap:
         near = replace(found, origin=(found.origin[0] - left, found.origin[1] - down))
-        return turned(near, turn, scale=scale)
+        return transformed_map(near, turn, scale=scale)
 
     if isinstance(maps, OccupancyMap):
         return moved(maps)

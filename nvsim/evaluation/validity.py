@@ -28,7 +28,7 @@ from nvsim.evaluation.ablation_runs import (
     finished,
     preset_rows,
     progress_of_run,
-    run_of,
+    training_run,
 )
 from nvsim.evaluation.graph import evaluate_graph
 from nvsim.events import Listener, Log
@@ -95,7 +95,7 @@ def cells_folder(project: Project) -> Path:
     return project.layout.root / "validity"
 
 
-def kept_cell(project: Project, runs: Sequence[TrainingRun], config: MappingConfig) -> StoredMap:
+def stored_map_of(project: Project, runs: Sequence[TrainingRun], config: MappingConfig) -> StoredMap:
     """The folder of the map that these models, one per submap, give with `config`."""
     corrected = corrections_key(project, supporting_frames(project))
     program = (__version__, _VERSION)
@@ -103,7 +103,7 @@ def kept_cell(project: Project, runs: Sequence[TrainingRun], config: MappingConf
     return StoredMap(cells_folder(project) / key)
 
 
-def made_cell(
+def build_stored_map(
     project: Project,
     runs: Sequence[TrainingRun],
     config: MappingConfig,
@@ -226,10 +226,10 @@ def evaluate_validity(
     for row in rows:
         known: list[StoredMap] = []  # measurements of other columns, so that each corridor is rendered once for all
         for criteria, mapping in columns.items():
-            kept = kept_cell(project, runs[row], mapping)
+            kept = stored_map_of(project, runs[row], mapping)
             if config.afresh or not kept.is_done:
                 listen(Log(f"Building the map of {row.name} by {' & '.join(criteria)}.", STAGE))
-                made_cell(project, runs[row], mapping, kept, known, listen)
+                build_stored_map(project, runs[row], mapping, kept, known, listen)
                 built += 1
             cells.append(_evaluate_cell(row.name, criteria, kept, occupancy, walk, config.robot_radius, support.at))
             known.append(kept)
@@ -255,7 +255,7 @@ def _trained(
 ) -> tuple[dict[AblationRow, list[TrainingRun]], int]:
     """The finished runs of every row, one per submap, and the number of runs that were trained."""
     submaps = project.need_submaps()
-    runs = {row: [run_of(project, submap, row.config, seed) for submap in submaps] for row in rows}
+    runs = {row: [training_run(project, submap, row.config, seed) for submap in submaps] for row in rows}
     todo = {run.folder for of_row in runs.values() for run in of_row if not run.is_done}
     count = sum(map(len, runs.values()))
     listen(Log(f"{count} models, {count - len(todo)} of them already trained.", STAGE))

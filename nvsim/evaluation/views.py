@@ -42,7 +42,7 @@ from nvsim.evaluation.scores import (
     score,
 )
 from nvsim.evaluation.truth import true_mask, truth_of
-from nvsim.events import Listener, Progress, silent
+from nvsim.events import Listener, Progress, ignore_event
 from nvsim.files.atomic import make_folder, write_bytes
 from nvsim.files.opening import is_regular, read_text
 from nvsim.geometry.camera import Camera, Intrinsics
@@ -169,7 +169,7 @@ def evaluate_views(
     project: Project,
     truth: Path | None = None,
     pictures: Path | None = None,
-    listen: Listener = silent,
+    listen: Listener = ignore_event,
     *,
     distance: Distance | None = None,
     novel: bool = False,
@@ -260,7 +260,7 @@ def read_held_out(project: Project, folder: Path | None, index: int) -> HeldOut:
 def score_novel(
     views: Sequence[NovelView],
     render: Render,
-    listen: Listener = silent,
+    listen: Listener = ignore_event,
     progress: tuple[int, int] = (0, 0),
     pictures: Path | None = None,
 ) -> list[dict[str, Any]]:

@@ -12,7 +12,7 @@ from collections.abc import Callable, Collection, Iterator
 from pathlib import Path
 
 from nvsim.errors import InputError
-from nvsim.files.opening import NotPlainFile, stay_inside
+from nvsim.files.opening import NotPlainFile, refuse_links_out_of
 
 _REASONS = {
     errno.ENOSPC: "the disk is full; free some space and try again",
@@ -65,7 +65,7 @@ def _user(number: int) -> str:
 
 def make_folder(path: Path) -> Path:
     """Creates `path` and its parents. Returns `path`. Raises InputError with the reason of a failure."""
-    stay_inside(path)
+    refuse_links_out_of(path)
     try:
         path.mkdir(parents=True, exist_ok=True)
     except OSError as error:
@@ -151,7 +151,7 @@ def move_into_place(written: Path, path: Path) -> None:
 
 
 @contextlib.contextmanager
-def replacing(path: Path) -> Iterator[Path]:
+def replacement_file(path: Path) -> Iterator[Path]:
     """Yields a path with the name of `path` in a private folder. On success, the file written there replaces `path`; on
     failure it is deleted. Raises InputError if the disk reports an error."""
     with private_folder(path) as folder:
@@ -167,17 +167,17 @@ def replacing(path: Path) -> Iterator[Path]:
 
 def write_bytes(path: Path, data: bytes) -> None:
     """Replaces the content of `path` atomically. Raises InputError if the disk reports an error."""
-    with replacing(path) as temporary:
+    with replacement_file(path) as temporary:
         temporary.write_bytes(data)
 
 
 def write_text(path: Path, text: str) -> None:
     """Replaces the content of `path` with text in UTF-8. Raises InputError if the disk reports an error, or like
-    `encoded`."""
-    write_bytes(path, encoded(path, text))
+    `encode_text`."""
+    write_bytes(path, encode_text(path, text))
 
 
-def encoded(path: Path, text: str) -> bytes:
+def encode_text(path: Path, text: str) -> bytes:
     """`text` in UTF-8, for the file `path`. Raises InputError if it has a code point that UTF-8 cannot encode, which is
     possible in file names."""
     try:

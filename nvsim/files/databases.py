@@ -19,7 +19,7 @@ from typing import Any, TypeVar
 
 from nvsim.errors import InputError
 from nvsim.files.atomic import as_input_error
-from nvsim.files.opening import refuse_placeholder, stay_inside
+from nvsim.files.opening import refuse_links_out_of, refuse_placeholder
 
 _SMALLEST = 1024  # bytes; every database of NVSim is larger
 _SUPER = bytes.fromhex("d9d505f920a163d7")  # end of a rollback journal that names another file to delete
@@ -31,7 +31,7 @@ def check_files(path: Path) -> None:
     Without the check, SQLite would follow a link, wait at a pipe, or delete files named in a forged journal. Missing
     files are ignored. Raises InputError if a check fails.
     """
-    stay_inside(path.parent)
+    refuse_links_out_of(path.parent)
     for suffix in ("", "-wal", "-shm", "-journal"):
         file = path.with_name(path.name + suffix)
         try:

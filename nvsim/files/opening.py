@@ -35,7 +35,7 @@ class NotPlainFile(InputError):
 def plain_file(path: Path, flags: int) -> int:
     """A descriptor of `path`, opened with `flags` of `os.open`. Raises NotPlain if it is not a plain file, or a folder
     in its path leads out of the project. Raises OSError like `os.open` for all other failures."""
-    stay_inside(path.parent)
+    refuse_links_out_of(path.parent)
     try:
         return open_regular(path, flags)
     except OSError as error:
@@ -44,18 +44,18 @@ def plain_file(path: Path, flags: int) -> int:
         raise
 
 
-def own_file(path: Path, flags: int) -> int:
+def open_own_file(path: Path, flags: int) -> int:
     """Like `plain_file`, for a file whose old content may be lost, such as a log. A link or pipe at `path` is removed
     first. The target of a link is not touched."""
     try:
         return plain_file(path, flags)
     except NotPlainFile:
-        stay_inside(path.parent)
+        refuse_links_out_of(path.parent)
         path.unlink()  # fails for a folder with the message of the system
         return os.open(path, flags | os.O_CREAT | os.O_EXCL | os.O_NOFOLLOW | os.O_CLOEXEC, 0o666)
 
 
-def stay_inside(folder: Path) -> None:
+def refuse_links_out_of(folder: Path) -> None:
     """Raises NotPlain if a folder in the path of `folder` is a link inside a project that leads out of the project.
     Links above the project are allowed."""
     for at in (folder, *folder.parents):
@@ -74,7 +74,7 @@ def refuse_links_out(project: Path) -> None:
     for folder in (project, *(p for p in _entries(project) if p.is_dir() and not p.is_symlink())):
         for entry in _entries(folder):
             if entry.is_symlink() and entry.is_dir():
-                stay_inside(entry)
+                refuse_links_out_of(entry)
 
 
 def _entries(folder: Path) -> list[Path]:

@@ -6,7 +6,7 @@ import os
 from pathlib import Path
 
 
-def home() -> Path:
+def home_folder() -> Path:
     """The home folder; / for a user unknown to the system, for example in a container with an arbitrary user id."""
     try:
         return Path.home()
@@ -18,4 +18,4 @@ def xdg_folder(variable: str, usual: str) -> Path:
     """The folder in a variable such as XDG_DATA_HOME, or `usual` in the home folder if the variable is unset. A path
     that is not absolute counts as unset, as the XDG Base Directory Specification requires."""
     given = os.environ.get(variable, "")
-    return Path(given) if os.path.isabs(given) else home() / usual
+    return Path(given) if os.path.isabs(given) else home_folder() / usual

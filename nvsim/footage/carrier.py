@@ -19,7 +19,7 @@ from nvsim.capture.masks import decode_mask
 from nvsim.capture.types import MaskFile
 from nvsim.errors import InputError
 from nvsim.footage.sources import is_equirectangular
-from nvsim.footage.views import Views, covered_pixels, cut, join
+from nvsim.footage.views import Views, covered_pixels, cut_views, join
 
 _ROWS = 360  # height of the panoramas that are compared: a pixel is half a degree
 _MOST, _FEWEST = 48, 12  # panoramas that are compared: at most, to bound the memory; at least, for a result
@@ -132,7 +132,7 @@ def read_panorama_mask(path: Path) -> NDArray[np.bool_]:
 
 def cut_mask(usable: NDArray[np.bool_], views: Views) -> list[NDArray[np.bool_]]:
     """The masks of all views, each (size, size) bool, from the mask `usable` (H, 2H)."""
-    return [view > 0 for view in cut(np.where(usable, np.uint8(255), np.uint8(0)), views, nearest=True)]
+    return [view > 0 for view in cut_views(np.where(usable, np.uint8(255), np.uint8(0)), views, nearest=True)]
 
 
 def as_png(usable: NDArray[np.bool_]) -> bytes:

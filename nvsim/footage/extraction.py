@@ -138,7 +138,7 @@ def extract_frames(
         rectify_files([folder / name for name in names], fisheye)
         table[:, 2:] = fisheye.places(table[:, 2:])
         table = table[np.isfinite(table).all(axis=1)]
-    with atomic.replacing(folder / _TRACKS) as temporary, open(temporary, "wb") as out:
+    with atomic.replacement_file(folder / _TRACKS) as temporary, open(temporary, "wb") as out:
         np.savez(out, frame=table[:, 0].astype(np.int64), point=table[:, 1].astype(np.int64), places=table[:, 2:])
     listed = {
         "footage": stamp,

@@ -13,9 +13,9 @@ from nvsim.footage.decoding import VideoFrame, video_facts, video_frames
 from nvsim.footage.tracking import (
     TrackedFrame,
     frame_without_points,
-    gray_of,
     sharpness_change,
-    tracked_into,
+    shrunk_gray,
+    track_points,
     with_new_points,
 )
 
@@ -88,7 +88,7 @@ class _Chooser:
 
     def looked_at(self, frame: VideoFrame) -> Iterator[ChosenFrame]:
         """Yields the frames that are chosen after `frame` was decoded."""
-        candidate = _Candidate(frame, frame_without_points(gray_of(frame.image)), 1.0)
+        candidate = _Candidate(frame, frame_without_points(shrunk_gray(frame.image)), 1.0)
         if self._latest is None:
             yield self._chosen(candidate)
             return
@@ -96,13 +96,13 @@ class _Chooser:
         while queue:
             candidate = queue.pop(0)
             held, self._held = self._held, None
-            tracked = tracked_into(self._latest, candidate.tracked.gray, 1 if held is None else 2)
+            tracked = track_points(self._latest, candidate.tracked.gray, 1 if held is None else 2)
             if held is not None:
                 # The previous frame shows too few of the points. Without it, this frame may show more of them.
-                through = tracked_into(tracked_into(self._latest, held.tracked.gray), candidate.tracked.gray)
+                through = track_points(track_points(self._latest, held.tracked.gray), candidate.tracked.gray)
                 if len(through.ids) > len(tracked.ids):
                     queue = [candidate, *queue]
-                    candidate, tracked = held, tracked_into(self._latest, held.tracked.gray)
+                    candidate, tracked = held, track_points(self._latest, held.tracked.gray)
             elif len(tracked.ids) < _FOUND * len(self._latest.ids):
                 self._held = candidate
                 continue

@@ -25,8 +25,8 @@ from nvsim.footage.cut_options import MASKS, WHOLE, CutOptions
 from nvsim.footage.decoding import video_facts, video_frames
 from nvsim.footage.extraction import QUALITY
 from nvsim.footage.sources import Footage, is_equirectangular
-from nvsim.footage.tracking import TrackedFrame, frame_without_points, gray_of, tracked_into, with_new_points
-from nvsim.footage.views import Views, cut, views_of
+from nvsim.footage.tracking import TrackedFrame, frame_without_points, shrunk_gray, track_points, with_new_points
+from nvsim.footage.views import Views, cut_views, views_of
 
 _RATE = 6.0  # panoramas per second that are decoded
 _THINNED = 3.0  # panoramas per second; in a video with no more, each one is chosen
@@ -194,7 +194,7 @@ class _Panorama:
     sharpness: float = 0.0
 
     def views(self, views: Views) -> list[NDArray[np.uint8]]:
-        return self.image if isinstance(self.image, list) else cut(self.image, views)
+        return self.image if isinstance(self.image, list) else cut_views(self.image, views)
 
 
 def _photographs(footage: Footage, count: Callable[[int, int], None]) -> Iterator[_Panorama]:
@@ -266,13 +266,13 @@ class _Chooser:
 
     def looked_at(self, panorama: _Panorama) -> Iterator[_Panorama]:
         """Yields the panorama that is chosen after this one was decoded, if any."""
-        grays = [gray_of(view, _TRACKED) for view in panorama.views(self._views)]
+        grays = [shrunk_gray(view, _TRACKED) for view in panorama.views(self._views)]
         panorama.sharpness = float(np.mean([cv2.Laplacian(gray, cv2.CV_32F).std() for gray in grays]))
         panorama.blurred = panorama.sharpness < _BLURRED * self._sharp
         self._sharp = panorama.sharpness if not self._sharp else 0.8 * self._sharp + 0.2 * panorama.sharpness
         first = not self._tracked
         before = [frame_without_points(gray) for gray in grays] if first else self._tracked
-        self._tracked = [tracked_into(old, gray) for old, gray in zip(before, grays, strict=True)]
+        self._tracked = [track_points(old, gray) for old, gray in zip(before, grays, strict=True)]
         panorama.rays = self._rays()
         moved, share, shared = self._motion_since_chosen(panorama.rays)
         if first:

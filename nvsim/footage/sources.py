@@ -43,7 +43,7 @@ class Footage:
         return len(names) if is_rig and self.kind == "video" else 0
 
     @property
-    def words(self) -> str:
+    def description(self) -> str:
         """The footage in words, for a sentence: "a video", "35 photographs"."""
         if self.sides:
             return f"{self.sides} sides of a 360 degree video"

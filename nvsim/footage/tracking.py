@@ -53,7 +53,7 @@ class TrackedFrame:
         return mine, theirs
 
 
-def gray_of(image: NDArray[np.uint8], side: int = FOLLOWED_SIDE) -> NDArray[np.uint8]:
+def shrunk_gray(image: NDArray[np.uint8], side: int = FOLLOWED_SIDE) -> NDArray[np.uint8]:
     """(h, w) uint8 of a BGR image (H, W, 3), shrunk so that its longest side is at most `side` pixels."""
     gray = cv2.cvtColor(image, cv2.COLOR_BGR2GRAY)
     scale = side / max(gray.shape)
@@ -68,7 +68,7 @@ def frame_without_points(gray: NDArray[np.uint8]) -> TrackedFrame:
     return TrackedFrame(gray, np.zeros(0, np.int64), np.zeros((0, 2), np.float32), nothing, np.eye(3))
 
 
-def tracked_into(before: TrackedFrame, gray: NDArray[np.uint8], steps: int = 1) -> TrackedFrame:
+def track_points(before: TrackedFrame, gray: NDArray[np.uint8], steps: int = 1) -> TrackedFrame:
     """Tracks the points of `before` into an image `gray` (H, W), `steps` frames later. A point is kept if tracking it
     back ends within half a pixel of its start.
 

@@ -70,7 +70,7 @@ def views_of(height: int, count: int = VIEWS) -> Views:
     return Views(4, min(LARGEST, 2 * round(height / np.pi)), TILTS[count])
 
 
-def cut(panorama: NDArray[np.uint8], views: Views, nearest: bool = False) -> list[NDArray[np.uint8]]:
+def cut_views(panorama: NDArray[np.uint8], views: Views, nearest: bool = False) -> list[NDArray[np.uint8]]:
     """Cuts an equirectangular image (H, 2H) or (H, 2H, 3) into views of shape (size, size) or (size, size, 3), uint8.
     `nearest` selects the nearest pixel without interpolation, for masks."""
     width = 2 * np.pi * views.focal  # width with the angular resolution of the view centers

@@ -97,7 +97,7 @@ def sweep(position: NDArray[np.floating], width: int = WIDTH, height: int = HEIG
 _RIGHT_ANGLE = math.pi / 2
 
 
-def ring(
+def camera_ring(
     position: NDArray[np.floating],
     count: int,
     elevation: float = 0.0,

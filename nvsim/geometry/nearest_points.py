@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from nvsim.kernel_threads import allowed
+from nvsim.kernel_threads import allowed_threads
 
 _CUBE = 1.0  # meters: side of the cubes with which the density of the cloud is measured
 _SIDE = 2.5  # side of the cells in which neighbors are searched, in distances between points
@@ -30,7 +30,7 @@ def distance_to(points: NDArray[np.float32], neighbour: int) -> NDArray[np.float
     cubes, each = np.unique(_numbers(places, low, high, _CUBE)[0], return_inverse=True)
     dense = float(np.median(np.bincount(each.reshape(-1), minlength=len(cubes))[each.reshape(-1)]))
     side = _SIDE * _CUBE / np.sqrt(dense)
-    with ThreadPoolExecutor(allowed(), "nearest") as pool:
+    with ThreadPoolExecutor(allowed_threads(), "nearest") as pool:
         while True:
             number, columns, rows = _numbers(places, low, high, side)
             order = np.argsort(number, kind="stable")
@@ -39,7 +39,7 @@ def distance_to(points: NDArray[np.float32], neighbour: int) -> NDArray[np.float
             whole = bool(((high - low) <= side).all())
             given = places[order], cells, first, columns, rows, count, side, whole
             apart = found[order]
-            parts = np.linspace(0, len(cells), allowed() + 1).astype(np.int64)
+            parts = np.linspace(0, len(cells), allowed_threads() + 1).astype(np.int64)
             jobs = [
                 pool.submit(nearest_kernels.nearest, *given, int(a), int(b), apart)
                 for a, b in zip(parts[:-1], parts[1:], strict=True)

@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from nvsim.graph.quantities import clearness
-from nvsim.graph.touched_elements import touched_between
+from nvsim.graph.touched_elements import elements_touched_between
 from nvsim.graph.types import EdgeKey, NavGraph
 
 STRIDE = 64  # edges that `fill` computes between two yields
@@ -28,7 +28,7 @@ class ClearnessCache:
         before, self._graph = self._graph, graph
         if before is graph:
             return
-        touched = None if before is None or graph is None else touched_between(before, graph)
+        touched = None if before is None or graph is None else elements_touched_between(before, graph)
         if touched is None or before is None or graph is None:
             self._values = {}
             return

@@ -112,16 +112,16 @@ def merge(a: NavGraph, b: NavGraph, comparison: Comparison, chosen: Iterable[Dev
     for d in wanted["viewpoint changed"]:
         other = b.viewpoints[comparison.matched[d.viewpoint]]
         held = change.viewpoint(d.viewpoint)
-        change.put(replace(held, included=other.included, height=other.height))
+        change.set_viewpoint(replace(held, included=other.included, height=other.height))
     new = [d.viewpoint for d in wanted["viewpoint added"]]
     for id in new:
-        change.put(b.viewpoints[id])
+        change.set_viewpoint(b.viewpoints[id])
     for id in new:
         for key in b.evidence_of.get(id, ()):
             evidence = b.evidence[key]
             joins = in_a.get(evidence.joins, evidence.joins)
             if evidence.viewpoint == id and (not joins or joins in change.viewpoints):
-                change.put_evidence(replace(evidence, joins=joins))
+                change.set_evidence(replace(evidence, joins=joins))
     edges = {key_of(in_a.get(x, x), in_a.get(y, y)): edge for (x, y), edge in b.edges.items()}
     for d in wanted["edge added"]:
         assert d.edge is not None
@@ -130,7 +130,7 @@ def merge(a: NavGraph, b: NavGraph, comparison: Comparison, chosen: Iterable[Dev
                 raise EditError(
                     f"The edge between {d.edge[0]} and {d.edge[1]} needs viewpoint {end}; select it as well."
                 )
-        change.put_edge(replace(edges[d.edge], a=d.edge[0], b=d.edge[1]))
+        change.set_edge(replace(edges[d.edge], a=d.edge[0], b=d.edge[1]))
     return change.done()
 
 

@@ -91,7 +91,7 @@ def read_connectivity(path: Path) -> NavGraph:
             raise InputError(f"{where}: image_id is {shown(id)}; it must be a name without slashes.")
         if id in viewpoints:
             raise InputError(f"{where}: image_id {id} is used twice; give every viewpoint its own id.")
-        height = number_in(entry.get("height", 1.5), f"{where}: height")
+        height = json_number(entry.get("height", 1.5), f"{where}: height")
         included = _flags([entry.get("included", True)], 1, f"{where}: included")[0]
         viewpoints[id] = Viewpoint(id, position_in(entry.get("pose"), where), height, -1, included, "file")
         rows.append(_flags(entry.get("unobstructed"), len(entries), f"{where}: unobstructed"))
@@ -118,7 +118,7 @@ def list_scan(path: Path, scan: str) -> None:
     """Add a scan to scans.txt and repair a truncated last line. Raises InputError if the file cannot be read or
     written."""
     listed = read_scans(path) if os.path.lexists(path) else []
-    cut = cut_off(path) if listed else None
+    cut = truncated_last_name(path) if listed else None
     whole = [name for name in listed if name != cut]
     if cut is not None:
         names = {scan_of(file) for file in path.parent.glob(f"*{SUFFIX}")} | {scan}
@@ -133,7 +133,7 @@ def read_scans(path: Path) -> list[str]:
     return list(dict.fromkeys(_list_in(path).split()))
 
 
-def cut_off(path: Path) -> str | None:
+def truncated_last_name(path: Path) -> str | None:
     """Return the last name in a scans.txt if it is truncated, otherwise None. A truncated name has no line end and no
     connectivity file. Raises InputError if the list cannot be read."""
     text = _list_in(path)
@@ -197,7 +197,7 @@ def position_in(pose: Any, where: str) -> tuple[float, float, float]:
     InputError if the pose is not rigid."""
     if not isinstance(pose, list) or len(pose) != 16:
         raise InputError(f"{where}: pose must be a list of 16 numbers, row by row.")
-    m = [number_in(value, f"{where}: pose[{k}]") for k, value in enumerate(pose)]
+    m = [json_number(value, f"{where}: pose[{k}]") for k, value in enumerate(pose)]
     axes = [(m[k], m[4 + k], m[8 + k]) for k in range(3)]
     for p in range(3):
         for q in range(3):
@@ -226,7 +226,7 @@ def _flags(values: Any, count: int, where: str) -> list[bool]:
     return [bool(value) for value in values]
 
 
-def number_in(value: Any, where: str) -> float:
+def json_number(value: Any, where: str) -> float:
     """Return a JSON value as a float. Raises InputError if it is not a finite number."""
     if not is_number(value):
         raise InputError(f"{where} is {shown(value)}; it must be a finite number.")

@@ -15,7 +15,7 @@ from typing import Any, TypeVar, cast
 
 from nvsim.graph.edits.change import copied
 from nvsim.graph.store import encode_evidence
-from nvsim.graph.touched_elements import TouchedElements, remember, touched_between
+from nvsim.graph.touched_elements import TouchedElements, elements_touched_between, remember
 from nvsim.graph.types import Edge, EdgeKey, Evidence, EvidenceKey, NavGraph, Viewpoint
 
 K = TypeVar("K", bound=Hashable)
@@ -41,7 +41,7 @@ class Difference:
 
 def difference(before: NavGraph, after: NavGraph) -> Difference:
     """Return the difference that turns `before` into `after`. Evidence is not compared."""
-    touched = touched_between(before, after)
+    touched = elements_touched_between(before, after)
     if touched is None:
         return Difference(*_compare(before.viewpoints, after.viewpoints), *_compare(before.edges, after.edges))
     return Difference(
@@ -137,7 +137,7 @@ class GraphDelta:
 
 def delta_between(before: NavGraph, after: NavGraph) -> GraphDelta:
     """Return the delta that turns `before` into `after`."""
-    touched = touched_between(before, after)
+    touched = elements_touched_between(before, after)
     viewpoints = _parts(before.viewpoints, after.viewpoints, touched.viewpoints if touched is not None else None)
     edges = _parts(before.edges, after.edges, touched.edges if touched is not None else None)
     evidence = _parts(before.evidence, after.evidence, touched.evidence if touched is not None else None)

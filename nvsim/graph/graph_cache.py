@@ -43,7 +43,7 @@ class GraphCache:
         rebuilt."""
         return max((i for i, kept in self._kept.items() if kept is graph), default=None)
 
-    def put(self, index: int, before: NavGraph, after: NavGraph) -> GraphDelta:
+    def store_step(self, index: int, before: NavGraph, after: NavGraph) -> GraphDelta:
         """Store step `index`, which leads from `before`, the graph of the previous step, to `after`. Later steps are
         deleted. Returns the delta of the step."""
         delta = delta_between(before, after)

@@ -63,7 +63,7 @@ class Recorder(Protocol):
     @property
     def refusal(self) -> str | None: ...
 
-    def put(self, index: int, step: Step, delta: GraphDelta) -> None:
+    def record_step(self, index: int, step: Step, delta: GraphDelta) -> None:
         """Record step `index` (1 and up) with its delta from the previous step. Later steps are removed."""
 
     def amend(self, index: int, step: Step) -> None:
@@ -194,7 +194,7 @@ class History:
         self._append(Step(text, chosen, time.time(), True, merge, operation), earlier, graph)
         self._announce(before, chosen != was, True)
 
-    def take_over(self, text: str, graph: NavGraph) -> None:
+    def replace_from_outside(self, text: str, graph: NavGraph) -> None:
         """Make `graph`, which a job or another program wrote to the file, the current and saved graph. It becomes a
         step that is not an edit, and undo returns to the previous graph. Of several such steps in a row, only the last
         is kept.
@@ -235,7 +235,7 @@ class History:
             lost = len(was.viewpoints - chosen.viewpoints) + len(was.edges - chosen.edges)
             if self._index > 0 and not current.changes and lost <= 1:
                 self._index -= 1
-            self._append(Step(text or words(chosen), chosen, time.time(), edit=False), graph, graph)
+            self._append(Step(text or selection_text(chosen), chosen, time.time(), edit=False), graph, graph)
         self._announce(graph, True, True)
 
     def undo(self) -> bool:
@@ -288,9 +288,9 @@ class History:
         del self._steps[self._index :]
         self._steps.append(step)
         self._graph = after
-        delta = self._graphs.put(self._index, before, after)
+        delta = self._graphs.store_step(self._index, before, after)
         if self._journal is not None:
-            self._journal.put(self._index, step, delta)
+            self._journal.record_step(self._index, step, delta)
             self._journal.move(self._index, self._clean)
 
     def _note(self) -> None:
@@ -303,7 +303,7 @@ class History:
             callback(change)
 
 
-def words(chosen: GraphSelection) -> str:
+def selection_text(chosen: GraphSelection) -> str:
     """Return the text of a selection step: "Select 3 viewpoints and edge 1a6a21cd – 2e24da71"."""
     kept = [
         named(things, thing) for things, thing in ((chosen.viewpoints, "viewpoint"), (chosen.edges, "edge")) if things

@@ -124,7 +124,7 @@ class Journal:
             self.recovered = history.edits_since_saved()
         elif self.refusal is None:
             self.recovered = history.edits_since_saved()
-            history.take_over(OUTSIDE, graph)
+            history.replace_from_outside(OUTSIDE, graph)
         elif mine != fingerprint(history.graph, plain=self._plain):
             return History(graph, self)
         return history
@@ -140,7 +140,7 @@ class Journal:
 
     # Recorder of the history ------------------------------------------------------------------------------------
 
-    def put(self, index: int, step: Step, delta: GraphDelta) -> None:
+    def record_step(self, index: int, step: Step, delta: GraphDelta) -> None:
         with self._state:
             for later in [i for i in self._pending if i >= index]:
                 del self._pending[later]

@@ -17,7 +17,7 @@ from nvsim.graph.store import (
     edge_of,
     edge_row,
     encode_evidence,
-    inflated,
+    inflate,
     viewpoint_of,
     viewpoint_row,
 )
@@ -56,7 +56,7 @@ def decode_delta(data: bytes) -> GraphDelta:
     if data[:1] != _PARTS:
         raise ValueError("a step of an unknown kind")
     (size,) = struct.unpack_from("<I", data, 1)
-    values = json.loads(inflated(data[5 : 5 + size], _MOST))
+    values = json.loads(inflate(data[5 : 5 + size], _MOST))
     evidence, at = [], 5 + size
     for length in values.get("evidence", ()):
         evidence.append(decode_evidence(data[at : at + length]))
@@ -92,7 +92,7 @@ def decode_selection(data: bytes) -> GraphSelection:
     """Decode a selection. Raises like `decode_delta`."""
     if not data:
         return NOTHING
-    viewpoints, edges = json.loads(inflated(data, _MOST))
+    viewpoints, edges = json.loads(inflate(data, _MOST))
     return GraphSelection(frozenset(viewpoints), frozenset((a, b) for a, b in edges))
 
 

@@ -25,7 +25,7 @@ __all__ = [
     "describe",
     "line_of",
     "parse_line",
-    "perform",
+    "perform_operation",
     "record",
     "usage",
 ]
@@ -46,7 +46,7 @@ def describe(name: str, arguments: Mapping[str, Any]) -> str:
     return operation.words(checked(name, operation.arguments, arguments))
 
 
-def perform(
+def perform_operation(
     history: History,
     name: str,
     arguments: Mapping[str, Any],

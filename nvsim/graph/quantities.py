@@ -83,7 +83,7 @@ def evidence_along(graph: NavGraph, key: EdgeKey) -> list[Evidence]:
     return found
 
 
-def ends_of(graph: NavGraph) -> NDArray[np.int64]:
+def edge_rows(graph: NavGraph) -> NDArray[np.int64]:
     """Return (E, 2) int64, the rows of the two ends of every edge in the viewpoints, in file order."""
     row = dict(zip(graph.viewpoints, range(len(graph.viewpoints)), strict=True))
     ends = map(row.__getitem__, chain.from_iterable(graph.edges))
@@ -108,12 +108,12 @@ def _axis(axis: int) -> _Quantity:
 
 
 def _middle(axis: int) -> _Quantity:
-    return lambda graph, known: places_of(graph)[ends_of(graph), axis].mean(axis=1)
+    return lambda graph, known: places_of(graph)[edge_rows(graph), axis].mean(axis=1)
 
 
 def _at_start(of_viewpoint: _Quantity) -> _Quantity:
     """The value of an edge's first end."""
-    return lambda graph, known: of_viewpoint(graph, known)[ends_of(graph)[:, 0]]
+    return lambda graph, known: of_viewpoint(graph, known)[edge_rows(graph)[:, 0]]
 
 
 def _degree(graph: NavGraph, known: QuantityInputs) -> Values:
@@ -133,7 +133,7 @@ def _storey(graph: NavGraph, known: QuantityInputs) -> Values:
 
 
 def _length(graph: NavGraph, known: QuantityInputs) -> Values:
-    ends = places_of(graph)[ends_of(graph)]
+    ends = places_of(graph)[edge_rows(graph)]
     return np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1)
 
 
@@ -141,7 +141,7 @@ def _slope(graph: NavGraph, known: QuantityInputs) -> Values:
     """Degrees between the horizontal and the line from floor to floor."""
     feet = places_of(graph)
     feet[:, 2] -= [v.height for v in graph.viewpoints.values()]
-    ends = feet[ends_of(graph)]
+    ends = feet[edge_rows(graph)]
     along = ends[:, 1] - ends[:, 0]
     return np.degrees(np.arctan2(np.abs(along[:, 2]), np.hypot(along[:, 0], along[:, 1])))
 
@@ -173,7 +173,7 @@ def _viewpoint_evidence(graph: NavGraph, known: QuantityInputs) -> Values:
     """The smallest value of the viewpoint's edges."""
     least = np.full(len(graph.viewpoints), math.nan)
     values = _evidence(graph, known)
-    for column in ends_of(graph).T:
+    for column in edge_rows(graph).T:
         rows = column[~np.isnan(values)]
         least[rows[np.isnan(least[rows])]] = math.inf
         np.minimum.at(least, rows, values[~np.isnan(values)])
@@ -195,7 +195,7 @@ def _runs(graph: NavGraph, known: QuantityInputs) -> Values:
     """1 for an edge over free cells only, 0 for other edges."""
     from nvsim.occupancy.paths import segments_are_free, standing_room
 
-    occupancy, ends = _map(known), places_of(graph)[ends_of(graph)]
+    occupancy, ends = _map(known), places_of(graph)[edge_rows(graph)]
     return segments_are_free(standing_room(occupancy), occupancy, ends[:, 0, :2], ends[:, 1, :2]).astype(np.float64)
 
 

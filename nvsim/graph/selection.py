@@ -44,7 +44,7 @@ def selection(viewpoints: Iterable[str] = (), edges: Iterable[EdgeKey] = ()) -> 
     return GraphSelection(frozenset(viewpoints), frozenset(key_of(*pair) for pair in edges))
 
 
-def everything(graph: NavGraph) -> GraphSelection:
+def select_everything(graph: NavGraph) -> GraphSelection:
     """Return all viewpoints and all edges."""
     return GraphSelection(frozenset(graph.viewpoints), frozenset(graph.edges))
 
@@ -53,7 +53,7 @@ def inverted(graph: NavGraph, chosen: GraphSelection) -> GraphSelection:
     """Return the elements that are not selected, of the kinds that are. A selection without edges gives only
     viewpoints, one without viewpoints only edges, and an empty one everything."""
     if not chosen:
-        return everything(graph)
+        return select_everything(graph)
     viewpoints = frozenset(graph.viewpoints) - chosen.viewpoints if chosen.viewpoints else frozenset()
     edges = frozenset(graph.edges) - chosen.edges if chosen.edges else frozenset()
     return GraphSelection(viewpoints, edges)
@@ -125,7 +125,7 @@ def shortest_path(graph: NavGraph, a: str, b: str) -> tuple[str, ...]:
         raise EditError(f"No path leads from {a} to {b}.") from error
 
 
-def within(
+def select_within(
     graph: NavGraph, polygon: Sequence[Sequence[float]] | NDArray[np.floating], z: tuple[float, float] | None = None
 ) -> GraphSelection:
     """Return the viewpoints inside a polygon (N, 2) of x, y in meters, world, and the edges between them. `z` limits

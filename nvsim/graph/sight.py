@@ -16,7 +16,7 @@ FARTHEST_SEEN = 16.0
 _ONE_FLOOR = 1.0  # maximum height difference in meters of two viewpoints on one floor
 
 
-def sight_on(occupancy: OccupancyMap) -> Visible:
+def line_of_sight_test(occupancy: OccupancyMap) -> Visible:
     """Return a function that tests lines of sight from positions (N, 3) to positions (N, 3), meters, world: (N,) bool.
     Two positions see each other if the straight line between them is over free cells. The map covers one floor."""
     from nvsim.occupancy.paths import segments_are_free, standing_room
@@ -37,7 +37,7 @@ def lines_of_sight(graph: NavGraph, occupancy: OccupancyMap | None) -> Callable[
     """
     if occupancy is None:
         return None
-    seen, row = sight_on(occupancy), {id: i for i, id in enumerate(graph.viewpoints)}
+    seen, row = line_of_sight_test(occupancy), {id: i for i, id in enumerate(graph.viewpoints)}
     places = np.array([v.position for v in graph.viewpoints.values()], np.float64).reshape(-1, 3)
     near: dict[str, set[str]] = {}
     for a, b in graph.edges:

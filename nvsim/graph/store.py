@@ -95,7 +95,7 @@ def _are(values: Iterable[Any], kind: type) -> bool:
     return all(type(value) is kind for value in values)
 
 
-def inflated(data: bytes, most: int) -> bytes:
+def inflate(data: bytes, most: int) -> bytes:
     """Return the inflated bytes. Raises ValueError if there are more than `most` or the data ends too early, and
     zlib.error if the data is not deflated."""
     stream = zlib.decompressobj()
@@ -269,7 +269,7 @@ def _check_sizes(archive: zipfile.ZipFile, size: int) -> None:
 
 def _inflated(data: bytes, size: int) -> bytes:
     """Return deflated bytes that must be `size` long. Raises ValueError if they are not."""
-    found = inflated(data, size + 1)
+    found = inflate(data, size + 1)
     if len(found) != size:
         raise ValueError("wrong number of cells")
     return found

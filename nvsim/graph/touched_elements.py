@@ -41,7 +41,7 @@ def remember(after: NavGraph, before: NavGraph, touched: TouchedElements) -> Non
     after.__dict__[_NAME] = (weakref.ref(before), touched)
 
 
-def touched_between(one: NavGraph, other: NavGraph) -> TouchedElements | None:
+def elements_touched_between(one: NavGraph, other: NavGraph) -> TouchedElements | None:
     """Return the elements that the edits between two graphs touched, in either direction. None if no notes connect the
     graphs."""
     return _walk(one, other) or _walk(other, one)

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from nvsim.errors import InputError
-from nvsim.events import Listener, Log, Progress, Warning, silent
+from nvsim.events import Listener, Log, Progress, Warning, ignore_event
 from nvsim.graph.paths import components
 from nvsim.graph.types import NavGraph
 from nvsim.mapping.config import MappingConfig
@@ -73,7 +73,7 @@ def build_map(
     previous: NavGraph | None = None,
     remembered: NavGraph | None = None,
     scanned: bool = True,
-    listen: Listener = silent,
+    listen: Listener = ignore_event,
     keep: Callable[[NavGraph], None] | None = None,
 ) -> BuildResult:
     """Build the navigation graph of the camera positions `trajectory` (N, 3), meters, world. The search begins at
@@ -175,15 +175,15 @@ def _cut_detours(draft: GraphBuilder, detour: TrajectoryDetour, survey: Survey) 
     for a, b in list(draft.edges()):
         ends = draft.viewpoints[a], draft.viewpoints[b]
         if detour(ends[0].position, ends[1].position):
-            draft.cut(a, b)
+            draft.remove_edge(a, b)
             found += 1
             for here, there in (ends, ends[::-1]):
-                survey.leave_out(here, there, "around")
+                survey.record_omitted_edge(here, there, "around")
     return found
 
 
 def _say(report: dict[str, Any], places: int, disconnection: str, config: MappingConfig, listen: Listener) -> None:
-    """Report a build to the user. `parted` explains why parts of the graph are disconnected."""
+    """Report a build to the user. `disconnection` explains why parts of the graph are disconnected."""
     if report["limited"]:
         listen(
             Warning(
@@ -287,7 +287,7 @@ class _Explorer:
     def _coverer(self, place: NDArray[np.floating]) -> str | None:
         """Return the nearest viewpoint in line with a position of the trajectory."""
         for viewpoint in self._search.draft.near(place, self._reach):
-            if self._walk.in_line(np.array(viewpoint.position), place):
+            if self._walk.is_line_known(np.array(viewpoint.position), place):
                 return viewpoint.id
         return None
 

@@ -50,7 +50,7 @@ def _headings(offset: float) -> NDArray[np.float64]:
     return found
 
 
-def ahead(heading: float, distance: float) -> NDArray[np.float64]:
+def offset_ahead(heading: float, distance: float) -> NDArray[np.float64]:
     """Return the (2,) world x, y offset of a point `distance` meters ahead."""
     return distance * np.array([np.sin(heading), np.cos(heading)])
 
@@ -85,7 +85,7 @@ class Corridor:
         return found
 
     def _place(self, found: NDArray[np.float64]) -> None:
-        x, y = ahead(self.heading, 1.0).tolist()
+        x, y = offset_ahead(self.heading, 1.0).tolist()
         along = _meters_ahead(self.rows)
         found[..., 0] = (self.start[0] + along * x) + _ACROSS * y
         found[..., 1] = (self.start[1] + along * y) - _ACROSS * x
@@ -175,7 +175,7 @@ class Lattice:
 
     def __init__(self, config: MappingConfig) -> None:
         self._jitter = config.jitter
-        self._steps = [ahead(h, config.tau_dist) for h in headings(config)[:_AXES]]
+        self._steps = [offset_ahead(h, config.tau_dist) for h in headings(config)[:_AXES]]
         self._at: dict[str, tuple[tuple[float, float], tuple[int, ...]]] = {}
 
     def begin(self, id: str, xy: tuple[float, float]) -> None:
@@ -201,7 +201,7 @@ class Lattice:
             return np.zeros(2)
         drawn = hashlib.blake2b(repr((round(start[0], 3), round(start[1], 3), counts)).encode(), digest_size=8).digest()
         square, turn = (int.from_bytes(part, "big") / 2**32 for part in (drawn[:4], drawn[4:]))
-        return ahead(2 * math.pi * turn, self._jitter * math.sqrt(square))
+        return offset_ahead(2 * math.pi * turn, self._jitter * math.sqrt(square))
 
     def _moved(self, counts: tuple[int, ...], direction: int) -> tuple[int, ...]:
         sign = 1 if direction < _AXES else -1

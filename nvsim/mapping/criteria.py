@@ -193,7 +193,7 @@ def can_stand(around: Iterable[Evidence], config: MappingConfig) -> bool:
 def _stands(around: list[Evidence], config: MappingConfig) -> bool:
     if not around or floor_below(around, config)[1] < config.support:
         return False
-    for criterion in standing(config):
+    for criterion in standing_criteria(config):
         beneath = np.concatenate(
             [criterion.plane_of(evidence)[cells_under_robot(evidence, config)] for evidence in around]
         )
@@ -202,7 +202,7 @@ def _stands(around: list[Evidence], config: MappingConfig) -> bool:
     return True
 
 
-def standing(config: MappingConfig) -> tuple[Criterion, ...]:
+def standing_criteria(config: MappingConfig) -> tuple[Criterion, ...]:
     """Return the criteria for the mean over the floor under a viewpoint: one of each family, for a row under rule worst
     and otherwise for the corridor. The upward normal contains 1 - alpha, so it adds nothing if alpha is tested."""
     over = "row" if config.rule == "worst" else "corridor"

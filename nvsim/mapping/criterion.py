@@ -88,7 +88,7 @@ class Criterion:
     def plane_of(self, evidence: Evidence) -> NDArray[Any]:
         """Return the (rows, cells) plane of the evidence. Raises InputError if it was not measured."""
         if not self.measured(evidence):
-            raise InputError(unmeasured(self.family))
+            raise InputError(unmeasured_message(self.family))
         return np.asarray(getattr(evidence, self.plane))
 
     def measure(self, evidence: Evidence, corridor: Part) -> tuple[float, Part]:
@@ -109,7 +109,7 @@ class Criterion:
         return float(values[row, cell]) / full, (slice(row, row + 1), slice(at, at + 1))
 
 
-def unmeasured(family: str) -> str:
+def unmeasured_message(family: str) -> str:
     """Return the message for evidence that lacks the data of a family of criteria."""
     return (
         f"The evidence has no data for the criterion {family!r}, because this was not measured when the "

@@ -32,7 +32,7 @@ def project(
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def place(
+def locate_points(
     pixels: NDArray[np.float64],  # (rows, cells, 2)
     depth: NDArray[np.float64],  # (rows, cells)
     height: int,
@@ -64,7 +64,7 @@ def place(
 
 
 @njit(cache=True, nogil=True)
-def mark(corners: NDArray[np.int64], inside: NDArray[np.bool_], image: NDArray[np.bool_]) -> None:
+def mark_pixels(corners: NDArray[np.int64], inside: NDArray[np.bool_], image: NDArray[np.bool_]) -> None:
     """Set the pixels that points (rows, cells) inside the image are read from to True in an image (H, W)."""
     flat = image.reshape(-1)
     for i in range(inside.shape[0]):

@@ -13,7 +13,7 @@ from numba import njit
 from numpy.typing import NDArray
 
 from nvsim.geometry.rotation import matrix_from_quaternion
-from nvsim.mapping.corridor import CELLS, DEPTH, NEAR, WIDTH, Corridor, HeightAt, ahead
+from nvsim.mapping.corridor import CELLS, DEPTH, NEAR, WIDTH, Corridor, HeightAt, offset_ahead
 from nvsim.render.nearby import along_a_curve
 from nvsim.splats.types import Gaussians
 
@@ -59,7 +59,7 @@ class SliceGaussians:
         """
         floor = np.ascontiguousarray(corridor.ground(floor_at)[..., 2])
         left = np.ones((corridor.rows, CELLS))
-        start, forward = np.array(corridor.start), ahead(corridor.heading, 1.0)
+        start, forward = np.array(corridor.start), offset_ahead(corridor.heading, 1.0)
         slab = ABOVE_FLOOR, max(top, ABOVE_FLOOR)
         _cover(self._rows, self._radius, self._boxes, _GROUP, start, forward, floor, *slab, left)
         return np.round((1.0 - left) * 255).astype(np.uint8)

@@ -19,7 +19,7 @@ class BoundTensor:
     node: Node
 
 
-def bind(tensors: Sequence[Tensor], nodes: Sequence[Node], path: Path, inputs: bool) -> tuple[BoundTensor, ...]:
+def bind_tensors(tensors: Sequence[Tensor], nodes: Sequence[Node], path: Path, inputs: bool) -> tuple[BoundTensor, ...]:
     """Each matched tensor of `tensors` with its input or output of the file at `path`.
 
     Two tensors may use one output. If several outputs could give one value, the first that exists is used.

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from nvsim.errors import InputError
 from nvsim.files.reading import reading
-from nvsim.networks.binding import BoundTensor, bind, describe_nodes
+from nvsim.networks.binding import BoundTensor, bind_tensors, describe_nodes
 from nvsim.networks.description import OF_PAIRS, OF_PROMPTS, Constant, Description, Scheduler, Step
 from nvsim.networks.image_preparation import Image, Placement, Preparation
 from nvsim.networks.onnx_session import TYPES, Node, Provider, SharedFile, providers, shared_file
@@ -197,8 +197,8 @@ class Chain:
 
 def _bound(step: Step, path: Path, file: SharedFile) -> _BoundStep:
     takes, gives = file.session.signature
-    inputs = bind(step.inputs, takes, path, inputs=True)
-    return _BoundStep(step, path, file, inputs, bind(step.outputs, gives, path, inputs=False))
+    inputs = bind_tensors(step.inputs, takes, path, inputs=True)
+    return _BoundStep(step, path, file, inputs, bind_tensors(step.outputs, gives, path, inputs=False))
 
 
 def _sized(description: Description, runs: Sequence[_BoundStep]) -> dict[str, Preparation]:

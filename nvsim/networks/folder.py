@@ -9,7 +9,7 @@ import sys
 from pathlib import Path
 
 from nvsim.files.opening import is_regular
-from nvsim.files.user_folders import home, xdg_folder
+from nvsim.files.user_folders import home_folder, xdg_folder
 
 VARIABLE = "NVSIM_MODELS"
 
@@ -20,9 +20,9 @@ def models_folder() -> Path:
     if named:
         return Path(named).expanduser()
     if sys.platform == "win32":
-        base = Path(os.environ.get("LOCALAPPDATA", home() / "AppData" / "Local"))
+        base = Path(os.environ.get("LOCALAPPDATA", home_folder() / "AppData" / "Local"))
     elif sys.platform == "darwin":
-        base = home() / "Library" / "Application Support"
+        base = home_folder() / "Library" / "Application Support"
     else:
         base = xdg_folder("XDG_DATA_HOME", ".local/share")
     return base / "nvsim" / "models"

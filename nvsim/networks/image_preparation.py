@@ -184,6 +184,6 @@ def preparation_in(table: TomlTable, needs_size: bool = True) -> Preparation:
         table.one_of("colours", get_args(Colours), Preparation.colours),
         table.one_of("layout", get_args(Axes) if open_size else ("NCHW", "NHWC"), Preparation.layout),
         table.three("pad", Preparation.pad),
-        table.whole("multiple", 1024, 1) if open_size else 1,
-        table.whole("longest", MOST_PIXELS, 0) if open_size else 0,
+        table.integer("multiple", 1024, 1) if open_size else 1,
+        table.integer("longest", MOST_PIXELS, 0) if open_size else 0,
     )

@@ -17,7 +17,7 @@ from nvsim.files.reading import as_reading_error
 from nvsim.networks.description import Description, File
 from nvsim.networks.folder import models_folder
 from nvsim.networks.installed import BUNDLED, DESCRIPTION, InstalledModel, model_at, signature_of
-from nvsim.networks.known_forms import fitting, known_descriptions, read_description
+from nvsim.networks.known_forms import known_descriptions, matching_forms, read_description
 
 _BESIDE = ("{stem}.onnx.data", "{stem}.onnx_data", "{stem}.data", "{stem}.bin")
 """File names that exporters give to the weights of a large network."""
@@ -72,7 +72,7 @@ def _form(networks: Sequence[Path], wanted: str) -> tuple[str, dict[str, Path]]:
     """The form that the files match, and the path of each of its files."""
     if wanted and wanted not in known_descriptions():
         raise InputError(f"There is no form {wanted!r:.60}; the forms are {', '.join(known_descriptions())}.")
-    forms = [(f, files) for f, files in fitting({p: signature_of(p) for p in networks}) if wanted in ("", f)]
+    forms = [(f, files) for f, files in matching_forms({p: signature_of(p) for p in networks}) if wanted in ("", f)]
     if not forms:
         names = " and ".join(p.name for p in networks)
         of = f"the form {wanted}" if wanted else f"none of the forms {', '.join(known_descriptions())}"

@@ -18,8 +18,8 @@ from nvsim.networks.folder import models_folder
 from nvsim.networks.known_forms import (
     FOLDER,
     description_from_legacy_toml,
-    fitting,
     known_descriptions,
+    matching_forms,
     read_description,
 )
 from nvsim.networks.onnx_session import Provider, Session, Signature
@@ -82,7 +82,7 @@ class InstalledModel:
             return description_in(
                 description_from_legacy_toml(beside, self.files[0], *signatures[self.files[0]]), beside
             )
-        forms = fitting(signatures, self.role)
+        forms = matching_forms(signatures, self.role)
         if not forms:
             known = ", ".join(form for form, d in known_descriptions().items() if d.role == self.role)
             names = " and ".join(path.name for path in self.files)

@@ -14,7 +14,7 @@ from typing import Any
 import nvsim_resources
 from nvsim.errors import InputError, shown
 from nvsim.files.opening import read_text
-from nvsim.networks.binding import bind, describe_nodes
+from nvsim.networks.binding import bind_tensors, describe_nodes
 from nvsim.networks.description import Description, Role
 from nvsim.networks.onnx_session import Node, Signature
 from nvsim.networks.parsing import description_in
@@ -53,7 +53,7 @@ def read_description(path: Path) -> Description:
     return description_in(values_of(path), path)
 
 
-def fitting(signatures: dict[Path, Signature], role: Role | None = None) -> list[tuple[str, dict[str, Path]]]:
+def matching_forms(signatures: dict[Path, Signature], role: Role | None = None) -> list[tuple[str, dict[str, Path]]]:
     """The forms that match all files with these `signatures`: name of the form, and path of each of its files.
 
     Forms with the most tensors known by name are first."""
@@ -80,7 +80,7 @@ def _fit(description: Description, signatures: dict[Path, Signature]) -> tuple[i
                 for tensors, nodes, inputs in zip(
                     (step.inputs, step.outputs), signatures[files[step.file]], (True, False), strict=True
                 )
-                for b in bind(tensors, nodes, files[step.file], inputs)
+                for b in bind_tensors(tensors, nodes, files[step.file], inputs)
             ]
         except InputError:
             continue
@@ -129,7 +129,7 @@ def description_from_legacy_toml(
                 "resize": "centre", "interpolation": "linear", "brightest": white,
                 "mean": list(table.three("mean", (0.0, 0.0, 0.0))),
                 "std": list(table.three("std", (1.0, 1.0, 1.0), positive=True)),
-                "pad": [255 * part for part in _GREY], "multiple": table.whole("multiple", 1024, 1),
+                "pad": [255 * part for part in _GREY], "multiple": table.integer("multiple", 1024, 1),
             }
         },
         "steps": [

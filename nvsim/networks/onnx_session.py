@@ -20,7 +20,7 @@ import psutil
 from numpy.typing import NDArray
 
 from nvsim.errors import InputError
-from nvsim.kernel_threads import allowed
+from nvsim.kernel_threads import allowed_threads
 from nvsim.networks.external_data import check_external_data
 from nvsim.networks.onnx_server import LoadedModel, LoadRequest, Node, OnnxServer, RunFailure, RunRequest
 from nvsim.processes.child import Child, Limits
@@ -78,7 +78,7 @@ class Session:
             OnnxServer, str(path), "export it again, or use another network"
         )
         weakref.finalize(self, self._child.release)
-        found = self._child.ask(LoadRequest(path, tuple(providers), allowed()), self._limits(0))
+        found = self._child.ask(LoadRequest(path, tuple(providers), allowed_threads()), self._limits(0))
         if isinstance(found, RunFailure):
             raise InputError(f"{path} cannot be loaded as an ONNX network ({found.reason}); export it again.")
         loaded: LoadedModel = found

@@ -77,7 +77,7 @@ def _file(table: TomlTable) -> File:
     for each in (name, *beside):
         if Path(each).name != each or each.startswith(".") or len(os.fsencode(each)) > _LONGEST_NAME:
             right = f"the name of a file beside the description, at most {_LONGEST_NAME} bytes"
-            raise table.wrong("file" if each == name else "beside", right)
+            raise table.error("file" if each == name else "beside", right)
     return File(name, beside, table.word("sha256", ""))
 
 
@@ -94,24 +94,24 @@ def _tensor(table: TomlTable, several: bool) -> Tensor:
     tensor = Tensor(
         table.words("value") if several else (table.word("value"),),
         table.words("name", ()),
-        table.wholes("shape", _MOST_SIDE) if "shape" in table else None,
+        table.integers("shape", _MOST_SIDE) if "shape" in table else None,
         table.one_of("kind", get_args(Kind)[1:], ""),
         table.flag("optional", False),
         table.number("factor", 1.0, positive=False),
-        table.whole("item", 1024, least=0) if "item" in table else None,
-        table.whole("copies", 64, 1),
+        table.integer("item", 1024, least=0) if "item" in table else None,
+        table.integer("copies", 64, 1),
     )
     if not tensor.names and tensor.shape is None:
-        raise table.wrong("name", "the name of the tensor in the file; without a name, give its shape")
+        raise table.error("name", "the name of the tensor in the file; without a name, give its shape")
     table.refuse_others()
     return tensor
 
 
 def _constant(table: TomlTable) -> Constant:
-    shape = table.wholes("shape", _MOST_SIDE) if "shape" in table else None
+    shape = table.integers("shape", _MOST_SIDE) if "shape" in table else None
     if "seed" in table:
-        seed = table.whole("seed", 1 << 30, least=0)
-        return Constant((), shape, seed, table.word("like", ""), table.whole("copies", 64, 1))
+        seed = table.integer("seed", 1 << 30, least=0)
+        return Constant((), shape, seed, table.word("like", ""), table.integer("copies", 64, 1))
     if "needed" in table and "value" not in table:
         return Constant(needed=table.word("needed"))
     numbers = table.numbers("value")
@@ -119,26 +119,26 @@ def _constant(table: TomlTable) -> Constant:
     for side in shape or ():
         size *= side
     if shape is not None and (size > 1 << 24 or len(numbers) not in (1, size)):
-        raise table.wrong("value", f"one number, or {size}, as the shape requires")
+        raise table.error("value", f"one number, or {size}, as the shape requires")
     return Constant(numbers, shape)
 
 
 def _scheduler(table: TomlTable) -> Scheduler:
     least, most = table.number("first_beta", Scheduler.first_beta), table.number("last_beta", Scheduler.last_beta)
-    trained = table.whole("trained", 10_000, Scheduler.trained)
+    trained = table.integer("trained", 10_000, Scheduler.trained)
     if not 0 < least <= most < 1:
-        raise table.wrong("last_beta", "below 1, and not below first_beta")
+        raise table.error("last_beta", "below 1, and not below first_beta")
     return Scheduler(
         state=table.word("state"),
         prediction=table.word("prediction"),
         predicts=table.one_of("predicts", ("epsilon", "v_prediction", "sample")),
-        steps=table.whole("steps", trained, min(Scheduler.steps, trained)),
+        steps=table.integer("steps", trained, min(Scheduler.steps, trained)),
         trained=trained,
         first_beta=least,
         last_beta=most,
         betas=table.one_of("betas", ("scaled_linear", "linear"), Scheduler.betas),
         spacing=table.one_of("spacing", ("leading", "trailing"), Scheduler.spacing),
-        offset=table.whole("offset", trained, Scheduler.offset, least=0),
+        offset=table.integer("offset", trained, Scheduler.offset, least=0),
         ends_at_one=table.flag("ends_at_one", Scheduler.ends_at_one),
     )
 
@@ -167,11 +167,11 @@ def _result(table: TomlTable, role: Role) -> Result:
             table.one_of("frame", get_args(Frame), NormalsResult.frame),
         )  # fmt: skip
     else:
-        classes = table.whole("classes", 100_000, 1)
-        floor = table.wholes("floor", classes - 1, (0,) if classes == 1 else None)
+        classes = table.integer("classes", 100_000, 1)
+        floor = table.integers("floor", classes - 1, (0,) if classes == 1 else None)
         result = FloorResult(
             value, image, table.one_of("meaning", get_args(Meaning)), _channels_last(table), classes, floor,
-            table.word("scores", ""), table.wholes("people", classes - 1, ()),
+            table.word("scores", ""), table.integers("people", classes - 1, ()),
         )  # fmt: skip
     table.refuse_others()
     return result
@@ -185,7 +185,7 @@ def _axes(table: TomlTable) -> tuple[Direction, Direction, Direction]:
     axes = table.words("axes")
     right = "three of right or left, down or up, forward or backward, each once, out of the surface"
     if len(axes) != 3 or not all(sum(a in pair for a in axes) == 1 for pair in _PERPENDICULAR):
-        raise table.wrong("axes", right)
+        raise table.error("axes", right)
     first, second, third = axes
     return first, second, third  # type: ignore[return-value]
 

@@ -46,16 +46,16 @@ class TomlTable:
         if value is None and default is not None:
             return default
         if value is None or not fits(value):
-            raise self.wrong(key, right)
+            raise self.error(key, right)
         return value
 
-    def wrong(self, key: str, right: str) -> InputError:
+    def error(self, key: str, right: str) -> InputError:
         """The error for the value at `key`, which must be `right`."""
         value = self._values.get(key)
         said = "is missing" if value is None else f"is {shown(value)}"
         return InputError(f"{self.path}: {self._where}{key} {said}; it must be {right}.")
 
-    def whole(self, key: str, most: int, default: int | None = None, least: int = 1) -> int:
+    def integer(self, key: str, most: int, default: int | None = None, least: int = 1) -> int:
         right = f"a whole number from {least} to {most}"
         return int(self._taken(key, default, right, lambda v: type(v) is int and least <= v <= most))
 
@@ -96,7 +96,7 @@ class TomlTable:
         value = self._taken(key, default, "a number or a list of numbers", fits)
         return tuple(float(v) for v in (value if isinstance(value, (list, tuple)) else [value]))
 
-    def wholes(self, key: str, most: int, default: tuple[int, ...] | None = None) -> tuple[int, ...]:
+    def integers(self, key: str, most: int, default: tuple[int, ...] | None = None) -> tuple[int, ...]:
         """A list of whole numbers from 0 to `most`."""
         right = f"a list of whole numbers from 0 to {most}"
 

@@ -126,7 +126,7 @@ class RayGrid:
             part = ends[i : i + _CHUNK]
             nearest = tree.query(part, k=range(1, min(_SEEING, len(places)) + 1), distance_upper_bound=reach)[1]
             seen_from = np.empty((len(part), _SEEN_FROM), np.int64)
-            ray_kernels.first_to_see(
+            ray_kernels.find_first_visible(
                 in_voxels, nearest, self._in_voxels(part), self._base, self.layers, walls, width + 1, seen_from
             )
             hidden += int(np.count_nonzero(seen_from[:, 0] < 0))
@@ -149,7 +149,7 @@ class RayGrid:
 
         hit, open_below = np.empty((2, *self._base.shape), bool)
         foot = max(1, round(_FOOT / self.resolution))
-        ray_kernels.look_down(self._log_odds, self.layers, self.band, foot, hit, open_below)
+        ray_kernels.project_down(self._log_odds, self.layers, self.band, foot, hit, open_below)
         parts, count = label(hit, np.ones((3, 3)))
         every = np.arange(1, count + 1)
         standing = sum_labels(~open_below, parts, every) > 0

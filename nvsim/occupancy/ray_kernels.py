@@ -203,7 +203,7 @@ def _is_open(
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def first_to_see(
+def find_first_visible(
     places: NDArray[np.float64],
     order: NDArray[np.int64],
     ends: NDArray[np.float64],
@@ -229,7 +229,7 @@ def first_to_see(
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def look_down(
+def project_down(
     log_odds: NDArray[np.float32],
     layers: int,
     band: int,

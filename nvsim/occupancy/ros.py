@@ -27,7 +27,7 @@ from nvsim.occupancy.ros_description import (
     parse_description,
     quoted,
 )
-from nvsim.occupancy.types import FREE, OCCUPIED, UNKNOWN, OccupancyMap, turned
+from nvsim.occupancy.types import FREE, OCCUPIED, UNKNOWN, OccupancyMap, transformed_map
 
 Source = Literal["lidar", "depth", "images", "trained"]
 """The data from which rays were cast: LiDAR scans, images of a depth camera, depth estimated from images, or the
@@ -114,7 +114,7 @@ def _read(yaml_path: Path) -> OccupancyMap:
     if yaw == 0:
         return OccupancyMap(states[picture[::-1]], description.resolution, (x, y), notes)
     turn = np.array([[math.cos(yaw), -math.sin(yaw)], [math.sin(yaw), math.cos(yaw)]])
-    return turned(OccupancyMap(states[picture[::-1]], description.resolution, (0.0, 0.0), notes), turn, (x, y))
+    return transformed_map(OccupancyMap(states[picture[::-1]], description.resolution, (0.0, 0.0), notes), turn, (x, y))
 
 
 def write_ros_map(occupancy: OccupancyMap, yaml_path: Path, provenance: Provenance | None = None) -> Path:
@@ -137,8 +137,8 @@ def write_ros_map(occupancy: OccupancyMap, yaml_path: Path, provenance: Provenan
         f"origin: [{float(x)!r}, {float(y)!r}, 0.0]\n"
         f"negate: 0\noccupied_thresh: {OCCUPIED_THRESHOLD}\nfree_thresh: {FREE_THRESHOLD}\nmode: trinary\n"
     )
-    words = atomic.encoded(yaml_path, text)
-    with atomic.replacing(yaml_path) as description, atomic.replacing(image_path) as image:
+    words = atomic.encode_text(yaml_path, text)
+    with atomic.replacement_file(yaml_path) as description, atomic.replacement_file(image_path) as image:
         image.write_bytes(header + table[occupancy.cells[::-1]].tobytes())
         description.write_bytes(words)
     return image_path

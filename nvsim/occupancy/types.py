@@ -66,7 +66,7 @@ _SAME = 1e-4  # rad: 1 cm over 100 m
 _ROWS = 256  # rows that are processed at a time
 
 
-def turned(
+def transformed_map(
     occupancy: OccupancyMap,
     turn: NDArray[np.float64],
     shift: tuple[float, float] = (0.0, 0.0),

@@ -93,11 +93,11 @@ class FloorAppearance:
             known[sorted_flat[start]] = 1.0
         return FloorAppearance(median.reshape(rows, columns, 3), known.reshape(rows, columns), corner * _CELL)
 
-    def strange(self, view: FloorObservation) -> Mask:
+    def unusual_regions(self, view: FloorObservation) -> Mask:
         """(h, w) bool: the regions of the view's floor that differ from the known floor color there."""
         import cv2
 
-        expected, known = self.expected(view.ground)
+        expected, known = self.expected_colors(view.ground)
         floor = view.floor & known
         score = self._score(view, expected, floor, floor)
         different = ((score > _DIFFERENT) & floor).astype(np.uint8)
@@ -106,21 +106,21 @@ class FloorAppearance:
         usual: Mask = regions if regions.sum() < _MOST * view.floor.sum() else np.zeros_like(regions)
         return usual
 
-    def likeness(self, view: FloorObservation) -> Float32:
+    def similarity(self, view: FloorObservation) -> Float32:
         """(h, w) float32, 0 to 1: how similar every pixel is to the known floor where its ray meets the ground.
         Occluded floor counts too. The value is 0.5 at the limit of strange pixels and 0 without known floor."""
-        expected, known = self.expected(view.ground)
+        expected, known = self.expected_colors(view.ground)
         score = self._score(view, expected, known, view.floor & known)
         like: Float32 = np.where(known, 0.5 ** ((score / _DIFFERENT) ** 2), 0).astype(np.float32)
         return like
 
-    def shining_through(self, view: FloorObservation, hidden: Mask) -> Mask:
+    def glass_regions(self, view: FloorObservation, hidden: Mask) -> Mask:
         """(h, w) bool: the regions of `hidden` (h, w), occluded floor, that still show the pattern of the floor, so
         that the occluder is glass. The test is the normalized correlation of the patterns after slow changes are
         removed. Color alone does not count, so plain floors are never found behind other objects."""
         import cv2
 
-        expected, known = self.expected(view.ground)
+        expected, known = self.expected_colors(view.ground)
         region = hidden & known
         score = self._score(view, expected, region, view.floor & known)
         alike = ((score < _ALIKE) & region).astype(np.uint8)
@@ -149,7 +149,7 @@ class FloorAppearance:
         logs: Float32 = np.log(image.astype(np.float32) + _DARK)
         return logs
 
-    def expected(self, ground: NDArray[np.floating]) -> tuple[Float32, Mask]:
+    def expected_colors(self, ground: NDArray[np.floating]) -> tuple[Float32, Mask]:
         """The known floor colors (h, w, 3), log, at places `ground` (h, w, 2), meters, and which are known (h, w)
         bool."""
         import cv2

@@ -17,7 +17,7 @@ _FEWEST = 12  # cells with points around a viewpoint
 _EVEN = 0.35  # of the height of carried cameras: from the lowest tenth to the highest; up to 0.1 over a floor
 
 
-def share_above_nothing(cloud: Cloud | None, places: NDArray[np.floating]) -> float:
+def share_without_points_below(cloud: Cloud | None, places: NDArray[np.floating]) -> float:
     """The share of floor positions `places` (N, 3), meters, world, that have few points of `cloud` under them.
 
     1 if there is no cloud or no place. A place with too few points around it counts as a place on the floor.
@@ -39,7 +39,7 @@ def share_above_nothing(cloud: Cloud | None, places: NDArray[np.floating]) -> fl
     return right / len(places)
 
 
-def uneven_heights(heights: NDArray[np.floating]) -> tuple[float, float] | None:
+def uneven_height_range(heights: NDArray[np.floating]) -> tuple[float, float] | None:
     """The range, in meters, of the camera `heights` (N,) above the floor if it is too wide for a carried camera, so
     that the floor may be a table. None for usual heights, and for fewer than 8 cameras."""
     if len(heights) < 8:

@@ -166,10 +166,10 @@ class GeometricFloor:
         for i, (hidden, before, distance, image) in zip(chosen, kept, strict=True):
             camera = self._small(cameras[i])
             rays = camera.rays()
-            expected, known = self._appearance.expected(_ground(camera, rays, distance).astype(np.float32))
+            expected, known = self._appearance.expected_colors(_ground(camera, rays, distance).astype(np.float32))
             hits = (camera.position + before[..., None] * rays).astype(np.float32)
             seen = self._appearance.log_colors(image)
-            through.vote(seen, expected, hidden & known & np.isfinite(before), hits, distance - before)
+            through.add_votes(seen, expected, hidden & known & np.isfinite(before), hits, distance - before)
         glass = through.glass(self._standing.points)
         radii = np.where(glass, np.minimum(self._standing.radii, _SPECK), self._standing.radii).astype(np.float32)
         self._splats = self._splats.with_radii(radii)
@@ -194,17 +194,17 @@ class GeometricFloor:
             floor, own = self._with_depth(seen, camera, depth)
         view = self._observe_floor(seen, image)
         small: Float32 | None = None
-        if looks is not None and self.knows_floor:
+        if looks is not None and self.has_dense_cloud:
             shown = cv2.resize(looks, (floor.shape[1], floor.shape[0]), interpolation=cv2.INTER_AREA)
             small = np.asarray(shown, np.float32)
         if self._is_sparse:
             floor = grow(floor, seen.floor | seen.unsure, view.image)
         elif self._appearance is not None:
-            usual = ~self._appearance.strange(view)
+            usual = ~self._appearance.unusual_regions(view)
             if small is not None:
                 usual |= small > (self.config.usual if depth is None else self.config.usual_thin)
             floor = floor & (own.level | self._stairs.at(seen.ground) | usual)
-            floor |= self._appearance.shining_through(view, seen.hidden)
+            floor |= self._appearance.glass_regions(view, seen.hidden)
         if small is not None:
             if depth is None:
                 rim = cv2.distanceTransform(floor.astype(np.uint8), cv2.DIST_L2, 3) < self.config.rim
@@ -218,7 +218,7 @@ class GeometricFloor:
         mask = refine(floor, seen.scale, image, self.config.refine)
         if depth is None or self._appearance is None:
             return FloorMask(mask, mask)
-        alike = self._appearance.likeness(view) > _ALIKE
+        alike = self._appearance.similarity(view) > _ALIKE
         doubtful = ((seen.floor | seen.unsure) & ~own.before & alike).astype(np.uint8)
         sized = cv2.resize(doubtful, (mask.shape[1], mask.shape[0]), interpolation=cv2.INTER_NEAREST) > 0
         return FloorMask(mask, mask, doubtful=sized & ~mask)
@@ -254,7 +254,7 @@ class GeometricFloor:
         floor = _without_specks((seen.floor & ~before) | level, self.config.speck)
         return floor, _DepthMasks(level, before, own > 0)
 
-    def likeness(self, camera: Camera, image: Image) -> Float32:
+    def similarity(self, camera: Camera, image: Image) -> Float32:
         """(h, w) float32 at the working size, 0 to 1: how similar `image` (H, W, 3) is to floor, by the colors that
         `learn` found. Without those, by the colors around the floor that geometry shows in the image itself. High
         surfaces get 0, because a table can have the wood of the floor."""
@@ -266,10 +266,10 @@ class GeometricFloor:
             hits = camera.position + seen.before[..., None] * self._small(camera).rays()
             high = hits[..., 2] - self.surface.height_at(np.nan_to_num(hits[..., :2])) > _HIGH
         standing_high = np.isfinite(seen.before) & high & ~seen.floor
-        return np.where((seen.distance > 0) & ~standing_high, self._appearance.likeness(view), 0).astype(np.float32)
+        return np.where((seen.distance > 0) & ~standing_high, self._appearance.similarity(view), 0).astype(np.float32)
 
     @property
-    def knows_floor(self) -> bool:
+    def has_dense_cloud(self) -> bool:
         """Whether the cloud is dense enough to show floor, so that floor without points is doubtful."""
         return not self._is_sparse and self._standing.confirmed is not None
 

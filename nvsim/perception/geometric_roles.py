@@ -27,7 +27,7 @@ class FloorSimilarity:
 
     def floor_probability(self, image: Image, camera: Camera) -> Float32:
         """(H, W) float32, 0 to 1, for an image (H, W, 3)."""
-        return _resized(self.floor.likeness(camera, image), image)
+        return _resized(self.floor.similarity(camera, image), image)
 
 
 @dataclass(frozen=True)
@@ -46,7 +46,7 @@ class CloudNormals:
         small = camera.scaled(width, height)
         rays = small.rays()
         normals = np.zeros((height, width, 3), np.float32)
-        ground = seen.floor if self.floor.knows_floor else seen.floor | seen.unsure
+        ground = seen.floor if self.floor.has_dense_cloud else seen.floor | seen.unsure
         normals[ground] = (0, 0, 1)
         rows, columns = np.nonzero(np.isfinite(seen.before) & ~ground)
         if self.cloud is not None and len(rows) and len(self.cloud.points) >= _NEIGHBOURS:

@@ -26,7 +26,7 @@ class GlassVotes:
         self._asked: list[NDArray[np.int64]] = []
         self._shown: list[NDArray[np.int64]] = []
 
-    def vote(self, seen: Float32, expected: Float32, where: Mask, hits: Float32, behind: Float32) -> None:
+    def add_votes(self, seen: Float32, expected: Float32, where: Mask, hits: Float32, behind: Float32) -> None:
         """Adds the votes of one view.
 
         seen, expected  (h, w, 3) log colors of the view and of the known floor

@@ -89,7 +89,7 @@ def raised_lines(
     progress: Callable[[], None] = lambda: None,
     usable_of: Callable[[int], NDArray[np.bool_] | None] = lambda index: None,
 ) -> RaisedLines:
-    """Lines above the floor in the images of `cameras`. A line of a single camera can be an error; `standing_places`
+    """Lines above the floor in the images of `cameras`. A line of a single camera can be an error; `thin_object_places`
     keeps those on which several cameras agree.
 
     read       gives the image (H, W, 3) uint8 RGB of a camera, of any size
@@ -175,7 +175,7 @@ def _segments_above(camera: Camera, segments: Float64, floor: float, c: LineConf
     return np.ascontiguousarray(found[:, 0]), np.ascontiguousarray(found[:, 1])
 
 
-def standing_places(lines: RaisedLines, positions: Float64, config: LineConfig | None = None) -> Float64:
+def thin_object_places(lines: RaisedLines, positions: Float64, config: LineConfig | None = None) -> Float64:
     """(K, 2) meters, world: centers of the cells in which a thin object is above the floor.
 
     `lines` of several cameras, at `positions` (N, 3), must agree there, because a pattern of planks or tiles can

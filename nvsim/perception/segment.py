@@ -15,7 +15,7 @@ from nvsim.capture.masks import usable_pixels
 from nvsim.capture.types import Capture, Cloud
 from nvsim.depth.floor_noise import flatten_floor
 from nvsim.errors import InputError
-from nvsim.events import Listener, Progress, silent
+from nvsim.events import Listener, Progress, ignore_event
 from nvsim.files.atomic import make_folder, write_bytes
 from nvsim.files.images import decoded
 from nvsim.files.opening import read_bytes
@@ -53,7 +53,7 @@ def segment_capture(
     surfaces_of: Callable[[int], FloorSurface],
     folder: Path,
     config: SegmentConfig | None = None,
-    listen: Listener = silent,
+    listen: Listener = ignore_event,
     todo: Iterable[int] | None = None,
     depth_of: Callable[[int], Float32] | None = None,
     other_of: Callable[[GeometricFloor, Cloud | None], FloorSegmenter] | None = None,

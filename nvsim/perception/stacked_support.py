@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from nvsim.errors import InputError
-from nvsim.files.atomic import replacing
+from nvsim.files.atomic import replacement_file
 from nvsim.files.opening import opened
 from nvsim.files.stored_arrays import read_arrays
 from nvsim.geometry.floor_surface import Floor, StackedFloor
@@ -49,7 +49,7 @@ class StackedSupport:
         padded = [
             np.pad(s.cells, ((0, rows - s.cells.shape[0]), (0, columns - s.cells.shape[1]))) for s in self.storeys
         ]
-        with replacing(path) as temporary, open(temporary, "wb") as file:
+        with replacement_file(path) as temporary, open(temporary, "wb") as file:
             np.savez_compressed(
                 file,
                 storeys=np.stack(padded),

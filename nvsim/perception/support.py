@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from nvsim.capture.types import Cloud
 from nvsim.errors import InputError
-from nvsim.files.atomic import replacing
+from nvsim.files.atomic import replacement_file
 from nvsim.files.stored_arrays import read_arrays
 from nvsim.geometry.camera import Camera
 from nvsim.geometry.cells import grid_size
@@ -58,7 +58,7 @@ class FloorSupport:
 
     def save(self, path: Path) -> None:
         """Writes an .npz file. Raises InputError if it cannot be written."""
-        with replacing(path) as temporary, open(temporary, "wb") as file:
+        with replacement_file(path) as temporary, open(temporary, "wb") as file:
             np.savez_compressed(file, cells=self.cells, origin=np.array(self.origin), spacing=np.array(self.spacing))
 
     def with_trajectory_floor(self, positions: NDArray[np.floating], radius: float = 0.4) -> FloorSupport:
@@ -273,7 +273,7 @@ def _near_points(
         return
     low, high = (places.min(axis=0), places.max(axis=0)) if len(places) else (-np.inf, np.inf)
     low, high = low - 2 * config.distance, high + 2 * config.distance
-    guessed = cloud.is_guessed
+    guessed = cloud.is_estimated
     for start in range(0, len(cloud.points), _BLOCK):
         points = np.asarray(cloud.points[start : start + _BLOCK], np.float64)
         around = ((points[:, :2] > low) & (points[:, :2] < high)).all(axis=1)

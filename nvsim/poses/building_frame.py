@@ -30,7 +30,7 @@ _BINS = 180  # histogram bins of wall directions in a quarter turn
 _CLEAR = 8.0  # height of the wall peak over the mean of the histogram, at least; 12 to 48 in buildings
 
 
-def up_of(rotations: NDArray[np.float64]) -> NDArray[np.float64] | None:
+def vertical_of(rotations: NDArray[np.float64]) -> NDArray[np.float64] | None:
     """The vertical (3,) as unit vector in the world, from rotations (I, 3, 3), world to camera. People hold a camera
     level, so its sideways axis is horizontal. None if all images look in one direction."""
     _, size, axes = np.linalg.svd(rotations[:, 0])

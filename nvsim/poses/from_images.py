@@ -47,13 +47,13 @@ from nvsim.poses.match_database import (
     write_database,
     write_geometries,
 )
-from nvsim.poses.piece_reliability import firm_pieces, unsure_images
+from nvsim.poses.piece_reliability import firmly_connected_pieces, uncertain_images
 from nvsim.poses.pieces import (
     LEAST,
     names_in,
-    only,
     split_after,
     split_into_pieces,
+    submodel,
     with_images_beside,
     with_single_images,
 )
@@ -199,16 +199,16 @@ def _finished(models: list[pycolmap.Reconstruction], inputs: _MappingInputs, pla
                 (model, loops, pieces), held = straight, True
     else:
         model = _adjusted(poses_of(model), dict(model.cameras.items()), inputs, False)
-        pieces = firm_pieces(model, images.times)
+        pieces = firmly_connected_pieces(model, images.times)
         if len(pieces) > 1:  # where the first matches suffice, those along epipolar lines are less exact
             inputs.report_progress("matches along epipolar lines", 0, 1)
             write_geometries(inputs.path, inputs.views | guided_pairs(model, inputs.keypoints, inputs.views))
             model = _adjusted(poses_of(model), dict(model.cameras.items()), inputs, False)
-            pieces = firm_pieces(model, images.times)
+            pieces = firmly_connected_pieces(model, images.times)
     if images.ordered:
         astray = set(contradicted_rotations(poses_of(model), inputs.views))
         if not held:
-            astray |= unsure_images(model, images.times)
+            astray |= uncertain_images(model, images.times)
         pieces = [kept for piece in pieces if (kept := [n for n in piece if n not in astray])]
     separate = split_into_pieces(model, pieces, models, images.times)
     held, model = held and separate[0] is model, separate[0]
@@ -238,7 +238,7 @@ def _straight_videos(
     pieces: list[PosePiece] = []
     for clip in np.unique(clips):
         numbers = set((np.flatnonzero(clips == clip) + 1).tolist())
-        parts = [only(model, own) for model in models if (own := numbers & set(model.reg_image_ids()))]
+        parts = [submodel(model, own) for model in models if (own := numbers & set(model.reg_image_ids()))]
         straight = _straight(parts, inputs)
         if straight is not None:
             pieces += [piece_of(straight[0], p, inputs.keypoints) for p in straight[2] if len(p) >= LEAST]
@@ -277,7 +277,7 @@ def _straight(
 
 
 def _pieces_of_straight(model: pycolmap.Reconstruction, inputs: _MappingInputs) -> list[list[int]]:
-    firm = firm_pieces(model, inputs.images.times, _LOOSE)
+    firm = firmly_connected_pieces(model, inputs.images.times, _LOOSE)
     return merge_turning_pieces(model, firm, inputs.images.folder, inputs.views)
 
 
@@ -298,7 +298,7 @@ def _closed(
     for number in range(_ROUNDS):
         inputs.report_progress("loops", number, _ROUNDS)
         seen_again |= close_loops(model, inputs.keypoints, inputs.similar, tested, inputs.matches, seen_again)
-        loose = firm_pieces(model, inputs.images.times, _LOOSE) if held else []
+        loose = firmly_connected_pieces(model, inputs.images.times, _LOOSE) if held else []
         poses, agreeing = without_drift(model, seen_again, anchored if held else None, loose)
         # Beside known loops, a single new one can move a joined piece by decimeters.
         if len(agreeing) <= (_MORE if number else 1) * len(loops):
@@ -324,7 +324,7 @@ def _joined_again(
     a piece is already where these points place it, the relative poses at its bend are wrong, and there is no bend."""
     best: tuple[pycolmap.Reconstruction, dict[Pair, TwoViews], list[list[int]]] | None = None
     for number in range(_JOINS + 1):
-        firm = with_single_images(firm_pieces(model, inputs.images.times))
+        firm = with_single_images(firmly_connected_pieces(model, inputs.images.times))
         pieces = split_after(firm, _bends(model, inputs))
         if best is None or len(pieces[0]) > len(best[2][0]):
             best = model, views, pieces
@@ -360,7 +360,9 @@ def _join_firm_pieces(
     pieces = [] if base is None else [piece_of(base, sorted(there), inputs.keypoints)]
     for model in models:
         if there.isdisjoint(model.reg_image_ids()):
-            pieces += [piece_of(model, p, inputs.keypoints) for p in firm_pieces(model, times) if len(p) >= LEAST]
+            pieces += [
+                piece_of(model, p, inputs.keypoints) for p in firmly_connected_pieces(model, times) if len(p) >= LEAST
+            ]
     first = models[0] if base is None else base
     if len(pieces) < 2:
         return first, inputs.views

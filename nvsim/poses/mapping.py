@@ -189,7 +189,7 @@ def poses_of(model: pycolmap.Reconstruction) -> dict[int, pycolmap.Rigid3d]:
     return {number: model.images[number].cam_from_world() for number in model.reg_image_ids()}
 
 
-def keep_only(model: pycolmap.Reconstruction, numbers: Iterable[int]) -> None:
+def keep_images(model: pycolmap.Reconstruction, numbers: Iterable[int]) -> None:
     """Removes the images that are not in `numbers` from the model, in place."""
     kept = set(numbers)
     for frame in {model.images[i].frame_id for i in model.reg_image_ids() if i not in kept}:

@@ -40,7 +40,7 @@ def pairs_to_compare(poses: NDArray[np.float64]) -> list[tuple[int, int]]:
     return sorted(pairs)
 
 
-def matched(one: Features, other: Features, first: Camera, second: Camera) -> NDArray[np.int64]:
+def match_cameras(one: Features, other: Features, first: Camera, second: Camera) -> NDArray[np.int64]:
     """(M, 2) int64, matched features of the images of the `first` and the `second` camera.
 
     Matches have similar descriptors, are near each other's epipolar lines, and agree with one fundamental matrix. Empty

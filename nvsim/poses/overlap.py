@@ -53,13 +53,16 @@ class Overlap:
 
 @dataclass(frozen=True, eq=False)
 class Overlaps:
-    """pairs      pairs of images that show one place
-    strangers  indices of frames that match neither neighbor in file order, although their neighbors match each other
-    order      indices of all frames in file order, one camera after the other
+    """The pairs of images that overlap.
+
+    pairs             pairs of images that show one place
+    unmatched_frames  indices of frames that match neither neighbor in file order, although their neighbors match each
+                      other
+    order             indices of all frames in file order, one camera after the other
     """
 
     pairs: tuple[Overlap, ...]
-    strangers: tuple[int, ...]
+    unmatched_frames: tuple[int, ...]
     order: tuple[int, ...]
 
 

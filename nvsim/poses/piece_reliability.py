@@ -71,7 +71,7 @@ def observations_of(model: pycolmap.Reconstruction) -> Observations:
     )
 
 
-def firm_pieces(
+def firmly_connected_pieces(
     model: pycolmap.Reconstruction, times: NDArray[np.float64], loose: float = _TOO_LOOSE
 ) -> list[list[int]]:
     """Image numbers of the parts of `model` that are firmly connected, the largest first.
@@ -119,7 +119,7 @@ def firm_pieces(
     return sorted((sorted(p) for p in pieces.values()), key=len, reverse=True)
 
 
-def unsure_images(model: pycolmap.Reconstruction, times: NDArray[np.float64]) -> set[int]:
+def uncertain_images(model: pycolmap.Reconstruction, times: NDArray[np.float64]) -> set[int]:
     """Image numbers of short stretches of a video that share no points with the images on one side and are a fast step
     away from those on the other. `times` (N,) are the seconds of image numbers 1 to N. Their place is known from one
     side only, and a step of that size contradicts it."""

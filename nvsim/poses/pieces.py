@@ -11,8 +11,8 @@ import pycolmap
 from numpy.typing import NDArray
 
 from nvsim.geometry.rotation import rotation_angle
-from nvsim.poses.mapping import center_of, keep_only, poses_of
-from nvsim.poses.piece_reliability import Observations, firm_pieces, observations_of
+from nvsim.poses.mapping import center_of, keep_images, poses_of
+from nvsim.poses.piece_reliability import Observations, firmly_connected_pieces, observations_of
 
 LEAST = 8  # images of a piece with a scale of its own, at least
 _KNOWN = 30  # points of a piece that an image beside it sees, at least
@@ -62,7 +62,7 @@ def with_images_beside(
     return sorted((sorted(p) for p in [*groups, *rest]), key=len, reverse=True)
 
 
-def ends_of(group: Sequence[int]) -> list[tuple[int, int]]:
+def ends_of_group(group: Sequence[int]) -> list[tuple[int, int]]:
     """The images of a group before (-1) or after (1) which an image of another group comes, and this direction."""
     return [(n, towards) for n in sorted(group) for towards in (-1, 1) if n + towards not in group]
 
@@ -76,7 +76,7 @@ def images_beside(
     own = np.bincount(seen.point[inside[seen.image]], minlength=len(seen.places)) >= 2
     known = dict(zip(seen.numbers.tolist(), np.bincount(seen.image[own[seen.point]], minlength=len(inside))))
     found: list[int] = []
-    for end, towards in ends_of(group):
+    for end, towards in ends_of_group(group):
         n = end + towards
         while n in loose and n not in found and known[n] >= _KNOWN:
             if np.linalg.norm(center_of(poses[n]) - center_of(poses[end])) > reach:
@@ -98,24 +98,24 @@ def split_into_pieces(
     `times` (N,) are the seconds of image numbers 1 to N. Each piece has its own unit. The largest of the
     `pieces` is `model` itself, without the images of the others."""
     first, *rest = pieces
-    found = [model, *(only(model, part) for part in rest)]
+    found = [model, *(submodel(model, part) for part in rest)]
     placed = set(model.reg_image_ids())
     for other in others:
         if not set(other.reg_image_ids()) - placed:
             continue
-        for part in firm_pieces(other, times):
+        for part in firmly_connected_pieces(other, times):
             left = set(part) - placed
             if left:
-                found.append(only(other, left))
+                found.append(submodel(other, left))
                 placed |= left
-    keep_only(model, first)
+    keep_images(model, first)
     return sorted(found, key=lambda piece: -piece.num_reg_images())
 
 
-def only(model: pycolmap.Reconstruction, numbers: Collection[int]) -> pycolmap.Reconstruction:
+def submodel(model: pycolmap.Reconstruction, numbers: Collection[int]) -> pycolmap.Reconstruction:
     """A copy of `model` with some of its images."""
     part = copy.deepcopy(model)
-    keep_only(part, numbers)
+    keep_images(part, numbers)
     return part
 
 
@@ -141,7 +141,7 @@ def without_bridges(model: pycolmap.Reconstruction, blurred: Collection[str]) ->
             last, following = following[farthest], following[farthest + 1 :]
     names = tuple(model.images[number].name for number in sorted(removed))
     if removed:
-        keep_only(model, set(numbers) - removed)
+        keep_images(model, set(numbers) - removed)
     return names
 
 

@@ -15,7 +15,7 @@ from nvsim.capture.types import Alignment, Capture, Frame
 from nvsim.poses.agreement import AGREES, Evidence, evidence_of, match_errors
 from nvsim.poses.overlap import Overlaps, find_overlaps
 from nvsim.poses.pose_mistakes import explain
-from nvsim.poses.refinement import is_good, median_epipolar_error
+from nvsim.poses.refinement import are_poses_good, median_epipolar_error
 
 _PAIRS, _FRAMES = 8, 5  # image pairs, and frames in them, below which the check makes no claim
 _AGREE = 0.6  # share of the pairs that agree with usable poses
@@ -134,14 +134,14 @@ def _wrong_frames(
         pairs, bad = evidence.frames[left], off[left] > _WRONG
         counts = np.bincount(pairs.ravel(), minlength=len(frames))
         faults = np.bincount(pairs[bad].ravel(), minlength=len(frames))
-        least = np.where(np.isin(np.arange(len(frames)), overlaps.strangers), 1, 2)
+        least = np.where(np.isin(np.arange(len(frames)), overlaps.unmatched_frames), 1, 2)
         sure = np.flatnonzero((faults >= least) & (faults >= 0.8 * counts))
         if not len(sure):
             break
         wrong.add(int(sure[np.argmax(faults[sure])]))
     place = {index: k for k, index in enumerate(overlaps.order)}
     poses = np.stack([f.camera_to_world for f in frames])
-    for index in overlaps.strangers:
+    for index in overlaps.unmatched_frames:
         around = [overlaps.order[place[index] + step] for step in (-1, 1)]
         steps = [float(np.linalg.norm(poses[index, :3, 3] - poses[a, :3, 3])) for a in around]
         between = float(np.linalg.norm(poses[around[0], :3, 3] - poses[around[1], :3, 3]))
@@ -151,10 +151,10 @@ def _wrong_frames(
     return tuple(frames[i].name for i in sorted(wrong))
 
 
-def of_poses(capture: Capture) -> Finding | None:
+def find_pose_contradiction(capture: Capture) -> Finding | None:
     """The finding that the poses contradict the images, and its consequence. None if the poses agree with the images or
     cannot be tested."""
-    if not capture.alignment.scale_known or is_good(missed := median_epipolar_error(capture.frames)):
+    if not capture.alignment.scale_known or are_poses_good(missed := median_epipolar_error(capture.frames)):
         return None
     message = f"the poses miss matched features by {missed:.2f} pixels; exact poses miss them by 0.1 pixels"
     if capture.is_measured:

@@ -94,13 +94,13 @@ class PartAnchors:
     wall: NDArray[np.float64]
 
 
-def no_loops() -> _Loops:
+def empty_loops() -> _Loops:
     """An empty set of loops."""
     none, whole = np.zeros((0, 3)), np.zeros(0, np.int64)
     return _Loops(none, none, whole, whole, whole, np.zeros(0))
 
 
-def no_anchors(parts: int) -> PartAnchors:
+def empty_anchors(parts: int) -> PartAnchors:
     """Anchors of `parts` parts without any known value."""
     return PartAnchors(np.full(parts, np.nan), np.full((parts, 3), np.nan), np.full((parts, 3), np.nan))
 
@@ -139,7 +139,7 @@ def without_drift(
     pivot = np.array([centers[part].mean(axis=0) for part in rows])
     joint = np.array([centers[part[0]] for part in rows[1:]])
     groups = [numbers[part].tolist() for part in rows]
-    anchors = no_anchors(len(rows)) if anchored is None else anchored(groups)
+    anchors = empty_anchors(len(rows)) if anchored is None else anchored(groups)
     plausible = _near_pairs(seen, moves, pivot, len(pairs), _PLAUSIBLE * depth)
     if anchored is not None and plausible.any() and _open(seen, plausible) < _CLOSED * depth:
         return poses, [pair for pair, use in zip(pairs, plausible, strict=True) if use]
@@ -260,7 +260,7 @@ def _points_of_loops(
                 away = float(np.linalg.norm(first[-1] - eye)) / depth
                 sure.append(1 / (_OFF * depth * max(1.0, away**2)))
     if not pair:
-        return no_loops()
+        return empty_loops()
     return _Loops(
         np.array(first).reshape(-1, 3),
         np.array(second).reshape(-1, 3),

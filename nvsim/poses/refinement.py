@@ -17,7 +17,7 @@ from nvsim.geometry.camera import Camera
 from nvsim.geometry.sampling import evenly_spaced
 from nvsim.poses.adjustment import adjust
 from nvsim.poses.features import MOST, NOTHING, Features, find_features
-from nvsim.poses.matching import epipolar_distances, matched, pairs_to_compare
+from nvsim.poses.matching import epipolar_distances, match_cameras, pairs_to_compare
 from nvsim.poses.threads import thread_pool
 from nvsim.poses.tracks import tracks_of
 
@@ -59,7 +59,7 @@ def median_epipolar_error(frames: Sequence[Frame]) -> float | None:
 
     def measured(pair: tuple[int, int]) -> float | None:
         (one, first), (other, second) = (_features_of_frame(frames[k]) for k in pair)
-        found = matched(one, other, first, second)
+        found = match_cameras(one, other, first, second)
         if not len(found):
             return None
         off = epipolar_distances(one.places[found[:, 0]], other.places[found[:, 1]], first, second)
@@ -70,7 +70,7 @@ def median_epipolar_error(frames: Sequence[Frame]) -> float | None:
     return float(np.median(distances)) if len(distances) >= _FEW else None
 
 
-def is_good(missed: float | None) -> bool:
+def are_poses_good(missed: float | None) -> bool:
     """Whether the poses need no refinement: `miss` is small, or unknown (None)."""
     return missed is None or missed < _GOOD
 
@@ -91,7 +91,7 @@ def refine(frames: Sequence[Frame], report_progress: ProgressCallback = lambda d
 
         def compared(pair: tuple[int, int]) -> NDArray[np.int64]:
             (one, first), (other, second) = (seen[k] for k in pair)
-            return matched(one, other, first, second)
+            return match_cameras(one, other, first, second)
 
         for number, agree in enumerate(pool.map(compared, pairs)):
             matches.append(agree)

@@ -25,7 +25,7 @@ from nvsim.poses.mapping import (
     adjust_all,
     consistent_pairs,
     global_mapping,
-    keep_only,
+    keep_images,
     without_bad_points,
 )
 from nvsim.poses.match_database import Pair, keypoints_of, known_camera, write_database, write_geometries
@@ -87,7 +87,7 @@ def find_rig_poses(
     far = _similar(features, rig, clips)
     found = _relative_poses(images, spheres, [*near, *far], set(near), report_progress)
     views = consistent_pairs({pair: found[pair] for pair in near if pair in found})
-    loops = believed_loops({pair: found[pair] for pair in far if pair in found}, views)
+    loops = select_reliable_loops({pair: found[pair] for pair in far if pair in found}, views)
     path = folder / "database.db"
     write_database(path, images, keypoints_of(images, features))
     write_geometries(path, _between_views(views | loops, spheres, images))
@@ -103,8 +103,8 @@ def find_rig_poses(
     _remove_bare(model, rig)
     seen = observations_of(model)
     frame = rig.frame[seen.numbers - 1]
-    pieces = firm_panoramas(seen, frame) if images.ordered else [np.unique(frame)]
-    keep_only(model, seen.numbers[np.isin(frame, pieces[0])].tolist())
+    pieces = firmly_connected_panoramas(seen, frame) if images.ordered else [np.unique(frame)]
+    keep_images(model, seen.numbers[np.isin(frame, pieces[0])].tolist())
     lost = np.setdiff1d(np.arange(len(spheres)), pieces[0])
     others = [len({int(rig.frame[i - 1]) for i in m.reg_image_ids()}) for m in models[1:]]
     sizes = (len(pieces[0]), *sorted([*(len(piece) for piece in pieces[1:]), *others], reverse=True))
@@ -199,7 +199,7 @@ def _relative_poses(
     return found
 
 
-def believed_loops(loops: Mapping[Pair, TwoViews], chain: Mapping[Pair, TwoViews]) -> dict[Pair, TwoViews]:
+def select_reliable_loops(loops: Mapping[Pair, TwoViews], chain: Mapping[Pair, TwoViews]) -> dict[Pair, TwoViews]:
     """Selects reliable loops: those with very many matches, and those that a nearby loop confirms with its rotation."""
     steps = {i: views.rotation for (i, j), views in chain.items() if j == i + 1}
 
@@ -258,10 +258,10 @@ def _remove_bare(model: pycolmap.Reconstruction, rig: RigOfViews) -> None:
     for number in model.reg_image_ids():
         shown[number - 1] = model.images[number].num_points3D
     points = np.bincount(rig.frame, shown)
-    keep_only(model, [number for number in model.reg_image_ids() if points[rig.frame[number - 1]] >= _HELD])
+    keep_images(model, [number for number in model.reg_image_ids() if points[rig.frame[number - 1]] >= _HELD])
 
 
-def firm_panoramas(seen: Observations, frame: NDArray[np.int64]) -> list[NDArray[np.int64]]:
+def firmly_connected_panoramas(seen: Observations, frame: NDArray[np.int64]) -> list[NDArray[np.int64]]:
     """Numbers of the panoramas of each firmly connected part of a video, the largest part first. `frame` (I,) is the
     panorama of each image of `seen`.
 

@@ -19,11 +19,11 @@ from scipy.ndimage import median_filter
 from scipy.spatial.transform import Rotation
 
 from nvsim.geometry.rotation import rotation_angle, smallest_rotation
-from nvsim.poses.building_frame import camera_height, level_axes, up_of, wall_direction
+from nvsim.poses.building_frame import camera_height, level_axes, vertical_of, wall_direction
 from nvsim.poses.mapping import center_of, move_image, poses_of
-from nvsim.poses.piece_reliability import Observations, firm_pieces, observations_of, shared_points
-from nvsim.poses.pieces import LEAST, ends_of, images_beside
-from nvsim.poses.pose_graph import FIRM, LOOSE, PartAnchors, no_anchors, no_loops, solve, transform_pose
+from nvsim.poses.piece_reliability import Observations, firmly_connected_pieces, observations_of, shared_points
+from nvsim.poses.pieces import LEAST, ends_of_group, images_beside
+from nvsim.poses.pose_graph import FIRM, LOOSE, PartAnchors, empty_anchors, empty_loops, solve, transform_pose
 from nvsim.poses.two_views import TwoViews
 
 _LENGTH = 12  # images of a part
@@ -100,7 +100,7 @@ def level_and_scale(model: pycolmap.Reconstruction, folder: Path) -> bool:
     Returns False and changes nothing if no floor is clear."""
     numbers = sorted(model.reg_image_ids())
     groups = [part.tolist() for part in np.array_split(numbers, max(1, round(len(numbers) / _LENGTH)))]
-    found = anchors_of(model, groups, folder, walls=False) if len(numbers) >= LEAST else no_anchors(1)
+    found = anchors_of(model, groups, folder, walls=False) if len(numbers) >= LEAST else empty_anchors(1)
     if not np.isfinite(found.height).any():
         return False
     up = np.nansum(found.up, axis=0)
@@ -157,7 +157,7 @@ def merge_turning_pieces(
                 rest.remove(small)
         loose = {n for p in rest for n in p}
         group.extend(images_beside(poses_of(model), seen, group, loose, _REACH))
-        for end, towards in ends_of(group):
+        for end, towards in ends_of_group(group):
             turn = _turn_next_to(poses_of(model), set(group), end, towards, loose - set(group), views)
             inside = [index[n] for n in (*group, *turn)]
             for n, pose in turn.items():
@@ -243,9 +243,9 @@ def anchors_of(
     """Floor height, vertical, and wall direction of groups of images, given by number. `folder` has the images. If not
     `walls`, wall directions are not estimated."""
     seen = observations_of(model)
-    up = up_of(seen.rotation)
+    up = vertical_of(seen.rotation)
     if up is None:
-        return no_anchors(len(groups))
+        return empty_anchors(len(groups))
     rows = [np.searchsorted(seen.numbers, group) for group in groups]
     return _anchors(_without_outliers([_part_of(model, seen, own, up, folder if walls else None, 0) for own in rows]))
 
@@ -260,11 +260,11 @@ def _upright(
     """The images of a reconstruction, piece by piece upright and in camera heights, and their parts. Empty if it shows
     no floor."""
     seen = observations_of(model)
-    up = up_of(seen.rotation)
+    up = vertical_of(seen.rotation)
     if up is None:
         return {}, []
     piece_of = np.full(len(seen.numbers), -1)
-    for k, piece in enumerate(p for p in firm_pieces(model, times) if len(p) >= LEAST):
+    for k, piece in enumerate(p for p in firmly_connected_pieces(model, times) if len(p) >= LEAST):
         piece_of[np.searchsorted(seen.numbers, piece)] = first_piece + k
     given = {n: model.images[n].cam_from_world() for n in seen.numbers.tolist()}
     level = smallest_rotation(up, _UP)
@@ -451,7 +451,7 @@ def _solved(poses: Poses, parts: list[_UprightPart]) -> Poses:
     joint = np.array([center_of(poses[p.numbers[0]]) for p in parts[1:]]).reshape(-1, 3)
     firm = [a.piece == b.piece >= 0 for a, b in zip(parts, parts[1:])]
     slip = np.array([_FIRM if f else _LOOSE for f in firm]).reshape(-1, 7)
-    moves = solve(no_loops(), pivot, joint, slip, _anchors(parts))
+    moves = solve(empty_loops(), pivot, joint, slip, _anchors(parts))
     return {n: transform_pose(poses[n], moves[k], pivot[k]) for k, part in enumerate(parts) for n in part.numbers}
 
 

@@ -8,7 +8,7 @@ from contextlib import contextmanager
 
 from threadpoolctl import threadpool_limits
 
-from nvsim.kernel_threads import allowed
+from nvsim.kernel_threads import allowed_threads
 
 
 @contextmanager
@@ -17,7 +17,7 @@ def thread_pool() -> Iterator[ThreadPoolExecutor]:
 
     Meanwhile a matrix product uses one thread: the threads of OpenBLAS wait actively, and would take three times the
     processor time of the products."""
-    pool = ThreadPoolExecutor(allowed(), "poses")
+    pool = ThreadPoolExecutor(allowed_threads(), "poses")
     try:
         with threadpool_limits(1, "blas"):
             yield pool

@@ -63,14 +63,14 @@ def restore(project: Project, stage: str) -> str:
     cut, graph = before.files.get("cut/submaps"), before.files.get("graph")
     submaps = None if cut is None else load_cut(root / cut)
     restored = None if graph is None else decode_graph(read_bytes(root / graph))
-    found = project.stage_results().put_to_use(stage, before).put("previous", stage, now)
+    found = project.stage_results().with_result_in_use(stage, before).with_result("previous", stage, now)
     with project.transaction() as c:
         results.write(c, found)
         if submaps is not None:
             cuts.write_rows(c, submaps)
         if restored is not None:
             graph_table.write(c, restored)
-    results.tidy(found, root)
+    results.remove_unreferenced_files(found, root)
     if submaps is not None:
         from nvsim.submaps.picture import draw_submaps
 
@@ -83,8 +83,8 @@ def discard(project: Project, stage: str) -> int:
     there is no previous result."""
     before, found = need_kept(project, stage), project.stage_results()
     freed = bytes_of(project.root, before, found.in_use(stage, project.root))
-    project.set_stage_results(found := found.put("previous", stage, None))
-    results.tidy(found, project.root)
+    project.set_stage_results(found := found.with_result("previous", stage, None))
+    results.remove_unreferenced_files(found, project.root)
     return freed
 
 

@@ -35,27 +35,27 @@ _PLAYED_BY_GEOMETRY: dict[Role, str] = {
 class FloorProvider:
     """The selected method and its networks.
 
-    models   networks by role. In the hybrid, geometry fills roles without a network. For fused, the semantic network,
-             and the normals network if the depth is estimated from images
-    because  reason why `auto` selected it, "" if the user named it
+    models  networks by role. In the hybrid, geometry fills roles without a network. For fused, the semantic network,
+            and the normals network if the depth is estimated from images
+    reason  reason why `auto` selected it, "" if the user named it
     """
 
-    how: Literal["geometry", "fused", "hybrid"]
+    method: Literal["geometry", "fused", "hybrid"]
     models: dict[Role, InstalledModel]
-    because: str = ""
+    reason: str = ""
 
     @property
-    def words(self) -> str:
+    def description(self) -> str:
         """The method in words, for the log."""
         who = "geometry"
-        if self.how == "fused":
+        if self.method == "fused":
             who = f"geometry, with {self.models['semantic'].name} where geometry leaves the floor undecided"
             if "normals" in self.models:
                 who += f" and normals by {self.models['normals'].name} where the images give no depth"
-        elif self.how == "hybrid":
+        elif self.method == "hybrid":
             played = (f"{r} by {self._name(r)}" for r in ROLES)
             who = f"the hybrid: {', '.join(played)}"
-        return f"by {who}{self.because and f' ({self.because})'}"
+        return f"by {who}{self.reason and f' ({self.reason})'}"
 
     def _name(self, role: Role) -> str:
         model = self.models.get(role)
@@ -64,27 +64,31 @@ class FloorProvider:
     @property
     def summary(self) -> dict[str, Any]:
         """The method and its networks for the record of the stage."""
-        asked = {"geometry": (), "fused": tuple(self.models), "hybrid": ROLES}[self.how]
+        asked = {"geometry": (), "fused": tuple(self.models), "hybrid": ROLES}[self.method]
         names = {role: self.models[role].name if role in self.models else GEOMETRY for role in ROLES if role in asked}
-        return {"provider": self.how, **{str(role): name for role, name in names.items()}}
+        return {"provider": self.method, **{str(role): name for role, name in names.items()}}
 
     def key(self) -> list[object]:
         """Method, version and digests of the networks, for the key of the stage; empty for geometry alone. Raises
         InputError if a network file cannot be read."""
-        if self.how == "geometry":
+        if self.method == "geometry":
             return []
-        return [self.how, _VERSIONS[self.how], [[role, model.digest()] for role, model in sorted(self.models.items())]]
+        return [
+            self.method,
+            _VERSIONS[self.method],
+            [[role, model.digest()] for role, model in sorted(self.models.items())],
+        ]
 
     def open(self, capture: Capture) -> Callable[[GeometricFloor, Cloud | None], FloorSegmenter] | None:
         """A function that makes the segmenter from a geometric one, with its networks opened; None for geometry alone.
 
         Raises InputError if a network cannot be used. For the hybrid, also if an image of `capture` cannot be read.
         """
-        if self.how == "geometry":
+        if self.method == "geometry":
             return None
         hybrid = HybridProvider(self, capture)
         hybrid.open_all()
-        if self.how == "fused":
+        if self.method == "fused":
             return hybrid.fused
         _ = hybrid.normals
         return hybrid

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from nvsim.errors import InputError
-from nvsim.files.atomic import replacing
+from nvsim.files.atomic import replacement_file
 from nvsim.files.stored_arrays import read_arrays
 from nvsim.geometry.floor_surface import FloorSurface
 from nvsim.networks.folder import models_folder
@@ -166,7 +166,7 @@ class CandidateMaker:
 
 def _write(path: Path, steps: HybridSteps) -> None:
     masks: dict[str, Any] = {name: np.packbits(getattr(steps, name)) for name in _MASKS}
-    with replacing(path) as temporary, open(temporary, "wb") as file:
+    with replacement_file(path) as temporary, open(temporary, "wb") as file:
         np.savez_compressed(
             file,
             shape=np.array(steps.semantic.shape),

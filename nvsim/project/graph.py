@@ -32,7 +32,7 @@ def load_graph(path: Path) -> NavGraph:
         return project.need_graph()
 
 
-def recorded(config: MappingConfig) -> dict[str, Any]:
+def recorded_config(config: MappingConfig) -> dict[str, Any]:
     """The part of the stage's summary that stores its configuration."""
     return {_THRESHOLDS: asdict(config)}
 
@@ -73,7 +73,7 @@ def context_on(occupancy: OccupancyMap | None, project: Project, limits: Limits 
         detour_between=_detour_between(project),
         floor=floor_beneath(project),
         photographed=thresholds.photographed,
-        untrained=untrained(project),
+        untrained=submaps_without_model(project),
     )
 
 
@@ -88,7 +88,7 @@ def _detour_between(project: Project) -> TrajectoryDetour | None:
     return TrajectoryDetour(Walk(capture.positions, support.at))
 
 
-def untrained(project: Project) -> frozenset[int]:
+def submaps_without_model(project: Project) -> frozenset[int]:
     """Submaps without a model; -1 means that no submap has a model. Empty if the trajectory is not divided yet."""
     submaps = [submap.index for submap in project.submaps("train")]
     missing = frozenset(i for i in submaps if not (project.layout.model(i) / "model.json").is_file())

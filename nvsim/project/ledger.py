@@ -49,19 +49,21 @@ def is_current(project: Project, stage: str, key: str, part: int = 0) -> bool:
     return found is not None and found.key == key
 
 
-def begin(project: Project, stage: str, key: str, part: int = 0) -> bool:
+def begin_part(project: Project, stage: str, key: str, part: int = 0) -> bool:
     """Records that a part is being made; the result in use remains in use. Returns whether unfinished work for these
     inputs can be continued."""
     found = project.stage_results()
     work = found.unfinished.get((stage, part))
     if work is not None and work.key == key:
         return True
-    project.set_stage_results(found := found.begun(stage, part, key, project.root))
-    results.tidy(found, project.root)
+    project.set_stage_results(found := found.with_unfinished_part(stage, part, key, project.root))
+    results.remove_unreferenced_files(found, project.root)
     return False
 
 
-def made(summary: Mapping[str, Any], key: str, seconds: float, settings: str = "", batch: str = "") -> StagePart:
+def finished_part(
+    summary: Mapping[str, Any], key: str, seconds: float, settings: str = "", batch: str = ""
+) -> StagePart:
     """A part of a stage that finished just now."""
     return StagePart(key, seconds, time.time(), json.dumps(summary), __version__, settings, batch)
 
@@ -80,20 +82,20 @@ def finish(
     also: Mapping[int, str] | None = None,
     keep: bool = True,
 ) -> None:
-    """Commits the part that was made since `begin`, and replaces the result in use.
+    """Commits the part that was made since `begin_part`, and replaces the result in use.
 
     write_rows  writes other tables in the same transaction
-    files       places of files that are not made at the places of `begin`
+    files       places of files that are not made at the places of `begin_part`
     settings    options as JSON, if later stages read them
     before      files of the replaced result, in addition to those in use
     also        keys of other parts that are made together with this one
     keep        whether the replaced result becomes the previous result of the stage
     """
     found, root = project.stage_results(), project.root
-    # A part without `begin`, as in a project of an older version, keeps its present key.
+    # A part without `begin_part`, as in a project of an older version, keeps its present key.
     start = found.unfinished.get((stage, part)) or found.part(stage, part)
-    parts = {part: made(summary, "" if start is None else start.key, seconds, settings)}
-    parts |= {other: made({}, key, 0.0) for other, key in (also or {}).items()}
+    parts = {part: finished_part(summary, "" if start is None else start.key, seconds, settings)}
+    parts |= {other: finished_part({}, key, 0.0) for other, key in (also or {}).items()}
     new = {name: place for name, place in found.made_at(stage, part).items() if part == 0 and (root / place).exists()}
     newest = found.places.get("cut/submaps")
     if stage == "floors" and part == 0 and newest is not None:
@@ -106,15 +108,15 @@ def finish(
         results.write(c, found)
         if write_rows is not None:
             write_rows(c)
-    results.tidy(found, root)
+    results.remove_unreferenced_files(found, root)
 
 
-def forget(project: Project, stage: str) -> None:
+def remove_records(project: Project, stage: str) -> None:
     """Removes the records of a stage, as if it had never run."""
     found = project.stage_results()
     in_use = found.get("in use", stage) or StageResult()
     unfinished = {key: work for key, work in found.unfinished.items() if key[0] != stage}
-    found = replace(found, unfinished=unfinished).put("in use", stage, StageResult({}, in_use.files))
+    found = replace(found, unfinished=unfinished).with_result("in use", stage, StageResult({}, in_use.files))
     project.set_stage_results(found)
 
 
@@ -153,31 +155,33 @@ def add_model(project: Project, submap: int, seconds: float, figures: dict[str, 
     """
     found, root = project.stage_results(), project.root
     work = found.unfinished.get((TRAIN, submap))
-    part = made(figures, "" if work is None else work.key, seconds)
+    part = finished_part(figures, "" if work is None else work.key, seconds)
     files = found.made_at(TRAIN, submap)
     used, former = True, found.in_use(TRAIN, root)
-    found = found.dropped(TRAIN, submap)
+    found = found.without_unfinished(TRAIN, submap)
     if TRAIN in found.former:
         new = _newest(found)
         new = StageResult({**new.parts, submap: part}, {**new.files, **files})
         used = set(new.parts) >= {s.index for s in project.submaps()}
         if used:
-            found = found.put("previous", TRAIN, former).put_to_use(TRAIN, new)
-        found = found.put("next", TRAIN, None if used else new)
+            found = found.with_result("previous", TRAIN, former).with_result_in_use(TRAIN, new)
+        found = found.with_result("next", TRAIN, None if used else new)
     else:
         before, in_use = None, found.get("in use", TRAIN) or StageResult()
         parts = in_use.parts
         if all(p.batch != batch for p in parts.values()) or (submap in parts and parts[submap].batch == batch):
             before = former
             earlier = {index: replace(part, batch="") for index, part in parts.items()}
-            found = found.put("in use", TRAIN, StageResult(earlier, in_use.files))
+            found = found.with_result("in use", TRAIN, StageResult(earlier, in_use.files))
         if "cut/submaps" in found.places:
             files["cut/train"] = found.places["cut/submaps"]
-        found = found.finished(TRAIN, {submap: replace(part, batch=batch)}, files, before).put("next", TRAIN, None)
+        found = found.finished(TRAIN, {submap: replace(part, batch=batch)}, files, before).with_result(
+            "next", TRAIN, None
+        )
     project.set_stage_results(found)
     remove_folder(project.layout.live(submap))
     project.layout.checkpoint(submap).unlink(missing_ok=True)
-    results.tidy(found, root)
+    results.remove_unreferenced_files(found, root)
     return used
 
 
@@ -187,7 +191,7 @@ def clear_unfinished(project: Project, of_others: Iterable[int]) -> None:
     found, layout = project.stage_results(), project.layout
     left = {part for stage, part in found.unfinished if stage == TRAIN}
     wanted = left & set(of_others)
-    project.set_stage_results(found := found.dropped(TRAIN, *(left - wanted)))
+    project.set_stage_results(found := found.without_unfinished(TRAIN, *(left - wanted)))
     keep = {p for part in wanted for p in (layout.checkpoint(part), layout.live(part))}
     for path in [*layout.checkpoints.glob("submap_*.ckpt"), *layout.checkpoints.glob("live_*")]:
         if path in keep:
@@ -198,4 +202,4 @@ def clear_unfinished(project: Project, of_others: Iterable[int]) -> None:
             path.unlink(missing_ok=True)
     for path in layout.checkpoints.glob(".*"):
         remove(path)
-    results.tidy(found, project.root)
+    results.remove_unreferenced_files(found, project.root)

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from nvsim.capture.sweeps import Sweep
 from nvsim.capture.types import Capture, Cloud
 from nvsim.errors import InputError
-from nvsim.events import Listener, Progress, silent
+from nvsim.events import Listener, Progress, ignore_event
 from nvsim.geometry.cells import grid_size
 from nvsim.geometry.floor_surface import FloorSurface, StackedFloor
 from nvsim.geometry.sampling import STRIDE, places_between
@@ -24,7 +24,7 @@ from nvsim.perception.floor_height import estimate_floor
 from nvsim.perception.support import FloorSupport
 from nvsim.perception.support import positions_at_common_heights as carried_as_usual
 from nvsim.project.floor_heights import floor_of
-from nvsim.project.occupancy_sources import STAGE, MeasuredRays, makers_of
+from nvsim.project.occupancy_sources import STAGE, MeasuredRays, source_digests
 from nvsim.project.project import Project
 
 _POINTS_PER_CELL = 2
@@ -44,7 +44,7 @@ def built_map(project: Project) -> Path | None:
     if capture is None or not path.is_file():
         return None
     said = read_provenance(path)
-    if said is None or said.source == "trained" or not set(said.makers) & set(makers_of(capture, None)):
+    if said is None or said.source == "trained" or not set(said.makers) & set(source_digests(capture, None)):
         return None
     return path
 
@@ -61,7 +61,7 @@ def refuse_own_depth(map: Path, project: Project) -> None:
     said = read_provenance(map)
     if said is None or said.source != "trained":
         return
-    if set(said.makers) & set(makers_of(project.need_capture(), project)):
+    if set(said.makers) & set(source_digests(project.need_capture(), project)):
         raise InputError(
             f"{map} was built from the rendered depth of this project's own models, so it cannot evaluate them; "
             "build a map with `nvsim occupancy build --source lidar`, depth or images."
@@ -147,7 +147,7 @@ def build_occupancy(
     reach: float | None = None,
     walked: float = 0.0,
     camera_height: float | None = None,
-    listen: Listener = silent,
+    listen: Listener = ignore_event,
 ) -> BuiltMap:
     """Builds the map from `rays`, in the aligned frame.
 
@@ -196,7 +196,7 @@ def build_occupancy(
         note += f" The {walked:g} m to either side of the trajectory are marked free, which changed {area:.1f} m²."
     if rays.cloud is not None:
         note += f" {100 * unseen / len(rays.cloud):.0f} % of the points are visible from no camera and free no cells."
-    provenance = Provenance(rays.source, note, heights.from_height, heights.to_height, makers_of(capture, project))
+    provenance = Provenance(rays.source, note, heights.from_height, heights.to_height, source_digests(capture, project))
     return BuiltMap(occupancy, provenance, grid.steps, unseen)
 
 

@@ -191,7 +191,7 @@ def trajectory_digest(capture: Capture) -> str:
     return state.hexdigest()[:24]
 
 
-def makers_of(capture: Capture, project: Project | None) -> tuple[str, ...]:
+def source_digests(capture: Capture, project: Project | None) -> tuple[str, ...]:
     """The digest of the trajectory, and that of the project's folder if there is a project."""
     if project is None:
         return (trajectory_digest(capture),)

@@ -7,7 +7,7 @@ from pathlib import Path
 
 from nvsim.cluster.config import Storage
 from nvsim.cluster.piece import Executor
-from nvsim.events import Listener, silent
+from nvsim.events import Listener, ignore_event
 from nvsim.project.config import CaptureConfig, DepthUse, RunConfig
 from nvsim.project.floor_provider import choose
 from nvsim.project.project import Project
@@ -20,7 +20,7 @@ def run(
     source: Path,
     capture_config: CaptureConfig,
     config: RunConfig,
-    listen: Listener = silent,
+    listen: Listener = ignore_event,
     depth: DepthUse = "auto",
     executor: Executor | None = None,
     storage: Storage = "auto",

@@ -83,7 +83,7 @@ class Project:
             refuse_links_out(layout.root)
             lock = WriterLock(layout.lock)
         try:
-            return Project(layout, database.connect(layout.database, read_only=not writable), lock)
+            return Project(layout, database.connect_database(layout.database, read_only=not writable), lock)
         except BaseException:
             if lock is not None:
                 lock.release()
@@ -170,7 +170,7 @@ class Project:
             now = stamp(self._database)
             if now != self._stamp:
                 past, path = self.connection, self._database
-                self.connection, self._stamp = database.connect(path, read_only=True), now
+                self.connection, self._stamp = database.connect_database(path, read_only=True), now
                 past.close()
             return hash(now)
         with tables.reading_rows(self.connection, self._database):
@@ -218,7 +218,7 @@ class Project:
             return scanned
         if capture.has_measured_depth:
             seen = replace(seen, kind="depth", normals=None)  # as accurate as a LiDAR scan, so used like one
-        return scanned.completed_by(seen) if scanned is not None and dense else seen
+        return scanned.merged_with(seen) if scanned is not None and dense else seen
 
     def scan_on(self, floor: Floor, places: NDArray[np.floating] | None = None, reach: float = 0.0) -> Cloud | None:
         """Like `scan`, without the noise of estimated depth near `floor`, so that floor does not count as obstacle. If
@@ -403,7 +403,7 @@ def layout_of(root: Path) -> Layout:
     """The layout of a project with its results in use. The project need not be open."""
     plain = Layout(root)
     try:
-        connection = database.connect(plain.database, read_only=True)
+        connection = database.connect_database(plain.database, read_only=True)
     except Exception:  # not a readable project: the error is reported when it is opened
         return plain
     try:

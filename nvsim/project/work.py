@@ -20,20 +20,20 @@ STAGES: tuple[StageName, ...] = get_args(StageName)
 class ProjectCommand(NamedTuple):
     """A command that works on a project.
 
-    verb   `nvsim VERB` runs it
-    title  name of the command in the window
-    does   one clause about it, without capital and period
-    needs  the stage whose result it needs; None if it needs none
-    heavy  whether it waits until no other heavy job runs on the project
-    draws  whether it also renders the trained models
+    verb            `nvsim VERB` runs it
+    title           name of the command in the window
+    summary         one clause about it, without capital and period
+    needs           the stage whose result it needs; None if it needs none
+    heavy           whether it waits until no other heavy job runs on the project
+    renders_models  whether it also renders the trained models
     """
 
     verb: str
     title: str
-    does: str
+    summary: str
     needs: StageName | None
     heavy: bool = True
-    draws: bool = False
+    renders_models: bool = False
 
     @property
     def prints_figures(self) -> bool:
@@ -44,23 +44,23 @@ class ProjectCommand(NamedTuple):
 class StageTexts(NamedTuple):
     """Texts about a stage, by the state of its result.
 
-    result    the result, as in "the project has no RESULT yet"
-    lacking   the reason why work that needs the result cannot start, without capital and period
-    made      how the result was made, as in "the capture has grown since MADE"
-    former    the result belongs to a previous cut into submaps; "" if that is impossible
-    command   the command that makes the result, without `nvsim`
+    result             the result, as in "the project has no RESULT yet"
+    missing            the reason why work that needs the result cannot start, without capital and period
+    how_made           how the result was made, as in "the capture has grown since MADE"
+    from_previous_cut  the result belongs to a previous cut into submaps; "" if that is impossible
+    command            the command that makes the result, without `nvsim`
     """
 
     result: str
-    lacking: str
-    made: str
-    former: str
+    missing: str
+    how_made: str
+    from_previous_cut: str
     command: str
 
     @property
     def outdated(self) -> str:
         """A sentence about a result that is older than the present capture; "" if that is impossible."""
-        return f"The capture has grown since {self.made}." if self.made else ""
+        return f"The capture has grown since {self.how_made}." if self.how_made else ""
 
 
 WORK: dict[str, ProjectCommand] = {
@@ -124,7 +124,7 @@ WORK: dict[str, ProjectCommand] = {
             "Export scan for agents",
             "write a scan in Matterport's layout: connectivity, skyboxes with depth, views, floor plans",
             "map",
-            draws=True,
+            renders_models=True,
         ),
         ProjectCommand(
             "export features",
@@ -144,7 +144,7 @@ WORK: dict[str, ProjectCommand] = {
             "Export a dataset",
             "make a benchmark: a scan for agents, features, tasks with instructions, and a table of baselines",
             "map",
-            draws=True,
+            renders_models=True,
         ),
         ProjectCommand(
             "export splats",
@@ -194,7 +194,7 @@ SPLAT_STAGES: tuple[StageName, ...] = ("import", "floors", "map")
 """The stages of a project from splat files. Its submaps and models are part of the import."""
 PIPELINE: tuple[StageName, ...] = STAGES[1:]
 """The stages after the import, in the order in which the window runs them."""
-FROM_A_CUT = tuple(stage for stage in STAGES if STAGE[stage].former)
+FROM_A_CUT = tuple(stage for stage in STAGES if STAGE[stage].from_previous_cut)
 """The stages whose results belong to one cut of the trajectory."""
 NEEDS_IMAGES = frozenset(
     ("submaps", "depth", "train", "evaluate views", "evaluate floor", "evaluate depth", "evaluate ablation")

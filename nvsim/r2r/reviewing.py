@@ -196,7 +196,7 @@ def export_reviewed(
 
 def task_error(task: Task, distances: Distances) -> str:
     """Returns the reason why `task` does not fit the graph, or "". A joined path need not be a shortest path."""
-    wrong = distances.wrong_step(task.path)
+    wrong = distances.find_invalid_step(task.path)
     if wrong or isinstance(task, JoinedTask) or len(task.path) < 2:
         return wrong
     rows = [distances.row[id] for id in task.path]
@@ -221,11 +221,11 @@ def scored_episodes(tasks: Iterable[Task], trajectories: Trajectories, distances
     alone: list[Task] = []  # tasks with one instruction each and new path_ids
     walks: dict[str, tuple[Pose, ...]] = {}
     for task in tasks:
-        if len(task.path) < 2 or distances.wrong_step(task.path):
+        if len(task.path) < 2 or distances.find_invalid_step(task.path):
             continue
         for id in task.instr_ids:
             poses = tuple(trajectories.get(id, ()))
-            if poses and not distances.wrong_step([pose[0] for pose in poses]):
+            if poses and not distances.find_invalid_step([pose[0] for pose in poses]):
                 alone.append(Task(len(ids), "", task.path, task.heading))
                 walks[alone[-1].instr_ids[0]] = poses
                 ids.append(id)

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from nvsim.files.atomic import make_folder, replacing
+from nvsim.files.atomic import make_folder, replacement_file
 from nvsim.geometry.camera import Camera, level_of
 
 UNKNOWN = 255
@@ -50,7 +50,7 @@ def write_shard(path: Path, examples: Sequence[Example]) -> None:
     make_folder(path)
     if examples:
         _write(path, examples)
-    with replacing(path / "done.json") as temporary:
+    with replacement_file(path / "done.json") as temporary:
         temporary.write_text(json.dumps({"examples": len(examples)}))
 
 
@@ -64,11 +64,11 @@ def _write(path: Path, examples: Sequence[Example]) -> None:
         "cameras": np.stack([_numbers(e.camera, level) for e, level in zip(examples, levels)]),
     }
     for name, array in arrays.items():
-        with replacing(path / f"{name}.npy") as temporary, open(temporary, "wb") as file:
+        with replacement_file(path / f"{name}.npy") as temporary, open(temporary, "wb") as file:
             np.save(file, array)
 
 
-def is_whole(path: Path) -> bool:
+def is_complete_shard(path: Path) -> bool:
     """Whether the shard at `path` is complete."""
     return (path / "done.json").is_file()
 

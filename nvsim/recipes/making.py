@@ -8,12 +8,12 @@ from pathlib import Path
 import torch
 
 from nvsim.errors import InputError
-from nvsim.events import Done, Listener, Progress, silent
+from nvsim.events import Done, Listener, Progress, ignore_event
 from nvsim.project.project import Project
 from nvsim.r2r.features.trunk import need_weights
 from nvsim.recipes.captures import name_of, photographs, renders
 from nvsim.recipes.config import RecipeConfig
-from nvsim.recipes.examples import Example, Shards, is_whole, write_shard
+from nvsim.recipes.examples import Example, Shards, is_complete_shard, write_shard
 from nvsim.recipes.interiors import interior
 from nvsim.recipes.network import export
 from nvsim.recipes.training import STAGE, train, weights_of
@@ -24,7 +24,7 @@ _UPRIGHT_EVERY = 5
 
 def make(
     folder: Path, config: RecipeConfig, projects: Sequence[Path] = (), start: Path | None = None,
-    listen: Listener = silent,
+    listen: Listener = ignore_event,
 ) -> Path:  # fmt: skip
     """Makes examples, trains a network in `folder`, and returns the path of its ONNX file.
 
@@ -65,7 +65,7 @@ def _interiors(folder: Path, config: RecipeConfig, listen: Listener) -> tuple[li
         listen(Progress(STAGE, number, config.interiors, "interiors"))
         upright = number % _UPRIGHT_EVERY == _UPRIGHT_EVERY - 1
         path = folder / "interiors" / f"{number:05d}-{config.views}"
-        if not is_whole(path):
+        if not is_complete_shard(path):
             write_shard(path, interior(number, config.views, upright))
         paths.append(path)
     return paths, [1.0] * len(paths)
@@ -81,7 +81,7 @@ def _of_project(folder: Path, project: Path, config: RecipeConfig, listen: Liste
     for number, (name, source) in enumerate(sources.items()):
         listen(Progress(STAGE, number, len(sources), f"{name_of(project)}: {name}"))
         done = folder / f"{name}-{config.captured}"
-        if not is_whole(done):
+        if not is_complete_shard(done):
             with Project.open(project) as opened:
                 examples = list(source(opened))
             sizes = dict.fromkeys(e.image.shape for e in examples)

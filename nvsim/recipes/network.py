@@ -24,7 +24,7 @@ from torch.nn import functional
 from nvsim.errors import InputError
 from nvsim.files.atomic import make_folder, write_bytes, write_text
 from nvsim.files.reading import reading
-from nvsim.r2r.features.trunk import Layer, folded, need_weights, padding, read_weights
+from nvsim.r2r.features.trunk import Layer, fold_batch_norms, need_weights, padding, read_weights
 from nvsim.recipes.batches import MEAN, STD
 
 MULTIPLE = 32
@@ -99,7 +99,7 @@ class InteriorNetwork(nn.Module):
 
     def __init__(self) -> None:
         super().__init__()
-        stem, blocks, _ = folded(read_weights(need_weights()))
+        stem, blocks, _ = fold_batch_norms(read_weights(need_weights()))
         self.stem = _Convolution(stem)
         self.blocks = nn.ModuleList(_Block(layers) for layers in blocks[: max(_TAPS) + 1])
         fine, wide = _WIDTHS[0], _WIDTHS[-1]
@@ -150,7 +150,7 @@ class InteriorNetwork(nn.Module):
         return trunk, {name: p for name, p in both.items() if name not in trunk}
 
 
-def loss(
+def prediction_loss(
     found: tuple[Tensor, Tensor], floor: Tensor, normals: Tensor, known: Tensor
 ) -> tuple[Tensor, dict[str, float]]:
     """The loss of a prediction, and its parts: cross entropy, Dice loss of the floor, and the angle of normals.

@@ -14,13 +14,13 @@ from safetensors.torch import load_file, save_file
 from torch import Tensor
 
 from nvsim.errors import InputError
-from nvsim.events import Listener, Metric, Progress, silent
-from nvsim.files.atomic import replacing
+from nvsim.events import Listener, Metric, Progress, ignore_event
+from nvsim.files.atomic import replacement_file
 from nvsim.files.reading import reading
 from nvsim.recipes.batches import batch
 from nvsim.recipes.config import RecipeConfig
 from nvsim.recipes.examples import Shards
-from nvsim.recipes.network import InteriorNetwork, exported_weights, loss
+from nvsim.recipes.network import InteriorNetwork, exported_weights, prediction_loss
 
 CHECKPOINT = "training.safetensors"
 STAGE = "models train"
@@ -64,7 +64,7 @@ class Training:
         for group in self._optimizer.param_groups:
             group["lr"] = group["rate"] * schedule(self.step, c.steps)
         found = self.network(images.contiguous(memory_format=torch.channels_last), rays)
-        total, parts = loss(found, floor, normals, known)
+        total, parts = prediction_loss(found, floor, normals, known)
         self._optimizer.zero_grad(set_to_none=True)
         total.backward()
         torch.nn.utils.clip_grad_norm_(list(self._learning.values()), 1.0)
@@ -90,7 +90,7 @@ class Training:
             if i in state:
                 tensors |= {f"first/{name}": state[i]["exp_avg"], f"second/{name}": state[i]["exp_avg_sq"]}
         whole = {name: tensor.contiguous() for name, tensor in tensors.items()}
-        with replacing(path) as temporary:
+        with replacement_file(path) as temporary:
             save_file(whole, temporary, {"step": str(self.step), "seed": str(self.config.seed)})
 
     def restore(self, path: Path) -> None:
@@ -142,7 +142,7 @@ def schedule(step: int, steps: int) -> float:
 
 def train(
     folder: Path, shards: Shards, shares: Sequence[float], config: RecipeConfig, start: Path | None = None,
-    listen: Listener = silent,
+    listen: Listener = ignore_event,
 ) -> InteriorNetwork:  # fmt: skip
     """Trains a network on `shards`, drawn by their `shares`, and returns it.
 

@@ -129,7 +129,7 @@ def _options_of(known: PosesReport, footage: Footage) -> CutOptions | None:
     return CutOptions(None if footage.sides else known.views, Path(known.mask[0][0]) if known.mask else None)
 
 
-def is_begun_for_others(folder: Path, footage: Footage) -> bool:
+def has_poses_of_other_files(folder: Path, footage: Footage) -> bool:
     """Whether `folder` has unfinished poses of files other than these."""
     begun = _begun(folder)
     return begun is not None and begun.stamp != _stamp(footage)
@@ -166,10 +166,10 @@ def _report_end(report: PosesReport, listen: Listener) -> PosesReport:
     """Reports the end of the stage."""
     if report.left_out:
         names = ", ".join(report.left_out[:_NAMED]) + (", ..." if len(report.left_out) > _NAMED else "")
-        listen(Warning(f"{len(report.left_out)} {report.noun} have no pose: {names}.", STAGE))
+        listen(Warning(f"{len(report.left_out)} {report.image_noun} have no pose: {names}.", STAGE))
     summary = (
-        f"{report.with_pose} of {report.frames} {report.noun} have a pose (residual {report.residual_px:.2f} pixels, "
-        f"{report.loops} loops)"
+        f"{report.with_pose} of {report.frames} {report.image_noun} have a pose "
+        f"(residual {report.residual_px:.2f} pixels, {report.loops} loops)"
     )
     figures = {"frames": report.frames, "with_pose": report.with_pose, "blurred": report.blurred}
     figures |= {"looked_at": report.looked_at, "loops": report.loops, "pieces": len(report.pieces)}
@@ -298,7 +298,7 @@ def _computed(request: _Request, tell: Callable[[Progress | Log | Warning], None
         bridges = [name for model in found.models for name in without_bridges(model, blurred)]
     report = PosesReport(
         source=str(footage.source.absolute()),
-        footage=footage.words,
+        footage=footage.description,
         stamp=request.stamp,
         settings=SETTINGS,
         looked_at=stored.looked_at,

@@ -37,7 +37,7 @@ class GrowingTrajectory:
     piece: NDArray[np.int64]
 
 
-def growing_of(models: Sequence[pycolmap.Reconstruction]) -> GrowingTrajectory:
+def growing_trajectory(models: Sequence[pycolmap.Reconstruction]) -> GrowingTrajectory:
     """The camera positions of reconstructions, the largest first, each as one piece."""
     from nvsim.capture.alignment import find_up
     from nvsim.geometry.rotation import smallest_rotation
@@ -65,7 +65,7 @@ def growing_of(models: Sequence[pycolmap.Reconstruction]) -> GrowingTrajectory:
 
 def write_growing(models: Sequence[pycolmap.Reconstruction], folder: Path) -> None:
     """Writes the file in `folder`. Raises InputError if writing fails."""
-    found, data = growing_of(models), io.BytesIO()
+    found, data = growing_trajectory(models), io.BytesIO()
     np.savez(data, positions=found.positions, frame=found.frame, piece=found.piece)
     atomic.write_bytes(folder / GROWING, data.getvalue())
 

@@ -73,7 +73,7 @@ def pose_panoramas(
     )
     report = PosesReport(
         source=str(footage.source.absolute()),
-        footage=footage.words if footage.sides else f"{footage.words} of a 360 degree camera",
+        footage=footage.description if footage.sides else f"{footage.description} of a 360 degree camera",
         stamp=stamp,
         settings=SETTINGS,
         looked_at=found.looked_at,

@@ -58,14 +58,14 @@ def _is_equirectangular(tree: dict[str, Any]) -> bool:
     return all(isinstance(f, dict) and {**tree, **f}.get("camera_model") == MODEL for f in frames)
 
 
-def belongs_to(folder: Path, file: Path, options: CutOptions | None = None) -> bool:
+def has_views_of(folder: Path, file: Path, options: CutOptions | None = None) -> bool:
     """Whether `folder` has the views of the panoramas that `file` lists, finished or not. If `options` are given, the
     views must also agree with them."""
     mark = _mark(folder)
     return mark is not None and mark.files == _stamp(file) and mark.agrees(options)
 
 
-def is_used(folder: Path) -> bool:
+def has_panorama_views(folder: Path) -> bool:
     """Whether `folder` has views of posed panoramas."""
     return is_regular(folder / _MARK)
 
@@ -90,7 +90,7 @@ class _PanoramaRecord:
 
 
 def _mark(folder: Path) -> _PanoramaRecord | None:
-    if not is_used(folder):
+    if not has_panorama_views(folder):
         return None
     data = read_json(folder / _MARK, "a record of panoramas", "remove the folder")
     with reading(folder / _MARK, "a record of panoramas", "remove the folder"):
@@ -221,10 +221,10 @@ def _cut(
     with OpenGL axes."""
     import cv2
 
-    from nvsim.footage.views import cut
+    from nvsim.footage.views import cut_views
 
     kept = {key: value for key, value in entry.items() if key not in (*LENS_FIELDS, *_DROPPED, "mask_path")}
-    for place, turn, view in zip(views.names(name), views.turns, cut(image, views), strict=True):
+    for place, turn, view in zip(views.names(name), views.turns, cut_views(image, views), strict=True):
         encoded = cv2.imencode(".jpg", view, [cv2.IMWRITE_JPEG_QUALITY, _QUALITY])[1]
         _write(folder / "images" / f"{place}.jpg", encoded.tobytes())
         to_panorama = np.eye(4)

@@ -137,7 +137,7 @@ class PosesReport:
     compared: FeatureComparison | None = None
 
     @property
-    def noun(self) -> str:
+    def image_noun(self) -> str:
         """The word for the images: "frames" of a video, or "photographs"."""
         return "photographs" if "photographs" in self.footage else "frames"
 
@@ -173,7 +173,7 @@ class PosesReport:
         known = Alignment(smallest_rotation(measured.up, (0.0, 0.0, 1.0)), measured.scale) if measured.up else None
         return measured.scale, None, known
 
-    def contradiction(self, scale: float, source: Path, model: str = "") -> str:
+    def scale_contradiction(self, scale: float, source: Path, model: str = "") -> str:
         """A sentence if the user's `scale`, in meters per unit of the poses, differs by more than 10 % from the
         measured scale of a piece; "" otherwise."""
         measured = self.measured_for(source, model)
@@ -203,17 +203,17 @@ class PosesReport:
     def refusal(self) -> str:
         """One sentence with advice, for a report that is not usable."""
         sizes = ", ".join(map(str, self.pieces[:6]))
-        pieces = f" (separate pieces of {sizes} {self.noun})" if len(self.pieces) > 1 else ""
+        pieces = f" (separate pieces of {sizes} {self.image_noun})" if len(self.pieces) > 1 else ""
         numbers = " or ".join(f"--model {number}" for number in range(min(self.models, 6)))
         choice = f", or continue with one piece by {numbers}" if numbers else ""
         advice = (
             "take more photographs that overlap much, each one from a step to the side of the previous one"
-            if self.noun == "photographs"
+            if self.image_noun == "photographs"
             else "film more slowly, walk through turns instead of turning on the spot, and keep furniture or other "
             "texture in view"
         )
         return (
-            f"Only {self.with_pose} of {self.frames} {self.noun} of {self.source} have a common pose{pieces}; "
+            f"Only {self.with_pose} of {self.frames} {self.image_noun} of {self.source} have a common pose{pieces}; "
             f"{advice}{choice}."
         )
 
@@ -260,20 +260,20 @@ def rows(report: PosesReport) -> dict[str, str]:
     """The report in plain words: name and text of each row."""
     share = 100 * report.with_pose / max(report.frames, 1)
     kept = f"{report.with_pose:,} of {report.frames:,} ({share:.0f} %)"
-    joined = f"all {report.noun} are connected"
+    joined = f"all {report.image_noun} are connected"
     if len(report.pieces) > 1:
         others = ", ".join(f"{n:,}" for n in report.pieces[1:6]) + (", ..." if len(report.pieces) > 6 else "")
-        joined = f"{len(report.pieces)}: the largest has {report.pieces[0]:,} {report.noun}, "
+        joined = f"{len(report.pieces)}: the largest has {report.pieces[0]:,} {report.image_noun}, "
         joined += f"the {'other has' if len(report.pieces) == 2 else 'others have'} {others}"
         if report.models > 1:
             joined += f"; --model 1{f' to {report.models - 1}' if report.models > 2 else ''} imports another piece"
     width, height = report.size_px
     focal = ", ".join(f"{f:.0f}" for f in report.focal_px)
-    is_video = report.noun == "frames"
+    is_video = report.image_noun == "frames"
     found = {"Video" if is_video else "Photographs": report.source}
     if is_video:
         found["Decoded frames"] = f"{report.looked_at:,}"
-    found[f"{report.noun.capitalize()} with a pose"] = kept
+    found[f"{report.image_noun.capitalize()} with a pose"] = kept
     if is_video:
         found["Blurred frames"] = f"{report.blurred:,} of the chosen frames" if report.blurred else "none"
         if report.bridges:
@@ -299,7 +299,7 @@ def rows(report: PosesReport) -> dict[str, str]:
     if report.left_out:
         names = ", ".join(report.left_out[:5]) + (", ..." if len(report.left_out) > 5 else "")
         without = f"{len(report.left_out):,}, too little in common with the others: {names}"
-        found[f"{report.noun.capitalize()} without a pose"] = without
+        found[f"{report.image_noun.capitalize()} without a pose"] = without
     for number, measured in enumerate(report.measured[:_SHOWN]):
         upright = number < len(report.upright) and report.upright[number]
         found[f"Measured scale of piece {number}" if number else "Measured scale"] = measured.words(upright)

@@ -13,7 +13,7 @@ from weakref import WeakKeyDictionary
 import numpy as np
 
 from nvsim.geometry.camera import Camera
-from nvsim.kernel_threads import at_once
+from nvsim.kernel_threads import can_start_kernels_at_once
 from nvsim.render.backends import RenderOutput, expected_depth
 from nvsim.render.by_rays import draw_by_rays, is_wide
 from nvsim.render.kernel_types import Float32, Mask
@@ -46,7 +46,7 @@ def side_by_side(draw: Callable[[int, RenderBuffers], T], views: int) -> list[T]
             numba.set_num_threads(before)
 
     with LOCK:
-        others = min(threads, views) - 1 if at_once() else 0
+        others = min(threads, views) - 1 if can_start_kernels_at_once() else 0
         waiting = [_pool(threads).submit(work) for _ in range(others)]
         try:
             work()

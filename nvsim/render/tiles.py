@@ -15,7 +15,7 @@ _SHORT = 24
 
 
 @njit(cache=True)
-def starts(
+def find_tile_starts(
     tile_counts: Int32,  # (blocks, tiles) in: entries; out: position of the block's first entry of the tile
     offsets: Int64,  # (tiles + 1,) out: start of each tile
 ) -> tuple[np.int64, np.int64]:
@@ -73,7 +73,7 @@ def scatter(
     n: int,  # N
     visible: Int32,  # (blocks,) rows of each block of splats
     wanted: Mask,  # (tiles,) requested tiles, row by row
-    cursors: Int32,  # (blocks, tiles) of `starts`, changed
+    cursors: Int32,  # (blocks, tiles) of `find_tile_starts`, changed
     columns: int,  # tiles in a row of the image
     lines: int,  # rows of tiles
     entries: UInt64,  # (entries or more,) out
@@ -157,7 +157,7 @@ def _sort_part(
 @njit(parallel=True, cache=True, nogil=True)
 def sort(
     entries: UInt64,  # (entries or more,) of `scatter`, sorted in place
-    offsets: Int64,  # (tiles + 1,) of `starts`
+    offsets: Int64,  # (tiles + 1,) of `find_tile_starts`
     threads: int,  # number of tasks that share the tiles
     spare: UInt64,  # (threads, longest tile or more) scratch
     rows: Int32,  # (entries or more,) out: rows of splats, nearest first in every tile

@@ -16,7 +16,7 @@ from nvsim.render.projection import project
 from nvsim.render.projection_gradient import project_gradient
 from nvsim.render.raster import draw
 from nvsim.render.raster_gradient import GRADIENT_WIDTH, draw_gradient
-from nvsim.render.tiles import scatter, sort, starts
+from nvsim.render.tiles import find_tile_starts, scatter, sort
 from nvsim.splats.types import Gaussians
 
 LOCK = threading.RLock()
@@ -163,7 +163,7 @@ class RenderBuffers:
 
     def bin(self) -> None:
         """Computes the order in which each tile draws the splats."""
-        total, longest = starts(self._cursors, self._offsets)
+        total, longest = find_tile_starts(self._cursors, self._offsets)
         self._entries = int(total)
         if len(self._pairs) < total:
             self._pairs = np.empty(_grown(total), np.uint64)

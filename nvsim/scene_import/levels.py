@@ -174,7 +174,7 @@ def find_storeys(gaussians: Gaussians, surface: SurfacePoints) -> Storeys:
     columns, rows = grid_size(low, high, _NODES, "the Gaussians")
     nodes = (rows + 2, columns + 2)
     found = []
-    for height, above in zip(heights, ceilings(heights), strict=True):
+    for height, above in zip(heights, ceiling_distances(heights), strict=True):
         near = level[np.abs(level[:, 2] - height) < _AROUND]
         floor = _surface(near, height, (float(low[0]), float(low[1])), nodes)
         tops = level[(level[:, 2] > height + CEILING[0]) & (level[:, 2] < height + above + 0.1)]
@@ -184,7 +184,7 @@ def find_storeys(gaussians: Gaussians, surface: SurfacePoints) -> Storeys:
     return Storeys(levels, "" if levels else "room")
 
 
-def ceilings(heights: list[float]) -> list[float]:
+def ceiling_distances(heights: list[float]) -> list[float]:
     """The greatest distance in meters from each of these floors, ascending, to its ceiling."""
     gaps = [upper - lower - 0.15 for lower, upper in itertools.pairwise(heights)]
     return [min(gap, CEILING[1]) for gap in (*gaps, CEILING[1])]

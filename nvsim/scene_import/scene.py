@@ -12,7 +12,7 @@ from nvsim.geometry.rotation import smallest_rotation
 from nvsim.scene_import.levels import Storeys, find_storeys
 from nvsim.scene_import.surface_points import SurfacePoints, central_box, surface_points
 from nvsim.scene_import.up_direction import find_up, storey_height
-from nvsim.splats.turning import UPS, Up, turned
+from nvsim.splats.turning import UPS, Up, transform_gaussians
 from nvsim.splats.types import Gaussians
 
 CEILING_HEIGHT = 2.6
@@ -112,7 +112,7 @@ def align_scene(
                 f"{scale:.4g} to confirm it, or with the correct meters per unit."
             )
     if not (scale == 1.0 and np.array_equal(rotation, np.eye(3))):
-        gaussians = turned(gaussians, rotation, scale)
+        gaussians = transform_gaussians(gaussians, rotation, scale)
     surface = points_of(gaussians)
     storeys = find_storeys(gaussians, surface)
     if not storeys.levels:

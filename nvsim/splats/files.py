@@ -211,7 +211,7 @@ def memory_needed(folder: Path) -> int:
         return 4 * values * int(data["count"]) + networks * (1 if data["texture"] is None else 2)
 
 
-def count_of(folder: Path) -> int:
+def gaussian_count(folder: Path) -> int:
     """The number of Gaussians of the model in `folder`. Raises InputError if its description is missing or damaged."""
     data = _read_description(folder)
     with _described(folder):

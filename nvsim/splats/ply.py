@@ -129,7 +129,7 @@ def write_ply(path: Path, gaussians: Gaussians, antialiased: bool) -> None:
         "end_header",
     ]
     block = np.zeros((_ROWS, len(names)), "<f4")
-    with atomic.replacing(path) as temporary, open(temporary, "wb", buffering=0) as file:
+    with atomic.replacement_file(path) as temporary, open(temporary, "wb", buffering=0) as file:
         _write(file, ("\n".join(header) + "\n").encode("ascii"))
         for first in range(0, n, _ROWS):
             rows, part = block[: min(_ROWS, n - first)], slice(first, first + _ROWS)

@@ -17,7 +17,7 @@ from nvsim.splats.types import Gaussians
 _DIRECTIONS = 64
 
 
-def turned(gaussians: Gaussians, rotation: NDArray[np.floating], scale: float = 1.0) -> Gaussians:
+def transform_gaussians(gaussians: Gaussians, rotation: NDArray[np.floating], scale: float = 1.0) -> Gaussians:
     """Applies x -> scale * rotation @ x to means, axes, and the directions that colors depend on. `rotation` (3, 3) is
     a proper rotation, `scale` is positive. A camera transformed in the same way sees an unchanged image."""
     g, r = gaussians, np.asarray(rotation, np.float64)
@@ -57,7 +57,7 @@ Up = Literal["z", "-z", "y", "-y", "x", "-x"]
 UPS: tuple[Up, ...] = get_args(Up)
 
 
-def up_of(path: Path) -> Up:
+def up_axis(path: Path) -> Up:
     """The up axis: z if a PLY header says so, else -y, because splat files use camera axes with y down. Raises
     InputError if the file cannot be read."""
     with opened(path) as file, reading(path, "a splat file"):
@@ -72,5 +72,5 @@ def upright(gaussians: Gaussians, up: Up) -> Gaussians:
     axis = np.zeros(3)
     axis["xyz".index(up[-1])] = -1.0 if up.startswith("-") else 1.0
     if up == "-z":
-        return turned(gaussians, np.diag([1.0, -1.0, -1.0]))
-    return turned(gaussians, smallest_rotation(axis, np.array([0.0, 0.0, 1.0])))
+        return transform_gaussians(gaussians, np.diag([1.0, -1.0, -1.0]))
+    return transform_gaussians(gaussians, smallest_rotation(axis, np.array([0.0, 0.0, 1.0])))

@@ -20,7 +20,7 @@ from nvsim.splats.harmonics import DC
 from nvsim.splats.types import Embedding, Gaussians
 from nvsim.training.background.harmonics import pack_camera
 from nvsim.training.config import AppearanceConfig
-from nvsim.training.optimizer import Parameters, generator_of, send_back
+from nvsim.training.optimizer import Parameters, propagate_gradient, random_generator
 
 _F = np.float32
 _REACH = _F(3.4)  # standard deviations beyond which a Gaussian draws nothing
@@ -85,7 +85,7 @@ class LinearColours:
 
     def __init__(self, config: AppearanceConfig, seed: int) -> None:
         self._shape = (3, config.features)
-        self._parameters = Parameters({"matrix": (3 * config.features, config.size)}, generator_of(seed, 2))
+        self._parameters = Parameters({"matrix": (3 * config.features, config.size)}, random_generator(seed, 2))
         self.values, self.gradient = self._parameters.values, self._parameters.gradient
         with torch.no_grad():
             for kind in ("weight", "bias"):
@@ -108,7 +108,7 @@ class LinearColours:
 
     def collect(self, d_sh: Float32, d_matrix: Float32, d_features: Float32) -> None:
         """Propagates the gradient of the last tint matrix (3, F). The gradient of the features already exists."""
-        send_back(self._matrix, torch.from_numpy(d_matrix))
+        propagate_gradient(self._matrix, torch.from_numpy(d_matrix))
 
     def exported(self, embedding: Embedding, features: Float32, middle: NDArray[np.float64]) -> LinearAppearance:
         """A copy without torch. `features` is (N, F), `middle` (3,) the mean camera position, meters."""
@@ -134,7 +134,7 @@ class NetworkColours:
         layers["base"] = (3, previous)
         if sh_count > 1:
             layers["rest"] = (3 * (sh_count - 1), previous)
-        self._parameters = Parameters(layers, generator_of(seed, 2), zero=("rest",))
+        self._parameters = Parameters(layers, random_generator(seed, 2), zero=("rest",))
         self.values, self.gradient = self._parameters.values, self._parameters.gradient
         self._size, self._width = config.size, config.features
         self._seen = np.empty(0, np.bool_)
@@ -175,7 +175,7 @@ class NetworkColours:
 
     def collect(self, d_sh: Float32, d_matrix: Float32, d_features: Float32) -> None:
         """Propagates the gradient of the last coefficients, `d_sh` (N, K, 3), and writes `d_features` (N, F)."""
-        send_back(self._sh, torch.from_numpy(d_sh[self._rows].reshape(len(self._rows), -1)))
+        propagate_gradient(self._sh, torch.from_numpy(d_sh[self._rows].reshape(len(self._rows), -1)))
         d_features[:] = 0
         if self._features.grad is not None:
             d_features[self._rows] = self._features.grad.numpy()

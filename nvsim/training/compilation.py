@@ -13,7 +13,7 @@ import subprocess
 import sys
 from pathlib import Path
 
-from nvsim.events import Listener, Log, Warning, silent
+from nvsim.events import Listener, Log, Warning, ignore_event
 from nvsim.files import atomic
 from nvsim.render.kernel_cache import process_lock, stamp
 
@@ -21,7 +21,7 @@ STAGE = "train"
 _SOURCES = ("geometry", "splats", "render", "training")
 
 
-def compile_ahead(listen: Listener = silent) -> None:
+def compile_ahead(listen: Listener = ignore_event) -> None:
     """Compiles the kernels once for this machine and these sources, in a minute or two; later calls return at once. A
     failure is only a warning: the kernels are then compiled when they are needed."""
     done = _stamp()

@@ -145,17 +145,17 @@ class ModelFit:
         canvas = self.canvas(camera.intrinsics.width, camera.intrinsics.height)
         if self.networks is None or self._painter is None:
             return canvas.background
-        evaluate(camera, self.networks.backdrop(self._share), canvas.background)
+        evaluate(camera, self.networks.background_coefficients(self._share), canvas.background)
         if self.texture is not None:
             wanted = canvas.nowhere if floor is None else floor
             meet_floor(pack_camera(camera), self._heights, self._grid, wanted, transmittance, canvas.hits)
             self.texture.add(canvas.hits, canvas.background)
         return canvas.background
 
-    def look(self, camera: Camera, name: str | None = None) -> None:
+    def begin_view(self, camera: Camera, name: str | None = None) -> None:
         """Begins a view: that of the training image `name`, or, without a name, any other view."""
         if self.networks is not None:
-            self.networks.look(camera.position, name)
+            self.networks.select_embedding(camera.position, name)
 
     def draw(self, camera: Camera, sh_degree: int | None = None) -> tuple[Float32, Float32]:
         """Color of the Gaussians (H, W, 3) and transmittance (H, W) of the view of the last `look`."""
@@ -164,7 +164,7 @@ class ModelFit:
     def composite(self, camera: Camera) -> tuple[Float32, Float32]:
         """The image (H, W, 3), not clamped, and alpha (H, W)."""
         with LOCK, torch.no_grad():
-            self.look(camera)
+            self.begin_view(camera)
             rgb, transmittance = self.draw(camera)
             background = self.paint(camera, transmittance)
         return rgb + transmittance[..., None] * background.transpose(1, 2, 0), 1 - transmittance
@@ -187,7 +187,7 @@ class ModelFit:
         canvas = self.canvas(camera.intrinsics.width, camera.intrinsics.height)
         watch = self._watch = Stopwatch()
         with LOCK:
-            self.look(camera, view.name)
+            self.begin_view(camera, view.name)
             rgb, transmittance = self.draw(camera, sh_degree)
             background = self.paint(camera, transmittance, view.floor)
             watch.lap("background")
@@ -210,7 +210,7 @@ class ModelFit:
             if self.networks is not None and self._painter is not None:
                 self.networks.backdrop_gradient(evaluate_gradient(camera, loss.d_background, canvas.rows))
             if self.networks is not None:
-                self.networks.learn()
+                self.networks.propagate_gradients()
             if self.texture is not None and self.config.loss.floor > 0:
                 self.texture.collect(canvas.hits, view.floor, loss.d_background)
             watch.lap("background_backward")

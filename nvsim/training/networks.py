@@ -14,7 +14,7 @@ from nvsim.splats.harmonics import DC
 from nvsim.splats.types import Appearance, Background, Embedding, Gaussians
 from nvsim.training.appearance import LinearColours, NetworkColours, baked
 from nvsim.training.config import AppearanceConfig, TrainingConfig
-from nvsim.training.optimizer import ParameterGroup, Parameters, generator_of, send_back
+from nvsim.training.optimizer import ParameterGroup, Parameters, propagate_gradient, random_generator
 from nvsim.training.views import TrainingView
 
 HIDDEN = 64
@@ -30,7 +30,7 @@ class PositionEmbedding:
     def __init__(self, config: AppearanceConfig, seed: int) -> None:
         inputs = 3 * (1 + 2 * OCTAVES)
         layers = {"embed.0": (HIDDEN, inputs), "embed.1": (config.size, HIDDEN)}
-        self._parameters = Parameters(layers, generator_of(seed, 0))
+        self._parameters = Parameters(layers, random_generator(seed, 0))
         self.values, self.gradient = self._parameters.values, self._parameters.gradient
 
     def at(self, position: NDArray[np.floating], name: str | None) -> torch.Tensor:
@@ -54,7 +54,7 @@ class IndexEmbedding:
         if shared:
             self._positions = self._positions.mean(axis=0, keepdims=True)
         self._nearest = config.evaluation == "nearest"
-        start = torch.randn((len(self._positions), config.size), generator=generator_of(seed, 0))
+        start = torch.randn((len(self._positions), config.size), generator=random_generator(seed, 0))
         self.values = start.numpy()
         self.gradient = np.zeros_like(self.values)
         self._vectors = torch.from_numpy(self.values).requires_grad_()
@@ -97,7 +97,7 @@ class BackgroundNetwork:
             layers[f"trunk.{i}"] = (config.background_width, previous)
             previous = config.background_width
         layers |= {"base": (3, previous), "rest": (3 * (COEFFICIENTS - 1), previous)}
-        self._parameters = Parameters(layers, generator_of(seed, 1), zero=("rest",))
+        self._parameters = Parameters(layers, random_generator(seed, 1), zero=("rest",))
         self.values, self.gradient = self._parameters.values, self._parameters.gradient
         tensors = self._parameters.tensors
         with torch.no_grad():
@@ -123,7 +123,8 @@ class BackgroundNetwork:
 
 
 class Networks:
-    """One embedding is the input of both networks, as in Splatfacto-W. A view begins with `look` and ends with `learn`.
+    """One embedding is the input of both networks, as in Splatfacto-W. A view begins with `select_embedding` and ends
+    with `propagate_gradients`.
 
     colour   (3,) the initial background color, 0 to 1
     """
@@ -154,7 +155,7 @@ class Networks:
             groups["colours"] = ParameterGroup.of(self.colours.values, rate.network, self.colours.gradient)
         return groups
 
-    def look(self, position: NDArray[np.floating], name: str | None = None) -> None:
+    def select_embedding(self, position: NDArray[np.floating], name: str | None = None) -> None:
         """Selects the embedding of the training view `name`, or, without a name, of another view at `position` (3,)."""
         self._taken = self.embedding.at(position, name)
         self.seen = self._taken.detach().requires_grad_()
@@ -162,7 +163,7 @@ class Networks:
             if part is not None:
                 part.gradient[:] = 0
 
-    def backdrop(self, share: float) -> Float32:
+    def background_coefficients(self, share: float) -> Float32:
         """(25, 3) coefficients of the background after `share` of the steps."""
         assert self.background is not None
         interval = self._config.appearance.background_interval
@@ -172,12 +173,12 @@ class Networks:
 
     def backdrop_gradient(self, d_coefficients: Float32) -> None:
         """Propagates the gradient `d_coefficients` (25, 3) of the last `backdrop`."""
-        send_back(self._coefficients, torch.from_numpy(d_coefficients))
+        propagate_gradient(self._coefficients, torch.from_numpy(d_coefficients))
 
-    def learn(self) -> None:
+    def propagate_gradients(self) -> None:
         """Propagates the gradients of the background and the colors through the embedding."""
         if self.seen.grad is not None and self._taken.requires_grad:
-            send_back(self._taken, self.seen.grad)
+            propagate_gradient(self._taken, self.seen.grad)
 
     def exported_background(self) -> Background | None:
         """A copy without torch."""

@@ -57,13 +57,13 @@ class Parameters:
         return {name: tensor.detach().numpy().copy() for name, tensor in self.tensors.items()}
 
 
-def send_back(output: torch.Tensor, gradient: torch.Tensor) -> None:
+def propagate_gradient(output: torch.Tensor, gradient: torch.Tensor) -> None:
     """Propagates the `gradient` of an `output`, of equal shape, to its leaves. The result is bit-identical to
     output.backward(gradient), whose first call imports sympy and so adds half a second to every training process."""
     (output * gradient).sum().backward()
 
 
-def generator_of(seed: int, part: int) -> torch.Generator:
+def random_generator(seed: int, part: int) -> torch.Generator:
     """Random numbers of one network (`part`) of those made from one seed."""
     return torch.Generator().manual_seed(seed * 16 + part)
 

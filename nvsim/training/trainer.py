@@ -15,13 +15,13 @@ import torch
 
 from nvsim.capture.types import Cloud
 from nvsim.errors import InputError
-from nvsim.events import Listener, Log, Metric, Preview, Progress, Warning, silent
+from nvsim.events import Listener, Log, Metric, Preview, Progress, Warning, ignore_event
 from nvsim.files.reading import reading
 from nvsim.geometry.floor_surface import FloorSurface
 from nvsim.splats.files import save_model
 from nvsim.splats.types import SubmapModel
 from nvsim.training import checkpoint as files
-from nvsim.training.background.floor_paint import first_paint
+from nvsim.training.background.floor_paint import initial_floor_paint
 from nvsim.training.config import TrainingConfig
 from nvsim.training.initialise import initial_gaussians
 from nvsim.training.loss.floor_aware import LossValues
@@ -52,7 +52,7 @@ def train_submap(
     checkpoint: Path | None = None,
     seed: int = 0,
     submap: int = 0,
-    listen: Listener = silent,
+    listen: Listener = ignore_event,
     preview: Path | None = None,
     live: Path | None = None,
     watched: TrainingView | None = None,
@@ -117,7 +117,7 @@ class _TrainingRun:
             self._sizes.append([v.halved() for v in self._sizes[-1]])
         self._rng = np.random.default_rng(seed)
         gaussians = initial_gaussians(views, cloud, floor, config, self._rng)
-        networks, texture = first_paint(self._sizes[min(1, len(self._sizes) - 1)], floor, config, seed)
+        networks, texture = initial_floor_paint(self._sizes[min(1, len(self._sizes) - 1)], floor, config, seed)
         self.fit = ModelFit(gaussians, networks, texture, floor, config, len(views))
         self._strategy = strategy_of(config, floor, self._rng)
         k = views[0].camera.intrinsics

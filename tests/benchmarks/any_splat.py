@@ -34,7 +34,7 @@ from nvsim.project.stages.imported_splats import imported_storeys
 from nvsim.scene_import.parts import select_gaussians
 from nvsim.splats.floor_mesh import floor_gaussians
 from nvsim.splats.formats.choice import SUFFIXES, Format, write_splats
-from nvsim.splats.turning import turned
+from nvsim.splats.turning import transform_gaussians
 from nvsim.splats.types import Gaussians, joined
 from tests.unit.splat_rooms import any_rotation, two_rooms
 
@@ -65,7 +65,7 @@ def measure(demo: Path, folder: Path, seed: int, form: Format) -> dict[str, obje
         truth = maps_in_aligned_frame(project.layout.true_map or project.layout.ground_truth, capture, "aligned")
     rotation = any_rotation(seed)
     source = folder / f"any{SUFFIXES[form]}"
-    write_splats(source, turned(gaussians, rotation, SCALE), False, form)
+    write_splats(source, transform_gaussians(gaussians, rotation, SCALE), False, form)
     started = time.monotonic()
     graph, storeys, back = build(source, folder / "any.nvsim", 1 / SCALE)
     to_demo = rotation.T @ back

@@ -20,7 +20,7 @@ from nvsim.building.scan import scan
 from nvsim.building.scene import CAMERA_HEIGHT, Scene, make_scene, textures_of
 from nvsim.building.truth import floor_mask, occupancy, transient_mask
 from nvsim.capture.types import Cloud
-from nvsim.files.atomic import replacing
+from nvsim.files.atomic import replacement_file
 from nvsim.geometry.camera import Camera, camera_pose
 from nvsim.occupancy.types import FREE
 from nvsim.submaps.split import SubmapConfig, split
@@ -78,7 +78,7 @@ def walk_through(seed: int, width: int, folder: Path) -> Walk:
     scene = make_scene(BuildingConfig(seed=seed, width=width, height=3 * width // 4))
     if not path.exists():
         path.parent.mkdir(parents=True, exist_ok=True)
-        with replacing(path) as temporary, open(temporary, "wb") as file:
+        with replacement_file(path) as temporary, open(temporary, "wb") as file:
             np.savez(file, **_made(scene))
     with np.load(path) as file:
         arrays = {name: file[name] for name in file.files}

@@ -35,7 +35,7 @@ from harness import report
 from nvsim.building import BuildingConfig, generate
 from nvsim.cluster.config import ClusterConfig, Storage
 from nvsim.cluster.executor_choice import open_executor
-from nvsim.events import Event, Worker, silent
+from nvsim.events import Event, Worker, ignore_event
 from nvsim.project.config import CaptureConfig
 from nvsim.project.project import Project
 from nvsim.project.stages import floors, imported, submaps, trained
@@ -60,10 +60,10 @@ def make(path: Path, width: int) -> None:
     """Creates a project with four submaps, ready for training."""
     with Project.create_or_open(path) as project:
         building = BuildingConfig(size="small", width=width, height=width * 3 // 4, step=0.5, turn=30.0, people=False)
-        generate(project.layout.root, building, silent)
-        imported.run(project, project.layout.built_in_capture, CaptureConfig(), silent)
-        submaps.run(project, SubmapConfig(count=4), silent)
-        floors.run(project, silent)
+        generate(project.layout.root, building, ignore_event)
+        imported.run(project, project.layout.built_in_capture, CaptureConfig(), ignore_event)
+        submaps.run(project, SubmapConfig(count=4), ignore_event)
+        floors.run(project, ignore_event)
 
 
 @contextlib.contextmanager
@@ -144,11 +144,11 @@ def measure(
     """Performs all runs, one after another."""
     base = work / "base.nvsim"
     make(base, config.image_size)
-    compile_ahead(silent)
+    compile_ahead(ignore_event)
     result: dict[str, object] = {"load": round(os.getloadavg()[0], 1)}
     expected: dict[str, str] = {}
     if with_local:
-        here, expected = timed(base, "here", lambda p: trained.run(p, config, silent, at_once=2))
+        here, expected = timed(base, "here", lambda p: trained.run(p, config, ignore_event, at_once=2))
         result["local_seconds"] = round(here, 1)
     with head(2) as address, open_executor(ClusterConfig("ray", address, storage)) as executor:
 
@@ -156,8 +156,8 @@ def measure(
             return lambda p: trained.run(p, config, listen, at_once=2, executor=executor, storage=storage)
 
         few = dataclasses.replace(config, steps=2)
-        timed(base, "warm", lambda p: trained.run(p, few, silent, at_once=2, executor=executor, storage=storage))
-        afar, found = timed(base, "afar", run(silent))
+        timed(base, "warm", lambda p: trained.run(p, few, ignore_event, at_once=2, executor=executor, storage=storage))
+        afar, found = timed(base, "afar", run(ignore_event))
         result["ray_seconds"] = round(afar, 1)
         if with_local:
             result["same_models"] = found == expected

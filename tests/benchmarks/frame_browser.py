@@ -81,7 +81,7 @@ def brushing() -> str:
     canvas.set_mode("photo")
 
     def painted(box: object) -> None:
-        pictures.retint(floor.painted, correction.mask, floor.color, box)
+        pictures.repaint_mask(floor.painted, correction.mask, floor.color, box)
         canvas.refresh(box)
 
     brush = Brush(painted, lambda: None, lambda _: None, canvas.update)

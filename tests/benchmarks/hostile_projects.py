@@ -67,13 +67,13 @@ def foreign_process(root: Path, bait: Bait) -> None:
 
 def smuggling_history(root: Path, bait: Bait) -> None:
     from nvsim.graph.journal import Journal
-    from nvsim.graph.operations import perform
+    from nvsim.graph.operations import perform_operation
     from nvsim.project.project import Project
 
     with Project.open(root) as project:
         graph = project.need_graph()
     with Journal.open(root / "edits.db") as journal:
-        perform(journal.history(graph), "remove_edges", {"pairs": [list(next(iter(graph.edges)))]})
+        perform_operation(journal.history(graph), "remove_edges", {"pairs": [list(next(iter(graph.edges)))]})
         journal.flush()
     wild = json.dumps({"edit": "shell", "command": f"touch {bait.canary}/run"})
     _sql(

@@ -32,7 +32,7 @@ from nvsim.capture.formats import read_raw
 from nvsim.capture.raw import RawCapture, inverse
 from nvsim.geometry.lens import Lens
 from nvsim.poses.features import MOST, find_features, match_features
-from nvsim.poses.pose_checks import of_poses, with_poses
+from nvsim.poses.pose_checks import find_pose_contradiction, with_poses
 
 REPOSITORY = Path(__file__).resolve().parents[2]
 GL = np.diag([1.0, -1.0, -1.0, 1.0])
@@ -401,7 +401,11 @@ def sentences(path: Path) -> set[str]:
     report = check(path)
     report = with_poses(report)
     found = list(report.findings)
-    if not report.refused and report.capture is not None and (more := of_poses(report.capture)) is not None:
+    if (
+        not report.refused
+        and report.capture is not None
+        and (more := find_pose_contradiction(report.capture)) is not None
+    ):
         found.append(more)
     return {f"{f.severity}: {f.message} ({f.consequence})" for f in found}
 

@@ -30,7 +30,7 @@ from nvsim.mapping.corridor import DIRECTIONS, Corridor, HeightAt, SupportAt, vi
 from nvsim.mapping.criteria import OPEN, decide
 from nvsim.mapping.families import NormalSource
 from nvsim.mapping.views.floor_view import measure
-from nvsim.mapping.views.view_sources import look_down
+from nvsim.mapping.views.view_sources import render_pitched_views
 from nvsim.perception.normals_network import normals_model
 from nvsim.project.floor_heights import floor_of
 from nvsim.project.project import Project
@@ -122,7 +122,7 @@ def agreement(
         wanted: dict[int, list[Corridor]] = {}
         for corridor in corridors:
             wanted.setdefault(view_of(corridor, config), []).append(corridor)
-        views = look_down(source, np.array(viewpoint.position), wanted, floor, config)
+        views = render_pitched_views(source, np.array(viewpoint.position), wanted, floor, config)
         for e, corridor in zip(steps, corridors, strict=True):
             again = measure(views[view_of(corridor, config)], viewpoint.id, 0, corridor, floor, support)
             alike.append((decide(replace(e, second=None), before) == OPEN) == (decide(again, config) == OPEN))

@@ -6,7 +6,7 @@ import random
 
 from nvsim.graph.edits import EditError
 from nvsim.graph.history import History
-from nvsim.graph.operations import perform
+from nvsim.graph.operations import perform_operation
 from nvsim.graph.selection import selection
 from nvsim.graph.types import NavGraph
 
@@ -29,7 +29,9 @@ def random_edit(history: History, rng: random.Random) -> bool:
     name, arguments = _operation(graph, some, kind, rng)
     try:
         before = history.graph
-        perform(history, name, arguments, merge="drag" if name == "shift_viewpoints" and rng.random() < 0.5 else None)
+        perform_operation(
+            history, name, arguments, merge="drag" if name == "shift_viewpoints" and rng.random() < 0.5 else None
+        )
     except EditError:
         return False
     return history.graph is not before

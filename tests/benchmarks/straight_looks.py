@@ -11,10 +11,10 @@ from numpy.typing import NDArray
 
 from nvsim.geometry.camera import Camera, Intrinsics, camera_pose
 from nvsim.mapping.config import MappingConfig
-from nvsim.mapping.corridor import DIRECTIONS, Corridor, HeightAt, SupportAt, ahead, headings
+from nvsim.mapping.corridor import DIRECTIONS, Corridor, HeightAt, SupportAt, headings, offset_ahead
 from nvsim.mapping.criteria import corridor_of
 from nvsim.mapping.views.floor_view import measure
-from nvsim.mapping.views.view_sources import look_down
+from nvsim.mapping.views.view_sources import render_pitched_views
 from nvsim.project.scene_views import SceneViews
 from nvsim.render.model import render_model
 from nvsim.splats.scene import SceneModel
@@ -38,9 +38,9 @@ def off_straight(
     apart: list[float] = []
     for i, place in enumerate(trajectory[:: max(1, len(trajectory) // _PLACES)][:_PLACES]):
         k = i % DIRECTIONS
-        target = place[:2] + ahead(headings(config)[k], config.tau_dist)
+        target = place[:2] + offset_ahead(headings(config)[k], config.tau_dist)
         corridor = Corridor((place[0], place[1]), (target[0], target[1]), place[2])
-        view = look_down(source, place, {k: [corridor]}, floor, config)[k]
+        view = render_pitched_views(source, place, {k: [corridor]}, floor, config)[k]
         evidence = measure(view, "", k, corridor, floor, support)
         part, model = corridor_of(evidence, config), scene.model(evidence.submap)
         ground, alpha = corridor.ground(floor)[part], evidence.alpha[part] / 255

@@ -300,7 +300,7 @@ class Tour:
     # Two rooms that are not joined ------------------------------------------------------------------------------
 
     def joins(self) -> None:
-        from nvsim_app.state.directions import way_between
+        from nvsim_app.state.directions import path_between
 
         hand, gui, document = self.hand, self.hand.gui, self.document
         self.open(self.demo)
@@ -313,7 +313,7 @@ class Tour:
         words = gui.ask(lambda: details.words.text())
         if "There is no edge" not in words:
             raise Stuck("the details do not say why there is no edge")
-        reason = gui.ask(lambda: way_between(document, a, b))
+        reason = gui.ask(lambda: path_between(document, a, b))
         hand.said.append(f"why: {reason.sentence}")
         if not gui.ask(lambda: details.viewport().rect().contains(_in(details.words, details.viewport()))):
             hand.said.append("the reason is visible only after scrolling")

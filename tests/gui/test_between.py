@@ -12,7 +12,7 @@ from PySide6.QtWidgets import QApplication
 from nvsim.graph.selection import GraphSelection
 from nvsim_app.modes.adding import AddEdgeMode
 from nvsim_app.panels.details import DetailsPanel
-from nvsim_app.state.directions import way_between
+from nvsim_app.state.directions import path_between
 from nvsim_app.state.document import Document
 from nvsim_app.wiring.window import MainWindow
 
@@ -55,12 +55,12 @@ def test_the_line_that_is_drawn_says_it_as_well(
     monkeypatch.setattr("nvsim_app.modes.adding.label", lambda painter, point, text, ink="": said.append(text))
     hand.hover(hand.foot(document.graph_arrays.index[b]))
     window.modes.canvases[1].grab()
-    found = way_between(document, a, b)
+    found = path_between(document, a, b)
     assert found is not None and any(found.sentence[:40] in text for text in said)
     free = document.graph.neighbours(a)[0]
     hand.hover(hand.foot(document.graph_arrays.index[free]))
     hand.key(Qt.Key.Key_Shift)
-    assert way_between(document, a, free).speaks == 1
+    assert path_between(document, a, free).speaks == 1
 
 
 @pytest.mark.parametrize("mode", ["add_edge", "add_viewpoint", "measure"])

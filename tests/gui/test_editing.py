@@ -219,7 +219,7 @@ def test_a_large_graph_is_looked_at_while_the_person_goes_on(
     monkeypatch.setattr(nvsim_app.state.checking, "LARGE", 0)
     monkeypatch.setattr(nvsim_app.state.checking, "SLICE", 0.0)
     with qtbot.waitSignal(document.editing.findingsChanged, timeout=5000):
-        document.editing.checking.look()
+        document.editing.checking.validate()
         assert not document.editing.findings  # not before all was looked at
     assert dict(document.editing.findings) == whole
 
@@ -232,7 +232,7 @@ def test_an_edit_during_the_first_validation_does_not_start_it_again(
     monkeypatch.setattr(nvsim_app.state.checking, "LARGE", 0)
     monkeypatch.setattr(nvsim_app.state.checking, "SLICE", 0.0)
     editing = document.editing
-    editing.checking.look()
+    editing.checking.validate()
     validator = editing.checking._look.validator
     editing.run("remove_edges", {"pairs": [list(key) for key in document.graph.edges]})
     assert not editing.checking.complete

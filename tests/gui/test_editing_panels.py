@@ -27,7 +27,7 @@ from nvsim_app.panels.history import HistoryPanel
 from nvsim_app.panels.tables import TablePanel
 from nvsim_app.panels.validation import ValidationPanel
 from nvsim_app.state import edit_commands
-from nvsim_app.state.directions import way_between
+from nvsim_app.state.directions import path_between
 from nvsim_app.state.document import Document
 from nvsim_app.wiring.checking import CheckPart
 from nvsim_app.wiring.window import MainWindow
@@ -44,7 +44,7 @@ def cut_off(document: Document, row: int = 0) -> str:
 @pytest.fixture
 def validation(window: MainWindow, document: Document) -> ValidationPanel:
     window.show_dock("validation")
-    document.editing.checking.look()
+    document.editing.checking.validate()
     panel = window.panels["validation"]
     assert isinstance(panel, ValidationPanel)
     return panel
@@ -163,9 +163,9 @@ def test_the_obstacle_of_a_finding_is_marked_in_both_views(
     finding = Finding("occupied", "error", "The edge crosses an occupied part of the map.", key, (key,))
     monkeypatch.setattr(type(document.editing), "findings", {finding.key: finding})
     a, b = (document.graph_arrays.feet[document.graph_arrays.index[id]] for id in key)
-    found = way_between(document, *key)
+    found = path_between(document, *key)
     blocked = replace(found, blocked=0.25 * float(np.linalg.norm((b - a)[:2])))
-    monkeypatch.setattr("nvsim_app.state.directions.way_between", lambda document, a, b: blocked)
+    monkeypatch.setattr("nvsim_app.state.directions.path_between", lambda document, a, b: blocked)
     validation.renew()
     part = window.part(CheckPart)
     shots = {canvas: _shot(canvas.surface.widget) for canvas in window.modes.canvases}

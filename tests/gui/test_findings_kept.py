@@ -14,7 +14,7 @@ from PySide6.QtTest import QTest
 from PySide6.QtWidgets import QApplication
 from pytestqt.qtbot import QtBot
 
-from nvsim.cli.graph_target import one_source
+from nvsim.cli.graph_target import read_one_graph
 from nvsim.cli.main import main
 from nvsim.graph.connectivity import write_connectivity
 from nvsim.graph.findings import check_graph
@@ -125,7 +125,7 @@ def test_the_window_and_the_command_agree_after_any_actions(
             document = window.document
             assert document.editing.checking.complete
             assert set(document.editing.findings.values()) == set(
-                check_graph(document.graph, one_source(window.path).context)
+                check_graph(document.graph, read_one_graph(window.path).context)
             )
         window.document.editing.save(wait=True)
         QApplication.processEvents()
@@ -154,10 +154,10 @@ def test_findings_after_recovery_count_the_restored_edits(qapp: QApplication, tm
 def test_the_panel_says_that_it_checks_until_the_findings_are_known(document: Document, qtbot: QtBot) -> None:
     panel = ValidationPanel(document)
     qtbot.addWidget(panel)
-    document.editing.checking.look_soon(document.graph, None)
+    document.editing.checking.schedule_validation(document.graph, None)
     panel.renew()
     assert panel.clean.text() == "Checking…" and panel.boxes["error"].text() == "errors"
-    document.editing.checking.look()
+    document.editing.checking.validate()
     panel.renew()
     assert panel.clean.text() == "No problems found." and panel.boxes["error"].text() == "0 errors"
 
@@ -167,7 +167,7 @@ def test_a_panel_shows_no_findings_of_another_graph(document: Document, qtbot: Q
     qtbot.addWidget(panel)
     panel.show()
     qtbot.waitUntil(lambda: panel.clean.text() == "No problems found.")
-    document.editing.checking.look_soon(document.graph, None)
+    document.editing.checking.schedule_validation(document.graph, None)
     assert panel.clean.text() == "Checking…" and panel.clean.isVisible() and not panel.tree.isVisible()
     qtbot.waitUntil(lambda: panel.clean.text() == "No problems found.")
     panel.hide()
@@ -213,6 +213,6 @@ def test_a_saved_file_is_checked_again_with_its_new_lists(qapp: QApplication, tm
     QApplication.processEvents()
     settle(window)
     assert checking.complete and checking._validator is not before
-    known = one_source(window.path).context
+    known = read_one_graph(window.path).context
     assert set(window.document.editing.findings.values()) == set(check_graph(window.document.graph, known))
     window.end()

@@ -195,7 +195,7 @@ def test_the_inspector_shows_the_pictures_beside_the_file_and_leads_along_edges(
     panel.view.walked.emit(near)
     assert document.selection.viewpoint == near
     document.select(viewpoint=other)
-    qtbot.waitUntil(lambda: "no image" in part.panoramas.trouble, timeout=20_000)
+    qtbot.waitUntil(lambda: "no image" in part.panoramas.failure_reason, timeout=20_000)
 
 
 def test_a_cloud_beside_the_file_can_be_shown(session: Session, folder: Path, qtbot: QtBot) -> None:
@@ -225,7 +225,7 @@ def test_a_graph_that_is_dropped_on_the_window_opens(session: Session, folder: P
     part = session.window.part(NewProjectPart)
     for what in (folder, folder / "second_connectivity.json"):
         with qtbot.waitSignal(session.window.projectChosen) as chosen:
-            part.take([what])
+            part.open_paths([what])
         assert chosen.args == [what]
 
 

@@ -80,7 +80,7 @@ def test_what_leads_out_of_the_project_can_be_looked_at_but_not_ordered(project:
     assert "--out '/tmp/somewhere else'" in dialog.command.toPlainText()
     assert not dialog.order.isEnabled() and "outside of the project" in dialog.problem.text()
     with pytest.raises(InputError, match="outside of the project"):
-        queue.order_anew(queue.handles[0].job)
+        queue.order_again(queue.handles[0].job)
     qtbot.mouseClick(dialog.remove, Qt.MouseButton.LeftButton)
     assert queue.handles == []
     queue.stop()
@@ -140,7 +140,7 @@ def test_a_project_does_not_choose_the_machines_that_a_job_talks_to(project: Pat
     queue = JobQueue()
     queue.follow(project)
     with pytest.raises(InputError, match="would run on a cluster at theirs:6379"):
-        queue.order_anew(queue.handles[0].job)
+        queue.order_again(queue.handles[0].job)
     queue.stop()
     cluster = {"cluster.executor": "ray", "cluster.address": "theirs:6379"}
     (project / "settings.json").write_text(json.dumps({"train": {**cluster, "at_once": 2}}))

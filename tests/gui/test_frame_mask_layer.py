@@ -11,7 +11,7 @@ from PySide6.QtGui import QColor, QImage, QPainter
 
 from nvsim.geometry.camera import Camera, Intrinsics, camera_pose
 from nvsim_app.frames import pictures
-from nvsim_app.layers.capture import FrameMaskLayer, turned
+from nvsim_app.layers.capture import FrameMaskLayer, pixel_homography
 
 FRAME = Camera(Intrinsics(320, 240, 250.0, 245.0, 150.0, 130.0), camera_pose(np.array([1.0, 2.0, 1.5]), 0.4, -0.2))
 
@@ -65,7 +65,7 @@ def test_pixels_turn_as_rays_do() -> None:
     point = FRAME.position + FRAME.rotation @ (0.3, -0.2, 2.0)
     (a,), _ = FRAME.project(point[None])
     (b,), _ = target.project(point[None])
-    x, y, w = turned(FRAME, target) @ (*a, 1)
+    x, y, w = pixel_homography(FRAME, target) @ (*a, 1)
     assert w > 0 and np.allclose((x / w, y / w), b)
-    same = turned(FRAME, replace(FRAME))
+    same = pixel_homography(FRAME, replace(FRAME))
     assert np.allclose(same / same[2, 2], np.eye(3))

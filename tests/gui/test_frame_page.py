@@ -30,7 +30,7 @@ from nvsim.training.config import TrainingConfig
 from nvsim_app.frames import pictures
 from nvsim_app.frames.browser import FrameBrowser
 from nvsim_app.frames.canvas import MODES
-from nvsim_app.frames.frame_data import read_matter
+from nvsim_app.frames.frame_data import read_frame_data
 from nvsim_app.frames.link import FrameLink
 from nvsim_app.frames.panes import Zoom, panes
 from nvsim_app.painting.value_colors import ALPHA, CONFIRMED, DEPTH
@@ -69,7 +69,7 @@ def room(tmp_path_factory: pytest.TempPathFactory) -> Path:
         walk = replace(walk, frames=tuple(made), cloud=Cloud(points))
         save_capture(walk, project.layout.imported)
         project.set_submaps(demo_room.submaps(walk, 2))
-        ledger.begin(project, "floors", "key")
+        ledger.begin_part(project, "floors", "key")
         ledger.finish(project, "floors", 0.0, {})
     return folder / "room.nvsim"
 
@@ -535,7 +535,7 @@ def test_ignored_pixels_lie_over_the_frames_that_have_a_mask(
     assert matter is not None
     masked = replace(matter.frame, mask=MaskFile(tmp_path / "mask.png"))
     layout = layout_of(browser._document.path)
-    browser._on_matter(read_matter(layout, masked, matter.index))
+    browser._on_matter(read_frame_data(layout, masked, matter.index))
     assert not rows.boxes["ignored"].isHidden() and rows.boxes["ignored"].isChecked()
     painted = browser._layer["ignored"].painted
     assert painted is not None

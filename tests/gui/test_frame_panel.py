@@ -151,7 +151,7 @@ def evaluated(at: float, **psnr: float) -> EvaluationResult:
 
 
 def test_held_out_frames_are_found_and_the_worst_stands_first(panel: FramePanel, document: Document) -> None:
-    document.set_contents(replace(document.contents, held_out=frozenset({4, 12, 20}), made=50.0))
+    document.set_contents(replace(document.contents, held_out=frozenset({4, 12, 20}), modified_time=50.0))
     panel.kind.setCurrentText("Held out")
     assert shown_rows(panel) == [4, 12, 20]
     assert not panel.order.isEnabled() and "Jobs > Evaluate views" in panel.order.toolTip()
@@ -169,7 +169,7 @@ def test_held_out_frames_are_found_and_the_worst_stands_first(panel: FramePanel,
     panel.kind.setCurrentText("Trained on")
     assert len(shown_rows(panel)) == 117 and 12 not in shown_rows(panel)
     # Models that were made since then are others than those that were measured.
-    document.set_contents(replace(document.contents, made=200.0, scene_stamp="others"))
+    document.set_contents(replace(document.contents, modified_time=200.0, scene_stamp="others"))
     assert frame_words(panel.state, 12).endswith("SSIM 0.81 of earlier models")
     panel.state.show_scores(Scores())
     assert panel.order.currentData() == "" and not panel.order.isEnabled()
@@ -180,7 +180,7 @@ def test_a_held_out_row_shows_its_mark_and_figures_in_little_room(panel: FramePa
         return bytes(panel.list.viewport().grab().toImage().convertToFormat(QImage.Format.Format_RGB32).constBits())
 
     bare = pixels()
-    document.set_contents(replace(document.contents, held_out=frozenset({0}), made=1.0))
+    document.set_contents(replace(document.contents, held_out=frozenset({0}), modified_time=1.0))
     panel.state.show_scores(newest_scores([evaluated(2.0, f1=20.0)]))
     marked = pixels()
     panel.state.show_scores(newest_scores([evaluated(2.0, f0=20.0)]))
@@ -199,7 +199,7 @@ def test_what_is_held_out_is_read_with_the_project(tmp_path: Path) -> None:
     *_, contents = reader.updates()
     reader.close()
     assert contents.held_out == {4, 12}
-    assert abs(contents.made - (Layout(project).model(0) / "model.json").stat().st_mtime) < 5
+    assert abs(contents.modified_time - (Layout(project).model(0) / "model.json").stat().st_mtime) < 5
 
 
 def test_hiding_the_selected_frame_selects_no_other(panel: FramePanel, document: Document) -> None:

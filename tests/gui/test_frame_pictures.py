@@ -19,8 +19,8 @@ from nvsim_app.painting.value_colors import (
     MEASURED,
     NORMALS,
     alpha_shown,
+    difference_scale,
     normal_shown,
-    of_difference,
     picture,
     ramp,
 )
@@ -51,7 +51,7 @@ def test_a_mask_is_tinted_and_only_its_box_is_renewed(qapp) -> None:
         assert pixel(painted, x, y) == expected
     before = painted.pixels.copy()
     mask[:] = ~mask
-    pictures.retint(painted, mask, "#2ec4b6", Box(2, 3, 6, 8))
+    pictures.repaint_mask(painted, mask, "#2ec4b6", Box(2, 3, 6, 8))
     assert pixel(painted, 3, 4)[3] == (255 if mask[4, 3] else 0)
     before[3:8, 2:6] = painted.pixels[3:8, 2:6]
     assert np.array_equal(before, painted.pixels)
@@ -94,7 +94,7 @@ def test_values_are_said_with_their_units() -> None:
     assert NORMALS.words(np.array([0.1, 0.2, 0.97])) == "normal up 0.97"
     assert NORMALS.words(np.array([0.0, -0.5, 0.0])) == "normal up 0.00, faces S", "a mean normal is shorter than 1"
     assert CONFIRMED.words(np.uint8(1)) == "confirmed by 1 image" and CONFIRMED.share(np.uint8(20)) == 1.0
-    assert of_difference(3.0).words(12) == "difference 12 of 255" and of_difference(3.0).share(42.5) == 0.5
+    assert difference_scale(3.0).words(12) == "difference 12 of 255" and difference_scale(3.0).share(42.5) == 0.5
 
 
 def test_a_pixel_of_a_render_tells_the_alpha_and_the_normal_that_it_shows() -> None:

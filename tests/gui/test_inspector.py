@@ -17,7 +17,7 @@ from pytestqt.qtbot import QtBot
 from nvsim.geometry.camera import Camera, Intrinsics, camera_pose
 from nvsim.mapping.config import MappingConfig
 from nvsim_app.drawing.panorama_child import PanoramaDrawing, PanoramaRequest
-from nvsim_app.inspector.layers import before_the_eye
+from nvsim_app.inspector.layers import clip_at_near_plane
 from nvsim_app.inspector.panoramas import Panoramas
 from nvsim_app.inspector.state import direction_hit, viewing_angles
 from nvsim_app.painting.cameras import ViewPose
@@ -85,11 +85,11 @@ def test_a_region_is_met_by_looking_at_its_middle_and_not_above_the_horizon(docu
 def test_a_region_behind_the_eye_is_cut_off_and_never_turned_inside_out() -> None:
     camera = Camera(Intrinsics.from_fov(100, 100, 1.2), camera_pose(np.array([0.0, 0.0, 1.5]), 0.0, -0.4))
     corners = np.array([[-0.3, -2.0, 0.0], [-0.3, 4.0, 0.0], [0.3, 4.0, 0.0], [0.3, -2.0, 0.0]])
-    seen = before_the_eye(corners, camera)
+    seen = clip_at_near_plane(corners, camera)
     _, depth = camera.project(seen)
     assert len(seen) == 4 and (depth > 0).all()
-    assert len(before_the_eye(corners - [0, 9, 0], camera)) == 0
-    np.testing.assert_array_equal(before_the_eye(corners + [0, 6, 0], camera), corners + [0, 6, 0])
+    assert len(clip_at_near_plane(corners - [0, 9, 0], camera)) == 0
+    np.testing.assert_array_equal(clip_at_near_plane(corners + [0, 6, 0], camera), corners + [0, 6, 0])
 
 
 def test_the_panorama_shows_north_in_the_middle_and_comes_coarse_first() -> None:

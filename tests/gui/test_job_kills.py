@@ -22,7 +22,7 @@ from pytestqt.qtbot import QtBot
 
 from nvsim.project.jobs.files import EventFile
 from nvsim.project.jobs.joblist import Job, JobList
-from nvsim.project.jobs.worker_lock import is_held
+from nvsim.project.jobs.worker_lock import is_job_running
 from nvsim_app.panels.jobs import JobPanel
 from nvsim_app.processes.child import RESTARTS
 from nvsim_app.session import Session
@@ -106,7 +106,7 @@ def test_a_training_outlives_the_window_that_is_killed(project: Path, start_wind
     mine = [c for c in children if c.pid != job.status.pid]
     os.kill(window.pid, signal.SIGKILL)
     window.wait()
-    assert is_held(job.folder)
+    assert is_job_running(job.folder)
     until(lambda: job_of(project).status.state != "running")
     assert job_of(project).status.state == "done"
     assert (project / "models" / "submap_000" / "model.json").is_file()

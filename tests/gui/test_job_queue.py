@@ -16,7 +16,7 @@ from nvsim.events import Event, Failed, Log, Metric, Progress, Worker
 from nvsim.project import ledger
 from nvsim.project.jobs.files import STATUS, encode_status, event_line
 from nvsim.project.jobs.joblist import JobList, JobStatus, State, Wish
-from nvsim.project.jobs.worker_lock import is_held
+from nvsim.project.jobs.worker_lock import is_job_running
 from nvsim.project.project import Project
 from nvsim_app.jobs.history import MOST_POINTS, MOST_WORKERS, JobReport, MetricSeries
 from nvsim_app.jobs.queue import JobHandle, JobQueue
@@ -29,7 +29,7 @@ SECONDS = 60_000
 def project(tmp_path: Path) -> Path:
     path = demo_project.write_project(tmp_path / "demo.nvsim", count=500, models=1)
     with Project.open(path, writable=True) as made:
-        ledger.begin(made, "import", "a key")
+        ledger.begin_part(made, "import", "a key")
         ledger.finish(made, "import", 0.0, {})
     return path
 
@@ -107,7 +107,7 @@ def test_a_cancelled_job_leaves_no_process(qtbot: QtBot, queue: JobQueue, projec
     pid = handle.job.status.pid
     queue.cancel(handle)
     until(qtbot, handle, "cancelled", "failed")
-    qtbot.waitUntil(lambda: not is_held(handle.job.folder), timeout=SECONDS)
+    qtbot.waitUntil(lambda: not is_job_running(handle.job.folder), timeout=SECONDS)
     qtbot.waitUntil(lambda: not psutil.pid_exists(pid) or psutil.Process(pid).status() == "zombie", timeout=SECONDS)
 
 

@@ -16,10 +16,10 @@ from nvsim.cli.main import main
 from nvsim.project.config import CaptureConfig
 from nvsim.project.project import Project
 from nvsim_app.painting import cameras
-from nvsim_app.panels.form import KnownLength, words_of
+from nvsim_app.panels.form import KnownLength, outdated_results_text
 from nvsim_app.session import Session
 from nvsim_app.state.document import Document
-from nvsim_app.state.loading import prepared
+from nvsim_app.state.loading import with_derived_arrays
 from nvsim_app.views.graph_surface import SceneSurface
 from nvsim_app.wiring.importing import ReimportPart, _config_of, options_of, without_option
 from nvsim_app.wiring.modes import ModePart
@@ -98,7 +98,7 @@ def test_a_frame_is_left_out_of_a_project(qtbot: QtBot, session: Session, projec
 
 
 def test_the_results_that_a_new_scale_outdates_are_named() -> None:
-    said = words_of({"import", "submaps", "floors", "map"})
+    said = outdated_results_text({"import", "submaps", "floors", "map"})
     assert "These results become out of date: submaps, floor masks and navigation graph." in said
 
 
@@ -130,7 +130,7 @@ def test_an_assumed_camera_height_is_no_option_of_the_next_import(project: Path)
 
 def test_measuring_snaps_to_the_point_cloud_while_it_is_shown(window: MainWindow, document: Document) -> None:
     points = np.array([[2.0, 4.0, 2.4], [6.0, 4.0, 0.3]], np.float32)
-    document.set_contents(prepared(replace(document.contents, cloud=Cloud(points, kind="images"))))
+    document.set_contents(with_derived_arrays(replace(document.contents, cloud=Cloud(points, kind="images"))))
     window.scene.navigation.set_pose(cameras.top_view(document.extent, 1.4))
     surface = window.part(ModePart).stage.canvases[0].surface
     assert isinstance(surface, SceneSurface)

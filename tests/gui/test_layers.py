@@ -26,7 +26,7 @@ from nvsim_app.layers.layer import Layer
 from nvsim_app.look.notices import Notices
 from nvsim_app.painting.cameras import ViewPose, overview
 from nvsim_app.painting.dots import Dots
-from nvsim_app.painting.primitives import chip
+from nvsim_app.painting.primitives import paint_label
 from nvsim_app.state.document import Document
 from nvsim_app.state.loading import Contents
 from nvsim_app.views.overlays import Overlays
@@ -116,10 +116,10 @@ def test_names_of_viewpoints_do_not_lie_on_each_other(
     drawn: list[tuple[str, QRectF]] = []
 
     def noted(painter: QPainter, anchor: QPointF, text: str, ink: QColor, fill: QColor) -> QRectF:
-        drawn.append((text, chip(painter, anchor, text, ink, fill)))
+        drawn.append((text, paint_label(painter, anchor, text, ink, fill)))
         return drawn[-1][1]
 
-    monkeypatch.setattr(labels, "chip", noted)
+    monkeypatch.setattr(labels, "paint_label", noted)
     view = ViewPose((7.0, 0.5, 1.4), elevation=-0.1).camera(160, 120)
     seen = overlays.graph.seen(view)
     farthest = document.graph_arrays.ids[next(r for r in seen.order if seen.depths[r] < labels.LABEL_DISTANCE)]

@@ -45,7 +45,7 @@ def test_findings_are_grouped_by_what_is_the_matter() -> None:
         ("the image is missing", 3),
         ("the scale is unknown", 1),
     ]
-    assert result.wants_scale and result.sentence == "This capture cannot be used as it is."
+    assert result.needs_scale and result.sentence == "This capture cannot be used as it is."
     with pytest.raises(ValueError, match="not a data check"):
         result_of('{"psnr": 3}')
 
@@ -84,7 +84,7 @@ def test_axes_that_fit_the_images_are_offered_and_chosen_by_a_button(qtbot: QtBo
     qtbot.addWidget(dialog)
     finding = {"severity": "error", "message": "the poses do not fit the images", "where": "x", "consequence": "y"}
     result = result_of(json.dumps({"refused": True, "findings": [{**finding, "fix": "--axes opencv"}]}))
-    assert result.axes == "opencv" and result.mendable
+    assert result.axes == "opencv" and result.is_fixable
     assert not result_of(json.dumps({"refused": True, "findings": [{**finding, "fix": "--axes odd"}]})).axes
     dialog.show_result(result)
     assert dialog.mending.axes.isVisibleTo(dialog) and dialog.mending.axes.text() == "Read poses as opencv"

@@ -12,7 +12,7 @@ def settle(
 ) -> tuple[int, int, float]:
     pacing = ImageSizeControl(40.0)
     for _ in range(80):
-        w, h = pacing.moving_size(width, height)
+        w, h = pacing.size_while_moving(width, height)
         cost = fixed_ms + w * h * nanoseconds_per_pixel * 1e-6
         pacing.learn(w, h, width, height, cost)
     return w, h, cost

@@ -21,7 +21,7 @@ from nvsim.graph.selection import GraphSelection
 from nvsim.project.jobs.joblist import JobList, JobStatus
 from nvsim.project.project import Project
 from nvsim_app.look.labels import Label, MarkedLabel
-from nvsim_app.look.plain_text import caption, escape_html, in_window, lines, plain, tip, title
+from nvsim_app.look.plain_text import caption, escape_html, in_window, lines, plain, title, tooltip_text
 from nvsim_app.modes.mode import Pointer
 from nvsim_app.panels.help import HelpWindow
 from nvsim_app.panels.results import ResultPanel
@@ -58,7 +58,7 @@ def test_a_name_is_one_line_that_shows_every_letter(text: str) -> None:
 
 @given(ANY.filter(lambda text: in_window(f"<{text}") == f"<{text}" and in_window(text) == text))  # names no option
 def test_a_tip_and_our_own_markup_say_the_text_and_read_nothing(text: str) -> None:
-    for markup in (f"<b>{escape_html(text)}</b>", tip(f"<{text}")):
+    for markup in (f"<b>{escape_html(text)}</b>", tooltip_text(f"<{text}")):
         document = _Reading()
         document.setHtml(markup)
         words = lines(text) if markup.startswith("<b>") else lines(f"<{text}")
@@ -262,7 +262,7 @@ def test_a_tool_tip_that_is_really_shown_reads_nothing(fifo: Path, qtbot: QtBot)
     widget = QWidget()
     qtbot.addWidget(widget)
     widget.show()
-    QToolTip.showText(QPoint(10, 10), tip(hostile.text(fifo)), widget)
+    QToolTip.showText(QPoint(10, 10), tooltip_text(hostile.text(fifo)), widget)
     (label,) = [w for w in _labels() if w.isVisible()]
     label.grab()
     assert "EVIL0" in label.text() and label.width() < 1500

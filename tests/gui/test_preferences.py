@@ -18,7 +18,7 @@ from nvsim_app.look.labels import Value
 from nvsim_app.panels.preferences import FIXED, OF, PREFERENCES, Preferences
 from nvsim_app.panels.tables import TablePanel
 from nvsim_app.state.document import Document
-from nvsim_app.views.navigation import ControlSettings, flying
+from nvsim_app.views.navigation import ControlSettings, flight_directions
 from nvsim_app.wiring.appearance import PreferencePart
 from nvsim_app.wiring.editing import AutosavePart
 from nvsim_app.wiring.panels import MapPart
@@ -151,7 +151,7 @@ def test_jobs_get_so_many_threads(window: MainWindow, monkeypatch, tmp_path: Pat
     window.jobs.start("floors", [], tmp_path, "floors")
     assert started[1] is None
     monkeypatch.setenv("NUMBA_NUM_THREADS", "3")
-    assert kernel_threads.allowed() == 3 and kernel_threads.limit(99)["OMP_NUM_THREADS"] == "8"
+    assert kernel_threads.allowed_threads() == 3 and kernel_threads.limit(99)["OMP_NUM_THREADS"] == "8"
 
 
 def test_settings_of_any_kind_become_values_that_fit(settings: QSettings) -> None:
@@ -226,4 +226,4 @@ def test_keys_that_exclude_each_other_are_named(window: MainWindow) -> None:
 
 
 def test_what_flies_is_one_key() -> None:
-    assert flying({"fly_up": "U", "fly_down": "Ctrl+U", "fly_left": ""}) == {int(Qt.Key.Key_U): (0, 0, 1)}
+    assert flight_directions({"fly_up": "U", "fly_down": "Ctrl+U", "fly_left": ""}) == {int(Qt.Key.Key_U): (0, 0, 1)}

@@ -142,14 +142,14 @@ def test_what_a_killed_writer_committed_is_seen_where_nothing_can_be_written(
 def test_a_project_on_a_full_disk_can_be_looked_at(project: Path, history: bool) -> None:
     if history:
         from nvsim.graph.journal import Journal
-        from nvsim.graph.operations import perform
+        from nvsim.graph.operations import perform_operation
         from nvsim_app.state.graph_files import ProjectGraph
 
         with Project.open(project) as opened:
             graph = opened.need_graph()
         with Journal.open(Layout(project).edits) as journal:
             steps = journal.history(graph)
-            perform(steps, "remove_edges", {"pairs": [list(next(iter(graph.edges)))]})
+            perform_operation(steps, "remove_edges", {"pairs": [list(next(iter(graph.edges)))]})
         assert ProjectGraph(project).journal is not None
     with Project.open(project) as opened:
         scan = opened.need_graph().scan

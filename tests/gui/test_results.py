@@ -17,10 +17,10 @@ from nvsim_app.state.results import (
     SUMMARY,
     EvaluationResult,
     result_of_job,
+    result_title,
     stored_result,
     tables_of,
     value_words,
-    words_of,
 )
 
 FIGURES = {
@@ -49,8 +49,8 @@ def test_a_table_survives_the_way_through_csv_and_tabs() -> None:
 
 
 def test_figures_and_names_are_written_as_the_field_does() -> None:
-    assert words_of("psnr_nonfloor") == "PSNR no floor" and words_of("reachable_m2") == "reachable floor, m²"
-    assert words_of("node_validity_robot") == "validity of viewpoints, for a robot"
+    assert result_title("psnr_nonfloor") == "PSNR no floor" and result_title("reachable_m2") == "reachable floor, m²"
+    assert result_title("node_validity_robot") == "validity of viewpoints, for a robot"
     assert [value_words(v) for v in (None, 0.12345, 21.4727, 12345.6, 7)] == ["–", "0.1235", "21.47", "12,346", "7"]
 
 

@@ -13,7 +13,7 @@ from nvsim.project.earlier_results import replaced_result_sentence
 from nvsim.project.project import Project
 from nvsim_app.forms.form import CommandForm
 from nvsim_app.panels.stages import EarlierResults
-from nvsim_app.panels.submaps import model_words, trains
+from nvsim_app.panels.submaps import is_training, model_words
 from nvsim_app.session import Session
 from nvsim_app.state.loading import Contents
 from nvsim_app.wiring.jobs import JobsPart
@@ -55,7 +55,7 @@ def test_a_cancelled_training_leaves_the_trained_model_in_the_view(
     scene, blank = session.window.scene, []
 
     def words() -> str:
-        return model_words(document.contents, 0, trains(document))
+        return model_words(document.contents, 0, is_training(document))
 
     scene.feed.changed.connect(lambda: blank.append(scene.picture is None))
     handle = part.run_stage("train")
@@ -90,7 +90,7 @@ def test_an_earlier_result_comes_back_from_the_jobs_menu(trained: Path, qtbot: Q
     assert main(["train", *more, "--project", str(trained)]) == 0
     session.open(trained)
     document = session.window.document
-    qtbot.waitUntil(lambda: document.contents.kept == {"train"}, timeout=SECONDS)
+    qtbot.waitUntil(lambda: document.contents.restorable_stages == {"train"}, timeout=SECONDS)
     qtbot.waitUntil(lambda: 0 in document.contents.model_info, timeout=SECONDS)
     assert document.contents.model_info[0]["steps"] == STEPS + 5
     session.window.actions_table["earlier_results"].trigger()
@@ -105,5 +105,5 @@ def test_the_words_name_the_model_that_is_shown() -> None:
     assert model_words(done, 0, False) == "trained, 2000 steps · unfinished training, step 430"
     assert model_words(done, 1, False) == "not trained"
     assert model_words(done, 0, True) == "trained, 2000 steps · training, step 430"
-    former = Contents(former=frozenset({"train"}))
+    former = Contents(stages_of_previous_cut=frozenset({"train"}))
     assert model_words(former, 2, False) == "models of the previous submaps are shown"

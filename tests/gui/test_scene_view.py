@@ -115,7 +115,7 @@ def test_w_flies_forward_until_it_is_released(view: SceneView, qtbot: QtBot) -> 
 
 def test_losing_the_focus_stops_the_flight(view: SceneView, window: MainWindow, qtbot: QtBot) -> None:
     qtbot.keyPress(view, Qt.Key.Key_D)
-    view.navigation.let_go()
+    view.navigation.release_all()
     qtbot.waitUntil(lambda: not view.navigation.active, timeout=PATIENCE)
 
 

@@ -18,9 +18,9 @@ from pytestqt.qtbot import QtBot
 
 from nvsim_app.painting.cameras import ViewPose
 from nvsim_app.panels.about import AboutWindow, facts, version_of
-from nvsim_app.panels.help import DOCS, HelpWindow, find, open_help, pages
+from nvsim_app.panels.help import DOCS, HelpWindow, find, help_pages, open_help
 from nvsim_app.session import Session
-from nvsim_app.start.application import left_open
+from nvsim_app.start.application import last_open_file
 from nvsim_app.state.document import Document, Selection
 from nvsim_app.state.view_state_store import StoredViewState, decode, encode
 from nvsim_app.state.view_states import ViewState, ViewStates, changes
@@ -32,7 +32,7 @@ POSE = ViewPose((3.0, 4.0, 1.6), 1.1, -0.2, 2.0, 1.0)
 
 
 def test_every_help_page_has_a_title_and_is_found_by_its_words() -> None:
-    assert [p.name for p in pages()][0] == "start" and len({p.title for p in pages()}) == len(pages())
+    assert [p.name for p in help_pages()][0] == "start" and len({p.title for p in help_pages()}) == len(help_pages())
     assert find("worst cell")[0].page == "inspector"
     assert find("chair fills")[0].title == "What is measured"
     assert find("no such words anywhere") == [] and find("  ") == []
@@ -48,7 +48,7 @@ def test_the_help_is_searched_and_one_window_shows_all_pages(window: MainWindow,
     first.search.setText("qqqq")
     assert "No help page contains" in first.list.item(0).text()
     first.search.clear()
-    assert first.list.count() == len(pages())
+    assert first.list.count() == len(help_pages())
     first.list.setCurrentRow(0)
     assert first.page == "start"
     first.show_page("window")
@@ -205,7 +205,7 @@ def test_a_project_opens_as_it_was_left(
     again.set_contents(demo_room.contents(Path("demo.nvsim")))
     assert second.scene.pose == POSE and second.scene.channel == "normal"
     assert again.selection.viewpoint == document.graph_arrays.ids[4]
-    assert second.panels["map"].seen == pytest.approx(seen) and second.panels["inspector"].view.gaze[0] == 1.0
+    assert second.panels["map"].seen == pytest.approx(seen) and second.panels["inspector"].view.view_center[0] == 1.0
     assert second.part(CameraPathPart).poses == [POSE]
     # Another project has a camera of its own, and this one keeps what is left now.
     second.scene.navigation.set_pose(replace(POSE, heading=0.3))
@@ -232,11 +232,11 @@ def test_the_next_window_opens_what_was_open_unless_it_was_closed_or_is_gone(
         session.close()
 
     live(close_project=False)
-    assert left_open(settings) == project
+    assert last_open_file(settings) == project
     live(close_project=True)
-    assert left_open(settings) is None
+    assert last_open_file(settings) is None
     live(close_project=False)
     project.rename(tmp_path / "elsewhere.nvsim")
-    assert left_open(settings) is None
+    assert last_open_file(settings) is None
     (tmp_path / "rooms.nvsim").mkdir()
-    assert left_open(settings) is None
+    assert last_open_file(settings) is None

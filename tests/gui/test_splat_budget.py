@@ -11,7 +11,7 @@ from nvsim.benchmarks.random_room import random_room
 from nvsim.geometry.floor_surface import FloorSurface
 from nvsim.splats.appearance import LinearAppearance
 from nvsim.splats.types import Embedding, SubmapModel
-from nvsim_app.drawing.renderer_choice import SplatBudget, covering_most
+from nvsim_app.drawing.renderer_choice import SplatBudget, largest_gaussians
 
 
 def model(count: int = 500) -> SubmapModel:
@@ -20,7 +20,7 @@ def model(count: int = 500) -> SubmapModel:
 
 def test_the_ones_that_cover_most_stay_in_their_order() -> None:
     g = random_room(400)
-    rows = covering_most(g, 100)
+    rows = largest_gaussians(g, 100)
     opacity = 1 / (1 + np.exp(-g.opacity_logits.astype(float)))
     extents = np.sort(np.exp(g.log_scales.astype(float)), axis=1)
     cover = opacity * extents[:, 1] * extents[:, 2]
@@ -49,7 +49,7 @@ def test_colours_that_depend_on_the_position_stay_with_their_gaussians() -> None
     appearance = LinearAppearance(embedding, {}, rng.random((500, 3)).astype(np.float32), np.zeros(3))
     appearance._kept.sh = "of all"
     few = SplatBudget().within(replace(m, appearance=appearance), 50)
-    rows = covering_most(m.gaussians, 50)
+    rows = largest_gaussians(m.gaussians, 50)
     assert few.appearance is not None
     assert np.array_equal(few.appearance.features, appearance.features[rows])
     assert isinstance(few.appearance._kept, threading.local) and not hasattr(few.appearance._kept, "sh")

@@ -11,7 +11,7 @@ from PySide6.QtWidgets import QApplication
 
 from nvsim.graph.edits import copy_by, move_viewpoints
 from nvsim.occupancy.types import FREE, OCCUPIED
-from nvsim_app.layers.graph import behind_walls
+from nvsim_app.layers.graph import are_behind_walls
 from nvsim_app.painting import cameras
 from nvsim_app.painting.cameras import ViewPose
 from nvsim_app.state.document import Document
@@ -118,8 +118,8 @@ def test_what_is_behind_a_wall_is_faint(window: MainWindow, document: Document) 
     feet = document.graph_arrays.feet
     wall = occupancy.origin[0] + (middle + 1) * occupancy.resolution
     eye = np.array([feet[:, 0].min() - 0.5, np.median(feet[:, 1]), 1.5])
-    assert (behind_walls(walled, eye, feet) == (feet[:, 0] > wall)).all()
-    assert not behind_walls(walled, eye + [0, 0, 40.0], feet).any(), "from above nothing is behind a wall"
+    assert (are_behind_walls(walled, eye, feet) == (feet[:, 0] > wall)).all()
+    assert not are_behind_walls(walled, eye + [0, 0, 40.0], feet).any(), "from above nothing is behind a wall"
     document.set_contents(replace(document.contents, occupancy=walled))
     scene = window.scene
     scene.navigation.set_pose(ViewPose(tuple(eye), np.pi / 2, -0.1))

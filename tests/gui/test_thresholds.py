@@ -53,8 +53,8 @@ def test_a_slider_counts_and_draws_what_would_disappear(part: ThresholdPart, doc
     tried(part, qtbot)
     outcome = part.trial.outcome
     # Diagonals of the demo room end beside their viewpoint: those edges have no evidence, and stay.
-    assert outcome is not None and 0 < len(outcome.disappear) < edges and outcome.lonely > 0
-    gone = len(outcome.disappear)
+    assert outcome is not None and 0 < len(outcome.lost_edges) < edges and outcome.isolated_viewpoints > 0
+    gone = len(outcome.lost_edges)
     assert f"−{gone:,}" in part.panel.outcome.text() and "last edge" in part.panel.notes.text()
     assert row.figure.value() == 0.0 and row.name.font().bold()
     assert ends(part.trial, document)["disappear"].shape == (gone, 2, 3)
@@ -81,13 +81,13 @@ def test_many_moves_in_one_turn_are_decided_once(part: ThresholdPart, qtbot: QtB
 
 
 def test_presets_set_all_sliders_and_mark_their_places(part: ThresholdPart, qtbot: QtBot) -> None:
-    part.panel.take_preset("paper")
+    part.panel.apply_preset("paper")
     tried(part, qtbot)
     assert part.trial.config.rule == "mean" and not part.trial.config.both_ways
     row = part.panel.rows["support"]
     assert row.figure.value() == 0.0 and row.slider._marks["paper"] == 0 and row.slider._marks["default"] == 85
     assert not part.panel.rows["row_alpha"].slider.isEnabled(), "the paper's rule does not ask about rows"
-    part.panel.take_preset("project")
+    part.panel.apply_preset("project")
     assert not part.trial.differs
 
 
@@ -186,7 +186,7 @@ def test_applying_is_one_step_that_can_be_undone_and_comes_back_with_the_project
     part.panel.rows["tau_alpha"].slider.setValue(0)
     tried(part, qtbot)
     assert part.trial.outcome is not None and part.panel.apply.isEnabled()
-    gone = len(part.trial.outcome.disappear)
+    gone = len(part.trial.outcome.lost_edges)
     part.panel.apply.click()
     after = document.graph
     assert after is not None and len(after.edges) == len(before.edges) - gone
@@ -196,7 +196,7 @@ def test_applying_is_one_step_that_can_be_undone_and_comes_back_with_the_project
     document.editing.undo()
     assert document.graph is not None and dict(document.graph.edges) == dict(before.edges)
     tried(part, qtbot)
-    assert part.trial.outcome and len(part.trial.outcome.disappear) == gone
+    assert part.trial.outcome and len(part.trial.outcome.lost_edges) == gone
     document.editing.redo()
     # A project that is opened again is decided as it was last applied.
     part.trial.on_graph(fresh=True)
@@ -221,9 +221,9 @@ def test_edits_of_a_person_are_part_of_what_is_tried(part: ThresholdPart, docume
     part.panel.rows["tau_alpha"].slider.setValue(0)
     tried(part, qtbot)
     assert part.trial.outcome is not None and part.trial.redecider is not None
-    a, b = (part.trial.redecider.ids[i] for i in part.trial.outcome.disappear[0])
-    gone = len(part.trial.outcome.disappear)
+    a, b = (part.trial.redecider.ids[i] for i in part.trial.outcome.lost_edges[0])
+    gone = len(part.trial.outcome.lost_edges)
     assert document.editing.run("lock", {"viewpoints": [], "edges": [[a, b]], "locked": True})
     qtbot.waitUntil(lambda: part.trial.outcome is not None, timeout=10_000)
-    assert len(part.trial.outcome.disappear) == gone - 1 and part.trial.outcome.kept == 1
+    assert len(part.trial.outcome.lost_edges) == gone - 1 and part.trial.outcome.kept_by_user == 1
     assert "1 edge stays" in part.panel.notes.text()

@@ -69,7 +69,7 @@ def test_a_dropped_video_is_checked_asks_for_the_height_and_becomes_a_job(
     monkeypatch.setattr(session.window.jobs, "start", lambda *job: ordered.append(job))
     video = write_video(tmp_path / "walk.mp4")
     assert [(e.path, e.kind, e.openable) for e in FolderLook(tmp_path).result().entries] == [(video, "video", True)]
-    session.window.part(NewProjectPart).take([video])
+    session.window.part(NewProjectPart).open_paths([video])
     (dialog,) = session.window.findChildren(NewProjectDialog)
     assert Path(dialog.project.text()) == place_for(video) == tmp_path / "walk.nvsim"
     qtbot.waitUntil(lambda: dialog.result_shown is not None, timeout=SECONDS)
@@ -95,7 +95,7 @@ def test_a_video_that_cannot_be_decoded_is_refused_by_the_check() -> None:
     video = {"name": "y.mp4", "frames": 9, "seconds": 1.5, "rate": 6.0, "width": 64, "height": 48}
     unknown = {"severity": "warning", "message": SCALE_ASSUMED, "where": "y.mp4", "consequence": SCALE_IN_HEIGHTS}
     result = result_of(json.dumps({"refused": False, "findings": [unknown], "videos": [video, video]}))
-    assert result.assumes_scale and not result.wants_scale
+    assert result.accepts_scale and not result.needs_scale
     assert result.sentence.startswith("These 2 videos can be used.") and result.sentence.endswith("in camera heights.")
     assert in_window(SCALE_IN_HEIGHTS) == (  # a known length has no field: it is measured in the imported capture
         "lengths are in camera heights of 1.5 m; set “Camera height”; after the import, you can also measure a known "

@@ -67,7 +67,7 @@ def test_a_first_panorama_that_takes_long_says_why(qtbot: QtBot, monkeypatch) ->
     monkeypatch.setattr("nvsim_app.inspector.panoramas.compiled_since", lambda asked: True)
     panoramas = Panoramas(RenderLink())
     with qtbot.waitSignal(panoramas.arrived, timeout=20_000):
-        panoramas.want((1.0, 2.0, 3.0))
+        panoramas.request((1.0, 2.0, 3.0))
         assert "compiled" not in panoramas.words
     assert "compiled" in panoramas.words
     panoramas.close()

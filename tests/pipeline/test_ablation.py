@@ -17,8 +17,8 @@ import pytest
 from nvsim.building import BuildingConfig, generate
 from nvsim.evaluation import ablation_runs
 from nvsim.evaluation.ablation import AblationConfig, evaluate_ablation
-from nvsim.evaluation.ablation_runs import ROWS, Budget, run_of
-from nvsim.events import Event, Log, Progress, silent
+from nvsim.evaluation.ablation_runs import ROWS, Budget, training_run
+from nvsim.events import Event, Log, Progress, ignore_event
 from nvsim.project.config import CaptureConfig
 from nvsim.project.project import Project
 from nvsim.project.stages import floors, imported, submaps
@@ -36,9 +36,9 @@ def rooms(tmp_path_factory: pytest.TempPathFactory) -> Path:
     root = tmp_path_factory.mktemp("ablation") / "rooms.nvsim"
     with Project.create_or_open(root) as project:
         generate(root, BuildingConfig(size="small", width=200, height=150, step=0.6, turn=24.0, people=False))
-        imported.run(project, project.layout.built_in_capture, CaptureConfig(), silent)
-        submaps.run(project, SubmapConfig(), silent)
-        floors.run(project, silent)
+        imported.run(project, project.layout.built_in_capture, CaptureConfig(), ignore_event)
+        submaps.run(project, SubmapConfig(), ignore_event)
+        floors.run(project, ignore_event)
     return root
 
 
@@ -119,7 +119,7 @@ def test_a_second_call_trains_nothing_and_leaves_the_project_s_models_alone(
 ) -> None:
     before = runs(rooms)
     with Project.open(rooms, writable=True) as project:
-        outcome = evaluate_ablation(project, AblationConfig(budget=BUDGET), silent)
+        outcome = evaluate_ablation(project, AblationConfig(budget=BUDGET), ignore_event)
         assert not project.layout.models.exists()
     assert (outcome.trained, runs(rooms)) == (0, before)
     assert outcome.tables["ablation"].rows == made[1]["tables"]["ablation"]
@@ -165,10 +165,10 @@ def test_a_run_that_is_cut_off_goes_on_from_its_checkpoint_and_ends_with_the_sam
             raise Killed
 
     with Project.open(rooms, writable=True) as project:
-        run = run_of(project, project.need_submaps()[0], row.config, 0)
+        run = training_run(project, project.need_submaps()[0], row.config, 0)
         # Kernels that a process has just compiled round differently from those it reads from the cache, so that the
         # run to compare with is made here as well.
-        evaluate_ablation(project, replace(config, afresh=True), silent)
+        evaluate_ablation(project, replace(config, afresh=True), ignore_event)
         whole = load_model(run.model_folder).gaussians.means
         with pytest.raises(Killed):
             evaluate_ablation(project, replace(config, afresh=True), kill)

@@ -19,14 +19,14 @@ from nvsim.cli.main import main
 from nvsim.depth.cloud_file import read_cloud_file
 from nvsim.depth.config import DepthConfig
 from nvsim.errors import InputError
-from nvsim.events import Done, Event, Log, Progress, silent
+from nvsim.events import Done, Event, Log, Progress, ignore_event
 from nvsim.project import ledger
 from nvsim.project.config import CaptureConfig
 from nvsim.project.earlier_results import kept_results, replaced_result_sentence, restore
 from nvsim.project.project import Project
 from nvsim.project.stages import depths, floors, imported, submaps
 from nvsim.project.stages.trained import adapt_to_capture, train_key
-from nvsim.project.state.results import first_stale
+from nvsim.project.state.results import first_outdated_stage
 from nvsim.project.work import StageName
 from nvsim.submaps.split import SubmapConfig
 from nvsim.training.config import ScanlessConfig, TrainingConfig
@@ -79,8 +79,8 @@ def scanned(building: Path, tmp_path: Path) -> Iterator[Project]:
     """A project whose capture has a scan."""
     capture = few_frames(tmp_path / "scanned", building, 24, cloud=True)
     with Project.create_or_open(tmp_path / "scanned.nvsim") as opened:
-        imported.run(opened, capture, CaptureConfig(), silent)
-        submaps.run(opened, SubmapConfig(count=1), silent)
+        imported.run(opened, capture, CaptureConfig(), ignore_event)
+        submaps.run(opened, SubmapConfig(count=1), ignore_event)
         yield opened
 
 
@@ -110,7 +110,7 @@ def test_what_is_up_to_date_ends_at_once_and_other_settings_make_it_anew(project
     assert heard == [Log("The depth is up to date.", "depth")]
     before, trained = project.layout.depth, train_key(project, project.submaps()[0], TrainingConfig())
     assert "depth of 40 frames" in replaced_result_sentence(project, "depth")
-    depths.run(project, "auto", replace(CONFIG, planes=48), silent)
+    depths.run(project, "auto", replace(CONFIG, planes=48), ignore_event)
     assert project.layout.depth != before and before.is_dir(), "the old stays until it is replaced in turn"
     floors.run(project, heard.append)
     assert any(isinstance(e, Done) for e in heard), "floors depend on depth"
@@ -152,7 +152,7 @@ def test_damaged_files_are_one_sentence(project: Project, capsys: pytest.Capture
     project._scan = None
     with pytest.raises(InputError, match=r"cloud\.ply"):
         project.scan()
-    depths.run(project, "auto", CONFIG, silent)  # makes it again
+    depths.run(project, "auto", CONFIG, ignore_event)  # makes it again
     assert project.scan() is not None
 
 
@@ -172,7 +172,7 @@ def test_a_capture_with_a_scan_skips_it_in_no_time_and_says_so(
     scanned: Project, capsys: pytest.CaptureFixture[str]
 ) -> None:
     with_scan = scanned.scan()
-    floors.run(scanned, silent)
+    floors.run(scanned, ignore_event)
     floors_before = ledger.record(scanned, "floors")
     heard: list[Event] = []
     started = time.monotonic()
@@ -188,9 +188,9 @@ def test_a_capture_with_a_scan_skips_it_in_no_time_and_says_so(
     assert ledger.record(scanned, "floors") == floors_before, "found before there was a depth stage, and still current"
     assert main(["evaluate", "depth", "--project", str(scanned.root), "--truth", str(scanned.root)]) == 2
     assert "as the capture has a LiDAR scan; run `nvsim depth --depth always" in capsys.readouterr().err
-    imported.run(scanned, scanned.need_capture().source, CaptureConfig(scale=1.5), silent)
+    imported.run(scanned, scanned.need_capture().source, CaptureConfig(scale=1.5), ignore_event)
     assert "depth" in scanned.stage_results().outdated
-    depths.run(scanned, "auto", CONFIG, silent)
+    depths.run(scanned, "auto", CONFIG, ignore_event)
     assert "depth" not in scanned.stage_results().outdated and kept_results(scanned)[0].stage == "import"
     assert [k.stage for k in kept_results(scanned)] == ["import"], "that nothing was done is not worth keeping"
 
@@ -213,7 +213,7 @@ def test_always_fills_holes_of_a_scan_and_never_overrules_it(scanned: Project) -
     middle = np.median(scan.points[:, 0])
     half = replace(scan, points=scan.points[scan.points[:, 0] < middle], colors=None)
     scanned._capture = (scanned._capture[0], replace(scanned.need_capture(), cloud=half)) if scanned._capture else None
-    depths.run(scanned, "always", CONFIG, silent)
+    depths.run(scanned, "always", CONFIG, ignore_event)
     found = scanned.scan()
     assert found is not None and found.kind == "lidar" and found.colors is None and found.normals is not None
     assert np.array_equal(found.points[: len(half.points)], half.points)
@@ -228,7 +228,7 @@ def test_always_fills_holes_of_a_scan_and_never_overrules_it(scanned: Project) -
 def test_never_takes_depth_out_of_use_and_restore_brings_it_back(project: Project) -> None:
     before = project.scan()
     assert before is not None
-    depths.run(project, "never", CONFIG, silent)
+    depths.run(project, "never", CONFIG, ignore_event)
     assert project.scan() is None and [k.stage for k in kept_results(project)] == ["depth"]
     restore(project, "depth")
     again = project.scan()
@@ -239,7 +239,7 @@ def test_never_takes_depth_out_of_use_and_restore_brings_it_back(project: Projec
 
 def test_depth_of_another_capture_is_not_used(project: Project) -> None:
     assert project.scan() is not None
-    imported.run(project, project.need_capture().source, CaptureConfig(scale=2.0), silent)
+    imported.run(project, project.need_capture().source, CaptureConfig(scale=2.0), ignore_event)
     assert project.scan() is None and "depth" in project.stage_results().outdated
     restore(project, "import")
     assert project.scan() is not None
@@ -256,7 +256,7 @@ def test_floors_without_scan_and_depth_warn(building: Path, tmp_path: Path, caps
     assert "up to date" in capsys.readouterr().err, "as are floors of before there was a depth stage"
     with Project.open(tmp_path / "rooms.nvsim") as opened:
         found = opened.stage_results()
-    assert first_stale(found.outdated, found.former) is None
+    assert first_outdated_stage(found.outdated, found.former) is None
 
 
 def test_the_window_shows_the_cloud_of_the_images(project: Project) -> None:

@@ -13,7 +13,7 @@ import pytest
 from PIL import Image
 
 from nvsim.building import BuildingConfig, generate
-from nvsim.events import silent
+from nvsim.events import ignore_event
 from nvsim.mapping.config import MappingConfig
 from nvsim.project.config import CaptureConfig
 from nvsim.project.project import Project
@@ -31,11 +31,11 @@ def finished(tmp_path_factory: pytest.TempPathFactory) -> Path:
     generate(folder / "building", BuildingConfig(size="small", width=96, height=72, step=1.0, turn=45.0, people=False))
     few = TrainingConfig(steps=12, image_size=48, gaussian_cap=600, threads=1)
     with Project.create_or_open(folder / "rooms.nvsim") as project:
-        imported.run(project, folder / "building" / "capture", CaptureConfig(), silent)
-        submaps.run(project, SubmapConfig(count=1), silent)
-        floors.run(project, silent)
-        trained.run(project, few, silent)
-        mapped.run(project, MappingConfig(max_viewpoints=3, view_size=48), silent)
+        imported.run(project, folder / "building" / "capture", CaptureConfig(), ignore_event)
+        submaps.run(project, SubmapConfig(count=1), ignore_event)
+        floors.run(project, ignore_event)
+        trained.run(project, few, ignore_event)
+        mapped.run(project, MappingConfig(max_viewpoints=3, view_size=48), ignore_event)
     return folder / "rooms.nvsim"
 
 

@@ -11,7 +11,7 @@ import pytest
 
 from nvsim.building import BuildingConfig, generate
 from nvsim.errors import InputError
-from nvsim.events import Event, Log, Progress, silent
+from nvsim.events import Event, Log, Progress, ignore_event
 from nvsim.graph.edits import move_viewpoint
 from nvsim.graph.store import same_graph
 from nvsim.mapping.config import MappingConfig
@@ -36,11 +36,11 @@ def finished(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("results")
     generate(folder / "building", BuildingConfig(size="small", width=96, height=72, step=1.0, turn=45.0, people=False))
     with Project.create_or_open(folder / "rooms.nvsim") as project:
-        imported.run(project, folder / "building" / "capture", CaptureConfig(), silent)
-        submaps.run(project, SubmapConfig(count=2), silent)
-        floors.run(project, silent)
-        trained.run(project, FEW, silent, at_once=1)
-        mapped.run(project, QUICK, silent)
+        imported.run(project, folder / "building" / "capture", CaptureConfig(), ignore_event)
+        submaps.run(project, SubmapConfig(count=2), ignore_event)
+        floors.run(project, ignore_event)
+        trained.run(project, FEW, ignore_event, at_once=1)
+        mapped.run(project, QUICK, ignore_event)
     return folder / "rooms.nvsim"
 
 
@@ -79,40 +79,40 @@ def test_a_training_that_is_cut_off_leaves_the_trained_models_in_use(project: Pr
         trained.run(project, MORE, killed_at(5), at_once=1)
     assert steps_in_use(project.root) == [12, 12]
     assert ledger.record(project, "train", 0) is not None
-    mapped.run(project, replace(QUICK, max_viewpoints=2), silent)  # later stages still read them
+    mapped.run(project, replace(QUICK, max_viewpoints=2), ignore_event)  # later stages still read them
 
 
 def test_each_submap_is_replaced_when_its_own_training_has_ended(project: Project) -> None:
     with pytest.raises(Killed):
         trained.run(project, MORE, killed_at(16 + 3), at_once=1)
     assert steps_in_use(project.root) == [16, 12]
-    trained.run(project, MORE, silent, at_once=1)
+    trained.run(project, MORE, ignore_event, at_once=1)
     assert steps_in_use(project.root) == [16, 16]
 
 
 def test_models_of_another_cut_are_put_to_use_together_when_all_are_trained(project: Project) -> None:
     old = [s.core for s in project.submaps("train")]
-    submaps.run(project, SubmapConfig(count=3), silent)
+    submaps.run(project, SubmapConfig(count=3), ignore_event)
     assert steps_in_use(project.root) == [12, 12]
     with pytest.raises(InputError, match="another cut.*nvsim floors"):
-        trained.run(project, MORE, silent)
-    floors.run(project, silent)
+        trained.run(project, MORE, ignore_event)
+    floors.run(project, ignore_event)
     with pytest.raises(Killed):
         trained.run(project, MORE, killed_at(2 * 16 + 3), at_once=1)
     assert [s.core for s in project.submaps("train")] == old
     assert steps_in_use(project.root) == [12, 12] and ledger.waiting_submaps(project) == (0, 1)
-    trained.run(project, MORE, silent, at_once=1)
+    trained.run(project, MORE, ignore_event, at_once=1)
     assert steps_in_use(project.root) == [16, 16, 16] and project.submaps("train") == project.submaps()
     restore(project, "train")
     assert steps_in_use(project.root) == [12, 12] and [s.core for s in project.submaps("train")] == old
 
 
 def test_a_cut_into_fewer_submaps_shows_no_model_of_the_former_one(project: Project) -> None:
-    submaps.run(project, SubmapConfig(count=1), silent)
-    floors.run(project, silent)
-    trained.run(project, MORE, silent)
+    submaps.run(project, SubmapConfig(count=1), ignore_event)
+    floors.run(project, ignore_event)
+    trained.run(project, MORE, ignore_event)
     assert steps_in_use(project.root) == [16]
-    submaps.run(project, SubmapConfig(count=2), silent)
+    submaps.run(project, SubmapConfig(count=2), ignore_event)
     assert steps_in_use(project.root) == [16]
     restore(project, "train")
     assert steps_in_use(project.root) == [12, 12]
@@ -121,7 +121,7 @@ def test_a_cut_into_fewer_submaps_shows_no_model_of_the_former_one(project: Proj
 def test_floors_that_are_found_again_are_in_use_when_all_are_found(project: Project) -> None:
     layout = project.layout
     before = {p.name: p.read_bytes() for p in [*layout.masks.iterdir(), *layout.floor.iterdir()]}
-    submaps.run(project, SubmapConfig(count=3), silent)
+    submaps.run(project, SubmapConfig(count=3), ignore_event)
     with pytest.raises(Killed):
         floors.run(project, killed_at(3, "floors"))
 
@@ -130,7 +130,7 @@ def test_floors_that_are_found_again_are_in_use_when_all_are_found(project: Proj
         return {p.name: p.read_bytes() for p in [*layout.masks.iterdir(), *layout.floor.iterdir()]}
 
     assert now() == before and len(project.submaps("floors")) == 2
-    floors.run(project, silent)
+    floors.run(project, ignore_event)
     assert len(project.submaps("floors")) == 3 and project.surface(2) is not None and project.support() is not None
     restore(project, "floors")
     assert now() == before and len(project.submaps("floors")) == 2
@@ -145,22 +145,22 @@ def test_an_import_that_is_refused_or_cut_off_leaves_the_capture(project: Projec
 
     monkeypatch.setattr(ledger, "finish", no_disk)
     with pytest.raises(Killed):
-        imported.run(project, source, CaptureConfig(scale=2.0), silent)
+        imported.run(project, source, CaptureConfig(scale=2.0), ignore_event)
     monkeypatch.undo()
     assert project.need_capture() is before
-    imported.run(project, source, CaptureConfig(scale=2.0), silent)
+    imported.run(project, source, CaptureConfig(scale=2.0), ignore_event)
     assert project.need_capture().alignment.scale == 2.0
     with pytest.raises(InputError, match="another capture.*nvsim submaps"):
-        floors.run(project, silent)
+        floors.run(project, ignore_event)
     assert steps_in_use(project.root) == [12, 12]  # where they were
     restore(project, "import")
     assert project.need_capture().alignment.scale == before.alignment.scale
     assert imported.capture_config(project) == CaptureConfig()
-    trained.run(project, FEW, silent)  # nothing is outdated any more
+    trained.run(project, FEW, ignore_event)  # nothing is outdated any more
 
 
 def test_a_restored_stage_is_current_for_its_old_settings(project: Project) -> None:
-    trained.run(project, MORE, silent, at_once=1)
+    trained.run(project, MORE, ignore_event, at_once=1)
     assert "16 steps" in replaced_result_sentence(project, "train")
     assert "12 steps" in restore(project, "train")
     assert steps_in_use(project.root) == [12, 12]
@@ -177,7 +177,7 @@ def test_a_restored_map_has_the_edits_that_it_had(project: Project) -> None:
     x, y, z = first.position
     edited = move_viewpoint(graph, first.id, (x + 0.25, y, z))
     project.set_graph(edited)
-    mapped.run(project, replace(QUICK, max_viewpoints=2), silent)
+    mapped.run(project, replace(QUICK, max_viewpoints=2), ignore_event)
     assert not same_graph(project.need_graph(), edited)
     restore(project, "map")
     assert same_graph(project.need_graph(), edited)
@@ -185,7 +185,7 @@ def test_a_restored_map_has_the_edits_that_it_had(project: Project) -> None:
 
 def test_at_most_one_result_of_a_stage_is_kept_and_it_can_be_let_go(project: Project) -> None:
     for steps in (14, 16, 18):
-        trained.run(project, replace(FEW, steps=steps), silent, at_once=1)
+        trained.run(project, replace(FEW, steps=steps), ignore_event, at_once=1)
     folders = sorted(p.name for p in project.layout.models.iterdir())
     assert len(folders) == 4, folders
     (kept,) = kept_results(project)
@@ -220,7 +220,7 @@ def test_nothing_is_left_of_a_training_that_was_given_up_for_another(project: Pr
     with pytest.raises(Killed):
         trained.run(project, MORE, killed_at(5), at_once=1)
     assert "submap_000.ckpt" in left(project)
-    trained.run(project, FEW, silent, at_once=1)  # the settings of the models in use: nothing is to be done
+    trained.run(project, FEW, ignore_event, at_once=1)  # the settings of the models in use: nothing is to be done
     assert left(project) == []
 
 
@@ -233,11 +233,11 @@ def test_a_finished_training_leaves_no_checkpoint_whatever_killed_it_before(proj
     def cut_off(*_: object, **__: object) -> None:
         raise Killed
 
-    monkeypatch.setattr(results, "tidy", cut_off)  # right after the model was committed
+    monkeypatch.setattr(results, "remove_unreferenced_files", cut_off)  # right after the model was committed
     with pytest.raises(Killed):
-        trained.run(project, MORE, silent, at_once=1)
+        trained.run(project, MORE, ignore_event, at_once=1)
     monkeypatch.undo()
-    trained.run(project, MORE, silent, at_once=1)
+    trained.run(project, MORE, ignore_event, at_once=1)
     assert left(project) == []
 
 
@@ -259,5 +259,5 @@ def test_a_project_whose_places_lead_elsewhere_loses_nothing_there(project: Proj
         c.execute("UPDATE stage_files SET place = '../precious' WHERE name = 'masks'")
         c.execute("UPDATE stage_files SET place = 'floor.1/../../precious' WHERE name = 'floor'")
     assert project.layout.masks == project.root / "masks" and project.layout.floor == project.root / "floor"
-    results.tidy(project.stage_results(), project.root)
+    results.remove_unreferenced_files(project.stage_results(), project.root)
     assert (tmp_path / "precious").is_dir() and project.layout.masks.is_dir()

@@ -18,7 +18,7 @@ from nvsim.poses import from_images
 from nvsim.poses.from_images import FoundPoses, find_poses
 from nvsim.poses.image_pairs import neighbor_pairs
 from nvsim.poses.image_set import ImageSet, UnknownCamera, times_of
-from nvsim.poses.mapping import consistent_pairs, keep_only, poses_of, triangulated
+from nvsim.poses.mapping import consistent_pairs, keep_images, poses_of, triangulated
 from nvsim.poses.match_database import keypoints_of, write_geometries
 from nvsim.poses.pieces import split_into_pieces
 from nvsim.poses.pose_graph import transform_pose
@@ -168,8 +168,8 @@ def test_the_largest_piece_is_first_also_if_another_model_has_it(
     images, poses, _ = found
     numbers = sorted(poses.model.reg_image_ids())
     small, large = copy.deepcopy(poses.model), copy.deepcopy(poses.model)
-    keep_only(small, numbers[:12])
-    keep_only(large, numbers[10:])
+    keep_images(small, numbers[:12])
+    keep_images(large, numbers[10:])
     separate = split_into_pieces(small, [numbers[:9], numbers[9:12]], [small, large], images.times)
     counts = [piece.num_reg_images() for piece in separate]
     assert counts == sorted(counts, reverse=True)

@@ -12,7 +12,7 @@ from nvsim.graph.paths import components
 from nvsim.project.project import Project
 from nvsim.splats.formats.choice import read_splats, write_splats
 from nvsim_app.state.loading import ProjectReader
-from nvsim_app.state.reasons import enabled
+from nvsim_app.state.reasons import reason_of_command
 from tests.unit.splat_rooms import any_rotation, moved, rectangle, stair_house, two_rooms
 
 SCALE = 1.7
@@ -91,7 +91,7 @@ def test_the_window_offers_only_what_applies(project: Path) -> None:
         assert contents is not None and contents.missing == "" and not contents.has_images
         document = type("Opened", (), {"contents": contents})()
         for verb in ("submaps", "depth", "train", "evaluate views"):
-            assert "no images" in str(enabled(verb)(document))
+            assert "no images" in str(reason_of_command(verb)(document))
     finally:
         reader.close()
 

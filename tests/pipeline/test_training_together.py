@@ -20,7 +20,7 @@ from nvsim.cluster.executor_choice import open_executor
 from nvsim.cluster.storage import StorageProbe
 from nvsim.depth.config import DepthConfig
 from nvsim.errors import InputError
-from nvsim.events import Event, Log, Metric, Progress, Worker, silent
+from nvsim.events import Event, Log, Metric, Progress, Worker, ignore_event
 from nvsim.project import ledger
 from nvsim.project.config import CaptureConfig
 from nvsim.project.project import Project
@@ -39,10 +39,10 @@ def project_path(tmp_path_factory: pytest.TempPathFactory) -> Path:
     path = tmp_path_factory.mktemp("pool") / "rooms.nvsim"
     with Project.create_or_open(path) as project:
         building = BuildingConfig(size="small", width=160, height=120, step=0.8, turn=30.0, people=False)
-        generate(project.layout.root, building, silent)
-        imported.run(project, project.layout.built_in_capture, CaptureConfig(), silent)
-        submaps.run(project, SubmapConfig(count=3), silent)
-        floors.run(project, silent)
+        generate(project.layout.root, building, ignore_event)
+        imported.run(project, project.layout.built_in_capture, CaptureConfig(), ignore_event)
+        submaps.run(project, SubmapConfig(count=3), ignore_event)
+        floors.run(project, ignore_event)
     return path
 
 
@@ -53,7 +53,7 @@ def test_two_at_once_give_the_models_that_one_process_gives(project_path: Path) 
         assert all(ledger.record(project, "train", i) is not None for i in range(3))
         for task in plan([0, 1, 2], psutil.cpu_count() or 1, 2)[1:]:
             together = load_model(project.layout.model(task.submap)).gaussians
-            train(project, task.submap, replace(QUICK, threads=task.threads), silent)
+            train(project, task.submap, replace(QUICK, threads=task.threads), ignore_event)
             alone = load_model(project.layout.model(task.submap)).gaussians
             np.testing.assert_array_equal(together.means, alone.means)
             np.testing.assert_array_equal(together.sh, alone.sh)
@@ -76,7 +76,7 @@ def test_a_mistake_in_a_child_is_the_parents_sentence(project_path: Path) -> Non
         project.layout.surface(1).rename(project.layout.surface(1).with_suffix(".away"))
         try:
             with pytest.raises(InputError, match="run `nvsim floors"):
-                trained.run(project, replace(QUICK, steps=7), silent, at_once=2)
+                trained.run(project, replace(QUICK, steps=7), ignore_event, at_once=2)
         finally:
             project.layout.surface(1).with_suffix(".away").rename(project.layout.surface(1))
     for child in set(psutil.Process().children(recursive=True)) - set(before):
@@ -102,7 +102,7 @@ def test_children_of_a_killed_parent_end(project_path: Path) -> None:
 
 def test_an_impossible_number_at_once_is_refused(project_path: Path) -> None:
     with Project.open(project_path, writable=True) as project, pytest.raises(InputError, match="--at-once -1"):
-        trained.run(project, QUICK, silent, at_once=-1)
+        trained.run(project, QUICK, ignore_event, at_once=-1)
 
 
 def test_a_cluster_gives_the_models_that_this_machine_gives_although_a_worker_is_killed(
@@ -139,7 +139,7 @@ def _hold_against_this_machine(project: Project, config: TrainingConfig, submaps
     for submap in submaps:
         assert project.layout.preview(submap).is_file()
         afar = load_model(project.layout.model(submap)).gaussians
-        train(project, submap, config, silent)
+        train(project, submap, config, ignore_event)
         here = load_model(project.layout.model(submap)).gaussians
         np.testing.assert_array_equal(afar.means, here.means)
         np.testing.assert_array_equal(afar.sh, here.sh)

@@ -14,11 +14,11 @@ import pytest
 
 from nvsim.building import BuildingConfig, generate
 from nvsim.errors import InputError
-from nvsim.evaluation.ablation_runs import Budget, preset_rows, run_of
+from nvsim.evaluation.ablation_runs import Budget, preset_rows, training_run
 from nvsim.evaluation.graph import evaluate_graph
 from nvsim.evaluation.truth import true_occupancy
-from nvsim.evaluation.validity import TableConfig, evaluate_validity, kept_cell, made_cell, with_criteria
-from nvsim.events import silent
+from nvsim.evaluation.validity import TableConfig, build_stored_map, evaluate_validity, stored_map_of, with_criteria
+from nvsim.events import ignore_event
 from nvsim.graph.store import same_graph
 from nvsim.mapping.config import MappingConfig
 from nvsim.project.config import CaptureConfig
@@ -38,9 +38,9 @@ def rooms(tmp_path_factory: pytest.TempPathFactory) -> Path:
     root = tmp_path_factory.mktemp("validity") / "rooms.nvsim"
     with Project.create_or_open(root) as project:
         generate(root, BuildingConfig(size="small", width=200, height=150, step=0.6, turn=24.0, people=False))
-        imported.run(project, project.layout.built_in_capture, CaptureConfig(), silent)
-        submaps.run(project, SubmapConfig(), silent)
-        floors.run(project, silent)
+        imported.run(project, project.layout.built_in_capture, CaptureConfig(), ignore_event)
+        submaps.run(project, SubmapConfig(), ignore_event)
+        floors.run(project, ignore_event)
     return root
 
 
@@ -83,11 +83,11 @@ def test_every_cell_is_the_figures_of_its_kept_map(rooms: Path, made: dict) -> N
     with Project.open(rooms) as project:
         occupancy, walk = true_occupancy(project, None, "aligned"), project.need_capture().positions[:, :2]
         for row in preset_rows(BUDGET, PRESETS):
-            runs = [run_of(project, s, row.config, 0) for s in project.need_submaps()]
+            runs = [training_run(project, s, row.config, 0) for s in project.need_submaps()]
             for criteria in COLUMNS:
                 mapping = with_criteria(MappingConfig(), criteria)
                 assert mapping is not None
-                graph, report = kept_cell(project, runs, mapping).read()
+                graph, report = stored_map_of(project, runs, mapping).read()
                 cell = cells[row.name, "+".join(criteria)]
                 if graph is None:
                     assert cell["why"] == report["why"] and "nodes" not in cell
@@ -110,13 +110,13 @@ def test_files_are_there(made: dict) -> None:
 def test_a_map_is_the_same_whether_other_columns_were_built_before_it(rooms: Path, made: dict) -> None:
     with Project.open(rooms, writable=True) as project:
         (row,) = preset_rows(BUDGET, ("nvsim",))
-        runs = [run_of(project, s, row.config, 0) for s in project.need_submaps()]
+        runs = [training_run(project, s, row.config, 0) for s in project.need_submaps()]
         mapping = with_criteria(MappingConfig(), COLUMNS[-1])
         assert mapping is not None
-        kept = kept_cell(project, runs, mapping)
+        kept = stored_map_of(project, runs, mapping)
         before, _ = kept.read()
         shutil.rmtree(kept.folder)
-        made_cell(project, runs, mapping, kept, [], silent)
+        build_stored_map(project, runs, mapping, kept, [], ignore_event)
         after, _ = kept.read()
         assert before is not None and after is not None and same_graph(before, after)
 
@@ -126,8 +126,8 @@ def test_a_second_call_makes_nothing(rooms: Path, made: dict) -> None:
     with Project.open(rooms, writable=True) as project:
         occupancy = true_occupancy(project, None, "aligned")
         config = TableConfig(PRESETS, COLUMNS, BUDGET)
-        table = evaluate_validity(project, config, occupancy, silent)
+        table = evaluate_validity(project, config, occupancy, ignore_event)
         assert (table.trained, table.built, table.reused) == (0, 0, len(PRESETS) * len(COLUMNS))
         with pytest.raises(InputError, match="Skipped: nonsense"):
-            evaluate_validity(project, TableConfig(PRESETS, (("nonsense",),), BUDGET), occupancy, silent)
+            evaluate_validity(project, TableConfig(PRESETS, (("nonsense",),), BUDGET), occupancy, ignore_event)
     assert made_when(rooms).items() >= before.items()

@@ -22,7 +22,7 @@ from PySide6.QtWidgets import QApplication
 sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "gui"))
 from editing_room import CTRL, SHIFT, Hand  # noqa: E402
 
-from nvsim.project.stages.measured import unmeasured  # noqa: E402
+from nvsim.project.stages.measured import unmeasured_viewpoints  # noqa: E402
 from nvsim_app.session import Session  # noqa: E402
 from nvsim_app.start.application import make_application  # noqa: E402
 from nvsim_app.wiring.proposing import ProposePart  # noqa: E402
@@ -94,7 +94,10 @@ def follow(session: Session, seen: dict[str, object]) -> None:
         until(lambda: len(document.graph.viewpoints) == len(before.viewpoints) + 1, "a click adds a viewpoint")
         (added,) = set(document.graph.viewpoints) - set(before.viewpoints)
         assert any({added, arrays.ids[row]} == set(key) for key in document.graph.edges)
-        until(lambda: not unmeasured(document.graph) and not part.process.running, "the evidence of the viewpoint")
+        until(
+            lambda: not unmeasured_viewpoints(document.graph) and not part.process.running,
+            "the evidence of the viewpoint",
+        )
         if table["accept_proposals"].isEnabled():
             break
         hand.key(KEY.Key_Z, CTRL)

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from nvsim.geometry.rotation import quaternion_from_matrix
-from nvsim.splats.turning import turned
+from nvsim.splats.turning import transform_gaussians
 from nvsim.splats.types import Gaussians
 
 HEIGHT = 2.7
@@ -84,7 +84,7 @@ def any_rotation(seed: int = 1) -> NDArray[np.float64]:
 
 
 def moved(gaussians: Gaussians, rotation: NDArray[np.float64], scale: float) -> Gaussians:
-    return turned(gaussians, rotation, scale)
+    return transform_gaussians(gaussians, rotation, scale)
 
 
 def stair_house() -> Gaussians:

@@ -30,7 +30,7 @@ from nvsim.dataset.parquet import parquet_bytes
 from nvsim.dataset.text_views import read_text_views
 from nvsim.dataset.word_pieces import Vocabulary
 from nvsim.errors import InputError
-from nvsim.events import silent
+from nvsim.events import ignore_event
 from nvsim.mapping.config import MappingConfig
 from nvsim.project.project import Project
 from nvsim.project.scene_views import LiveScene
@@ -308,7 +308,7 @@ def test_agents_that_move_in_small_steps_find_their_frames_episodes_and_scenes(t
         task = Task(7, "hall", ("a", "b"), float(headings[0]), ("Go.", "Walk."))
         episode = Episode(task, np.zeros((2, 3)), walk, np.full(5, 0.1))
         episodes = {"train": [episode], "val_seen": [], "val_unseen": []}
-        write_frames({"hall": source}, episodes, tmp_path / "frames", silent, look_down=True)
+        write_frames({"hall": source}, episodes, tmp_path / "frames", ignore_event, look_down=True)
         write_streamvln(episodes, tmp_path / "tasks" / "streamvln")
         write_vlnce(episodes, tmp_path / "tasks" / "vlnce")
         for split in episodes:
@@ -358,14 +358,14 @@ def test_agents_that_move_in_small_steps_find_their_frames_episodes_and_scenes(t
 
         # A second run draws nothing again; another heading does, and a folder of another episode goes.
         drawn = (frames / "000.jpg").stat().st_mtime_ns
-        write_frames({"hall": source}, episodes, tmp_path / "frames", silent)
+        write_frames({"hall": source}, episodes, tmp_path / "frames", ignore_event)
         kept = tmp_path / "frames" / "train" / "hall_r2r_000007"
         assert (kept / "rgb" / "000.jpg").stat().st_mtime_ns == drawn
         turned = replace(
             episode, task=replace(task, path_id=8), walk=ActionPath((2, 0), places[:2], headings[:2] + 0.1)
         )
         turned = replace(turned, floors=episode.floors[:2])
-        write_frames({"hall": source}, {"train": [turned]}, tmp_path / "frames", silent)
+        write_frames({"hall": source}, {"train": [turned]}, tmp_path / "frames", ignore_event)
         assert [one.name for one in (tmp_path / "frames" / "train").iterdir()] == ["hall_r2r_000008"]
 
 
@@ -423,7 +423,7 @@ def test_scenes_are_written_again_if_their_images_or_clouds_change(
     record = dataset / "dataset.json"
     before = record.read_text()
     for clouds, times in (({}, 1), ({}, 1), ({"hall": np.zeros((1, 3))}, 2)):
-        about = {**json.loads(record.read_text()), "scenes_made_from": _scenes(dataset, ["hall"], clouds, silent)}
+        about = {**json.loads(record.read_text()), "scenes_made_from": _scenes(dataset, ["hall"], clouds, ignore_event)}
         record.write_text(json.dumps(about))
         assert calls == [("hall",)] * times
     record.write_text(before)

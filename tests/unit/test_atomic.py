@@ -12,7 +12,7 @@ from nvsim.files import atomic
 def test_a_failed_write_leaves_the_old_file_and_nothing_else(tmp_path):
     path = tmp_path / "figures.json"
     atomic.write_text(path, "old")
-    with pytest.raises(RuntimeError), atomic.replacing(path) as temporary:
+    with pytest.raises(RuntimeError), atomic.replacement_file(path) as temporary:
         temporary.write_text("half")
         raise RuntimeError
     assert path.read_text() == "old"

@@ -11,7 +11,7 @@ from known_reconstruction import HEIGHT, WIDTH, camera, facing, places_in, pose,
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from nvsim.poses.building_frame import camera_height, up_of, wall_direction
+from nvsim.poses.building_frame import camera_height, vertical_of, wall_direction
 from nvsim.poses.piece_reliability import Observations, observations_of
 
 HIGH = 1.5  # meters of the camera above the floor
@@ -56,9 +56,9 @@ def test_up_is_across_the_sideways_axes_of_level_cameras() -> None:
     rng = np.random.default_rng(1)
     world = turned(70, (1, 2, -1))
     rolled = [turned(float(rng.normal(0, 1)), (0, 0, 1)) @ facing(ahead) @ world.T for ahead in looks(40)]
-    up = up_of(np.array(rolled))
+    up = vertical_of(np.array(rolled))
     assert up is not None and degrees(up, world @ UP) < 1.0
-    assert up_of(np.array([facing(np.array([0, 1, 0.02 * k])) for k in range(20)])) is None
+    assert vertical_of(np.array([facing(np.array([0, 1, 0.02 * k])) for k in range(20)])) is None
 
 
 @pytest.mark.parametrize("tilt", [0.0, 1.5, -2.0])

@@ -146,7 +146,7 @@ def test_what_is_no_capture_is_told_of_every_format(tmp_path: Path) -> None:
     (tmp_path / "notes.txt").write_text("hello")
     said_of_folder, said_of_file = (check(place).findings[0].message for place in (tmp_path, tmp_path / "notes.txt"))
     for row in FORMATS:
-        assert row.words in said_of_folder and row.words in said_of_file
+        assert row.description in said_of_folder and row.description in said_of_file
     (tmp_path / "sensors").mkdir()
     assert "sensors.txt is missing" in check(tmp_path).findings[0].message
 

@@ -12,7 +12,7 @@ from nvsim.cli.main import COMMANDS, main
 from nvsim.cli.options import command_of
 from nvsim.graph.connectivity import read_connectivity, write_connectivity
 from nvsim.graph.journal import Journal, sidecar
-from nvsim.graph.operations import perform
+from nvsim.graph.operations import perform_operation
 from nvsim.graph.store import same_graph
 from nvsim.graph.types import NavGraph, Viewpoint, edge
 from nvsim.project.layout import Layout
@@ -92,7 +92,7 @@ def test_a_script_is_done_whole_or_not_at_all(
 def test_unsaved_edits_of_a_window_are_not_run_over(file: Path, capsys: pytest.CaptureFixture[str]) -> None:
     edit = ["graph", "edit", str(file), "remove_edges", "--where", "length > 2.5"]
     with Journal.open(sidecar(file), plain=True) as journal:
-        perform(journal.history(read_connectivity(file)), "remove_viewpoints", {"ids": ["v0"]})
+        perform_operation(journal.history(read_connectivity(file)), "remove_viewpoints", {"ids": ["v0"]})
         assert main(edit) == 2 and "edited in a window" in capsys.readouterr().err
     assert main(edit) == 2 and "unsaved edits" in capsys.readouterr().err
     assert len(read_connectivity(file).edges) == 5

@@ -19,11 +19,11 @@ from nvsim.capture.read import read
 from nvsim.capture.store import fingerprint, load_capture, save_capture
 from nvsim.capture.types import Capture
 from nvsim.depth.config import DepthConfig
-from nvsim.depth.estimate import estimate_depth, guess_depth
+from nvsim.depth.estimate import estimate_depth, estimate_single_frame
 from nvsim.depth.files import read_depth
 from nvsim.depth.view import Views
 from nvsim.errors import InputError
-from nvsim.events import silent
+from nvsim.events import ignore_event
 from nvsim.mapping.config import MappingConfig
 from nvsim.project.config import CaptureConfig
 from nvsim.project.graph import context_of
@@ -282,7 +282,7 @@ def test_masks_leave_no_depth_and_no_evidence(tmp_path: Path) -> None:
             cv2.imwrite(str(file), image)
         frames = read(path, scale=1.0).frames
         views = Views(frames, CONFIG.longest_side, CONFIG.threshold, 20)
-        maps.append([guess_depth(views, i, CONFIG)[0] for i in (5, 6)])
+        maps.append([estimate_single_frame(views, i, CONFIG)[0] for i in (5, 6)])
     for one, other in zip(*maps, strict=True):
         assert np.array_equal(one, other) and (one[usable] > 0).mean() > 0.5 and (one[~usable] == 0).all()
 
@@ -366,9 +366,9 @@ def test_only_a_scan_shows_the_map_glass_and_floor_that_no_image_shows(
     monkeypatch.setattr("nvsim.mapping.builder.build_map", record)
     monkeypatch.setattr(Project, "scene", lambda *args, **options: object())
     with project:
-        submaps.run(project, SubmapConfig(), silent)
-        floors.run(project, silent)
+        submaps.run(project, SubmapConfig(), ignore_event)
+        floors.run(project, ignore_event)
         with pytest.raises(Asked):
-            mapped.run(project, MappingConfig(), silent)
+            mapped.run(project, MappingConfig(), ignore_event)
         assert capture.is_measured and capture.is_scanned is asked["scanned"] is has_scan
         assert (context_of(project).detour_between is None) is has_scan

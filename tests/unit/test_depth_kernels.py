@@ -9,7 +9,7 @@ import pytest
 from nvsim.depth.agreement import compare_depth_maps
 from nvsim.depth.census import census_of
 from nvsim.depth.refinement import refine, smooth_depth
-from nvsim.depth.smoothing import smooth, winner
+from nvsim.depth.smoothing import best_inverse_depth, smooth
 from nvsim.depth.sweep import WORST, sweep, turned_census
 from nvsim.depth.view import View, Warp, neighbours
 from nvsim.geometry.camera import Camera, Intrinsics
@@ -141,7 +141,7 @@ def test_smoothing_is_the_recurrence_along_eight_directions() -> None:
 def test_a_slanted_wall_is_found_to_within_two_per_cent(wall) -> None:
     cost, inverse = swept(wall, 64)
     view, truth, sources, warps = wall
-    found, margin = winner(smooth(cost, view.grey, 4, 40.0, 8.0), inverse.astype(np.float32))
+    found, margin = best_inverse_depth(smooth(cost, view.grey, 4, 40.0, 8.0), inverse.astype(np.float32))
     error = np.abs(found / truth - 1)[8:-8, 8:-8]
     assert np.median(error) < 0.015 and np.mean(error < 0.05) > 0.95 and np.median(margin) > 0.1
 

@@ -70,7 +70,7 @@ def test_a_question_is_sent_as_services_take_it_and_kept(tmp_path: Path) -> None
     assert body["messages"][1]["content"][0] == {"type": "text", "text": "What is this?"}
     assert body["messages"][1]["content"][1]["image_url"]["url"].startswith("data:image/jpeg;base64,/9j/")
     assert (budget.asked, budget.used_again, budget.tokens_in, budget.tokens_out) == (1, 0, 120, 7)
-    assert budget.money == pytest.approx((120 * 2 + 7 * 10) / 1e6)
+    assert budget.cost == pytest.approx((120 * 2 + 7 * 10) / 1e6)
     assert (later.asked, later.used_again, later.tokens_in, later.tokens_out) == (0, 1, 120, 7)
     (kept,) = tmp_path.rglob("*.json")
     assert "secret-word" not in kept.read_text() and json.loads(kept.read_text())["answer"]["text"] == "A door."
@@ -288,7 +288,7 @@ def test_a_price_is_a_finite_number_of_at_least_zero(price: float) -> None:
     for into, out in ((price, 1.0), (1.0, price)):
         with pytest.raises(InputError, match="not a valid price"):
             OneEndpoint(price_in=into, price_out=out).budget(AskingOptions())
-    assert OneEndpoint(price_in=0.0, price_out=0.0).budget(AskingOptions()).money == 0
+    assert OneEndpoint(price_in=0.0, price_out=0.0).budget(AskingOptions()).cost == 0
 
 
 def test_an_endpoint_that_counts_no_tokens_is_counted_for(tmp_path: Path) -> None:

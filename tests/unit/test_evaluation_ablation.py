@@ -12,9 +12,9 @@ import numpy as np
 import pytest
 
 from nvsim.errors import InputError
-from nvsim.evaluation.ablation import AblationResult, AblationTable, ScoredRun, _over_seeds, totals
+from nvsim.evaluation.ablation import AblationResult, AblationTable, ScoredRun, _over_seeds, mean_over_submaps
 from nvsim.evaluation.ablation_report import text_of, write_report
-from nvsim.evaluation.ablation_runs import ROWS, Budget, ablation_rows, preset_rows, run_of
+from nvsim.evaluation.ablation_runs import ROWS, Budget, ablation_rows, preset_rows, training_run
 from nvsim.evaluation.comparison import WIDTH, ComparedImage, Tile
 from nvsim.project import ledger
 from nvsim.project.project import Project
@@ -54,20 +54,22 @@ def test_one_configuration_is_one_run_whatever_it_is_called_and_any_other_is_not
         ours = ablation_rows(BUDGET)[-1].config
         (same,) = preset_rows(BUDGET, ["splatfacto-i"])
         assert same.config.name == "splatfacto-i"
-        key = run_of(project, SUBMAP, ours, 0).folder
-        assert run_of(project, SUBMAP, replace(same.config, name="other", threads=1), 0).folder == key
-        folders = {run_of(project, SUBMAP, r.config, seed).folder for r in ablation_rows(BUDGET) for seed in (0, 1)}
+        key = training_run(project, SUBMAP, ours, 0).folder
+        assert training_run(project, SUBMAP, replace(same.config, name="other", threads=1), 0).folder == key
+        folders = {
+            training_run(project, SUBMAP, r.config, seed).folder for r in ablation_rows(BUDGET) for seed in (0, 1)
+        }
         assert len(folders) == 2 * len(ROWS)
-        ledger.begin(project, "floors", "other masks")
+        ledger.begin_part(project, "floors", "other masks")
         ledger.finish(project, "floors", 0.0, {})
-        assert run_of(project, SUBMAP, ours, 0).folder != key, "other masks are other data"
-        assert run_of(project, SUBMAP, ours, 0).folder.is_relative_to(project.layout.root / "ablation")
+        assert training_run(project, SUBMAP, ours, 0).folder != key, "other masks are other data"
+        assert training_run(project, SUBMAP, ours, 0).folder.is_relative_to(project.layout.root / "ablation")
 
 
 def test_figures_are_means_over_frames_and_spread_over_seeds() -> None:
     a = ScoredRun([{"psnr": 20.0}, {"psnr": 24.0}], [{"novel_psnr": 18.0}], 10.0, 100)
     b = ScoredRun([{"psnr": 31.0}], [{"novel_psnr": float("nan")}], 5.0, 50)
-    both = totals([a, b])
+    both = mean_over_submaps([a, b])
     assert both == {"psnr": 25.0, "novel_psnr": 18.0, "frames": 3, "seconds": 15.0, "gaussians": 150}
     over = _over_seeds([both, {**both, "psnr": 27.0, "novel_psnr": None}])
     assert over["psnr"] == 26.0 and over["psnr_spread"] == pytest.approx(2**0.5, abs=1e-4)

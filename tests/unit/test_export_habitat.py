@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from nvsim.cli.main import main
 from nvsim.dataset.habitat import surface
 from nvsim.dataset.habitat.collision import HEIGHT, rectangles
-from nvsim.events import silent
+from nvsim.events import ignore_event
 from nvsim.graph.types import NavGraph
 from nvsim.r2r.episodes.episode import scene_id
 
@@ -86,9 +86,9 @@ def test_slabs_do_not_change_the_surface(
     made: tuple[Path, list[Block], NavGraph], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     folder, _, graph = made
-    whole, (columns,) = surface.fuse_surface(folder.parent / "scans", graph, 0.1, [(0.1, 1.5)], silent)
+    whole, (columns,) = surface.fuse_surface(folder.parent / "scans", graph, 0.1, [(0.1, 1.5)], ignore_event)
     monkeypatch.setattr(surface, "_MOST", 100_000)
-    parts, (other,) = surface.fuse_surface(folder.parent / "scans", graph, 0.1, [(0.1, 1.5)], silent)
+    parts, (other,) = surface.fuse_surface(folder.parent / "scans", graph, 0.1, [(0.1, 1.5)], ignore_event)
     assert len(parts.vertices) == len(whole.vertices) and len(parts.triangles) == len(whole.triangles)
     assert parts.vertices[np.lexsort(parts.vertices.T)] == pytest.approx(
         whole.vertices[np.lexsort(whole.vertices.T)], abs=1e-5

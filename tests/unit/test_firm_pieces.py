@@ -9,7 +9,13 @@ from known_reconstruction import FOCAL, center_of, facing, pose, reconstruction,
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from nvsim.poses.piece_reliability import Observations, firm_pieces, observations_of, scale_deviation, unsure_images
+from nvsim.poses.piece_reliability import (
+    Observations,
+    firmly_connected_pieces,
+    observations_of,
+    scale_deviation,
+    uncertain_images,
+)
 
 AHEAD = np.array([0.0, 1.0, 0.0])
 
@@ -110,11 +116,11 @@ def whole(piece: list[int], expected: range) -> bool:
 
 
 def test_images_that_share_many_points_are_one_piece_from_the_first_to_the_last() -> None:
-    assert firm_pieces(there_and_back(400, False), TIMES) == [list(range(1, 2 * HALF + 1))]
+    assert firmly_connected_pieces(there_and_back(400, False), TIMES) == [list(range(1, 2 * HALF + 1))]
 
 
 def test_two_groups_joined_by_few_points_are_cut() -> None:
-    pieces = firm_pieces(there_and_back(2, False), TIMES)
+    pieces = firmly_connected_pieces(there_and_back(2, False), TIMES)
     assert sorted(n for piece in pieces for n in piece) == list(range(1, 2 * HALF + 1))
     first, second = sorted(pieces[:2])
     assert whole(first, range(1, HALF + 1)) and whole(second, range(HALF + 1, 2 * HALF + 1))
@@ -129,7 +135,7 @@ def test_a_video_is_cut_if_the_camera_jumps(far: float, pieces: int) -> None:
             model.images[number].cam_from_world().translation
             - model.images[number].cam_from_world().rotation.matrix() @ np.array([0, 0, far]),
         )
-    found = firm_pieces(model, TIMES)
+    found = firmly_connected_pieces(model, TIMES)
     assert len(found) == pieces
     if pieces == 2:
         assert {len(piece) for piece in found} == {HALF}
@@ -143,21 +149,21 @@ def test_a_stretch_with_an_open_end_and_a_fast_step_at_the_other_is_unsure(step:
         turn = model.images[number].cam_from_world().rotation
         back = model.images[number].projection_center() - [0, 0, (step**2 - 1) ** 0.5 * usual]
         model.images[number].frame.rig_from_world = pycolmap.Rigid3d(turn, -turn.matrix() @ back)
-    found = unsure_images(model, TIMES)
+    found = uncertain_images(model, TIMES)
     assert len(found) == pytest.approx(unsure, abs=2 if unsure else 0)
     assert found <= set(range(HALF - 1, HALF + 11))
 
 
 def test_groups_that_share_points_elsewhere_are_one_again() -> None:
-    missing = set(range(1, 2 * HALF + 1)) - set(firm_pieces(there_and_back(2, True), TIMES)[0])
+    missing = set(range(1, 2 * HALF + 1)) - set(firmly_connected_pieces(there_and_back(2, True), TIMES)[0])
     assert all(abs(n - HALF - 0.5) < 3 for n in missing)
 
 
 def test_photographs_are_cut_where_few_points_reach_in_whatever_order_they_are() -> None:
-    pieces = firm_pieces(there_and_back(2, False), UNORDERED)
+    pieces = firmly_connected_pieces(there_and_back(2, False), UNORDERED)
     assert sorted(n for piece in pieces for n in piece) == list(range(1, 2 * HALF + 1))
     assert len(pieces) > 1 and len(pieces[0]) >= len(pieces[-1])
-    assert firm_pieces(small_scene(0, 0.9), UNORDERED) == [list(range(1, 9))]
+    assert firmly_connected_pieces(small_scene(0, 0.9), UNORDERED) == [list(range(1, 9))]
 
 
 def test_observations_are_those_of_the_model() -> None:

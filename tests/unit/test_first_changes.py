@@ -20,7 +20,7 @@ from nvsim.graph.arguments import Argument
 from nvsim.graph.connectivity import read_connectivity, write_connectivity
 from nvsim.graph.edits import set_height
 from nvsim.graph.history import History
-from nvsim.graph.operations import perform
+from nvsim.graph.operations import perform_operation
 from nvsim.graph.types import Evidence, NavGraph, Viewpoint, edge
 from nvsim.mapping import criteria
 from nvsim.mapping.config import MappingConfig
@@ -65,7 +65,7 @@ def test_an_operation_is_a_function_and_a_row(tmp_path: Path, monkeypatch: pytes
     monkeypatch.setitem(operation_table.OPERATIONS, "kneel", row)
     graph = NavGraph("row", {id: Viewpoint(id, (x, 0.0, 1.5)) for id, x in (("a", 0.0), ("b", 2.0))}, {})
     history = History(graph)
-    perform(history, "kneel", {"ids": ["a"]})
+    perform_operation(history, "kneel", {"ids": ["a"]})
     assert history.undo_text == "Kneel" and history.graph.viewpoints["a"].height == 0.5
     history.undo()
     assert history.graph.viewpoints["a"].height == 1.5
@@ -108,8 +108,8 @@ def test_an_edge_criterion_is_a_threshold_and_a_row(monkeypatch: pytest.MonkeyPa
     assert decide(evidence, config) == "open"
     monkeypatch.setattr(criteria, "CRITERIA", (*criteria.CRITERIA, row))
     assert decide(evidence, config) == "unknown"
-    assert Rethresholder(graph).decide(config).disappear.tolist() == [[0, 1]]
-    assert len(Rethresholder(graph).decide(replace(config, cell_support=0.0)).disappear) == 0
+    assert Rethresholder(graph).decide(config).lost_edges.tolist() == [[0, 1]]
+    assert len(Rethresholder(graph).decide(replace(config, cell_support=0.0)).lost_edges) == 0
     failed = explain(evidence, config).failed
     assert failed is not None and failed.criterion is row and failed.part == (slice(10, 11), slice(9, 10))
     (direction,) = directions(graph, GraphArrays.of(graph), "a", config)  # what inspector and details show

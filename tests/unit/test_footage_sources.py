@@ -29,7 +29,7 @@ def test_photographs_are_in_natural_order(tmp_path: Path) -> None:
     folder = touch(tmp_path / "a", "IMG_10.jpg", "IMG_2.JPG", "IMG_1.png", "notes.txt")
     assert names(folder) == ["IMG_1.png", "IMG_2.JPG", "IMG_10.jpg"]
     found = need_footage(folder)
-    assert found.kind == "photographs" and found.words == "3 photographs"
+    assert found.kind == "photographs" and found.description == "3 photographs"
 
 
 def test_names_that_mix_digits_and_letters_have_an_order(tmp_path: Path) -> None:
@@ -41,13 +41,13 @@ def test_names_that_mix_digits_and_letters_have_an_order(tmp_path: Path) -> None
 def test_a_folder_with_a_video_is_a_video_even_beside_photographs(tmp_path: Path) -> None:
     folder = touch(tmp_path / "a", "1.jpg", "2.jpg", "3.jpg", "walk_10.MP4", "walk_9.mov")
     found = need_footage(folder)
-    assert found.kind == "video" and names(folder) == ["walk_9.mov", "walk_10.MP4"] and found.words == "2 videos"
+    assert found.kind == "video" and names(folder) == ["walk_9.mov", "walk_10.MP4"] and found.description == "2 videos"
 
 
 def test_a_single_video_file_is_footage_and_a_single_photograph_is_none(tmp_path: Path) -> None:
     folder = touch(tmp_path / "a", "walk.mp4", "1.jpg")
     found = need_footage(folder / "walk.mp4")
-    assert found.files == (folder / "walk.mp4",) and found.words == "a video"
+    assert found.files == (folder / "walk.mp4",) and found.description == "a video"
     assert find_footage(folder / "1.jpg") is None
 
 

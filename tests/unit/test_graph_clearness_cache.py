@@ -14,7 +14,7 @@ from nvsim.graph import clearness_cache
 from nvsim.graph.clearness_cache import ClearnessCache
 from nvsim.graph.edits import EditError
 from nvsim.graph.history import History
-from nvsim.graph.operations import perform
+from nvsim.graph.operations import perform_operation
 from nvsim.graph.quantities import QuantityInputs, clearness, quantity
 from nvsim.graph.types import EdgeKey, Evidence, NavGraph
 
@@ -54,7 +54,7 @@ def test_what_is_kept_is_what_one_would_work_out_anew() -> None:
             ("mark_reviewed", {"viewpoints": [id]}),
         ]
         try:
-            perform(history, *rng.choice(kinds))
+            perform_operation(history, *rng.choice(kinds))
         except EditError:
             continue
         if edits % 4 == 0:
@@ -81,7 +81,7 @@ def test_only_what_an_edit_touched_is_worked_out_again(monkeypatch: pytest.Monke
     assert sorted(asked) == sorted(history.graph.edges)
     asked.clear()
     id = next(iter(history.graph.viewpoints))
-    perform(history, "shift_viewpoints", {"ids": [id], "by": [0.5, 0.0, 0.0]})
+    perform_operation(history, "shift_viewpoints", {"ids": [id], "by": [0.5, 0.0, 0.0]})
     kept.follow(history.graph)
     for _ in kept.fill():
         pass

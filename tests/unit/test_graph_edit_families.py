@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 
 from nvsim.graph import edits
 from nvsim.graph.edits import EditError
-from nvsim.graph.sight import sight_on
+from nvsim.graph.sight import line_of_sight_test
 from nvsim.graph.types import Evidence, NavGraph, Viewpoint, edge
 from nvsim.occupancy.types import FREE, OCCUPIED, OccupancyMap
 
@@ -45,10 +45,10 @@ def test_a_placed_viewpoint_is_a_persons_and_its_id_is_made_of_its_place() -> No
 
 def test_snapping_goes_to_the_nearest_frame_of_the_same_floor() -> None:
     frames = [(0.0, 0.0, 1.5), (1.0, 0.0, 1.5), (1.0, 0.0, 4.5)]
-    assert edits.snapped((0.9, 0.1, 4.0), frames) == (2, (1.0, 0.0, 4.5))
-    assert edits.snapped((0.9, 0.1), frames) == (1, (1.0, 0.0, 1.5))
+    assert edits.nearest_trajectory_position((0.9, 0.1, 4.0), frames) == (2, (1.0, 0.0, 4.5))
+    assert edits.nearest_trajectory_position((0.9, 0.1), frames) == (1, (1.0, 0.0, 1.5))
     with pytest.raises(EditError, match="no trajectory"):
-        edits.snapped((0.0, 0.0), [])
+        edits.nearest_trajectory_position((0.0, 0.0), [])
 
 
 def test_split_puts_a_viewpoint_on_the_edge_at_its_share() -> None:
@@ -139,7 +139,9 @@ def test_connect_joins_who_sees_whom_and_keeps_floors_apart() -> None:
     graph = edits.set_included(graph_of(places, "ab"), ["x"], False)
     cells = np.full((40, 40), FREE, np.uint8)
     cells[15, :10] = OCCUPIED  # a wall at y 1.5 between a and c
-    after = edits.connect_visible(graph, graph.viewpoints, 3.0, sight_on(OccupancyMap(cells, 0.1, (0.0, 0.0))))
+    after = edits.connect_visible(
+        graph, graph.viewpoints, 3.0, line_of_sight_test(OccupancyMap(cells, 0.1, (0.0, 0.0)))
+    )
     assert set(after.edges) == {("a", "b"), ("b", "c")} and after.edges["b", "c"].origin == "person"
     blind = edits.connect_visible(graph, graph.viewpoints, 3.5)
     assert set(blind.edges) == {("a", "b"), ("b", "c"), ("a", "c")}

@@ -13,7 +13,7 @@ from nvsim.graph.edits import EditError
 from nvsim.graph.graph_cache import GraphCache
 from nvsim.graph.history import History, HistoryChange
 from nvsim.graph.journal_rows import decode_delta, encode_delta
-from nvsim.graph.operations import apply, describe, perform
+from nvsim.graph.operations import apply, describe, perform_operation
 from nvsim.graph.selection import NOTHING, selection
 from nvsim.graph.store import decode_graph, encode_graph, same_graph
 from nvsim.graph.types import NavGraph, Viewpoint, edge
@@ -29,7 +29,7 @@ def test_undo_gives_the_very_graph_and_selection_of_before() -> None:
     first = row()
     history = History(first)
     history.select(selection(["v2"]))
-    perform(history, "remove_viewpoints", {"ids": ["v2"]})
+    perform_operation(history, "remove_viewpoints", {"ids": ["v2"]})
     assert history.undo_text == "Remove viewpoint v2" and history.selection == NOTHING
     removed = history.graph
     assert history.undo() and history.graph is first and history.selection == selection(["v2"])
@@ -42,7 +42,7 @@ def test_a_drag_is_one_step_and_selections_in_a_row_are_one() -> None:
     history = History(row())
     for x in range(20):
         move = {"positions": {"v1": [2.0, float(x), 1.5]}}
-        perform(history, "move_viewpoints", move, merge="drag 1")
+        perform_operation(history, "move_viewpoints", move, merge="drag 1")
     for id in ("v1", "v3", "v4"):
         history.select(selection([id]))
     assert [s.text for s in history.steps] == ["Opened", "Move viewpoint v1", "Select viewpoint v4"]
@@ -65,7 +65,7 @@ def test_a_new_drag_or_a_save_begins_a_new_step() -> None:
     history = History(row())
 
     def drag(y: float, key: str) -> None:
-        perform(history, "move_viewpoints", {"positions": {"v1": [2.0, y, 1.5]}}, merge=key)
+        perform_operation(history, "move_viewpoints", {"positions": {"v1": [2.0, y, 1.5]}}, merge=key)
 
     drag(1, "drag 1")
     drag(2, "drag 2")
@@ -78,7 +78,7 @@ def test_a_new_drag_or_a_save_begins_a_new_step() -> None:
 
 def test_a_click_does_not_cost_what_was_undone() -> None:
     history = History(row())
-    perform(history, "remove_edges", {"pairs": [["v0", "v1"]]})
+    perform_operation(history, "remove_edges", {"pairs": [["v0", "v1"]]})
     history.undo()
     history.select(selection(["v4"]))
     assert history.selection == selection(["v4"]) and history.redo_text == "Remove edge v0 – v1"
@@ -87,14 +87,14 @@ def test_a_click_does_not_cost_what_was_undone() -> None:
 
 def test_the_clean_mark_survives_selections_and_is_lost_with_its_step() -> None:
     history = History(row())
-    perform(history, "remove_edges", {"pairs": [["v0", "v1"]]})
+    perform_operation(history, "remove_edges", {"pairs": [["v0", "v1"]]})
     history.select(selection(["v4"]))
     history.mark_saved()
     history.select(selection(["v3"]))
     assert history.clean
     history.go_to(0)
     assert not history.clean
-    perform(history, "remove_edges", {"pairs": [["v1", "v2"]]})
+    perform_operation(history, "remove_edges", {"pairs": [["v1", "v2"]]})
     history.undo()
     assert not history.clean, "the saved graph is nowhere in the history any more"
 
@@ -103,7 +103,7 @@ def test_listeners_hear_each_change_once_with_both_graphs() -> None:
     heard: list[HistoryChange] = []
     history = History(row())
     forget = history.listen(heard.append)
-    perform(history, "remove_edges", {"pairs": [["v0", "v1"]]})
+    perform_operation(history, "remove_edges", {"pairs": [["v0", "v1"]]})
     history.select(selection(["v1"]))
     history.undo()
     forget()
@@ -116,7 +116,7 @@ def test_listeners_hear_each_change_once_with_both_graphs() -> None:
 def test_a_refused_edit_leaves_the_history_alone() -> None:
     history = History(row())
     with pytest.raises(EditError, match=r"no viewpoint nobody"):
-        perform(history, "remove_viewpoints", {"ids": ["v1", "nobody"]})
+        perform_operation(history, "remove_viewpoints", {"ids": ["v1", "nobody"]})
     assert len(history.steps) == 1
 
 
@@ -132,7 +132,7 @@ def test_graphs_far_back_are_made_again_from_deltas_without_a_difference() -> No
         if i % 5 == 0:
             key = next(iter(after.edges))
             after = edits.add_edges(edits.remove_edges(after, [key]), [key])  # to the end of the order
-        graphs.put(i + 1, before, after)
+        graphs.store_step(i + 1, before, after)
         plain.append(after)
     for index in (150, 3, 77, 76, 75, 149, 0):
         assert same_graph(graphs[index], plain[index])

@@ -19,7 +19,7 @@ from nvsim.graph import journal as journal_module
 from nvsim.graph.edits import EditError
 from nvsim.graph.history import History
 from nvsim.graph.journal import OUTSIDE, Journal, sidecar
-from nvsim.graph.operations import perform
+from nvsim.graph.operations import perform_operation
 from nvsim.graph.scripts import script
 from nvsim.graph.selection import selection
 from nvsim.graph.store import encode_graph, same_graph
@@ -42,11 +42,11 @@ def edited(history: History) -> None:
     """Every kind of step: evidence dropped and marked stale, a drag, a selection, a finding ignored, an undo."""
     history.select(selection(["v2"], [("v1", "v2")]))
     for y in (1.0, 2.0, 3.0):
-        perform(history, "move_viewpoints", {"positions": {"v2": [4.0, y, 1.5]}}, merge="drag")
-    perform(history, "remove_viewpoints", {"ids": ["v4"]})
-    perform(history, "ignore_finding", {"key": "long v0", "reason": "a ramp"})
-    perform(history, "add_viewpoint", {"position": [1.0, 1.0, 1.5]})
-    perform(history, "rename_viewpoint", {"old": "v3", "new": "door"})
+        perform_operation(history, "move_viewpoints", {"positions": {"v2": [4.0, y, 1.5]}}, merge="drag")
+    perform_operation(history, "remove_viewpoints", {"ids": ["v4"]})
+    perform_operation(history, "ignore_finding", {"key": "long v0", "reason": "a ramp"})
+    perform_operation(history, "add_viewpoint", {"position": [1.0, 1.0, 1.5]})
+    perform_operation(history, "rename_viewpoint", {"old": "v3", "new": "door"})
     history.undo()
 
 
@@ -119,7 +119,7 @@ def test_edits_after_a_save_that_was_not_heard_of_come_back_as_unsaved(tmp_path:
         history = journal.history(row())
         edited(history)
         saved = history.graph
-        perform(history, "remove_edges", {"pairs": [["v0", "v1"]]})
+        perform_operation(history, "remove_edges", {"pairs": [["v0", "v1"]]})
     with Journal.open(path) as journal:
         again = journal.history(saved)
         assert journal.recovered == 1 and not again.clean and again.undo_text == "Remove edge v0 – v1"
@@ -155,7 +155,7 @@ def test_nothing_is_left_of_looking_and_of_a_foreign_file_saved_and_closed(tmp_p
     assert list(tmp_path.iterdir()) == []
     with Journal.open(path, plain=True) as journal:
         history = journal.history(row())
-        perform(history, "remove_edges", {"pairs": [["v0", "v1"]]})
+        perform_operation(history, "remove_edges", {"pairs": [["v0", "v1"]]})
     assert path.name in {p.name for p in tmp_path.iterdir()}, "unsaved edits stay"
     with Journal.open(path, plain=True) as journal:
         history = journal.history(row())
@@ -174,9 +174,9 @@ def test_a_second_window_may_look_but_not_edit(tmp_path: Path) -> None:
             seen = second.history(row())
             assert same_graph(seen.graph, history.graph)
             with pytest.raises(EditError, match="another window"):
-                perform(seen, "remove_edges", {"pairs": [["v0", "v1"]]})
+                perform_operation(seen, "remove_edges", {"pairs": [["v0", "v1"]]})
             seen.select(selection(["v1"]))
-        perform(history, "remove_edges", {"pairs": [["v0", "v1"]]})
+        perform_operation(history, "remove_edges", {"pairs": [["v0", "v1"]]})
     with Journal.open(path) as third:
         assert_same_history(third.history(row()), history)
 
@@ -250,7 +250,7 @@ def test_a_script_does_again_what_was_done(tmp_path: Path) -> None:
     again = edits.split_edge(history.graph, "v0", "v1")
     history.perform("Something without a name", edits.remove_viewpoints(again, ["v5"]))
     both = [{"edit": "lock", "viewpoints": ["v0"]}, {"edit": "mark_reviewed", "viewpoints": ["v0"]}]
-    perform(history, "together", {"edits": both, "text": "Done with v0"})
+    perform_operation(history, "together", {"edits": both, "text": "Done with v0"})
     assert history.undo_text == "Done with v0"
     graph = row()
     for line in script(history):
@@ -265,9 +265,9 @@ def many(history: History, count: int) -> None:
             history.select(selection([f"v{i % 3}"]))
         elif i % 7 == 5:
             old = list(history.graph.viewpoints)[5]
-            perform(history, "rename_viewpoint", {"old": old, "new": f"n{i}"})
+            perform_operation(history, "rename_viewpoint", {"old": old, "new": f"n{i}"})
         else:
-            perform(history, "move_viewpoints", {"positions": {"v1": [2.0, 0.1 * i, 1.5]}})
+            perform_operation(history, "move_viewpoints", {"positions": {"v1": [2.0, 0.1 * i, 1.5]}})
 
 
 @pytest.mark.parametrize("by", ["steps", "bytes"])
@@ -377,8 +377,8 @@ def test_a_step_that_an_earlier_program_stored_whole_is_read(tmp_path: Path) -> 
     path = tmp_path / "edits.db"
     with Journal.open(path) as journal:
         history = journal.history(row())
-        perform(history, "rename_viewpoint", {"old": "v3", "new": "door"})
-        perform(history, "remove_viewpoints", {"ids": ["v1"]})
+        perform_operation(history, "rename_viewpoint", {"old": "v3", "new": "door"})
+        perform_operation(history, "remove_viewpoints", {"ids": ["v1"]})
     connection = sqlite3.connect(path)
     connection.execute("UPDATE steps SET delta = ? WHERE number = 1", (b"W" + encode_graph(history.graph_at(1)),))
     connection.execute("PRAGMA user_version = 1")

@@ -16,7 +16,7 @@ from nvsim.graph.difference import apply_deltas, delta_between, difference
 from nvsim.graph.edits import EditError
 from nvsim.graph.history import History
 from nvsim.graph.journal import Journal
-from nvsim.graph.operations import OPERATIONS, describe, perform
+from nvsim.graph.operations import OPERATIONS, describe, perform_operation
 from nvsim.graph.selection import GraphSelection
 from nvsim.graph.store import decode_graph, encode_graph, same_graph
 from nvsim.graph.types import Evidence, NavGraph, Viewpoint, edge
@@ -110,7 +110,7 @@ class EditorMachine(RuleBasedStateMachine):
         arguments = random_arguments(name, before, rng)
         merge = "drag" if drag and name == "move_viewpoints" else None
         try:
-            perform(self.history, name, arguments, merge=merge)
+            perform_operation(self.history, name, arguments, merge=merge)
         except EditError as error:
             assert str(error)[0].isupper() or str(error)[0].isalnum() or str(error)[0] in "'\"", str(error)
             assert self.history.graph is before and len(self.history.steps) == steps

@@ -13,7 +13,7 @@ from nvsim.errors import InputError
 from nvsim.files import atomic
 from nvsim.graph import edits
 from nvsim.graph.connectivity import write_connectivity
-from nvsim.graph.foreign import ForeignFile, disconnected_warning, words_of_saving
+from nvsim.graph.foreign import ForeignFile, disconnected_warning, saving_message
 from nvsim.graph.types import NavGraph, Viewpoint, edge
 
 
@@ -87,7 +87,7 @@ def test_where_the_original_cannot_be_kept_nothing_is_saved(path: Path, monkeypa
     def full(*_: object) -> None:
         raise OSError(28, "No space left on device")
 
-    monkeypatch.setattr("nvsim.graph.foreign.file.keep", full)
+    monkeypatch.setattr("nvsim.graph.foreign.file.keep_original", full)
     with pytest.raises(InputError, match="disk is full"):
         file.save(edits.remove_edge(file.graph, "v0", "v1"))
     assert path.read_bytes() == before and [p.name for p in path.parent.iterdir()] == [path.name]
@@ -101,7 +101,7 @@ def test_notes_that_name_an_original_elsewhere_are_not_believed(path: Path) -> N
 
 def test_the_words_name_the_original_and_the_islands(path: Path) -> None:
     file = cut(path, "v1", "v2")
-    words = words_of_saving(path, file.original, file.graph)
+    words = saving_message(path, file.original, file.graph)
     assert words.startswith("Saved house_connectivity.json. The original is kept as house_connectivity.json~.")
     assert words.endswith("The graph has 2 disconnected islands (3, 2 viewpoints).")
     assert disconnected_warning(row()) == ""

@@ -16,14 +16,14 @@ from nvsim.graph.quantities import QuantityInputs, quantity
 from nvsim.graph.selection import (
     NOTHING,
     component,
-    everything,
     existing_part,
     inverted,
     path_between,
+    select_everything,
+    select_within,
     selection,
     shortest_path,
     with_neighbors,
-    within,
 )
 from nvsim.graph.types import Evidence, NavGraph, Viewpoint, edge
 from nvsim.occupancy.types import FREE, OCCUPIED, OccupancyMap
@@ -136,7 +136,7 @@ def test_selection_grows_inverts_and_spreads_over_the_component() -> None:
         (f"{a}1", "m") if f"{a}1" < "m" else ("m", f"{a}1") for a in "esw"
     }
     assert inverted(graph, selection(["far1"])).viewpoints == frozenset(graph.viewpoints) - {"far1"}
-    assert inverted(graph, NOTHING) == everything(graph)
+    assert inverted(graph, NOTHING) == select_everything(graph)
     assert component(graph, ["far1"]) == selection(["far1", "far2"], [("far1", "far2")])
     assert selection(["a"]) | selection(["b"]) == selection(["a", "b"])
     assert selection(["a", "b"]) ^ selection(["b", "c"]) == selection(["a", "c"])
@@ -160,7 +160,7 @@ def test_lasso_agrees_with_opencv(corners: list[tuple[float, float]], seed: int)
 
     points = np.random.default_rng(seed).uniform(-5, 5, (40, 2))
     viewpoints = {str(i): Viewpoint(str(i), (x, y, 1.0)) for i, (x, y) in enumerate(points.tolist())}
-    chosen = within(NavGraph("s", viewpoints), corners).viewpoints
+    chosen = select_within(NavGraph("s", viewpoints), corners).viewpoints
     # A picture of the polygon, filled by the even-odd rule, away from its border.
     scale = 200
     picture = np.zeros((10 * scale + 1, 10 * scale + 1), np.uint8)
@@ -177,6 +177,6 @@ def test_lasso_agrees_with_opencv(corners: list[tuple[float, float]], seed: int)
 def test_box_keeps_floors_apart_and_takes_the_edges_inside() -> None:
     graph = crossing()
     box = [(-1, -3), (1, -3), (1, 3), (-1, 3)]
-    assert within(graph, box) == selection(["m", "n1", "s1"], [("m", "n1"), ("m", "s1")])
-    assert within(graph, box, z=(3, 5)) == NOTHING
+    assert select_within(graph, box) == selection(["m", "n1", "s1"], [("m", "n1"), ("m", "s1")])
+    assert select_within(graph, box, z=(3, 5)) == NOTHING
     assert by_expression(mark_reviewed(graph, ["m"]), "reviewed", kind="viewpoints") == selection(["m"])

@@ -21,11 +21,11 @@ from nvsim.errors import InputError
 from nvsim.files import databases, tables
 from nvsim.graph.history import History
 from nvsim.graph.journal import Journal
-from nvsim.graph.operations import perform
+from nvsim.graph.operations import perform_operation
 from nvsim.graph.scripts import HEAD, script, write_script
 from nvsim.graph.types import Edge, NavGraph, Viewpoint
 from nvsim.project.project import Project
-from nvsim.project.state.results import StagePart, StageResult, StageResults, tidy
+from nvsim.project.state.results import StagePart, StageResult, StageResults, remove_unreferenced_files
 
 PART = "0, '{}', '', '', '')"  # the end of a row of stage_parts, from the time, with its summary
 ENDLESS = "WITH RECURSIVE n(i) AS (SELECT 1 UNION ALL SELECT i + 1 FROM n) SELECT {columns} FROM n"
@@ -42,7 +42,7 @@ def house(tmp_path: Path) -> Path:
     with Project.create_or_open(root) as project:
         project.set_graph(a_graph())
     with Journal.open(root / "edits.db") as journal:
-        perform(journal.history(a_graph()), "remove_edges", {"pairs": [["a", "b"]]})
+        perform_operation(journal.history(a_graph()), "remove_edges", {"pairs": [["a", "b"]]})
         journal.flush()
     return root
 
@@ -165,7 +165,7 @@ def test_previous_map_is_restored_only_from_a_graph_file_of_the_project(
         with pytest.raises(InputError, match="is missing"):
             earlier_results.restore(project, "map")
         project.set_stage_results(project.stage_results())
-        tidy(project.stage_results(), project.root)
+        remove_unreferenced_files(project.stage_results(), project.root)
     assert (house.parent / "outside").is_file()
 
 

@@ -37,7 +37,7 @@ def write_lmdb(target: Path, made: set[str] | None = None) -> list[bool]:
     with growing_lmdb(target, "m", 1 << 20, 4) as growing:
         there = [growing.has(key, b"k") for key in KEYS]
         for key in KEYS if made is None else made:
-            growing.put(key, b"k", np.zeros((3, 4), np.float32))
+            growing.store(key, b"k", np.zeros((3, 4), np.float32))
         growing.finish(set(KEYS))
     return there
 
@@ -67,7 +67,7 @@ def test_a_folder_of_kept_rows_that_is_a_link_is_removed_and_not_followed(tmp_pa
     (tmp_path / "d").mkdir()
     (tmp_path / "d" / ".x.hdf5.parts").symlink_to(victim.parent)
     with kept_rows(tmp_path / "d" / "x.hdf5", "a") as kept:
-        kept.put("k", b"m", b"row")
+        kept.append("k", b"m", b"row")
     assert all(path.read_bytes() == PRECIOUS for path in victim.parent.iterdir())
     assert not list((tmp_path / "d").iterdir())
 
@@ -111,7 +111,7 @@ def test_a_file_takes_the_place_of_a_link_and_what_it_leads_to_stays(tmp_path, v
 
 def test_a_library_writes_in_a_folder_that_only_the_user_can_open(tmp_path) -> None:
     path = tmp_path / "film.mp4"
-    with atomic.replacing(path) as temporary:
+    with atomic.replacement_file(path) as temporary:
         assert temporary.name == path.name and temporary.parent.parent == tmp_path
         assert temporary.parent.stat().st_mode & 0o777 == 0o700 and not list(temporary.parent.iterdir())
         temporary.write_bytes(b"film")

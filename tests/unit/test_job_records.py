@@ -14,11 +14,11 @@ from test_first_changes import two_viewpoints
 
 from nvsim.cli.guard import CommandStopped
 from nvsim.cli.main import main
-from nvsim.cli.session import working
+from nvsim.cli.session import project_job
 from nvsim.errors import InputError
 from nvsim.events import Done, Progress
 from nvsim.project.jobs import worker_lock
-from nvsim.project.jobs.files import EventFile, JobCommand, order_path, proof_of
+from nvsim.project.jobs.files import EventFile, JobCommand, order_path, order_proof
 from nvsim.project.jobs.joblist import JobList
 from nvsim.project.project import Project
 
@@ -33,7 +33,7 @@ def root(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 
 def test_a_command_leaves_its_order_its_events_and_its_end(root: Path) -> None:
-    with working(root, "train", False) as (_, listen):
+    with project_job(root, "train", False) as (_, listen):
         listen(Progress("train", 1, 2))
         (job,) = JobList(root).jobs()
         assert job.status.state == "running" and job.status.pid == os.getpid()
@@ -46,14 +46,14 @@ def test_a_command_leaves_its_order_its_events_and_its_end(root: Path) -> None:
 
 @pytest.mark.parametrize(("error", "state"), [(InputError("no floor"), "failed"), (CommandStopped(), "interrupted")])
 def test_a_command_that_runs_again_continues_its_job(root: Path, error: BaseException, state: str) -> None:
-    with pytest.raises(type(error)), working(root, "train", False):
+    with pytest.raises(type(error)), project_job(root, "train", False):
         raise error
     (job,) = JobList(root).jobs()
     assert job.status.state == state and (state != "failed" or job.status.message == "no floor")
-    with working(root, "train", False):
+    with project_job(root, "train", False):
         pass
     assert [j.status.state for j in JobList(root).jobs()] == ["done"]
-    with working(root, "train", False):
+    with project_job(root, "train", False):
         pass
     assert [j.number for j in JobList(root).jobs()] == [1, 2], "a finished job stays"
 
@@ -68,14 +68,14 @@ def test_the_command_line_is_the_order(root: Path) -> None:
 def test_a_queued_job_waits_for_a_command_in_a_terminal(root: Path) -> None:
     jobs = JobList(root)
     jobs.add("map", ["--project", str(root)], "Map")
-    with working(root, "train", False):
+    with project_job(root, "train", False):
         assert jobs.claim() is None
     assert jobs.claim() is not None
 
 
 def test_a_refused_import_leaves_no_files(root: Path) -> None:
     new = root.with_name("new.nvsim")
-    with pytest.raises(InputError), working(new, "import", False, create=True):
+    with pytest.raises(InputError), project_job(new, "import", False, create=True):
         raise InputError("no capture")
     assert not new.exists()
 
@@ -103,7 +103,7 @@ def test_a_command_that_the_window_does_not_offer_cannot_be_continued(root: Path
 
 def test_a_command_runs_without_a_place_for_the_secret(root: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("XDG_STATE_HOME", "/proc/none")
-    with working(root, "train", False):
+    with project_job(root, "train", False):
         pass
     (job,) = JobList(root).jobs()
     assert job.status.state == "done" and not job.ours
@@ -114,5 +114,5 @@ def test_an_order_of_an_earlier_version_stays_ours(root: Path) -> None:
     job = jobs.add("map", ["--project", str(root)], "Map")
     said = {name: value for name, value in asdict(job.order).items() if name != "folder"}
     said["arguments"] = list(said["arguments"])
-    order_path(job.folder).write_text(json.dumps({**said, "proof": proof_of(root, "order", [1, said])}))
+    order_path(job.folder).write_text(json.dumps({**said, "proof": order_proof(root, "order", [1, said])}))
     assert JobList(root).jobs() == [replace(job, ours=True)]

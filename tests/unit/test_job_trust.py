@@ -18,7 +18,15 @@ from nvsim.cli.worker import check_order
 from nvsim.errors import InputError
 from nvsim.events import Log
 from nvsim.project.jobs import worker_lock
-from nvsim.project.jobs.files import MOST_BYTES, MOST_LINE, EventFile, event_line, is_proven, proof_of, secret_path
+from nvsim.project.jobs.files import (
+    MOST_BYTES,
+    MOST_LINE,
+    EventFile,
+    event_line,
+    is_order_proven,
+    order_proof,
+    secret_path,
+)
 from nvsim.project.jobs.joblist import Job, JobList
 
 
@@ -179,8 +187,8 @@ def test_what_the_user_saw_can_be_ordered_anew_and_nothing_else(jobs: JobList) -
     seen = needed(jobs)
     (job.folder / "order.json").write_text(json.dumps({**data, "title": "Something else", "proof": ""}))
     with pytest.raises(InputError, match="has changed"):
-        jobs.order_anew(seen)
-    jobs.order_anew(needed(jobs))
+        jobs.order_again(seen)
+    jobs.order_again(needed(jobs))
     assert needed(jobs).ours and needed(jobs).status.state == "queued" and jobs.claim() is not None
 
 
@@ -227,11 +235,11 @@ def test_an_order_within_the_project_can_be_taken_over(tmp_path: Path) -> None:
 
 
 def test_the_secret_is_the_users_alone_and_made_once(fresh_state: Path, tmp_path: Path) -> None:
-    assert not is_proven(tmp_path, "order", 1, "ab") and not fresh_state.exists()
-    proof = proof_of(tmp_path, "order", [1, "x"])
+    assert not is_order_proven(tmp_path, "order", 1, "ab") and not fresh_state.exists()
+    proof = order_proof(tmp_path, "order", [1, "x"])
     assert fresh_state.stat().st_mode & 0o777 == 0o600 and fresh_state.stat().st_size == 32
-    assert is_proven(tmp_path, "order", [1, "x"], proof) and proof_of(tmp_path, "order", [1, "x"]) == proof
-    assert not is_proven(tmp_path, "settings", [1, "x"], proof)
+    assert is_order_proven(tmp_path, "order", [1, "x"], proof) and order_proof(tmp_path, "order", [1, "x"]) == proof
+    assert not is_order_proven(tmp_path, "settings", [1, "x"], proof)
     assert [p.name for p in fresh_state.parent.iterdir()] == [fresh_state.name]
 
 
@@ -250,8 +258,8 @@ def test_a_secret_that_others_may_have_laid_there_is_not_used(fresh_state: Path,
         fresh_state.write_bytes(b"x" * (32 if trap == "open to all" else 5))
         fresh_state.chmod(0o644 if trap == "open to all" else 0o600)
     with pytest.raises(InputError, match="is not a secret"):
-        proof_of(tmp_path, "order", 1)
-    assert not is_proven(tmp_path, "order", 1, "ab")
+        order_proof(tmp_path, "order", 1)
+    assert not is_order_proven(tmp_path, "order", 1, "ab")
     assert trap != "dangling" or not target.exists()
 
 

@@ -16,7 +16,7 @@ from nvsim.mapping.config import MappingConfig
 from nvsim.mapping.corridor import CELLS, DEPTH, NEAR, WIDTH, Corridor, view_of
 from nvsim.mapping.criteria import can_stand, decide, is_sufficient
 from nvsim.mapping.views.floor_view import measure
-from nvsim.mapping.views.view_sources import camera_towards, look_down
+from nvsim.mapping.views.view_sources import camera_towards, render_pitched_views
 from nvsim.occupancy.types import OCCUPIED
 
 CONFIG = MappingConfig(margin=0.0)
@@ -69,7 +69,7 @@ def test_hidden_cells_are_those_behind_the_obstacle(heading: float) -> None:
     world = Columns(occupancy)
     corridor = Corridor((4.0, 4.0), tuple(np.array([4.0, 4.0]) + 2.5 * forward))
     k = view_of(corridor, CONFIG)
-    view = look_down(world, np.array([4.0, 4.0, 1.2]), {k: [corridor]}, flat_floor, CONFIG)[k]
+    view = render_pitched_views(world, np.array([4.0, 4.0, 1.2]), {k: [corridor]}, flat_floor, CONFIG)[k]
     found = measure(view, "v", 0, corridor, flat_floor, world.support)
     middle = found.alpha[:, 8:10].mean(axis=1) / 255
     along = NEAR + (np.arange(len(middle)) + 0.5) * DEPTH

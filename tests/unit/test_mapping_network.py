@@ -23,12 +23,12 @@ from nvsim.geometry.rotation import matrix_from_quaternion
 from nvsim.graph.types import Evidence, NavGraph
 from nvsim.mapping.builder import build_map
 from nvsim.mapping.config import MappingConfig
-from nvsim.mapping.corridor import Corridor, ahead, headings
+from nvsim.mapping.corridor import Corridor, headings, offset_ahead
 from nvsim.mapping.criteria import decide
 from nvsim.mapping.evidence.rethreshold import Rethresholder
 from nvsim.mapping.families import with_normals
 from nvsim.mapping.views.floor_view import measure
-from nvsim.mapping.views.view_sources import look_down
+from nvsim.mapping.views.view_sources import render_pitched_views
 from nvsim.project import ledger, pipeline
 from nvsim.project.config import CaptureConfig, RunConfig
 from nvsim.project.project import Project
@@ -67,8 +67,10 @@ def known(points: NDArray[np.floating]) -> NDArray[np.bool_]:
 
 
 def around(model: SubmapModel, place: tuple[float, float], config: MappingConfig) -> list[Evidence]:
-    corridors = {k: [Corridor(place, tuple(np.array(place) + ahead(h, 2.5)))] for k, h in enumerate(headings(config))}
-    views = look_down(source(model, config), np.array([*place, 1.3]), corridors, flat_floor, config)
+    corridors = {
+        k: [Corridor(place, tuple(np.array(place) + offset_ahead(h, 2.5)))] for k, h in enumerate(headings(config))
+    }
+    views = render_pitched_views(source(model, config), np.array([*place, 1.3]), corridors, flat_floor, config)
     return [measure(views[k], "v", k, c, flat_floor, known) for k, (c,) in corridors.items()]
 
 
@@ -122,7 +124,7 @@ def test_both_must_pass_and_either_is_decided_again_without_rendering(models: Pa
     assert again.report["decisions"]["limit"] > 0, "the Gaussians alone let it through"
     loose = replace(config, tau_network_normal=-0.1, row_network_normal=-0.1)
     found = Rethresholder(refused.graph).decide(loose)
-    assert found.beyond > 0 == Rethresholder(refused.graph).decide(config).beyond
+    assert found.new_steps > 0 == Rethresholder(refused.graph).decide(config).new_steps
     plain = built(replace(config, criteria=("alpha", "normal"), max_viewpoints=1), start=start).graph
     measured = built(replace(config, isolated=True, max_viewpoints=1), previous=plain, start=start)
     assert measured.report["rendered_viewpoints"] == 1, "a network cannot be asked about what was not measured by it"
@@ -145,7 +147,7 @@ def test_what_another_network_saw_is_not_taken_for_what_this_one_sees(models: Pa
     seen = {e.key: e for e in around(painted(np.array([0.0, 0, 1])), (4.7, 4.5), config)}
     graph = NavGraph("n", evidence=seen)
     with Project.create_or_open(tmp_path / "p.nvsim") as project:
-        ledger.begin(project, "map", "key")
+        ledger.begin_part(project, "map", "key")
         ledger.finish(project, "map", 1.0, {NETWORK: network_of(config)})
         assert without_other_networks(graph, project, config) is graph
         metric3d(models)

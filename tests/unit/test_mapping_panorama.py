@@ -19,10 +19,10 @@ from nvsim.graph.store import same_evidence
 from nvsim.graph.types import Evidence
 from nvsim.mapping.builder import build_map
 from nvsim.mapping.config import MappingConfig
-from nvsim.mapping.corridor import Corridor, ahead, headings
+from nvsim.mapping.corridor import Corridor, headings, offset_ahead
 from nvsim.mapping.criteria import corridor_of, decide
 from nvsim.mapping.views.floor_view import FloorView, measure
-from nvsim.mapping.views.view_sources import look_down
+from nvsim.mapping.views.view_sources import render_pitched_views
 from nvsim.occupancy.types import OCCUPIED
 from nvsim.render.backends import RenderOutput
 from nvsim.render.panorama import render_equirectangular
@@ -64,8 +64,10 @@ def known(points: NDArray[np.floating]) -> NDArray[np.bool_]:
 
 def around(source: Hall, place: tuple[float, float], config: MappingConfig) -> list[Evidence]:
     """The evidence of the eight directions."""
-    corridors = {k: [Corridor(place, tuple(np.array(place) + ahead(h, 2.5)))] for k, h in enumerate(headings(config))}
-    views = look_down(source, np.array([*place, 1.3]), corridors, flat_floor, config)
+    corridors = {
+        k: [Corridor(place, tuple(np.array(place) + offset_ahead(h, 2.5)))] for k, h in enumerate(headings(config))
+    }
+    views = render_pitched_views(source, np.array([*place, 1.3]), corridors, flat_floor, config)
     return [measure(views[k], "v", k, c, flat_floor, known) for k, (c,) in corridors.items()]
 
 
@@ -85,7 +87,7 @@ def test_every_cell_is_read_where_it_lies_also_across_the_seam(heading: float) -
     rays = sphere.rays()
     alpha = (0.5 + 0.3 * rays[..., 0] - 0.2 * rays[..., 1] + 0.2 * rays[..., 2]).astype(np.float32)
     view = FloorView(0, sphere, alpha, alpha * 0, np.ones(alpha.shape, bool))
-    corridor = Corridor((3.0, -2.0), tuple(np.array([3.0, -2.0]) + ahead(heading, 2.5)))
+    corridor = Corridor((3.0, -2.0), tuple(np.array([3.0, -2.0]) + offset_ahead(heading, 2.5)))
     way = np.concatenate([corridor.cells(), np.zeros((corridor.rows, 18, 1))], axis=-1) - sphere.position
     way /= np.linalg.norm(way, axis=-1, keepdims=True)
     expected = 0.5 + way @ np.array([0.3, -0.2, 0.2])
@@ -126,7 +128,7 @@ def test_only_what_the_regions_see_is_rendered() -> None:
         assert np.array_equal(one.alpha, other.alpha) and np.array_equal(one.up, other.up)
     assert part.shares[0] < 0.4
     near, aside = Corridor((4.7, 4.5), (4.7, 6.0)), Corridor((4.7, 4.5), (4.7, 2.0))
-    view = look_down(part, np.array([4.7, 4.5, 1.3]), {0: [near]}, flat_floor, PANORAMA)[0]
+    view = render_pitched_views(part, np.array([4.7, 4.5, 1.3]), {0: [near]}, flat_floor, PANORAMA)[0]
     assert view.shows(near, flat_floor) and not view.shows(aside, flat_floor)
 
 

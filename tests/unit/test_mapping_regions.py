@@ -15,7 +15,7 @@ from nvsim.mapping.builder import BuildResult, build_map
 from nvsim.mapping.config import MappingConfig
 from nvsim.mapping.corridor import Corridor
 from nvsim.mapping.views.floor_view import measure
-from nvsim.mapping.views.view_sources import look_down
+from nvsim.mapping.views.view_sources import render_pitched_views
 from nvsim.render.backends import RenderOutput
 from nvsim.render.model import render_model
 from nvsim.render.scene import render_regions
@@ -72,11 +72,11 @@ def test_the_map_from_regions_is_that_from_whole_views() -> None:
 def test_a_view_says_which_corridors_it_shows() -> None:
     position, config = np.array([4.5, 4.5, 1.3]), MappingConfig()
     ahead, aside = Corridor((4.5, 4.5), (4.5, 7.0)), Corridor((4.5, 4.5), (5.4, 6.8))
-    view = look_down(Source(whole=False), position, {0: [ahead]}, flat_floor, config)[0]
+    view = render_pitched_views(Source(whole=False), position, {0: [ahead]}, flat_floor, config)[0]
     assert view.shows(ahead, flat_floor) and not view.shows(aside, flat_floor)
-    both = look_down(Source(whole=False), position, {0: [ahead, aside]}, flat_floor, config)[0]
+    both = render_pitched_views(Source(whole=False), position, {0: [ahead, aside]}, flat_floor, config)[0]
     assert both.shows(aside, flat_floor)
     for corridor in (ahead, aside):
-        truth = look_down(Source(whole=True), position, {0: [corridor]}, flat_floor, config)[0]
+        truth = render_pitched_views(Source(whole=True), position, {0: [corridor]}, flat_floor, config)[0]
         a, b = (measure(v, "v", 0, corridor, flat_floor, inside) for v in (both, truth))
         assert np.array_equal(a.alpha, b.alpha) and np.array_equal(a.up, b.up)

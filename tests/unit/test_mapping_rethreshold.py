@@ -64,7 +64,7 @@ def test_the_thresholds_it_was_built_with_change_nothing(config: MappingConfig) 
     graph, walk = built(config)
     redecider = Rethresholder(graph, walk)
     found = redecider.decide(config)
-    assert not found and found.lonely == found.kept == found.beyond == 0
+    assert not found and found.isolated_viewpoints == found.kept_by_user == found.new_steps == 0
     after = redecider.apply(found)
     assert after.edges == graph.edges and all(after.evidence[k] is e for k, e in graph.evidence.items())
 
@@ -74,7 +74,7 @@ def test_stricter_thresholds_take_away_exactly_the_edges_whose_corridors_fail() 
     strict = replace(SMALL, row_alpha=0.12, robot_radius=0.35)
     redecider = Rethresholder(graph, walk)
     found = redecider.decide(strict)
-    gone = {edge(redecider.ids[a], redecider.ids[b]).key for a, b in found.disappear}
+    gone = {edge(redecider.ids[a], redecider.ids[b]).key for a, b in found.lost_edges}
     expected = set()
     for a, b in graph.edges:
         ways = [
@@ -86,7 +86,7 @@ def test_stricter_thresholds_take_away_exactly_the_edges_whose_corridors_fail() 
         stand = all(can_stand([e for (v, k), e in graph.evidence.items() if v == x and k < 8], strict) for x in (a, b))
         if not stand or any(decide(e, strict) != "open" for e in ways):
             expected.add((a, b))
-    assert gone == expected and 0 < len(gone) < len(graph.edges) and not len(found.appear)
+    assert gone == expected and 0 < len(gone) < len(graph.edges) and not len(found.new_edges)
     # ... and come back when the limits do, with the words they had.
     after = redecider.apply(found)
     assert set(after.edges) == set(graph.edges) - gone
@@ -105,10 +105,10 @@ def test_what_a_person_made_stays_and_what_a_person_removed_does_not_return() ->
     edited = replace(graph, edges=edges)
     assert not Rethresholder(edited, walk).decide(SMALL)
     closed = Rethresholder(edited, walk).decide(replace(SMALL, tau_alpha=0.0))
-    assert closed.kept == 1 and len(closed.disappear) == len(edges) - 1
+    assert closed.kept_by_user == 1 and len(closed.lost_edges) == len(edges) - 1
     loose = Rethresholder(edited, walk).decide(replace(SMALL, row_alpha=1.0, cell_alpha=1.0))
     ids = tuple(edited.viewpoints)
-    assert removed not in {edge(ids[a], ids[b]).key for a, b in loose.appear}
+    assert removed not in {edge(ids[a], ids[b]).key for a, b in loose.new_edges}
 
 
 def test_looser_thresholds_say_how_much_new_ground_they_open() -> None:
@@ -116,13 +116,13 @@ def test_looser_thresholds_say_how_much_new_ground_they_open() -> None:
     loose = Rethresholder(graph, walk).decide(
         replace(SMALL, row_alpha=1.01, cell_alpha=1.01, tau_alpha=1.01, support=0.0)
     )
-    assert loose.beyond > 0 and not len(loose.disappear)
+    assert loose.new_steps > 0 and not len(loose.lost_edges)
 
 
 def test_a_viewpoint_far_from_the_walk_loses_its_edges() -> None:
     graph, walk = built()
     near = Rethresholder(graph, walk).decide(replace(SMALL, max_distance=0.3))
-    assert len(near.disappear) > 0 and near.lonely > 0
+    assert len(near.lost_edges) > 0 and near.isolated_viewpoints > 0
     assert not Rethresholder(graph).decide(replace(SMALL, max_distance=0.3))  # nobody knows the walk
 
 

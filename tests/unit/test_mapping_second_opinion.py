@@ -110,9 +110,9 @@ def test_deciding_again_asks_both_and_ignores_the_second_where_it_is_not_wanted(
     redecider = Rethresholder(graph, WALK)
     assert not redecider.decide(CONFIG)
     loose = redecider.decide(replace(CONFIG, second_opinion=False))
-    assert len(loose.appear) and not len(loose.disappear)
+    assert len(loose.new_edges) and not len(loose.lost_edges)
     ids = redecider.ids
-    assert any(crosses(graph, (ids[a], ids[b])) for a, b in loose.appear)
+    assert any(crosses(graph, (ids[a], ids[b])) for a, b in loose.new_edges)
 
 
 def evidence(first: float, second: float) -> Evidence:

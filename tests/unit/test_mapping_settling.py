@@ -127,7 +127,7 @@ def test_untying_a_grid_keeps_it_together_and_leaves_no_edge_that_could_be_spare
     draft = GraphBuilder("test")
     ids = {cell: f"{cell[0]}{cell[1]}" for cell in cells}
     for (x, y), id in ids.items():
-        draft.put(Viewpoint(id, (2.0 * x, 2.0 * y, 1.2)))
+        draft.set_viewpoint(Viewpoint(id, (2.0 * x, 2.0 * y, 1.2)))
     found = DraftGraph(draft)
     found.add(ids.values())
     for (x, y), id in ids.items():
@@ -143,32 +143,32 @@ def test_untying_a_grid_keeps_it_together_and_leaves_no_edge_that_could_be_spare
         for end in metres:
             last = [n for n in after[end] if n in metres and metres[n] < metres[end]]
             tied = [n for n in last if metres[n] + after[n][end]["weight"] <= metres[end] + SAME_LENGTH]
-            assert len(tied) < 2 or not any(found.can_spare_edge(n, end) for n in tied)
+            assert len(tied) < 2 or not any(found.is_edge_redundant(n, end) for n in tied)
 
 
 def test_a_way_is_as_long_whatever_is_left_aside_on_the_search_for_it() -> None:
     rng = np.random.default_rng(0)
     draft = GraphBuilder("test")
     for i, (x, y) in enumerate(rng.uniform(0, 12, (90, 2)).tolist()):
-        draft.put(Viewpoint(str(i), (x, y, 1.2)))
+        draft.set_viewpoint(Viewpoint(str(i), (x, y, 1.2)))
     found = DraftGraph(draft)
     found.add(draft.viewpoints)
     for a in found:
         for b in found:
-            if a < b and found.apart(a, b) < 2.0:
+            if a < b and found.distance(a, b) < 2.0:
                 found.join(a, b)
     for a in found:
         whole = found.all_metres(a, np.inf)
         for b in found:
             far = whole.get(b, np.inf)
-            for most in (found.apart(a, b), 0.9 * far, far, 1.2 * found.apart(a, b) + 1):
+            for most in (found.distance(a, b), 0.9 * far, far, 1.2 * found.distance(a, b) + 1):
                 assert found.metres(a, b, most) == (far if far <= most else np.inf)
 
 
 def _graph(found: DraftGraph) -> nx.Graph:
     graph = nx.Graph()
     graph.add_nodes_from(found)
-    graph.add_weighted_edges_from((a, b, found.apart(a, b)) for a, b in found.edges())
+    graph.add_weighted_edges_from((a, b, found.distance(a, b)) for a, b in found.edges())
     return graph
 
 

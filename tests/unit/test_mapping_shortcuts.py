@@ -90,9 +90,9 @@ def test_what_is_shut_out_of_reach_changes_no_way() -> None:
     floor, _ = known(room(6, 5))
     place = np.array([0.65, 2.55, 1.2])
     floor.shut(np.array([2.0, 2.5, 1.2]), 0.3)
-    assert floor.shut_since(0, place, 2.0) and not floor.shut_since(floor.shuts, place, 2.0)
-    assert not floor.shut_since(0, place, 0.9), "too far"
-    assert not floor.shut_since(0, place + [0, 0, 3.0], 2.0), "another storey"
+    assert floor.is_affected_since(0, place, 2.0) and not floor.is_affected_since(floor.closed_count, place, 2.0)
+    assert not floor.is_affected_since(0, place, 0.9), "too far"
+    assert not floor.is_affected_since(0, place + [0, 0, 3.0], 2.0), "another storey"
 
 
 def test_no_way_leads_where_no_floor_is_known() -> None:

@@ -73,9 +73,9 @@ def test_lines_and_clearance_are_those_of_the_storey() -> None:
     path = Walk(walk(), SUPPORT.at)
     a, b = np.array([1.5, 3.0, EYE]), np.array([6.0, 3.0, EYE])
     up = np.array([0, 0, 3.0])
-    assert path.in_line(a, b) and not path.in_line(a + up, b + up)
+    assert path.is_line_known(a, b) and not path.is_line_known(a + up, b + up)
     foot, head = np.array([1.2, 0.5, EYE]), np.array([7.8, 0.5, 3 + EYE])
-    assert path.in_line(foot, head), "up the stair"
+    assert path.is_line_known(foot, head), "up the stair"
     for place, clearance in zip(path.places, path.clearance, strict=True):
         on_stair = 2.3 < place[0] < 6.7 and 0 < place[1] < 1
         assert 0.35 < clearance < 0.7 if on_stair else clearance > 0.25
@@ -216,12 +216,12 @@ def test_trodden_is_what_lies_beside_a_carried_camera_and_not_where_nobody_walke
 def test_without_a_scan_nothing_stands_where_somebody_walked() -> None:
     places = np.random.default_rng(0).uniform((2.5, -0.5, -0.5), (5.5, 1.5, 2.0), (500, 3))
     told, silent = TraversedFloor(walk(), scanned=False), TraversedFloor(walk())
-    assert not silent.surely_at(places).any() and silent.at(places).any()
-    found = told.surely_at(places)
+    assert not silent.is_surely_traversed(places).any() and silent.at(places).any()
+    found = told.is_surely_traversed(places)
     assert found.any() and (told.at(places) | ~found).all(), "nor where it would not beside a stair"
     config = MappingConfig()
     room = viewpoint("c", 1.4, 0.5, 0), viewpoint("d", 0.4, 0.5, 0)
-    assert told.surely_at(np.array([[1.0, 0.5, 0.0]])).all()
+    assert told.is_surely_traversed(np.array([[1.0, 0.5, 0.0]])).all()
     alphas = [
         Measurements(Walls(), FLOOR.height_at, SUPPORT.at, config, Lattice(config), (), traversed).between(*room).alpha
         for traversed in (told, silent)
@@ -237,10 +237,10 @@ def test_the_nearest_camera_tells_whether_somebody_walked_over_a_place() -> None
     away = np.linalg.norm(places[..., None, :2] - walked[:, :2], axis=-1)
     over = walked[away.argmin(axis=-1), 2] - places[..., 2]
     by = (away.min(axis=-1) < 0.4) & (over > 0.3) & (over < 2.5)
-    found = TraversedFloor(path, scanned=False).surely_at(places)
+    found = TraversedFloor(path, scanned=False).is_surely_traversed(places)
     assert by.any() and not by.all()
     np.testing.assert_array_equal(found, by)
-    assert TraversedFloor(path[:1], scanned=False).surely_at(path[0] * [1, 1, 0])
+    assert TraversedFloor(path[:1], scanned=False).is_surely_traversed(path[0] * [1, 1, 0])
 
 
 def test_new_viewpoints_by_a_stair_are_measured_as_the_builder_measures_them() -> None:

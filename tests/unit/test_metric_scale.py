@@ -212,8 +212,8 @@ def test_the_report_names_the_source_and_the_uncertainty(tmp_path: Path) -> None
     assert read_report(tmp_path) == found
     assert found.measured_options(tmp_path / "poses") == (None, measured.scale, None)
     assert found.measured_options(tmp_path / "poses", "1") == (None, None, None)
-    assert not found.contradiction(1.35, tmp_path)
-    said = found.contradiction(1.6, tmp_path)
+    assert not found.scale_contradiction(1.35, tmp_path)
+    said = found.scale_contradiction(1.6, tmp_path)
     assert "1.6 m above the floor" in said and "gives 1.3 m (23 % apart)" in said
     level = replace(found, upright=(), measured=(replace(measured, up=(0.0, -1.0, 0.0)),))
     scale, height, alignment = level.measured_options(tmp_path)

@@ -16,7 +16,7 @@ from nvsim.geometry.camera import Camera, Intrinsics, camera_pose
 from nvsim.networks.chain import Ddim
 from nvsim.networks.description import Scheduler
 from nvsim.networks.installed import signature_of
-from nvsim.networks.known_forms import fitting
+from nvsim.networks.known_forms import matching_forms
 from nvsim.perception.normals_network import NormalsNetwork
 from nvsim.perception.semantic_network import SemanticNetwork
 
@@ -76,7 +76,7 @@ ends_at_one = true
 def test_the_form_of_several_graphs_is_known_by_their_signatures(tmp_path: Path) -> None:
     for form, paths in (("geowizard", geowizard(tmp_path / "a")), ("evf-sam2", evf_sam(tmp_path / "b", "evf-sam2")),
                         ("evf-sam", evf_sam(tmp_path / "c", "evf-sam"))):  # fmt: skip
-        (found, files), *_ = fitting({path: signature_of(path) for path in reversed(paths)})
+        (found, files), *_ = matching_forms({path: signature_of(path) for path in reversed(paths)})
         assert found == form and tuple(files.values()) == paths
 
 

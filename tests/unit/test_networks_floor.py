@@ -12,7 +12,7 @@ from floor_networks import FLOOR, RUG, mmseg, segformer
 from nvsim.errors import InputError
 from nvsim.geometry.camera import Camera, Intrinsics, camera_pose
 from nvsim.networks.installed import signature_of
-from nvsim.networks.known_forms import fitting
+from nvsim.networks.known_forms import matching_forms
 from nvsim.perception.semantic_network import SemanticNetwork
 
 CAMERA = Camera(Intrinsics.from_fov(150, 90, 1.2), camera_pose(np.zeros(3), 0.0))
@@ -54,7 +54,7 @@ def test_labels_are_floor_where_they_say_so(tmp_path: Path) -> None:
 @pytest.mark.parametrize(("form", "make"), [("segformer-ade20k", segformer), ("mmseg-ade20k", mmseg)])
 def test_the_form_is_known_by_its_signature(tmp_path: Path, form: str, make) -> None:
     path = make(tmp_path / "any.onnx")
-    assert [name for name, _ in fitting({path: signature_of(path)})] == [form]
+    assert [name for name, _ in matching_forms({path: signature_of(path)})] == [form]
 
 
 def test_another_number_of_classes_is_refused(tmp_path: Path) -> None:

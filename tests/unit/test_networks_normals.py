@@ -14,7 +14,7 @@ from nvsim.errors import InputError
 from nvsim.geometry.camera import Camera, Intrinsics, camera_pose
 from nvsim.networks.chain import Chain
 from nvsim.networks.installed import signature_of
-from nvsim.networks.known_forms import fitting
+from nvsim.networks.known_forms import matching_forms
 from nvsim.perception.normals_network import NormalsNetwork
 
 MADE = {"metric3d": metric3d_official, "metric3d-huggingface": metric3d, "moge-2": moge}
@@ -47,7 +47,7 @@ def test_normals_lie_where_they_were_seen_whatever_lies_beside_the_image(
 def test_the_form_of_a_network_is_known_by_its_signature(tmp_path: Path, form: str) -> None:
     path = tmp_path / "any.onnx"
     MADE[form](path)
-    assert [name for name, _ in fitting({path: signature_of(path)})] == [form]
+    assert [name for name, _ in matching_forms({path: signature_of(path)})] == [form]
 
 
 @pytest.mark.parametrize("axes", FRAMES)

@@ -11,7 +11,7 @@ from described_models import described
 from prompted_networks import FORMS, LEAST, MORE, SIDE, pair
 
 from nvsim.networks.installed import InstalledModel, signature_of
-from nvsim.networks.known_forms import fitting, known_descriptions
+from nvsim.networks.known_forms import known_descriptions, matching_forms
 from nvsim.perception.prompted_network import PromptedNetwork
 
 SIZES = ((300, 480), (480, 300), (100, 130))  # wider, higher, and smaller than what the networks look at
@@ -74,7 +74,7 @@ def test_three_points_give_three_discs_and_one_that_is_none_cuts_its_own_out(tmp
 def test_the_form_of_a_pair_is_known_by_its_signature_whatever_the_files_are_called(tmp_path: Path, form: str) -> None:
     first, second = pair(tmp_path / "m", form)
     a, b = first.rename(first.with_name("z.onnx")), second.rename(second.with_name("y.onnx"))
-    (found, files), *_ = fitting({b: signature_of(b), a: signature_of(a)})
+    (found, files), *_ = matching_forms({b: signature_of(b), a: signature_of(a)})
     assert found == form and files == dict(zip(known_descriptions()[form].files, (a, b), strict=True))
     old = InstalledModel("prompted", "prompted", tmp_path / "m", None, None, (a, b))
     assert PromptedNetwork(old.open("cpu")).region(colours(90, 90), np.array([[20.0, 20.0]]), np.ones(1, bool)).any()

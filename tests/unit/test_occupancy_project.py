@@ -12,14 +12,14 @@ from measured_room import poses, truth, write_kapture
 
 from nvsim.cli.main import main
 from nvsim.errors import InputError
-from nvsim.events import Event, Warning, silent
+from nvsim.events import Event, Warning, ignore_event
 from nvsim.graph.types import NavGraph, Viewpoint, edge
 from nvsim.occupancy.read import read_map
 from nvsim.occupancy.ros import Provenance, Source, read_provenance, write_ros_map
 from nvsim.occupancy.types import FREE, OCCUPIED, UNKNOWN, OccupancyMap, compare_maps
 from nvsim.project.config import CaptureConfig
 from nvsim.project.jobs.joblist import JobList
-from nvsim.project.occupancy_maps import built_map, makers_of, occupancy_of, refuse_own_depth
+from nvsim.project.occupancy_maps import built_map, occupancy_of, refuse_own_depth, source_digests
 from nvsim.project.occupancy_sources import find_capture_with_ranges, find_rays
 from nvsim.project.project import Project
 from nvsim.project.stages import imported
@@ -37,7 +37,7 @@ def imported_once(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("measured")
     write_kapture(folder / "walk", poses(16))
     with Project.create_or_open(folder / "room.nvsim") as made:
-        imported.run(made, folder / "walk", CaptureConfig(), silent)
+        imported.run(made, folder / "walk", CaptureConfig(), ignore_event)
         with_graph(made)
     return folder
 
@@ -84,7 +84,7 @@ def test_a_map_outside_the_project_needs_no_writer(folder: Path) -> None:
     found = read_provenance(out)
     assert found is not None and found.source == "lidar" and "16 LiDAR scans" in found.note
     with Project.open(root) as project:
-        assert found.makers == makers_of(project.need_capture(), project) and built_map(project) is None
+        assert found.makers == source_digests(project.need_capture(), project) and built_map(project) is None
 
 
 def test_a_map_of_the_projects_own_models_is_refused_and_others_are_not(
@@ -92,7 +92,7 @@ def test_a_map_of_the_projects_own_models_is_refused_and_others_are_not(
 ) -> None:
     root, out = folder / "room.nvsim", folder / "map.yaml"
     with Project.open(root) as project:
-        trajectory, place = makers_of(project.need_capture(), project)
+        trajectory, place = source_digests(project.need_capture(), project)
     for makers in ((trajectory, place), (trajectory,), ("another trajectory", place)):
         write_ros_map(truth(), out, said("trained", makers))
         assert main(["evaluate", "graph", "--project", str(root), "--occupancy", str(out)]) == 2
@@ -106,7 +106,7 @@ def test_a_map_of_the_projects_own_models_is_refused_and_others_are_not(
 
 def test_a_map_of_another_capture_or_of_models_is_not_the_projects(folder: Path) -> None:
     with Project.open(folder / "room.nvsim") as project:
-        makers = makers_of(project.need_capture(), project)
+        makers = source_digests(project.need_capture(), project)
         for provenance in (None, said("lidar", ("another",)), said("trained", makers)):
             write_ros_map(truth(), project.layout.occupancy, provenance)
             assert occupancy_of(project) is None
@@ -116,9 +116,9 @@ def test_a_map_of_another_capture_or_of_models_is_not_the_projects(folder: Path)
 
 def test_the_same_walk_in_another_project_is_known(folder: Path, imported_once: Path) -> None:
     with Project.create_or_open(folder / "again.nvsim") as again:
-        imported.run(again, imported_once / "walk", CaptureConfig(), silent)
+        imported.run(again, imported_once / "walk", CaptureConfig(), ignore_event)
         with Project.open(folder / "room.nvsim") as project:
-            ours, theirs = (makers_of(p.need_capture(), p) for p in (project, again))
+            ours, theirs = (source_digests(p.need_capture(), p) for p in (project, again))
             write_ros_map(truth(), folder / "map.yaml", said("trained", theirs))
             assert ours[0] == theirs[0] and ours[1] != theirs[1]
             with pytest.raises(InputError):
@@ -129,7 +129,7 @@ def test_a_project_whose_capture_is_gone_casts_from_its_cloud(tmp_path: Path) ->
     write_kapture(tmp_path / "walk", poses(12))
     heard: list[Event] = []
     with Project.create_or_open(tmp_path / "room.nvsim") as project:
-        imported.run(project, tmp_path / "walk", CaptureConfig(), silent)
+        imported.run(project, tmp_path / "walk", CaptureConfig(), ignore_event)
         there = find_rays(find_capture_with_ranges(project, heard.append), project)
         assert there.cloud is None and there.count == 12 and not heard
         (tmp_path / "walk").rename(tmp_path / "away")

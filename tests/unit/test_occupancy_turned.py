@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from nvsim.errors import InputError
 from nvsim.occupancy.read import read_map
 from nvsim.occupancy.ros import MARK, Provenance, read_provenance, write_ros_map
-from nvsim.occupancy.types import FREE, OCCUPIED, UNKNOWN, OccupancyMap, turned
+from nvsim.occupancy.types import FREE, OCCUPIED, UNKNOWN, OccupancyMap, transformed_map
 
 
 def rotation(angle: float) -> np.ndarray:
@@ -70,7 +70,7 @@ def test_a_turned_disc_is_where_geometry_says(degrees: float) -> None:
     far = np.linalg.norm(empty.centres() - middle, axis=-1)
     disc = OccupancyMap(np.where(far < radius, OCCUPIED, FREE), 0.02, (1.0, -2.0))
     turn = rotation(math.radians(degrees))
-    after = turned(disc, turn, (0.3, -0.2), 1.5)
+    after = transformed_map(disc, turn, (0.3, -0.2), 1.5)
     assert after.resolution == pytest.approx(0.03)
     away = np.linalg.norm(after.centres() - (1.5 * turn @ middle + (0.3, -0.2)), axis=-1)
     inside, outside = away < 1.5 * radius - 0.05, away > 1.5 * radius + 0.05
@@ -85,7 +85,7 @@ def test_a_wall_of_one_cell_stays_closed(degrees: int) -> None:
 
     cells = np.zeros((81, 81), np.uint8)
     cells[40] = OCCUPIED
-    after = turned(OccupancyMap(cells, 0.05, (0.0, 0.0)), rotation(math.radians(degrees)))
+    after = transformed_map(OccupancyMap(cells, 0.05, (0.0, 0.0)), rotation(math.radians(degrees)))
     parts, count = label(after.cells == FREE)
     sizes = np.bincount(parts.ravel())[1:]
     assert count == 2 and min(sizes) > 0.9 * max(sizes)

@@ -16,7 +16,7 @@ import pytest
 from nvsim.cli.guard import guarded
 from nvsim.errors import InputError
 from nvsim.files.atomic import write_text
-from nvsim.files.opening import NotPlainFile, own_file, plain_file, read_bytes
+from nvsim.files.opening import NotPlainFile, open_own_file, plain_file, read_bytes
 from nvsim.graph.journal import Journal
 from nvsim.graph.types import NavGraph, Viewpoint
 from nvsim.project.jobs.joblist import JobList
@@ -85,7 +85,7 @@ def test_a_log_takes_the_place_of_a_link_or_a_pipe(tmp_path: Path, letter: Path,
         put_link(log, letter)
     else:
         os.mkfifo(log)
-    descriptor = own_file(log, os.O_WRONLY | os.O_CREAT | os.O_APPEND)
+    descriptor = open_own_file(log, os.O_WRONLY | os.O_CREAT | os.O_APPEND)
     os.write(descriptor, b"line\n")
     os.close(descriptor)
     assert log.read_text() == "line\n" and not log.is_symlink() and letter.read_text() == LETTER

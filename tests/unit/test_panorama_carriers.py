@@ -18,7 +18,7 @@ from nvsim.footage.carrier import PanoramaSamples, read_panorama_mask
 from nvsim.footage.cut_options import cut_options
 from nvsim.footage.panoramas import extract_panoramas
 from nvsim.footage.sources import need_footage
-from nvsim.footage.views import Views, covered_pixels, cut, join, nearest_pixels, views_of
+from nvsim.footage.views import Views, covered_pixels, cut_views, join, nearest_pixels, views_of
 from nvsim.project.config import CaptureConfig
 from nvsim.project.project import Project
 from nvsim.project.stages import posed
@@ -93,7 +93,7 @@ def test_views_join_to_the_panorama_they_were_cut_from() -> None:
     smooth = cv2.GaussianBlur(panorama, (0, 0), 3)
     for count, share in ((4, 0.67), (12, 1.0)):
         views = views_of(800, count)
-        again, seen = join(cut(smooth, views), views, 400), covered_pixels(views, 400)
+        again, seen = join(cut_views(smooth, views), views, 400), covered_pixels(views, 400)
         weight = np.cos(np.radians(directions(400)[1]))
         assert weight[seen].sum() / weight.sum() == pytest.approx(share, abs=0.01)
         assert np.abs(again[seen].astype(int) - smooth[seen]).mean() < 1 and not again[~seen].any()
@@ -137,8 +137,8 @@ def test_nothing_is_masked_in_a_house_without_a_carrier(house: list[list[np.ndar
 def test_a_carrier_is_found_in_a_house(house: list[list[np.ndarray]], kind: str) -> None:
     views, samples = Views(4, 480), PanoramaSamples(Views(4, 480))
     for moment, sides in enumerate(house):
-        painted = cut(carried(np.zeros((720, 1440, 3), np.uint8), moment, kind, 1.0), views)
-        where = cut(255 * body(720, 1.0, moment).astype(np.uint8), views, nearest=True)
+        painted = cut_views(carried(np.zeros((720, 1440, 3), np.uint8), moment, kind, 1.0), views)
+        where = cut_views(255 * body(720, 1.0, moment).astype(np.uint8), views, nearest=True)
         samples.add([np.where(w[..., None] > 0, p, side) for side, p, w in zip(sides, painted, where, strict=True)])
     union, masked = overlap(samples.usable(), len(house), 1.0, covered_pixels(views, ROWS))
     assert union > 0.8 and masked > 0.95
@@ -322,7 +322,7 @@ def test_posed_panoramas_are_masked_in_as_many_views_as_wanted(given: Path, tmp_
     assert {f.name.split("/")[1] for f in frames[4::8]} == {f"side{k}" for k in range(8)}  # those that are held out
     masks = {f.name: cv2.imread(str(f.mask.path), 0) > 0 for f in frames if f.mask is not None}
     behind, left = masks["images/side6/1.jpg"], masks["images/side3/1.jpg"]
-    expected = cut(255 * body(ROWS, 0, 0).astype(np.uint8), views_of(256, 8), nearest=True)[6] > 0
+    expected = cut_views(255 * body(ROWS, 0, 0).astype(np.uint8), views_of(256, 8), nearest=True)[6] > 0
     assert (expected & ~behind).sum() > 0.75 * (expected | ~behind).sum() and left.all()
     own = masks["images/side3/0.jpg"]
     assert not own[:, : own.shape[1] // 2 - 2].any() and own[: own.shape[0] // 4, own.shape[1] // 2 + 2 :].all()

@@ -16,9 +16,9 @@ from nvsim.cli.main import main
 from nvsim.errors import InputError
 from nvsim.footage.panoramas import extract_panoramas
 from nvsim.footage.sources import is_panoramic, need_footage, says_spherical
-from nvsim.footage.views import Views, cut, views_of
+from nvsim.footage.views import Views, cut_views, views_of
 from nvsim.poses.piece_reliability import Observations
-from nvsim.poses.rigs import believed_loops, firm_panoramas
+from nvsim.poses.rigs import firmly_connected_panoramas, select_reliable_loops
 from nvsim.poses.two_views import TwoViews, from_matches
 from nvsim.project.project import Project
 from nvsim.project.stages import posed
@@ -75,7 +75,7 @@ def test_a_view_shows_the_colors_of_its_directions() -> None:
         x, y = np.meshgrid(at, at)
         one, length = np.ones_like(x), np.sqrt(x**2 + y**2 + 1)
         expected = [(x, y, one), (one, y, -x), (-x, y, -one), (-one, y, x)]  # ahead, right, back, left
-        for image, direction in zip(cut(panorama, views), expected, strict=True):
+        for image, direction in zip(cut_views(panorama, views), expected, strict=True):
             colors = 127 + 120 * np.stack(direction, axis=-1) / length[..., None]
             assert np.abs(image - colors).max() < 2.5
 
@@ -83,7 +83,7 @@ def test_a_view_shows_the_colors_of_its_directions() -> None:
 def test_masks_are_cut_without_blending() -> None:
     mask = np.zeros((200, 400), np.uint8)
     mask[:, 200:300] = 255  # longitudes 0 to 90 degrees
-    ahead, right, back, left = cut(mask, Views(4, 60), nearest=True)
+    ahead, right, back, left = cut_views(mask, Views(4, 60), nearest=True)
     assert set(np.unique(ahead)) == {0, 255}
     assert ahead[:, 32:].all() and not ahead[:, :28].any() and right[:, :28].all() and not right[:, 32:].any()
     assert not back.any() and not left.any()
@@ -227,7 +227,7 @@ def test_a_walk_that_few_points_hold_together_is_cut(across: int, pieces: list[i
     seen = Observations(
         np.arange(1, 81), rotation, center, np.full(80, 240.0), np.array(image), np.array(point), points
     )
-    found = firm_panoramas(seen, np.repeat(np.arange(20), 4))
+    found = firmly_connected_panoramas(seen, np.repeat(np.arange(20), 4))
     assert [len(piece) for piece in found] == pieces and found[0][0] == 0
 
 
@@ -245,7 +245,7 @@ def test_a_loop_needs_another_one_beside_it_with_the_same_rotation() -> None:
         (26, 52): turned(160, 60),  # 26 steps are 130 degrees
         (5, 30): turned(100, 400),  # alone, and with very many matches
     }
-    assert set(believed_loops(loops, chain)) == {(0, 40), (2, 41), (5, 30)}
+    assert set(select_reliable_loops(loops, chain)) == {(0, 40), (2, 41), (5, 30)}
 
 
 # Given poses ----------------------------------------------------------------------------------------------------------

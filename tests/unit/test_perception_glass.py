@@ -15,14 +15,16 @@ def test_cubes_before_a_known_pattern_are_glass_and_cubes_before_another_are_not
     hits = np.zeros((h, w, 3), np.float32)
     hits[..., 0] = np.where(left[..., 0], 1.0, 5.0)
     votes = GlassVotes()
-    votes.vote(seen, expected, np.ones((h, w), bool), hits, np.full((h, w), 2.0, np.float32))
+    votes.add_votes(seen, expected, np.ones((h, w), bool), hits, np.full((h, w), 2.0, np.float32))
     assert votes.glass(np.array([[1.0, 0, 0], [5.0, 0, 0], [9.0, 0, 0]], np.float32)).tolist() == [True, False, False]
 
 
 def test_the_floor_at_the_foot_of_a_thing_does_not_make_it_glass():
     pattern = np.random.default_rng(1).normal(4, 0.3, (40, 40, 3)).astype(np.float32)
     votes = GlassVotes()
-    votes.vote(pattern, pattern, np.ones((40, 40), bool), np.zeros((40, 40, 3), np.float32), np.full((40, 40), 0.1))
+    votes.add_votes(
+        pattern, pattern, np.ones((40, 40), bool), np.zeros((40, 40, 3), np.float32), np.full((40, 40), 0.1)
+    )
     assert not votes.glass(np.zeros((1, 3), np.float32)).any()
 
 
@@ -35,5 +37,5 @@ def test_the_pixels_of_several_views_count_together():
     hits[20:26, 30:38, 0] = 1.0
     votes, place = GlassVotes(), np.array([[1.0, 0, 0]], np.float32)
     for expected in (False, True):
-        votes.vote(pattern, pattern, np.ones((h, w), bool), hits, np.full((h, w), 2.0, np.float32))
+        votes.add_votes(pattern, pattern, np.ones((h, w), bool), hits, np.full((h, w), 2.0, np.float32))
         assert votes.glass(place).tolist() == [expected]

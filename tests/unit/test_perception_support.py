@@ -93,7 +93,7 @@ def test_a_wall_that_images_continue_across_the_foot_of_a_door_is_no_wall():
         points = np.concatenate([floor, *[strip(z)] * 3]).astype(np.float32)
         normals = np.tile(np.float32([0, 0, 1]), (len(points), 1)) if kind == "guessed" else None
         cloud = Cloud(points, None, "scan", normals)
-        assert cloud.is_guessed.any() == (kind == "guessed")
+        assert cloud.is_estimated.any() == (kind == "guessed")
         known = observe([camera], [np.zeros((48, 64), bool)], FloorSurface.flat(0.0), cloud)
         assert bool(known.at(np.array([1.02, 0.5]))) == open_, (z, kind)
 

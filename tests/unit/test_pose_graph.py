@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from nvsim.poses.match_database import Pair
-from nvsim.poses.pose_graph import FIRM, PartAnchors, keeps_shape, no_loops, solve, without_drift
+from nvsim.poses.pose_graph import FIRM, PartAnchors, empty_loops, keeps_shape, solve, without_drift
 from nvsim.poses.two_views import TwoViews, from_matches
 
 ROUND, COUNT, RADIUS = 72, 144, 4.0
@@ -201,6 +201,6 @@ def test_walls_correct_the_direction_of_a_video_that_turns_slowly(drift: float, 
     wall = np.column_stack([np.cos(angle), np.sin(angle), np.zeros(parts)])
     anchors = PartAnchors(np.ones(parts), np.tile([0.0, 0.0, 1.0], (parts, 1)), wall)
     slip = np.tile([FIRM[0], *[FIRM[1]] * 3, *[2 * FIRM[2]] * 3], (parts - 1, 1))
-    moves = solve(no_loops(), pivot, (pivot[1:] + pivot[:-1]) / 2, slip, anchors)
+    moves = solve(empty_loops(), pivot, (pivot[1:] + pivot[:-1]) / 2, slip, anchors)
     left = np.degrees(moves[:, 3] + turned)
     assert np.ptp(left) < 0.2 + 0.2 * drift

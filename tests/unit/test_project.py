@@ -96,13 +96,13 @@ def test_a_transaction_is_all_or_nothing(project):
 def test_a_stage_is_current_only_for_the_inputs_it_finished_with(project):
     key = ledger.key_of("train", CaptureConfig(), (1, 2))
     assert key != ledger.key_of("train", CaptureConfig(hold_out=0), (1, 2))
-    assert not ledger.begin(project, "train", key, 3)
+    assert not ledger.begin_part(project, "train", key, 3)
     assert not ledger.is_current(project, "train", key, 3)
-    assert ledger.begin(project, "train", key, 3)  # a second beginning continues the first
+    assert ledger.begin_part(project, "train", key, 3)  # a second beginning continues the first
     ledger.finish(project, "train", 1.5, {"gaussians": 7}, 3)
     assert ledger.is_current(project, "train", key, 3)
     assert not ledger.is_current(project, "train", "other", 3)
-    assert not ledger.begin(project, "train", "other", 3)
+    assert not ledger.begin_part(project, "train", "other", 3)
 
 
 def test_every_eighth_frame_is_held_out():

@@ -50,7 +50,7 @@ def project(tmp_path: Path):
 
 
 def found(project: Project) -> None:
-    ledger.begin(project, "floors", "some key")
+    ledger.begin_part(project, "floors", "some key")
     ledger.finish(project, "floors", 0.0, {})
 
 
@@ -83,7 +83,7 @@ def test_the_steps_are_made_once_and_come_back_as_they_were(project: Project, mo
 def test_floors_found_anew_make_the_old_steps_void(project: Project) -> None:
     found(project)
     before = candidates_path(project, 2)
-    ledger.begin(project, "floors", "another key")
+    ledger.begin_part(project, "floors", "another key")
     ledger.finish(project, "floors", 0.0, {})
     assert candidates_path(project, 2) != before
 

@@ -12,7 +12,7 @@ import pytest
 from nvsim.capture.store import save_capture
 from nvsim.capture.types import Alignment, Capture, Frame
 from nvsim.errors import InputError
-from nvsim.events import silent
+from nvsim.events import ignore_event
 from nvsim.geometry.camera import camera_pose
 from nvsim.geometry.lens import Lens
 from nvsim.perception.segment import read_mask
@@ -49,9 +49,9 @@ def project(tmp_path: Path):
         halves = [tuple(range(6)), tuple(range(6, 12))]
         opened.set_submaps(tuple(Submap(k, h, h, capture.positions[list(h)]) for k, h in enumerate(halves)))
         for stage in ("import", "submaps"):
-            ledger.begin(opened, stage, stage)
+            ledger.begin_part(opened, stage, stage)
             ledger.finish(opened, stage, 0.0, {}, settings='{"camera_height": 1.5}')
-        floors.run(opened, silent)
+        floors.run(opened, ignore_event)
         for i in range(12):
             cv2.imwrite(str(opened.layout.mask(i)), np.zeros((HEIGHT, WIDTH), np.uint8))
         yield opened
@@ -93,18 +93,18 @@ def test_a_correction_of_a_frame_that_is_held_out_leaves_the_model_current(proje
 
 def test_finding_the_floors_again_keeps_the_corrections_unless_they_are_to_go(project: Project) -> None:
     correct(project, 2)
-    ledger.forget(project, "floors")
-    floors.run(project, silent)
+    ledger.remove_records(project, "floors")
+    floors.run(project, ignore_event)
     assert np.array_equal(read_mask(project.mask_path(2)), lower_half())
     assert corrected_frames(project.layout, project.need_capture().frames) == {2}
-    floors.run(project, silent, discard=True)
+    floors.run(project, ignore_event, discard=True)
     assert project.mask_path(2) == project.layout.mask(2)
     assert discard_corrections(project) == 0
 
 
 def test_the_supported_floor_follows_the_corrections(project: Project) -> None:
-    ledger.forget(project, "floors")
-    floors.run(project, silent)
+    ledger.remove_records(project, "floors")
+    floors.run(project, ignore_event)
     before = project.support().cells.copy()
     for index in range(12):
         correct(project, index, np.zeros((HEIGHT, WIDTH), bool))
@@ -112,11 +112,11 @@ def test_the_supported_floor_follows_the_corrections(project: Project) -> None:
     from nvsim.mapping.config import MappingConfig
 
     stale = key(project, MappingConfig())
-    floors.refresh_support(project, silent)
+    floors.refresh_support(project, ignore_event)
     assert project.support().cells.sum() < before.sum()
     discard_corrections(project)
     assert key(project, MappingConfig()) != stale
-    floors.refresh_support(project, silent)
+    floors.refresh_support(project, ignore_event)
     assert np.array_equal(project.support().cells, before)
 
 

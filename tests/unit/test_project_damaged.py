@@ -11,7 +11,7 @@ import pytest
 from capture_samples import room, walk, write_nerfstudio
 
 from nvsim.errors import InputError
-from nvsim.events import Event, silent
+from nvsim.events import Event, ignore_event
 from nvsim.project import ledger
 from nvsim.project.config import CaptureConfig
 from nvsim.project.corrections import corrections_key, save_correction
@@ -25,9 +25,9 @@ def project(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("damaged")
     write_nerfstudio(folder, walk(6), room())
     with Project.create_or_open(folder / "house.nvsim") as made:
-        imported.run(made, folder, CaptureConfig(), silent)
-        submaps.run(made, SubmapConfig(count=1), silent)
-        floors.run(made, silent)
+        imported.run(made, folder, CaptureConfig(), ignore_event)
+        submaps.run(made, SubmapConfig(count=1), ignore_event)
+        floors.run(made, ignore_event)
     return folder / "house.nvsim"
 
 
@@ -48,8 +48,8 @@ def test_a_truncated_part_is_told_and_made_again_as_it_was(
         path.write_bytes(path.read_bytes()[: path.stat().st_size // 2])
         with pytest.raises(InputError, match=sentence):
             read(opened)
-        imported.run(opened, project.parent, CaptureConfig(), silent)
-        floors.run(opened, silent)
+        imported.run(opened, project.parent, CaptureConfig(), ignore_event)
+        floors.run(opened, ignore_event)
         assert read(opened) is not None
         assert ledger.is_current(opened, "floors", floors.floors_key(opened))
 
@@ -59,7 +59,7 @@ def test_a_mask_that_was_deleted_is_made_again(project: Path) -> None:
         path = opened.layout.mask(2)
         before = path.read_bytes()
         path.unlink()
-        floors.run(opened, silent)
+        floors.run(opened, ignore_event)
         assert opened.layout.mask(2).read_bytes() == before
 
 

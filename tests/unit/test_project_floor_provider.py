@@ -118,7 +118,7 @@ def project(tmp_path: Path):
         every = tuple(range(4))
         opened.set_submaps((Submap(0, every, every, capture.positions),))
         for stage in ("import", "submaps"):
-            ledger.begin(opened, stage, stage)
+            ledger.begin_part(opened, stage, stage)
             ledger.finish(opened, stage, 0.0, {}, settings='{"camera_height": 1.5, "hold_out": 0}')
         yield opened
 
@@ -180,12 +180,12 @@ def of_images() -> Cloud:
 def test_auto_takes_the_bundled_network_beside_a_scan_and_the_depth_of_images(models: Path) -> None:
     auto = FloorsConfig()
     found = choose(auto, dense)
-    assert found.how == "fused" and found.models["semantic"].name == "bundled-floor"
-    assert choose(FloorsConfig(semantic="geometry"), dense).how == "geometry"
+    assert found.method == "fused" and found.models["semantic"].name == "bundled-floor"
+    assert choose(FloorsConfig(semantic="geometry"), dense).method == "geometry"
     assert choose(FloorsConfig("fused"), dense).summary == {"provider": "fused", "semantic": "bundled-floor"}
     images = choose(auto, of_images)
     assert images.summary == {"provider": "fused", "semantic": "bundled-floor", "normals": "bundled-normals"}
-    assert "normals by bundled-normals where the images give no depth" in images.words
+    assert "normals by bundled-normals where the images give no depth" in images.description
     assert images.key() != found.key() and choose(FloorsConfig("fused"), of_images).key() == images.key()
     named = choose(FloorsConfig("hybrid", semantic="bundled", normals="bundled"), dense)
     assert named.summary == {
@@ -197,24 +197,24 @@ def test_auto_takes_the_bundled_network_beside_a_scan_and_the_depth_of_images(mo
 
 def test_auto_fuses_where_a_scan_is_and_asks_networks_alone_where_none_is_and_says_why(models: Path) -> None:
     auto = FloorsConfig()
-    assert choose(auto, lambda: None).words == "by geometry (no semantic network is installed)"
+    assert choose(auto, lambda: None).description == "by geometry (no semantic network is installed)"
     install(models)
     found = choose(auto, dense)
-    assert found.words == (
+    assert found.description == (
         "by geometry, with looks where geometry leaves the floor undecided "
         "(a LiDAR scan or depth shows obstacles on the floor)"
     )
     assert found.summary == {"provider": "fused", "semantic": "looks"}
     found = choose(auto, lambda: None)
-    assert found.how == "hybrid" and "(only networks can show" in found.words
-    assert choose(FloorsConfig(semantic="geometry"), dense).how == "geometry"
-    assert choose(FloorsConfig(prompted="prompted"), dense).how == "hybrid", "only the hybrid asks it"
+    assert found.method == "hybrid" and "(only networks can show" in found.description
+    assert choose(FloorsConfig(semantic="geometry"), dense).method == "geometry"
+    assert choose(FloorsConfig(prompted="prompted"), dense).method == "hybrid", "only the hybrid asks it"
     played = choose(FloorsConfig("hybrid", normals="geometry"), dense)
-    assert "normals by geometry (the cloud)" in played.words and "semantic" in played.models
+    assert "normals by geometry (the cloud)" in played.description and "semantic" in played.models
     keys = [choose(FloorsConfig(how), dense).key() for how in ("geometry", "fused", "hybrid")]
     assert keys[0] == [] and keys[1] != keys[2] != played.key()
     (models / "prompted.decoder.onnx").unlink()
-    assert choose(auto, dense).how == "fused", "half a model that is not asked harms nobody"
+    assert choose(auto, dense).method == "fused", "half a model that is not asked harms nobody"
 
 
 def test_fused_masks_are_those_of_geometry_where_the_network_sees_floor_too(models: Path, project: Project) -> None:

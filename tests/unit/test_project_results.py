@@ -20,7 +20,7 @@ def cut(count: int) -> tuple[Submap, ...]:
 
 def train(project: Project, submap: int, steps: int) -> bool:
     """Commits a model as the training does, with `steps` as its configuration."""
-    ledger.begin(project, "train", f"{submap} {steps}", submap)
+    ledger.begin_part(project, "train", f"{submap} {steps}", submap)
     folder = project.root / project.stage_results().made_at("train", submap)[f"models/submap_{submap:03d}"]
     folder.mkdir(parents=True)
     (folder / "model.json").write_text(str(steps))
@@ -79,9 +79,9 @@ def test_models_of_another_cut_wait_until_all_are_trained(project: Project) -> N
 
 
 def test_work_on_other_submaps_continues_when_one_is_finished(project: Project) -> None:
-    assert not ledger.begin(project, "train", "1 16", 1)
+    assert not ledger.begin_part(project, "train", "1 16", 1)
     train(project, 0, 16)
-    assert ledger.begin(project, "train", "1 16", 1)
+    assert ledger.begin_part(project, "train", "1 16", 1)
 
 
 def test_one_earlier_result_is_kept_and_its_files_are_removed_with_it(project: Project) -> None:

@@ -10,16 +10,16 @@ from nvsim.cli.main import COMMANDS
 from nvsim.errors import InputError
 from nvsim.project import pipeline
 from nvsim.project.config import CaptureConfig, RunConfig
-from nvsim.project.jobs.files import number_in
+from nvsim.project.jobs.files import finite_number
 from nvsim.project.jobs.joblist import JobList
 from nvsim.project.project import Project
 from nvsim.project.stages import depths, floors, imported, mapped, submaps, trained
-from nvsim.project.state.results import StagePart, StageResult, StageResults, first_stale
+from nvsim.project.state.results import StagePart, StageResult, StageResults, first_outdated_stage
 from nvsim.project.work import FROM_A_CUT, PIPELINE, STAGE, STAGES, WORK, sentence
 
 
 def test_every_work_is_a_command_that_helps_with_the_words_of_the_table() -> None:
-    assert {verb: COMMANDS[verb][1] for verb in WORK} == {verb: row.does for verb, row in WORK.items()}
+    assert {verb: COMMANDS[verb][1] for verb in WORK} == {verb: row.summary for verb, row in WORK.items()}
 
 
 def test_a_stage_needs_the_one_before_it_and_depth_may_be_left_out() -> None:
@@ -57,15 +57,21 @@ def test_nothing_else_can_be_a_job(verb: str, tmp_path: Path) -> None:
 
 def test_what_is_said_of_a_stage_is_whole() -> None:
     for stage in PIPELINE:
-        assert STAGE[stage].outdated.endswith(".") and STAGE[stage].lacking.endswith("yet")
+        assert STAGE[stage].outdated.endswith(".") and STAGE[stage].missing.endswith("yet")
     assert FROM_A_CUT == ("floors", "train")
-    assert sentence(STAGE["submaps"].lacking) == "The trajectory is not divided into submaps yet."
+    assert sentence(STAGE["submaps"].missing) == "The trajectory is not divided into submaps yet."
 
 
 def test_the_first_stale_stage_is_the_one_to_run_again() -> None:
-    assert first_stale(frozenset(), frozenset()) is None
-    assert first_stale(frozenset({"map", "train"}), frozenset({"floors"})) == ("floors", STAGE["floors"].former)
-    assert first_stale(frozenset({"map", "floors"}), frozenset({"floors"})) == ("floors", STAGE["floors"].outdated)
+    assert first_outdated_stage(frozenset(), frozenset()) is None
+    assert first_outdated_stage(frozenset({"map", "train"}), frozenset({"floors"})) == (
+        "floors",
+        STAGE["floors"].from_previous_cut,
+    )
+    assert first_outdated_stage(frozenset({"map", "floors"}), frozenset({"floors"})) == (
+        "floors",
+        STAGE["floors"].outdated,
+    )
 
 
 def test_what_ended_before_the_import_is_outdated(tmp_path: Path) -> None:
@@ -73,7 +79,7 @@ def test_what_ended_before_the_import_is_outdated(tmp_path: Path) -> None:
         found = project.stage_results()
         assert found == StageResults()
         for stage, at in (("import", 20.0), ("submaps", 10.0), ("floors", 30.0)):
-            found = found.put("in use", stage, StageResult({0: StagePart("k", 1.0, at)}))
+            found = found.with_result("in use", stage, StageResult({0: StagePart("k", 1.0, at)}))
         project.set_stage_results(found)
         assert project.stage_results() == found
     assert found.done == {"import", "submaps", "floors"} and found.outdated == {"submaps"}
@@ -86,5 +92,5 @@ def test_the_help_loads_nothing_heavy() -> None:
 
 def test_a_number_that_is_text_with_control_characters_is_named_in_one_printable_line() -> None:
     with pytest.raises(ValueError) as raised:
-        number_in("\x00\x1b[31m\n" * 30)
+        finite_number("\x00\x1b[31m\n" * 30)
     assert str(raised.value).isprintable() and len(str(raised.value)) < 100

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from nvsim.cli.main import main
 from nvsim.r2r.episodes.episode import Episode, Scene, in_habitat, rotation_of, tokens
 from nvsim.r2r.surroundings.layers import layers_of
-from nvsim.r2r.surroundings.visibility import look_around
+from nvsim.r2r.surroundings.visibility import views_from_viewpoints
 from nvsim.r2r.tasks.splitting import Impassable
 from nvsim.r2r.tasks.task import Task
 
@@ -25,7 +25,7 @@ ROBOT = 0.25
 def scene_in(folder: Path, door: float) -> tuple[list[Block], Scene]:
     blocks, graph = flat_house(door)
     root = export_blocks(folder, blocks, graph)
-    return blocks, Scene(graph, list(layers_of(list(look_around(root, graph)), graph)))
+    return blocks, Scene(graph, list(layers_of(list(views_from_viewpoints(root, graph)), graph)))
 
 
 @pytest.fixture(scope="module")
@@ -99,7 +99,7 @@ def test_sampled_paths_avoid_a_door_that_is_too_narrow(tmp_path: Path, capsys: p
 
 def test_what_a_cloud_knows_is_not_touched(house: tuple[list[Block], Scene], tmp_path: Path) -> None:
     blocks, graph = flat_house()
-    storeys = list(layers_of(list(look_around(export_blocks(tmp_path, blocks, graph), graph)), graph))
+    storeys = list(layers_of(list(views_from_viewpoints(export_blocks(tmp_path, blocks, graph), graph)), graph))
     post = np.stack(np.meshgrid(np.arange(8.9, 9.2, 0.03), np.arange(0.0, 1.6, 0.03), 1.0), axis=-1).reshape(-1, 3)
     task = Task(1, "boxes", ("f", "g", "h"), 1.5)
     assert Scene(graph, storeys).episode(task) is not None

@@ -16,7 +16,7 @@ from nvsim.errors import InputError
 from nvsim.events import Log, Warning
 from nvsim.graph.types import NavGraph, Viewpoint
 from nvsim.project.project import Project
-from nvsim.r2r.observations.estimate import ExportEstimate, ScanCounts, estimate, shortage, size_words, time_words
+from nvsim.r2r.observations.estimate import ExportEstimate, ScanCounts, duration_text, estimate, shortage, size_words
 from nvsim.r2r.observations.export import PreparedExport, export_scan
 from nvsim.r2r.observations.layout import ScanPlaces, ScanSettings
 from nvsim.r2r.observations.stub import SCAN
@@ -151,7 +151,7 @@ def test_sizes_in_words(count, words):
     [(3, "less than a minute"), (61, "about 1 minute"), (600, "about 10 minutes"), (3 * 3600, "about 3 hours")],
 )
 def test_times_in_words(seconds, words):
-    assert time_words(seconds) == words
+    assert duration_text(seconds) == words
 
 
 def test_a_run_says_it_first_and_warns_of_a_small_disk(project, tmp_path, monkeypatch):

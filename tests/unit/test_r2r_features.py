@@ -246,7 +246,7 @@ def test_only_whole_rows_of_the_same_views_and_backbone_are_taken_over(tmp_path:
     target = tmp_path / "x.hdf5"
     with pytest.raises(InputError, match="stop"), kept_rows(target, "a") as kept:
         for i in range(3):
-            kept.put(f"k{i}", marks[i], str(i).rjust(300).encode())
+            kept.append(f"k{i}", marks[i], str(i).rjust(300).encode())
         raise InputError("stop")
     rows = tmp_path / ".x.hdf5.parts" / "rows"
     whole = rows.read_bytes()

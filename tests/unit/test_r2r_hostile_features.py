@@ -13,7 +13,7 @@ from obedient_child import Silent
 from nvsim.errors import InputError
 from nvsim.processes.child import Limits
 from nvsim.r2r.features import feature_files
-from nvsim.r2r.features.feature_files import features_of, made_by
+from nvsim.r2r.features.feature_files import backbone_of_file, features_of
 
 DATA = Path(__file__).parents[1] / "data"
 """`features_endless.h5` and `features_crashing.h5` were written with h5py 3.16 (HDF5 2.0) and some bytes changed."""
@@ -31,7 +31,7 @@ def test_a_file_over_which_the_library_fails_is_a_sentence(tmp_path: Path, name:
     path.write_bytes(gzip.decompress((DATA / f"features_{name}.h5.gz").read_bytes()))
     # Another version of the library may read the file or refuse it; this process must not be harmed.
     try:
-        made_by(path)
+        backbone_of_file(path)
         list(features_of(path, KEYS))
     except InputError as error:
         assert str(path) in str(error) and "\n" not in str(error)
@@ -49,8 +49,8 @@ def test_no_answer_in_time_names_the_file_and_the_next_file_is_read(
         patch.setattr(feature_files, "Hdf5Server", Silent)
         patch.setattr(feature_files, "_LIMITS", Limits(seconds=0.1))
         with pytest.raises(InputError, match="x.h5 gives no answer within 0.1 s; write it again"):
-            made_by(path)
+            backbone_of_file(path)
     monkeypatch.setattr(feature_files, "_LIMITS", Limits(seconds=60))
-    assert made_by(path) == "mine"
+    assert backbone_of_file(path) == "mine"
     found = dict(features_of(path, KEYS))
     assert set(found) == set(KEYS) and all((row == 2).all() and row.shape == (36, 5) for row in found.values())

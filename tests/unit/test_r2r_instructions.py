@@ -25,10 +25,10 @@ from nvsim.r2r.instructions.ground import (
     Leg,
     PathSteps,
     Step,
-    goes_on,
+    continues_leg,
     is_bend,
     rounded,
-    turned,
+    turn_before_step,
     wrapped,
 )
 from nvsim.r2r.instructions.registers import Register
@@ -197,12 +197,12 @@ def test_the_follower_is_one_that_weighs_all_paths_one_by_one() -> None:
                 return
             step = step_between(path[i], path[i + 1])
             after = facing if step.heading is None else step.heading
-            turn = turned(facing, step)
-            if k >= 0 and (goes_on(said[k].slope, turn, step) or is_bend(said[k].slope, turn, step)):
-                bend = 0.0 if goes_on(said[k].slope, turn, step) else (turn / math.radians(70)) ** 2
+            turn = turn_before_step(facing, step)
+            if k >= 0 and (continues_leg(said[k].slope, turn, step) or is_bend(said[k].slope, turn, step)):
+                bend = 0.0 if continues_leg(said[k].slope, turn, step) else (turn / math.radians(70)) ** 2
                 share(i + 1, after, k, walked + step.metres, cost + bend)
             if (ended or k < 0) and k + 1 < len(said) and step.slope == said[k + 1].slope:
-                off = wrapped(turned(facing, step) - said[k + 1].turn)
+                off = wrapped(turn_before_step(facing, step) - said[k + 1].turn)
                 if abs(off) <= math.radians(60):
                     new = (0.0 if k < 0 else here) + (off / math.radians(22.5)) ** 2
                     share(i + 1, after, k + 1, step.metres, new)

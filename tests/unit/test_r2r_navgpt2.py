@@ -117,7 +117,7 @@ def test_a_file_that_grows_beyond_its_room_is_one_sentence(tmp_path: Path) -> No
         growing_lmdb(tmp_path / NAME, "a", 1, 1) as f,
     ):
         for n in range(100):
-            f.put(f"key{n}", b"", np.zeros(1 << 20, np.float32))
+            f.store(f"key{n}", b"", np.zeros(1 << 20, np.float32))
         f.finish({f"key{n}" for n in range(100)})
     assert not (tmp_path / NAME).exists()
 

@@ -22,14 +22,22 @@ from task_samples import as_agents_load, house
 
 from nvsim.cli.main import main
 from nvsim.errors import InputError
-from nvsim.events import Event, silent
+from nvsim.events import Event, ignore_event
 from nvsim.graph.connectivity import read_connectivity, scan_files
 from nvsim.r2r.features.candidates import HEADINGS
 from nvsim.r2r.features.feature_files import RowSource, features_of, write_tsv
 from nvsim.r2r.recurrent.config import LearningConfig, ModelConfig
-from nvsim.r2r.recurrent.dataset import Vocabulary, held_out, read_dataset, words_of
-from nvsim.r2r.recurrent.rollout import AgentBatch, Rollout, RolloutStep, angle_feature, read_words, roll_out, walked
-from nvsim.r2r.recurrent.saved_agent import read_about, read_model
+from nvsim.r2r.recurrent.dataset import Vocabulary, held_out, read_dataset, split_words
+from nvsim.r2r.recurrent.rollout import (
+    AgentBatch,
+    Rollout,
+    RolloutStep,
+    angle_feature,
+    read_words,
+    roll_out,
+    run_greedily,
+)
+from nvsim.r2r.recurrent.saved_agent import read_agent_description, read_model
 from nvsim.r2r.recurrent.trainer import Trainer, actor_critic, imitation_loss, rewards_of, teacher_actions
 from nvsim.r2r.recurrent.training import CHECKPOINT, read_curves, train_agent
 from nvsim.r2r.recurrent.world import STOP, World, read_world
@@ -47,7 +55,7 @@ def trainer(folder: Path) -> Trainer:
 
 
 def test_words_numbers_and_marks_are_words() -> None:
-    assert words_of("Don’t turn LEFT, walk 2.5 metres; stop.") == [
+    assert split_words("Don’t turn LEFT, walk 2.5 metres; stop.") == [
         *("don’t", "turn", "left", ",", "walk", "2.5", "metres", ";", "stop", ".")
     ]
     words = Vocabulary.of(["go left", "go left now"])
@@ -130,7 +138,9 @@ def test_a_batch_does_what_each_does_alone(folder: Path, panorama: bool) -> None
         together = roll_out(model, world, episodes, read_words(model, episodes), "path", 0)
         for i, episode in enumerate(episodes):
             alone = roll_out(model, world, [episode], read_words(model, [episode]), "path", 0)
-            mine = [step.scores[int(np.flatnonzero(step.who == i)[0])] for step in together.steps if i in step.who]
+            mine = [
+                step.scores[int(np.flatnonzero(step.agents == i)[0])] for step in together.steps if i in step.agents
+            ]
             assert len(mine) == len(alone.steps) == len(episode.path)
             for ours, theirs in zip(mine, (step.scores[0] for step in alone.steps)):
                 assert torch.allclose(ours[: len(theirs)], theirs, atol=1e-5) and ours[len(theirs) :].isneginf().all()
@@ -186,7 +196,7 @@ def test_a_dozen_paths_are_learnt_by_heart(tmp_path: Path) -> None:
     while reached < len(trainer.train) and trainer.at.step < learning.iterations:
         for _ in range(25):
             trainer.batch()
-        ends = dict(walked(trainer.model, trainer.world, trainer.train, 15))
+        ends = dict(run_greedily(trainer.model, trainer.world, trainer.train, 15))
         reached = sum(ends[e.instr_id][-1][0] == e.task.path[-1] for e in trainer.train)
     assert reached == len(trainer.train), f"{reached} after {time.process_time() - begin:.0f} s"
 
@@ -202,9 +212,9 @@ def test_a_blind_agent_is_told_nothing_not_even_how_much_was_said(folder: Path) 
 
 def test_distances_can_be_kept_from_the_agent(folder: Path) -> None:
     trainer = Trainer(read_dataset([folder]), replace(SMALL, distances=False), QUICK)
-    before = dict(walked(trainer.model, trainer.world, trainer.train[:20], 15))
+    before = dict(run_greedily(trainer.model, trainer.world, trainer.train[:20], 15))
     trainer.world.distance *= 3
-    assert dict(walked(trainer.model, trainer.world, trainer.train[:20], 15)) == before
+    assert dict(run_greedily(trainer.model, trainer.world, trainer.train[:20], 15)) == before
 
 
 def test_whole_scans_are_held_out_and_paths_where_there_are_few(folder: Path, tmp_path: Path) -> None:
@@ -229,13 +239,13 @@ def test_only_the_train_split_is_opened_of_a_whole_dataset(folder: Path, tmp_pat
     (copy / "connectivity").rename(copy / "scans" / "connectivity")
     for split in ("val_seen", "val_unseen"):
         (copy / "tasks" / f"R2R_{split}.json").write_text("damaged")
-    train_agent(read_dataset([copy]), SMALL, replace(QUICK, iterations=2), tmp_path / "agent", silent)
+    train_agent(read_dataset([copy]), SMALL, replace(QUICK, iterations=2), tmp_path / "agent", ignore_event)
 
 
 def test_a_killed_training_goes_on_to_the_same_bits(folder: Path, tmp_path: Path) -> None:
     learning = replace(QUICK, iterations=20, a2c_iterations=10, patience=100)
     data = read_dataset([folder])
-    whole = train_agent(data, SMALL, learning, tmp_path / "whole", silent)
+    whole = train_agent(data, SMALL, learning, tmp_path / "whole", ignore_event)
 
     class Killed(BaseException):
         pass
@@ -251,7 +261,7 @@ def test_a_killed_training_goes_on_to_the_same_bits(folder: Path, tmp_path: Path
         with pytest.raises(Killed):
             train_agent(data, SMALL, learning, tmp_path / "killed", kill_at(step))
         assert (tmp_path / "killed" / CHECKPOINT).exists()
-    assert train_agent(data, SMALL, learning, tmp_path / "killed", silent) == whole
+    assert train_agent(data, SMALL, learning, tmp_path / "killed", ignore_event) == whole
     for name in ("weights.safetensors", "curves.jsonl", "agent.json"):
         assert (tmp_path / "killed" / name).read_bytes() == (tmp_path / "whole" / name).read_bytes(), name
     assert not (tmp_path / "killed" / CHECKPOINT).exists()
@@ -284,7 +294,7 @@ def test_kill_minus_nine_leaves_what_the_command_goes_on_from(folder: Path, tmp_
         time.sleep(0.02)
     os.kill(process.pid, signal.SIGKILL)
     process.wait()
-    assert (out / CHECKPOINT).exists() and not read_about(out).finished
+    assert (out / CHECKPOINT).exists() and not read_agent_description(out).finished
     assert main([*words, "--out", str(out)]) == 0
     assert main([*words, "--out", str(tmp_path / "whole")]) == 0
     for name in ("weights.safetensors", "curves.jsonl"):
@@ -312,7 +322,7 @@ def test_wrong_orders_are_refused_in_one_sentence(
     folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     agent = tmp_path / "agent"
-    train_agent(read_dataset([folder]), SMALL, replace(QUICK, iterations=1), agent, silent)
+    train_agent(read_dataset([folder]), SMALL, replace(QUICK, iterations=1), agent, ignore_event)
     common = ["r2r", "agent", "recurrent", "--scans", str(folder), "--out", str(tmp_path / "x.json")]
     graphs = [house(f"H{i}", rooms=2, seed=i) for i in range(3)]
     other = write_features(tmp_path / "other.hdf5", graphs, 16, "another network")
@@ -345,7 +355,7 @@ def test_wrong_orders_are_refused_in_one_sentence(
 
 def test_damaged_agents_are_refused(folder: Path, tmp_path: Path) -> None:
     agent = tmp_path / "agent"
-    train_agent(read_dataset([folder]), SMALL, replace(QUICK, iterations=1), agent, silent)
+    train_agent(read_dataset([folder]), SMALL, replace(QUICK, iterations=1), agent, ignore_event)
     about = json.loads((agent / "agent.json").read_text())
     for change in (
         {"model": {**about["model"], "width": "32"}},
@@ -356,13 +366,13 @@ def test_damaged_agents_are_refused(folder: Path, tmp_path: Path) -> None:
     ):
         (agent / "agent.json").write_text(json.dumps({**about, **change}))
         with pytest.raises(InputError):
-            read_about(agent)
+            read_agent_description(agent)
     (agent / "agent.json").write_text(json.dumps({**about, "features": 17}))
     with pytest.raises(InputError, match="weights"):
-        read_model(agent, read_about(agent))
+        read_model(agent, read_agent_description(agent))
     (agent / "weights.safetensors").write_bytes(b"\x00" * 100)
     with pytest.raises(InputError, match="weights"):
-        read_model(agent, read_about(agent))
+        read_model(agent, read_agent_description(agent))
 
 
 def test_features_come_back_from_either_format(tmp_path: Path) -> None:

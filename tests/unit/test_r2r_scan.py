@@ -355,7 +355,7 @@ def test_a_worker_that_reports_a_viewpoint_of_another_piece_is_refused(
             begin(pieces[0])
             yield pieces[0], Progress("scan", 1, 1, id)
 
-    monkeypatch.setattr(drawing, "count_of", lambda folder: 10)
+    monkeypatch.setattr(drawing, "gaussian_count", lambda folder: 10)
     monkeypatch.setattr(drawing, "_MOST", 1)
     source: Any = SimpleNamespace(folders={0: tmp_path})
     todo = [(0, Viewpoint(i, (0.0, 0.0, 1.5)), "key") for i in IDS[:2]]

@@ -42,7 +42,7 @@ from nvsim.r2r.surroundings.floor_objects import FloorObject
 from nvsim.r2r.surroundings.layers import CELL, layers_of
 from nvsim.r2r.surroundings.naming import COLOURS, NAMELESS, Outline, Shape, lab_of, names_of, shape_of
 from nvsim.r2r.surroundings.survey import Surroundings, surroundings_of
-from nvsim.r2r.surroundings.visibility import look_around
+from nvsim.r2r.surroundings.visibility import views_from_viewpoints
 from nvsim.r2r.tasks.shortest import PathBounds
 from nvsim.r2r.tasks.splitting import SPLITS, PathCounts, sample_tasks
 
@@ -55,7 +55,7 @@ IMPLIED = {"plant": "green"}
 def house(tmp_path_factory: pytest.TempPathFactory) -> Seen:
     blocks, graph = flat_house()
     root = export_blocks(tmp_path_factory.mktemp("scans"), blocks, graph)
-    return graph, surroundings_of(graph, list(layers_of(list(look_around(root, graph)), graph)))
+    return graph, surroundings_of(graph, list(layers_of(list(views_from_viewpoints(root, graph)), graph)))
 
 
 @pytest.mark.parametrize(
@@ -152,7 +152,7 @@ def outline(*boxes: tuple[float, float, float, float, float, float], colour: str
     cells = np.argwhere(tops.T > 0).astype(np.int32)
     at = cells[:, 1], cells[:, 0]
     longer, shorter = max(size), min(size)
-    facts = {"own": 0.95, "begins": 0.15, "spread": 2.0} | known
+    facts = {"color_share": 0.95, "color_start": 0.15, "spread": 2.0} | known
     return Outline(
         cells, tops[at], lowest[at], float(np.quantile(tops[at], 0.9)), longer, shorter, False, colour, **facts
     )
@@ -162,14 +162,14 @@ def outline(*boxes: tuple[float, float, float, float, float, float], colour: str
     "form, shape",
     [
         (outline((0, 0, 0.43, 0.5, 0.5, 0.48), (0, 0.4, 0.48, 0.5, 0.5, 0.92), colour="blue"), "chair"),
-        (outline((0, 0, 0.4, 0.5, 0.5, 1.3), colour="green", begins=0.4), "plant"),
+        (outline((0, 0, 0.4, 0.5, 0.5, 1.3), colour="green", color_start=0.4), "plant"),
         (outline((0, 0, 0.12, 0.5, 0.5, 1.3), colour="green"), "object"),
-        (outline((0, 0, 0.12, 2, 0.85, 0.42), (0, 0, 0.42, 2, 0.25, 0.8), colour="green", begins=0.12), "sofa"),
+        (outline((0, 0, 0.12, 2, 0.85, 0.42), (0, 0, 0.42, 2, 0.25, 0.8), colour="green", color_start=0.12), "sofa"),
         (outline((0, 0, 0.7, 1.5, 0.7, 0.74), (1.1, 0, 0.12, 1.5, 0.7, 0.7)), "desk"),
         (outline((0, 0, 0.7, 1.5, 0.8, 0.74)), "table"),
         (outline((0, 0, 0.36, 1.1, 0.6, 0.4)), "low table"),
         (outline((0, 0, 0.12, 1.0, 0.45, 1.1)), "cabinet"),
-        (outline((0, 0, 0.12, 1.2, 0.35, 0.85), own=0.45, spread=10.0), "bookshelf"),
+        (outline((0, 0, 0.12, 1.2, 0.35, 0.85), color_share=0.45, spread=10.0), "bookshelf"),
         (outline((0, 0, 0.12, 0.8, 0.45, 0.6)), "box"),
         (outline((0, 0, 0.12, 1.8, 1.0, 0.15)), "platform"),
         (outline((0, 0, 0.12, 1.5, 0.5, 1.8), colour="red"), "tall"),
@@ -283,7 +283,7 @@ def read_short(text: str) -> set[Cue]:
     tables += [("by", short.STOP_BY), ("by", {"": short.WALK_TO}), ("by", {"": short.AT}), ("walk", short.WALKS)]
     tables += [("towards", {"": short.TOWARDS}), ("stairs", short.STAIRS), ("to stairs", short.TO_STAIRS)]
     cues = cues_in(text, [*tables, ("floor", {"": short.FLOOR}), ("rug", rugged(short.RUG))])
-    walks = {cue.what for cue in cues if cue.kind == "walk"}
+    walks = {cue.subject for cue in cues if cue.kind == "walk"}
     found = {cue for cue in cues if cue.kind != "walk"}
     for walk in walks & {"1", "2"}:
         found.add(Cue("through", walk))
@@ -333,12 +333,14 @@ def test_an_object_behind_a_doorway_is_not_in_front_of_one_who_has_not_gone_thro
     blocks, graph = flat_house(door=1.58)
     blocks.append(Block((5.75, 0.5, 0), (6.35, 1.1, 1.0), BLUE))
     root = export_blocks(tmp_path, blocks, graph)
-    seen = surroundings_of(graph, list(layers_of(list(look_around(root, graph)), graph)))
+    seen = surroundings_of(graph, list(layers_of(list(views_from_viewpoints(root, graph)), graph)))
     (behind,) = [i for i, thing in enumerate(seen.things) if thing.middle[0] > 5.2]
     assert behind in {i for i, _, _ in seen.visible["g"]}
     assert behind not in {i for i, _, _ in seen.visible["c"]}
     assert not [
-        cue for cue in cues_along("bc", math.radians(90), seen) if cue.what.startswith("blue") and cue.side == "ahead"
+        cue
+        for cue in cues_along("bc", math.radians(90), seen)
+        if cue.subject.startswith("blue") and cue.side == "ahead"
     ]
 
 
@@ -355,8 +357,10 @@ def test_one_name_stands_for_one_object_of_an_instruction() -> None:
         floors=dict.fromkeys(steps, ()),
     )
     # Two red sofas along one leg have no name of their own; the blue chair is one.
-    assert {(cue.what, cue.which) for cue in cues_along("abc", 0.0, seen) if cue.kind == "past"} == {("blue chair", 1)}
+    assert {(cue.subject, cue.object_index) for cue in cues_along("abc", 0.0, seen) if cue.kind == "past"} == {
+        ("blue chair", 1)
+    }
     first, second = cues_along("ab", 0.0, seen), cues_along("bc", 0.0, seen)
     assert Cue("past", "red sofa", "left") in first
     legs = with_one_name_each([Leg(0.0, 2.0, "level", first), Leg(0.5, 2.0, "level", second)])
-    assert {cue.which for leg in legs for cue in leg.cues if cue.what == "red sofa"} == {0}
+    assert {cue.object_index for leg in legs for cue in leg.cues if cue.subject == "red sofa"} == {0}

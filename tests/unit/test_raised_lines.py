@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from nvsim.geometry.camera import Camera, Intrinsics, camera_pose
 from nvsim.geometry.floor_surface import FloorSurface
 from nvsim.perception.line_kernels import is_shown
-from nvsim.perception.raised_lines import LineConfig, RaisedLines, raised_lines, standing_places
+from nvsim.perception.raised_lines import LineConfig, RaisedLines, raised_lines, thin_object_places
 from nvsim.perception.support import observe
 
 LENS = Intrinsics.from_fov(480, 360, np.radians(80))
@@ -51,7 +51,7 @@ def found(bar: float | None, planks: float | None) -> tuple[RaisedLines, NDArray
     views = cameras()
     images = [drawn(view, bar, planks) for view in views]
     lines = raised_lines(views, images.__getitem__, np.full(len(views), FLOOR))
-    return lines, standing_places(lines, np.array([v.position for v in views]))
+    return lines, thin_object_places(lines, np.array([v.position for v in views]))
 
 
 @pytest.mark.parametrize("height", [0.15, 0.25])
@@ -95,10 +95,10 @@ def test_one_camera_alone_is_not_believed() -> None:
     line = np.array([[0.0, 0.0]]), np.array([[1.0, 0.0]]), np.array([0.2])
     several = RaisedLines(*(np.repeat(part, 6, axis=0) for part in line), camera=np.arange(6))
     apart = np.column_stack([np.arange(6), np.full(6, 2.0), np.full(6, 1.3)])
-    assert len(standing_places(several, apart)) == 21, "every 5 cm of it"
-    assert len(standing_places(several, apart * [0.01, 1, 1])) == 0, "seen from one place only"
+    assert len(thin_object_places(several, apart)) == 21, "every 5 cm of it"
+    assert len(thin_object_places(several, apart * [0.01, 1, 1])) == 0, "seen from one place only"
     high = RaisedLines(several.start, several.end, np.arange(6) * 0.06, several.camera)
-    assert len(standing_places(high, apart)) == 0, "each says another height"
+    assert len(thin_object_places(high, apart)) == 0, "each says another height"
 
 
 def test_nothing_leads_over_what_stands() -> None:

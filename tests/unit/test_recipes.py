@@ -30,7 +30,7 @@ from nvsim.perception.semantic_network import SemanticNetwork
 from nvsim.recipes import batches, interiors, patterns
 from nvsim.recipes.batches import batch
 from nvsim.recipes.config import RecipeConfig
-from nvsim.recipes.examples import Example, Shards, is_whole, write_shard
+from nvsim.recipes.examples import Example, Shards, is_complete_shard, write_shard
 from nvsim.recipes.interiors import interior
 from nvsim.recipes.making import _captured_shares
 from nvsim.recipes.network import export
@@ -55,7 +55,7 @@ def shards(tmp_path_factory: pytest.TempPathFactory, views: list[Example]) -> Sh
     folder = tmp_path_factory.mktemp("examples")
     write_shard(folder / "lying", views)
     write_shard(folder / "upright", interior(4, 2, upright=True))
-    assert is_whole(folder / "lying")
+    assert is_complete_shard(folder / "lying")
     return Shards([folder / "lying", folder / "upright"])
 
 

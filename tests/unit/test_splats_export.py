@@ -18,7 +18,7 @@ from nvsim.render.model import render_gaussians
 from nvsim.splats.floor_mesh import floor_gaussians, floor_mesh
 from nvsim.splats.formats.glb import write_glb
 from nvsim.splats.formats.gsply_formats import flip_y_and_z
-from nvsim.splats.turning import turned
+from nvsim.splats.turning import transform_gaussians
 from nvsim.splats.types import FloorTexture, Gaussians, SubmapModel
 
 
@@ -41,7 +41,7 @@ def test_turned_gaussians_look_the_same_to_a_camera_that_turned_with_them(degree
     pose = np.eye(4)
     pose[:3, :3] = rotation @ CAMERA.rotation
     pose[:3, 3] = 2.5 * rotation @ CAMERA.position
-    moved = render_gaussians(turned(gaussians, rotation, 2.5), Camera(CAMERA.intrinsics, pose))
+    moved = render_gaussians(transform_gaussians(gaussians, rotation, 2.5), Camera(CAMERA.intrinsics, pose))
     difference = np.abs(moved.rgb - render_gaussians(gaussians, CAMERA).rgb)
     # A pixel at the border of a Gaussian may fall on either side of the cut at an alpha of 1/255.
     assert difference.max() < 5e-3 and np.quantile(difference, 0.999) < 5e-5
@@ -51,7 +51,9 @@ def test_half_a_turn_about_x_is_the_change_of_axes_of_spz():
     gaussians = wall()
     for name in ("means", "sh"):
         expected = getattr(flip_y_and_z(gaussians), name)
-        np.testing.assert_allclose(getattr(turned(gaussians, np.diag([1, -1, -1])), name), expected, atol=1e-5)
+        np.testing.assert_allclose(
+            getattr(transform_gaussians(gaussians, np.diag([1, -1, -1])), name), expected, atol=1e-5
+        )
 
 
 def ramp_model():

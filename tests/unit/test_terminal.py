@@ -16,7 +16,7 @@ from capture_samples import room, walk, write_nerfstudio
 from nvsim.cli import terminal
 from nvsim.cli.console import event_listener
 from nvsim.cli.main import COMMANDS, main
-from nvsim.cli.terminal import guarded_stream, say, screened
+from nvsim.cli.terminal import guarded_stream, guarded_terminal, say
 from nvsim.events import Done, Failed, Log, Progress, Warning
 from nvsim.plain_text import UNSEEN, printable
 
@@ -151,7 +151,7 @@ def test_the_progress_display_shows_foreign_text_as_it_is(monkeypatch: pytest.Mo
     screen = Screen()
     monkeypatch.setattr(sys, "stderr", screen)
     monkeypatch.setenv("TERM", "xterm-256color")
-    with screened(), event_listener(False) as listen:
+    with guarded_terminal(), event_listener(False) as listen:
         listen(Progress("train", 1, 10, f"[link=http://evil]{EVIL}"))
         for event in (Done, Warning, Log, Failed):
             listen(event(stage="s[/]", **{name_of(event): f"[bold]{EVIL}{FORGED}"}))

@@ -167,8 +167,8 @@ def test_views_held_out_of_training_leave_no_trace_in_an_index_embedding(room: S
     assert networks.embedding.values.shape == (5, 24)
     held_out = room.views[6]
     with pytest.raises(KeyError):
-        networks.look(held_out.camera.position, held_out.name)
-    networks.look(held_out.camera.position)
+        networks.select_embedding(held_out.camera.position, held_out.name)
+    networks.select_embedding(held_out.camera.position)
     np.testing.assert_allclose(networks.seen.detach(), networks.embedding.values.mean(axis=0), rtol=1e-5)
 
 

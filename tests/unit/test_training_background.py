@@ -10,7 +10,7 @@ from nvsim.geometry.camera import Camera, Intrinsics, camera_pose
 from nvsim.geometry.floor_surface import FloorSurface
 from nvsim.render.floor_texture import pack_floor
 from nvsim.splats.harmonics import basis
-from nvsim.training.background.floor_paint import first_paint
+from nvsim.training.background.floor_paint import initial_floor_paint
 from nvsim.training.background.floor_rays import meet_floor
 from nvsim.training.background.harmonics import evaluate, evaluate_gradient, pack_camera
 from nvsim.training.background.texture import LearnedTexture
@@ -131,12 +131,12 @@ def test_texture_outside_its_area_continues_its_border() -> None:
 
 def test_first_paint_already_shows_the_floor() -> None:
     room = synthetic_room(12, 96, 72, 500)
-    made, texture = first_paint(room.views, room.floor, TrainingConfig(), seed=0)
+    made, texture = initial_floor_paint(room.views, room.floor, TrainingConfig(), seed=0)
     assert made is not None and texture is not None
     view = room.views[3]
     painted = np.empty((3, 72, 96), np.float32)
-    made.look(view.camera.position, view.name)
-    evaluate(view.camera, made.backdrop(1.0), painted)
+    made.select_embedding(view.camera.position, view.name)
+    evaluate(view.camera, made.background_coefficients(1.0), painted)
     constant = np.abs(painted.transpose(1, 2, 0) - view.image / 255.0)[view.floor].mean()
     texture.add(hits_of(view.camera, room.floor), painted)
     textured = np.abs(painted.transpose(1, 2, 0) - view.image / 255.0)[view.floor].mean()

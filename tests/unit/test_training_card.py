@@ -16,7 +16,7 @@ from nvsim.events import Event, Metric
 from nvsim.render import backends
 from nvsim.training import trainer
 from nvsim.training.appearance import in_view, mark_in_view
-from nvsim.training.background.floor_paint import first_paint
+from nvsim.training.background.floor_paint import initial_floor_paint
 from nvsim.training.background.harmonics import pack_camera
 from nvsim.training.checkpoint import fingerprint
 from nvsim.training.config import TrainingConfig, preset
@@ -54,7 +54,7 @@ def small(name: str, **changes: object) -> TrainingConfig:
 
 def fit_of(room: SyntheticRoom, config: TrainingConfig) -> ModelFit:
     start = initial_gaussians(room.views, room.cloud, room.floor, config, np.random.default_rng(0))
-    paint = first_paint(room.views, room.floor, config, 0)
+    paint = initial_floor_paint(room.views, room.floor, config, 0)
     return ModelFit(start, *paint, room.floor, config, len(room.views))
 
 

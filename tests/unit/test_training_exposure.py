@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from nvsim.training.background.floor_paint import first_paint
+from nvsim.training.background.floor_paint import initial_floor_paint
 from nvsim.training.config import TrainingConfig
 from nvsim.training.exposure import HOLD, Exposure
 from nvsim.training.initialise import initial_gaussians
@@ -47,7 +47,7 @@ def test_learned_gains_are_those_of_a_camera_that_meters_as_it_goes():
     ]
     config = replace(TrainingConfig(steps=400, gaussian_cap=3000, exposure=True), coarse_share=0.0)
     start = initial_gaussians(views, room.cloud, room.floor, config, rng)
-    fit = ModelFit(start, *first_paint(views, room.floor, config, 0), room.floor, config, len(views))
+    fit = ModelFit(start, *initial_floor_paint(views, room.floor, config, 0), room.floor, config, len(views))
     inlier = np.ones((48, 64), np.bool_)
     for step in range(1, config.steps + 1):
         index = step % len(views)

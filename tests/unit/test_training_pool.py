@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from nvsim.project.stages.training_pool import TrainingTask, fitting, needed_bytes, plan
+from nvsim.project.stages.training_pool import TrainingTask, count_that_fit, needed_bytes, plan
 from nvsim.training.config import TrainingConfig
 
 
@@ -16,5 +16,5 @@ def test_every_submap_gets_its_share_and_the_rest_gets_all() -> None:
 def test_as_many_as_fit_into_memory_but_one_in_any_case() -> None:
     each = needed_bytes(200, 540 * 360, TrainingConfig(gaussian_cap=200_000))
     assert 1 << 30 < each < 2 << 30
-    assert fitting(16 << 30, each) > 3
-    assert fitting(1 << 30, each) == 1
+    assert count_that_fit(16 << 30, each) > 3
+    assert count_that_fit(1 << 30, each) == 1

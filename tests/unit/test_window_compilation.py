@@ -74,7 +74,7 @@ def test_it_is_done_and_said_once(tmp_path: Path, monkeypatch: pytest.MonkeyPatc
             numba.njit(add)(1)
 
     monkeypatch.setattr(kernel_cache, "cache_folder", lambda module: tmp_path)
-    monkeypatch.setattr(compilation, "draw_in_small", compile_two)
+    monkeypatch.setattr(compilation, "compile_renderers", compile_two)
     compilation.compile_once(print)
     compilation.compile_once(print)
     assert len(drawn) == 1 and capsys.readouterr().out.count(compilation.SAID) == 1
@@ -82,7 +82,7 @@ def test_it_is_done_and_said_once(tmp_path: Path, monkeypatch: pytest.MonkeyPatc
 
 def test_nothing_is_said_if_the_kernels_are_already_in_the_cache(tmp_path: Path, monkeypatch, capsys) -> None:
     monkeypatch.setattr(kernel_cache, "cache_folder", lambda module: tmp_path)
-    monkeypatch.setattr(compilation, "draw_in_small", lambda: None)
+    monkeypatch.setattr(compilation, "compile_renderers", lambda: None)
     compilation.compile_once(print)
     assert list(tmp_path.glob("*.compiled")) and capsys.readouterr().out == ""
 
@@ -101,7 +101,7 @@ def test_one_that_was_broken_off_is_not_done(tmp_path: Path, monkeypatch: pytest
         raise OSError("no room on the disk")
 
     monkeypatch.setattr(kernel_cache, "cache_folder", lambda module: tmp_path)
-    monkeypatch.setattr(compilation, "draw_in_small", breaks_off)
+    monkeypatch.setattr(compilation, "compile_renderers", breaks_off)
     with pytest.raises(OSError, match="no room"):
         compilation.compile_once(print)
     assert not list(tmp_path.glob("*.compiled"))

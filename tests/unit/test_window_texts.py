@@ -32,7 +32,7 @@ def _own(node: ast.expr | None) -> bool:
         case None | ast.Constant():
             return True
         case ast.Call(func=ast.Name(id=name)):
-            return name in ("tip", "plain", "escape_html", "caption", "title")
+            return name in ("tooltip_text", "plain", "escape_html", "caption", "title")
         case ast.IfExp(body=a, orelse=b) | ast.BinOp(left=a, right=b):
             return _own(a) and _own(b)
         case ast.BoolOp(values=values):
@@ -48,13 +48,11 @@ def _slips(source: str, name: str) -> list[str]:
     for node in ast.walk(ast.parse(source)):
         word = node.attr if isinstance(node, ast.Attribute) else node.id if isinstance(node, ast.Name) else ""
         if word in READERS and name not in READERS[word]:
-            found.append(
-                f"{name}:{node.lineno}: {word}; use Label, tip or escape_html of app/nvsim_app/look/plain_text.py"
-            )
+            found.append(f"{name}:{node.lineno}: {word}; use Label, tooltip_text or escape_html of look/plain_text.py")
         if isinstance(node, ast.Call) and isinstance(node.func, ast.Attribute):
             called = node.func.attr
             if called in ("setToolTip", "setWhatsThis", "setTabToolTip", "setTabWhatsThis") and not _own(node.args[-1]):
-                found.append(f"{name}:{node.lineno}: {called} without tip()")
+                found.append(f"{name}:{node.lineno}: {called} without tooltip_text()")
             if called == "appendHtml" and not all(_escaped(argument) for argument in node.args):
                 found.append(f"{name}:{node.lineno}: appendHtml without escape_html()")
             if called == "setTitle" and any(k.arg == "size" for k in node.keywords) and not _own(node.args[0]):
@@ -62,7 +60,7 @@ def _slips(source: str, name: str) -> list[str]:
         if isinstance(node, ast.If) and "ToolTipRole" in ast.dump(node.test):
             for line in node.body:
                 if isinstance(line, ast.Return) and not _own(line.value):
-                    found.append(f"{name}:{line.lineno}: a tool tip of a model without tip()")
+                    found.append(f"{name}:{line.lineno}: a tool tip of a model without tooltip_text()")
     return found
 
 

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from nvsim_app.look.plain_text import escape_html, in_window, tip
+from nvsim_app.look.plain_text import escape_html, in_window, tooltip_text
 
 APP = Path(__file__).parents[2] / "app" / "nvsim_app"
 PRINTED = ("__main__.py", "look/plain_text.py", "start/main.py")
@@ -45,7 +45,7 @@ def test_commands_and_options_become_labels(text: str, words: str) -> None:
 
 
 def test_tooltips_and_markup_are_reworded() -> None:
-    assert tip("run `nvsim map` again") == "run “Build the map” again"
+    assert tooltip_text("run `nvsim map` again") == "run “Build the map” again"
     assert escape_html("run `nvsim map` again") == "run “Build the map” again"
 
 

@@ -11,7 +11,7 @@ from PySide6.QtWidgets import QCheckBox, QGridLayout, QHBoxLayout, QPushButton, 
 from nvsim_app.agent.agent_walk import AgentWalk
 from nvsim_app.agent.state import AgentState, Location
 from nvsim_app.look.labels import Hint, Label, Value
-from nvsim_app.look.plain_text import tip
+from nvsim_app.look.plain_text import tooltip_text
 from nvsim_app.look.table import Column, TableModel, table
 
 
@@ -94,13 +94,13 @@ class AgentPanel(QWidget):
 
     def _box(self, text: str, words: str) -> QCheckBox:
         made = QCheckBox(text, self)
-        made.setToolTip(tip(words))
+        made.setToolTip(tooltip_text(words))
         made.setFocusPolicy(Qt.FocusPolicy.TabFocus)  # a click does not move the keyboard focus
         return made
 
     def _button(self, text: str, words: str) -> QPushButton:
         made = QPushButton(text, self)
-        made.setToolTip(tip(words))
+        made.setToolTip(tooltip_text(words))
         made.setFocusPolicy(Qt.FocusPolicy.TabFocus)
         return made
 

@@ -16,10 +16,10 @@ from nvsim.geometry.directions import HEIGHT, WIDTH
 from nvsim_app.agent.agent_walk import AgentWalk
 from nvsim_app.agent.state import AgentState
 from nvsim_app.look import colors, lengths
-from nvsim_app.look.plain_text import lines, tip
+from nvsim_app.look.plain_text import lines, tooltip_text
 from nvsim_app.look.theme import type_font
 from nvsim_app.painting.picking import NEAR
-from nvsim_app.painting.primitives import chip, chip_box
+from nvsim_app.painting.primitives import chip_box, paint_label
 from nvsim_app.state.document import Document
 
 MARGIN = 16.0  # pixels from the image border to the center of a mark, so that the whole mark is visible
@@ -226,7 +226,7 @@ class AgentView(QWidget):
                 anchor.setX(spot.x() - RADIUS - 3 - where.width())
             where = chip_box(painter, anchor, away)
             if not any(where.intersects(other) for other in taken) or mark.index == self.pointed:
-                taken.append(chip(painter, anchor, away, _INK, _LABEL))
+                taken.append(paint_label(painter, anchor, away, _INK, _LABEL))
 
     def _paint_foot(self, painter: QPainter, mark: LocationMark) -> None:
         assert mark.foot is not None
@@ -255,17 +255,17 @@ class AgentView(QWidget):
     def _paint_angles(self, painter: QPainter, state: AgentState, box: QRectF) -> None:
         degrees = round(math.degrees(state.heading)), round(math.degrees(state.elevation))
         words = f"heading {degrees[0]}°, elevation {degrees[1]:+d}°, view {state.viewIndex}, step {state.step}"
-        chip(painter, QPointF(box.x() + 8, box.y() + 30), words, _INK, _LABEL)
+        paint_label(painter, QPointF(box.x() + 8, box.y() + 30), words, _INK, _LABEL)
         if len(state.navigableLocations) == 1:
             words = "no navigable location in view" if self._walk.restricted else "no navigable location from here"
-            chip(painter, QPointF(box.x() + 8, box.y() + 56), words, _INK, _LABEL)
+            paint_label(painter, QPointF(box.x() + 8, box.y() + 56), words, _INK, _LABEL)
         painter.setFont(type_font("small"))
         if self._refusal:
             ink = QColor(colors.SELECTED)
             width = chip_box(painter, QPointF(), self._refusal).width()
-            chip(painter, QPointF(box.center().x() - width / 2, box.bottom() - 36), self._refusal, ink, _LABEL)
+            paint_label(painter, QPointF(box.center().x() - width / 2, box.bottom() - 36), self._refusal, ink, _LABEL)
         if painter.fontMetrics().horizontalAdvance(KEYS) + 28 < box.width():
-            chip(painter, QPointF(box.x() + 8, box.bottom() - 8), KEYS, _INK, _LABEL)
+            paint_label(painter, QPointF(box.x() + 8, box.bottom() - 8), KEYS, _INK, _LABEL)
 
     def _paint_words(self, painter: QPainter, box: QRectF) -> None:
         walk = self._walk
@@ -289,7 +289,7 @@ class AgentView(QWidget):
             self.point(index)
             self.pointedAt.emit(index)
         self.setCursor(Qt.CursorShape.PointingHandCursor if index > 0 else Qt.CursorShape.ArrowCursor)
-        self.setToolTip(tip(f"Click to go to {self._viewpoint(index)}") if index > 0 else "")
+        self.setToolTip(tooltip_text(f"Click to go to {self._viewpoint(index)}") if index > 0 else "")
 
     def _viewpoint(self, index: int) -> str:
         return next((mark.viewpoint for mark in self.marks if mark.index == index), "")

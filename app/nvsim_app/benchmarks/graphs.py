@@ -124,27 +124,27 @@ def measure(settings: QSettings, edits: int = 120, viewpoints: int = 10_000, see
     plan, findings = window.part(MapPart).view, window.part(CheckPart).panel
     views = PaintRecorder([window.scene, plan.canvas])
     show_lists(window)
-    turns(lambda: not findings.pending)
+    run_event_loop(lambda: not findings.pending)
     first = 1e3 * (time.perf_counter() - begin)
     for name in LISTS:
         window.docks[name].hide()
-    turns(lambda: True, SETTLE)
+    run_event_loop(lambda: True, SETTLE)
     for layer in window.scene.overlays.layers:
         window.scene.overlays.set_shown(layer.name, True)
-    window.scene.look_over()
+    window.scene.show_overview()
     plan.frame_everything()
-    turns(lambda: True, SETTLE)
+    run_event_loop(lambda: True, SETTLE)
     rng = random.Random(seed)
-    alone = [_single(document, views, rng, lambda: turns(lambda: True, 0.02)) for _ in range(edits)]
+    alone = [_single(document, views, rng, lambda: run_event_loop(lambda: True, 0.02)) for _ in range(edits)]
     show_lists(window)
-    turns(lambda: True, SETTLE)
+    run_event_loop(lambda: True, SETTLE)
     listed: list[float] = []
 
     def catch_up() -> float:
         before = time.perf_counter()
-        longest = turns(lambda: not findings.pending)
+        longest = run_event_loop(lambda: not findings.pending)
         listed.append(1e3 * (time.perf_counter() - before))
-        return max(longest, turns(lambda: True, CATCH_UP))
+        return max(longest, run_event_loop(lambda: True, CATCH_UP))
 
     beside = [_single(document, views, rng, catch_up) for _ in range(edits // 2)]
     checked = [t.painted + more for t, more in zip(beside, listed, strict=True)]
@@ -163,7 +163,7 @@ def measure(settings: QSettings, edits: int = 120, viewpoints: int = 10_000, see
     }
 
 
-def turns(done: Callable[[], bool], least: float = 0.0) -> float:
+def run_event_loop(done: Callable[[], bool], least: float = 0.0) -> float:
     """Runs the event loop for at least `least` seconds and until `done`. Returns the longest turn in milliseconds.
 
     Raises TimeoutError if `done` does not become true in time.

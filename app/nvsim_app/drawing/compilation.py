@@ -30,11 +30,11 @@ def compile_once(tell: Callable[[str], object]) -> None:
     class FirstCompilation(event.Listener):
         """Tells once that kernels are compiled. Numba reports a kernel only if it is not in the cache."""
 
-        told = False
+        reported = False
 
         def on_start(self, event: object) -> None:
-            if not self.told:
-                self.told = True
+            if not self.reported:
+                self.reported = True
                 tell(SAID)
 
         def on_end(self, event: object) -> None:
@@ -46,11 +46,11 @@ def compile_once(tell: Callable[[str], object]) -> None:
     with process_lock(done.with_suffix(".lock")):
         if not done.exists():  # another process may have compiled meanwhile
             with event.install_listener("numba:compile", FirstCompilation()):
-                draw_in_small()
+                compile_renderers()
             atomic.write_text(done, "")
 
 
-def draw_in_small() -> None:
+def compile_renderers() -> None:
     """Renders small images with the functions that the rendering process uses, which compiles their kernels.
 
     It renders every channel and a panorama of a model with all optional parts, and runs OpenGL's work on the CPU."""

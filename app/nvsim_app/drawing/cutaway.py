@@ -17,7 +17,7 @@ from nvsim.splats.harmonics import terms
 from nvsim.splats.scene import SceneModel
 from nvsim.splats.types import FloorTexture, Gaussians, SubmapModel
 from nvsim.submaps.split import Submap
-from nvsim_app.drawing.renderer_choice import covering_most, select_gaussians
+from nvsim_app.drawing.renderer_choice import largest_gaussians, select_gaussians
 
 CUT = 1.9  # meters above the floor; higher Gaussians are removed
 OUTSIDE = 2.6  # meters above the floor; a higher camera is outside the rooms and sees the whole building
@@ -88,7 +88,7 @@ class Cutaway:
             model = self._scene.model(submap.index)
             # Thin after each submap, so that at most two sets of Gaussians are in memory. The result is the same.
             joined = _joined([*parts, self._part(model, submap.index)])
-            parts = [select_gaussians(joined, covering_most(joined, MOST)) if len(joined) > MOST else joined]
+            parts = [select_gaussians(joined, largest_gaussians(joined, MOST)) if len(joined) > MOST else joined]
             heights.append(float(np.median(model.floor.height_at(submap.positions[:, :2]))))
             mine = owner == submap.index
             colors[mine] = floor_colors(model, grid[mine], submap.positions.mean(axis=0))

@@ -101,7 +101,7 @@ class ImageSizeControl:
         self._target = target_ms
         self._area_share = 0.25
 
-    def moving_size(self, width: int, height: int) -> tuple[int, int]:
+    def size_while_moving(self, width: int, height: int) -> tuple[int, int]:
         """The image size in pixels for a moving camera in a view of `width` x `height` device pixels. The aspect ratio
         is preserved."""
         factor = self._area_share**0.5
@@ -152,7 +152,7 @@ class PictureFeed(QObject):
         self.image: QImage | None = None
         self._number = 0
         self._rest = QTimer(self, singleShot=True, interval=REST)
-        self._rest.timeout.connect(self.ask_sharp)
+        self._rest.timeout.connect(self.request_sharp_image)
         self._begun = 0.0  # when loading began, seconds since the epoch
         self._patience = QTimer(self, interval=PATIENCE)
         self._patience.timeout.connect(self._say_more)
@@ -194,7 +194,7 @@ class PictureFeed(QObject):
         """Requests a sharp image after the size of the view changed."""
         self._rest.start()
 
-    def ask_sharp(self) -> None:
+    def request_sharp_image(self) -> None:
         self._ask(moving=False)
 
     def release(self) -> None:
@@ -206,7 +206,7 @@ class PictureFeed(QObject):
     def _ask(self, moving: bool) -> None:
         width, height = self._size()
         if moving:
-            width, height = self.pacing.moving_size(width, height)
+            width, height = self.pacing.size_while_moving(width, height)
         self._number += 1
         camera = self._pose().camera(width, height)
         self.link.ask(Request(self._number, camera, self.channel, moving, self.renderer, SCENE, self.budget))
@@ -220,7 +220,7 @@ class PictureFeed(QObject):
 
     def _on_opened(self) -> None:
         self.note = ""
-        self.ask_sharp()
+        self.request_sharp_image()
         self.changed.emit()
 
     def _on_picture(self, picture: Picture) -> None:

@@ -53,7 +53,7 @@ class RendererChoice:
         return OPENGL if best[OPENGL] < best[CPU] else CPU
 
 
-def covering_most(gaussians: Gaussians, count: int) -> NDArray[np.int64]:
+def largest_gaussians(gaussians: Gaussians, count: int) -> NDArray[np.int64]:
     """(M,) rows of the `count` Gaussians that cover the largest area, in ascending order; all rows if there are fewer.
     The covered area is the product of the two largest extents and the opacity."""
     if len(gaussians) <= count:
@@ -88,7 +88,7 @@ class SplatBudget:
             return model
         last = self._last
         if last is None or last.of() is not model or last.count != count:
-            rows = covering_most(model.gaussians, count)
+            rows = largest_gaussians(model.gaussians, count)
             appearance = model.appearance
             if appearance is not None:
                 appearance = appearance.of_rows(rows)

@@ -20,7 +20,7 @@ from nvsim.cli.options import Option, command_of, options
 from nvsim.errors import InputError
 from nvsim.files.atomic import write_text
 from nvsim.files.opening import parse_json, read_regular
-from nvsim.project.jobs.files import is_proven, proof_of
+from nvsim.project.jobs.files import is_order_proven, order_proof
 from nvsim_app.look.plain_text import field_label
 
 # Options that the window sets, that the form shows separately, or that do not start a job.
@@ -216,7 +216,7 @@ class Settings:
         values: dict[str, Any] = {p: str(v) if isinstance(v, Path) else v for p, v in changed.items()}
         places = {f.path: str(values[f.path]) for f in fields_of(verb, preset) if _is_place(f) and values.get(f.path)}
         if self._path is not None and not all(self._is_inside(path, place) for path, place in places.items()):
-            values[PROOF] = proof_of(self._path.parent, _WHAT, [verb, places])
+            values[PROOF] = order_proof(self._path.parent, _WHAT, [verb, places])
         if names and preset != names[0]:
             values[PRESET] = preset
         if values:
@@ -232,7 +232,7 @@ class Settings:
         return Path(place).expanduser().resolve().is_relative_to(self._path.parent.resolve())
 
     def _proven(self, verb: str, places: Mapping[str, str], proof: object) -> bool:
-        return self._path is not None and is_proven(self._path.parent, _WHAT, [verb, dict(places)], proof)
+        return self._path is not None and is_order_proven(self._path.parent, _WHAT, [verb, dict(places)], proof)
 
     def arguments(self, verb: str) -> list[str]:
         """The flags of a command with the stored settings."""

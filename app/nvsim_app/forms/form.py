@@ -217,7 +217,7 @@ class CommandForm(QDialog):
         while self._more.isActive():
             self._build_section()
 
-    def stand_beside(self, widget: QWidget) -> None:
+    def show_beside(self, widget: QWidget) -> None:
         """Shows `widget` to the right of the options and widens the dialog by its size hint."""
         self._middle.addWidget(widget)
         self.resize(self.width() + widget.sizeHint().width() + 40, self.height())

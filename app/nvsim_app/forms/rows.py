@@ -20,10 +20,10 @@ from PySide6.QtWidgets import (
     QWidget,
 )
 
-from nvsim.files.user_folders import home
+from nvsim.files.user_folders import home_folder
 from nvsim_app.forms.fields import Field
 from nvsim_app.look.labels import Label
-from nvsim_app.look.plain_text import tip
+from nvsim_app.look.plain_text import tooltip_text
 from nvsim_app.look.theme import type_font
 
 _NOWHERE = object()
@@ -109,7 +109,7 @@ class OptionRow(QWidget):
         self._name.setFont(type_font(bold=changed))
         default = value_text(self.field.default)
         self.reset_button.setVisible(changed)
-        self.reset_button.setToolTip(tip(f"Reset to {default}"))
+        self.reset_button.setToolTip(tooltip_text(f"Reset to {default}"))
         words = [f"default {default}"] if changed else []
         if self._paper and self._paper != f"paper {default}" or (changed and self._paper):
             words.append(self._paper)
@@ -210,7 +210,9 @@ class LineEditor(Editor):
         if field.kind == "several":
             self.line.setPlaceholderText("not set")
             self.line.setToolTip(
-                tip(f"One or more of {', '.join(field.choices)}" if field.choices else "Values separated by spaces")
+                tooltip_text(
+                    f"One or more of {', '.join(field.choices)}" if field.choices else "Values separated by spaces"
+                )
             )
         if field.kind in self.WIDE:
             self.line.setMinimumWidth(180)
@@ -280,7 +282,7 @@ class LineEditor(Editor):
             self.show_value(float(f"{value + sign * (abs(value) / 10 or 0.1):.3g}"))
 
     def _browse(self) -> None:
-        here = self.line.text() or str(home())
+        here = self.line.text() or str(home_folder())
         if any(word in self.field.path for word in ("csv", "picture", "lpips", "occupancy")) and (
             not self.field.path.endswith("pictures")
         ):

@@ -34,8 +34,8 @@ _HINTS = {
     "points": "Left button: the surface is floor; right button: it is not floor; wheel: zoom; middle drag: move; "
     "Ctrl+Z: undo",
 }
-_NO_MODEL = sentence(f"{STAGE['train'].lacking}, so there is no render to compare with")
-_NO_MASK = sentence(f"{STAGE['floors'].lacking}; run “Find the floor” first")
+_NO_MODEL = sentence(f"{STAGE['train'].missing}, so there is no render to compare with")
+_NO_MASK = sentence(f"{STAGE['floors'].missing}; run “Find the floor” first")
 
 
 class FrameBrowser(QObject):
@@ -248,7 +248,7 @@ class FrameBrowser(QObject):
     def _on_painted(self, box: Box) -> None:
         layer, correction = self._layer["floor"], self.corrector.correction
         if layer.painted is not None and correction is not None:
-            pictures.retint(layer.painted, correction.mask, layer.color, box)
+            pictures.repaint_mask(layer.painted, correction.mask, layer.color, box)
             self.page.canvas.refresh(box)
 
     def _on_stepped(self) -> None:

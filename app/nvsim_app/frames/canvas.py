@@ -16,8 +16,8 @@ from nvsim_app.frames.layers import FrameLayer
 from nvsim_app.frames.panes import Pane, Zoom, panes
 from nvsim_app.frames.pictures import PaintedImage, difference
 from nvsim_app.look.plain_text import lines
-from nvsim_app.painting.legend import legend_box, paint_legend, paint_words, words_box
-from nvsim_app.painting.primitives import chip
+from nvsim_app.painting.legend import legend_box, paint_legend, paint_values_at_cursor, words_box
+from nvsim_app.painting.primitives import paint_label
 from nvsim_app.painting.value_colors import ImageValues
 
 MODES = ("photo", "render", "wipe", "blink", "difference", "beside")
@@ -211,7 +211,7 @@ class Canvas(QWidget):
             paint_legend(painter, reading.scale, corner, under.get(id(reading)))
         words = self.value_words if self._says_values else []
         if words and self._hover is not None:
-            paint_words(painter, words, self._hover, QRectF(self.rect()))
+            paint_values_at_cursor(painter, words, self._hover, QRectF(self.rect()))
 
     # Painting ---------------------------------------------------------------------------------------------------
 
@@ -383,4 +383,4 @@ class Canvas(QWidget):
 
 
 def _label(painter: QPainter, anchor: QPointF, text: str) -> QRect:
-    return chip(painter, anchor, text, QColor("#dfe7ee"), QColor(16, 20, 26, 170)).toRect()
+    return paint_label(painter, anchor, text, QColor("#dfe7ee"), QColor(16, 20, 26, 170)).toRect()

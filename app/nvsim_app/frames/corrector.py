@@ -136,12 +136,12 @@ class Corrector(QObject):
         """Sets whether points are sent to the installed prompted network, through `promptWanted`."""
         self._network = use
 
-    def hear_steps(self, steps: HybridSteps | None) -> None:
+    def set_normals(self, steps: HybridSteps | None) -> None:
         """Receives the normals of the open frame, or None if there will be none."""
         self._steps, self._by_color = steps, steps is None
         self._apply_waiting_points()
 
-    def hear_masks(self, index: int, add: Mask, take: Mask) -> None:
+    def apply_network_masks(self, index: int, add: Mask, take: Mask) -> None:
         """Receives the regions of the network for the sent points: to add and to remove, each (h, w) bool."""
         if self._matter is None or index != self._matter.index or not self._prompts or self.correction is None:
             return
@@ -149,7 +149,7 @@ class Corrector(QObject):
         self._after(self.correction.prompt(self._prompts.pop(0), add, take))
         self._apply_waiting_points()
 
-    def hear_no_masks(self) -> None:
+    def use_surface_growing(self) -> None:
         """Grows surfaces instead of using the network, because the network failed."""
         self._asked = self._network = False
         self._apply_waiting_points()
@@ -225,7 +225,7 @@ class Candidates(QObject):
         self._index: int | None = None
         self._asked = self._made = self._waits = False
         self.link.candidatesMade.connect(lambda index, file: reader.read_candidates(index, Path(file)))
-        self.link.prompted.connect(corrector.hear_masks)
+        self.link.prompted.connect(corrector.apply_network_masks)
         self.link.failed.connect(self._on_failed)
         reader.candidatesRead.connect(self.take)
         corrector.promptWanted.connect(self._on_prompt)
@@ -248,7 +248,7 @@ class Candidates(QObject):
         if self._root is None or self._index is None or self._asked or self._made:
             return
         self._asked = True
-        self.link.open_if_other(self._root)
+        self.link.set_project(self._root)
         self.link.ask_candidates(self._index)
         self.changed.emit()
 
@@ -270,7 +270,7 @@ class Candidates(QObject):
             return
         self._asked, self._made = False, True
         self.made.emit(steps)
-        self._corrector.hear_steps(steps)
+        self._corrector.set_normals(steps)
         self.changed.emit()
 
     def rest(self) -> None:
@@ -280,16 +280,16 @@ class Candidates(QObject):
     def _on_failed(self, what: str, index: int, sentence: str) -> None:
         self._notices.warning(sentence)
         if what == "prompt" or index == -1:
-            self._corrector.hear_no_masks()
+            self._corrector.use_surface_growing()
             self.want()
         if what != "prompt" and index in (self._index, -1):
             self._asked, self._made = False, True
-            self._corrector.hear_steps(None)
+            self._corrector.set_normals(None)
         self.changed.emit()
 
     def _on_prompt(self, index: int, points: list[tuple[float, float, bool]]) -> None:
         if self._root is not None:
-            self.link.open_if_other(self._root)
+            self.link.set_project(self._root)
             self.link.ask_prompt(index, points)
 
     def _on_waiting(self, waiting: bool) -> None:

@@ -62,7 +62,7 @@ class Failure:
     sentence: str
 
 
-def read_matter(layout: Layout, frame: Frame, index: int) -> FrameData:
+def read_frame_data(layout: Layout, frame: Frame, index: int) -> FrameData:
     """Reads the data of a frame. Raises InputError if the image cannot be read. A depth image that cannot be read is
     None."""
     from nvsim.capture.images import read_image
@@ -142,7 +142,7 @@ class Reader(QObject):
 
         def task() -> None:
             if index == self._wanted:
-                self.read.emit(read_matter(layout, frame, index))
+                self.read.emit(read_frame_data(layout, frame, index))
 
         self._do(index, task)
 

@@ -10,7 +10,7 @@ from PySide6.QtWidgets import QCheckBox, QGridLayout, QSlider, QWidget
 
 from nvsim_app.frames.pictures import PaintedImage
 from nvsim_app.look.icons import swatch
-from nvsim_app.look.plain_text import tip
+from nvsim_app.look.plain_text import tooltip_text
 
 FLOOR_COLOR = "#2ec4b6"
 
@@ -83,11 +83,11 @@ class LayerList(QWidget):
             if layer.color:
                 box.setIcon(swatch(layer.color, 10))
             box.setChecked(layer.shown)
-            box.setToolTip(tip(layer.tip))
+            box.setToolTip(tooltip_text(layer.tip))
             slider = QSlider(Qt.Orientation.Horizontal, self)
             slider.setRange(5, 100)
             slider.setValue(round(100 * layer.opacity))
-            slider.setToolTip(tip(f"Opacity of “{layer.title}”"))
+            slider.setToolTip(tooltip_text(f"Opacity of “{layer.title}”"))
             slider.setMinimumWidth(60)
             slider.setAccessibleName(f"Opacity of {layer.title}")
             slider.setFocusPolicy(Qt.FocusPolicy.TabFocus)  # a click leaves the keyboard focus with the page

@@ -16,7 +16,7 @@ _PROGRAM = ChildProgram(
     worker.serve,
     "frames",
     "The frames cannot be prepared",
-    stopped="The process that prepares thumbnails and candidate masks stopped repeatedly.",
+    crash_text="The process that prepares thumbnails and candidate masks stopped repeatedly.",
     restarts=RESTARTS,
     nice=10,  # the renderer has priority, too
 )
@@ -64,7 +64,7 @@ class FrameLink(QObject):
         self.rest()
         self._root = root
 
-    def open_if_other(self, root: Path) -> None:
+    def set_project(self, root: Path) -> None:
         """Sets the project, if it is another one."""
         if root != self._root:
             self.open(root)

@@ -24,7 +24,7 @@ from nvsim.project.layout import Layout
 from nvsim_app.frames.link import FrameLink
 from nvsim_app.frames.state import FrameState
 from nvsim_app.frames.worker import thumbnail_path
-from nvsim_app.look.plain_text import plain, tip
+from nvsim_app.look.plain_text import plain, tooltip_text
 from nvsim_app.state.document import Document
 
 _MOST = 600  # maximum number of pixmaps in the cache
@@ -196,7 +196,7 @@ class FrameModel(QAbstractListModel):
         if role == SUBMAP_ROLE:
             return int(self._document.trajectory.submaps[row])
         if role == Qt.ItemDataRole.ToolTipRole:
-            return tip(f"{plain(capture.frames[row].image_path)}\n{frame_words(self._state, row)}")
+            return tooltip_text(f"{plain(capture.frames[row].image_path)}\n{frame_words(self._state, row)}")
         return None
 
 

@@ -20,7 +20,7 @@ from nvsim_app.frames.canvas import Canvas
 from nvsim_app.frames.layers import FrameLayer, LayerList
 from nvsim_app.look.icons import icon
 from nvsim_app.look.labels import Label, MarkedLabel
-from nvsim_app.look.plain_text import tip
+from nvsim_app.look.plain_text import tooltip_text
 from nvsim_app.look.widgets import Scrolling
 
 _BRUSH = 100  # steps of the size slider
@@ -188,7 +188,7 @@ def _slider(parent: QWidget, low: int, high: int, value: int, words: str) -> QSl
     slider = QSlider(Qt.Orientation.Horizontal, parent)
     slider.setRange(low, high)
     slider.setValue(value)
-    slider.setToolTip(tip(words))
+    slider.setToolTip(tooltip_text(words))
     slider.setAccessibleName(words)
     slider.setFixedWidth(110)
     slider.setFocusPolicy(Qt.FocusPolicy.TabFocus)  # a click leaves the keyboard focus with the page

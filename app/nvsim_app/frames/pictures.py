@@ -15,7 +15,7 @@ from nvsim_app.painting.value_colors import (
     NORMALS,
     OF_CHANNEL,
     ImageValues,
-    of_difference,
+    difference_scale,
     ramp,
 )
 
@@ -72,7 +72,7 @@ def tint(mask: Mask, color: str) -> PaintedImage:
     return PaintedImage(_two_tones(color)[mask.view(np.uint8)], opaque=False)
 
 
-def retint(painted: PaintedImage, mask: Mask, color: str, box: Box) -> None:
+def repaint_mask(painted: PaintedImage, mask: Mask, color: str, box: Box) -> None:
     """Updates the pixels of `box` after `mask` (H, W) changed there."""
     painted.pixels[box.slices] = _two_tones(color)[mask[box.slices].view(np.uint8)]
 
@@ -121,4 +121,4 @@ def difference(photographed: PaintedImage, rendered: PaintedImage, gain: float) 
     most = np.maximum(np.maximum(off[..., 0], off[..., 1]), off[..., 2])
     colors = ramp(np.clip(np.arange(256) * (gain / 255), 0, 1)).astype(np.uint32)
     table = 0xFF000000 | colors[:, 0] << 16 | colors[:, 1] << 8 | colors[:, 2]
-    return PaintedImage(table.astype(np.uint32)[most], opaque=True, reading=ImageValues(of_difference(gain), most))
+    return PaintedImage(table.astype(np.uint32)[most], opaque=True, reading=ImageValues(difference_scale(gain), most))

@@ -107,7 +107,7 @@ class FrameState(QObject):
     @property
     def outdated(self) -> bool:
         """Whether the models were trained again after the scores were measured."""
-        return self._scores.at < self._document.contents.made
+        return self._scores.at < self._document.contents.modified_time
 
     def _on_project(self) -> None:
         self.coverage, self.corrected, self._scores, self.reading = {}, frozenset(), Scores(), False

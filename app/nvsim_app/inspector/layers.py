@@ -19,7 +19,7 @@ from nvsim_app.state.directions import Direction
 _POINTED = 60  # alpha of the fill of the highlighted region, 0 to 255; the others are outlines
 
 
-def before_the_eye(corners: NDArray[np.float64], camera: Camera) -> NDArray[np.float64]:
+def clip_at_near_plane(corners: NDArray[np.float64], camera: Camera) -> NDArray[np.float64]:
     """The polygon (N, 3) in meters, world, clipped at the near plane of `camera`: (M, 3), with fewer than three points
     if it is not visible."""
     depth = (corners - camera.position) @ camera.rotation[:, 2] - NEAR
@@ -74,7 +74,7 @@ class RegionLayer(Layer):
 
 
 def _draw(painter: QPainter, camera: Camera, corners: NDArray[np.float64], pen: QPen, fill: QColor) -> None:
-    seen = before_the_eye(corners, camera)
+    seen = clip_at_near_plane(corners, camera)
     if len(seen) < 3:
         return
     pixels, _ = camera.project(seen)

@@ -24,7 +24,7 @@ from nvsim_app.inspector.state import Inspection
 from nvsim_app.look import colors
 from nvsim_app.look.icons import swatch
 from nvsim_app.look.labels import Label
-from nvsim_app.look.plain_text import tip
+from nvsim_app.look.plain_text import tooltip_text
 from nvsim_app.look.table import Column, TableModel, TableView, table
 from nvsim_app.look.theme import type_font
 from nvsim_app.state.directions import Direction, two_decimals
@@ -209,7 +209,7 @@ class InspectorPanel(QScrollArea):
             button.setCheckable(True)
             button.setAutoRaise(True)
             button.setChecked(channel == "rgb")
-            button.setToolTip(tip(f"Show {text.lower()} in the panorama"))
+            button.setToolTip(tooltip_text(f"Show {text.lower()} in the panorama"))
             button.setObjectName(f"panorama_{channel}")
             button.setProperty("channel", channel)
             self.channels.addButton(button, i)
@@ -240,13 +240,15 @@ class InspectorPanel(QScrollArea):
                 button.setChecked(True)
                 self.view.set_channel(channel)
 
-    def offer_channels(self, drawn: bool) -> None:
+    def enable_channels(self, drawn: bool) -> None:
         """Enables the available channels: models render all of them, images beside a file have only colors."""
         for button in self.channels.buttons():
             channel = str(button.property("channel"))
             button.setEnabled(drawn or channel == "rgb")
             shown = f"Show {CHANNELS[channel].lower()} in the panorama"
-            button.setToolTip(tip(shown) if button.isEnabled() else "The images beside a graph file have only colors")
+            button.setToolTip(
+                tooltip_text(shown) if button.isEnabled() else "The images beside a graph file have only colors"
+            )
 
     def _on_current(self, index: QModelIndex) -> None:
         if index.isValid():
@@ -255,7 +257,7 @@ class InspectorPanel(QScrollArea):
     def _fill(self) -> None:
         id = self._inspection.viewpoint
         self.title.setText(self._inspection.name_of(id) if id else "")
-        self.title.setToolTip(tip(f"Viewpoint {id}" if id else ""))
+        self.title.setToolTip(tooltip_text(f"Viewpoint {id}" if id else ""))
         self.model.show(self._inspection.directions)
         self._show_pointed()
 

@@ -24,10 +24,10 @@ from PySide6.QtWidgets import QSizePolicy, QWidget
 from nvsim_app.inspector.panoramas import Panoramas
 from nvsim_app.inspector.state import Inspection, NeighbourMarks, densify_outline, direction_hit, viewing_angles
 from nvsim_app.look import colors
-from nvsim_app.look.plain_text import lines, tip
+from nvsim_app.look.plain_text import lines, tooltip_text
 from nvsim_app.look.theme import type_font
 from nvsim_app.painting.legend import legend_box, paint_legend
-from nvsim_app.painting.primitives import chip
+from nvsim_app.painting.primitives import paint_label
 from nvsim_app.painting.value_colors import OF_CHANNEL, alpha_shown, normal_shown
 from nvsim_app.state.directions import Direction
 
@@ -83,18 +83,18 @@ class PanoramaView(QWidget):
         self.shows_regions = on
         self.update()
 
-    def look_to(self, heading: float) -> None:
+    def set_heading(self, heading: float) -> None:
         """Centers the view at `heading` (radians)."""
         self._heading = heading
         self.update()
 
     @property
-    def gaze(self) -> tuple[float, float, float]:
+    def view_center(self) -> tuple[float, float, float]:
         """Heading and elevation of the view center in radians, and the zoom; zoom 1 shows the whole turn."""
         return self._heading, self._elevation, self._zoom
 
-    def look(self, heading: float, elevation: float, zoom: float) -> None:
-        """Restores the view of `gaze`."""
+    def set_view_center(self, heading: float, elevation: float, zoom: float) -> None:
+        """Restores the view of `view_center`."""
         self._heading, self._elevation, self._zoom = heading, elevation, min(max(zoom, 1.0), _NEAREST)
         self.update()
 
@@ -156,7 +156,7 @@ class PanoramaView(QWidget):
         words = self.value_words
         if words:
             low = box.bottom() + painter.fontMetrics().height() + 7
-            chip(painter, QPointF(6, low), words, QColor("#e8edf2"), QColor(16, 20, 26, 190))
+            paint_label(painter, QPointF(6, low), words, QColor("#e8edf2"), QColor(16, 20, 26, 190))
 
     # Painting --------------------------------------------------------------------------------------------------
 
@@ -239,19 +239,19 @@ class PanoramaView(QWidget):
             turned = (heading - self._heading + math.pi) % _TURN - math.pi + self._heading
             ((x, _),) = self.to_pixels(np.array([[turned, 0.0]]))
             width = painter.fontMetrics().horizontalAdvance(name) + 12
-            chip(painter, QPointF(x - width / 2, 21), name, QColor("#e8edf2"), QColor(16, 20, 26, 150))
+            paint_label(painter, QPointF(x - width / 2, 21), name, QColor("#e8edf2"), QColor(16, 20, 26, 150))
 
     def _paint_words(self, painter: QPainter, there: bool) -> None:
         if self._inspection.viewpoint is None:
             text = "Select a viewpoint to see its panorama."
         elif not there:
-            text = self.hint or self._panoramas.trouble or self._panoramas.words
+            text = self.hint or self._panoramas.failure_reason or self._panoramas.words
         elif self._panoramas.drawing:
             text = "rendering at full resolution…"
         else:
             return
         if there:
-            chip(painter, QPointF(6, self.height() - 6), text, QColor("#e8edf2"), QColor(16, 20, 26, 170))
+            paint_label(painter, QPointF(6, self.height() - 6), text, QColor("#e8edf2"), QColor(16, 20, 26, 170))
             return
         painter.setPen(QColor("#9aa5b1"))
         flags = Qt.AlignmentFlag.AlignHCenter | Qt.AlignmentFlag.AlignTop | Qt.TextFlag.TextWordWrap
@@ -284,7 +284,7 @@ class PanoramaView(QWidget):
             under = self._under(event.position())
             self._inspection.point(under)
             self.setCursor(_cursor(under))
-            self.setToolTip("" if under is None else tip(under.sentence))
+            self.setToolTip("" if under is None else tooltip_text(under.sentence))
             return
         step = event.position() - self._pressed
         if self._dragged or step.manhattanLength() > _CLICK:

@@ -74,11 +74,11 @@ class Panoramas(QObject):
         self.arrived.emit()
 
     @property
-    def trouble(self) -> str:
+    def failure_reason(self) -> str:
         """Why the requested panorama is not available; "" if it is, or if it may come."""
         return "" if self._wanted is None else self._troubles.get(self._wanted, "")
 
-    def want(self, place: Place | None, read: Read | None = None) -> None:
+    def request(self, place: Place | None, read: Read | None = None) -> None:
         """Requests the panorama at `place` (x, y, z) in meters, world; None requests none. With `read` it is read from
         a file instead of rendered."""
         if place == self._wanted:

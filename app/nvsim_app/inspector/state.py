@@ -15,7 +15,7 @@ from nvsim.graph.difference import Difference
 from nvsim.mapping.config import MappingConfig
 from nvsim_app.layers.labels import short_id
 from nvsim_app.look import colors, lengths
-from nvsim_app.painting.primitives import chip
+from nvsim_app.painting.primitives import paint_label
 from nvsim_app.state.directions import Direction, directions
 from nvsim_app.state.document import Document
 
@@ -177,7 +177,7 @@ class NeighbourMarks:
             painter.setPen(QPen(QColor("#ffffff"), 1.4))
             painter.drawEllipse(QPointF(x, y), radius, 0.5 * radius)
             if id == self.hovered:
-                chip(
+                paint_label(
                     painter,
                     QPointF(x + 14, y + 5),
                     f"{self._inspection.name_of(id)}, {lengths.length(metres, 1)}",

@@ -107,17 +107,17 @@ class CheckResult:
     videos: tuple[VideoFile, ...] = ()
 
     @property
-    def wants_scale(self) -> bool:
+    def needs_scale(self) -> bool:
         """Whether the scale is unknown and must be given."""
         return any(k.message == SCALE_UNKNOWN for k in self.kinds)
 
     @property
-    def assumes_scale(self) -> bool:
+    def accepts_scale(self) -> bool:
         """Whether the scale may be given. Without it, lengths are in camera heights."""
         return any(k.message == SCALE_ASSUMED for k in self.kinds)
 
     @property
-    def wants_images(self) -> bool:
+    def needs_images(self) -> bool:
         """Whether images are not at the paths that the capture gives."""
         return any(k.message in (IMAGE_MISSING, IMAGE_AMBIGUOUS) for k in self.kinds)
 
@@ -138,11 +138,11 @@ class CheckResult:
         return next((words[1] for words in fixes if len(words) == 2 and words[1] in CHOICES), "")
 
     @property
-    def mendable(self) -> bool:
+    def is_fixable(self) -> bool:
         """Whether the errors can be fixed: by leaving out frames, by naming the folder of the images, or by another
         axis convention."""
         left = self.summary is not None and len(self.bad_frames) < self.summary.images
-        return self.wants_images or bool(self.axes) or (left and bool(self.bad_frames))
+        return self.needs_images or bool(self.axes) or (left and bool(self.bad_frames))
 
     @property
     def sentence(self) -> str:
@@ -151,7 +151,7 @@ class CheckResult:
             return self._about_videos
         if self.refused:
             return "This capture cannot be used as it is."
-        if self.wants_scale:
+        if self.needs_scale:
             return "The scale of the capture is unknown; enter the height of the cameras above the floor."
         warnings = sum(k.severity == "warning" for k in self.kinds)
         if warnings:
@@ -163,7 +163,7 @@ class CheckResult:
         what = "This video" if len(self.videos) == 1 else f"These {len(self.videos)} videos"
         if self.refused:
             return f"{what} cannot be used."
-        scale = " Without the camera height, lengths are in camera heights." if self.assumes_scale else ""
+        scale = " Without the camera height, lengths are in camera heights." if self.accepts_scale else ""
         return f"{what} can be used. The import computes the camera poses first, which takes some minutes.{scale}"
 
 

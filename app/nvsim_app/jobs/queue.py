@@ -250,7 +250,7 @@ class JobQueue(QObject):
         first = next((h for h in before if h.state in ("paused", "interrupted", "queued")), None)
         return "" if first is None else f"“{first.title}” comes first; continue or cancel it"
 
-    def why_not_anew(self, job: Job) -> str:
+    def why_not_order_again(self, job: Job) -> str:
         """Why a job of another user cannot be ordered here unchanged, "" if it can."""
         if self._jobs is None:
             return "no project is open"
@@ -260,13 +260,13 @@ class JobQueue(QObject):
             return str(error)
         return ""
 
-    def order_anew(self, seen: Job) -> None:
+    def order_again(self, seen: Job) -> None:
         """Orders the job of another user here, exactly as the user has `seen` it. Raises InputError if the job is not
         allowed or has changed meanwhile."""
         if self._jobs is None:
             return
         check_order(self._jobs.root, seen.order.verb, seen.order.arguments, confined=True)
-        self._jobs.order_anew(seen)
+        self._jobs.order_again(seen)
         self._begin(self._jobs, None if seen.order.heavy else seen.number)
         self._update_jobs()
 

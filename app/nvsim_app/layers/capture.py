@@ -20,7 +20,7 @@ from nvsim_app.painting.dots import MOST, Dots
 from nvsim_app.painting.picking import NEAR, projected_segments
 from nvsim_app.painting.primitives import Primitives, disc
 from nvsim_app.state.document import Document
-from nvsim_app.state.free_floor import trajectory_on_floor, weak_spots
+from nvsim_app.state.free_floor import trajectory_on_floor, weak_places
 
 MOST_DOTS_MOVING = 12_000
 _NEAR = 0.1  # meters
@@ -97,7 +97,7 @@ _LENGTH = 0.22  # meters along the optical axis
 _SHARE, _LONGEST = 0.03, 1.0  # length as a share of the site, and its maximum in meters, without a reconstruction
 
 
-def frusta(frames: Sequence[Frame], length: float) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def frustum_edges(frames: Sequence[Frame], length: float) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """The edges of the frames' pyramids, `length` meters deep: starts and ends, each (N, 8, 3) meters, world."""
     poses = np.array([f.camera_to_world for f in frames], np.float64).reshape(-1, 4, 4)
     sizes = np.array([(k.width, k.height, k.cx, k.cy, k.fx, k.fy) for k in (f.intrinsics for f in frames)], np.float64)
@@ -112,7 +112,7 @@ def frusta(frames: Sequence[Frame], length: float) -> tuple[NDArray[np.float64],
 
 def frustum(frame: Frame, length: float) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """The edges of one pyramid, `length` meters deep: starts and ends, each (8, 3) meters, world."""
-    starts, ends = frusta([frame], length)
+    starts, ends = frustum_edges([frame], length)
     return starts[0], ends[0]
 
 
@@ -133,7 +133,7 @@ class FrustumLayer(Layer):
 
     @property
     def missing(self) -> str:
-        return "" if len(self._document.trajectory.positions) else STAGE["import"].lacking
+        return "" if len(self._document.trajectory.positions) else STAGE["import"].missing
 
     def forget(self) -> None:
         self._of, self._starts, self._ends = None, np.zeros((0, 8, 3)), np.zeros((0, 8, 3))
@@ -146,7 +146,7 @@ class FrustumLayer(Layer):
         everywhere = self._document.contents.scene_stamp is None
         if self._of is not capture or self._everywhere != everywhere:
             size = float(np.ptp(positions[:, :2], axis=0).max()) if everywhere else 0.0
-            self._starts, self._ends = frusta(capture.frames, min(max(_LENGTH, _SHARE * size), _LONGEST))
+            self._starts, self._ends = frustum_edges(capture.frames, min(max(_LENGTH, _SHARE * size), _LONGEST))
             self._of, self._everywhere = capture, everywhere
         distance = np.linalg.norm(positions - camera.position, axis=1)
         if everywhere:
@@ -224,7 +224,7 @@ class FrameMaskLayer(Layer):
             return
         if np.linalg.norm(self._camera.position - camera.position) > AT_CAMERA:
             return
-        turn = turned(self._camera, camera)
+        turn = pixel_homography(self._camera, camera)
         k = self._camera.intrinsics
         corners = np.array([(0, 0, 1), (k.width, 0, 1), (k.width, k.height, 1), (0, k.height, 1)]) @ turn.T
         if (corners[:, 2] < 0.1).any():
@@ -234,7 +234,7 @@ class FrameMaskLayer(Layer):
         painter.drawImage(QRectF(QPointF(0, 0), QPointF(k.width, k.height)), self._image)
 
 
-def turned(source: Camera, target: Camera) -> NDArray[np.float64]:
+def pixel_homography(source: Camera, target: Camera) -> NDArray[np.float64]:
     """(3, 3) homography from homogeneous pixels of `source` to those of `target`. Both cameras have one position. The
     third component of a result is positive in front of `target`."""
     turn: NDArray[np.float64] = _matrix(target) @ target.rotation.T @ source.rotation @ np.linalg.inv(_matrix(source))
@@ -259,7 +259,7 @@ class TrajectoryLayer(Layer):
 
     @property
     def missing(self) -> str:
-        return "" if len(self._document.drawn_trajectory.positions) else STAGE["import"].lacking
+        return "" if len(self._document.drawn_trajectory.positions) else STAGE["import"].missing
 
     def paint(self, painter: QPainter, camera: Camera) -> None:
         trajectory = self._document.drawn_trajectory
@@ -275,7 +275,7 @@ class TrajectoryLayer(Layer):
             color.setAlpha(220)
             painter.setPen(QPen(color, 2.0))
             self._primitives.draw_lines(painter, lines[owners == owner])
-        spots, _ = weak_spots(self._document)
+        spots, _ = weak_places(self._document)
         if len(spots):
             pixels, depths = camera.project(positions[spots])
             self._primitives.draw_sprites(painter, pixels[depths > NEAR], np.ones((1, 2)), self._weak)

@@ -15,7 +15,7 @@ from nvsim_app.painting.picking import projected_segments
 from nvsim_app.painting.primitives import Primitives
 from nvsim_app.state.document import Document
 from nvsim_app.state.free_floor import floor_height
-from nvsim_app.state.graph_arrays import extremes
+from nvsim_app.state.graph_arrays import column_bounds
 
 _SMOOTH = 120  # lines
 
@@ -40,7 +40,7 @@ class GridLayer(Layer):
         extent = self._document.extent
         if not self.bare or len(extent) == 0:
             return
-        low, high = extremes(extent)
+        low, high = column_bounds(extent)
         low, high = np.floor(low - 2), np.ceil(high + 2)
         height = round(float(np.median(extent[:, 2])), 1) - 1.5  # an edit of one viewpoint does not change it
         k = camera.intrinsics

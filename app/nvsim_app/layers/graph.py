@@ -117,7 +117,7 @@ class GraphLayer(Layer):
 
     @property
     def missing(self) -> str:
-        return "" if self._document.graph_arrays.ids else STAGE["map"].lacking
+        return "" if self._document.graph_arrays.ids else STAGE["map"].missing
 
     def seen(self, camera: Camera) -> ProjectedViewpoints:
         """The viewpoints projected to `camera`. The result is cached for repeated calls."""
@@ -137,7 +137,7 @@ class GraphLayer(Layer):
             return np.zeros(len(view.arrays.ids), np.bool_)
         if len(self._hidden) != 3 or self._hidden[0] is not view or self._hidden[1] is not occupancy:
             assert occupancy is not None  # checked above
-            self._hidden = view, occupancy, behind_walls(occupancy, view.camera.position, view.arrays.feet)
+            self._hidden = view, occupancy, are_behind_walls(occupancy, view.camera.position, view.arrays.feet)
         found: NDArray[np.bool_] = self._hidden[2]  # type: ignore[assignment]
         return found
 
@@ -220,7 +220,9 @@ _MOST = 250  # maximum number of samples per ray; longer rays are sampled more c
 _NEAR = 0.3  # meters at the end of the ray that are ignored, because a point beside a wall is not behind it
 
 
-def behind_walls(occupancy: OccupancyMap, eye: NDArray[np.floating], feet: NDArray[np.floating]) -> NDArray[np.bool_]:
+def are_behind_walls(
+    occupancy: OccupancyMap, eye: NDArray[np.floating], feet: NDArray[np.floating]
+) -> NDArray[np.bool_]:
     """(N,) bool, whether the segment from `eye` (3,) to each of the floor points `feet` (N, 3) passes an occupied cell
     below wall height. All points are in meters, world.
 

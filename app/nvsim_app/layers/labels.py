@@ -14,7 +14,7 @@ from nvsim_app.layers.layer import Layer
 from nvsim_app.look import colors
 from nvsim_app.look.plain_text import plain
 from nvsim_app.look.theme import type_font
-from nvsim_app.painting.primitives import chip, chip_box
+from nvsim_app.painting.primitives import chip_box, paint_label
 from nvsim_app.state.document import Document
 
 _ID = re.compile(r"\b[0-9a-f]{8,32}\b")  # an id, or its beginning in a message of a command
@@ -54,7 +54,7 @@ class LabelLayer(Layer):
                 continue
             fill = QColor(58, 44, 5, 220) if row == selected else QColor(16, 20, 26, 170)
             ink = QColor(colors.SELECTED if row == selected else "#dfe7ee")
-            drawn.append(chip(painter, anchor, short_id(graph, arrays.ids[row]), ink, fill))
+            drawn.append(paint_label(painter, anchor, short_id(graph, arrays.ids[row]), ink, fill))
 
 
 def short_ids(graph: NavGraph | None, sentence: str) -> str:

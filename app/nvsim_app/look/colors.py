@@ -44,7 +44,7 @@ OCCUPANCY_DARK = {"free": (58, 66, 78), "occupied": (186, 196, 208), "unknown": 
 OCCUPANCY_LIGHT = {"free": (255, 255, 255), "occupied": (72, 80, 92), "unknown": (222, 226, 231)}
 
 
-def dress(theme: str) -> None:
+def set_text_theme(theme: str) -> None:
     """Sets the theme of text colors: "dark" or "light"."""
     _theme[0] = theme
 

@@ -59,6 +59,6 @@ def swatch(color: str, size: int = 12) -> QPixmap:
 def save_image(image: QImage | QPixmap, path: Path) -> None:
     """Writes an image in the format of the file extension. Raises InputError if Qt does not support the format, or if
     the file cannot be written."""
-    with atomic.replacing(path) as temporary:
+    with atomic.replacement_file(path) as temporary:
         if not image.save(str(temporary)):
             raise InputError(f"Cannot write {path}; choose a writable folder and a name ending in .png.")

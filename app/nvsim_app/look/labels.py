@@ -24,7 +24,7 @@ from PySide6.QtWidgets import (
 )
 
 from nvsim_app.look import colors
-from nvsim_app.look.plain_text import folded, in_window, lines, plain, tip
+from nvsim_app.look.plain_text import in_window, lines, plain, tooltip_text, with_break_points
 
 _WIDEST = 400  # maximum of the minimum width of a label, pixels
 _TAG = re.compile(r"<\s*/?\s*([^\s/>]*)")
@@ -48,7 +48,7 @@ class Label(QLabel):
             self.setText(own)
 
     def setText(self, words: str) -> None:
-        super().setText(folded(lines(in_window(words))))
+        super().setText(with_break_points(lines(in_window(words))))
 
     def minimumSizeHint(self) -> QSize:
         hint = super().minimumSizeHint()
@@ -86,7 +86,7 @@ class MarkedLabel(Label):
     def setText(self, words: str) -> None:
         ours = _OUR_TAGS.issuperset(_TAG.findall(words)) and "url(" not in words and "background" not in words
         self.setTextFormat(Qt.TextFormat.RichText if ours else Qt.TextFormat.PlainText)
-        QLabel.setText(self, words if ours else folded(lines(words)))
+        QLabel.setText(self, words if ours else with_break_points(lines(words)))
 
 
 class Value(QLineEdit):
@@ -104,7 +104,7 @@ class Value(QLineEdit):
 
     def show_value(self, value: str) -> None:
         self.setText(plain(value))
-        self.setToolTip(tip(value))
+        self.setToolTip(tooltip_text(value))
         self.setCursorPosition(0)
 
 

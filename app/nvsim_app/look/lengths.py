@@ -45,6 +45,6 @@ def length(metres: float, decimals: int = 2, sign: bool = False) -> str:
     return f"{figure(metres, decimals, sign)} {unit().symbol}"
 
 
-def place(*metres: float, decimals: int = 2) -> str:
+def position_text(*metres: float, decimals: int = 2) -> str:
     """Formats coordinates with their unit after the last one."""
     return f"{', '.join(figure(value, decimals) for value in metres)} {unit().symbol}"

@@ -1,9 +1,9 @@
 """Shows text from outside (file names, frames, identifiers, jobs, errors) as plain text.
 
 Qt interprets any text that looks like HTML and opens the files that it names: an image in a tooltip can read /dev/zero.
-So every label is a `labels.Label`, every tooltip goes through `tip`, and trusted markup includes text from outside only
-through `escape_html`. Control characters, changes of the writing direction, and line breaks in names become visible.
-Very long texts are cut. Sentences name the labels of the window in place of commands. Does not use Qt.
+So every label is a `labels.Label`, every tooltip goes through `tooltip_text`, and trusted markup includes text from
+outside only through `escape_html`. Control characters, changes of the writing direction, and line breaks in names
+become visible. Very long texts are cut. Sentences name the labels of the window in place of commands. Does not use Qt.
 """
 
 from __future__ import annotations
@@ -46,13 +46,13 @@ def escape_html(text: object) -> str:
     return html.escape(lines(in_window(str(text)))).replace("\n", "<br>")
 
 
-def tip(text: object) -> str:
+def tooltip_text(text: object) -> str:
     """`text` as a tooltip. Text that Qt might interpret as HTML, and text with long lines, is escaped and wrapped in
     HTML."""
     shown = lines(in_window(str(text)))
     if "<" not in shown and "&" not in shown and all(len(row) <= _TIP_LINE for row in shown.split("\n")):
         return shown
-    return f'<span style="white-space:pre-wrap">{html.escape(folded(shown))}</span>'
+    return f'<span style="white-space:pre-wrap">{html.escape(with_break_points(shown))}</span>'
 
 
 def caption(text: object, most: int = CAPTION) -> str:
@@ -72,7 +72,7 @@ def _cut(words: str, most: int) -> str:
     return f"{words[: most - 1 - end]}…{words[-end:] if end else ''}"
 
 
-def folded(words: str) -> str:
+def with_break_points(words: str) -> str:
     """`words` with invisible break points in very long words, except in paths, which users copy and which break at
     slashes."""
     return _WORD.sub(lambda found: "\u200b".join(re.findall(f".{{1,{_FOLD}}}", found.group())), words)

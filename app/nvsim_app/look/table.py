@@ -24,7 +24,7 @@ from PySide6.QtWidgets import (
 )
 
 from nvsim_app.look import lengths
-from nvsim_app.look.plain_text import SENTENCE, in_window, plain, tip
+from nvsim_app.look.plain_text import SENTENCE, in_window, plain, tooltip_text
 
 Index = QModelIndex | QPersistentModelIndex
 Row = TypeVar("Row", bound=Hashable)
@@ -209,7 +209,7 @@ class TableModel(QAbstractTableModel, Generic[Row]):
             title = f"{column.title}, {lengths.unit().symbol}" if column.measured else column.title
             return title + _GAP if column.number and not self.dense else title
         if role == Qt.ItemDataRole.ToolTipRole:
-            return tip(column.tip) or None
+            return tooltip_text(column.tip) or None
         return _RIGHT if role == Qt.ItemDataRole.TextAlignmentRole and column.number else None
 
     def data(self, index: Index, role: int = Qt.ItemDataRole.DisplayRole) -> Any:
@@ -224,7 +224,7 @@ class TableModel(QAbstractTableModel, Generic[Row]):
         if role == Qt.ItemDataRole.UserRole:
             return column.value(row)
         if role == Qt.ItemDataRole.ToolTipRole:
-            return tip((column.about or self._about)(row)) or None
+            return tooltip_text((column.about or self._about)(row)) or None
         if role == Qt.ItemDataRole.ForegroundRole and column.ink is not None and (ink := column.ink(row)):
             return QColor(ink)
         if role == Qt.ItemDataRole.DecorationRole and column.icon is not None:
@@ -312,11 +312,11 @@ def table(model: QAbstractItemModel, parent: QWidget | None, name: str = "") -> 
     Columns that declare a width get it, or that of their title; if none does, the columns fit their texts."""
     view = TableView(parent)
     view.setModel(model)
-    dress_table(view, name)
+    style_table(view, name)
     return view
 
 
-def dress_table(view: TableView, name: str = "") -> None:
+def style_table(view: TableView, name: str = "") -> None:
     """Applies the common style and column widths to a table that has a model; see `table`."""
     model = view.model()
     view.setItemDelegate(_Cells(view))

@@ -108,7 +108,7 @@ def apply(app: QApplication, theme: str) -> None:
     else:
         # This has no effect on desktops without color schemes, so the palette is set too.
         hints.setColorScheme(Qt.ColorScheme.Dark if theme == "dark" else Qt.ColorScheme.Light)
-    colors.dress(theme)
+    colors.set_text_theme(theme)
     app.setPalette(palette(theme))
     # For widgets that read the settings of pyqtgraph when they are created later.
     pg.setConfigOptions(antialias=True, background=None, foreground=app.palette().text().color())

@@ -25,7 +25,7 @@ from PySide6.QtWidgets import (
 from shiboken6 import isValid
 
 from nvsim_app.look.labels import Label
-from nvsim_app.look.plain_text import tip
+from nvsim_app.look.plain_text import tooltip_text
 from nvsim_app.look.theme import GRID, type_font
 
 
@@ -38,7 +38,7 @@ class DialogButtons(QDialogButtonBox):
         super().showEvent(event)
 
 
-def bring_up(window: QWidget) -> None:
+def show_and_focus(window: QWidget) -> None:
     """Shows a non-modal window and gives it the keyboard focus, so that Esc closes it and Tab moves through it."""
     window.show()
     window.raise_()
@@ -85,7 +85,7 @@ class StatusLine(QStatusBar):
 
     def __init__(self, parent: QWidget | None = None) -> None:
         super().__init__(parent)
-        self.messageChanged.connect(lambda words: self.setToolTip(tip(words)))
+        self.messageChanged.connect(lambda words: self.setToolTip(tooltip_text(words)))
 
     def paintEvent(self, event: QPaintEvent) -> None:
         words = self.currentMessage()

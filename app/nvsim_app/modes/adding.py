@@ -20,7 +20,7 @@ from nvsim_app.layers.labels import short_ids
 from nvsim_app.look import colors, lengths
 from nvsim_app.modes.mode import GHOST, Mode, Pointer, dots, label, line
 from nvsim_app.state import edit_commands
-from nvsim_app.state.directions import way_between
+from nvsim_app.state.directions import path_between
 from nvsim_app.views.graph_surface import GraphSurface
 
 _INKS = {1: colors.OPEN, 0: GHOST, -1: colors.BLOCKED}
@@ -60,7 +60,7 @@ class AddEdgeMode(Mode):
     def drag(self, start: Pointer, now: Pointer) -> None:
         self.hover(now)
 
-    def drop(self, start: Pointer, now: Pointer) -> None:
+    def end_drag(self, start: Pointer, now: Pointer) -> None:
         there = now.viewpoint
         if there is None:
             self.cancel()
@@ -135,7 +135,7 @@ class AddEdgeMode(Mode):
         document = self.context.document
         key = (document.graph, document.contents, start, there)
         if self._key is None or any(a is not b for a, b in zip(self._key, key, strict=True)):
-            self._key, self._between = key, way_between(document, start, there)
+            self._key, self._between = key, path_between(document, start, there)
         return self._between
 
 

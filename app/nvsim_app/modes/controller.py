@@ -288,7 +288,7 @@ class _Input(QObject):
             return over
         if self._dragging:
             self._dragging = False
-            self._stage.current.drop(start, self._pointer(event))
+            self._stage.current.end_drag(start, self._pointer(event))
             return True
         if self._stage.current.click(start):
             return True

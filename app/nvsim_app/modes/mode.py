@@ -98,7 +98,7 @@ class Mode:
     def drag(self, start: Pointer, now: Pointer) -> None:
         """Handles a move during an accepted drag."""
 
-    def drop(self, start: Pointer, now: Pointer) -> None:
+    def end_drag(self, start: Pointer, now: Pointer) -> None:
         """Handles the end of an accepted drag."""
 
     def hover(self, pointer: Pointer) -> bool:

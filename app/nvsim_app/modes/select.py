@@ -34,7 +34,7 @@ def choose(
     context.editing.select(found)
 
 
-def choose_what_is_under(context: ModeContext, pointer: Pointer) -> bool:
+def select_at_pointer(context: ModeContext, pointer: Pointer) -> bool:
     """Selects the viewpoint, or else the edge, under the mouse pointer. Returns False if there is neither and no
     modifier key is pressed."""
     viewpoint = pointer.viewpoint
@@ -78,7 +78,7 @@ class SelectMode(Mode):
         self._nudge = 0
 
     def click(self, pointer: Pointer) -> bool:
-        return choose_what_is_under(self.context, pointer)
+        return select_at_pointer(self.context, pointer)
 
     # Dragging --------------------------------------------------------------------------------------------------
 
@@ -101,9 +101,9 @@ class SelectMode(Mode):
         self._offset, self._now = self._offset_to(now), now
         self.context.refresh()
 
-    def drop(self, start: Pointer, now: Pointer) -> None:
+    def end_drag(self, start: Pointer, now: Pointer) -> None:
         if not self._moving:
-            self._box.drop(start, now)
+            self._box.end_drag(start, now)
             return
         offset, moved = self._offset_to(now), self._moving
         self.cancel()
@@ -180,7 +180,7 @@ class BoxMode(Mode):
     _box: tuple[GraphSurface, QRectF] | None = None
 
     def click(self, pointer: Pointer) -> bool:
-        return choose_what_is_under(self.context, pointer)
+        return select_at_pointer(self.context, pointer)
 
     def takes_drag(self, start: Pointer) -> bool:
         return True
@@ -189,7 +189,7 @@ class BoxMode(Mode):
         self._box = (start.surface, QRectF(start.point, now.point).normalized())
         self.context.refresh()
 
-    def drop(self, start: Pointer, now: Pointer) -> None:
+    def end_drag(self, start: Pointer, now: Pointer) -> None:
         box = QRectF(start.point, now.point).normalized()
         self.cancel()
         corners = [box.topLeft(), box.topRight(), box.bottomRight(), box.bottomLeft()]
@@ -217,7 +217,7 @@ class LassoMode(Mode):
     _way: tuple[QPointF, ...] = ()
 
     def click(self, pointer: Pointer) -> bool:
-        return choose_what_is_under(self.context, pointer)
+        return select_at_pointer(self.context, pointer)
 
     def takes_drag(self, start: Pointer) -> bool:
         return True
@@ -229,7 +229,7 @@ class LassoMode(Mode):
         self._way = (*self._way, now.point)
         self.context.refresh()
 
-    def drop(self, start: Pointer, now: Pointer) -> None:
+    def end_drag(self, start: Pointer, now: Pointer) -> None:
         way = (*self._way, now.point)
         self.cancel()
         choose(self.context, now, start.surface.polygon_selection(way))

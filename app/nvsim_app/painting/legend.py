@@ -6,7 +6,7 @@ from PySide6.QtCore import QPointF, QRectF, Qt
 from PySide6.QtGui import QColor, QFont, QFontMetricsF, QImage, QPainter, QPen
 
 from nvsim_app.look.theme import type_font
-from nvsim_app.painting.primitives import chip
+from nvsim_app.painting.primitives import paint_label
 from nvsim_app.painting.value_colors import ValueScale
 
 _WIDTH, _BAR, _MARGIN = 172.0, 9.0, 6.0  # pixels
@@ -79,7 +79,7 @@ def _paint_swatches(painter: QPainter, scale: ValueScale, at: QPointF, line: flo
 
 
 def words_box(font: QFont, words: list[str], at: QPointF, within: QRectF) -> QRectF:
-    """The rectangle of `paint_words`: beside the point `at`, inside `within`."""
+    """The rectangle of `paint_values_at_cursor`: beside the point `at`, inside `within`."""
     metrics = QFontMetricsF(font)
     width = max(metrics.horizontalAdvance(w) for w in words) + 14
     height = len(words) * (metrics.height() + 6)
@@ -88,10 +88,10 @@ def words_box(font: QFont, words: list[str], at: QPointF, within: QRectF) -> QRe
     return QRectF(max(x, within.left()), max(y, within.top()), width, height)
 
 
-def paint_words(painter: QPainter, words: list[str], at: QPointF, within: QRectF) -> None:
+def paint_values_at_cursor(painter: QPainter, words: list[str], at: QPointF, within: QRectF) -> None:
     """Paints the values under the cursor beside it, one chip for each."""
     box = words_box(painter.font(), words, at, within)
     painter.setRenderHint(QPainter.RenderHint.Antialiasing)
     for row, one in enumerate(words):
         bottom = box.top() + (row + 1) * box.height() / len(words) - 1
-        chip(painter, QPointF(box.left(), bottom), one, _INK, _GROUND)
+        paint_label(painter, QPointF(box.left(), bottom), one, _INK, _GROUND)

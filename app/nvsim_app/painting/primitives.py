@@ -77,13 +77,13 @@ def disc(color: str, outline: str, diameter: int = 24, shape: str = "disc") -> Q
 
 
 def chip_box(painter: QPainter, anchor: QPointF, text: str) -> QRectF:
-    """The rectangle of `chip`."""
+    """The rectangle of `paint_label`."""
     metrics = painter.fontMetrics()
     width, height = metrics.horizontalAdvance(plain(text)) + 12, metrics.height() + 4
     return QRectF(anchor.x(), anchor.y() - height, width, height)
 
 
-def chip(painter: QPainter, anchor: QPointF, text: str, text_color: QColor, fill: QColor) -> QRectF:
+def paint_label(painter: QPainter, anchor: QPointF, text: str, text_color: QColor, fill: QColor) -> QRectF:
     """Paints a small rounded label with its lower left corner at `anchor`. Returns its rectangle."""
     text, box = plain(text), chip_box(painter, anchor, text)
     painter.setPen(Qt.PenStyle.NoPen)

@@ -215,7 +215,7 @@ OF_CHANNEL = {"alpha": ALPHA, "depth": DEPTH, "normal": NORMALS}
 """The scales of the channels of a render whose pixels are measured values."""
 
 
-def of_difference(gain: float) -> ValueScale:
+def difference_scale(gain: float) -> ValueScale:
     """The scale of an image that shows differences of 0 to 255 gray levels, amplified by `gain`."""
     most = 255 / gain
     return ValueScale(

@@ -19,7 +19,7 @@ from PySide6.QtWidgets import (
 )
 
 from nvsim_app.look.labels import Label
-from nvsim_app.look.plain_text import plain, tip
+from nvsim_app.look.plain_text import plain, tooltip_text
 from nvsim_app.look.theme import type_font
 from nvsim_app.palette.entries import PaletteEntry
 
@@ -139,7 +139,7 @@ class PaletteView(QFrame):
         for entry in self._offer(typed):
             item = QListWidgetItem()
             item.setData(_ENTRY, entry)
-            item.setToolTip(tip(f"Unavailable: {entry.reason}.") if entry.reason else "")
+            item.setToolTip(tooltip_text(f"Unavailable: {entry.reason}.") if entry.reason else "")
             item.setData(Qt.ItemDataRole.AccessibleTextRole, entry.title)
             self.list.addItem(item)
         self.list.setCurrentRow(0)

@@ -14,7 +14,7 @@ from PySide6.QtWidgets import (
 
 from nvsim_app.look import lengths
 from nvsim_app.look.labels import Hint, Label, WrappingRow
-from nvsim_app.look.plain_text import tip
+from nvsim_app.look.plain_text import tooltip_text
 from nvsim_app.look.widgets import NumberBox
 from nvsim_app.painting.cameras import ViewPose, heading_degrees
 
@@ -76,7 +76,7 @@ class CameraPathPanel(QWidget):
         self.keys.clear()
         for number, pose in enumerate(poses, 1):
             x, y, z = pose.position
-            self.keys.addItem(f"{number}   {lengths.place(x, y, z, decimals=1)}   {heading_degrees(pose):.0f}°")
+            self.keys.addItem(f"{number}   {lengths.position_text(x, y, z, decimals=1)}   {heading_degrees(pose):.0f}°")
         self.keys.setCurrentRow(min(row, len(poses) - 1))
         enough = len(poses) >= 2
         self.remove.setEnabled(bool(poses))
@@ -85,7 +85,9 @@ class CameraPathPanel(QWidget):
             (self.video, "Render the path as PNG frames and an MP4"),
         ):
             button.setEnabled(enough)
-            button.setToolTip(tip(words if enough else f"{words}\nUnavailable: a path needs at least two key poses."))
+            button.setToolTip(
+                tooltip_text(words if enough else f"{words}\nUnavailable: a path needs at least two key poses.")
+            )
 
     def _lay_out(self) -> None:
         column = QVBoxLayout(self)

@@ -25,7 +25,7 @@ from nvsim.reconstruction.footage_check import VideoFile
 from nvsim_app.jobs.queries import CheckResult
 from nvsim_app.look import colors
 from nvsim_app.look.labels import Label, WrappedRows, WrappingRow
-from nvsim_app.look.plain_text import in_window, lines, plain, tip
+from nvsim_app.look.plain_text import in_window, lines, plain, tooltip_text
 
 _COLORS = {"error": "blocked", "warning": "warning", "note": "quiet"}
 _SIGNS = {"error": "✗ ", "warning": "⚠ ", "note": ""}
@@ -70,7 +70,7 @@ class FindingTree(QTreeWidget):
             item.setForeground(0, QColor(colors.text(_COLORS.get(kind.severity, "quiet"))))
             tips = (f"{message} ({_WORDS[kind.severity]})", "\n".join(kind.places[:20]), kind.consequence)
             for column, words in enumerate(tips):
-                item.setToolTip(column, tip(words))
+                item.setToolTip(column, tooltip_text(words))
             for place in kind.places[:_MOST_PLACES] if many else ():
                 item.addChild(QTreeWidgetItem(["", plain(place), ""]))
             self.addTopLevelItem(item)
@@ -127,11 +127,11 @@ class CaptureFixes(QWidget):
         all_of_them = summary is not None and len(frames) >= summary.images
         self.leave_out.setEnabled(not all_of_them)
         listed = "\n".join(frames[:20]) + ("\n…" if len(frames) > 20 else "")
-        self.leave_out.setToolTip(tip("Unavailable: no image would be left." if all_of_them else listed))
+        self.leave_out.setToolTip(tooltip_text("Unavailable: no image would be left." if all_of_them else listed))
         self.take_back.setText(f"Include {left_out:,} frame{'' if left_out == 1 else 's'} again")
         self.take_back.setVisible(left_out > 0 and result is not None)
-        self.folder.setVisible(result is not None and result.wants_images and own_images)
-        self.scale.setVisible(result is not None and (result.wants_scale or result.assumes_scale))
+        self.folder.setVisible(result is not None and result.needs_images and own_images)
+        self.scale.setVisible(result is not None and (result.needs_scale or result.accepts_scale))
         self._axes = "" if result is None else result.axes
         self.axes.setText(f"Read poses as {self._axes}")
         self.axes.setVisible(bool(self._axes) and own_images)

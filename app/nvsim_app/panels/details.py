@@ -15,10 +15,17 @@ from nvsim_app.look import colors, lengths
 from nvsim_app.look.labels import Label, MarkedLabel, Value
 from nvsim_app.look.plain_text import escape_html, plain
 from nvsim_app.look.theme import type_font
-from nvsim_app.panels.submaps import model_words, trains
-from nvsim_app.state.directions import Direction, directions, way_between
+from nvsim_app.panels.submaps import is_training, model_words
+from nvsim_app.state.directions import Direction, directions, path_between
 from nvsim_app.state.document import Document
-from nvsim_app.state.graph_details import marks_of, of_edge, of_pair, of_several, photographed_of, verdicts
+from nvsim_app.state.graph_details import (
+    edge_details,
+    pair_details,
+    photographed_of,
+    selection_details,
+    user_marks,
+    verdicts,
+)
 
 _LONG = 24  # characters that fit beside their name in a narrow panel
 
@@ -135,13 +142,13 @@ class DetailsPanel(QScrollArea):
             self._show(
                 f"Viewpoint {short_id(graph, viewpoint.id)}",
                 {
-                    "Position": lengths.place(x, y, z),
+                    "Position": lengths.position_text(x, y, z),
                     "Above the floor": lengths.length(viewpoint.height),
                     "Neighbors": str(len(neighbours)),
                     "Submap": str(viewpoint.submap) if viewpoint.submap >= 0 else "none",
                     "Origin": _ORIGINS.get(viewpoint.origin, viewpoint.origin),
                     **photographed_of(viewpoint),
-                    **marks_of(viewpoint),
+                    **user_marks(viewpoint),
                     "Identifier": viewpoint.id,
                 },
                 found,
@@ -149,11 +156,11 @@ class DetailsPanel(QScrollArea):
         elif graph is not None and len(chosen.edges) == 1 and not chosen.viewpoints:
             (key,) = chosen.edges
             title = f"Edge {short_id(graph, key[0])} – {short_id(graph, key[1])}"
-            self._show(title, of_edge(graph, key, contents.thresholds), ())
+            self._show(title, edge_details(graph, key, contents.thresholds), ())
         elif graph is not None and len(chosen.viewpoints) == 2 and not chosen.edges:
             self._show_pair(*sorted(chosen.viewpoints))
         elif graph is not None and chosen:
-            self._show(*of_several(graph, chosen), ())
+            self._show(*selection_details(graph, chosen), ())
         elif selection.frame is not None and contents.capture is not None:
             frame = contents.capture.frames[selection.frame]
             x, y, z = frame.camera_to_world[:3, 3]
@@ -162,7 +169,7 @@ class DetailsPanel(QScrollArea):
                 frame.name,
                 {
                     "Frame": f"{selection.frame + 1} of {len(contents.capture.frames)}",
-                    "Position": lengths.place(x, y, z),
+                    "Position": lengths.position_text(x, y, z),
                     "Image": f"{frame.lens.width}×{frame.lens.height}, {frame.lens.model}",
                     "Submap": str(owner) if owner >= 0 else "none",
                     "Sensor": frame.sensor,
@@ -173,7 +180,7 @@ class DetailsPanel(QScrollArea):
             submap = next(s for s in contents.submaps if s.index == selection.submap)
             info = contents.model_info.get(submap.index)
             facts = {"Frames": str(len(submap.core)), "Shared frames": str(len(submap.frames) - len(submap.core))}
-            facts["Model"] = model_words(contents, submap.index, trains(self._document))
+            facts["Model"] = model_words(contents, submap.index, is_training(self._document))
             facts |= {_plain(k): _figure(v) for k, v in (info or {}).items() if isinstance(v, str | int | float)}
             self._show(f"Submap {submap.index}", facts, ())
             if info is None:
@@ -214,10 +221,10 @@ class DetailsPanel(QScrollArea):
 
     def _show_pair(self, a: str, b: str) -> None:
         """Explains why two viewpoints have an edge or not."""
-        graph, found = self._document.graph, way_between(self._document, a, b)
+        graph, found = self._document.graph, path_between(self._document, a, b)
         if found is None:
             return
-        self._show(f"Between {short_id(graph, a)} and {short_id(graph, b)}", of_pair(graph, found), ())
+        self._show(f"Between {short_id(graph, a)} and {short_id(graph, b)}", pair_details(graph, found), ())
         names = (escape_html(short_id(graph, id)) for id in (a, b))
         heads = "".join(f"<td align='right' style='padding:2px 8px'>from {name}</td>" for name in names)
         rows = "".join(

@@ -14,7 +14,7 @@ from nvsim.graph.offers import ChoiceField, NumberField
 from nvsim.project.work import PIPELINE, STAGE, StageName
 from nvsim_app.look import lengths
 from nvsim_app.look.labels import Label
-from nvsim_app.look.plain_text import tip
+from nvsim_app.look.plain_text import tooltip_text
 from nvsim_app.look.widgets import DialogButtons, NumberBox
 
 
@@ -64,7 +64,7 @@ class Form(QDialog):
                 choice.addItem(words, value)
             words_of = [str(value) for value in field.answers]
             choice.setCurrentIndex(words_of.index(str(stored)) if str(stored) in words_of else 0)
-            choice.setToolTip(tip(field.tip))
+            choice.setToolTip(tooltip_text(field.tip))
             self.inputs[field.name] = choice
             return choice
         try:
@@ -74,7 +74,7 @@ class Form(QDialog):
         value = field.default if math.isnan(value) else value  # the stored value may not be a number
         step = 1 if field.decimals == 0 else 0.1
         number = NumberBox(field.title, field.low, field.high, value, field.decimals, step, field.unit, self)
-        number.setToolTip(tip(field.tip))
+        number.setToolTip(tooltip_text(field.tip))
         self.inputs[field.name] = number
         return number
 
@@ -106,7 +106,7 @@ class KnownLength(QDialog):
         value = metres / unit.metres
         self.length = NumberBox("True length", 0.01, 10_000.0, value, 3, suffix=f" {unit.symbol}", parent=self)
         self.length.valueChanged.connect(self._show_state)
-        self.words = Label(words_of(stages), self)
+        self.words = Label(outdated_results_text(stages), self)
         self.words.setWordWrap(True)
         self.words.setMinimumWidth(380)
         form = QFormLayout()
@@ -136,7 +136,7 @@ class KnownLength(QDialog):
         self.change.setText(f"become {100 * self.factor:.1f} % of their current values")
 
 
-def words_of(stages: Collection[StageName]) -> str:
+def outdated_results_text(stages: Collection[StageName]) -> str:
     """Explains which results of `stages` become out of date by a new import."""
     made = [STAGE[stage].result for stage in PIPELINE if stage in stages]
     if not made:

@@ -48,9 +48,9 @@ from nvsim_app.frames.state import FrameState, Score
 from nvsim_app.look import colors
 from nvsim_app.look.icons import swatch
 from nvsim_app.look.labels import Hint, Label
-from nvsim_app.look.plain_text import tip
+from nvsim_app.look.plain_text import tooltip_text
 from nvsim_app.look.theme import type_font
-from nvsim_app.painting.primitives import chip
+from nvsim_app.painting.primitives import paint_label
 from nvsim_app.state.document import Document
 
 _KIND = (
@@ -190,7 +190,7 @@ class FramePanel(QWidget):
             self.order.setCurrentIndex(0)
         self.order.setEnabled(measured)
         why = "no held-out frame was measured; Jobs > Evaluate views measures them"
-        self.order.setToolTip(tip(_ORDER + ("" if measured else f"\nUnavailable: {why}.")))
+        self.order.setToolTip(tooltip_text(_ORDER + ("" if measured else f"\nUnavailable: {why}.")))
 
     def _set_filtering(self, filtering: bool) -> None:
         self._filtering = filtering
@@ -216,7 +216,7 @@ class FramePanel(QWidget):
 
 def _choice(parent: QWidget, words: str) -> QComboBox:
     box = QComboBox(parent)
-    box.setToolTip(tip(words))
+    box.setToolTip(tooltip_text(words))
     box.setSizePolicy(QSizePolicy.Policy.Ignored, QSizePolicy.Policy.Fixed)
     return box
 
@@ -295,7 +295,7 @@ def _paint_mark(painter: QPainter, picture: QRect) -> None:
     painter.setFont(type_font("small"))
     painter.setRenderHint(QPainter.RenderHint.Antialiasing)
     at = QPointF(picture.left() + 7, picture.bottom() - 2)
-    chip(painter, at, "held out", QColor("#1f2730"), QColor(colors.SELECTED))
+    paint_label(painter, at, "held out", QColor("#1f2730"), QColor(colors.SELECTED))
     painter.restore()
 
 

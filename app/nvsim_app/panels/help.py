@@ -23,7 +23,7 @@ from PySide6.QtWidgets import (
 
 import nvsim_resources
 from nvsim.capture import formats
-from nvsim_app.look.widgets import bring_up
+from nvsim_app.look.widgets import show_and_focus
 
 FOLDER = Path(nvsim_resources.__file__).parent / "help"
 DOCS = FOLDER.parent / "docs"  # contains images, too
@@ -50,7 +50,7 @@ class Page:
 
 
 @cache
-def pages() -> tuple[Page, ...]:
+def help_pages() -> tuple[Page, ...]:
     """All pages in reading order."""
     found = [_page(path) for path in (*FOLDER.glob("*.md"), DOCS / "window.md")]
     known = {name: i for i, name in enumerate(_ORDER)}
@@ -63,7 +63,7 @@ def find(words: str) -> list[Section]:
     if not wanted:
         return []
     hits = []
-    for page in pages():
+    for page in help_pages():
         for section in page.sections:
             text = f"{section.title} {section.text}".casefold()
             if all(word in text for word in wanted):
@@ -139,7 +139,7 @@ class HelpWindow(QDialog):
 
     def show_page(self, name: str, heading: str = "") -> None:
         """Shows a page, scrolled to one of its headings. An unknown name shows the first page."""
-        page = next((p for p in pages() if p.name == name), pages()[0])
+        page = next((p for p in help_pages() if p.name == name), help_pages()[0])
         if page.name != self.page:
             self.page = page.name
             self.text.setMarkdown(page.text)
@@ -176,8 +176,8 @@ class HelpWindow(QDialog):
                 return
 
     def _fill(self, words: str) -> None:
-        found = find(words) if words.strip() else [page.sections[0] for page in pages()]
-        titles = {page.name: page.title for page in pages()}
+        found = find(words) if words.strip() else [page.sections[0] for page in help_pages()]
+        titles = {page.name: page.title for page in help_pages()}
         self.list.blockSignals(True)
         self.list.clear()
         for section in found:
@@ -227,5 +227,5 @@ def open_help(page: str, parent: QWidget) -> HelpWindow:
             window.activateWindow()
             return window
     window = HelpWindow(page, parent)
-    bring_up(window)
+    show_and_focus(window)
     return window

@@ -12,7 +12,7 @@ from PySide6.QtWidgets import QListView, QVBoxLayout, QWidget
 from nvsim.graph.history import Step
 from nvsim_app.layers.labels import short_ids
 from nvsim_app.look import colors
-from nvsim_app.look.plain_text import plain, tip
+from nvsim_app.look.plain_text import plain, tooltip_text
 from nvsim_app.look.theme import type_font
 from nvsim_app.state.document import Document
 
@@ -73,7 +73,7 @@ class HistoryModel(QAbstractListModel):
             return plain(short_ids(self._document.graph, step.text))
         if role == Qt.ItemDataRole.ToolTipRole:
             when = time.strftime("%d %b %H:%M:%S", time.localtime(step.when))
-            return tip(f"{when}, not edited in this window" if step.outside else when)
+            return tooltip_text(f"{when}, not edited in this window" if step.outside else when)
         if role == Qt.ItemDataRole.ForegroundRole and row > history.index:
             return QColor(colors.text("quiet"))
         if role == Qt.ItemDataRole.FontRole and (row == history.index or step.outside):

@@ -25,7 +25,7 @@ from nvsim_app.forms.fields import command_line
 from nvsim_app.jobs.queue import JobHandle, JobQueue
 from nvsim_app.look import colors
 from nvsim_app.look.labels import InkLabel, Label
-from nvsim_app.look.plain_text import tip
+from nvsim_app.look.plain_text import tooltip_text
 from nvsim_app.look.table import Column, Index, TableModel, table
 from nvsim_app.look.widgets import DialogButtons
 
@@ -58,7 +58,7 @@ def duration(seconds: float) -> str:
     return f"{whole // 3600} h {whole % 3600 // 60:02d} min"
 
 
-def clock(at: float | None) -> str:
+def time_of_day(at: float | None) -> str:
     """For example "14:05", with the date if it is not today."""
     if not at:
         return "–"
@@ -112,7 +112,7 @@ COLUMNS: tuple[Column[JobRow], ...] = (
     Column("Rate", lambda row: row.rate, _rate, number=True, width=56, optional=True),
     Column("Duration", lambda row: row.took, lambda took: "–" if took is None else duration(took), number=True,
            width=84, optional=True),
-    Column("Started", lambda row: row.started, clock, width=56, optional=True),
+    Column("Started", lambda row: row.started, time_of_day, width=56, optional=True),
     Column("Note", lambda row: row.note, width=120, optional=True),
 )  # fmt: skip
 STATE, PROGRESS, BUTTONS = 1, 2, 4
@@ -209,7 +209,7 @@ class JobWorkers(QWidget):
         rows = []
         for at, worker in sorted(found, key=lambda row: (row[1].state != "works", row[1].name)):
             state = _WORDS.get(worker.state, worker.state) if running or worker.state == "lost" else "gone"
-            rows.append((worker.name, worker.words if state in ("works", "lost") else "–", state, clock(at)))
+            rows.append((worker.name, worker.words if state in ("works", "lost") else "–", state, time_of_day(at)))
         self.model.show(rows)
 
 
@@ -232,7 +232,7 @@ class ImportedJobDialog(QDialog):
         self.command.setAccessibleName("Command")
         self.command.setReadOnly(True)
         self.command.setFont(QFontDatabase.systemFont(QFontDatabase.SystemFont.FixedFont))
-        reason = queue.why_not_anew(job)
+        reason = queue.why_not_order_again(job)
         if len(command) > _MOST:
             reason = "Its command is too long to be shown."
         self.problem = InkLabel("blocked", self)
@@ -243,7 +243,7 @@ class ImportedJobDialog(QDialog):
         self.order = QPushButton("Order here", self)
         self.order.setAutoDefault(False)
         self.order.setEnabled(not reason)
-        self.order.setToolTip(tip(reason or "Add the job to the queue as your own"))
+        self.order.setToolTip(tooltip_text(reason or "Add the job to the queue as your own"))
         self.remove = QPushButton("Remove", self)
         self.remove.setAutoDefault(False)
         buttons.addButton(self.order, QDialogButtonBox.ButtonRole.AcceptRole)
@@ -264,7 +264,7 @@ class ImportedJobDialog(QDialog):
 
     def _on_order(self) -> None:
         try:
-            self._queue.order_anew(self._job)
+            self._queue.order_again(self._job)
         except InputError as error:
             self.problem.setText(str(error))
             self.problem.show()

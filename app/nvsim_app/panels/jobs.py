@@ -24,7 +24,7 @@ from nvsim_app.forms.fields import command_line
 from nvsim_app.jobs.history import folder_of
 from nvsim_app.jobs.queue import AGAIN, ELSEWHERE, JobHandle, JobQueue
 from nvsim_app.look.labels import Hint, Label
-from nvsim_app.look.plain_text import plain, tip
+from nvsim_app.look.plain_text import plain, tooltip_text
 from nvsim_app.look.table import table
 from nvsim_app.panels.job_plots import JobPlots
 from nvsim_app.panels.job_table import BUTTONS, PROGRESS, ImportedJobDialog, JobModel, JobWorkers, ProgressBar, duration
@@ -145,7 +145,7 @@ class JobButtons(QWidget):
         for name, action in self.commands.items():
             reason = reasons[name]
             action.setEnabled(not reason)
-            action.setToolTip(tip(COMMANDS[name][1] + (f"\nUnavailable: {reason}." if reason else "")))
+            action.setToolTip(tooltip_text(COMMANDS[name][1] + (f"\nUnavailable: {reason}." if reason else "")))
         for name, button in self.buttons.items():
             button.setVisible(not reasons[name])
 
@@ -186,7 +186,9 @@ class JobPanel(QWidget):
         self.large = QToolButton(self)
         self.large.setText("Enlarge…")
         self.large.setAutoRaise(True)
-        self.large.setToolTip(tip("Show the curves and images in a separate window, also beside those of another run"))
+        self.large.setToolTip(
+            tooltip_text("Show the curves and images in a separate window, also beside those of another run")
+        )
         self.large.clicked.connect(self._on_large)
         self.tabs.setCornerWidget(self.large)
         self._chosen: JobHandle | None = None  # whose details are shown

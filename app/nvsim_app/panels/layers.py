@@ -6,7 +6,7 @@ from PySide6.QtCore import Qt
 from PySide6.QtGui import QPalette, QShowEvent
 from PySide6.QtWidgets import QCheckBox, QFrame, QGridLayout, QScrollArea, QSlider, QVBoxLayout, QWidget
 
-from nvsim_app.look.plain_text import caption, tip
+from nvsim_app.look.plain_text import caption, tooltip_text
 from nvsim_app.state.document import Document
 from nvsim_app.views.overlays import Overlays
 
@@ -50,12 +50,12 @@ class LayersPanel(QScrollArea):
             slider.setEnabled(layer.shown)
             # The box stays enabled. Its state takes effect as soon as there is something to draw.
             box.setText(caption(layer.title))
-            box.setToolTip(tip(f"Nothing to draw: {missing}." if missing else f"Draw: {layer.title}"))
+            box.setToolTip(tooltip_text(f"Nothing to draw: {missing}." if missing else f"Draw: {layer.title}"))
             palette = QPalette()  # the other colors stay those of the theme
             if missing:
                 palette.setColor(palette.ColorRole.WindowText, self.palette().placeholderText().color())
             box.setPalette(palette)
-            slider.setToolTip(tip(f"{round(100 * layer.opacity)} %"))
+            slider.setToolTip(tooltip_text(f"{round(100 * layer.opacity)} %"))
 
     def _build(self) -> None:
         inside = QWidget()

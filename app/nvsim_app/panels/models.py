@@ -23,10 +23,10 @@ from PySide6.QtWidgets import (
     QWidget,
 )
 
-from nvsim.files.user_folders import home
+from nvsim.files.user_folders import home_folder
 from nvsim.networks.description import SINGLE_FILES
 from nvsim_app.look.labels import Label
-from nvsim_app.look.plain_text import tip
+from nvsim_app.look.plain_text import tooltip_text
 from nvsim_app.look.theme import type_font
 from nvsim_app.look.widgets import DialogButtons
 from nvsim_app.processes.serving import EndMessage
@@ -88,7 +88,7 @@ class ModelsWindow(QDialog):
 
     def _button(self, box: QDialogButtonBox, words: str, about: str, do: Callable[[], object]) -> QPushButton:
         button = box.addButton(words, QDialogButtonBox.ButtonRole.ActionRole)
-        button.setToolTip(tip(about) if about else "")
+        button.setToolTip(tooltip_text(about) if about else "")
         button.setAutoDefault(False)
         button.clicked.connect(lambda: do())
         return button
@@ -159,7 +159,7 @@ class ModelsWindow(QDialog):
         busy = self._models.doing
         why = busy or ("" if row and row["installed"] else _NOT_INSTALLED)
         self.check_button.setEnabled(not why)
-        self.check_button.setToolTip(tip(why or "Load the network and run it on an image"))
+        self.check_button.setToolTip(tooltip_text(why or "Load the network and run it on an image"))
         self.add_button.setEnabled(not busy)
         self.open_button.setEnabled(bool(self._models.found))
 
@@ -172,7 +172,7 @@ class ModelsWindow(QDialog):
         names, _ = QFileDialog.getOpenFileNames(
             self,
             "Select the ONNX files of one network, and its TOML file if it has one",
-            str(home()),
+            str(home_folder()),
             "Networks (*.onnx *.toml)",
         )
         if names:

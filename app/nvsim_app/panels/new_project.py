@@ -24,13 +24,13 @@ from nvsim.capture import formats
 from nvsim.capture.excluded_frames import FROM_FILE, write_names
 from nvsim.capture.multi_capture import SUFFIX, write_list
 from nvsim.errors import InputError
-from nvsim.files.user_folders import home
+from nvsim.files.user_folders import home_folder
 from nvsim.project.config import CaptureConfig
 from nvsim_app.forms.fields import Field, fields_of
 from nvsim_app.forms.rows import Editor, LineEditor, editor_of
 from nvsim_app.jobs.queries import CaptureCheck, CheckResult
 from nvsim_app.look.labels import InkLabel, Label
-from nvsim_app.look.plain_text import tip
+from nvsim_app.look.plain_text import tooltip_text
 from nvsim_app.look.theme import type_font
 from nvsim_app.look.widgets import DialogButtons
 from nvsim_app.panels.capture_check import CaptureFixes, CaptureSummary, FindingTree
@@ -147,7 +147,7 @@ class NewProjectDialog(QDialog):
         self._model_row: list[QWidget] = []
         for row, (words, editor) in enumerate(asked, start=2):
             name = Label(words, self)
-            name.setToolTip(tip(editor.field.flag))
+            name.setToolTip(tooltip_text(editor.field.flag))
             help = Label(editor.field.help, self)
             help.setForegroundRole(QPalette.ColorRole.PlaceholderText)
             help.setWordWrap(True)
@@ -340,7 +340,7 @@ class NewProjectDialog(QDialog):
         if self.check.running or self._due.isActive():
             self.verdict.setText("Checking the capture: every image, pose and point…")
         elif result is not None:
-            mended = " The buttons below the list can fix this." if result.refused and result.mendable else ""
+            mended = " The buttons below the list can fix this." if result.refused and result.is_fixable else ""
             self.verdict.setText(f"{result.sentence}{mended}")
         elif not self.capture.text().strip():
             self.verdict.setText(
@@ -350,7 +350,7 @@ class NewProjectDialog(QDialog):
         self.problem.setText(problem)
         checking = self.check.running or self._due.isActive()
         self.mending.offer(None if checking else result, self.findings.chosen, len(self.left_out), not self._beside)
-        ready = result is not None and not result.refused and not result.wants_scale and not problem and not checking
+        ready = result is not None and not result.refused and not result.needs_scale and not problem and not checking
         self.run_button.setEnabled(ready)
         self.import_button.setEnabled(ready)
 
@@ -402,7 +402,7 @@ class NewProjectDialog(QDialog):
 
     def _start(self) -> str:
         captures = self.captures()
-        return str(captures[-1].parent if captures else home())
+        return str(captures[-1].parent if captures else home_folder())
 
     def done(self, code: int) -> None:
         self._due.stop()

@@ -17,7 +17,7 @@ from PySide6.QtWidgets import (
     QWidget,
 )
 
-from nvsim.files.user_folders import home
+from nvsim.files.user_folders import home_folder
 from nvsim.project.path_kind import PathKind
 from nvsim_app.look.labels import Hint, Label
 from nvsim_app.look.plain_text import plain
@@ -112,7 +112,7 @@ class OpenDialog(QDialog):
     def folder(self) -> Path:
         """The folder that is listed or will be listed next."""
         text = self.line.text().strip()
-        path = Path(text).expanduser() if text else home()
+        path = Path(text).expanduser() if text else home_folder()
         return path if text.endswith(("/", "\\")) or not text else path.parent
 
     def go_to(self, folder: Path) -> None:

@@ -27,7 +27,7 @@ from PySide6.QtWidgets import (
 
 from nvsim_app.look import colors
 from nvsim_app.look.labels import Label, WrappingRow
-from nvsim_app.look.plain_text import plain, tip
+from nvsim_app.look.plain_text import plain, tooltip_text
 from nvsim_app.look.table import Column, Index, TableModel, table
 from nvsim_app.look.widgets import DialogButtons, NumberBox
 from nvsim_app.panels.preferences import PREFERENCES, KeyBindings, KeyRow, Preference, Preferences, Value
@@ -114,7 +114,7 @@ class PreferenceDialog(QDialog):
             editor.valueChanged.connect(take)
         editor.setFocusPolicy(Qt.FocusPolicy.StrongFocus)
         editor.installEventFilter(self)
-        editor.setToolTip(tip(f"{preference.words}."))
+        editor.setToolTip(tooltip_text(f"{preference.words}."))
         editor.setAccessibleName(preference.title)
         editor.setAccessibleDescription(preference.words)
         return editor
@@ -287,7 +287,7 @@ class KeyPage(QWidget):
 
     def _button(self, text: str, words: str) -> QPushButton:
         button = QPushButton(text, self)
-        button.setToolTip(tip(words))
+        button.setToolTip(tooltip_text(words))
         button.setAutoDefault(False)
         return button
 

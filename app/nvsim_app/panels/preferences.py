@@ -12,7 +12,7 @@ from PySide6.QtGui import QKeySequence
 from nvsim.kernel_threads import cores
 from nvsim_app.actions import ActionTable
 from nvsim_app.drawing.renderer_choice import AUTOMATIC, CPU, OPENGL
-from nvsim_app.views.navigation import FLIGHTS, MOTIONS, flying
+from nvsim_app.views.navigation import FLIGHTS, MOTIONS, flight_directions
 
 Value = str | bool | float
 BUDGETS = (0, 400_000, 200_000, 100_000, 50_000)  # Gaussians; 0 draws all
@@ -220,7 +220,7 @@ class KeyBindings(QObject):
             stored = settings.value(_PREFIX + id)
             if stored is not None and not self._why_not(id, str(stored)):
                 self._take(id, _portable(str(stored)))
-        self._fly(flying(self._flights))
+        self._fly(flight_directions(self._flights))
 
     def keys(self, row: KeyRow) -> str:
         """The current keys of a row, or "" if it has none."""
@@ -238,7 +238,7 @@ class KeyBindings(QObject):
         else:
             self._settings.setValue(_PREFIX + id, keys)
         self._take(id, keys)
-        self._fly(flying(self._flights))
+        self._fly(flight_directions(self._flights))
         self.changed.emit()
         return ""
 
@@ -265,7 +265,7 @@ class KeyBindings(QObject):
         }
 
     def _why_not(self, id: str, keys: str) -> str:
-        if id in FLIGHTS and keys and not flying({id: keys}):
+        if id in FLIGHTS and keys and not flight_directions({id: keys}):
             return "A flight key must be a single letter, digit, or named key, without Ctrl, Alt, or Shift."
         if keys and QKeySequence(keys).isEmpty():
             return f"{keys} is not a key."

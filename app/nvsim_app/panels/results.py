@@ -32,7 +32,7 @@ from nvsim_app.look.plain_text import CAPTION, plain
 from nvsim_app.look.table import Column, TableModel
 from nvsim_app.look.table import table as quiet_table
 from nvsim_app.look.theme import Plot
-from nvsim_app.state.results import EvaluationResult, ResultTable, save_table, value_words, words_of
+from nvsim_app.state.results import EvaluationResult, ResultTable, result_title, save_table, value_words
 
 _FEW = 12  # rows whose names fit beside horizontal bars
 
@@ -54,7 +54,7 @@ def _column(table: ResultTable, place: int) -> Column[tuple[Any, ...]]:
         return repr(row[place]) if isinstance(row[place], float) else ""
 
     number = any(isinstance(row[place], int | float) for row in table.rows)
-    title = plain(words_of(table.columns[place]), CAPTION)
+    title = plain(result_title(table.columns[place]), CAPTION)
     return Column(title, itemgetter(place), value_words, about=exact, number=number)
 
 
@@ -180,7 +180,7 @@ class ResultPanel(QWidget):
         former = self.columns.currentText()
         self.columns.blockSignals(True)
         self.columns.clear()
-        self.columns.addItems([plain(words_of(self.table.columns[i]), CAPTION) for i in self.table.plotted])
+        self.columns.addItems([plain(result_title(self.table.columns[i]), CAPTION) for i in self.table.plotted])
         self.columns.setCurrentText(former)
         self.columns.blockSignals(False)
         self._draw()

@@ -14,11 +14,11 @@ from PySide6.QtWidgets import QFrame, QGridLayout, QPushButton, QVBoxLayout, QWi
 
 from nvsim.graph.history import counted
 from nvsim.networks.folder import models_folder
-from nvsim.r2r.features.layouts import LAYOUTS, Layout, maker_of, missing_package_error, network_name
+from nvsim.r2r.features.layouts import LAYOUTS, Layout, feature_maker, missing_package_error, network_name
 from nvsim.r2r.observations.estimate import size_words
 from nvsim_app.jobs.queries import CommandQuery
 from nvsim_app.look.labels import InkLabel, Label
-from nvsim_app.look.plain_text import tip
+from nvsim_app.look.plain_text import tooltip_text
 from nvsim_app.look.theme import type_font
 
 VERB, DATASET = "export scan", "export dataset"
@@ -249,7 +249,7 @@ class FeatureMakersPanel(QFrame):
             self._names[layout.name] = self._words()
             self.makers[layout.name] = self._words()
             self._names[layout.name].setText(f"{layout.name}: {layout.readers}")
-            self._names[layout.name].setToolTip(tip(f"{layout.file}, {_numbers(layout)}"))
+            self._names[layout.name].setToolTip(tooltip_text(f"{layout.file}, {_numbers(layout)}"))
             for label in (self._names[layout.name], self.makers[layout.name]):
                 column.addWidget(label)
             column.addSpacing(6)
@@ -268,7 +268,7 @@ class FeatureMakersPanel(QFrame):
             name, words = self._names[layout.name], self.makers[layout.name]
             name.setFont(type_font(bold=layout.name in chosen))
             missing = missing_package_error(layout)
-            words.setText(missing or f"by {maker_of(layout, model, projection).words}")
+            words.setText(missing or f"by {feature_maker(layout, model, projection).words}")
             words.set_ink("warning" if missing else "")
 
     def _words(self) -> InkLabel:

@@ -35,7 +35,7 @@ from nvsim.capture import formats
 from nvsim_app.look import colors
 from nvsim_app.look.icons import icon
 from nvsim_app.look.labels import Label
-from nvsim_app.look.plain_text import plain, tip
+from nvsim_app.look.plain_text import plain, tooltip_text
 from nvsim_app.look.theme import GRID, type_font
 from nvsim_app.look.widgets import Scrolling
 from nvsim_app.state.side_work import ProjectPreview
@@ -127,7 +127,7 @@ class RecentList(QListWidget):
         for path in paths:
             item = QListWidgetItem(plain(path.name), self)
             item.setData(_PATH, str(path))
-            item.setToolTip(tip(path))
+            item.setToolTip(tooltip_text(path))
             if path in kept:
                 item.setIcon(kept[path][0])
                 item.setData(_GONE, kept[path][1])
@@ -325,7 +325,7 @@ class StartPage(QWidget):
 
     def _button(self, text: str, what: str, wanted: object) -> QPushButton:
         button = QPushButton(text, self)
-        button.setToolTip(tip(what))
+        button.setToolTip(tooltip_text(what))
         button.setMinimumHeight(30)
         button.setAutoDefault(True)
         button.clicked.connect(wanted)

@@ -62,7 +62,7 @@ class SubmapModel(TableModel[SubmapTableRow]):
         for submap in contents.submaps:
             info, core = contents.model_info.get(submap.index, {}), len(submap.core)
             psnr = info.get("psnr", info.get("training_psnr"))
-            words = model_words(contents, submap.index, trains(self._document))
+            words = model_words(contents, submap.index, is_training(self._document))
             rows.append(
                 SubmapTableRow(submap.index, core, len(submap.frames) - core, psnr, info.get("gaussians"), words)
             )
@@ -110,7 +110,7 @@ class SubmapPanel(QWidget):
 _TRAINS = ("train", "run", "demo")
 
 
-def trains(document: Document) -> bool:
+def is_training(document: Document) -> bool:
     """Whether a job trains the models of the project."""
     return document.jobs is not None and any(h.job.order.verb in _TRAINS for h in document.jobs.running)
 
@@ -119,7 +119,7 @@ def model_words(contents: Contents, submap: int, training: bool) -> str:
     """The state of a submap's model, for example "trained, 2000 steps · training, step 430". training: whether a job
     trains models."""
     info, step = contents.model_info.get(submap), contents.training.get(submap)
-    if "train" in contents.former:
+    if "train" in contents.stages_of_previous_cut:
         words = "models of the previous submaps are shown"
     elif info is not None:
         steps = info.get("steps")

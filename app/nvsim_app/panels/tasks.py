@@ -22,8 +22,8 @@ from PySide6.QtWidgets import (
 from nvsim.r2r.reviewing import Episode, Key, Review, TaskEntry
 from nvsim_app.look import colors, lengths
 from nvsim_app.look.labels import Label
-from nvsim_app.look.plain_text import tip
-from nvsim_app.look.table import Column, TableModel, TableView, dress_table
+from nvsim_app.look.plain_text import tooltip_text
+from nvsim_app.look.table import Column, TableModel, TableView, style_table
 from nvsim_app.look.theme import GRID
 
 _KEYS = {Qt.Key.Key_A: "accepted", Qt.Key.Key_R: "rejected"}
@@ -142,13 +142,15 @@ class TaskPanel(QWidget):
         self.text.setPlaceholderText("Filter by words or path id")
         self.which = QComboBox()
         self.which.setAccessibleName("Trajectory")
-        self.which.setToolTip(tip("Instruction whose trajectory is drawn and walked; 0 to 9 in the list select it"))
+        self.which.setToolTip(
+            tooltip_text("Instruction whose trajectory is drawn and walked; 0 to 9 in the list select it")
+        )
         self.state.addItems(["every state", "unread", "accepted", "rejected", "edited", "broken"])
         self.order.addItems(["in file order", "worst first"])
         self.split.addItem("every split")
         self.table = _Table()
         self.table.setModel(self.model)
-        dress_table(self.table, "Tasks")
+        style_table(self.table, "Tasks")
         self.table.setWordWrap(True)
         # Two lines of the instruction; the editor shows all of it.
         self.table.verticalHeader().setDefaultSectionSize(2 * self.table.fontMetrics().lineSpacing() + GRID)
@@ -169,7 +171,9 @@ class TaskPanel(QWidget):
         box.setContentsMargins(8, 8, 8, 8)
         self.files = QToolButton()
         self.files.setText("Tasks")
-        self.files.setToolTip(tip("Open tasks or trajectories, export the accepted tasks, undo the last verdict"))
+        self.files.setToolTip(
+            tooltip_text("Open tasks or trajectories, export the accepted tasks, undo the last verdict")
+        )
         self.files.setPopupMode(QToolButton.ToolButtonPopupMode.InstantPopup)
         menu = QMenu(self.files)
         for text, signal in (("Open folder…", self.opened), ("Open files…", self.picked),
@@ -184,7 +188,9 @@ class TaskPanel(QWidget):
         box.addLayout(_row((self.split, 1), (self.state, 1), (self.order, 1)))
         self.walk = QPushButton("Walk")
         self.walk.setCheckable(True)
-        self.walk.setToolTip(tip("Walk the path, or the trajectory, one viewpoint at a time (Space in the list)"))
+        self.walk.setToolTip(
+            tooltip_text("Walk the path, or the trajectory, one viewpoint at a time (Space in the list)")
+        )
         for widget in (self.table, self.words, self.editor):
             box.addWidget(widget, 1 if widget is self.table else 0)
         box.addLayout(_row((self.walk, 0), (self.slider, 1), (self.which, 1)))

@@ -19,9 +19,9 @@ from nvsim_app.frames.pictures import PaintedImage
 from nvsim_app.jobs.history import image_key
 from nvsim_app.jobs.queue import JobHandle
 from nvsim_app.look.labels import Label, WrappingRow
-from nvsim_app.look.plain_text import plain, tip
+from nvsim_app.look.plain_text import plain, tooltip_text
 from nvsim_app.look.theme import GRID, HALF, type_font
-from nvsim_app.painting.primitives import chip, chip_box
+from nvsim_app.painting.primitives import chip_box, paint_label
 from nvsim_app.painting.value_colors import ALPHA, ImageValues
 
 PARTS = {"Photo": (0, 0), "Model": (0, 1), "Alpha": (1, 0), "Background": (1, 1)}
@@ -109,7 +109,9 @@ class JobPreview(QWidget):
             corner = QPointF(image.x() + column * image.width() / 2 + HALF, row * image.height() / 2 + HALF)
             box = chip_box(painter, corner, name)
             if box.width() + GRID <= image.width() / 2 and box.height() + GRID <= image.height() / 2:
-                chip(painter, corner + QPointF(0, box.height()), name, QColor("#e8edf2"), QColor(16, 20, 26, 190))
+                paint_label(
+                    painter, corner + QPointF(0, box.height()), name, QColor("#e8edf2"), QColor(16, 20, 26, 190)
+                )
         painter.restore()
 
 
@@ -166,7 +168,7 @@ class TrainingImages(QWidget):
         above.addWidget(self.part)
         above.addWidget(self.against)
         self.slider = QSlider(Qt.Orientation.Horizontal, self)
-        self.slider.setToolTip(tip("Displayed training step; at the end, it follows the training"))
+        self.slider.setToolTip(tooltip_text("Displayed training step; at the end, it follows the training"))
         self.slider.setAccessibleName("Step")
         self.slider.valueChanged.connect(lambda _: self._soon.start())
         self.words = Label(self)
@@ -191,7 +193,7 @@ class TrainingImages(QWidget):
         button = QToolButton(self)
         words, about = _WORDS[mode]
         button.setText(words)
-        button.setToolTip(tip(about))
+        button.setToolTip(tooltip_text(about))
         button.setCheckable(True)
         button.setAutoRaise(True)
         button.setChecked(mode == self.canvas.mode)
@@ -202,7 +204,7 @@ class TrainingImages(QWidget):
     def _choice(self, rows: list[str], about: str) -> QComboBox:
         box = QComboBox(self)
         box.addItems(rows)
-        box.setToolTip(tip(about))
+        box.setToolTip(tooltip_text(about))
         box.currentIndexChanged.connect(lambda _: self._soon.start())
         return box
 

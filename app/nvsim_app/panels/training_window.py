@@ -8,9 +8,9 @@ from PySide6.QtWidgets import QComboBox, QDialog, QHBoxLayout, QSlider, QSplitte
 
 from nvsim_app.jobs.queue import JobHandle, JobQueue
 from nvsim_app.look.labels import Label, WrappingRow
-from nvsim_app.look.plain_text import CAPTION, plain, tip
+from nvsim_app.look.plain_text import CAPTION, plain, tooltip_text
 from nvsim_app.panels.job_plots import JobPlots
-from nvsim_app.panels.job_table import STATE_WORDS, clock
+from nvsim_app.panels.job_table import STATE_WORDS, time_of_day
 from nvsim_app.panels.training_images import TrainingImages
 from nvsim_app.state.reasons import TRAININGS
 
@@ -37,7 +37,9 @@ class TrainingWindow(QDialog):
         self.legend.setForegroundRole(self.legend.palette().ColorRole.PlaceholderText)
         self.smoothing = QSlider(Qt.Orientation.Horizontal, self)
         self.smoothing.setRange(0, _SMOOTHEST)
-        self.smoothing.setToolTip(tip("How much the curves are smoothed; the measured values stay visible behind them"))
+        self.smoothing.setToolTip(
+            tooltip_text("How much the curves are smoothed; the measured values stay visible behind them")
+        )
         self.smoothing.setAccessibleName("Smoothing")
         self.smoothing.setMinimumWidth(90)
         self.smoothed = Label(self)
@@ -83,7 +85,7 @@ class TrainingWindow(QDialog):
 
     def _choice(self, about: str) -> QComboBox:
         box = QComboBox(self)
-        box.setToolTip(tip(about))
+        box.setToolTip(tooltip_text(about))
         box.setSizeAdjustPolicy(QComboBox.SizeAdjustPolicy.AdjustToContents)
         return box
 
@@ -198,4 +200,4 @@ class TrainingWindow(QDialog):
 def _words(handle: JobHandle) -> str:
     """For example "Train, 14:05, done"."""
     at = handle.job.status.started or handle.job.order.ordered
-    return f"{handle.title}, {clock(at)}, {STATE_WORDS.get(handle.state, handle.state)}"
+    return f"{handle.title}, {time_of_day(at)}, {STATE_WORDS.get(handle.state, handle.state)}"

@@ -30,7 +30,7 @@ from nvsim.graph.selection import GraphSelection
 from nvsim_app.layers.labels import short_ids
 from nvsim_app.look import colors
 from nvsim_app.look.labels import Label, WrappedRows, WrappingRow
-from nvsim_app.look.plain_text import SENTENCE, caption, plain, tip
+from nvsim_app.look.plain_text import SENTENCE, caption, plain, tooltip_text
 from nvsim_app.panels.deferred_refresh import DeferredRefresh
 from nvsim_app.state.document import Document
 
@@ -161,7 +161,7 @@ class FindingModel(QAbstractItemModel):
         if role == Qt.ItemDataRole.ToolTipRole:
             fixes = "\n".join(f"Fix: {fix.text}" for fix in finding.fixes)
             ignored = "" if reason is None else f"\nIgnored: {reason}"
-            return tip(f"{short_ids(graph, finding.message)}{ignored}\n{fixes}".strip())
+            return tooltip_text(f"{short_ids(graph, finding.message)}{ignored}\n{fixes}".strip())
         return plain(short_ids(graph, finding.message), SENTENCE) if role == Qt.ItemDataRole.DisplayRole else None
 
 
@@ -369,7 +369,7 @@ class ValidationPanel(QWidget):
             return
         by = finding.ignored_by(graph.ignored)
         if by is not None:
-            self._document.editing.heed(by)
+            self._document.editing.show_ignored_again(by)
         elif self.reason.text().strip():
             self._document.editing.ignore_finding(finding, self.reason.text().strip())
             self.reason.clear()
@@ -427,7 +427,7 @@ class ValidationPanel(QWidget):
         self.fix.setEnabled(words != "Fix" and editing.writable)
         self.fix.setText(caption(words))
         nothing = "Select a finding" if group is None else "There is no automatic fix; look at the place"
-        self.fix.setToolTip(tip(nothing if words == "Fix" else words))
+        self.fix.setToolTip(tooltip_text(nothing if words == "Fix" else words))
         menu = QMenu(self.fix)
         for fix in fixes:
             menu.addAction(caption(fix.text), partial(self._apply, fix))
@@ -446,7 +446,7 @@ class ValidationPanel(QWidget):
         reason = bool(self.reason.text().strip())
         self.kind_button.setEnabled(group is not None and editing.writable and reason and not ignored)
         kind = "" if group is None else f" of the kind “{group.title}”"
-        self.kind_button.setToolTip(tip(f"Ignore every finding{kind} in this graph, with the entered reason"))
+        self.kind_button.setToolTip(tooltip_text(f"Ignore every finding{kind} in this graph, with the entered reason"))
         self.ignore_button.setToolTip(
             "Show it among the findings again"
             if ignored

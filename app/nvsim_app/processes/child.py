@@ -20,22 +20,23 @@ _LEAVING = 5.0  # seconds in which a process must end after its last message
 class ChildProgram:
     """What a side process runs.
 
-    work      a module-level function that gets the requests of the window and the source. It returns the result of the
-              process. A process that answers requests never returns, because `requests.take` ends it. Any: the source
-    name      the name of the process and of its thread
-    cannot    the beginning of the sentence if the work fails
-    then      what the user can do if the process cannot be started
-    stopped   the sentence if the process crashes and is not started again
-    restarts  how often a process that crashed is started again
-    nice      the lower priority of the process; the window has priority
-    memory    bytes that the work may use, None for no limit. Only Linux enforces it
+    function      a module-level function that gets the requests of the window and the source. It returns the result of
+                  the process. A process that answers requests never returns, because `requests.take` ends it. Any: the
+                  source
+    name          the name of the process and of its thread
+    failure_text  the beginning of the sentence if the work fails
+    advice        what the user can do if the process cannot be started
+    crash_text    the sentence if the process crashes and is not started again
+    restarts      how often a process that crashed is started again
+    nice          the lower priority of the process; the window has priority
+    memory        bytes that the work may use, None for no limit. Only Linux enforces it
     """
 
-    work: Callable[[Requests, Any], object]
+    function: Callable[[Requests, Any], object]
     name: str
-    cannot: str
-    then: str = "close other programs"
-    stopped: str = ""
+    failure_text: str
+    advice: str = "close other programs"
+    crash_text: str = ""
     restarts: int = 0
     nice: int = 5
     memory: int | None = None
@@ -99,12 +100,12 @@ class Child:
 
     def _run(self) -> None:
         program = self._program
-        arguments = (program.work, self._source, program.cannot, program.nice, program.memory, self._theirs)
+        arguments = (program.function, self._source, program.failure_text, program.nice, program.memory, self._theirs)
         process = self._context.Process(target=serve, args=arguments, name=f"nvsim {program.name}", daemon=True)
         try:
             process.start()
         except Exception as error:  # no process can be started, or the source cannot be pickled
-            self._end_with(EndMessage(sentence=f"{program.cannot}: {error}; {program.then}."))
+            self._end_with(EndMessage(sentence=f"{program.failure_text}: {error}; {program.advice}."))
             return
         finally:
             self._theirs.close()
@@ -119,7 +120,7 @@ class Child:
             process.join()
             self._process = None
         if self._ended is None:
-            words = program.stopped or f"{program.cannot}: its process ended with code {process.exitcode}."
+            words = program.crash_text or f"{program.failure_text}: its process ended with code {process.exitcode}."
             self._end_with(EndMessage(sentence=words, crashed=True))
 
     def _read(self) -> None:

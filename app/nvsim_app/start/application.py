@@ -187,7 +187,7 @@ def _run(
     try:
         session.window.show()
         if project is None and bench is None and screenshot is None:
-            project = left_open(settings)
+            project = last_open_file(settings)
             preparing.begin()
         # Slow work starts after the window is visible.
         QTimer.singleShot(0, lambda: session.open(project) if project is not None else None)
@@ -215,7 +215,7 @@ def _run(
     return code
 
 
-def left_open(settings: QSettings) -> Path | None:
+def last_open_file(settings: QSettings) -> Path | None:
     """The file that was open when the last window closed; None if there was none, or if it cannot be opened."""
     from nvsim.project.path_kind import check_openable
 

@@ -41,7 +41,7 @@ class Checking:
         self._validator: Validator | None = None
         self._look: _PendingValidation | None = None
         self._begin = QTimer(parent, singleShot=True, interval=0)
-        self._begin.timeout.connect(self.look)
+        self._begin.timeout.connect(self.validate)
         self._slices = QTimer(parent, singleShot=True, interval=2)
         self._slices.timeout.connect(self._go_on)
 
@@ -59,9 +59,9 @@ class Checking:
         """Sets the context of the validation. The graph's file may add to it."""
         if known is not self._known:
             self._known = known
-            self.look_again()
+            self.validate_again()
 
-    def look_soon(self, graph: NavGraph | None, file: GraphFile | None) -> None:
+    def schedule_validation(self, graph: NavGraph | None, file: GraphFile | None) -> None:
         """Schedules a validation of the whole graph in the next iteration of the event loop, so that several requests
         are merged."""
         self._graph, self._file = graph, file
@@ -69,10 +69,10 @@ class Checking:
         self._begin.start()
         self._changed()
 
-    def look_again(self) -> None:
+    def validate_again(self) -> None:
         """Validates the whole graph again, if there is one."""
         if self._graph is not None:
-            self.look_soon(self._graph, self._file)
+            self.schedule_validation(self._graph, self._file)
 
     def forget(self) -> None:
         """Stops the validation and drops the graph and its findings."""
@@ -81,7 +81,7 @@ class Checking:
         self._slices.stop()
         self._changed()
 
-    def look(self) -> None:
+    def validate(self) -> None:
         """Validates the whole graph. A large graph is validated in slices, so that the window stays responsive."""
         graph = self._graph
         context = self._known if self._file is None else self._file.context(self._known)

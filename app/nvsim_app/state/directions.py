@@ -14,7 +14,7 @@ from nvsim.mapping.config import MappingConfig
 from nvsim.mapping.corridor import DIRECTIONS
 from nvsim.mapping.criteria import DECISIONS, DISPUTED, OPEN, unmeasured_families
 from nvsim.mapping.explanation.explain import Explanation, explain, outline
-from nvsim.mapping.explanation.path_explanation import PathExplanation, between
+from nvsim.mapping.explanation.path_explanation import PathExplanation, explain_path
 from nvsim_app.look import lengths
 from nvsim_app.look.plain_text import plain
 from nvsim_app.state.document import Document
@@ -184,19 +184,19 @@ def _goal(arrays: GraphArrays, e: Evidence) -> int | None:
     return nearest if distance[nearest] < _HERE else None
 
 
-def way_between(document: Document, a: str, b: str) -> PathExplanation | None:
+def path_between(document: Document, a: str, b: str) -> PathExplanation | None:
     """The explanation for two viewpoints; None if they are equal or one does not exist. The occupancy map is used only
     if the building has one storey."""
     graph, contents = document.graph, document.contents
     if graph is None or a == b or not {a, b} <= graph.viewpoints.keys():
         return None
     occupancy = contents.occupancy if len(document.storeys.found) < 2 else None
-    return between(graph, a, b, contents.thresholds, occupancy)
+    return explain_path(graph, a, b, contents.thresholds, occupancy)
 
 
-def blocking_place(document: Document, key: EdgeKey) -> NDArray[np.float64] | None:
+def first_obstacle_on_edge(document: Document, key: EdgeKey) -> NDArray[np.float64] | None:
     """(3,) meters, world: the floor at the first known obstacle on the line of an edge; None if none is known."""
-    found = way_between(document, *key)
+    found = path_between(document, *key)
     if found is None:
         return None
     arrays = document.graph_arrays

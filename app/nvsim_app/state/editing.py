@@ -22,7 +22,7 @@ from nvsim.graph.history import History, HistoryChange
 from nvsim.graph.operations import EditContext, apply, describe, record
 from nvsim.graph.review import Review
 from nvsim.graph.selection import NOTHING, GraphSelection
-from nvsim.graph.sight import sight_on
+from nvsim.graph.sight import line_of_sight_test
 from nvsim.graph.store import same_graph
 from nvsim.graph.types import NavGraph
 from nvsim.mapping.config import MappingConfig
@@ -103,7 +103,7 @@ class Editing(QObject):
         if graph is not None:
             self.history, self.locked = self._keeping.open(graph, file)
             self.history.listen(self._on_change)
-            self.checking.look_soon(self.history.graph, file)  # with the restored edits
+            self.checking.schedule_validation(self.history.graph, file)  # with the restored edits
         self.selectionChanged.emit()
         self.stepsChanged.emit()
 
@@ -119,7 +119,7 @@ class Editing(QObject):
         if self.locked:
             return False
         if self.history.clean:
-            self.history.take_over("Map built again by a job", graph)
+            self.history.replace_from_outside("Map built again by a job", graph)
         else:
             self.notified.emit(
                 "A job built the graph of the project again while you edit. You still edit your graph; saving it "
@@ -265,13 +265,13 @@ class Editing(QObject):
 
     def heed_finding(self, finding: Finding) -> None:
         """Shows an ignored finding again."""
-        self.heed(finding.key)
+        self.show_ignored_again(finding.key)
 
     def ignore(self, key: str, reason: str) -> None:
         """Hides the findings with this key: a single finding or all of one kind."""
         self.run("ignore_finding", {"key": key, "reason": reason})
 
-    def heed(self, key: str) -> None:
+    def show_ignored_again(self, key: str) -> None:
         """Shows the ignored findings with this key again."""
         self.run("heed_finding", {"key": key})
 
@@ -280,7 +280,7 @@ class Editing(QObject):
     def _on_saved(self) -> None:
         """Validates the graph again if its file adds to the context, because saving changes the lists of the file."""
         if self.file is not None and self.file.foreign:
-            self.checking.look_again()
+            self.checking.validate_again()
 
     def _on_change(self, change: HistoryChange) -> None:
         if change.before_graph is not change.after_graph:
@@ -296,4 +296,4 @@ class Editing(QObject):
 
 def _see_each_other(occupancy: OccupancyMap, a: NDArray[np.float64], b: NDArray[np.float64]) -> NDArray[np.bool_]:
     """Whether pairs of positions see each other on the map. The index is built on demand, because few edits need it."""
-    return sight_on(occupancy)(a, b)
+    return line_of_sight_test(occupancy)(a, b)

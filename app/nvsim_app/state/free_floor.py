@@ -49,7 +49,7 @@ def trajectory_on_floor(document: Document) -> NDArray[np.float64]:
     return positions - [0.0, 0.0, height]
 
 
-def weak_spots(document: Document) -> tuple[NDArray[np.int64], tuple[str, ...]]:
+def weak_places(document: Document) -> tuple[NDArray[np.int64], tuple[str, ...]]:
     """(N,) int64 index of the last frame before each weak part of a video, and a text about each problem."""
     report, capture = document.contents.poses, document.contents.capture
     if report is None or capture is None or not capture.frames:

@@ -183,14 +183,14 @@ class TrajectoryArrays:
         return TrajectoryArrays(positions, owner, np.concatenate(segments))
 
     @staticmethod
-    def of_growing(found: GrowingTrajectory) -> TrajectoryArrays:
+    def from_growing(found: GrowingTrajectory) -> TrajectoryArrays:
         """The cameras of a video whose poses are being computed. A piece of the video is treated like a submap."""
         rows = np.arange(len(found.positions))
         near = (np.diff(found.piece) == 0) & (np.diff(found.frame) <= _MISSING)
         return TrajectoryArrays(found.positions, found.piece, np.stack([rows[:-1], rows[1:]], axis=1)[near])
 
 
-def extremes(points: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def column_bounds(points: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """The minimum and the maximum (D,) of each column of `points` (N, D), N > 0. The loop over columns is a hundred
     times as fast as numpy's reduction of short rows."""
     columns = points.T

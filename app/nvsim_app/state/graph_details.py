@@ -26,7 +26,7 @@ _ORIGINS = {
 }
 
 
-def marks_of(viewpoint: Viewpoint) -> dict[str, str]:
+def user_marks(viewpoint: Viewpoint) -> dict[str, str]:
     """The marks of a user on the viewpoint: excluded, reviewed, or locked. Empty if there are none."""
     marks = {} if viewpoint.included else {"In navigation": "no, excluded"}
     if viewpoint.reviewed:
@@ -42,7 +42,7 @@ def photographed_of(viewpoint: Viewpoint) -> dict[str, str]:
     return {} if share is None else {"Photographed": f"{100 * share:.0f} % of the directions"}
 
 
-def of_edge(graph: NavGraph, key: EdgeKey, config: MappingConfig) -> dict[str, str]:
+def edge_details(graph: NavGraph, key: EdgeKey, config: MappingConfig) -> dict[str, str]:
     """The details of an edge as names and values. The evidence is compared with the thresholds of `config`."""
     edge = graph.edges[key]
     a, b = (graph.viewpoints[end].position for end in key)
@@ -69,7 +69,7 @@ def _evidence(graph: NavGraph, key: EdgeKey, config: MappingConfig) -> str:
     return f"fails a threshold by {distance(slack)}: {closed_edge_reason(config)(graph, key)}".rstrip(": ")
 
 
-def of_pair(graph: NavGraph | None, found: PathExplanation) -> dict[str, str]:
+def pair_details(graph: NavGraph | None, found: PathExplanation) -> dict[str, str]:
     """The known facts about the segment between two viewpoints, as names and values. `verdicts` gives the criteria."""
     a, b = (way.start if graph is None else graph.short(way.start, 6) for way in found.ways)
     facts = {
@@ -110,7 +110,7 @@ def verdicts(found: PathExplanation) -> list[tuple[str, list[tuple[str, bool | N
     return rows
 
 
-def of_several(graph: NavGraph, chosen: GraphSelection) -> tuple[str, dict[str, str]]:
+def selection_details(graph: NavGraph, chosen: GraphSelection) -> tuple[str, dict[str, str]]:
     """The details of a multiple selection: a title, and names and values."""
     ids = [id for id in chosen.viewpoints if id in graph.viewpoints]
     keys = [key for key in chosen.edges if key in graph.edges]

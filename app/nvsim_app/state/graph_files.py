@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from nvsim.errors import InputError
 from nvsim.graph.edits import Visible
 from nvsim.graph.findings import Context
-from nvsim.graph.foreign import ForeignFile, words_of_saving
+from nvsim.graph.foreign import ForeignFile, saving_message
 from nvsim.graph.journal import sidecar
 from nvsim.graph.skybox_files import FOLDER
 from nvsim.graph.types import NavGraph
@@ -99,7 +99,7 @@ class ForeignGraph:
 
     def save(self, graph: NavGraph) -> str:
         path = self._file.save(graph)
-        return words_of_saving(path, self._file.original, graph)
+        return saving_message(path, self._file.original, graph)
 
     def save_copy(self, graph: NavGraph, path: Path) -> None:
         """Writes `graph` to another file. Raises InputError if it cannot be written."""

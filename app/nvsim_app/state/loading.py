@@ -19,7 +19,7 @@ from nvsim.graph.findings import Context
 from nvsim.graph.types import NavGraph
 from nvsim.mapping.config import MappingConfig
 from nvsim.occupancy.types import OccupancyMap
-from nvsim.project.state.results import first_stale
+from nvsim.project.state.results import first_outdated_stage
 from nvsim.project.work import STAGE, StageName, sentence
 from nvsim.submaps.split import Submap
 from nvsim_app.painting.dots import Dots
@@ -50,32 +50,33 @@ class ChosenFrames:
 class Contents:
     """The contents of a project after the last reading. Views compare its parts by identity.
 
-    scene_stamp   changes whenever a model is written; None if there is no model
-    model_info    submap index -> training results ("psnr", "gaussians", ...); empty if the models belong to a previous
-                  division into submaps
-    training      submap index -> training step of the last saved state of a running or interrupted training
-    former        stages of "floors" and "train" whose result belongs to a previous division into submaps
-    kept          stages of which an earlier result can be restored
-    stages        names of the stages that finished successfully
-    outdated      stages that finished before the last change of the capture
-    thresholds    thresholds that the graph was decided with
-    context       context of the validation of the graph; None if only thresholds and map are known
-    results       name of a stored evaluation -> time of its end and its results
-    live          whether all displayed models are still in training
-    held_out      frames of the capture that no model is trained on
-    made          time of the newest model in use, or else of the capture: seconds since the epoch, 0 for none
-    outline       (N, 3) meters, world: positions around the content of a splat file; None for a project
-    graph_file    storage of the graph; None if it cannot be saved
-    growing       cameras of a video whose poses are being computed, while there is no capture
-    chosen        frames or photos that a running pose computation has stored so far; None unless there are some and no
-                  camera has a pose
-    camera_height height of the cameras above the floor in meters, None if the user gave none
-    poses         report about the camera poses of the capture's video, None for other captures; while there is no
-                  capture, the newest report
-    cloud         point cloud beside a graph file, or from the estimated depth of a project; None if there is none
-    reading       whether the file is still being read, so that an absent part may exist
-    notes         notices for the user about an opened file, shown once
-    arrays, dots  precomputed arrays of the graph `arrays_of`, and of the cloud
+    scene_stamp             changes whenever a model is written; None if there is no model
+    model_info              submap index -> training results ("psnr", "gaussians", ...); empty if the models belong to a
+                            previous division into submaps
+    training                submap index -> training step of the last saved state of a running or interrupted training
+    stages_of_previous_cut  stages of "floors" and "train" whose result belongs to a previous division into submaps
+    restorable_stages       stages of which an earlier result can be restored
+    stages                  names of the stages that finished successfully
+    outdated_stages         stages that finished before the last change of the capture
+    thresholds              thresholds that the graph was decided with
+    context                 context of the validation of the graph; None if only thresholds and map are known
+    results                 name of a stored evaluation -> time of its end and its results
+    live                    whether all displayed models are still in training
+    held_out                frames of the capture that no model is trained on
+    modified_time           time of the newest model in use, or else of the capture: seconds since the epoch, 0 for none
+    outline                 (N, 3) meters, world: positions around the content of a splat file; None for a project
+    graph_file              storage of the graph; None if it cannot be saved
+    growing                 cameras of a video whose poses are being computed, while there is no capture
+    chosen                  frames or photos that a running pose computation has stored so far; None unless there are
+                            some and no camera has a pose
+    camera_height           height of the cameras above the floor in meters, None if the user gave none
+    poses                   report about the camera poses of the capture's video, None for other captures; while there
+                            is no capture, the newest report
+    cloud                   point cloud beside a graph file, or from the estimated depth of a project; None if there is
+                            none
+    reading                 whether the file is still being read, so that an absent part may exist
+    notes                   notices for the user about an opened file, shown once
+    arrays, dots            precomputed arrays of the graph `arrays_of`, and of the cloud
     """
 
     path: Path | None = None
@@ -87,14 +88,14 @@ class Contents:
     model_info: dict[int, dict[str, object]] = field(default_factory=dict)
     stages: frozenset[StageName] = frozenset()
     training: dict[int, int] = field(default_factory=dict)
-    former: frozenset[StageName] = frozenset()
-    kept: frozenset[StageName] = frozenset()
-    outdated: frozenset[StageName] = frozenset()
+    stages_of_previous_cut: frozenset[StageName] = frozenset()
+    restorable_stages: frozenset[StageName] = frozenset()
+    outdated_stages: frozenset[StageName] = frozenset()
     outline: NDArray[np.float64] | None = None
     thresholds: MappingConfig = field(default_factory=MappingConfig)
     live: bool = False
     held_out: frozenset[int] = frozenset()
-    made: float = 0.0
+    modified_time: float = 0.0
     results: dict[str, tuple[float, dict[str, object]]] = field(default_factory=dict)
     graph_file: GraphFile | None = None
     cloud: Cloud | None = None
@@ -143,7 +144,7 @@ class Contents:
     @property
     def _stale(self) -> tuple[StageName, str] | None:
         nothing = self.capture is None and self.graph is None
-        return None if nothing else first_stale(self.outdated, self.former)
+        return None if nothing else first_outdated_stage(self.outdated_stages, self.stages_of_previous_cut)
 
     @property
     def missing(self) -> str:
@@ -157,10 +158,10 @@ class Contents:
         verb = self.missing_verb
         if not verb:
             return ""
-        return sentence(STAGE[verb].lacking) if self._stale is None else self._stale[1]
+        return sentence(STAGE[verb].missing) if self._stale is None else self._stale[1]
 
 
-def prepared(contents: Contents) -> Contents:
+def with_derived_arrays(contents: Contents) -> Contents:
     """`contents` with the arrays that views derive from the graph and the cloud, computed here instead of in the main
     thread."""
     graph, cloud = contents.graph, contents.scan_cloud
@@ -277,18 +278,21 @@ class ProjectReader:
                 continue
             self._contents = replace(self._contents, **{part: value})
             if part in ("capture", "cloud", "occupancy"):
-                self._contents = prepared(self._contents)
+                self._contents = with_derived_arrays(self._contents)
             if part == "capture":
                 held_out, height = self._as_imported()
                 self._contents = replace(self._contents, held_out=held_out, camera_height=height, poses=self._poses())
             if part in ("capture", "scene_stamp"):
-                self._contents = replace(self._contents, made=self._made())
+                self._contents = replace(self._contents, modified_time=self._made())
             if part == "stages":
                 self._contents = replace(
-                    self._contents, outdated=states.outdated, former=states.former, kept=states.kept
+                    self._contents,
+                    outdated_stages=states.outdated,
+                    stages_of_previous_cut=states.former,
+                    restorable_stages=states.kept,
                 )
             if part == "graph":
-                self._contents = prepared(replace(self._contents, thresholds=thresholds_of(project)))
+                self._contents = with_derived_arrays(replace(self._contents, thresholds=thresholds_of(project)))
             if part == "scene_stamp":
                 self._contents = replace(
                     self._contents, model_info=self._model_info(), live=value is not None and not self._folders()
@@ -362,7 +366,7 @@ class ProjectReader:
         folders = list(takewhile(Path.is_dir, map(self._project.layout.poses, count(1))))
         with contextlib.suppress(InputError):  # the file is being replaced or removed, or is damaged
             if (path := self._newest("growing", [f / WORK / GROWING for f in folders])) is not None:
-                growing = TrajectoryArrays.of_growing(read_growing(path))
+                growing = TrajectoryArrays.from_growing(read_growing(path))
             if (path := self._newest("poses", [f / REPORT for f in folders])) is not None:
                 poses = read_report(path.parent)
         return growing, poses

@@ -14,12 +14,12 @@ from nvsim.files.placeholders import is_metadata_name
 from nvsim.geometry.floor_surface import FloorSurface
 from nvsim.graph.connectivity import read_connectivity, scan_of
 from nvsim.graph.foreign import ForeignFile, connectivity_files
-from nvsim.splats.formats.choice import read_splats, up_axis
+from nvsim.splats.formats.choice import read_splats, source_up_axis
 from nvsim.splats.turning import Up, upright
 from nvsim.splats.types import Gaussians, SubmapModel
 from nvsim_app.drawing.painter import Models
 from nvsim_app.state.graph_files import ForeignGraph
-from nvsim_app.state.loading import Contents, prepared
+from nvsim_app.state.loading import Contents, with_derived_arrays
 from nvsim_app.state.side_work import start_reading
 
 
@@ -39,7 +39,7 @@ class GraphSource:
         child = None if file.beside.map is None else start_reading(file.beside.map)
         cloud = file.beside.points()
         occupancy = None if child is None else child.result()
-        return prepared(
+        return with_derived_arrays(
             Contents(
                 self.path,
                 graph=file.graph,
@@ -90,7 +90,7 @@ class SplatFile:
     @staticmethod
     def of(path: Path) -> SplatFile:
         """The splat file with the up axis that the file suggests. Raises InputError if it cannot be read."""
-        return SplatFile(path, up_axis(path))
+        return SplatFile(path, source_up_axis(path))
 
     def contents(self) -> Contents:
         """The contents for the window: the outline of the Gaussians. Raises InputError if the file cannot be read."""

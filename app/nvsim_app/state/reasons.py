@@ -19,7 +19,7 @@ TRAININGS = ("train", "run", "demo", "r2r train")
 UNDECIDED = "a splat file is open, which has no trajectory and no graph"
 
 
-def always(document: Document) -> Reason:
+def never_disabled(document: Document) -> Reason:
     return None
 
 
@@ -47,7 +47,7 @@ def with_results(document: Document) -> Reason:
     return None if document.contents.results else "there are no evaluation results yet"
 
 
-def with_measured(document: Document) -> Reason:
+def with_evidence(document: Document) -> Reason:
     """Needs the graph of a project, which has evidence."""
     if (first := with_graph(document)) is not None:
         return first
@@ -55,7 +55,7 @@ def with_measured(document: Document) -> Reason:
 
 
 def with_scene(document: Document) -> Reason:
-    return None if document.contents.scene_stamp is not None else STAGE["train"].lacking
+    return None if document.contents.scene_stamp is not None else STAGE["train"].missing
 
 
 def with_submaps(document: Document) -> Reason:
@@ -67,13 +67,13 @@ def with_submaps(document: Document) -> Reason:
 def with_graph(document: Document) -> Reason:
     if document.contents.outline is not None:
         return UNDECIDED
-    return None if document.graph is not None else STAGE["map"].lacking
+    return None if document.graph is not None else STAGE["map"].missing
 
 
 def with_trajectory(document: Document) -> Reason:
     if document.contents.outline is not None:
         return UNDECIDED
-    return None if len(document.trajectory.positions) else STAGE["import"].lacking
+    return None if len(document.trajectory.positions) else STAGE["import"].missing
 
 
 def with_occupancy(document: Document) -> Reason:
@@ -84,8 +84,8 @@ def with_splat_file(document: Document) -> Reason:
     return None if document.contents.outline is not None else "only a splat file can be turned upright"
 
 
-def with_earlier(document: Document) -> Reason:
-    kept = document.contents.kept
+def with_earlier_result(document: Document) -> Reason:
+    kept = document.contents.restorable_stages
     return None if kept else "there is no earlier result yet; each new run of a stage stores the previous result"
 
 
@@ -98,7 +98,7 @@ def with_frame(document: Document) -> Reason:
     return None if document.frame_at_hand is not None else "no frame is selected"
 
 
-def with_page(document: Document) -> Reason:
+def with_frame_page(document: Document) -> Reason:
     return None if document.page_frame is not None else "the 3D view is already shown"
 
 
@@ -107,7 +107,7 @@ def with_masks(document: Document) -> Reason:
     if document.frame_at_hand is None or document.path is None:
         return "no frame is selected"
     if "floors" not in document.contents.stages and not Layout(document.path).masks.is_dir():
-        return STAGE["floors"].lacking
+        return STAGE["floors"].missing
     return None if os.access(document.path, os.W_OK) else "the project folder is not writable"
 
 
@@ -125,7 +125,7 @@ def writable(document: Document) -> Reason:
     return with_editing(document) or document.editing.locked or None
 
 
-def with_chosen(needs: SelectionNeeds, *, changes: bool = True) -> Check:
+def with_selection(needs: SelectionNeeds, *, changes: bool = True) -> Check:
     """Needs a selection that satisfies `needs`, and a writable graph if the command `changes` it."""
 
     def reason(document: Document) -> Reason:
@@ -155,7 +155,7 @@ def can_save(document: Document) -> Reason:
     return None if document.editing.dirty else "everything is saved"
 
 
-def with_file_of_its_own(document: Document) -> Reason:
+def with_graph_file(document: Document) -> Reason:
     file = document.contents.graph_file
     return None if isinstance(file, ForeignGraph) else "the graph is part of a project; File > Export writes a file"
 
@@ -192,21 +192,21 @@ def capture_or_job(document: Document) -> Reason:
 def submaps_or_job(document: Document) -> Reason:
     if document.project is None or _pending(document) or document.contents.submaps:
         return capture_or_job(document)
-    return STAGE["submaps"].lacking
+    return STAGE["submaps"].missing
 
 
 def depth_or_job(document: Document) -> Reason:
     reason = capture_or_job(document)
     if reason is not None or _pending(document) or "depth" in document.contents.stages:
         return reason
-    return STAGE["depth"].lacking
+    return STAGE["depth"].missing
 
 
 def floors_or_job(document: Document) -> Reason:
     reason = submaps_or_job(document)
     if reason is not None or _pending(document) or "floors" in document.contents.stages:
         return reason
-    return STAGE["floors"].lacking
+    return STAGE["floors"].missing
 
 
 def models_or_job(document: Document) -> Reason:
@@ -231,12 +231,12 @@ _WITH: dict[StageName, Callable[[Document], Reason]] = {
 }
 
 
-def enabled(verb: str) -> Callable[[Document], Reason]:
+def reason_of_command(verb: str) -> Callable[[Document], Reason]:
     """A function that returns why `nvsim VERB` cannot begin on a document, or None."""
     row = WORK[verb]
-    needed = always if row.needs is None else _WITH[row.needs]
+    needed = never_disabled if row.needs is None else _WITH[row.needs]
     if verb in NEEDS_IMAGES:
         return lambda document: needed(document) if document.contents.has_images else NO_IMAGES
-    if not row.draws:
+    if not row.renders_models:
         return needed
     return lambda document: needed(document) or models_or_job(document)

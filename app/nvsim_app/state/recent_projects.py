@@ -8,7 +8,7 @@ from pathlib import Path
 
 from PySide6.QtCore import QSettings
 
-from nvsim.files.user_folders import home
+from nvsim.files.user_folders import home_folder
 from nvsim.footage.sources import VIDEO_SUFFIXES
 
 MOST = 10
@@ -48,7 +48,7 @@ def place_for(capture: Path) -> Path:
     if capture.suffix.lower() in VIDEO_SUFFIXES:
         base = capture.with_suffix("")
     name = "".join(c if c.isalnum() or c in "-_." else "-" for c in base.name) or "building"
-    place = base.parent if os.access(base.parent, os.W_OK) else home()
+    place = base.parent if os.access(base.parent, os.W_OK) else home_folder()
     return place / f"{name}.nvsim"
 
 

@@ -75,7 +75,7 @@ class ResultTable:
 
     def separated(self, by: str) -> str:
         """The table as text with the separator `by`, with quotes if needed."""
-        return csv_text([[words_of(c) for c in self.columns], *self.rows], by)
+        return csv_text([[result_title(c) for c in self.columns], *self.rows], by)
 
 
 @dataclass(frozen=True)
@@ -92,7 +92,7 @@ def _is_number(value: object) -> bool:
     return isinstance(value, int | float) and not isinstance(value, bool)
 
 
-def words_of(name: str) -> str:
+def result_title(name: str) -> str:
     """The display name of a result: psnr_floor -> "PSNR floor"."""
     return _NAMES.get(name) or " ".join(_WORDS.get(word, word) for word in name.split("_"))
 
@@ -113,7 +113,7 @@ def tables_of(figures: Mapping[str, Any]) -> tuple[ResultTable, ...]:
     plain = [(k, v) for k, v in figures.items() if not isinstance(v, dict | list | tuple)]
     tables = []
     if plain:
-        tables.append(ResultTable(SUMMARY, ("figure", "value"), tuple((words_of(k), v) for k, v in plain)))
+        tables.append(ResultTable(SUMMARY, ("figure", "value"), tuple((result_title(k), v) for k, v in plain)))
     for name, value in figures.items():
         if isinstance(value, dict) and value and all(isinstance(v, dict) for v in value.values()):
             first = name.removesuffix("s")
@@ -132,7 +132,7 @@ def _is_rows(value: object) -> bool:
 def _table(name: str, rows: Sequence[Mapping[str, Any]]) -> ResultTable:
     columns = [c for c in dict.fromkeys(k for r in rows for k in r) if any(_fits(r.get(c)) for r in rows)]
     cells = tuple(tuple(r.get(c) if _fits(r.get(c)) else None for c in columns) for r in rows)
-    words = words_of(name)
+    words = result_title(name)
     return ResultTable(words[:1].upper() + words[1:], tuple(columns), cells)
 
 
@@ -163,7 +163,7 @@ def result_of_job(job: Job) -> EvaluationResult | None:
 def stored_result(name: str, at: float, figures: Mapping[str, Any]) -> EvaluationResult:
     """A result that a command stored in the project."""
     verb = f"evaluate {name}"
-    title = f"{WORK[verb].title} (stored)" if verb in WORK else f"{words_of(name)} (stored)"
+    title = f"{WORK[verb].title} (stored)" if verb in WORK else f"{result_title(name)} (stored)"
     return EvaluationResult(f"stored {name}", title, at, tables_of(figures))
 
 

@@ -118,7 +118,7 @@ class EvidenceTask:
 class MeasuredEvidence:
     """The evidence, and the measured positions by viewpoint id."""
 
-    found: NewViewpointEvidence
+    evidence: NewViewpointEvidence
     positions: dict[str, tuple[float, float, float]]
 
 

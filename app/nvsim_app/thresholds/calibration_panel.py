@@ -25,7 +25,7 @@ from PySide6.QtWidgets import (
 from nvsim.evaluation.calibrated import Judge
 from nvsim_app.look import colors
 from nvsim_app.look.labels import Label
-from nvsim_app.look.plain_text import plain, tip
+from nvsim_app.look.plain_text import plain, tooltip_text
 from nvsim_app.look.table import Column, TableModel, table
 from nvsim_app.look.theme import Plot, title_size
 from nvsim_app.look.widgets import NumberBox
@@ -50,7 +50,7 @@ class CalibrationPlot(QWidget):
         layout.setContentsMargins(0, 0, 0, 0)
         layout.setSpacing(4)
         for name, plot in self.plots.items():
-            plot.setToolTip(tip(_CURVE_TIPS[name]))
+            plot.setToolTip(tooltip_text(_CURVE_TIPS[name]))
             plot.setXRange(0, 1, padding=0.04)
             layout.addWidget(plot)
         band = [pg.PlotDataItem(), pg.PlotDataItem()]
@@ -169,7 +169,7 @@ class CalibrationPanel(QWidget):
         self.list = table(self.model, self, "Thresholds")
         self.list.selectionModel().currentRowChanged.connect(self._show_chosen)
         self.take = QPushButton(self)
-        self.take.clicked.connect(self.take_suggestion)
+        self.take.clicked.connect(self.apply_suggestion)
         self.plot = CalibrationPlot(self)
         self._lay_out()
         calibrations.changed.connect(self.refresh)
@@ -258,7 +258,7 @@ class CalibrationPanel(QWidget):
     def _suffix(self) -> str:
         return "" if self._judge == "point" else "_robot"
 
-    def take_suggestion(self) -> None:
+    def apply_suggestion(self) -> None:
         """Moves the slider of the selected threshold to the suggested value."""
         if self.obstacle is None:
             config = self._calibrations.taking(self.chosen, self._judge)
@@ -303,7 +303,9 @@ class CalibrationPanel(QWidget):
         obstacle = self.obstacle
         self.take.setEnabled(obstacle is None)
         self.take.setToolTip(
-            "Move the slider of this threshold there, without applying it" if obstacle is None else tip(f"{obstacle}")
+            "Move the slider of this threshold there, without applying it"
+            if obstacle is None
+            else tooltip_text(f"{obstacle}")
         )
         if found is None or not field:
             self.words.setText("")

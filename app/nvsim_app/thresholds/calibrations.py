@@ -162,7 +162,7 @@ def status(state: Calibrations, document: Document, chosen: str) -> str:
     if state.trouble:
         return plain(state.trouble, 600)
     if document.graph is None:
-        return sentence(STAGE["map"].lacking)
+        return sentence(STAGE["map"].missing)
     if document.project is None:
         return "A graph file has no evidence to decide again; open a project."
     if found is None or state.map is None:

@@ -22,7 +22,7 @@ from nvsim.mapping.families import FAMILIES
 from nvsim.project.work import STAGE, sentence
 from nvsim_app.look import colors
 from nvsim_app.look.labels import Label, MarkedLabel
-from nvsim_app.look.plain_text import plain, tip
+from nvsim_app.look.plain_text import plain, tooltip_text
 from nvsim_app.state.document import Document
 from nvsim_app.thresholds.slider import MARKS, ThresholdRow, preset, thresholds, with_value
 from nvsim_app.thresholds.threshold_preview import ThresholdPreview
@@ -89,10 +89,10 @@ class ThresholdPanel(QScrollArea):
         self.rule = QComboBox(parent)
         for key, text in _RULES.items():
             self.rule.addItem(text, key)
-        self.rule.setToolTip(tip(docs.get("rule", "")))
+        self.rule.setToolTip(tooltip_text(docs.get("rule", "")))
         self.rule.setAccessibleName("Rule")
         self.both_ways = QCheckBox("Both ways", parent)
-        self.both_ways.setToolTip(tip(docs.get("both_ways", "")))
+        self.both_ways.setToolTip(tooltip_text(docs.get("both_ways", "")))
         self.rule.currentIndexChanged.connect(lambda _: self._choose("rule", self.rule.currentData()))
         self.both_ways.toggled.connect(lambda on: self._choose("both_ways", on))
         row.addWidget(self.rule, 1)
@@ -104,7 +104,7 @@ class ThresholdPanel(QScrollArea):
         self.families = {family: QCheckBox(family.capitalize(), parent) for family in FAMILIES}
         for i, (family, box) in enumerate(self.families.items()):
             box.setObjectName(f"criterion_{family}")
-            box.setToolTip(tip(docs.get("criteria", "")))
+            box.setToolTip(tooltip_text(docs.get("criteria", "")))
             box.toggled.connect(lambda _: self._choose_families())
             grid.addWidget(box, *divmod(i, _ACROSS))
         grid.setColumnStretch(_ACROSS, 1)
@@ -129,14 +129,14 @@ class ThresholdPanel(QScrollArea):
             button = QPushButton(text, parent)
             button.setFlat(True)
             button.setObjectName(f"preset_{key}")
-            button.setToolTip(tip(f"{words}; the mark of this color below each slider"))
-            button.clicked.connect(lambda _=False, k=key: self.take_preset(k))
+            button.setToolTip(tooltip_text(f"{words}; the mark of this color below each slider"))
+            button.clicked.connect(lambda _=False, k=key: self.apply_preset(k))
             row.addWidget(mark)
             row.addWidget(button)
         row.addStretch(1)
         return row
 
-    def take_preset(self, name: str) -> None:
+    def apply_preset(self, name: str) -> None:
         """Moves all sliders to the values of "project", "default", or "paper"."""
         self._trial.set_config(preset(self._trial.project_config, self._sources()[name]))
 
@@ -179,7 +179,7 @@ class ThresholdPanel(QScrollArea):
         self.apply.setToolTip(
             "Change the edges of the graph as shown, as one step that can be undone"
             if reason is None
-            else tip(f"Unavailable: {reason}.")
+            else tooltip_text(f"Unavailable: {reason}.")
         )
         self.reset.setEnabled(self._trial.differs)
         self.build.setEnabled(self._document.project is not None and self._document.graph is not None)
@@ -190,7 +190,7 @@ class ThresholdPanel(QScrollArea):
     def obstacle(self) -> str | None:
         """The reason why nothing can be applied; None if it can."""
         if self._document.graph is None:
-            return STAGE["map"].lacking
+            return STAGE["map"].missing
         if self._trial.preparing:
             return "the evidence is still being prepared"
         if self._trial.refusal:
@@ -203,7 +203,7 @@ class ThresholdPanel(QScrollArea):
     def _headline(self) -> str:
         outcome = self._trial.outcome
         if self._document.graph is None:
-            return sentence(STAGE["map"].lacking)
+            return sentence(STAGE["map"].missing)
         if self._trial.preparing:
             return "Preparing the evidence…"
         if self._trial.refusal:
@@ -212,7 +212,7 @@ class ThresholdPanel(QScrollArea):
             return "Move a slider to see its effect."
         if not outcome:
             return "No edge appears or disappears."
-        more, less = len(outcome.appear), len(outcome.disappear)
+        more, less = len(outcome.new_edges), len(outcome.lost_edges)
         appear, disappear = colors.text("open"), colors.text("blocked")
         return (
             f'<span style="color:{appear}"><b>+{more:,}</b></span> {_edges(more)} would appear, '
@@ -221,27 +221,23 @@ class ThresholdPanel(QScrollArea):
 
     def _notes(self) -> str:
         outcome = self._trial.outcome
-        return plain(self._trial.refusal) if outcome is None else " ".join(notes(outcome))
+        return plain(self._trial.refusal) if outcome is None else " ".join(side_effect_notes(outcome))
 
 
-def notes(outcome: ThresholdEffect) -> list[str]:
+def side_effect_notes(outcome: ThresholdEffect) -> list[str]:
     """The side effects of an outcome, one sentence each."""
     found = []
-    if outcome.lonely:
-        found.append(
-            f"{outcome.lonely:,} {_things(outcome.lonely, 'viewpoint loses its', 'viewpoints lose their')} last edge."
-        )
-    if outcome.kept:
-        found.append(
-            f"{outcome.kept:,} {_things(outcome.kept, 'edge stays', 'edges stay')}: added or locked by a user."
-        )
-    if outcome.unanswered:
-        found.append(f"For {outcome.unanswered:,} new edges, the opposite direction was not measured.")
-    if outcome.beyond:
-        found.append(
-            f"{outcome.beyond:,} {_things(outcome.beyond, 'step leads', 'steps lead')} to places without a viewpoint; "
-            "only Build again explores them."
-        )
+    if outcome.isolated_viewpoints:
+        verb = _things(outcome.isolated_viewpoints, "viewpoint loses its", "viewpoints lose their")
+        found.append(f"{outcome.isolated_viewpoints:,} {verb} last edge.")
+    if outcome.kept_by_user:
+        verb = _things(outcome.kept_by_user, "edge stays", "edges stay")
+        found.append(f"{outcome.kept_by_user:,} {verb}: added or locked by a user.")
+    if outcome.one_way_measured:
+        found.append(f"For {outcome.one_way_measured:,} new edges, the opposite direction was not measured.")
+    if outcome.new_steps:
+        verb = _things(outcome.new_steps, "step leads", "steps lead")
+        found.append(f"{outcome.new_steps:,} {verb} to places without a viewpoint; only Build again explores them.")
     return found
 
 

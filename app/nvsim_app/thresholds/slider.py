@@ -14,7 +14,7 @@ from nvsim.mapping import criteria
 from nvsim.mapping.config import WIDEST, MappingConfig
 from nvsim_app.look import colors
 from nvsim_app.look.labels import Label
-from nvsim_app.look.plain_text import tip
+from nvsim_app.look.plain_text import tooltip_text
 from nvsim_app.look.theme import type_font
 from nvsim_app.look.widgets import NumberBox
 
@@ -139,7 +139,7 @@ class ThresholdRow(QWidget):
         super().__init__(parent)
         self.threshold = threshold
         self.setObjectName(f"threshold_{threshold.field}")
-        self.setToolTip(tip(f"{help} ({threshold.field})"))
+        self.setToolTip(tooltip_text(f"{help} ({threshold.field})"))
         self.name = Label(threshold.name, self)
         self.slider = MarkedSlider(self)
         self.slider.setRange(0, threshold.steps)

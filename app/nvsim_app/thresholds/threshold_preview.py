@@ -154,7 +154,7 @@ def ends(trial: ThresholdPreview, document: Document) -> dict[str, NDArray[np.fl
     arrays = document.graph_arrays
     rows = np.array([arrays.index.get(id, -1) for id in redecider.ids], np.int64)
     result = {}
-    for name, pairs in (("appear", outcome.appear), ("disappear", outcome.disappear)):
+    for name, pairs in (("appear", outcome.new_edges), ("disappear", outcome.lost_edges)):
         known = rows[pairs]
         result[name] = arrays.feet[known[(known >= 0).all(axis=1)]] if len(pairs) else nothing
     return result

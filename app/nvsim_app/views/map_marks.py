@@ -20,7 +20,7 @@ from nvsim_app.look.labels import Label
 from nvsim_app.painting.cameras import ViewPose
 from nvsim_app.painting.graph_ink import LARGE, DrawingCache, GraphInk
 from nvsim_app.state.document import Document
-from nvsim_app.state.graph_arrays import GraphArrays, extremes
+from nvsim_app.state.graph_arrays import GraphArrays, column_bounds
 
 
 class CameraMarker(pg.GraphicsObject):
@@ -145,7 +145,7 @@ class MapFrame:
         """Shows the position (x, y) under the cursor in meters; None hides it."""
         self.coordinates.setVisible(place is not None)
         if place is not None:
-            self.coordinates.setText(lengths.place(*place))
+            self.coordinates.setText(lengths.position_text(*place))
             self.place()
 
     def place(self, _: QEvent | None = None) -> None:
@@ -191,7 +191,7 @@ class GraphItem(pg.GraphicsObject):
         positions = self._document.graph_arrays.positions
         bounds = QRectF()
         if len(positions):
-            low, high = extremes(positions[:, :2])
+            low, high = column_bounds(positions[:, :2])
             low, high = low - 1, high + 1
             bounds = QRectF(*low, *(high - low))
             spacing = (float(np.prod(high - low)) / len(positions)) ** 0.5

@@ -16,7 +16,7 @@ from nvsim_app.look.plain_text import plain
 from nvsim_app.look.theme import is_dark
 from nvsim_app.painting.cameras import ViewPose
 from nvsim_app.state.document import Document
-from nvsim_app.state.free_floor import weak_spots
+from nvsim_app.state.free_floor import weak_places
 from nvsim_app.state.loading import CONTENT_PARTS
 from nvsim_app.views.map_legend import MapLegend
 from nvsim_app.views.map_marks import CameraMarker, GraphItem, MapFrame
@@ -289,7 +289,7 @@ class MapView(QWidget):
             item.setZValue(10)
             self.plot.addItem(item)
             self._walks[int(owner)] = item
-        spots, words = weak_spots(self._document)
+        spots, words = weak_places(self._document)
         self.weak.setData(*trajectory.positions[spots, :2].T, data=words)
         self._draw_selection()
 

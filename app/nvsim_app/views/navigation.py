@@ -41,7 +41,7 @@ FLIGHTS = {
 }
 
 
-def flying(keys: Mapping[str, str]) -> dict[int, tuple[int, int, int]]:
+def flight_directions(keys: Mapping[str, str]) -> dict[int, tuple[int, int, int]]:
     """Converts a mapping from names in FLIGHTS to key texts into a mapping from Qt key codes to directions. Unknown
     keys are omitted."""
     named = {name: getattr(Qt.Key, f"Key_{key}", None) for name, key in keys.items()}
@@ -67,7 +67,7 @@ class ControlSettings:
     turning: float = 1.0
     rolling: float = 1.0
     keys: Mapping[int, tuple[int, int, int]] = field(
-        default_factory=lambda: flying({name: flight.key for name, flight in FLIGHTS.items()})
+        default_factory=lambda: flight_directions({name: flight.key for name, flight in FLIGHTS.items()})
     )
 
     def motion(self, buttons: Qt.MouseButton, shift: bool) -> str:
@@ -230,14 +230,14 @@ class Navigation(QObject):
             self._start()
         return True
 
-    def let_go(self) -> None:
+    def release_all(self) -> None:
         """Discards pressed keys and drags. Call it when the focus is lost, because their release is not received."""
         self._held.clear()
         self._last = self._pressed_at = None
         self._dragged = False
 
     def stop(self) -> None:
-        self.let_go()
+        self.release_all()
         self._flight = None
         self._timer.stop()
 

@@ -18,7 +18,7 @@ from nvsim_app.look import lengths
 from nvsim_app.look.plain_text import plain
 from nvsim_app.look.theme import type_font
 from nvsim_app.painting.cameras import ViewPose, heading_degrees
-from nvsim_app.painting.primitives import chip
+from nvsim_app.painting.primitives import paint_label
 from nvsim_app.state.document import Document
 
 
@@ -140,14 +140,14 @@ def paint_status(painter: QPainter, size: QSize, pose: ViewPose, picture: Pictur
     painter.setFont(type_font("small"))
     ink, fill = QColor("#dfe7ee"), QColor(16, 20, 26, 175)
     x, y, z = pose.position
-    facts = [lengths.place(x, y, z, decimals=1), f"{heading_degrees(pose):.0f}°"]
+    facts = [lengths.position_text(x, y, z, decimals=1), f"{heading_degrees(pose):.0f}°"]
     if picture is not None:
         k = picture.request.camera.intrinsics
         facts += ["whole building" if picture.submap == WHOLE else f"submap {picture.submap}", f"{k.width}×{k.height}"]
         facts += [f"{picture.renderer} {picture.milliseconds:.0f} ms"]
     while len(facts) > 1 and painter.fontMetrics().horizontalAdvance("   ".join(facts)) > size.width() - 32:
         facts.pop()
-    chip(painter, QPointF(10, size.height() - 10), "   ".join(facts), ink, fill)
+    paint_label(painter, QPointF(10, size.height() - 10), "   ".join(facts), ink, fill)
     if words:
         box = QRect(QPoint(0, 0), size).adjusted(16, 8, -16, -8)
         flags = Qt.AlignmentFlag.AlignHCenter | Qt.AlignmentFlag.AlignTop | Qt.TextFlag.TextWordWrap

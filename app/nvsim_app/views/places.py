@@ -39,7 +39,7 @@ class Places:
         if len(self._document.extent):
             self._navigation.go_to(self.first)
 
-    def look_over(self) -> None:
+    def show_overview(self) -> None:
         extent = self._document.extent
         if len(extent):
             self._navigation.go_to(cameras.overview(extent))

@@ -117,24 +117,24 @@ class SceneView(QWidget):
 
     def set_channel(self, channel: str) -> None:
         self.feed.channel = channel
-        self.feed.ask_sharp()
+        self.feed.request_sharp_image()
 
     def set_renderer(self, renderer: str) -> None:
         self.feed.renderer = renderer
-        self.feed.ask_sharp()
+        self.feed.request_sharp_image()
 
     def set_budget(self, budget: int) -> None:
         """Limits the number of rendered Gaussians to those that cover most area; 0 renders all."""
         self.feed.budget = budget
-        self.feed.ask_sharp()
+        self.feed.request_sharp_image()
 
     # These are methods of the widget, because Qt removes connections to methods of a deleted widget.
 
     def home(self) -> None:
         self.places.home()
 
-    def look_over(self) -> None:
-        self.places.look_over()
+    def show_overview(self) -> None:
+        self.places.show_overview()
 
     def look_from_above(self) -> None:
         self.places.look_from_above()
@@ -292,5 +292,5 @@ class SceneView(QWidget):
             super().keyReleaseEvent(event)
 
     def focusOutEvent(self, event: QFocusEvent) -> None:
-        self.navigation.let_go()
+        self.navigation.release_all()
         super().focusOutEvent(event)

@@ -176,7 +176,7 @@ class AgentPart(Part):
                 "" if file.skyboxes is not None else "no skyboxes are beside the file; the map and the state work."
             )
             return AgentSource(None, file.path, file.skyboxes, lacking)
-        lacking = f"{STAGE['train'].lacking}; the map and the state work."
+        lacking = f"{STAGE['train'].missing}; the map and the state work."
         return AgentSource(contents.path, lacking="" if contents.scene_stamp is not None else lacking)
 
     # Following ----------------------------------------------------------------------------------------------------

@@ -12,7 +12,7 @@ from shiboken6 import isValid
 
 from nvsim_app.actions import Action
 from nvsim_app.look import lengths, theme
-from nvsim_app.look.widgets import FocusRing, bring_up
+from nvsim_app.look.widgets import FocusRing, show_and_focus
 from nvsim_app.palette.entries import PaletteEntry, commands, matching_entries, places
 from nvsim_app.palette.popup import PaletteView
 from nvsim_app.panels.about import AboutWindow
@@ -58,7 +58,7 @@ class LookPart(Part):
         dark.blockSignals(False)
 
     def _show_about(self) -> None:
-        bring_up(AboutWindow(self.context.document.path, self.context.window))
+        show_and_focus(AboutWindow(self.context.document.path, self.context.window))
 
     def _set_dark(self, dark: bool) -> None:
         name = "dark" if dark else "light"
@@ -248,7 +248,7 @@ class PreferencePart(Part):
         """Shows the dialog. There is only one."""
         if self.dialog is None or not isValid(self.dialog):
             self.dialog = PreferenceDialog(self.context.preferences, self.bindings, self.context.window)
-        bring_up(self.dialog)
+        show_and_focus(self.dialog)
         return self.dialog
 
     def open_keys(self) -> PreferenceDialog:

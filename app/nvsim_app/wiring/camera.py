@@ -47,7 +47,7 @@ class CameraPart(Part):
         scene = self.context.scene
         return {
             "home": scene.home,
-            "overview": scene.look_over,
+            "overview": scene.show_overview,
             "above": scene.look_from_above,
             "turn_up": self.context.window.turnWanted.emit,
             "focus": self._focus,
@@ -63,7 +63,7 @@ class CameraPart(Part):
         elif document.selection:
             scene.focus_on_selection()
         else:
-            scene.look_over()
+            scene.show_overview()
             self.context.part(MapPart).view.frame_everything()
 
     def _step_frame(self, step: int) -> None:

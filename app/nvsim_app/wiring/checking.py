@@ -11,7 +11,7 @@ from PySide6.QtCore import QPointF, Qt, QTimer
 from PySide6.QtGui import QColor, QPainter, QPen
 from PySide6.QtWidgets import QFileDialog
 
-from nvsim.files.user_folders import home
+from nvsim.files.user_folders import home_folder
 from nvsim.graph.compare import Deviation, merge
 from nvsim.graph.edits import EditError
 from nvsim.graph.selection import GraphSelection
@@ -24,7 +24,7 @@ from nvsim_app.painting.picking import NEAR
 from nvsim_app.panels.comparison import INKS, ComparedGraphs, ComparePanel, read_graph
 from nvsim_app.panels.deferred_refresh import DeferredRefresh
 from nvsim_app.panels.validation import ValidationPanel, selection_of
-from nvsim_app.state.directions import blocking_place
+from nvsim_app.state.directions import first_obstacle_on_edge
 from nvsim_app.state.reasons import with_editing, writable
 from nvsim_app.views.graph_surface import GraphSurface
 from nvsim_app.wiring.part import Dock, Part, WindowContext
@@ -141,7 +141,7 @@ class CheckPart(Part):
         editing = self.context.document.editing
         edges, finding = editing.selection.edges, self.panel.current
         ours = finding is not None and edges == frozenset(finding.edges) and len(edges) == 1
-        self._blocked = blocking_place(self.context.document, next(iter(edges))) if ours else None
+        self._blocked = first_obstacle_on_edge(self.context.document, next(iter(edges))) if ours else None
 
     def _paint_blocked(self, painter: QPainter, surface: GraphSurface) -> None:
         """A cross in a circle on the floor at the obstacle."""
@@ -213,7 +213,7 @@ class ComparePart(Part):
 
     def choose_file(self) -> None:
         window = self.context.window
-        start = str(self.context.document.path or home())
+        start = str(self.context.document.path or home_folder())
         name, _ = QFileDialog.getOpenFileName(window, "Compare with", start, "Connectivity (*.json)")
         if name:
             self.compare_with_file(Path(name))

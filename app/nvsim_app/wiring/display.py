@@ -21,7 +21,7 @@ from nvsim_app.painting.picking import NEAR
 from nvsim_app.painting.primitives import Primitives, disc
 from nvsim_app.panels.deferred_refresh import DeferredRefresh
 from nvsim_app.state.document import Document
-from nvsim_app.state.graph_arrays import GraphArrays, extremes
+from nvsim_app.state.graph_arrays import GraphArrays, column_bounds
 from nvsim_app.state.graph_coloring import Coloring, Group, coloring
 from nvsim_app.state.reasons import Reason, with_graph, with_occupancy
 from nvsim_app.views.graph_surface import GraphSurface
@@ -122,7 +122,7 @@ class ColoringPart(Part):
         if self._rows is None or self._rows[0] is not arrays or self._rows[1] is not found:
             self._rows = arrays, found, *_groups(arrays, found)
         if len(arrays.edges) > LARGE:
-            low, high = extremes(arrays.feet)
+            low, high = column_bounds(arrays.feet)
             corners = np.array(list(itertools.product(*zip(low, high, strict=True))))
             # The projections of eight corners identify the camera pose.
             place = tuple(np.column_stack(surface.project(corners)).ravel().tolist()), float(surface.disc_radii().max())

@@ -19,12 +19,12 @@ from nvsim.graph.types import NavGraph
 from nvsim_app.actions import Action
 from nvsim_app.layers.labels import short_ids
 from nvsim_app.look.labels import Label
-from nvsim_app.look.plain_text import caption, plain, tip
+from nvsim_app.look.plain_text import caption, plain, tooltip_text
 from nvsim_app.look.text_undo import TextUndo
-from nvsim_app.look.widgets import bring_up
+from nvsim_app.look.widgets import show_and_focus
 from nvsim_app.panels.form import Form
 from nvsim_app.state import edit_commands
-from nvsim_app.state.reasons import can_redo, can_save, can_undo, with_chosen
+from nvsim_app.state.reasons import can_redo, can_save, can_undo, with_selection
 from nvsim_app.wiring.checking import CheckPart
 from nvsim_app.wiring.part import Part, WindowContext
 
@@ -42,7 +42,7 @@ class EditPart(Part):
         _edit("undo", "&Undo", "Undo the last step", 0, "Ctrl+Z", icon="undo", toolbar=True, enabled=can_undo),
         _edit("redo", "&Redo", "Redo the undone step", 0, "Ctrl+Shift+Z", icon="redo", toolbar=True, enabled=can_redo),
         _edit("remove", "&Delete", "Delete the selected viewpoints and edges from the graph", 1, "Del", icon="remove",
-              toolbar=True, enabled=with_chosen(SelectionNeeds("things"))),
+              toolbar=True, enabled=with_selection(SelectionNeeds("things"))),
     )  # fmt: skip
 
     @classmethod
@@ -50,7 +50,7 @@ class EditPart(Part):
         """The commands of this part, and one command for every offer in the table of operations."""
         offers = tuple(offer for operation in operation_table.OPERATIONS.values() for offer in operation.offers)
         return cls.ACTIONS + tuple(
-            _edit(o.id, o.text, o.tip, o.section, o.shortcut, enabled=with_chosen(o.needs)) for o in offers
+            _edit(o.id, o.text, o.tip, o.section, o.shortcut, enabled=with_selection(o.needs)) for o in offers
         )
 
     def __init__(self, context: WindowContext) -> None:
@@ -91,11 +91,11 @@ class EditPart(Part):
         for id, step, words in (("undo", back, "Undo"), ("redo", forth, "Redo")):
             tip_of_it = f"{words}: {short_ids(self._editing.graph, _lower(step))} ({actions[id].shortcut().toString()})"
             if step and actions[id].isEnabled():
-                actions[id].setToolTip(tip(tip_of_it))
+                actions[id].setToolTip(tooltip_text(tip_of_it))
                 actions[id].setStatusTip(plain(tip_of_it))
         self.context.window.setWindowModified(self._editing.dirty)
         self.context.window.show_title()
-        self.looking.setToolTip(tip(self._editing.locked))
+        self.looking.setToolTip(tooltip_text(self._editing.locked))
         self.looking.setVisible(bool(self._editing.locked))
 
     def restore(self, settings: QSettings) -> None:
@@ -134,7 +134,7 @@ class EditPart(Part):
         context = self.context
         run = partial(self._run, name, offer)
         self.form = Form(offer.id, offer.title, offer.about, fields, run, context.settings, context.window)
-        bring_up(self.form)
+        show_and_focus(self.form)
 
     def _run(self, name: str, offer: MenuEntry, values: Mapping[str, Any]) -> None:
         chosen = self._chosen()

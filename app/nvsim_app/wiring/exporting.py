@@ -18,7 +18,7 @@ from nvsim.cli.arguments import parse
 from nvsim.cli.options import command_of
 from nvsim.figures import DASHES, SHAPES
 from nvsim.files.opening import is_folder
-from nvsim.files.user_folders import home
+from nvsim.files.user_folders import home_folder
 from nvsim.graph.exports import ColorGroups, LegendRow, draw
 from nvsim.graph.history import counted
 from nvsim.graph.offers import ChoiceField
@@ -30,12 +30,12 @@ from nvsim_app.actions import Action
 from nvsim_app.forms.fields import Settings
 from nvsim_app.forms.form import CommandForm
 from nvsim_app.look import lengths
-from nvsim_app.look.widgets import bring_up
+from nvsim_app.look.widgets import show_and_focus
 from nvsim_app.panels.form import Form
 from nvsim_app.panels.scan_estimate import DATASET, VERB, FeatureMakersPanel, ScanEstimatePanel
 from nvsim_app.state.graph_coloring import Coloring
 from nvsim_app.state.graph_files import ForeignGraph
-from nvsim_app.state.reasons import enabled, with_editing
+from nvsim_app.state.reasons import reason_of_command, with_editing
 from nvsim_app.wiring.display import ColoringPart
 from nvsim_app.wiring.jobs import OUT, JobsPart
 from nvsim_app.wiring.part import Part, WindowContext
@@ -63,14 +63,14 @@ class ExportPart(Part):
     ACTIONS = (
         Action("export_graph", "&Export graph…", "Export the graph for agents, other tools, or as an image", "&File",
                1, "Ctrl+E", "export", enabled=with_editing),
-        Action("export_scan", f"{WORK[VERB].title}…", f"{WORK[VERB].does[0].upper()}{WORK[VERB].does[1:]}", "&File", 1,
-               "Ctrl+Shift+E", enabled=enabled(VERB)),
-        Action("export_tasks", f"{WORK[TASKS].title}…", sentence(WORK[TASKS].does)[:-1], "&File", 1,
-               enabled=enabled(TASKS)),
-        Action("export_dataset", f"{WORK[DATASET].title}…", sentence(WORK[DATASET].does)[:-1], "&File", 1,
-               "Ctrl+Shift+D", enabled=enabled(DATASET)),
-        Action("export_features", f"{WORK[FEATURES].title}…", sentence(WORK[FEATURES].does)[:-1], "&File", 1,
-               enabled=enabled(FEATURES)),
+        Action("export_scan", f"{WORK[VERB].title}…", sentence(WORK[VERB].summary)[:-1], "&File", 1,
+               "Ctrl+Shift+E", enabled=reason_of_command(VERB)),
+        Action("export_tasks", f"{WORK[TASKS].title}…", sentence(WORK[TASKS].summary)[:-1], "&File", 1,
+               enabled=reason_of_command(TASKS)),
+        Action("export_dataset", f"{WORK[DATASET].title}…", sentence(WORK[DATASET].summary)[:-1], "&File", 1,
+               "Ctrl+Shift+D", enabled=reason_of_command(DATASET)),
+        Action("export_features", f"{WORK[FEATURES].title}…", sentence(WORK[FEATURES].summary)[:-1], "&File", 1,
+               enabled=reason_of_command(FEATURES)),
     )  # fmt: skip
 
     def __init__(self, context: WindowContext) -> None:
@@ -140,13 +140,13 @@ class ExportPart(Part):
             self.context.window,
             "Export to…",
         )
-        bring_up(self.form)
+        show_and_focus(self.form)
 
     def _choose_place(self, values: dict[str, Any]) -> None:
         document, window = self.context.document, self.context.window
         if document.graph is None:
             return
-        start = (document.path or home()).parent
+        start = (document.path or home_folder()).parent
         if values["kind"] == "r2r":
             name = QFileDialog.getExistingDirectory(window, "Folder for the connectivity file", str(start))
         else:
@@ -219,7 +219,7 @@ class ScanForm(QObject):
         document = context.document
         assert document.project is not None  # the form exists only with a project
         self.panel = ScanEstimatePanel(document.project, form.verb, form)
-        form.stand_beside(self.panel)
+        form.show_beside(self.panel)
         form.tried.connect(self.panel.show_arguments)
         form.finished.connect(self.panel.question.stop)
         self.panel.refused.connect(self._on_refused)
@@ -266,7 +266,7 @@ class FeaturesForm(QObject):
         super().__init__(form)
         self._form, self._context = form, context
         self.panel = FeatureMakersPanel(form)
-        form.stand_beside(self.panel)
+        form.show_beside(self.panel)
         form.resize(form.width() + 120, form.height())  # its options have long help texts
         form.tried.connect(self._on_tried)
 

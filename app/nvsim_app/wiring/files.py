@@ -14,18 +14,18 @@ from PySide6.QtWidgets import QComboBox, QFileDialog, QMenu
 
 from nvsim.errors import InputError
 from nvsim.files.atomic import write_bytes
-from nvsim.files.user_folders import home
+from nvsim.files.user_folders import home_folder
 from nvsim.graph.connectivity import SUFFIX
-from nvsim.graph.foreign import words_of_saving
+from nvsim.graph.foreign import saving_message
 from nvsim.project.layout import Layout
 from nvsim_app.actions import Action
 from nvsim_app.drawing.render_child import Picture
-from nvsim_app.look.plain_text import CAPTION, caption, plain, tip
+from nvsim_app.look.plain_text import CAPTION, caption, plain, tooltip_text
 from nvsim_app.panels.open_dialog import OpenDialog
 from nvsim_app.processes.serving import EndMessage
 from nvsim_app.processes.side_process import SideProcess
 from nvsim_app.state.graph_files import ForeignGraph
-from nvsim_app.state.reasons import with_file_of_its_own, with_project, with_scans
+from nvsim_app.state.reasons import with_graph_file, with_project, with_scans
 from nvsim_app.state.recent_projects import RecentProjects
 from nvsim_app.state.side_work import LAST_VIEW, PICTURE, RECENT
 from nvsim_app.wiring.new_project import NewProjectPart
@@ -78,7 +78,7 @@ class FilePart(Part):
 
     def _on_chosen(self, path: Path) -> None:
         self.context.settings.setValue(_FOLDER, str(path.parent))
-        self.context.part(NewProjectPart).take([path])
+        self.context.part(NewProjectPart).open_paths([path])
 
     def _step_scan(self, step: int) -> None:
         file = self.context.document.contents.graph_file
@@ -95,8 +95,8 @@ class FilePart(Part):
     def _start(self) -> Path:
         """The folder of the open file, or else the folder that was used last."""
         path = self.context.document.path
-        last = Path(str(self.context.settings.value(_FOLDER, "") or home()))
-        return path.absolute().parent if path is not None else last if last.is_dir() else home()
+        last = Path(str(self.context.settings.value(_FOLDER, "") or home_folder()))
+        return path.absolute().parent if path is not None else last if last.is_dir() else home_folder()
 
 
 _SOON = 150  # milliseconds
@@ -175,7 +175,7 @@ class RecentPart(Part):
         self._menu.clear()
         for path in self.projects.paths:
             action = QAction(caption(f"{path.name}   {path.parent}"), self._menu)
-            action.setToolTip(tip(path))
+            action.setToolTip(tooltip_text(path))
             action.triggered.connect(partial(self.open, path))
             self._menu.addAction(action)
         if not self.projects.paths:
@@ -207,7 +207,7 @@ class ForeignPart(Part):
     ACTIONS = (
         Action("save_as", "Save &as…",
                "Write the graph to another file and open it; the current file keeps its last saved state", "&File", 1,
-               "Ctrl+Shift+S", enabled=with_file_of_its_own),
+               "Ctrl+Shift+S", enabled=with_graph_file),
     )  # fmt: skip
 
     def __init__(self, context: WindowContext) -> None:
@@ -248,7 +248,7 @@ class ForeignPart(Part):
             return
         with self.context.notices.reporting(about="save graph"):
             file.save_copy(history.graph, path)
-            self.context.notices.info(words_of_saving(path, None, history.graph), about="save graph")
+            self.context.notices.info(saving_message(path, None, history.graph), about="save graph")
             if editing.writable and history.saved_index >= 0:
                 history.go_to(history.saved_index)  # otherwise the next opening would restore the edits
             self.context.window.projectChosen.emit(path)

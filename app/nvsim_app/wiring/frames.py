@@ -15,7 +15,7 @@ from nvsim_app.frames.state import FrameState, newest_scores
 from nvsim_app.painting.value_colors import CHANNELS
 from nvsim_app.panels.frames import FramePanel
 from nvsim_app.panels.help import open_help
-from nvsim_app.state.reasons import with_frame, with_masks, with_page, with_trajectory
+from nvsim_app.state.reasons import with_frame, with_frame_page, with_masks, with_trajectory
 from nvsim_app.state.results import EvaluationResult
 from nvsim_app.state.view_states import PageState
 from nvsim_app.wiring.panels import ResultPart
@@ -49,7 +49,7 @@ class FramePart(Part):
     ACTIONS = (
         Action("open_frame", "&Compare with render", "Show the selected frame beside the render from its camera", _MENU,
                shortcut="Shift+F", icon="compare", toolbar=True, enabled=with_frame),
-        Action("leave_frame", "Back to the &3D view", "Close the frame, like Esc", _MENU, enabled=with_page),
+        Action("leave_frame", "Back to the &3D view", "Close the frame, like Esc", _MENU, enabled=with_frame_page),
         *(
             Action(f"frame_{mode}", _MODES[mode][0], _MODES[mode][1], _MENU, 1, f"Ctrl+{number}",
                    check="on" if mode == "wipe" else "off", group="frame_mode", enabled=with_frame)

@@ -17,7 +17,7 @@ from nvsim_app.actions import Action
 from nvsim_app.jobs.queue import JobHandle
 from nvsim_app.modes.measure import MeasureMode
 from nvsim_app.panels.details import DetailsPanel
-from nvsim_app.panels.form import KnownLength, words_of
+from nvsim_app.panels.form import KnownLength, outdated_results_text
 from nvsim_app.state.document import Document
 from nvsim_app.state.reasons import Reason, with_frame, with_project_folder, with_trajectory
 from nvsim_app.wiring.jobs import JobsPart
@@ -99,7 +99,7 @@ class ReimportPart(Part):
             names = f"{config.leave_out},{name}" if config.leave_out else name
             options = options_of(replace(config, leave_out=names, model=""))
             handle = self._import(project, [str(capture.source), *options], f"Import without {name}")
-            self.context.notices.info(f"{name} is left out. {words_of(document.contents.stages)}")
+            self.context.notices.info(f"{name} is left out. {outdated_results_text(document.contents.stages)}")
             return handle
         return None
 
@@ -121,7 +121,7 @@ class ReimportPart(Part):
             else:
                 options = [*self._options_ordered(), "--model", str(number)]
             handle = self._import(project, [source, *options], f"Import piece {number}")
-            self.context.notices.info(f"Piece {number} is imported. {words_of(document.contents.stages)}")
+            self.context.notices.info(f"Piece {number} is imported. {outdated_results_text(document.contents.stages)}")
             return handle
         return None
 

@@ -127,11 +127,11 @@ class InspectorPart(Part):
         there = contents.scene_stamp is not None or (file is not None and file.pictured)
         x, y, z = (round(float(v), 4) for v in self.inspection.eye)
         if id is None or not there or not self._seen:
-            self.panoramas.want(None)
+            self.panoramas.request(None)
         else:
-            self.panoramas.want((x, y, z), None if file is None else partial(file.panorama, id))
-        self.panel.offer_channels(file is None)
-        lacking = f"{STAGE['train'].lacking}, so there is nothing to show"
+            self.panoramas.request((x, y, z), None if file is None else partial(file.panorama, id))
+        self.panel.enable_channels(file is None)
+        lacking = f"{STAGE['train'].missing}, so there is nothing to show"
         lacking = "There are no images beside the file." if file else sentence(lacking)
         self.panel.view.hint = "" if there else lacking
         self.panel.view.update()
@@ -157,4 +157,4 @@ class InspectorPart(Part):
         heading = direction.evidence.heading
         document.select(viewpoint=direction.neighbour)
         self.context.scene.go_to_position(place, heading)
-        self.panel.view.look_to(heading)
+        self.panel.view.set_heading(heading)

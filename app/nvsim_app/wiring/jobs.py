@@ -16,13 +16,19 @@ from nvsim_app.actions import Action
 from nvsim_app.forms.fields import Settings
 from nvsim_app.forms.form import CommandForm
 from nvsim_app.jobs.queue import JobHandle
-from nvsim_app.look.widgets import bring_up
+from nvsim_app.look.widgets import show_and_focus
 from nvsim_app.panels.jobs import JobPanel, waiting_words
 from nvsim_app.panels.stages import EarlierResults, RunningJob, StageBar
 from nvsim_app.panels.training_images import read_picture
 from nvsim_app.panels.training_window import TrainingWindow
 from nvsim_app.state.loading import ChosenFrames
-from nvsim_app.state.reasons import capture_or_job, enabled, with_earlier, with_project_folder, with_training
+from nvsim_app.state.reasons import (
+    capture_or_job,
+    reason_of_command,
+    with_earlier_result,
+    with_project_folder,
+    with_training,
+)
 from nvsim_app.wiring.part import Dock, Part
 
 _BESIDE_GRAPH = ("export scan", "export features", "export tasks", "export dataset")  # in the File menu
@@ -43,8 +49,8 @@ def _about(verb: str) -> str:
 def _actions(verbs: Sequence[str], section: int) -> tuple[Action, ...]:
     rows = (WORK[verb] for verb in verbs)
     return tuple(
-        Action(_name(row.verb), f"{row.title}…", f"{row.does[0].upper()}{row.does[1:]}", "&Jobs", section,
-               _SHORTCUTS.get(row.verb, ""), enabled=enabled(row.verb))
+        Action(_name(row.verb), f"{row.title}…", f"{row.summary[0].upper()}{row.summary[1:]}", "&Jobs", section,
+               _SHORTCUTS.get(row.verb, ""), enabled=reason_of_command(row.verb))
         for row in rows
     )  # fmt: skip
 
@@ -60,7 +66,7 @@ class JobsPart(Part):
         *_actions(PIPELINE, 1),
         *_actions(EVALUATIONS, 2),
         Action("earlier_results", "Ea&rlier results…", "Restore or delete the result of a stage before its last run",
-               "&Jobs", 4, enabled=with_earlier),
+               "&Jobs", 4, enabled=with_earlier_result),
         *_actions(_EXPORTS, 3),
         *_actions(_AGENTS, 5),
     )  # fmt: skip
@@ -294,7 +300,7 @@ class TrainingPart(Part):
             self._place(self.window)
             self.window.finished.connect(self._on_finished)
         self.window.show_run(self.context.part(JobsPart).panel.handle)
-        bring_up(self.window)
+        show_and_focus(self.window)
         return self.window
 
     def _open_for(self, handle: JobHandle) -> None:

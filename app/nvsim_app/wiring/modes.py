@@ -18,7 +18,7 @@ from nvsim_app.look.plain_text import caption, plain
 from nvsim_app.modes.mode import Pointer
 from nvsim_app.state import edit_commands
 from nvsim_app.state.document import Document
-from nvsim_app.state.reasons import Reason, with_editing, with_page, with_positions, writable
+from nvsim_app.state.reasons import Reason, with_editing, with_frame_page, with_positions, writable
 from nvsim_app.views.graph_surface import MapSurface
 from nvsim_app.wiring.frames import FramePart
 from nvsim_app.wiring.panels import MapPart
@@ -61,7 +61,8 @@ class ModePart(Part):
         Action("cancel", "Cancel",
                "Cancel the current action, then return to the 3D view and to Select, then clear the selection",
                "&Graph", _SECTION, "Esc",
-               enabled=lambda document: with_page(document) and with_editing(document) and with_positions(document)),
+               enabled=lambda document: (
+                   with_frame_page(document) and with_editing(document) and with_positions(document))),
     )  # fmt: skip
 
     def __init__(self, context: WindowContext) -> None:
@@ -153,8 +154,8 @@ class ContextPart(Part):
         proposing = self.context.part(ProposePart)
         ghost = proposing.under(pointer)
         if ghost is not None and pointer.viewpoint is None:
-            menu.addAction("Accept this proposed edge", partial(proposing.take, ghost))
-            menu.addAction("Dismiss it", partial(proposing.drop, ghost))
+            menu.addAction("Accept this proposed edge", partial(proposing.accept_edge, ghost))
+            menu.addAction("Dismiss it", partial(proposing.dismiss_edge, ghost))
 
     def _fill_for_things(self, menu: QMenu) -> None:
         graph, chosen = self.context.document.graph, self.context.document.editing.selection
@@ -190,7 +191,7 @@ class ContextPart(Part):
     def _fill_for_floor(self, menu: QMenu, pointer: Pointer) -> None:
         editing, place = self.context.document.editing, pointer.surface.floor_point(pointer.point)
         if place is not None:
-            menu.addSection(lengths.place(*place[:2]))
+            menu.addSection(lengths.position_text(*place[:2]))
             if editing.writable:
                 add = partial(edit_commands.add_viewpoint_on_floor, editing, place)
                 menu.addAction("Add a viewpoint here", add)

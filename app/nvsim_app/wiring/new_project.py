@@ -13,7 +13,7 @@ from nvsim.capture import formats
 from nvsim.capture.excluded_frames import FROM_FILE, write_names
 from nvsim.capture.multi_capture import SUFFIX, write_list
 from nvsim.errors import InputError
-from nvsim.files.user_folders import home
+from nvsim.files.user_folders import home_folder
 from nvsim.project.path_kind import GRAPHS, path_kind, sentence_about
 from nvsim.project.work import STAGE
 from nvsim_app.actions import Action
@@ -38,7 +38,7 @@ def without_capture(document: Document) -> Reason:
 def with_own_capture(document: Document) -> Reason:
     if document.project is None:
         return "no project is open"
-    return None if document.contents.capture is not None else f"{STAGE['import'].lacking}; import one first"
+    return None if document.contents.capture is not None else f"{STAGE['import'].missing}; import one first"
 
 
 class NewProjectPart(Part):
@@ -145,7 +145,7 @@ class NewProjectPart(Part):
 
     def choose_demo(self) -> None:
         """Asks for the path of the demo project, and creates it."""
-        start = str(home() / "demo.nvsim")
+        start = str(home_folder() / "demo.nvsim")
         chosen, _ = QFileDialog.getSaveFileName(self.context.window, "Demo project", start, "Projects (*.nvsim)")
         if chosen:
             path = Path(chosen if chosen.endswith(".nvsim") else f"{chosen}.nvsim")
@@ -177,7 +177,7 @@ class NewProjectPart(Part):
             paths = _dropped(event.mimeData())
             if paths:
                 event.acceptProposedAction()
-                self.take(paths)
+                self.open_paths(paths)
                 return True
         return super().eventFilter(watched, event)
 
@@ -187,7 +187,7 @@ class NewProjectPart(Part):
         more = f" and {len(paths) - 1} more" if len(paths) > 1 else ""
         self.target.show_words(f"Drop {plain(paths[0].name)}{more} to open or import it" if paths else "")
 
-    def take(self, paths: Sequence[Path]) -> None:
+    def open_paths(self, paths: Sequence[Path]) -> None:
         """Opens dropped or selected paths: a project, a graph, a splat file, or else captures."""
         path, kind = paths[0], path_kind(paths[0])
         if kind in ("project", "splats", *GRAPHS):

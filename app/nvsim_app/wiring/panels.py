@@ -14,7 +14,7 @@ from nvsim.project.work import EVALUATIONS
 from nvsim_app.actions import Action
 from nvsim_app.jobs.queue import JobHandle
 from nvsim_app.look.notices import Notice
-from nvsim_app.look.widgets import bring_up
+from nvsim_app.look.widgets import show_and_focus
 from nvsim_app.panels.details import DetailsPanel
 from nvsim_app.panels.layers import LayersPanel
 from nvsim_app.panels.log import LogPanel
@@ -282,7 +282,7 @@ class ModelsPart(Part):
             self.page = ModelsWindow(self.models, self.context.window)
             self.page.destroyed.connect(self._forget)
         self.models.list()
-        bring_up(self.page)
+        show_and_focus(self.page)
         return self.page
 
     def _forget(self) -> None:

@@ -14,7 +14,7 @@ from nvsim_app.jobs.queue import JobQueue
 from nvsim_app.look.notices import Notices
 from nvsim_app.panels.preferences import Preferences
 from nvsim_app.state.document import Document
-from nvsim_app.state.reasons import Reason, always
+from nvsim_app.state.reasons import Reason, never_disabled
 
 if TYPE_CHECKING:
     from nvsim_app.modes.controller import ModeController
@@ -43,7 +43,7 @@ class Dock:
     tab: str = ""
     width: int = 0
     height: int = 0
-    needs: Callable[[Document], Reason] = always
+    needs: Callable[[Document], Reason] = never_disabled
     workspaces: tuple[str, ...] = ()
 
 

@@ -20,7 +20,7 @@ from nvsim.graph.selection import GraphSelection
 from nvsim.graph.types import EdgeKey
 from nvsim.mapping.evidence.new_viewpoints import NewViewpointEvidence, with_new_viewpoints
 from nvsim.mapping.explanation.explain import smallest_margin
-from nvsim.project.stages.measured import unmeasured
+from nvsim.project.stages.measured import unmeasured_viewpoints
 from nvsim_app.actions import Action
 from nvsim_app.look import colors
 from nvsim_app.modes.mode import Pointer, dots, line
@@ -107,7 +107,7 @@ class ProposePart(Part):
             return
         if not document.editing.writable or self.process.running:
             return
-        if ids := unmeasured(graph)[-8:]:
+        if ids := unmeasured_viewpoints(graph)[-8:]:
             self.process.open(evidence_task(project, graph, ids))
 
     def _on_end(self, end: EndMessage) -> None:
@@ -141,7 +141,7 @@ class ProposePart(Part):
                     f"{count} {'edge is' if count == 1 else 'edges are'} proposed at your edits: Ctrl+Return accepts "
                     f"{'it' if count == 1 else 'them'}, Ctrl+Backspace dismisses {'it' if count == 1 else 'them'}."
                 )
-        if len(stayed) < len(places) or unmeasured(graph):
+        if len(stayed) < len(places) or unmeasured_viewpoints(graph):
             self._soon.start()
 
     def propose_edges(self) -> None:
@@ -218,11 +218,11 @@ class ProposePart(Part):
         row = nearest_segment(lines, depths, (pointer.point.x(), pointer.point.y()), EDGE_REACH)
         return None if row is None else keys[int(index[row])]
 
-    def take(self, edge: EdgeKey) -> None:
+    def accept_edge(self, edge: EdgeKey) -> None:
         """Adds one proposed edge. The others stay proposed."""
         edit_commands.add_edge(self.context.document.editing, *edge)
 
-    def drop(self, edge: EdgeKey) -> None:
+    def dismiss_edge(self, edge: EdgeKey) -> None:
         """Dismisses one proposed edge."""
         self.proposals.without(edge)
         self._tell()

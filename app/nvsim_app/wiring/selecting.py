@@ -16,11 +16,11 @@ from nvsim_app.painting.cameras import focused, view_along_edge
 from nvsim_app.panels.histogram import HistogramPanel
 from nvsim_app.panels.history import HistoryPanel
 from nvsim_app.panels.tables import TablePanel
-from nvsim_app.state.reasons import with_chosen, with_editing
+from nvsim_app.state.reasons import with_editing, with_selection
 from nvsim_app.wiring.panels import MapPart
 from nvsim_app.wiring.part import Dock, Part, WindowContext
 
-_CHOSEN = with_chosen(SelectionNeeds("things"), changes=False)
+_CHOSEN = with_selection(SelectionNeeds("things"), changes=False)
 
 
 class SelectPart(Part):
@@ -36,7 +36,7 @@ class SelectPart(Part):
         Action("component", "Select &component", "Select everything that can be reached from the selection", "&Edit", 5,
                "Ctrl+Shift+K", enabled=_CHOSEN),
         Action("path", "Select pat&h between", "Select the shortest path of two viewpoints", "&Edit", 5, "Ctrl+Alt+P",
-               enabled=with_chosen(SelectionNeeds("viewpoints", 2, 2), changes=False)),
+               enabled=with_selection(SelectionNeeds("viewpoints", 2, 2), changes=False)),
         Action("select_expression", "Select by e&xpression…", "For example: degree > 4 and not reviewed", "&Edit", 5,
                "Ctrl+F", enabled=with_editing),
         Action("select_range", "Select by &range…", "Select a range of a histogram: length, degree, evidence…", "&Edit",
@@ -66,7 +66,7 @@ class SelectPart(Part):
     def handlers(self) -> Mapping[str, Callable[..., object]]:
         return {
             "select_all": lambda: self._select(
-                lambda graph, _: self._without_hidden_storeys(selecting.everything(graph))
+                lambda graph, _: self._without_hidden_storeys(selecting.select_everything(graph))
             ),
             "select_none": lambda: self._editing.select(GraphSelection()),
             "invert": lambda: self._select(

@@ -12,11 +12,11 @@ from PySide6.QtCore import QSettings
 from PySide6.QtWidgets import QFileDialog
 
 from nvsim.errors import InputError
-from nvsim.files.user_folders import home
+from nvsim.files.user_folders import home_folder
 from nvsim.graph.difference import Difference
 from nvsim.mapping.config import MappingConfig
 from nvsim_app.actions import Action
-from nvsim_app.state.reasons import with_graph, with_measured
+from nvsim_app.state.reasons import with_evidence, with_graph
 from nvsim_app.thresholds.calibration_panel import CalibrationPanel
 from nvsim_app.thresholds.calibrations import Calibrations
 from nvsim_app.thresholds.panel import ThresholdPanel
@@ -56,7 +56,7 @@ class ThresholdPart(Part):
 
     def docks(self) -> tuple[Dock, ...]:
         return (
-            Dock("thresholds", "Thresholds", self.panel, "right", tab="details", needs=with_measured,
+            Dock("thresholds", "Thresholds", self.panel, "right", tab="details", needs=with_evidence,
                  workspaces=("edit",)),
         )  # fmt: skip
 
@@ -82,7 +82,7 @@ class ThresholdPart(Part):
 
     def _take(self, preset: str) -> None:
         self.show_panel()
-        self.panel.take_preset(preset)
+        self.panel.apply_preset(preset)
 
     def _on_contents(self, parts: frozenset[str]) -> None:
         if parts & {"graph", "capture"}:
@@ -106,7 +106,7 @@ class ThresholdPart(Part):
         graph, outcome = self.trial.graph(), self.trial.outcome
         if self.panel.obstacle is not None or graph is None or outcome is None:
             return
-        text = f"Decide again: {len(outcome.appear)} edges appear, {len(outcome.disappear)} disappear"
+        text = f"Decide again: {len(outcome.new_edges)} edges appear, {len(outcome.lost_edges)} disappear"
         if self.context.document.editing.perform(text, graph):
             self._remember_applied()
 
@@ -187,7 +187,7 @@ class CalibratePart(Part):
     ACTIONS = (
         Action("calibration", "Calibrat&ion",
                "Compare every value of a threshold with an occupancy map, and suggest a value", "&Graph", 9,
-               enabled=with_measured),
+               enabled=with_evidence),
     )  # fmt: skip
 
     def docks(self) -> tuple[Dock, ...]:
@@ -199,7 +199,7 @@ class CalibratePart(Part):
         document.contentsChanged.connect(self._on_contents)
         document.graphChanged.connect(self._on_edit)
         return (
-            Dock("calibration", "Calibration", self.panel, "bottom", tab="jobs", needs=with_measured,
+            Dock("calibration", "Calibration", self.panel, "bottom", tab="jobs", needs=with_evidence,
                  workspaces=("edit",)),
         )  # fmt: skip
 
@@ -218,7 +218,7 @@ class CalibratePart(Part):
 
     def choose_map(self) -> None:
         window = self.context.window
-        start = str(self.calibrations.truth or self.context.document.path or home())
+        start = str(self.calibrations.truth or self.context.document.path or home_folder())
         name, _ = QFileDialog.getOpenFileName(
             window, "Select an occupancy map", start, "Occupancy maps (*.yaml *.yml *.bt *.ot)"
         )

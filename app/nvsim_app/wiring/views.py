@@ -237,7 +237,7 @@ class ViewRestorePart(Part):
             self._last or self._wanted.selection,
             frame,
             self._map.seen,
-            self._inspector.view.gaze,
+            self._inspector.view.view_center,
             tuple(self._camera_path.poses),
         )
         self.context.settings.setValue(self._key(self._path), encode(left))
@@ -263,7 +263,7 @@ class ViewRestorePart(Part):
         if kept.map_range is not None:
             self._map.see(*kept.map_range)
         if kept.panorama is not None:
-            self._inspector.view.look(*kept.panorama)
+            self._inspector.view.set_view_center(*kept.panorama)
         self._camera_path.keep(kept.keys)
         self._on_contents(frozenset({"capture"}))
 

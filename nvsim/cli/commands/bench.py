@@ -53,7 +53,7 @@ class BenchRender:
         else:
             splats = read_splats(self.scene)
             gaussians = splats.gaussians
-            terminal.notes(splats.notes)
+            terminal.print_notes(splats.notes)
         camera, place = inside_view(int(width), int(height)), gpu_name(self.device)
         if place is None:
             figures = measure(gaussians, camera, not self.classic, self.rounds)
@@ -114,7 +114,7 @@ class BenchOpengl:
             _, model = scene.model_at(pose[:3, 3])
         elif self.scene is not None:
             splats = read_splats(self.scene)
-            terminal.notes(splats.notes)
+            terminal.print_notes(splats.notes)
             model = with_floor_and_background(splats.gaussians, splats.antialiased is not False)
         else:
             model, _ = furnished_hall()

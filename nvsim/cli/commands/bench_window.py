@@ -19,7 +19,7 @@ from typing import Literal
 from nvsim.cli import terminal
 from nvsim.cli.window import has_display, installed, measured_by_window
 from nvsim.errors import InputError
-from nvsim.events import silent
+from nvsim.events import ignore_event
 
 
 @dataclass(frozen=True)
@@ -184,9 +184,9 @@ def _prepare(folder: Path) -> None:
 
     with Project.create_or_open(folder) as project:
         generate(project.layout.root, BuildingConfig(seed=0, size="small"))
-        imported.run(project, project.layout.built_in_capture, CaptureConfig(), silent)
-        submaps.run(project, RunConfig().submaps, silent)
-        floors.run(project, silent)
+        imported.run(project, project.layout.built_in_capture, CaptureConfig(), ignore_event)
+        submaps.run(project, RunConfig().submaps, ignore_event)
+        floors.run(project, ignore_event)
 
 
 @dataclass(frozen=True)

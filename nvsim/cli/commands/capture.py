@@ -14,7 +14,7 @@ from nvsim.capture import formats
 from nvsim.capture.axes import Axes
 from nvsim.cli.arguments import Inline
 from nvsim.cli.console import event_listener, with_command_options
-from nvsim.cli.session import working
+from nvsim.cli.session import project_job
 from nvsim.cli.terminal import as_json, say
 from nvsim.errors import InputError
 from nvsim.events import Log
@@ -74,7 +74,7 @@ class Check:
     def run(self) -> int:
         from nvsim.capture.check import check
         from nvsim.capture.excluded_frames import expand_list, write_names
-        from nvsim.poses.pose_checks import of_poses, with_poses
+        from nvsim.poses.pose_checks import find_pose_contradiction, with_poses
         from nvsim.reconstruction.footage_check import footage_at
         from nvsim.reconstruction.posed_panoramas import find_posed_panoramas
         from nvsim.reconstruction.report import report_beside
@@ -99,7 +99,11 @@ class Check:
             used = None if report.capture is None or not is_given else report.capture.alignment.scale
             measured = _of_measured_scale(poses, used, self)
             report = dataclasses.replace(report, findings=(*map(_of_footage, report.findings), *measured))
-        if not report.refused and report.capture is not None and (found := of_poses(report.capture)) is not None:
+        if (
+            not report.refused
+            and report.capture is not None
+            and (found := find_pose_contradiction(report.capture)) is not None
+        ):
             report = dataclasses.replace(report, findings=(*report.findings, found))
         if self.bad_frames is not None:
             write_names(report.bad_frames, self.bad_frames)
@@ -109,7 +113,7 @@ class Check:
             say(as_json({"refused": report.refused, "findings": findings, "summary": summary}))
             return 2 if report.refused else 0
         if report.summary is not None:
-            say(words_of(report.summary))
+            say(describe_capture(report.summary))
         _say_findings(report.findings, self.places)
         say("The capture cannot be used as it is." if report.refused else "The capture can be used.")
         bad = len(report.bad_frames)
@@ -139,7 +143,7 @@ def _of_measured_scale(poses: PosesReport, used: float | None, arguments: Check)
     if measured is None:
         return []
     if used is not None:
-        contradiction = poses.contradiction(used, source, model).rstrip(".")
+        contradiction = poses.scale_contradiction(used, source, model).rstrip(".")
         wrong = "lengths may be wrong by that much"
         return [Finding("warning", contradiction, source.name, wrong)] if contradiction else []
     words = measured.words(poses.is_upright(source, model))
@@ -190,7 +194,7 @@ def _check_video(footage: Footage, arguments: Check) -> int:
         if footage.kind == "video":
             say("This is a video, not a capture; it can be decoded. NVSim computes its camera poses before the import.")
         else:
-            say(f"These are {footage.words} without poses. NVSim computes their camera poses before the import.")
+            say(f"These are {footage.description} without poses. NVSim computes their camera poses before the import.")
         height = "" if arguments.camera_height is None else f"{arguments.camera_height:g}"
         scale = f" --camera-height {height or '1.4'}" if arguments.scale is None else f" --scale {arguments.scale:g}"
         if not known and all(f.message != SCALE_ASSUMED for f in report.findings):
@@ -199,7 +203,7 @@ def _check_video(footage: Footage, arguments: Check) -> int:
     return code
 
 
-def words_of(summary: Summary) -> str:
+def describe_capture(summary: Summary) -> str:
     """The content of a capture in one line."""
     sizes = ", ".join(f"{width} x {height}" for width, height, _ in summary.sizes[:3])
     more = f" and {len(summary.sizes) - 3} more" if len(summary.sizes) > 3 else ""
@@ -291,7 +295,7 @@ class Import:
         """Runs the command. Raises InputError if options contradict --add."""
         from nvsim.project.stages import added_captures, imported
 
-        with working(self.project, "import", self.json, create=not self.add) as (project, listen):
+        with project_job(self.project, "import", self.json, create=not self.add) as (project, listen):
             if self.add:
                 leave_out = self.understood.leave_out
                 if self.understood != CaptureConfig(leave_out=leave_out):

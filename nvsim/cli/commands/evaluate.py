@@ -9,7 +9,7 @@ from typing import Any, Literal
 from nvsim.cli import terminal
 from nvsim.cli.arguments import Positional, ProjectArguments
 from nvsim.cli.console import event_listener
-from nvsim.cli.session import working
+from nvsim.cli.session import project_job
 from nvsim.cli.terminal import as_json, say
 from nvsim.networks.installed import BUNDLED
 
@@ -250,7 +250,7 @@ class EvaluateAblation(ProjectArguments):
         distance, why = open_lpips(self.lpips, self.lpips_range)
         budget = Budget(self.steps, self.image_size, self.gaussian_cap)
         config = AblationConfig(self.tables, self.rows, self.presets, self.submaps, self.seeds, budget, self.afresh)
-        with working(self.project, "evaluate ablation", self.json) as (project, listen):
+        with project_job(self.project, "evaluate ablation", self.json) as (project, listen):
             outcome = evaluate_ablation(project, config, listen, self.truth, distance)
             files = write_report(outcome, self.out or runs_folder(project), why)
             results: dict[str, Any] = {

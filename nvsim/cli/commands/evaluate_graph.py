@@ -10,7 +10,7 @@ import tyro
 
 from nvsim.cli import terminal
 from nvsim.cli.arguments import Inline, ProjectArguments, given
-from nvsim.cli.session import working
+from nvsim.cli.session import project_job
 from nvsim.cli.terminal import say
 from nvsim.mapping.config import MappingConfig
 from nvsim.occupancy.heights import Heights
@@ -50,7 +50,7 @@ class EvaluateGraph(ProjectArguments):
                 terminal.figures({"nodes": len(graph.viewpoints), "edges": len(graph.edges)}, self.json, "graph")
                 return 0
             occupancy = true_maps(project, truth, self.map_frame, self.heights)
-            terminal.notes(occupancy.notes)
+            terminal.print_notes(occupancy.notes)
             support = project.support()
             seen = None if support is None else support.at
             least = thresholds_of(project).photographed
@@ -104,7 +104,7 @@ class EvaluateCalibration(ProjectArguments):
         with Project.open(self.project) as project:
             graph, capture, config = project.need_graph(), project.need_capture(), thresholds_of(project)
             occupancy = true_occupancy(project, self.occupancy, self.map_frame, self.heights)
-            terminal.notes(occupancy.notes)
+            terminal.print_notes(occupancy.notes)
             found = calibrate(graph, occupancy, capture.positions, config, self.want, self.robot_radius)
         files = write_calibration(found, self.out) if self.out is not None else []
         if self.json:
@@ -173,9 +173,9 @@ class EvaluateValidityTable(ProjectArguments):
             self.config.robot_radius,
             self.afresh,
         )
-        with working(self.project, "evaluate validity-table", self.json) as (project, listen):
+        with project_job(self.project, "evaluate validity-table", self.json) as (project, listen):
             occupancy = true_occupancy(project, self.occupancy, self.map_frame, self.heights)
-            terminal.notes(occupancy.notes)
+            terminal.print_notes(occupancy.notes)
             table = evaluate_validity(project, config, occupancy, listen)
             walk = project.need_capture().positions[:, :2]
             files = write_validity(table, self.out or cells_folder(project), occupancy, walk)

@@ -95,9 +95,9 @@ class EvaluateJudge:
         distance, why = open_lpips(self.lpips, self.lpips_range)
         with ExitStack() as stack:
             if self.project is not None:
-                from nvsim.cli.session import working
+                from nvsim.cli.session import project_job
 
-                project, listen = stack.enter_context(working(self.project, "evaluate judge", self.json))
+                project, listen = stack.enter_context(project_job(self.project, "evaluate judge", self.json))
                 out = self.out or project.layout.root / "judge"
                 shown = _by_presets(self, project, out, listen)
             else:
@@ -234,7 +234,7 @@ def _collect_verdicts(
     judged = [by_lpips(shown, distance, why), by_sharpness(shown)]
     if not endpoints:
         return judged
-    from nvsim.cli.consent import agree
+    from nvsim.cli.consent import ask_for_consent
     from nvsim.endpoint.answer import StoredAnswers
     from nvsim.endpoint.budget import Budget
     from nvsim.endpoint.client import Client
@@ -249,7 +249,7 @@ def _collect_verdicts(
     try:
         asked = [(c.endpoint, asker.estimate(c, shown), c.budget.prices) for c in clients.values()]
         notes = ["NVSim sends pairs of rendered images, each in both orders. Budgets apply to each judge."]
-        agreed = agree(asked, notes, a.asking.yes)
+        agreed = ask_for_consent(asked, notes, a.asking.yes)
         for name, client in clients.items():
             client.may_send = agreed
             judged.append(asker.judge(client, name, shown, listen))

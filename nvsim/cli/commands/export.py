@@ -175,14 +175,14 @@ class ExportGraph:
 
     def run(self) -> int:
         """Writes one file, or a folder of files. Raises InputError if one of them cannot be written."""
-        from nvsim.cli.graph_target import is_project, one_source
+        from nvsim.cli.graph_target import is_project, read_one_graph
         from nvsim.graph.connectivity import scan_of
         from nvsim.graph.exports import incomplete_export
         from nvsim.graph.foreign import connectivity_files
 
         named = _FILES.get(self.out.suffix.lower())
         if named is not None:
-            source = one_source(self.graph, self.occupancy, self.heights)
+            source = read_one_graph(self.graph, self.occupancy, self.heights)
             _say(_write(source, replace(self, format=named), self.out), self)
             return 0
         _check_folder(self.out)
@@ -190,7 +190,7 @@ class ExportGraph:
         failures: dict[str, InputError] = {}
         for file in files:
             try:
-                _say(_write(one_source(file, self.occupancy, self.heights), self), self)
+                _say(_write(read_one_graph(file, self.occupancy, self.heights), self), self)
             except InputError as error:
                 if len(files) == 1:
                     raise

@@ -191,7 +191,7 @@ class ExportDataset(ProjectArguments):
         return () if self.for_ else ("vit-b16",)
 
     def run(self) -> int:
-        from nvsim.dataset.building import DatasetOptions, export_dataset, prepared
+        from nvsim.dataset.building import DatasetOptions, export_dataset, prepare_exports
         from nvsim.dataset.estimate import estimate_dataset
         from nvsim.dataset.tasks import TaskOptions
         from nvsim.r2r.observations.layout import ScanSettings
@@ -209,7 +209,7 @@ class ExportDataset(ProjectArguments):
         )
         projects = (self.project, *self.also)
         if self.dry_run:
-            with prepared(projects, self.out, options) as sources:
+            with prepare_exports(projects, self.out, options) as sources:
                 _foretell(estimate_dataset(sources, options), self)
             return 0
         with event_listener(self.json) as listen:

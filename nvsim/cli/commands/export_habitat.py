@@ -36,11 +36,11 @@ class ExportHabitat:
         from nvsim.cli.console import event_listener
         from nvsim.cli.terminal import as_json
         from nvsim.dataset.habitat.scene import write_scenes
-        from nvsim.events import silent
+        from nvsim.events import ignore_event
 
         clouds = _clouds(self.project)
         with event_listener(False) as heard:
-            listen = silent if self.json else heard
+            listen = ignore_event if self.json else heard
             written = write_scenes(self.export, self.out, self.scans, self.voxel, clouds, listen)
         if self.json:
             rows = [

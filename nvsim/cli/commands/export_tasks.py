@@ -78,14 +78,14 @@ class ExportTasks:
         from nvsim.cli.console import event_listener
         from nvsim.cli.terminal import as_json, table
         from nvsim.dataset.tasks import STAGE, TaskOptions, make_tasks
-        from nvsim.events import Done, silent
+        from nvsim.events import Done, ignore_event
 
         options = TaskOptions.of(self)
         if self.asked.endpoint is not None:
             _check_endpoint(self)
         graphs, clouds = _graphs(self)
         with event_listener(False) as heard:
-            listen = silent if self.json else heard
+            listen = ignore_event if self.json else heard
             retell = partial(_asked_instructions, self, listen) if self.asked.endpoint is not None else None
             made = make_tasks(graphs, self.scans, self.out, options, listen, clouds, retell)
             if not self.json:
@@ -105,8 +105,8 @@ class ExportTasks:
                 which = "generated instructions" if "endpoint" in made.about else "instructions"
                 say(f"From the {which} alone a follower finds {_found(made.instructed)}.")
             if "endpoint" in made.about:
-                told = made.about["endpoint"]
-                say(f"{told['paths']} of {made.instructed.paths} paths have instructions from {told['model']}.")
+                written = made.about["endpoint"]
+                say(f"{written['paths']} of {made.instructed.paths} paths have instructions from {written['model']}.")
             if made.episodes:
                 say(f"{sum(made.episodes.values())} of {made.instructed.paths} paths have episodes.")
             say(*(f"Wrote {path}" for path in made.written))
@@ -208,7 +208,7 @@ def _asked_instructions(
     model, the generated instructions that were replaced, and the paths that keep generated ones and why.
 
     Raises InputError if there are no images to send, the user does not agree, or the endpoint does not answer."""
-    from nvsim.cli.consent import agree
+    from nvsim.cli.consent import ask_for_consent
     from nvsim.endpoint.answer import StoredAnswers
     from nvsim.endpoint.client import Client
     from nvsim.r2r.prompted.instructions import InstructionWriter, read_prompt
@@ -229,7 +229,9 @@ def _asked_instructions(
             "NVSim sends views along the paths, turns and distances. If an answer is unusable, it asks again, "
             "at most twice."
         )
-        client.may_send = agree([(endpoint, writer.estimate(client, tasks), budget.prices)], [note], a.asking.yes)
+        client.may_send = ask_for_consent(
+            [(endpoint, writer.estimate(client, tasks), budget.prices)], [note], a.asking.yes
+        )
         written = writer.write(client, tasks, a.asking.parallel, listen)
     finally:
         client.close()
@@ -242,7 +244,7 @@ def _asked_instructions(
         "paths": len(written.found),
         "tokens_in": budget.tokens_in,
         "tokens_out": budget.tokens_out,
-        "price": budget.money,
+        "price": budget.cost,
         "asked": budget.asked,
         "answers_used_again": budget.used_again,
         "generated_instead": {str(id): said.why for id, said in written.lacking.items()},

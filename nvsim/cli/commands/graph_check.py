@@ -118,14 +118,14 @@ class GraphPropose:
         """Runs the command. Raises InputError if a distance is out of range, or if there is no evidence and no map."""
 
         from nvsim.cli import terminal
-        from nvsim.cli.graph_target import one_source
+        from nvsim.cli.graph_target import read_one_graph
         from nvsim.graph.proposals import propose_edges, propose_viewpoints
         from nvsim.graph.scripts import write_script
 
         for name in ("reach", "sees"):
             if not 0 < getattr(self, name) < 100:
                 raise InputError(f"--{name} is {getattr(self, name)}; it must be between 0 and 100 meters.")
-        source = one_source(self.graph, self.occupancy, self.heights)
+        source = read_one_graph(self.graph, self.occupancy, self.heights)
         if source.occupancy is None and source.margin is None and source.visible is None:
             raise InputError(f"{self.graph} has no evidence and no map for proposals; name a map with --occupancy.")
         seen = source.visible if source.occupancy is None else None
@@ -191,10 +191,10 @@ class GraphReview:
 
     def run(self) -> int:
         from nvsim.cli import terminal
-        from nvsim.cli.graph_target import one_source
+        from nvsim.cli.graph_target import read_one_graph
         from nvsim.graph.review import Review
 
-        source = one_source(self.graph)
+        source = read_one_graph(self.graph)
         order = Review(source.margin).order(source.graph)
         first = order[: max(0, self.count)]
         if self.json:
@@ -227,7 +227,7 @@ class GraphCompare:
     def run(self) -> int:
         """Runs the command. Raises InputError if a kind is unknown or the graphs cannot be merged."""
         from nvsim.cli import terminal
-        from nvsim.cli.graph_target import one_source
+        from nvsim.cli.graph_target import read_one_graph
         from nvsim.graph.compare import KINDS, compare, merge
         from nvsim.graph.edits import EditError
 
@@ -235,7 +235,7 @@ class GraphCompare:
         for word in self.take:
             if word not in kinds:
                 raise InputError(f"There is no difference {word!r}; --take knows {', '.join(kinds)}.")
-        a, b = one_source(self.a), one_source(self.b)
+        a, b = read_one_graph(self.a), read_one_graph(self.b)
         found = compare(a.graph, b.graph, self.tolerance)
         if self.json:
             rows = [asdict(d) for d in found.deviations]
@@ -280,7 +280,7 @@ class GraphEvidence(ProjectArguments):
     def run(self) -> int:
         """Runs the command. Raises InputError if only one of --graph and --out is given."""
         from nvsim.cli.console import event_listener
-        from nvsim.cli.session import working
+        from nvsim.cli.session import project_job
         from nvsim.project.project import Project
 
         if (self.graph is None) != (self.out is None):
@@ -294,7 +294,7 @@ class GraphEvidence(ProjectArguments):
             with Project.open(self.project) as project, event_listener(self.json) as listen:
                 write_bytes(self.out, encode_graph(_measured(self, project, decode_graph(blob), listen)))
             return 0
-        with working(self.project, "evidence", self.json) as (project, listen):
+        with project_job(self.project, "evidence", self.json) as (project, listen):
             project.set_graph(_measured(self, project, project.need_graph(), listen))
         return 0
 
@@ -302,9 +302,9 @@ class GraphEvidence(ProjectArguments):
 def _measured(arguments: GraphEvidence, project: Project, graph: NavGraph, listen: Listener) -> NavGraph:
     from nvsim.events import Done
     from nvsim.mapping.evidence.new_viewpoints import STAGE, with_new_viewpoints
-    from nvsim.project.stages.measured import measure, unmeasured
+    from nvsim.project.stages.measured import measure, unmeasured_viewpoints
 
-    ids = arguments.viewpoints or tuple(unmeasured(graph))
+    ids = arguments.viewpoints or tuple(unmeasured_viewpoints(graph))
     found = measure(project, graph, ids, arguments.config, listen, memory_budget(arguments.memory))
     words = f"{len(ids)} viewpoints measured, {len(found.proposed)} edges proposed, {len(found.doubted)} doubted"
     listen(Done(STAGE, words, {"proposed": list(found.proposed), "doubted": list(found.doubted)}))

@@ -46,12 +46,12 @@ class GraphSelect:
     """Print one JSON object."""
 
     def run(self) -> int:
-        from nvsim.cli.graph_target import GraphTarget, refused_as_input
+        from nvsim.cli.graph_target import GraphTarget, edit_errors_as_input_errors
         from nvsim.graph.expression import by_expression
 
         target = GraphTarget(self.graph, self.occupancy, self.heights)
         graph = target.read()
-        with refused_as_input():
+        with edit_errors_as_input_errors():
             chosen = by_expression(graph, self.where, target.known(self.where), self.kind)
         viewpoints = [id for id in graph.viewpoints if id in chosen.viewpoints]
         edges = [key for key in graph.edges if key in chosen.edges]
@@ -90,8 +90,8 @@ class GraphEdit:
 
     def run(self) -> int:
         """Runs the command. Raises InputError if the edit is unknown, or if its arguments are invalid."""
-        from nvsim.cli.graph_target import GraphTarget, refused_as_input
-        from nvsim.graph.operations import OPERATIONS, apply, describe, perform, usage
+        from nvsim.cli.graph_target import GraphTarget, edit_errors_as_input_errors
+        from nvsim.graph.operations import OPERATIONS, apply, describe, perform_operation, usage
 
         target = GraphTarget(self.graph, self.occupancy, self.heights)
         if self.edit == "list":
@@ -103,18 +103,18 @@ class GraphEdit:
         given = _given(self.set)
         if self.dry_run or self.out is not None:
             before = target.read()
-            with refused_as_input():
+            with edit_errors_as_input_errors():
                 values = _values(self, target, before, operation, given)
                 after = before if values is None else apply(before, operation.name, values, target.surroundings())
                 words = "" if values is None else describe(operation.name, values)
             written = None if self.dry_run else target.write(after, self.out)
         else:
             written = None
-            with target.editing() as history, refused_as_input():
+            with target.editing() as history, edit_errors_as_input_errors():
                 before = history.graph
                 values = _values(self, target, before, operation, given)
                 if values is not None:
-                    perform(history, operation.name, values, surroundings=target.surroundings())
+                    perform_operation(history, operation.name, values, surroundings=target.surroundings())
                     words = describe(operation.name, values)
                 after = history.graph
                 written = target.path if after is not before else None
@@ -221,9 +221,9 @@ class GraphReplay:
     """Print one JSON object."""
 
     def run(self) -> int:
-        from nvsim.cli.graph_target import GraphTarget, refused_as_input
+        from nvsim.cli.graph_target import GraphTarget, edit_errors_as_input_errors
         from nvsim.graph.history import History, counted
-        from nvsim.graph.operations import parse_line, perform
+        from nvsim.graph.operations import parse_line, perform_operation
         from nvsim.graph.scripts import script_lines
 
         target = GraphTarget(self.graph, self.occupancy, self.heights)
@@ -234,8 +234,8 @@ class GraphReplay:
             count = 0
             for number, line in enumerate(lines, 1):
                 if line.strip() and not line.lstrip().startswith("#"):
-                    with refused_as_input(f"{self.script}, line {number}: "):
-                        perform(history, *parse_line(line), surroundings=surroundings)
+                    with edit_errors_as_input_errors(f"{self.script}, line {number}: "):
+                        perform_operation(history, *parse_line(line), surroundings=surroundings)
                     count += 1
             return f"Replay {counted(count, 'edit')}"
 

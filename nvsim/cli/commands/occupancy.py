@@ -13,7 +13,7 @@ from nvsim.capture import formats
 from nvsim.cli import terminal
 from nvsim.cli.arguments import Inline, Positional
 from nvsim.cli.console import event_listener
-from nvsim.cli.session import working
+from nvsim.cli.session import project_job
 from nvsim.errors import InputError
 from nvsim.events import Done, Listener, Log
 from nvsim.occupancy.heights import Heights
@@ -68,7 +68,7 @@ class OccupancyBuild:
             with event_listener(self.json) as listen:
                 return _build(self, None, listen)
         if self.out is None:  # the map goes into the project; a window that shows it notices the job
-            with working(self.project, VERB, self.json) as (project, listen):
+            with project_job(self.project, VERB, self.json) as (project, listen):
                 return _build(self, project, listen)
         with Project.open(self.project) as project, event_listener(self.json) as listen:
             return _build(self, project, listen)
@@ -164,6 +164,6 @@ class OccupancyCompare:
         from nvsim.occupancy.types import compare_maps
 
         found, true = (read_map(path, self.heights) for path in (self.found, self.true))
-        terminal.notes((*found.notes, *true.notes))
+        terminal.print_notes((*found.notes, *true.notes))
         terminal.figures(compare_maps(found, true), self.json, "occupancy map")
         return 0

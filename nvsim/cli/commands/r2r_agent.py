@@ -90,7 +90,7 @@ def _recurrent(arguments: R2RAgent, benchmark: Benchmark) -> Trajectories:
 
 def _run_mapgpt(a: R2RAgent, scans: Path, tasks: Path) -> int:
     """Runs the episodes of the file `tasks` in the exported `scans`."""
-    from nvsim.cli.consent import agree, exit_code
+    from nvsim.cli.consent import ask_for_consent, exit_code
     from nvsim.cli.console import event_listener
     from nvsim.cli.terminal import as_json
     from nvsim.endpoint.answer import StoredAnswers
@@ -118,7 +118,7 @@ def _run_mapgpt(a: R2RAgent, scans: Path, tasks: Path) -> int:
                 f"{a.rules.most_images} images each, and up to three times as often if its answers are unusable. "
                 "You can set a limit with --budget-tokens or --budget-money."
             ]
-            client.may_send = agree([(endpoint, about, budget.prices)], notes, a.asking.yes)
+            client.may_send = ask_for_consent([(endpoint, about, budget.prices)], notes, a.asking.yes)
             done = run_mapgpt(agent, client, episodes, folder, listen)
         finally:
             client.close()
@@ -133,14 +133,14 @@ def _run_mapgpt(a: R2RAgent, scans: Path, tasks: Path) -> int:
         "unanswered": ends["unanswered"],
         "tokens_in": budget.tokens_in,
         "tokens_out": budget.tokens_out,
-        "price": budget.money,
+        "price": budget.cost,
         "asked": budget.asked,
         "answers_used_again": budget.used_again,
     }
     if a.json:
         say(as_json(figures))
     else:
-        cost = "" if budget.money is None else f" for {budget.money:.4g}"
+        cost = "" if budget.cost is None else f" for {budget.cost:.4g}"
         spent = f"{budget.tokens_in:,} tokens in and {budget.tokens_out:,} out{cost}"
         say(
             f"{len(done)} episodes: {ends['stop']} stopped, {ends['steps']} ran out of steps, {ends['unanswered']} "

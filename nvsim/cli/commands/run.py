@@ -15,7 +15,7 @@ from nvsim.cli import window
 from nvsim.cli.arguments import Inline, given
 from nvsim.cli.commands.capture import CapturePath
 from nvsim.cli.commands.stages import paper_map_config, report_network_fallback, with_normal_source
-from nvsim.cli.session import working
+from nvsim.cli.session import project_job
 from nvsim.cli.terminal import say
 from nvsim.cluster.config import ClusterConfig
 from nvsim.cluster.executor_choice import open_executor
@@ -77,7 +77,7 @@ class Run:
         cluster = self.cluster
         with (
             open_executor(cluster) as executor,
-            working(self.project, "run", self.json, create=True) as (project, listen),
+            project_job(self.project, "run", self.json, create=True) as (project, listen),
         ):
             if self.paper:
                 report_network_fallback(config.map, self.normal_source, listen)
@@ -143,7 +143,7 @@ class Demo:
         size: Literal["full", "small", "halls"] = "halls" if self.area else "small" if self.small else "full"
         options = {"storeys": self.storeys, "style": self.style, "area": self.area}
         config = BuildingConfig(self.seed, size, **cast(Any, options))
-        with working(self.project, "demo", self.json, create=True) as (project, listen):
+        with project_job(self.project, "demo", self.json, create=True) as (project, listen):
             generate(project.layout.root, config, listen)
             capture = project.layout.built_in_capture
             pipeline.run(project, capture, CaptureConfig(), self.config, listen, self.depth)

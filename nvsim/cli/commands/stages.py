@@ -10,7 +10,7 @@ import tyro
 
 from nvsim.cli import terminal
 from nvsim.cli.arguments import Inline, Memory, Positional, ProjectArguments, given, memory_budget
-from nvsim.cli.session import working
+from nvsim.cli.session import project_job
 from nvsim.cli.terminal import say
 from nvsim.cluster.config import ClusterConfig
 from nvsim.cluster.executor_choice import open_executor
@@ -34,7 +34,7 @@ class Submaps(ProjectArguments):
     def run(self) -> int:
         from nvsim.project.stages import submaps
 
-        with working(self.project, "submaps", self.json) as (project, listen):
+        with project_job(self.project, "submaps", self.json) as (project, listen):
             result = submaps.run(project, self.config, listen)
             rows = describe(result, project.need_capture().positions)
         if not self.json:
@@ -57,7 +57,7 @@ class Depth(ProjectArguments):
         from nvsim.project.stages import depths
 
         cluster = self.cluster
-        with open_executor(cluster) as executor, working(self.project, "depth", self.json) as (project, listen):
+        with open_executor(cluster) as executor, project_job(self.project, "depth", self.json) as (project, listen):
             depths.run(project, self.depth, self.config, listen, executor, cluster.storage)
         return 0
 
@@ -75,7 +75,7 @@ class Floors(ProjectArguments):
         from nvsim.project.stages import floors
 
         cluster = self.cluster
-        with open_executor(cluster) as executor, working(self.project, "floors", self.json) as (project, listen):
+        with open_executor(cluster) as executor, project_job(self.project, "floors", self.json) as (project, listen):
             floors.run(project, listen, self.discard_corrections, self.config, executor, cluster.storage)
         return 0
 
@@ -106,7 +106,7 @@ class Train(ProjectArguments):
         from nvsim.project.stages import trained
 
         cluster = self.cluster
-        with open_executor(cluster) as executor, working(self.project, "train", self.json) as (project, listen):
+        with open_executor(cluster) as executor, project_job(self.project, "train", self.json) as (project, listen):
             trained.run(project, self.config, listen, self.submaps, self.at_once, executor, cluster.storage)
         return 0
 
@@ -169,7 +169,7 @@ class Map(ProjectArguments):
 
         budget = memory_budget(self.memory)
         config = with_normal_source(self.config, self.normal_source)
-        with working(self.project, "map", self.json) as (project, listen):
+        with project_job(self.project, "map", self.json) as (project, listen):
             if self.preset == "paper":
                 report_network_fallback(config, self.normal_source, listen)
             mapped.run(project, config, listen, self.reapply, budget, self.backend)
@@ -195,7 +195,7 @@ class Restore:
 
         if not self.stage:
             return _list(self)
-        with working(self.project, "restore", self.json) as (project, listen):
+        with project_job(self.project, "restore", self.json) as (project, listen):
             if self.discard:
                 freed = discard(project, self.stage)
                 listen(Done("restore", f"earlier result of {self.stage} deleted, {megabytes(freed)} freed", {}))

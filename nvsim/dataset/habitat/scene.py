@@ -20,14 +20,14 @@ from numpy.typing import NDArray
 from nvsim.dataset.habitat.collision import collision_mesh, obstacle_heights
 from nvsim.dataset.habitat.surface import fuse_surface
 from nvsim.errors import InputError
-from nvsim.events import Listener, silent
+from nvsim.events import Listener, ignore_event
 from nvsim.files import atomic
 from nvsim.graph.connectivity import read_connectivity, scan_files
 from nvsim.r2r.episodes.episode import scene_id
 from nvsim.r2r.observations.layout import ScanPlaces
 from nvsim.r2r.observations.stub import SCAN as STUB
 from nvsim.r2r.surroundings.layers import layers_of
-from nvsim.r2r.surroundings.visibility import has_depth, look_around
+from nvsim.r2r.surroundings.visibility import has_depth, views_from_viewpoints
 from nvsim.splats.formats.glb import write_colored_glb
 
 CONFIG = "nvsim/nvsim.scene_dataset_config.json"
@@ -52,7 +52,7 @@ def write_scenes(
     scans: tuple[str, ...] = (),
     voxel: float = 0.05,
     clouds: Mapping[str, NDArray[np.floating]] = MappingProxyType({}),
-    listen: Listener = silent,
+    listen: Listener = ignore_event,
 ) -> list[SceneFiles]:
     """Writes the scenes of the scans in the export folder `root` below `out`, Habitat's folder of scenes.
 
@@ -71,7 +71,7 @@ def write_scenes(
     written = []
     for graph in graphs:
         glb = out / scene_id(graph.scan)
-        storeys = list(layers_of(list(look_around(root, graph)), graph))
+        storeys = list(layers_of(list(views_from_viewpoints(root, graph)), graph))
         surface, columns = fuse_surface(root, graph, voxel, [obstacle_heights(one) for one in storeys], listen)
         write_colored_glb(glb, _turned(surface.vertices), surface.triangles, surface.colors, graph.scan)
         vertices, triangles = collision_mesh(graph, storeys, columns, clouds.get(graph.scan))

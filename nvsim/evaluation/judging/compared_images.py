@@ -16,7 +16,14 @@ import numpy as np
 
 from nvsim.capture.images import decode
 from nvsim.errors import InputError
-from nvsim.evaluation.ablation_runs import AblationRow, SharedViews, TrainingRun, finished, progress_of_run, run_of
+from nvsim.evaluation.ablation_runs import (
+    AblationRow,
+    SharedViews,
+    TrainingRun,
+    finished,
+    progress_of_run,
+    training_run,
+)
 from nvsim.evaluation.judging.views import JudgedView, Kind
 from nvsim.evaluation.scores import Image
 from nvsim.events import Listener, Progress
@@ -64,7 +71,7 @@ def by_presets(
     listen: Listener,
 ) -> list[ContestantImages]:
     """Renders the views with presets of one project, using the models of the ablation. Missing models are trained."""
-    runs = {(row.name, s.index): run_of(project, s, row.config, seed) for row in rows for s in submaps}
+    runs = {(row.name, s.index): training_run(project, s, row.config, seed) for row in rows for s in submaps}
     todo = [run for run in {run.folder: run for run in runs.values()}.values() if not run.is_done]
     total, before = sum(run.config.steps for run in todo), 0
     for submap in submaps:

@@ -25,7 +25,7 @@ from nvsim.errors import InputError
 from nvsim.evaluation.judging.compared_images import STAGE, ContestantImages, read_shown
 from nvsim.evaluation.judging.verdicts import JudgeVerdicts, Preference, Reason, Verdict, consistent_winner, pairs_of
 from nvsim.evaluation.scores import Distance, Image
-from nvsim.events import Listener, Progress, Warning, silent
+from nvsim.events import Listener, Progress, Warning, ignore_event
 
 SAME_DISTANCE = 0.01
 """LPIPS: two images are equal if their distances from the photograph differ by less."""
@@ -128,10 +128,10 @@ class JudgeRequester:
             for a, b in pairs_of(list(view.images))
             for order in ((a, b), (b, a))
         )
-        return estimate_requests((request, client.is_kept(request)) for request in requests)
+        return estimate_requests((request, client.has_stored_answer(request)) for request in requests)
 
     def judge(
-        self, client: Client, name: str, shown: Sequence[ContestantImages], listen: Listener = silent
+        self, client: Client, name: str, shown: Sequence[ContestantImages], listen: Listener = ignore_event
     ) -> JudgeVerdicts:
         """The verdicts of one model. Raises InputError as `Client.ask` does."""
         pairs = [(view, a, b) for view in shown for a, b in pairs_of(list(view.images))]

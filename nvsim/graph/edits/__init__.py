@@ -20,13 +20,13 @@ from nvsim.graph.edits.viewpoints import (
     add_viewpoint,
     copy_by,
     merge_viewpoints,
+    nearest_trajectory_position,
     new_id,
     patch,
     place_viewpoint,
     remove_viewpoints,
     rename_viewpoint,
     set_included,
-    snapped,
     split_edge,
 )
 
@@ -58,7 +58,7 @@ __all__ = [
     "set_included",
     "set_locked",
     "shift_viewpoints",
-    "snapped",
+    "nearest_trajectory_position",
     "split_edge",
     "straighten",
 ]

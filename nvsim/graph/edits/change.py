@@ -69,7 +69,7 @@ class Change:
 
     # Viewpoints -------------------------------------------------------------------------------------------------
 
-    def put(self, viewpoint: Viewpoint) -> None:
+    def set_viewpoint(self, viewpoint: Viewpoint) -> None:
         """Add a viewpoint at the end, or replace the one with its id. Raises EditError if it is locked, or if it would
         move and has a locked edge."""
         before = self.viewpoints.get(viewpoint.id)
@@ -83,7 +83,7 @@ class Change:
         self._own_viewpoints()[viewpoint.id] = viewpoint
         self._touched_viewpoints[viewpoint.id] = None
 
-    def drop(self, *ids: str) -> None:
+    def remove_viewpoints(self, *ids: str) -> None:
         """Remove viewpoints with their edges and all evidence measured from them or towards them. Raises EditError if
         one does not exist, is locked, or has a locked edge."""
         gone = dict.fromkeys(ids)
@@ -124,7 +124,7 @@ class Change:
 
     # Edges ------------------------------------------------------------------------------------------------------
 
-    def put_edge(self, edge: Edge) -> None:
+    def set_edge(self, edge: Edge) -> None:
         """Add an edge at the end, or replace the one with its ends. Raises EditError if an end does not exist, both
         ends are equal, or the edge is locked."""
         a, b = edge.key
@@ -144,7 +144,7 @@ class Change:
         self._own_edges()[edge.key] = edge
         self._touched_edges[edge.key] = None
 
-    def drop_edge(self, a: str, b: str) -> None:
+    def remove_edge(self, a: str, b: str) -> None:
         """Remove an edge; its evidence stays. Raises EditError if it does not exist or is locked."""
         found = self.edge(a, b)
         if found.locked:
@@ -161,7 +161,7 @@ class Change:
 
     # Evidence and findings --------------------------------------------------------------------------------------
 
-    def put_evidence(self, evidence: Evidence) -> None:
+    def set_evidence(self, evidence: Evidence) -> None:
         """Add evidence, or replace the evidence with its key. Raises EditError if one of its viewpoints does not
         exist."""
         self.viewpoint(evidence.viewpoint)

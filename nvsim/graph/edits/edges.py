@@ -30,7 +30,7 @@ def add_edges(graph: NavGraph, pairs: Iterable[EdgeKey], origin: EdgeOrigin = "p
             raise EditError("A viewpoint cannot be joined to itself.")
         if key_of(a, b) in change.edges:
             raise EditError(f"The viewpoints {a} and {b} are already joined.")
-        change.put_edge(edge(a, b, origin))
+        change.set_edge(edge(a, b, origin))
     return change.done()
 
 
@@ -43,7 +43,7 @@ def remove_edges(graph: NavGraph, pairs: Iterable[EdgeKey]) -> NavGraph:
     """Remove edges; their evidence stays. Raises EditError if one does not exist or is locked."""
     change = Change(graph)
     for a, b in unique(key_of(*pair) for pair in pairs):
-        change.drop_edge(a, b)
+        change.remove_edge(a, b)
     return change.done()
 
 
@@ -74,5 +74,5 @@ def connect_visible(
     if visible is not None and open.any():
         open[open] = visible(a[open], b[open])
     for i, j in pairs[open].tolist():
-        change.put_edge(edge(names[i], names[j], "person"))
+        change.set_edge(edge(names[i], names[j], "person"))
     return change.done()

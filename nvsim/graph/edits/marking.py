@@ -15,9 +15,9 @@ def mark_reviewed(
     """Mark elements as checked by a user and correct, or remove this mark. Raises EditError if one does not exist."""
     change = Change(graph)
     for id in unique(viewpoints):
-        change.put(replace(change.viewpoint(id), reviewed=reviewed))
+        change.set_viewpoint(replace(change.viewpoint(id), reviewed=reviewed))
     for pair in unique(edges):
-        change.put_edge(replace(change.edge(*pair), reviewed=reviewed))
+        change.set_edge(replace(change.edge(*pair), reviewed=reviewed))
     return change.done()
 
 
@@ -28,9 +28,9 @@ def set_locked(
     reviewed, and a locked viewpoint can be joined. Raises EditError if an element does not exist."""
     change = Change(graph)
     for id in unique(viewpoints):
-        change.put(replace(change.viewpoint(id), locked=locked))
+        change.set_viewpoint(replace(change.viewpoint(id), locked=locked))
     for pair in unique(edges):
-        change.put_edge(replace(change.edge(*pair), locked=locked))
+        change.set_edge(replace(change.edge(*pair), locked=locked))
     return change.done()
 
 

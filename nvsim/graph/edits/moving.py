@@ -23,7 +23,7 @@ def move_viewpoints(graph: NavGraph, positions: Mapping[str, Place]) -> NavGraph
     """
     change = Change(graph)
     for id, position in positions.items():
-        move_in(change, id, need_place(position))
+        move_within_change(change, id, need_place(position))
     return change.done()
 
 
@@ -38,7 +38,7 @@ def shift_viewpoints(graph: NavGraph, ids: Iterable[str], by: Place) -> NavGraph
     change = Change(graph)
     for id in unique(ids):
         x, y, z = change.viewpoint(id).position
-        move_in(change, id, (x + dx, y + dy, z + dz))
+        move_within_change(change, id, (x + dx, y + dy, z + dz))
     return change.done()
 
 
@@ -54,24 +54,24 @@ def set_height(graph: NavGraph, ids: Iterable[str], height: float) -> NavGraph:
         x, y, z = found.position
         if found.height == height:
             continue
-        move_in(change, id, (x, y, z - found.height + height))
-        change.put(replace(change.viewpoint(id), height=height))
+        move_within_change(change, id, (x, y, z - found.height + height))
+        change.set_viewpoint(replace(change.viewpoint(id), height=height))
     return change.done()
 
 
-def move_in(change: Change, id: str, position: Place) -> None:
+def move_within_change(change: Change, id: str, position: Place) -> None:
     """Move one viewpoint of an unfinished change to `position`."""
     found = change.viewpoint(id)
     if found.position == position:
         return
-    change.put(replace(found, position=position, origin="person", reviewed=False, photographed=None))
+    change.set_viewpoint(replace(found, position=position, origin="person", reviewed=False, photographed=None))
     for other in change.neighbours(id):
         joined = change.edges[key_of(id, other)]
-        change.put_edge(replace(joined, origin="person", reviewed=False))
+        change.set_edge(replace(joined, origin="person", reviewed=False))
     for key in change.evidence_keys(id):
         evidence = change.evidence[key]
         if not evidence.stale:
-            change.put_evidence(replace(evidence, stale=True))
+            change.set_evidence(replace(evidence, stale=True))
 
 
 def straighten(graph: NavGraph, ids: Iterable[str], even: bool = False) -> NavGraph:
@@ -93,7 +93,7 @@ def straighten(graph: NavGraph, ids: Iterable[str], even: bool = False) -> NavGr
     change = Change(graph)
     for id, share in zip(order[1:-1], shares[1:-1].tolist(), strict=True):
         x, y, z = (places[0] + share * along).tolist()
-        move_in(change, id, (x, y, z))
+        move_within_change(change, id, (x, y, z))
     return change.done()
 
 
@@ -177,7 +177,7 @@ def align_to_lattice(
         position = graph.viewpoints[id].position
         x, y = lattice.place(spot)
         if math.dist(position[:2], (x, y)) > _HELD:
-            move_in(change, id, (x, y, position[2]))
+            move_within_change(change, id, (x, y, position[2]))
         offer(id)
     return change.done()
 

@@ -8,7 +8,7 @@ from collections.abc import Iterable, Sequence
 from dataclasses import replace
 
 from nvsim.graph.edits.change import Change, EditError, Place, key_of, need_number, need_place, unique
-from nvsim.graph.edits.moving import move_in
+from nvsim.graph.edits.moving import move_within_change
 from nvsim.graph.types import Edge, EdgeKey, NavGraph, Viewpoint, edge
 
 
@@ -20,7 +20,7 @@ def add_viewpoint(graph: NavGraph, viewpoint: Viewpoint) -> NavGraph:
     need_id(viewpoint.id)
     need_place(viewpoint.position)
     change = Change(graph)
-    change.put(viewpoint)
+    change.set_viewpoint(viewpoint)
     return change.done()
 
 
@@ -36,7 +36,7 @@ def place_viewpoint(
     )
 
 
-def snapped(position: Sequence[float], trajectory: Iterable[Sequence[float]]) -> tuple[int, Place]:
+def nearest_trajectory_position(position: Sequence[float], trajectory: Iterable[Sequence[float]]) -> tuple[int, Place]:
     """Return the index and the position (x, y, z), meters, of the frame of the trajectory (N, 3) that is nearest to
     `position`. If `position` is only x and y, the height of frames is ignored. With z, frames on other floors are
     farther away.
@@ -61,7 +61,7 @@ def remove_viewpoints(graph: NavGraph, ids: Iterable[str]) -> NavGraph:
     """
     change, gone = Change(graph), unique(ids)
     if gone:
-        change.drop(*gone)
+        change.remove_viewpoints(*gone)
     return change.done()
 
 
@@ -72,7 +72,7 @@ def set_included(graph: NavGraph, ids: Iterable[str], included: bool) -> NavGrap
     """
     change = Change(graph)
     for id in unique(ids):
-        change.put(replace(change.viewpoint(id), included=included))
+        change.set_viewpoint(replace(change.viewpoint(id), included=included))
     return change.done()
 
 
@@ -150,10 +150,10 @@ def split_edge(
     need_id(name)
     submap = start.submap if share < 0.5 else end.submap
     height = start.height + share * (end.height - start.height)
-    change.put(Viewpoint(name, place, height, submap, True, "person"))
-    change.drop_edge(a, b)
-    change.put_edge(edge(a, name, "person"))
-    change.put_edge(edge(name, b, "person"))
+    change.set_viewpoint(Viewpoint(name, place, height, submap, True, "person"))
+    change.remove_edge(a, b)
+    change.set_edge(edge(a, name, "person"))
+    change.set_edge(edge(name, b, "person"))
     return change.done()
 
 
@@ -172,12 +172,12 @@ def merge_viewpoints(graph: NavGraph, ids: Iterable[str], into: str | None = Non
     gone = [id for id in names if id != kept]
     places = [change.viewpoint(id).position for id in unique((kept, *gone))]
     others = unique(other for id in gone for other in change.neighbours(id) if other != kept and other not in gone)
-    change.drop(*gone)
+    change.remove_viewpoints(*gone)
     if middle:
-        move_in(change, kept, _mean(places))
+        move_within_change(change, kept, _mean(places))
     for other in others:
         if key_of(kept, other) not in change.edges:
-            change.put_edge(edge(kept, other, "person"))
+            change.set_edge(edge(kept, other, "person"))
     return change.done()
 
 
@@ -203,11 +203,11 @@ def copy_by(graph: NavGraph, ids: Iterable[str], dz: float, dx: float = 0.0, dy:
         copies[id] = new_id(graph, place)
         while copies[id] in change.viewpoints:  # two originals at one position
             copies[id] = new_id(graph, (*place[:2], place[2] + 0.001 * len(copies)))
-        change.put(Viewpoint(copies[id], place, found.height, -1, found.included, "person"))
+        change.set_viewpoint(Viewpoint(copies[id], place, found.height, -1, found.included, "person"))
     for id, copy in copies.items():
         for other in graph.neighbours(id):
             if other in copies and id < other:
-                change.put_edge(edge(copy, copies[other], "person"))
+                change.set_edge(edge(copy, copies[other], "person"))
     return change.done()
 
 
@@ -222,16 +222,16 @@ def patch(
     EditError if an element to remove or an end does not exist, or if an element is locked."""
     change = Change(graph)
     for a, b in unique(key_of(*pair) for pair in no_edges):
-        change.drop_edge(a, b)
+        change.remove_edge(a, b)
     gone = unique(no_viewpoints)
     if gone:
-        change.drop(*gone)
+        change.remove_viewpoints(*gone)
     for viewpoint in viewpoints:
         need_id(viewpoint.id)
         need_place(viewpoint.position)
         need_number(viewpoint.height, "The height above the floor", positive=True)
-        change.put(viewpoint)
+        change.set_viewpoint(viewpoint)
     for given in edges:
         a, b = key_of(given.a, given.b)
-        change.put_edge(Edge(a, b, given.origin, given.reviewed, given.locked))
+        change.set_edge(Edge(a, b, given.origin, given.reviewed, given.locked))
     return change.done()

@@ -52,7 +52,7 @@ def write_graphml(graph: NavGraph, path: Path) -> Path:
         found.add_edge(
             a, b, length=length, weight=length, origin=without_control_characters(e.origin), reviewed=e.reviewed
         )
-    with atomic.replacing(path) as temporary:
+    with atomic.replacement_file(path) as temporary:
         nx.write_graphml_xml(found, temporary, encoding="utf-8", prettyprint=len(found) < 10_000)
     return path
 

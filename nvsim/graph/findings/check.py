@@ -16,7 +16,7 @@ from nvsim.graph.findings.detours import DetourFindings, about_detour, influence
 from nvsim.graph.findings.elements import Neighbourhood, about_edge, about_pair, about_viewpoint, is_steep
 from nvsim.graph.findings.groups import ConnectedGroups
 from nvsim.graph.paths import components
-from nvsim.graph.touched_elements import touched_between
+from nvsim.graph.touched_elements import elements_touched_between
 from nvsim.graph.types import EdgeKey, NavGraph
 
 _NOTHING = Context()
@@ -37,8 +37,8 @@ def check_graph(graph: NavGraph, context: Context = _NOTHING) -> list[Finding]:
         found.append(Finding("island", "warning", message, ids, fixes=fixes))
     places, beside = Neighbourhood(context.limits.near), Neighbourhood(context.limits.neighbours)
     for viewpoint in graph.viewpoints.values():
-        places.put(viewpoint)
-        beside.put(viewpoint)
+        places.set_viewpoint(viewpoint)
+        beside.set_viewpoint(viewpoint)
         found += [about_pair(graph, viewpoint, graph.viewpoints[other]) for other in places.near(viewpoint.id)]
         for other in beside.near(viewpoint.id):
             found += about_detour(graph, key_of(viewpoint.id, other), context)
@@ -90,7 +90,7 @@ class Validator:
         limits = self._context.limits
         self._places, self._detours = Neighbourhood(max(limits.near, influence_radius(limits))), DetourFindings()
         for viewpoint in graph.viewpoints.values():
-            self._places.put(viewpoint)
+            self._places.set_viewpoint(viewpoint)
             yield
         self._groups = ConnectedGroups()
         yield from self._groups.beginning(graph)
@@ -132,9 +132,9 @@ class Validator:
         around = self._places.around(viewpoints)
         for id in viewpoints:
             if id in graph.viewpoints:
-                self._places.put(graph.viewpoints[id])
+                self._places.set_viewpoint(graph.viewpoints[id])
             else:
-                self._places.drop(id)
+                self._places.remove_viewpoint(id)
         around |= self._places.around(viewpoints.union(measured, *edges))
         self._look_around(viewpoints, around)
         for id in beside:
@@ -208,7 +208,7 @@ def _measured_anew(before: NavGraph, after: NavGraph) -> set[str]:
     """Return the viewpoints from which evidence was measured that was added, removed or changed."""
     if before.evidence is after.evidence:
         return set()
-    touched = touched_between(before, after)
+    touched = elements_touched_between(before, after)
     keys = {*before.evidence, *after.evidence} if touched is None else touched.evidence
     found: set[str] = set()
     for key in keys:

@@ -174,8 +174,9 @@ _NONE: dict[str, _Place] = {}
 
 
 class Neighbourhood:
-    """The included viewpoints by position. Every change must be reported with `put` or `drop`. Buckets are
-    two-dimensional, so that a search reads only nine of them, even if an undo restores a thousand viewpoints."""
+    """The included viewpoints by position. Every change must be reported with `set_viewpoint` or `remove_viewpoint`.
+    Buckets are two-dimensional, so that a search reads only nine of them, even if an undo restores a thousand
+    viewpoints."""
 
     def __init__(self, reach: float) -> None:
         """`reach` in meters."""
@@ -183,15 +184,15 @@ class Neighbourhood:
         self._buckets: dict[_Cell, dict[str, _Place]] = {}
         self._cells: dict[str, _Cell] = {}
 
-    def put(self, viewpoint: Viewpoint) -> None:
+    def set_viewpoint(self, viewpoint: Viewpoint) -> None:
         """Add a viewpoint or update its position. An excluded viewpoint is removed."""
-        self.drop(viewpoint.id)
+        self.remove_viewpoint(viewpoint.id)
         if viewpoint.included:
             x, y, _ = viewpoint.position
             cell = self._cells[viewpoint.id] = (math.floor(x / self._reach), math.floor(y / self._reach))
             self._buckets.setdefault(cell, {})[viewpoint.id] = viewpoint.position
 
-    def drop(self, id: str) -> None:
+    def remove_viewpoint(self, id: str) -> None:
         cell = self._cells.pop(id, None)
         if cell is not None:
             bucket = self._buckets[cell]

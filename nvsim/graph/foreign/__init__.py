@@ -6,7 +6,7 @@ project.
 
 from nvsim.graph.foreign.file import ForeignFile, connectivity_files
 from nvsim.graph.foreign.neighboring_files import FilesBeside, find_files_beside
-from nvsim.graph.foreign.notes import disconnected_warning, words_of_saving
+from nvsim.graph.foreign.notes import disconnected_warning, saving_message
 
 __all__ = [
     "FilesBeside",
@@ -14,5 +14,5 @@ __all__ = [
     "connectivity_files",
     "disconnected_warning",
     "find_files_beside",
-    "words_of_saving",
+    "saving_message",
 ]

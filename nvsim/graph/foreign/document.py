@@ -152,7 +152,7 @@ class Entry:
         """Return the value of a member; None if there is none."""
         return next((m.value for m in self.members if m.key == key), None)
 
-    def put(self, key: str, value: str | FlagStyle) -> Entry:
+    def with_value(self, key: str, value: str | FlagStyle) -> Entry:
         """Return the entry with another value of a member. A missing member is added at the end."""
         if any(m.key == key for m in self.members):
             members = tuple(replace(m, value=value) if m.key == key else m for m in self.members)
@@ -181,7 +181,7 @@ class Document:
     )
 
     @cached_property
-    def tells_sight(self) -> bool:
+    def has_visibility(self) -> bool:
         """Whether the visibility lists contain more than edges."""
         return bool((self.flags["visible"] & ~self.flags["unobstructed"]).any())
 

@@ -23,9 +23,9 @@ from nvsim.graph.edits import Visible
 from nvsim.graph.findings import Context, Limits
 from nvsim.graph.foreign.document import Document
 from nvsim.graph.foreign.neighboring_files import FilesBeside, find_files_beside
-from nvsim.graph.foreign.notes import keep, notes_path, read_notes, read_original, write_notes
+from nvsim.graph.foreign.notes import keep_original, notes_path, read_notes, read_original, write_notes
 from nvsim.graph.foreign.parsing import parse
-from nvsim.graph.foreign.rewriting import edges_in, rewritten
+from nvsim.graph.foreign.rewriting import edges_in, rewrite_document
 from nvsim.graph.types import EdgeKey, NavGraph, edge
 from nvsim.occupancy.types import OccupancyMap
 
@@ -91,7 +91,7 @@ class ForeignFile:
         as in the files of many exporters.
         """
         document = self._document
-        if not document.tells_sight:
+        if not document.has_visibility:
             return None
 
         row, seen = {e.viewpoint.position: i for i, e in enumerate(document.entries)}, document.flags["visible"]
@@ -138,7 +138,7 @@ class ForeignFile:
 
     def text(self, graph: NavGraph | None = None) -> str:
         """Return the text that `save` would write."""
-        document = self._document if graph is None else rewritten(self._document, self._kept, graph)
+        document = self._document if graph is None else rewrite_document(self._document, self._kept, graph)
         return "".join(document.pieces())
 
     def save(self, graph: NavGraph, path: Path | None = None, *, force: bool = False) -> Path:
@@ -155,14 +155,14 @@ class ForeignFile:
             raise InputError(
                 f"{target} was changed by another program since it was opened; open it again or save elsewhere."
             )
-        document = rewritten(self._document, self._kept, graph)
-        with atomic.replacing(target) as temporary, open(temporary, "w", encoding="utf-8", newline="") as file:
+        document = rewrite_document(self._document, self._kept, graph)
+        with atomic.replacement_file(target) as temporary, open(temporary, "w", encoding="utf-8", newline="") as file:
             digest = hashlib.sha256()
             for piece in document.pieces():
                 file.write(piece)
                 digest.update(piece.encode())
             file.close()
-            original = keep(target, self._original, digest.hexdigest()) if own else None
+            original = keep_original(target, self._original, digest.hexdigest()) if own else None
         self._original = original
         write_notes(graph, notes_path(target), original)
         if target.parent != self.path.parent and target.name.endswith(SUFFIX):

@@ -37,7 +37,7 @@ class KeptOriginal:
     written: str
 
 
-def keep(path: Path, known: KeptOriginal | None, digest: str) -> KeptOriginal | None:
+def keep_original(path: Path, known: KeptOriginal | None, digest: str) -> KeptOriginal | None:
     """Copy the file at `path` before text of SHA-256 `digest` replaces it. Nothing is copied if NVSim wrote the file or
     if the content does not change. Returns the record for the notes. Raises OSError if copying fails."""
     if not path.is_file():
@@ -71,7 +71,7 @@ def _copied(path: Path) -> Path:
     raise AssertionError("there is always a next name")
 
 
-def words_of_saving(path: Path, original: Path | None, graph: NavGraph) -> str:
+def saving_message(path: Path, original: Path | None, graph: NavGraph) -> str:
     """Return a message: the saved file, the name of its original, and the number of components of the graph if there
     are several."""
     words = f"Saved {path.name}."

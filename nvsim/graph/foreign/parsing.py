@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from nvsim.errors import InputError, shown
-from nvsim.graph.connectivity import is_name, number_in, position_in
+from nvsim.graph.connectivity import is_name, json_number, position_in
 from nvsim.graph.foreign.document import FLAGS, Document, Entry, FlagStyle, Member, read_flags
 from nvsim.graph.types import Viewpoint
 
@@ -146,7 +146,7 @@ def _viewpoint(values: dict[str, Any], where: str) -> Viewpoint:
     included = values.get("included", True)
     if not isinstance(included, bool | int) or included not in (0, 1):
         raise InputError(f"{where}: included is {shown(included)}; it must be true or false.")
-    height = number_in(values.get("height", 1.5), f"{where}: height")
+    height = json_number(values.get("height", 1.5), f"{where}: height")
     return Viewpoint(id, position_in(values.get("pose"), where), height, -1, bool(included), "file")
 
 
@@ -158,7 +158,7 @@ def _with_list_faults(entry: Entry, index: int, rows: dict[str, NDArray[np.bool_
         if held is not None and len(rows[key]) != count:
             faults.append(("length", f"lists {len(rows[key])} flags as {key} but the file has {count} entries"))
             if isinstance(held, FlagStyle):
-                entry = entry.put(key, held.write(rows[key]))
+                entry = entry.with_value(key, held.write(rows[key]))
     if index < len(rows["unobstructed"]) and rows["unobstructed"][index]:
         faults.append(("self", "lists an edge to itself"))
     return entry if not faults else Entry(entry.viewpoint, entry.members, entry.closing, tuple(faults))

@@ -34,7 +34,7 @@ def edges_in(document: Document) -> tuple[tuple[EdgeKey, ...], frozenset[EdgeKey
     return tuple(keys(either)), frozenset(keys(either & (free != free.T)))
 
 
-def rewritten(document: Document, before: NavGraph, after: NavGraph) -> Document:
+def rewrite_document(document: Document, before: NavGraph, after: NavGraph) -> Document:
     """Return the document of graph `after`, where `document` is that of graph `before`.
 
     Visibility does not change; a new viewpoint sees the viewpoints that it is joined to. A moved viewpoint keeps the
@@ -67,7 +67,7 @@ def _with_lists(
         kept = before is not None and np.array_equal(flags[key][i], before[key][i])
         mended = bool(entry.faults) and entry.viewpoint.reviewed
         if isinstance(entry.text(key), str) and (mended or not kept):
-            entry = entry.put(key, style)
+            entry = entry.with_value(key, style)
             faults = [f for f in faults if f[0] != "length" or f" as {key} " not in f[1]]
     return entry if len(faults) == len(entry.faults) else replace(entry, faults=tuple(faults))
 
@@ -123,14 +123,14 @@ def _changed(entry: Entry, now: Viewpoint) -> Entry:
         return entry
     entry = replace(entry, viewpoint=now)
     if was.id != now.id:
-        entry = entry.put("image_id", json.dumps(now.id))
+        entry = entry.with_value("image_id", json.dumps(now.id))
     if was.position != now.position:
-        entry = entry.put("pose", _pose_text(str(entry.text("pose")), was.position, now.position))
+        entry = entry.with_value("pose", _pose_text(str(entry.text("pose")), was.position, now.position))
     if was.included != now.included:
         digits = entry.text("included") in ("0", "1")
-        entry = entry.put("included", str(int(now.included)) if digits else json.dumps(now.included))
+        entry = entry.with_value("included", str(int(now.included)) if digits else json.dumps(now.included))
     if was.height != now.height:
-        entry = entry.put("height", repr(float(now.height)))
+        entry = entry.with_value("height", repr(float(now.height)))
     return entry
 
 

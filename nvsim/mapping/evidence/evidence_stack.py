@@ -15,8 +15,8 @@ from nvsim.graph.types import Decision, Evidence
 from nvsim.mapping import criteria
 from nvsim.mapping.config import MappingConfig
 from nvsim.mapping.corridor import DIRECTIONS
-from nvsim.mapping.criteria import DISPUTED, OPEN, cells_under_robot, corridor_of, standing
-from nvsim.mapping.criterion import FULL, Criterion, unmeasured
+from nvsim.mapping.criteria import DISPUTED, OPEN, cells_under_robot, corridor_of, standing_criteria
+from nvsim.mapping.criterion import FULL, Criterion, unmeasured_message
 from nvsim.mapping.evidence.second_opinions import opinions
 
 _KEPT = 4  # maximum number of corridor widths whose sums are cached
@@ -88,7 +88,7 @@ class _EvidenceGroup:
 
     def _need(self, criterion: Criterion) -> None:
         if criterion.plane not in self._planes:
-            raise InputError(unmeasured(criterion.family))
+            raise InputError(unmeasured_message(criterion.family))
 
     def _summed(self, first: int, end: int) -> _CorridorSums:
         found = self._sums.get((first, end))
@@ -166,7 +166,7 @@ class _ModelMeasurements:
     def stands(self, config: MappingConfig) -> NDArray[np.bool_]:
         support, cells = self._beneath("support", config)
         free = support / np.maximum(cells, 1) >= config.support
-        for criterion in standing(config):
+        for criterion in standing_criteria(config):
             total, cells = self._beneath(criterion.plane, config)
             mean = total / np.maximum(cells, 1) / FULL[criterion.plane]
             free &= criterion.passes(mean, criterion.limit(config))

@@ -25,7 +25,7 @@ from nvsim.mapping.evidence.second_opinions import with_second_opinion
 from nvsim.mapping.evidence.traversed_floor import CLIMB, TraversedFloor, out_of_sight
 from nvsim.mapping.families import NETWORK_NORMAL
 from nvsim.mapping.views.floor_view import FloorView, measure
-from nvsim.mapping.views.view_sources import MultiModelSource, ViewSource, look_down
+from nvsim.mapping.views.view_sources import MultiModelSource, ViewSource, render_pitched_views
 
 if TYPE_CHECKING:
     from nvsim.mapping.slice_mass import SliceGaussians
@@ -168,7 +168,9 @@ class Measurements:
         another = self._another(viewpoint)
         place, models = np.array(viewpoint.position), [None] if another is None else [None, another]
         self.rendered_views += len(models) * (1 if self._config.views == "panorama" else len(wanted))
-        return [look_down(self._source, place, wanted, self._floor_at, self._config, model) for model in models]
+        return [
+            render_pitched_views(self._source, place, wanted, self._floor_at, self._config, model) for model in models
+        ]
 
     @property
     def _needs_whole_views(self) -> bool:
@@ -207,7 +209,7 @@ class Measurements:
         traversed = self._traversed if self._config.support > 0 else None
         ground = corridor.ground(self._floor_at)
         if not self._by_stair(viewpoint, corridor):
-            found = None if traversed is None else traversed.surely_at(ground)
+            found = None if traversed is None else traversed.is_surely_traversed(ground)
             return found if found is not None and found.any() else None
         free = out_of_sight(view.camera, ground) if self._config.both_ways else np.zeros(ground.shape[:2], bool)
         return free if traversed is None else free | traversed.at(ground)

@@ -9,7 +9,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from nvsim.errors import InputError
-from nvsim.events import Listener, Progress, silent
+from nvsim.events import Listener, Progress, ignore_event
 from nvsim.graph.types import Evidence, NavGraph
 from nvsim.mapping.config import MappingConfig
 from nvsim.mapping.corridor import DIRECTIONS, HeightAt, Lattice, SupportAt
@@ -50,7 +50,7 @@ def measure_new_viewpoints(
     config: MappingConfig,
     *,
     traversed: TraversedFloor | None = None,
-    listen: Listener = silent,
+    listen: Listener = ignore_event,
 ) -> NewViewpointEvidence:
     """Render the eight directions of each viewpoint, and measure the corridors to and from the viewpoints around it.
     `traversed` is as in `Measurements`.

@@ -28,28 +28,28 @@ _OPEN = 0  # the code of OPEN
 class ThresholdEffect:
     """The effect of `config` on the graph.
 
-    appear, disappear   (M, 2) rows of the viewpoints that gain or lose an edge
-    kept                number of edges that the thresholds refuse but that a user made or locked
-    lonely              number of viewpoints that lose their last edge
-    beyond              number of steps that newly open towards positions without a viewpoint; only a new build goes
-                        there
-    unanswered          number of edges that appear although the corridor back was not measured
-    codes               (E,) decisions of the evidence, see `EvidenceStack.decide`
-    back_closed         (E,) whether a corridor belongs to a pair of viewpoints without a free path
+    new_edges, lost_edges  (M, 2) rows of the viewpoints that gain or lose an edge
+    kept_by_user           number of edges that the thresholds refuse but that a user made or locked
+    isolated_viewpoints    number of viewpoints that lose their last edge
+    new_steps              number of steps that newly open towards positions without a viewpoint; only a new build goes
+                           there
+    one_way_measured       number of edges that appear although the corridor back was not measured
+    codes                  (E,) decisions of the evidence, see `EvidenceStack.decide`
+    blocked_pairs          (E,) whether a corridor belongs to a pair of viewpoints without a free path
     """
 
     config: MappingConfig
-    appear: NDArray[np.int64]
-    disappear: NDArray[np.int64]
-    kept: int
-    lonely: int
-    beyond: int
-    unanswered: int
+    new_edges: NDArray[np.int64]
+    lost_edges: NDArray[np.int64]
+    kept_by_user: int
+    isolated_viewpoints: int
+    new_steps: int
+    one_way_measured: int
     codes: NDArray[np.uint8] = field(repr=False)
-    back_closed: NDArray[np.bool_] = field(repr=False)
+    blocked_pairs: NDArray[np.bool_] = field(repr=False)
 
     def __bool__(self) -> bool:
-        return bool(len(self.appear) or len(self.disappear))
+        return bool(len(self.new_edges) or len(self.lost_edges))
 
 
 class Rethresholder:
@@ -171,20 +171,20 @@ class Rethresholder:
     def apply(self, redecision: ThresholdEffect) -> NavGraph:
         """Return the graph with the edges of `redecision`, and with its decisions in the evidence."""
         edges: dict[tuple[str, str], Edge] = dict(self.graph.edges)
-        for a, b in redecision.disappear.tolist():
+        for a, b in redecision.lost_edges.tolist():
             del edges[edge(self.ids[a], self.ids[b]).key]
         origins = self._origins()
-        for a, b in redecision.appear.tolist():
+        for a, b in redecision.new_edges.tolist():
             made = edge(self.ids[a], self.ids[b], origins[a, b])
             edges[made.key] = made
         evidence, changed = dict(self.graph.evidence), []
         for i, e in enumerate(self._evidence):
-            word = self._word(i, int(redecision.codes[i]), bool(redecision.back_closed[i]))
+            word = self._word(i, int(redecision.codes[i]), bool(redecision.blocked_pairs[i]))
             if word != e.decision:
                 evidence[e.key] = replace(e, decision=word)
                 changed.append(e.key)
         after = replace(self.graph, edges=edges, evidence=evidence)
-        pairs = np.concatenate([redecision.disappear, redecision.appear]).tolist()
+        pairs = np.concatenate([redecision.lost_edges, redecision.new_edges]).tolist()
         touched = tuple(edge(self.ids[a], self.ids[b]).key for a, b in pairs)
         remember(after, self.graph, TouchedElements((), touched, tuple(changed)))
         return after

@@ -42,7 +42,7 @@ class TraversedFloor:
             found[i] = bool(((over > _CARRIED[0]) & (over < _CARRIED[1])).any())
         return found.reshape(points.shape[:-1])
 
-    def surely_at(self, points: NDArray[np.floating]) -> NDArray[np.bool_]:
+    def is_surely_traversed(self, points: NDArray[np.floating]) -> NDArray[np.bool_]:
         """Return (...) bool for floor points (..., 3), meters: as `at`, but by the nearest camera only, and also away
         from stairs. All False if there is a LiDAR scan."""
         if self._squares is None:

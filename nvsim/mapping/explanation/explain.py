@@ -31,7 +31,7 @@ from nvsim.mapping.criteria import (
     strictest_decision,
     unmeasured_families,
 )
-from nvsim.mapping.criterion import Criterion, Part, unmeasured
+from nvsim.mapping.criterion import Criterion, Part, unmeasured_message
 from nvsim.mapping.evidence.second_opinions import opinions
 from nvsim.mapping.search.graph_builder import SAME
 
@@ -127,7 +127,7 @@ def explain(evidence: Evidence, config: MappingConfig) -> Explanation:
 
 def _explained(evidence: Evidence, config: MappingConfig) -> Explanation:
     for family in unmeasured_families(evidence, config):
-        raise InputError(unmeasured(family))
+        raise InputError(unmeasured_message(family))
     corridor = corridor_of(evidence, config)
     measures = []
     for criterion in criteria.CRITERIA:

@@ -70,7 +70,7 @@ class PathExplanation:
         return 1 if sure else 0
 
 
-def between(
+def explain_path(
     graph: NavGraph, a: str, b: str, config: MappingConfig, occupancy: OccupancyMap | None = None
 ) -> PathExplanation:
     """Return all that is known about the path between two different viewpoints of the graph. `occupancy` covers one

@@ -14,7 +14,7 @@ from nvsim.errors import InputError
 from nvsim.graph.types import Decision, Viewpoint
 from nvsim.mapping.config import MappingConfig
 from nvsim.mapping.corridor import SupportAt
-from nvsim.mapping.criteria import DECISIONS, OPEN, SPARED, standing
+from nvsim.mapping.criteria import DECISIONS, OPEN, SPARED, standing_criteria
 from nvsim.mapping.search.survey import Survey
 
 _FEW = 3  # viewpoints
@@ -49,7 +49,7 @@ def explain_small_graph(report: Mapping[str, Any], uncovered: NDArray[np.floatin
 
 def explain_no_viewpoint(refusals: list[tuple[float, float]], config: MappingConfig) -> str:
     """Return the sentence for a build without any viewpoint, from the `floor_below` of all tried positions."""
-    asked = standing(config)
+    asked = standing_criteria(config)
     limit = next((c.limit(config) for c in asked if c.plane == "alpha"), float("inf"))
     blocked = [alpha for alpha, known in refusals if alpha >= limit or known >= config.support]
     tried = (

@@ -35,7 +35,7 @@ class TrajectoryDetour:
         places, self._tree = walk.places, cKDTree(walk.places[:, :2])
         after = np.flatnonzero(walk.joined)
         near = self._tree.query_pairs(_LINKED, output_type="ndarray")
-        near = near[walk.all_in_line(places[near[:, 0]], places[near[:, 1]])]
+        near = near[walk.are_lines_known(places[near[:, 0]], places[near[:, 1]])]
         pairs = np.concatenate([np.column_stack([after, after + 1]), near])
         # Duplicate pairs would be added up.
         pairs = np.unique(pairs, axis=0)
@@ -66,7 +66,7 @@ class TrajectoryDetour:
         metres, index = self._tree.query(places[:, :2], k=_NEAREST, distance_upper_bound=_BETWEEN)
         of, which = np.nonzero(np.isfinite(metres))
         index, metres = index[of, which], metres[of, which]
-        seen = self._walk.all_in_line(places[of], self._walk.places[index])
+        seen = self._walk.are_lines_known(places[of], self._walk.places[index])
         of, index, metres = of[seen], index[seen], metres[seen]
         most = 0.0
         for start, end in pairwise([*np.flatnonzero(np.diff(of, prepend=-1)).tolist(), len(of)]):
@@ -85,7 +85,7 @@ class TrajectoryDetour:
             place = np.asarray(camera, np.float64)
             metres, index = self._tree.query(place[:2], k=min(_NEAREST, len(self._walk.places)))
             metres, index = np.atleast_1d(metres), np.atleast_1d(index)
-            in_line = self._walk.all_in_line(np.broadcast_to(place, (len(index), 3)), self._walk.places[index])
+            in_line = self._walk.are_lines_known(np.broadcast_to(place, (len(index), 3)), self._walk.places[index])
             metres, index = metres[in_line], index[in_line]
             near = metres <= metres.min(initial=np.inf) + _ASIDE
             self._beside[camera] = index[near].astype(np.int64), metres[near]

@@ -80,8 +80,8 @@ class BreadthFirstSearch:
             other = self.draft.viewpoints[id]
             back = OPEN if not self._config.both_ways else self._survey.way(viewpoint, other)
             if not stands or back != OPEN:
-                self.draft.cut(viewpoint.id, id)
-                self._survey.leave_out(self.draft.viewpoints[id], viewpoint, "return")
+                self.draft.remove_edge(viewpoint.id, id)
+                self._survey.record_omitted_edge(self.draft.viewpoints[id], viewpoint, "return")
         if self.draft.joined(viewpoint.id):
             return True
         self.draft.remove(viewpoint.id)
@@ -90,7 +90,7 @@ class BreadthFirstSearch:
 
     def _look_around(self, viewpoint: Viewpoint) -> list[Evidence]:
         around = self._survey.around(viewpoint)
-        self._survey.take(viewpoint, around)
+        self._survey.add_viewpoint(viewpoint, around)
         self.expanded.add(viewpoint.id)
         return around
 
@@ -98,7 +98,7 @@ class BreadthFirstSearch:
         for k in range(DIRECTIONS):
             evidence = self.draft.evidence[viewpoint.id][k]
             if evidence.decision == OPEN:
-                self._survey.keep(replace(evidence, decision=self._step(viewpoint, evidence)))
+                self._survey.store_evidence(replace(evidence, decision=self._step(viewpoint, evidence)))
 
     def _step(self, viewpoint: Viewpoint, evidence: Evidence) -> Decision:
         """Follow an open corridor to an existing or a new viewpoint, and return OPEN. If it leads nowhere, return the
@@ -121,7 +121,7 @@ class BreadthFirstSearch:
             return "return"
         if self._is_full():
             return "limit"
-        self.draft.put(self._survey.viewpoint(target, "step"))
+        self.draft.set_viewpoint(self._survey.viewpoint(target, "step"))
         self.draft.join(viewpoint.id, id, "step")
         self._lattice.take(id, viewpoint.id, evidence.direction)
         self._queue.append(id)
@@ -136,7 +136,7 @@ class BreadthFirstSearch:
         if decision != OPEN:
             return decision
         if self._config.both_ways and other.id in self.expanded and self._survey.way(other, viewpoint) != OPEN:
-            self._survey.leave_out(viewpoint, other, "return")
+            self._survey.record_omitted_edge(viewpoint, other, "return")
             return "return"
         step = self.draft.step_towards(viewpoint, other) is not None
         self.draft.join(viewpoint.id, other.id, "step" if step else "merge")

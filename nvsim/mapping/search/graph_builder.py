@@ -37,7 +37,7 @@ class GraphBuilder:
         self._buckets: dict[tuple[int, int], list[str]] = {}
         self._measured_to: dict[str, set[str]] = {}  # id -> viewpoints with evidence of corridors to it
 
-    def put(self, viewpoint: Viewpoint) -> None:
+    def set_viewpoint(self, viewpoint: Viewpoint) -> None:
         """Add a viewpoint, or replace the one with its id, which must have an equal position."""
         if viewpoint.id not in self.viewpoints:
             self._buckets.setdefault(_bucket(viewpoint.position), []).append(viewpoint.id)
@@ -48,7 +48,7 @@ class GraphBuilder:
     def remove(self, id: str) -> None:
         """Remove a viewpoint, its edges, and the evidence from it and of the corridors to it."""
         for other in self.joined(id):
-            self.cut(id, other)
+            self.remove_edge(id, other)
         self._buckets[_bucket(self.viewpoints[id].position)].remove(id)
         del self.viewpoints[id], self.evidence[id], self._joined[id]
         for other in self._measured_to.pop(id, ()):
@@ -56,7 +56,7 @@ class GraphBuilder:
             for direction in [k for k, e in found.items() if e.joins == id]:
                 del found[direction]
 
-    def keep(self, evidence: Evidence) -> None:
+    def store_evidence(self, evidence: Evidence) -> None:
         """Store evidence. It replaces the evidence of its viewpoint and direction."""
         self.evidence[evidence.viewpoint][evidence.direction] = evidence
         if evidence.joins:
@@ -68,7 +68,7 @@ class GraphBuilder:
         self._joined[a].add(b)
         self._joined[b].add(a)
 
-    def cut(self, a: str, b: str) -> None:
+    def remove_edge(self, a: str, b: str) -> None:
         del self._edges[min(a, b), max(a, b)]
         self._joined[a].discard(b)
         self._joined[b].discard(a)

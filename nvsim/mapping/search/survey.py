@@ -69,12 +69,12 @@ class Survey:
         reach = self.config.tau_dist + self.config.merge_radius
         return self._measurements.around(viewpoint, self.draft.near(np.array(viewpoint.position), reach))
 
-    def take(self, viewpoint: Viewpoint, around: Iterable[Evidence]) -> None:
+    def add_viewpoint(self, viewpoint: Viewpoint, around: Iterable[Evidence]) -> None:
         """Add a viewpoint to the graph with the decisions about its eight directions."""
         around = list(around)
-        self.draft.put(replace(viewpoint, submap=around[0].submap))
+        self.draft.set_viewpoint(replace(viewpoint, submap=around[0].submap))
         for evidence in around:
-            self.keep(replace(evidence, decision=decide(evidence, self.config)))
+            self.store_evidence(replace(evidence, decision=decide(evidence, self.config)))
 
     def way(self, viewpoint: Viewpoint, other: Viewpoint, also: Iterable[Viewpoint] = ()) -> Decision:
         """Return the decision about the corridor from one viewpoint to another, and store its evidence. `also` is as in
@@ -85,7 +85,7 @@ class Survey:
         found = self._measurements.between(viewpoint, other, also)
         decision = decide(found, self.config)
         direction = self.draft.number_towards(viewpoint.id, other.id)
-        self.keep(replace(found, direction=direction, decision=decision))
+        self.store_evidence(replace(found, direction=direction, decision=decision))
         return decision
 
     def known(self, viewpoint: Viewpoint, other: Viewpoint, spare: float = 0.0) -> Decision:
@@ -105,11 +105,11 @@ class Survey:
         """Whether enough floor is known along the corridor from one viewpoint to another. This needs no rendering."""
         return self._measurements.knows_floor(a, b)
 
-    def leave_out(self, viewpoint: Viewpoint, other: Viewpoint, why: Decision) -> None:
+    def record_omitted_edge(self, viewpoint: Viewpoint, other: Viewpoint, why: Decision) -> None:
         """Store in the open evidence from one viewpoint to another why there is no edge."""
         for evidence in self._evidence_towards(viewpoint, other):
             if evidence.decision == OPEN:
-                self.keep(replace(evidence, decision=why))
+                self.store_evidence(replace(evidence, decision=why))
 
     def _evidence_towards(self, viewpoint: Viewpoint, other: Viewpoint) -> Iterator[Evidence]:
         """Yield the stored evidence of corridors from one viewpoint to the position of another."""
@@ -117,6 +117,6 @@ class Survey:
             if evidence.joins == other.id or level_distance(other, evidence.target) < SAME:
                 yield evidence
 
-    def keep(self, evidence: Evidence) -> None:
+    def store_evidence(self, evidence: Evidence) -> None:
         """Store evidence. It replaces the evidence of its viewpoint and direction."""
-        self.draft.keep(evidence)
+        self.draft.store_evidence(evidence)

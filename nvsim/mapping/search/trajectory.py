@@ -79,13 +79,13 @@ class Walk:
         nearest = self._upright.query(places * [1, 1, _UPRIGHT])[1]
         return np.linalg.norm(self._positions[nearest, :2] - places[..., :2], axis=-1), nearest
 
-    def in_line(self, a: NDArray[np.floating], b: NDArray[np.floating]) -> bool:
+    def is_line_known(self, a: NDArray[np.floating], b: NDArray[np.floating]) -> bool:
         """Whether all floor is known on the straight line between two positions (2,) or cameras (3,)."""
-        return bool(self.all_in_line(np.asarray(a)[None], np.asarray(b)[None])[0])
+        return bool(self.are_lines_known(np.asarray(a)[None], np.asarray(b)[None])[0])
 
-    def all_in_line(self, a: NDArray[np.floating], b: NDArray[np.floating]) -> NDArray[np.bool_]:
-        """Return (N,) bool: `in_line` for each pair of positions (N, 2) or cameras (N, 3). Testing many pairs together
-        is fast."""
+    def are_lines_known(self, a: NDArray[np.floating], b: NDArray[np.floating]) -> NDArray[np.bool_]:
+        """Return (N,) bool: `is_line_known` for each pair of positions (N, 2) or cameras (N, 3). Testing many pairs
+        together is fast."""
         if len(a) == 0:
             return np.zeros(0, bool)
         way = b - a

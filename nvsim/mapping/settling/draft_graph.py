@@ -52,12 +52,12 @@ class DraftGraph:
             del self._joined[other][id]
 
     def join(self, a: str, b: str) -> None:
-        self._joined[a][b] = self._joined[b][a] = self.apart(a, b)
+        self._joined[a][b] = self._joined[b][a] = self.distance(a, b)
 
-    def cut(self, a: str, b: str) -> None:
+    def remove_edge(self, a: str, b: str) -> None:
         del self._joined[a][b], self._joined[b][a]
 
-    def apart(self, a: str, b: str) -> float:
+    def distance(self, a: str, b: str) -> float:
         """Return the straight distance in meters, seen from above."""
         return math.dist(self._place(a), self._place(b))
 
@@ -107,11 +107,13 @@ class DraftGraph:
                 found.update(dict.fromkeys(part, len(part)))
         return found
 
-    def can_spare(self, id: str) -> bool:
+    def is_redundant(self, id: str) -> bool:
         """Whether the neighbors of a viewpoint reach each other without it, without a long detour."""
         around = [other for other, _ in self.around(id)]
         most = {
-            (a, b): DETOUR * (self.apart(a, id) + self.apart(id, b)) for i, a in enumerate(around) for b in around[:i]
+            (a, b): DETOUR * (self.distance(a, id) + self.distance(id, b))
+            for i, a in enumerate(around)
+            for b in around[:i]
         }
         self.remove(id)
         spared = all(self.metres(a, b, limit) <= limit for (a, b), limit in most.items())
@@ -120,12 +122,12 @@ class DraftGraph:
             self.join(id, other)
         return spared
 
-    def can_spare_edge(self, a: str, b: str) -> bool:
+    def is_edge_redundant(self, a: str, b: str) -> bool:
         """Whether another path joins the ends of an edge without a long detour. For near viewpoints, it must also be
         short."""
-        length = self.apart(a, b)
+        length = self.distance(a, b)
         most = min(DETOUR * length, 2 * NEAR if length < NEAR else math.inf)
-        self.cut(a, b)
+        self.remove_edge(a, b)
         spared = self.metres(a, b, most) <= most
         self.join(a, b)
         return spared
@@ -156,9 +158,9 @@ def _remove_tie_from(ways: DraftGraph, start: str) -> set[str]:
     for end in sorted(metres, key=lambda id: (metres[id], id)):
         last = _last(ways, metres, end)
         for before in last if len(last) > 1 else []:
-            if ways.can_spare_edge(before, end):
+            if ways.is_edge_redundant(before, end):
                 touched = {id for side in (before, end) for id in ways.all_metres(side, _FAR + SAME_LENGTH)}
-                ways.cut(before, end)
+                ways.remove_edge(before, end)
                 return touched
     return set()
 

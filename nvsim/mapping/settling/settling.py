@@ -68,7 +68,7 @@ class GapFiller:
                 seen = self._visible_viewpoints(halfway)
                 if not seen or level_distance(seen[0], halfway[:2]) < self._config.merge_radius:
                     continue
-                if self._walk.in_line(halfway, place):
+                if self._walk.is_line_known(halfway, place):
                     tries += 1
                     yield from self._stand(halfway, seen)
                     covered = self._is_covered(place)
@@ -87,7 +87,7 @@ class GapFiller:
             there = stand[which[at]]
             level = np.abs(there[:, 2] - places[at, 2]) <= STEEPEST * metres[at] + SAME_FLOOR - SAME
             at, there = at[level], there[level]
-            covered[at[self._walk.all_in_line(there, places[at])]] = True
+            covered[at[self._walk.are_lines_known(there, places[at])]] = True
         return covered
 
     def _is_covered(self, place: NDArray[np.floating]) -> bool:
@@ -98,7 +98,7 @@ class GapFiller:
         """Return the viewpoints within one step to which known floor leads straight, the nearest first."""
         near = self._draft.near(place, self._config.tau_dist)
         there = np.array([v.position for v in near]).reshape(-1, 3)
-        found = self._walk.all_in_line(there, np.broadcast_to(place, there.shape))
+        found = self._walk.are_lines_known(there, np.broadcast_to(place, there.shape))
         return [v for v, line in zip(near, found.tolist(), strict=True) if line]
 
     def _stand(self, place: NDArray[np.floating], seen: list[Viewpoint]) -> Iterator[tuple[Viewpoint, list[Viewpoint]]]:
@@ -112,7 +112,7 @@ class GapFiller:
         self._survey.lattice.begin(viewpoint.id, viewpoint.position[:2])
         around = self._survey.around(viewpoint)
         if can_stand(around, self._config):
-            self._survey.take(viewpoint, around)
+            self._survey.add_viewpoint(viewpoint, around)
             yield viewpoint, seen
 
 
@@ -167,7 +167,7 @@ class Settling:
             for other in self._near_over_floor(self._draft.viewpoints[id], self._config.reach):
                 if other.id in inside:
                     pairs.add((min(id, other.id), max(id, other.id)))
-        length = {pair: self._ways.apart(*pair) for pair in pairs}
+        length = {pair: self._ways.distance(*pair) for pair in pairs}
         order = sorted(pairs, key=lambda pair: (length[pair], pair))
         for stretch, spare in ((self._config.stretch, _SPARE), *_NARROW):
             for a, b in order:
@@ -186,8 +186,8 @@ class Settling:
         """
         for a, b in edges:
             ends = stands_for[a], stands_for[b]
-            was = sum(self._ways.apart(*pair) for pair in ((ends[0], a), (a, b), (b, ends[1])))
-            alone = ends[0] == ends[1] and not self._ways.around(ends[0]) and self._ways.apart(a, b) >= _STEP
+            was = sum(self._ways.distance(*pair) for pair in ((ends[0], a), (a, b), (b, ends[1])))
+            alone = ends[0] == ends[1] and not self._ways.around(ends[0]) and self._ways.distance(a, b) >= _STEP
             if not alone and self._ways.metres(*ends, DETOUR * was) <= DETOUR * was:
                 continue
             for id in (a, b):
@@ -213,7 +213,7 @@ class Settling:
                     near.append((id, other.id))
         for pair in near:
             for id in sorted(pair, key=lambda id: (hang_together[id], self._room(id), id)):
-                if all(end in self._ways for end in pair) and self._ways.can_spare(id):
+                if all(end in self._ways for end in pair) and self._ways.is_redundant(id):
                     self._ways.remove(id)
 
     def _fill(self) -> None:
@@ -242,7 +242,7 @@ class Settling:
         """Write the edges to the graph. Write to the evidence of open corridors why they have no edge."""
         draft = self._draft
         for a, b in draft.edges():
-            draft.cut(a, b)
+            draft.remove_edge(a, b)
         for a, b in self._ways.edges():
             step = draft.step_towards(draft.viewpoints[a], draft.viewpoints[b])
             draft.join(a, b, "merge" if step is None else "step")
@@ -252,10 +252,10 @@ class Settling:
                     continue
                 at = [v for v in draft.near(self._survey.arrival(viewpoint, evidence.target), SAME) if v.id != id]
                 if not at:
-                    self._survey.keep(replace(evidence, decision="served"))
+                    self._survey.store_evidence(replace(evidence, decision="served"))
                 elif not draft.are_joined(id, at[0].id):
                     back = self._survey.known(at[0], viewpoint) if self._config.both_ways else OPEN
-                    self._survey.keep(replace(evidence, decision="spare" if back in (OPEN, "") else "return"))
+                    self._survey.store_evidence(replace(evidence, decision="spare" if back in (OPEN, "") else "return"))
 
     def _room(self, id: str) -> float:
         """Decimeters to the nearest unknown floor."""
@@ -268,7 +268,7 @@ class Settling:
         others = [v for v in self._draft.near(here, reach) if v.id != viewpoint.id]
         new = [v for v in others if (viewpoint.id, v.id) not in known]
         there = np.array([v.position for v in new]).reshape(-1, 3)
-        found = self._survey.walk.all_in_line(np.broadcast_to(here, there.shape), there)
+        found = self._survey.walk.are_lines_known(np.broadcast_to(here, there.shape), there)
         known.update(((viewpoint.id, v.id), bool(line)) for v, line in zip(new, found, strict=True))
         return [v for v in others if known[viewpoint.id, v.id]]
 

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from nvsim.graph.types import Viewpoint
-from nvsim.kernel_threads import allowed
+from nvsim.kernel_threads import allowed_threads
 from nvsim.mapping.criteria import can_stand
 from nvsim.mapping.search.survey import Survey
 from nvsim.mapping.search.trajectory import Walk
@@ -39,13 +39,13 @@ class WideKnownFloor:
         self._shut = np.vstack([self._shut, [*place, radius]])
 
     @property
-    def shuts(self) -> int:
+    def closed_count(self) -> int:
         """Number of closed areas."""
         return len(self._shut)
 
-    def shut_since(self, before: int, place: NDArray[np.floating], reach: float) -> bool:
-        """Whether areas that were closed since `shuts` was `before` can affect `lengths` from a position (3,) over at
-        most `reach` meters."""
+    def is_affected_since(self, before: int, place: NDArray[np.floating], reach: float) -> bool:
+        """Whether areas that were closed since `closed_count` was `before` can affect `lengths` from a position (3,)
+        over at most `reach` meters."""
         window = np.full(2, reach + _CELL)
         return len(self._shut_in(place[:2] - window, place[:2] + window, float(place[2]), before)) > 0
 
@@ -194,7 +194,7 @@ class Shortcuts:
             if far:
                 looks.append((id, far))
         # In parallel: each is a search over floor in a kernel, and no area is closed meanwhile.
-        with ThreadPoolExecutor(allowed(), "shortcuts") as pool:
+        with ThreadPoolExecutor(allowed_threads(), "shortcuts") as pool:
             for _ in pool.map(self._measure_paths, *zip(*looks, strict=True)) if looks else ():
                 pass
         pairs = [(round(self._known[id][other][0], 3), id, other) for id, far in looks for other in far]
@@ -204,12 +204,14 @@ class Shortcuts:
         """Compute the lengths of paths over known floor from a viewpoint to others, if they are unknown or an area near
         it was closed since."""
         known, here = self._known[id], np.array(self._draft.viewpoints[id].position)
-        since = {shuts: self._room.shut_since(shuts, here, _REACH) for shuts in {shuts for _, shuts in known.values()}}
+        since = {
+            shuts: self._room.is_affected_since(shuts, here, _REACH) for shuts in {shuts for _, shuts in known.values()}
+        }
         new = [other for other in others if other not in known or since[known[other][1]]]
         if new:
             places = np.array([self._draft.viewpoints[other].position for other in new])
             lengths = self._room.lengths(here, places, _REACH).tolist()
-            known.update({other: (metres, self._room.shuts) for other, metres in zip(new, lengths, strict=True)})
+            known.update({other: (metres, self._room.closed_count) for other, metres in zip(new, lengths, strict=True)})
 
     def _is_detour(self, a: str, b: str, metres: float) -> bool:
         if np.isinf(metres) or a not in self._ways or b not in self._ways:
@@ -249,11 +251,11 @@ class Shortcuts:
         """Return positions between two cameras that straight, wide legs connect. Empty if there is no such path, if no
         position is needed, or if too many are."""
         pair, here = (start.id, end.id), np.array(start.position)
-        if pair in self._hopeless and not self._room.shut_since(self._hopeless[pair], here, _REACH):
+        if pair in self._hopeless and not self._room.is_affected_since(self._hopeless[pair], here, _REACH):
             return []
         found = self._places(here, np.array(end.position))
         if not found:
-            self._hopeless[pair] = self._room.shuts
+            self._hopeless[pair] = self._room.closed_count
         return found
 
     def _places(self, start: NDArray[np.float64], end: NDArray[np.float64]) -> list[NDArray[np.float64]]:
@@ -299,7 +301,7 @@ class Shortcuts:
         around = self._survey.around(viewpoint)
         if not can_stand(around, self._survey.config):
             return None
-        self._survey.take(viewpoint, around)
+        self._survey.add_viewpoint(viewpoint, around)
         return self._draft.viewpoints[viewpoint.id]
 
     def _shut(self, a: Viewpoint, b: Viewpoint) -> None:

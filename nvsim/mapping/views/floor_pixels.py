@@ -18,18 +18,20 @@ Eye = Camera | Sphere
 class FloorPixels:
     """The pixels of floor points in a view.
 
-    inside   (rows, cells) bool, whether a point is in the image, with a tolerance of one pixel at its border
-    depth    (rows, cells) meters along the optical axis, or along the ray for a panorama
-    corners  (4, rows, cells) the pixels around each point, numbered through the image row by row: upper left and right,
-             lower left and right; 0 for points outside; the last column of a panorama is beside its first
-    across, along  (rows, cells) position of the point between these pixels, 0 to 1
+    inside                  (rows, cells) bool, whether a point is in the image, with a tolerance of one pixel at its
+                            border
+    depth                   (rows, cells) meters along the optical axis, or along the ray for a panorama
+    corners                 (4, rows, cells) the pixels around each point, numbered through the image row by row: upper
+                            left and right, lower left and right; 0 for points outside; the last column of a panorama is
+                            beside its first
+    fraction_x, fraction_y  (rows, cells) position of the point between these pixels, 0 to 1
     """
 
     inside: NDArray[np.bool_]
     depth: NDArray[np.float64]
     corners: NDArray[np.int64]
-    across: NDArray[np.float64]
-    along: NDArray[np.float64]
+    fraction_x: NDArray[np.float64]
+    fraction_y: NDArray[np.float64]
 
     @staticmethod
     def of(eye: Eye, points: NDArray[np.float64]) -> FloorPixels:
@@ -45,14 +47,14 @@ class FloorPixels:
             floor_kernels.project(points, eye.world_to_camera, np.array([k.fx, k.fy, k.cx, k.cy]), pixels, depth)
         else:
             pixels, depth = eye.project(points)
-        floor_kernels.place(pixels, depth, *size_of(eye), wraps, inside, corners, across, along)
+        floor_kernels.locate_points(pixels, depth, *size_of(eye), wraps, inside, corners, across, along)
         return FloorPixels(inside, depth, corners, across, along)
 
     def mark(self, image: NDArray[np.bool_]) -> None:
         """Set the pixels that points inside are read from to True in an image (H, W)."""
         from nvsim.mapping import floor_kernels
 
-        floor_kernels.mark(self.corners, self.inside, image)
+        floor_kernels.mark_pixels(self.corners, self.inside, image)
 
     def are_marked(self, image: NDArray[np.bool_]) -> bool:
         """Whether all of these pixels are True in an image (H, W)."""
@@ -66,7 +68,7 @@ class FloorPixels:
 
         found = np.empty(self.inside.shape)
         floor_kernels.read(
-            np.ascontiguousarray(image), self.corners, self.across, self.along, self.inside, outside, found
+            np.ascontiguousarray(image), self.corners, self.fraction_x, self.fraction_y, self.inside, outside, found
         )
         return found
 

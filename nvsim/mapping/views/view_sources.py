@@ -100,7 +100,7 @@ def _camera(place: tuple[float, float, float], heading: float, size: int) -> Cam
     return Camera(Intrinsics.from_fov(size, size, _FOV), camera_pose(np.array(place), heading, _PITCH))
 
 
-def look_down(
+def render_pitched_views(
     source: ViewSource,
     position: NDArray[np.floating],
     wanted: Mapping[int, Sequence[Corridor]],

@@ -25,7 +25,7 @@ from typing import Any, Literal
 from nvsim.errors import InputError, shown
 from nvsim.events import Done, Event, Failed, Log, from_data, to_json
 from nvsim.files.atomic import as_input_error
-from nvsim.files.opening import open_regular, own_file, read_regular
+from nvsim.files.opening import open_own_file, open_regular, read_regular
 from nvsim.files.user_folders import xdg_folder
 
 _SIZE = 32  # bytes of the secret
@@ -36,15 +36,15 @@ def secret_path() -> Path:
     return xdg_folder("XDG_STATE_HOME", ".local/state") / "nvsim" / "orders.key"
 
 
-def proof_of(root: Path, what: str, said: Any) -> str:
+def order_proof(root: Path, what: str, said: Any) -> str:
     """The proof that `said` (JSON values) was ordered here for the project at `root`. `what` is its kind, such as
     "order". The first proof creates the secret. Raises InputError if the secret cannot be read or written."""
     text = json.dumps([what, os.path.realpath(root), said], sort_keys=True, separators=(",", ":"))
     return hmac.new(_secret(make=True), text.encode("utf-8", "surrogatepass"), hashlib.sha256).hexdigest()
 
 
-def is_proven(root: Path, what: str, said: Any, proof: object) -> bool:
-    """Whether `proof` is the result of `proof_of` for these arguments. Also False if there is no secret yet."""
+def is_order_proven(root: Path, what: str, said: Any, proof: object) -> bool:
+    """Whether `proof` is the result of `order_proof` for these arguments. Also False if there is no secret yet."""
     if not isinstance(proof, str) or not proof.isascii():
         return False
     text = json.dumps([what, os.path.realpath(root), said], sort_keys=True, separators=(",", ":"))
@@ -140,7 +140,7 @@ class JobCommand:
 def encode_order(root: Path, number: int, order: JobCommand) -> str:
     """The text of the order file, with the proof that this user ordered it on the project at `root`. Raises InputError
     if the secret for the proof cannot be read or created."""
-    return json.dumps({**asdict(order), "proof": proof_of(root, _WHAT, [number, asdict(order)])})
+    return json.dumps({**asdict(order), "proof": order_proof(root, _WHAT, [number, asdict(order)])})
 
 
 def read_order(root: Path, number: int, folder: Path) -> tuple[JobCommand, bool]:
@@ -151,7 +151,7 @@ def read_order(root: Path, number: int, folder: Path) -> tuple[JobCommand, bool]
     except RecursionError as error:
         raise ValueError("it is nested too deeply") from error
     order, said = _order(data), {name: value for name, value in data.items() if name != "proof"}
-    return order, is_proven(root, _WHAT, [number, said], data.get("proof"))
+    return order, is_order_proven(root, _WHAT, [number, said], data.get("proof"))
 
 
 def order_path(folder: Path) -> Path:
@@ -168,10 +168,10 @@ def _order(data: Any) -> JobCommand:
         raise ValueError("a text field is not text")
     if not isinstance(heavy, bool):
         raise ValueError("heavy is neither true nor false")
-    return JobCommand(verb, tuple(arguments), title, heavy, number_in(data["ordered"]), folder)
+    return JobCommand(verb, tuple(arguments), title, heavy, finite_number(data["ordered"]), folder)
 
 
-def number_in(value: Any) -> float:
+def finite_number(value: Any) -> float:
     """A finite number of a JSON file. Raises ValueError for all other values."""
     if isinstance(value, bool) or not isinstance(value, int | float) or not abs(value) < 1e15 or math.isnan(value):
         raise ValueError(f"{shown(value, 40)} is not a valid number")
@@ -214,8 +214,8 @@ def read_status(folder: Path) -> JobStatus:
         code, pid, message = data.get("code"), data.get("pid", 0), data.get("message", "")
         if not isinstance(message, str) or type(pid) is not int or not (code is None or type(code) is int):
             raise ValueError("no status")
-        started, finished = (None if data.get(n) is None else number_in(data[n]) for n in ("started", "finished"))
-        return JobStatus(data["state"], pid, started, finished, number_in(data.get("worked", 0.0)), code, message)
+        started, finished = (None if data.get(n) is None else finite_number(data[n]) for n in ("started", "finished"))
+        return JobStatus(data["state"], pid, started, finished, finite_number(data.get("worked", 0.0)), code, message)
     except FileNotFoundError:
         return JobStatus()
     except (OSError, ValueError, RecursionError, TypeError):
@@ -255,7 +255,7 @@ class EventWriter:
 
     def __init__(self, path: Path) -> None:
         self.message = ""
-        self._file = os.fdopen(own_file(path, os.O_WRONLY | os.O_CREAT | os.O_APPEND), "ab", buffering=0)
+        self._file = os.fdopen(open_own_file(path, os.O_WRONLY | os.O_CREAT | os.O_APPEND), "ab", buffering=0)
 
     def __call__(self, event: Event) -> None:
         if isinstance(event, Failed):

@@ -116,7 +116,7 @@ class JobList:
         except (OSError, ValueError):
             return None
         status = read_status(folder)
-        if status.state == "running" and not worker_lock.is_held(folder):
+        if status.state == "running" and not worker_lock.is_job_running(folder):
             status = self._status_after_crash(folder, status)
         if not ours and status.state in ("queued", "paused", "interrupted"):
             status = replace(status, state="foreign", message="")
@@ -185,7 +185,7 @@ class JobList:
             self._prune()
             for job in self.jobs():
                 same = replace(job.order, ordered=order.ordered) == order
-                if same and job.ours and job.status.state in STOPPED and not worker_lock.is_held(job.folder):
+                if same and job.ours and job.status.state in STOPPED and not worker_lock.is_job_running(job.folder):
                     (job.folder / WISH).unlink(missing_ok=True)
                     return self._assign_job(job)
             return self._assign_job(self._store(order))
@@ -207,7 +207,7 @@ class JobList:
                 raise as_input_error(job.folder / WISH, error) from error
             self._write(job, JobStatus(worked=job.status.worked))
 
-    def order_anew(self, seen: Job) -> None:
+    def order_again(self, seen: Job) -> None:
         """Replaces a foreign job by an order of this user, which waits in the queue. `seen` is the job that the user
         has checked. Raises InputError if the job has changed since then."""
         with self._locked():

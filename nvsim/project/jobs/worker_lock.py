@@ -48,7 +48,7 @@ def release(folder: Path) -> None:
         file.close()
 
 
-def is_held(folder: Path) -> bool:
+def is_job_running(folder: Path) -> bool:
     """Whether a process runs the job in `folder`."""
     try:
         descriptor = open_regular(folder / NAME)
@@ -69,7 +69,7 @@ def send(folder: Path, pid: int, number: signal.Signals, everything: bool = Fals
     """Sends a signal to the process that runs the job in `folder`, and with `everything` to all processes that it
     started. Returns whether the signal was sent. `pid` comes from an untrusted file, so it is only used if that process
     has the lock file open."""
-    if pid <= 1 or not is_held(folder):
+    if pid <= 1 or not is_job_running(folder):
         return False
     with contextlib.suppress(OSError, psutil.Error):
         # The handle prevents the id from being reused between the test and the signal.

@@ -16,7 +16,7 @@ from nvsim.cluster.config import Storage
 from nvsim.cluster.piece import Executor
 from nvsim.depth.config import DepthConfig
 from nvsim.errors import InputError
-from nvsim.events import Done, Listener, Log, Progress, Warning, silent
+from nvsim.events import Done, Listener, Log, Progress, Warning, ignore_event
 from nvsim.project import ledger
 from nvsim.project.config import DepthUse
 from nvsim.project.earlier_results import report_replaced_result
@@ -41,7 +41,7 @@ def run(
     project: Project,
     use: DepthUse,
     config: DepthConfig,
-    listen: Listener = silent,
+    listen: Listener = ignore_event,
     executor: Executor | None = None,
     storage: Storage = "auto",
 ) -> None:
@@ -52,7 +52,7 @@ def run(
     machines can read the images, they share the work. Raises InputError if nothing is imported.
     """
     capture, imported = project.need_capture(), capture_key(project)
-    reason = why_not(capture.cloud, use)
+    reason = reason_without_depth(capture.cloud, use)
     key = ledger.key_of(STAGE, imported, use, config.key, _VERSION)
     if reason:
         key = ledger.key_of(STAGE, imported, use, reason, _VERSION)  # the options do not matter if depth is skipped
@@ -66,7 +66,7 @@ def run(
     from nvsim.depth.estimate import estimate_depth
 
     report_replaced_result(project, STAGE, listen)
-    resumed = ledger.begin(project, STAGE, key)
+    resumed = ledger.begin_part(project, STAGE, key)
     folder = project.making(project.stage_results().made_at(STAGE)).layout.depth
     if not resumed:
         shutil.rmtree(folder, ignore_errors=True)
@@ -98,7 +98,7 @@ def run(
     listen(Done(STAGE, f"depth of {len(capture.frames)} frames, {len(cloud.points)} points{more}", summary))
 
 
-def why_not(cloud: Cloud | None, use: DepthUse) -> str:
+def reason_without_depth(cloud: Cloud | None, use: DepthUse) -> str:
     """The reason, as a clause, to estimate no depth; "" if depth is estimated. `cloud` is that of the capture. A sparse
     cloud is not a reason, because it has no points on bare walls."""
     if use == "never":
@@ -133,7 +133,7 @@ def _skip(project: Project, key: str, summary: dict[str, object], listen: Listen
     """Records that no depth is estimated. A previous depth result is kept; a previous skip is not."""
     before = ledger.record(project, STAGE)
     keep = before is None or "skipped" not in before.summary
-    ledger.begin(project, STAGE, key)
+    ledger.begin_part(project, STAGE, key)
     ledger.finish(project, STAGE, 0.0, summary, files={STAGE: NOWHERE}, keep=keep)
     listen(Done(STAGE, f"no depth is estimated: {summary['skipped']}", summary))
 

@@ -41,14 +41,14 @@ def depth_remote(
 
         def order(some: list[int], threads: int) -> WorkCall:
             left = [i for i in some if not _files(folder, phase, i)[-1].is_file()]
-            return WorkCall(depth_there, (snapshot, folder, config, phase, left, planes, threads))
+            return WorkCall(compute_depth_on_worker, (snapshot, folder, config, phase, left, planes, threads))
 
         do_frames_remote(executor, storage, project, "depth", frames, order, receive, listen)
 
     return elsewhere
 
 
-def depth_there(
+def compute_depth_on_worker(
     caller: Caller,
     snapshot: ProjectSnapshot,
     folder: Path,

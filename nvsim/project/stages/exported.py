@@ -10,7 +10,7 @@ from typing import Any, Literal
 import numpy as np
 
 from nvsim.errors import InputError
-from nvsim.events import Listener, Progress, silent
+from nvsim.events import Listener, Progress, ignore_event
 from nvsim.files import atomic
 from nvsim.project.occupancy_maps import occupancy_of
 from nvsim.project.project import Project
@@ -18,7 +18,7 @@ from nvsim.project.work import missing_result_error
 from nvsim.splats.floor_mesh import FloorMesh, floor_gaussians, floor_mesh
 from nvsim.splats.formats.choice import SUFFIXES, Format, write_splats
 from nvsim.splats.formats.glb import write_glb
-from nvsim.splats.turning import turned
+from nvsim.splats.turning import transform_gaussians
 from nvsim.splats.types import joined
 
 
@@ -67,7 +67,7 @@ def export_splats(
     form: Format,
     only: tuple[int, ...] = (),
     frame: str = "aligned",
-    listen: Listener = silent,
+    listen: Listener = ignore_event,
     floor_as: FloorForm = "mesh",
 ) -> list[Path]:
     """Writes `submap_NNN` with the suffix of the format, `submap_NNN_floor.glb` if the model has a floor texture, and
@@ -105,7 +105,7 @@ def export_splats(
         elif (known := floor_gaussians(model)) is not None:
             gaussians = joined(gaussians, known)
         if moved:
-            gaussians = turned(gaussians, back, shrink)
+            gaussians = transform_gaussians(gaussians, back, shrink)
             mesh = None if mesh is None else _moved(mesh, back, shrink)
         name = f"submap_{submap.index:03d}"
         splats, floor = out / f"{name}{SUFFIXES[form]}", out / f"{name}_floor.glb"

@@ -14,8 +14,8 @@ from numpy.typing import NDArray
 from nvsim.cluster.config import Storage
 from nvsim.cluster.piece import Executor
 from nvsim.errors import InputError
-from nvsim.events import Done, Listener, Log, Progress, Warning, silent
-from nvsim.files.atomic import replacing
+from nvsim.events import Done, Listener, Log, Progress, Warning, ignore_event
+from nvsim.files.atomic import replacement_file
 from nvsim.geometry.floor_surface import FloorSurface, StackedFloor
 from nvsim.perception.roles import FAILURE_WORDS
 from nvsim.project import ledger
@@ -28,7 +28,7 @@ from nvsim.project.project import Project
 from nvsim.project.stages import levels
 from nvsim.project.stages.depths import depth_maps
 from nvsim.project.stages.imported import capture_config
-from nvsim.project.stages.raised_obstacles import find_thin_obstacles, raised_places
+from nvsim.project.stages.raised_obstacles import find_thin_obstacles, thin_obstacle_places
 from nvsim.project.stages.submaps import submaps_key, submaps_of_capture
 from nvsim.project.work import StageName
 from nvsim.submaps.split import Submap
@@ -55,7 +55,7 @@ def floor_surfaces(project: Project, submaps: tuple[Submap, ...], config: Captur
                 found[submap.index] = known
                 continue
         surface = _estimated(project, submap, storeys, config, found, submaps)
-        with replacing(project.layout.surface(submap.index)) as path:
+        with replacement_file(project.layout.surface(submap.index)) as path:
             np.savez(path, heights=surface.heights, origin=np.array(surface.origin), spacing=surface.spacing)
         found[submap.index] = surface
     return found
@@ -117,7 +117,7 @@ _NOTHING_STANDS = (
 
 def run(
     project: Project,
-    listen: Listener = silent,
+    listen: Listener = ignore_event,
     discard: bool = False,
     config: FloorsConfig | None = None,
     executor: Executor | None = None,
@@ -144,18 +144,18 @@ def run(
     parts = [*([depth.key, _WITH_DEPTH] if depth else []), *([_WITH_STAIRS] if stacked else []), *provider.key()]
     key = ledger.key_of(STAGE, submaps_key(project), how.key, _VERSION, *parts)
     if ledger.is_current(project, STAGE, key) and _is_whole(project):
-        listen(Log(f"The floor masks are up to date; they were made {provider.words}.", STAGE))
+        listen(Log(f"The floor masks are up to date; they were made {provider.description}.", STAGE))
         refresh_support(project, listen)
         return
     from nvsim.perception.segment import segment_capture
 
-    listen(Log(f"The floor is found {provider.words}.", STAGE))
+    listen(Log(f"The floor is found {provider.description}.", STAGE))
     capture, submaps = replace(project.need_capture(), cloud=project.scan()), submaps_of_capture(project)
     other = provider.open(capture)  # raises before any result is replaced
     if capture.cloud is None or not capture.cloud.is_dense:
         listen(Warning(_NOTHING_STANDS, STAGE))
     report_replaced_result(project, STAGE, listen)
-    resumed = ledger.begin(project, STAGE, key)
+    resumed = ledger.begin_part(project, STAGE, key)
     # New results are made beside those in use, for the newest cut.
     found = project.stage_results()
     newest = found.places.get("cut/submaps")
@@ -204,7 +204,7 @@ def refresh_support(project: Project, listen: Listener) -> None:
     if made_with == key:
         return
     started = time.monotonic()
-    ledger.begin(project, STAGE, key, _SUPPORT)
+    ledger.begin_part(project, STAGE, key, _SUPPORT)
     coverage = _support(project)
     ledger.finish(project, STAGE, time.monotonic() - started, {}, _SUPPORT)
     listen(Log(f"With the corrected masks, {coverage:.0f} m² of floor are supported.", STAGE))
@@ -258,14 +258,14 @@ def _support(project: Project) -> float:
 
 def _supported(project: Project, frames: list[int], floor: FloorSurface, cloud: Cloud | None) -> FloorSupport:
     """The floor that the masks of `frames` and the cloud support."""
-    from nvsim.capture.masks import usable_of
+    from nvsim.capture.masks import usable_pixels_of_frames
     from nvsim.perception.segment import SegmentConfig, read_mask
     from nvsim.perception.support import observe, positions_at_common_heights
 
     capture, masks = project.need_capture(), (read_mask(project.mask_path(i)) for i in frames)
     cameras = [capture.frames[i].camera for i in frames]
-    usable = usable_of((capture.frames[i] for i in frames), SegmentConfig().longest_side)
-    found = observe(cameras, masks, floor, cloud, raised=raised_places(project), usable=usable)
+    usable = usable_pixels_of_frames((capture.frames[i] for i in frames), SegmentConfig().longest_side)
+    found = observe(cameras, masks, floor, cloud, raised=thin_obstacle_places(project), usable=usable)
     return found.with_trajectory_floor(positions_at_common_heights(capture.positions[frames], floor))
 
 

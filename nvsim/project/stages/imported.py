@@ -14,7 +14,7 @@ from nvsim.capture.axes import CHOICES
 from nvsim.capture.findings import Finding
 from nvsim.capture.types import Alignment, Capture, DepthFile, Frame
 from nvsim.errors import InputError
-from nvsim.events import Done, Listener, Log, Progress, Warning, silent
+from nvsim.events import Done, Listener, Log, Progress, Warning, ignore_event
 from nvsim.files.reading import reading
 from nvsim.project import ledger
 from nvsim.project.config import CaptureConfig, PoseUse
@@ -29,7 +29,11 @@ STAGE: StageName = "import"
 
 
 def run(
-    project: Project, source: Path, config: CaptureConfig, listen: Listener = silent, alignment: Alignment | None = None
+    project: Project,
+    source: Path,
+    config: CaptureConfig,
+    listen: Listener = ignore_event,
+    alignment: Alignment | None = None,
 ) -> Capture:
     """Reads and checks the capture of `source`, stores it in the project, and returns it. If `alignment` is given, the
     capture is in its frame. A splat file is imported as a capture without images.
@@ -91,7 +95,7 @@ def run(
         capture = dataclasses.replace(capture, alignment=dataclasses.replace(capture.alignment, scale_known=False))
         listen(Warning(f"{SCALE_ASSUMED[0].upper()}{SCALE_ASSUMED[1:]}: {SCALE_IN_HEIGHTS}.", STAGE))
     if is_given and poses_report is not None:
-        contradiction = poses_report.contradiction(capture.alignment.scale, source, config.model)
+        contradiction = poses_report.scale_contradiction(capture.alignment.scale, source, config.model)
         if contradiction:
             listen(Warning(contradiction, STAGE))
     key = ledger.key_of(STAGE, fingerprint(capture), str(capture.source), config.key)
@@ -128,7 +132,7 @@ def run(
     report_replaced_result(project, STAGE, listen)
     with contextlib.suppress(InputError):  # an unreadable capture is imported again
         project.fix_cut()
-    ledger.begin(project, STAGE, key)
+    ledger.begin_part(project, STAGE, key)
     save_capture(capture, project.making(project.stage_results().made_at(STAGE)).layout.imported)
     points = 0 if capture.cloud is None else len(capture.cloud.points)
     summary = {"frames": len(capture.frames), "points": points, "format": capture.format, **adjusted}
@@ -179,11 +183,11 @@ def _without_faulty(capture: Capture, checked: Capture) -> Capture:
 
 def _posed(capture: Capture, config: CaptureConfig, listen: Listener) -> tuple[Capture, dict[str, float]]:
     """The capture with the poses that `config` selects, and the figures of the adjustment for the summary."""
-    from nvsim.poses.refinement import is_good, median_epipolar_error, refine
+    from nvsim.poses.refinement import are_poses_good, median_epipolar_error, refine
 
     measured = capture.is_measured or bool(capture.scans or capture.depths)
     if config.poses == "given" or (
-        config.poses == "auto" and (measured or is_good(median_epipolar_error(capture.frames)))
+        config.poses == "auto" and (measured or are_poses_good(median_epipolar_error(capture.frames)))
     ):
         return capture, {}
     found = refine(capture.frames, lambda done, of: listen(Progress(STAGE, done, of, "matches between images")))

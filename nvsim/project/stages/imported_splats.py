@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 
 from nvsim.capture.types import Alignment, Capture
 from nvsim.errors import InputError
-from nvsim.events import Done, Listener, Log, Progress, Warning, silent
+from nvsim.events import Done, Listener, Log, Progress, Warning, ignore_event
 from nvsim.project import ledger
 from nvsim.project.config import CaptureConfig
 from nvsim.project.earlier_results import report_replaced_result
@@ -39,14 +39,14 @@ def is_splats(source: Path) -> bool:
     return named_as_splats(source) and source.expanduser().is_file()
 
 
-def run(project: Project, source: Path, config: CaptureConfig, listen: Listener = silent) -> Capture:
+def run(project: Project, source: Path, config: CaptureConfig, listen: Listener = ignore_event) -> Capture:
     """Imports the splat file, or the list of splat files, `source`. Raises InputError if it is damaged, does not show
     the inside of a building, or if an option does not apply to splat files."""
     from nvsim.capture.store import save_capture
     from nvsim.scene_import.parts import divide
     from nvsim.scene_import.scene import align_scene
     from nvsim.splats.files import save_model
-    from nvsim.splats.formats.choice import read_splats, up_axis
+    from nvsim.splats.formats.choice import read_splats, source_up_axis
     from nvsim.splats.types import SubmapModel
 
     started, source = time.monotonic(), source.expanduser().absolute()
@@ -65,7 +65,7 @@ def run(project: Project, source: Path, config: CaptureConfig, listen: Listener 
     listen(Progress(STAGE, 0, 3, str(source)))
     splats = read_splats(source)
     listen(Progress(STAGE, 1, 3, "storeys"))
-    scene = align_scene(str(source), splats.gaussians, up_axis(source), config.up, config.scale)
+    scene = align_scene(str(source), splats.gaussians, source_up_axis(source), config.up, config.scale)
     for note in (*splats.notes, *scene.notes):
         listen(Log(note, STAGE))
     for doubt in scene.doubts:
@@ -80,7 +80,7 @@ def run(project: Project, source: Path, config: CaptureConfig, listen: Listener 
     capture = Capture(source, FORMAT, (), None, alignment, places=places)
     report_replaced_result(project, STAGE, listen)
     project.fix_cut()
-    ledger.begin(project, STAGE, key)
+    ledger.begin_part(project, STAGE, key)
     folder = project.making(project.stage_results().made_at(STAGE)).layout.imported
     antialiased = False if splats.antialiased is None else splats.antialiased
     for index, part in enumerate(parts):

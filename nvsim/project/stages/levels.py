@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from nvsim.events import Done, Listener, Log, Progress, silent
-from nvsim.files.atomic import make_folder, replacing
+from nvsim.events import Done, Listener, Log, Progress, ignore_event
+from nvsim.files.atomic import make_folder, replacement_file
 from nvsim.project import ledger
 from nvsim.project.earlier_results import report_replaced_result
 from nvsim.project.project import Project
@@ -24,13 +24,13 @@ STAGE: StageName = "floors"
 _VERSION = "splats 1"  # changed when equal models give another result
 
 
-def run(project: Project, listen: Listener = silent) -> None:
+def run(project: Project, listen: Listener = ignore_event) -> None:
     """Commits the floor surface of each storey and the known floor. Raises InputError if the models are missing."""
     from nvsim.geometry.floor_surface import StackedFloor
     from nvsim.perception.stacked_support import StackedSupport
     from nvsim.perception.support import FloorSupport
     from nvsim.project.floor_heights import floor_of
-    from nvsim.scene_import.levels import ceilings, known_floor
+    from nvsim.scene_import.levels import ceiling_distances, known_floor
 
     key = ledger.key_of(STAGE, capture_key(project), _VERSION)
     if ledger.is_current(project, STAGE, key):
@@ -40,13 +40,13 @@ def run(project: Project, listen: Listener = silent) -> None:
     if scene is None:
         raise missing_result_error(project.layout.root, "import")
     report_replaced_result(project, STAGE, listen)
-    ledger.begin(project, STAGE, key)
+    ledger.begin_part(project, STAGE, key)
     found = project.stage_results()
     newest = found.places.get("cut/submaps")
     project = project.making({**found.made_at(STAGE), **({"cut/floors": newest} if newest else {})})
     make_folder(project.layout.floor)
     heights, parts = imported_storeys(project)
-    tops, submaps = ceilings(heights), project.need_submaps()
+    tops, submaps = ceiling_distances(heights), project.need_submaps()
     known: list[FloorSupport] = []
     for submap, storeys in zip(submaps, parts, strict=True):
         listen(Progress(STAGE, submap.index, len(submaps), f"storey {storeys[0] + 1}"))
@@ -75,7 +75,7 @@ def run(project: Project, listen: Listener = silent) -> None:
 
 
 def _save_surface(path: Path, surface: FloorSurface) -> None:
-    with replacing(path) as temporary, open(temporary, "wb") as file:
+    with replacement_file(path) as temporary, open(temporary, "wb") as file:
         np.savez_compressed(
             file, heights=surface.heights, origin=np.array(surface.origin), spacing=np.array(surface.spacing)
         )

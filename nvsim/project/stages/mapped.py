@@ -13,19 +13,19 @@ from numpy.typing import NDArray
 from nvsim.capture.findings import SCALE_ASSUMED, SCALE_IN_HEIGHTS
 from nvsim.capture.types import Capture
 from nvsim.errors import InputError
-from nvsim.events import Done, Listener, Log, Warning, silent
+from nvsim.events import Done, Listener, Log, Warning, ignore_event
 from nvsim.files.atomic import write_bytes
 from nvsim.graph.store import decode_graph, encode_graph
 from nvsim.graph.types import Evidence, NavGraph
 from nvsim.mapping.config import MappingConfig
 from nvsim.mapping.families import NETWORK_NORMAL
-from nvsim.perception.furniture import share_above_nothing, uneven_heights
+from nvsim.perception.furniture import share_without_points_below, uneven_height_range
 from nvsim.perception.normals_network import installed_normals, normals_model
 from nvsim.project import ledger
 from nvsim.project.corrections import corrections_key
 from nvsim.project.earlier_results import graph_in_file, report_replaced_result
 from nvsim.project.floor_heights import floor_of
-from nvsim.project.graph import recorded
+from nvsim.project.graph import recorded_config
 from nvsim.project.photographed import PhotographedDirections, with_shares
 from nvsim.project.project import Project
 from nvsim.project.scene_views import SceneViews
@@ -46,7 +46,7 @@ _DRAWN = "wide Gaussians by rays"  # how views are rendered; changed when equal 
 def run(
     project: Project,
     config: MappingConfig,
-    listen: Listener = silent,
+    listen: Listener = ignore_event,
     reapply: bool = False,
     memory_budget: int | None = None,
     backend: Backend = "auto",
@@ -82,7 +82,7 @@ def run(
     started = time.monotonic()
     report_replaced_result(project, STAGE, listen)
     unfinished = project.layout.partial_map
-    if not ledger.begin(project, STAGE, key):
+    if not ledger.begin_part(project, STAGE, key):
         unfinished.unlink(missing_ok=True)
     # Evidence of an interrupted or previous build, which may include places that the graph does not have.
     remembered = _evidence(unfinished)
@@ -106,7 +106,7 @@ def run(
     photographed = PhotographedDirections(project, scene, backend)
     graph = with_shares(result.graph, photographed.shares(result.graph, result.graph.viewpoints))
     report = {**result.report, **_photographed(graph, config, listen)}
-    seconds, summary = time.monotonic() - started, {**report, **recorded(config)}
+    seconds, summary = time.monotonic() - started, {**report, **recorded_config(config)}
     # Evidence of a network stays in the graph if this build does not use the network, so that a later one can.
     if network := network_of(config) or (last_network(project) if reapply else ""):
         summary[NETWORK] = network
@@ -150,7 +150,7 @@ def _check_floor(project: Project, graph: NavGraph, listen: Listener) -> None:
     """Warns if most viewpoints have points under their floor, or the cameras have uneven heights above it. Then the
     viewpoints probably stand on furniture."""
     places = np.array([(*v.position[:2], v.position[2] - v.height) for v in graph.viewpoints.values()]).reshape(-1, 3)
-    share = share_above_nothing(project.scan(), places)
+    share = share_without_points_below(project.scan(), places)
     if share < _MOST:
         listen(
             Warning(
@@ -160,7 +160,7 @@ def _check_floor(project: Project, graph: NavGraph, listen: Listener) -> None:
                 STAGE,
             )
         )
-    uneven = uneven_heights(_camera_heights(project))
+    uneven = uneven_height_range(_camera_heights(project))
     if uneven is not None:
         listen(
             Warning(

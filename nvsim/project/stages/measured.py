@@ -45,7 +45,7 @@ def measure(
     return replace(found, photographed=PhotographedDirections(project, scene).shares(graph, found.submaps))
 
 
-def unmeasured(graph: NavGraph) -> list[str]:
+def unmeasured_viewpoints(graph: NavGraph) -> list[str]:
     """Ids of included viewpoints from users without evidence for their present place."""
     fresh = {e.viewpoint for e in graph.evidence.values() if not e.joins and not e.stale}
     return [id for id, v in graph.viewpoints.items() if v.included and v.origin == "person" and id not in fresh]

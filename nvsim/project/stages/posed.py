@@ -10,10 +10,15 @@ from nvsim.errors import InputError
 from nvsim.events import Listener
 from nvsim.footage.cut_options import CutOptions, not_panoramic
 from nvsim.project.project import Project
-from nvsim.reconstruction.computing import compute_poses, discard, is_begun_for_others, is_finished
+from nvsim.reconstruction.computing import compute_poses, discard, has_poses_of_other_files, is_finished
 from nvsim.reconstruction.footage_check import footage_at
 from nvsim.reconstruction.pose_networks import SAME_NETWORKS, PoseNetworks
-from nvsim.reconstruction.posed_panoramas import belongs_to, cut_posed_panoramas, find_posed_panoramas, is_used
+from nvsim.reconstruction.posed_panoramas import (
+    cut_posed_panoramas,
+    find_posed_panoramas,
+    has_panorama_views,
+    has_views_of,
+)
 from nvsim.reconstruction.report import REPORT
 
 _MOST = 1000  # folders of poses in a project
@@ -43,8 +48,8 @@ def run(
     if panoramas is not None:
         networks.refuse_for_poses(source)
         file = panoramas
-        folder = _folder_for(project, lambda at: belongs_to(at, file, options))
-        if not is_used(folder):
+        folder = _folder_for(project, lambda at: has_views_of(at, file, options))
+        if not has_panorama_views(folder):
             discard(folder)  # unfinished poses of a video
         cut_posed_panoramas(file, folder, listen, options)
         return folder
@@ -56,7 +61,7 @@ def run(
         return source
     videos = footage
     folder = _folder_for(project, lambda at: is_finished(at, videos, options, networks))
-    if is_begun_for_others(folder, footage):
+    if has_poses_of_other_files(folder, footage):
         discard(folder)
     compute_poses(footage.source, folder, listen, chosen=bool(model), options=options, networks=networks)
     return folder
@@ -66,7 +71,7 @@ def _folder_for(project: Project, is_finished: Callable[[Path], bool]) -> Path:
     """The newest folder with finished poses of these files, or the first folder without finished poses. Finished poses
     of other videos stay, because a result that can be restored may use their images."""
     folders = [project.layout.poses(number) for number in range(1, _MOST + 1)]
-    used = [folder for folder in folders if (folder / REPORT).exists() or is_used(folder)]
+    used = [folder for folder in folders if (folder / REPORT).exists() or has_panorama_views(folder)]
     same = next((folder for folder in reversed(used) if is_finished(folder)), None)
     if same is not None:
         return same

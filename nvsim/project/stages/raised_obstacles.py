@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from nvsim.capture.images import read_image
 from nvsim.capture.masks import usable_pixels
 from nvsim.events import Listener, Log, Progress
-from nvsim.files.atomic import replacing
+from nvsim.files.atomic import replacement_file
 from nvsim.files.stored_arrays import read_arrays
 from nvsim.project.project import Project
 
@@ -24,7 +24,7 @@ _THREADS = 2
 def find_thin_obstacles(project: Project, floors: dict[int, FloorSurface], listen: Listener, stage: str) -> None:
     """Writes the places of thin obstacles; an existing file is kept. `floors` has the floor surface around each frame.
     Raises InputError if an image cannot be read."""
-    from nvsim.perception.raised_lines import LineConfig, raised_lines, standing_places
+    from nvsim.perception.raised_lines import LineConfig, raised_lines, thin_object_places
 
     path = project.layout.raised
     if path.exists():
@@ -54,14 +54,14 @@ def find_thin_obstacles(project: Project, floors: dict[int, FloorSurface], liste
         progress,
         lambda i: usable_pixels(capture.frames[i], cameras[i].intrinsics),
     )
-    places = standing_places(lines, capture.positions, config)
-    with replacing(path) as temporary, open(temporary, "wb") as file:
+    places = thin_object_places(lines, capture.positions, config)
+    with replacement_file(path) as temporary, open(temporary, "wb") as file:
         np.savez_compressed(file, places=places)
     if len(places):
         listen(Log(f"Image edges show thin obstacles above the floor along {len(places) * config.cell:.0f} m.", stage))
 
 
-def raised_places(project: Project) -> NDArray[np.float64] | None:
+def thin_obstacle_places(project: Project) -> NDArray[np.float64] | None:
     """(K, 2) places of thin obstacles, meters, world, from `find_thin_obstacles`; None if there is no file.
 
     Raises InputError if the file is damaged."""

@@ -97,7 +97,7 @@ def do_frames_remote(
 
     def begin(piece: WorkItem) -> WorkCall:
         made = order(of_piece[piece.part], threads)
-        return WorkCall(made.work, (*made.given, probe))
+        return WorkCall(made.function, (*made.arguments, probe))
 
     try:
         with closing(executor.run(pieces, begin)) as messages:

@@ -8,7 +8,7 @@ from functools import partial
 import numpy as np
 
 from nvsim.errors import InputError
-from nvsim.events import Done, Listener, Log, Progress, Warning, silent
+from nvsim.events import Done, Listener, Log, Progress, Warning, ignore_event
 from nvsim.project import ledger
 from nvsim.project.earlier_results import report_replaced_result
 from nvsim.project.project import Project
@@ -21,7 +21,7 @@ from nvsim.submaps.storeys import storeys_of
 STAGE: StageName = "submaps"
 
 
-def run(project: Project, config: SubmapConfig, listen: Listener = silent) -> tuple[Submap, ...]:
+def run(project: Project, config: SubmapConfig, listen: Listener = ignore_event) -> tuple[Submap, ...]:
     """Cuts the capture into submaps by `config` and returns them. Does nothing if they are current."""
     from nvsim.submaps.picture import draw_submaps
 
@@ -31,7 +31,7 @@ def run(project: Project, config: SubmapConfig, listen: Listener = silent) -> tu
         return project.need_submaps()
     started = time.monotonic()
     listen(Progress(STAGE, 0, 1))
-    ledger.begin(project, STAGE, key)
+    ledger.begin_part(project, STAGE, key)
     positions = project.need_capture().positions
     submaps = split(positions, config)
     parts = len(np.unique(storeys_of(positions).part))

@@ -22,7 +22,7 @@ from nvsim.cluster.piece import (
     threads_each,
 )
 from nvsim.errors import InputError
-from nvsim.events import Done, Event, Listener, Log, Progress, silent
+from nvsim.events import Done, Event, Listener, Log, Progress, ignore_event
 from nvsim.project import ledger
 from nvsim.project.corrections import corrections_key
 from nvsim.project.earlier_results import report_replaced_result
@@ -50,7 +50,7 @@ STAGE: StageName = "train"
 def run(
     project: Project,
     config: TrainingConfig,
-    listen: Listener = silent,
+    listen: Listener = ignore_event,
     only: tuple[int, ...] = (),
     at_once: int = 0,
     executor: Executor | None = None,
@@ -107,7 +107,7 @@ def run(
             compile_ahead(listen)
 
     def begin(index: int) -> None:
-        if not ledger.begin(project, STAGE, keys[index], index):
+        if not ledger.begin_part(project, STAGE, keys[index], index):
             project.layout.checkpoint(index).unlink(missing_ok=True)
             remove_folder(project.layout.live(index))
 
@@ -240,7 +240,7 @@ def _finish(project: Project, index: int, config: TrainingConfig, found: Trained
 
 def _fitting(project: Project, submaps: Sequence[Submap], config: TrainingConfig) -> int:
     """The number of trainings that fit into the free memory."""
-    return training_pool.fitting(psutil.virtual_memory().available, _memory_of_largest(project, submaps, config))
+    return training_pool.count_that_fit(psutil.virtual_memory().available, _memory_of_largest(project, submaps, config))
 
 
 def _memory_of_largest(project: Project, submaps: Sequence[Submap], config: TrainingConfig) -> int:

@@ -43,6 +43,6 @@ def needed_bytes(frames: int, pixels: int, config: TrainingConfig) -> int:
     return BASE_BYTES + views + 200 * pixels + config.gaussian_cap * GAUSSIAN_BYTES
 
 
-def fitting(free_bytes: int, bytes_each: int) -> int:
+def count_that_fit(free_bytes: int, bytes_each: int) -> int:
     """The number of trainings that fit into the free memory, at least one."""
     return max(1, int(MEMORY_SHARE * free_bytes) // bytes_each)

@@ -104,7 +104,7 @@ class RemoteTraining:
         while wrong := _differing(folder, found.hashes):
             if time.monotonic() > until:
                 raise InputError(
-                    f"{folder / wrong} is not what the worker of {piece.words} wrote; check that its machine shares "
+                    f"{folder / wrong} is not what the worker of {piece.label} wrote; check that its machine shares "
                     "this folder, or use --storage sent."
                 )
             time.sleep(0.5)

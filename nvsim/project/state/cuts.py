@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from nvsim.errors import InputError
 from nvsim.files import tables
-from nvsim.files.atomic import replacing
+from nvsim.files.atomic import replacement_file
 from nvsim.files.reading import reading
 from nvsim.files.stored_arrays import read_arrays
 from nvsim.files.tables import COUNT, FLAG
@@ -28,7 +28,7 @@ def save_cut(path: Path, submaps: Sequence[Submap]) -> None:
     rows = [(s.index, f, f in core) for s in submaps for core in [set(s.core)] for f in s.frames]
     table = np.array(rows, np.int64).reshape(-1, 3)
     positions = np.concatenate([s.positions for s in submaps]) if submaps else np.zeros((0, 3))
-    with replacing(path) as temporary, open(temporary, "wb") as file:
+    with replacement_file(path) as temporary, open(temporary, "wb") as file:
         np.savez_compressed(file, rows=table, positions=positions)
 
 

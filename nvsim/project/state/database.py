@@ -23,7 +23,15 @@ from nvsim.files.databases import (
     sqlite_error,
 )
 from nvsim.files.tables import COUNT, NUMBER, TEXT, check_schema, disable_code
-from nvsim.project.state.results import Slot, StagePart, StageResult, StageResults, UnfinishedPart, trusted, write
+from nvsim.project.state.results import (
+    Slot,
+    StagePart,
+    StageResult,
+    StageResults,
+    UnfinishedPart,
+    files_inside_project,
+    write,
+)
 from nvsim.project.work import STAGES
 
 VERSION = 5
@@ -124,7 +132,7 @@ def _connected(path: Path) -> GuardedConnection:
     return connection
 
 
-def connect(path: Path, read_only: bool) -> sqlite3.Connection:
+def connect_database(path: Path, read_only: bool) -> sqlite3.Connection:
     """The database of an existing project. A reader of an older version gets an updated copy in memory. Raises
     InputError if the database is missing, damaged, or of a newer version."""
     check_files(path)
@@ -203,7 +211,7 @@ def _version_3(c: sqlite3.Connection, path: Path) -> StageResults:
         if isinstance(batch.get("submaps"), list) and part in batch["submaps"]:
             found["train"][part] = replace(row, batch=str(batch.get("batch", "")))
     files: dict[str, dict[str, str]] = {}
-    for name, place in trusted(_object(meta.get("places"))).items():
+    for name, place in files_inside_project(_object(meta.get("places"))).items():
         stage = name.removeprefix("cut/") if name.startswith("cut/") else _STAGE_OF.get(name, "train")
         files.setdefault(stage, {})[name] = place
     results: dict[tuple[Slot, str], StageResult] = {
@@ -246,7 +254,7 @@ def _result(data: dict[str, Any]) -> StageResult | None:
         return None
     if 0 in parts:
         parts[0] = replace(parts[0], settings=values.get("capture_config", ""))
-    return StageResult(parts, trusted(files))
+    return StageResult(parts, files_inside_project(files))
 
 
 def _object(text: str | None) -> dict[str, Any]:

@@ -176,7 +176,7 @@ class StageResults:
 
     # Changes ----------------------------------------------------------------------------------------------------
 
-    def put(self, slot: Slot, stage: str, result: StageResult | None) -> StageResults:
+    def with_result(self, slot: Slot, stage: str, result: StageResult | None) -> StageResults:
         """With `result` in this slot, or without one."""
         others = {k: r for k, r in self.results.items() if k != (slot, stage)}
         return replace(self, results=others if result is None else {**others, (slot, stage): result})
@@ -184,13 +184,13 @@ class StageResults:
     def completed(self, slot: Slot, stage: str, files: Mapping[str, str]) -> StageResults:
         """With these files of a result, if it does not have them."""
         found = self.results.get((slot, stage), StageResult())
-        return self.put(slot, stage, StageResult(found.parts, {**files, **found.files}))
+        return self.with_result(slot, stage, StageResult(found.parts, {**files, **found.files}))
 
     def numbered(self) -> StageResults:
         """With the number of the next generation."""
         return replace(self, generation=self.generation + 1)
 
-    def begun(self, stage: str, part: int, key: str, root: Path) -> StageResults:
+    def with_unfinished_part(self, stage: str, part: int, key: str, root: Path) -> StageResults:
         """With a part that is being made for `key`, at its own name if that is free, else at a numbered one."""
         names, places = _names_of(stage, part), self.places
         taken = self.part(stage, part) is not None
@@ -199,7 +199,7 @@ class StageResults:
         work = UnfinishedPart(key, 0 if new is self else new.generation)
         return replace(new, unfinished={**self.unfinished, (stage, part): work})
 
-    def dropped(self, stage: str, *parts: int) -> StageResults:
+    def without_unfinished(self, stage: str, *parts: int) -> StageResults:
         """Without the unfinished work on these parts."""
         gone = {(stage, part) for part in parts}
         return replace(self, unfinished={k: u for k, u in self.unfinished.items() if k not in gone})
@@ -209,10 +209,10 @@ class StageResults:
     ) -> StageResults:
         """With new `parts` and `files` of a stage in use, and `before` as the previous result if it is not None."""
         found = self.results.get(("in use", stage), StageResult())
-        new = self.put("in use", stage, StageResult({**found.parts, **parts}, {**found.files, **files}))
-        return (new if before is None else new.put("previous", stage, before)).dropped(stage, *parts)
+        new = self.with_result("in use", stage, StageResult({**found.parts, **parts}, {**found.files, **files}))
+        return (new if before is None else new.with_result("previous", stage, before)).without_unfinished(stage, *parts)
 
-    def put_to_use(self, stage: str, result: StageResult) -> StageResults:
+    def with_result_in_use(self, stage: str, result: StageResult) -> StageResults:
         """With `result` in use in place of the present one."""
         files = dict(result.files)
         files.pop("graph", None)  # a kept graph is a file, the graph in use is in the database
@@ -222,7 +222,7 @@ class StageResults:
             # A folder without a number may belong to the replaced result.
             gone = {n for n in {*self.places, *self.all_places()} if n.startswith("models/")} - {NOWHERE}
             files = {name.split(".")[0]: NOWHERE for name in gone} | files
-        return self.put("in use", stage, StageResult(parts, files))
+        return self.with_result("in use", stage, StageResult(parts, files))
 
 
 def _names_of(stage: str, part: int) -> tuple[str, ...]:
@@ -230,14 +230,14 @@ def _names_of(stage: str, part: int) -> tuple[str, ...]:
     return (model_name(part),) if stage == "train" else _NAMES.get(stage, ()) if part == 0 else ()
 
 
-def first_stale(outdated: frozenset[StageName], former: frozenset[StageName]) -> tuple[StageName, str] | None:
+def first_outdated_stage(outdated: frozenset[StageName], former: frozenset[StageName]) -> tuple[StageName, str] | None:
     """The first stage with a result of another capture or cut than the present one, and a sentence about it; None if
     there is none."""
     for stage in STAGES:
         if stage in outdated:
             return stage, STAGE[stage].outdated
         if stage in former:
-            return stage, STAGE[stage].former
+            return stage, STAGE[stage].from_previous_cut
     return None
 
 
@@ -257,7 +257,7 @@ def read(c: sqlite3.Connection, path: Path) -> StageResults:
     for slot, stage, part, *cells in tables.read(c, path, "stage_parts", _KEPT | _PART | _ABOUT):
         parts.setdefault((slot, stage), {})[part] = StagePart(*cells)
     for slot, stage, name, place in tables.read(c, path, "stage_files", _FILE):
-        files.setdefault((slot, stage), {}).update(trusted({name: place}))
+        files.setdefault((slot, stage), {}).update(files_inside_project({name: place}))
     results = {key: StageResult(parts.get(key, {}), files.get(key, {})) for key in dict.fromkeys([*parts, *files])}
     unfinished = {(s, p): UnfinishedPart(*work) for s, p, *work in tables.read(c, path, "unfinished", _UNFINISHED)}
     generation = max((n for (n,) in tables.read(c, path, "generation", {"number": COUNT})), default=0)
@@ -266,7 +266,7 @@ def read(c: sqlite3.Connection, path: Path) -> StageResults:
 
 def read_places(c: sqlite3.Connection) -> dict[str, str]:
     """`StageResults.places` alone, for the paths of a project."""
-    return trusted(dict(c.execute("SELECT name, place FROM stage_files WHERE slot = 'in use'")))
+    return files_inside_project(dict(c.execute("SELECT name, place FROM stage_files WHERE slot = 'in use'")))
 
 
 def write(c: sqlite3.Connection, value: StageResults) -> None:
@@ -285,7 +285,7 @@ def write(c: sqlite3.Connection, value: StageResults) -> None:
             c.execute(f"INSERT INTO {table} VALUES ({', '.join('?' * len(row))})", row)
 
 
-def trusted(files: Mapping[str, Any]) -> dict[str, str]:
+def files_inside_project(files: Mapping[str, Any]) -> dict[str, str]:
     """The files inside the project, because projects may come from other people. A kept graph elsewhere is missing."""
     texts = {n: p for n, p in files.items() if isinstance(n, str) and isinstance(p, str)}
     found = {n: p for n, p in texts.items() if _NAME.fullmatch(n) and _PLACE.fullmatch(p)}
@@ -311,7 +311,7 @@ def _models(root: Path) -> list[str]:
     return [p.parent.name for p in root.glob("models/submap_*/model.json") if p.parent.name[7:].isdecimal()]
 
 
-def tidy(value: StageResults, root: Path) -> None:
+def remove_unreferenced_files(value: StageResults, root: Path) -> None:
     """Removes generations without references: deleted results, and leftovers of killed processes. Only the writer may
     call it."""
     wanted, named = value.all_places(), value.places

@@ -27,7 +27,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from nvsim.events import Listener, Progress, silent
+from nvsim.events import Listener, Progress, ignore_event
 from nvsim.files import atomic
 from nvsim.graph.types import NavGraph
 from nvsim.r2r.episodes.episode_actions import FORWARD, TURN, ActionPath, FreeSpace, walk_along
@@ -90,7 +90,7 @@ class Scene:
 
 
 def episodes_of(
-    splits: Mapping[str, Iterable[Task]], scenes: Mapping[str, Scene], listen: Listener = silent, turn: int = TURN
+    splits: Mapping[str, Iterable[Task]], scenes: Mapping[str, Scene], listen: Listener = ignore_event, turn: int = TURN
 ) -> dict[str, list[Episode]]:
     """Returns split -> episodes with turns of `turn` degrees, without the tasks that have none; `scenes` is by scan."""
     all_tasks = [(name, task) for name, tasks in splits.items() for task in tasks]
@@ -180,10 +180,10 @@ def _episode(id: int, episode: Episode, text: str, words: Sequence[str]) -> dict
     numbers = [index.get(word, index[_UNKNOWN]) for word in tokens(text)][:_LONGEST]
     tokens_of = numbers + [0] * (_LONGEST - len(numbers))
     about = {"instruction_text": text, "instruction_tokens": tokens_of}
-    return {"episode_id": id, "trajectory_id": episode.task.path_id, **placed(episode), "instruction": about}
+    return {"episode_id": id, "trajectory_id": episode.task.path_id, **episode_fields(episode), "instruction": about}
 
 
-def placed(episode: Episode) -> dict[str, Any]:
+def episode_fields(episode: Episode) -> dict[str, Any]:
     """Returns the scene, the start, the goal, and the path of an episode with the keys of VLN-CE."""
     task, path = episode.task, in_habitat(episode.path)
     return {

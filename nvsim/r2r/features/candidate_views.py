@@ -28,8 +28,8 @@ from nvsim.files.atomic import as_input_error, make_own_folder, move_into_place,
 from nvsim.r2r.features.backbone import Backbone, Float32, Width
 from nvsim.r2r.features.candidates import candidates_of
 from nvsim.r2r.features.exported_scan import ExportedScan, ViewSource
-from nvsim.r2r.features.extraction import STAGE, compute_in_batches, provenance, read_ahead
-from nvsim.r2r.features.feature_files import about_of
+from nvsim.r2r.features.extraction import STAGE, compute_in_batches, prefetch_views, provenance
+from nvsim.r2r.features.feature_files import description_path
 from nvsim.r2r.features.kept_rows import KeptRows, kept_rows
 from nvsim.r2r.features.layouts import Layout, missing_package_error
 
@@ -46,13 +46,13 @@ class GrowingLmdb:
         """Whether an array with this key and this fingerprint `mark` exists."""
         return self._rows.has(key, mark)
 
-    def put(self, key: str, mark: bytes, array: NDArray[np.float32]) -> None:
+    def store(self, key: str, mark: bytes, array: NDArray[np.float32]) -> None:
         """Stores an array of any shape, float32. Raises InputError if writing fails or the key is not short ASCII."""
         import msgpack
 
         _name(key)
         value = {b"data": array.tobytes(), b"type": array.dtype.str, b"shape": array.shape}
-        self._rows.put(key, mark, msgpack.packb(value))
+        self._rows.append(key, mark, msgpack.packb(value))
 
     def finish(self, wanted: set[str]) -> None:
         """Writes the LMDB with the arrays of the keys `wanted`. Raises InputError if writing fails."""
@@ -135,19 +135,19 @@ def extract_candidates(
         done = len(places) - len(todo)
         if done:
             listen(Log(f"{done} of {len(places)} viewpoints are already computed", STAGE))
-        with contextlib.closing(read_ahead([places[n][1:3] for n in todo], backbone)) as read:
+        with contextlib.closing(prefetch_views([places[n][1:3] for n in todo], backbone)) as read:
             for n, (prepared, _) in zip(todo, read):
                 key, _, _, views = places[n]
                 array = np.empty((len(views), layout.tokens, layout.width), np.float32)
                 array[:] = _tokens(backbone, fit, [prepared[view] for view in views])
-                file.put(key, marks[n], array)
+                file.store(key, marks[n], array)
                 done += 1
                 listen(Progress(STAGE, done, len(places), key))
         file.finish({place[0] for place in places})
-    atomic.write_text(about_of(target), json.dumps(about, indent=1) + "\n")
+    atomic.write_text(description_path(target), json.dumps(about, indent=1) + "\n")
     words = f"{len(places)} viewpoints, {layout.tokens} times {layout.width} numbers per candidate"
     listen(Done(STAGE, words, {"written": [str(target)], "viewpoints": len(places), **about}))
-    return [target, about_of(target)]
+    return [target, description_path(target)]
 
 
 def _views_of(scan: ExportedScan) -> list[NDArray[np.int64]]:

@@ -22,7 +22,7 @@ from nvsim.events import Done, Listener, Log, Progress, Warning
 from nvsim.geometry.directions import VFOV, VIEWS
 from nvsim.r2r.features.backbone import Backbone, Float32, Width
 from nvsim.r2r.features.exported_scan import ExportedScan, ViewSource
-from nvsim.r2r.features.feature_files import About, Rows, RowSource, about_of, write_hdf5, write_tsv
+from nvsim.r2r.features.feature_files import About, Rows, RowSource, description_path, write_hdf5, write_tsv
 from nvsim.r2r.features.kept_rows import KeptRows, kept_rows
 from nvsim.r2r.features.layouts import Layout
 
@@ -79,17 +79,17 @@ def extract(
         done = len(places) - len(todo)
         if done:
             listen(Log(f"{done} of {len(places)} viewpoints are already computed", STAGE))
-        with contextlib.closing(read_ahead([places[n][1:] for n in todo], backbone)) as read:
+        with contextlib.closing(prefetch_views([places[n][1:] for n in todo], backbone)) as read:
             for n, (prepared, size) in zip(todo, read):
                 rows = compute_in_batches(backbone, prepared)
                 values, logits = rows[:, : backbone.width], rows[:, backbone.width :][:, :classes]
                 row = np.ascontiguousarray(np.concatenate([fit(values), logits], axis=1), np.float32)
-                kept.put(keys[n], fingerprints[n], _SIZE.pack(*size) + row.tobytes())
+                kept.append(keys[n], fingerprints[n], _SIZE.pack(*size) + row.tobytes())
                 done += 1
                 listen(Progress(STAGE, done, len(places), places[n][0].id))
         write = write_tsv if layout.is_tsv else write_hdf5
         write(target, _placed(kept, keys, places, layout.width + classes), about, round(math.degrees(VFOV)))
-    written = [target, about_of(target)] if layout.is_tsv else [target]
+    written = [target, description_path(target)] if layout.is_tsv else [target]
     words = (
         f"{len(places)} viewpoints of {len(scans)} scan{'s' if len(scans) > 1 else ''}, {layout.width} numbers per view"
     )
@@ -123,7 +123,7 @@ def _placed(kept: KeptRows, keys: list[str], places: list[tuple[ExportedScan, Vi
         yield RowSource(scan.id, scan.viewpoints[index], (size[0], size[1])), row
 
 
-def read_ahead(places: Sequence[tuple[ViewSource, int]], backbone: Backbone) -> Generator[Prepared, None, None]:
+def prefetch_views(places: Sequence[tuple[ViewSource, int]], backbone: Backbone) -> Generator[Prepared, None, None]:
     """Yields the prepared views and their size (width, height) for each place, read in advance by threads.
 
     Close the generator when you stop early.

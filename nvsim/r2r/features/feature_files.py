@@ -118,7 +118,7 @@ def write_hdf5(path: Path, rows: Rows, about: About, vfov: int) -> None:
     """Writes (36, width) float32 rows and their record. `vfov` is in degrees. Raises InputError if writing fails."""
     import h5py
 
-    with atomic.replacing(path) as temporary, quietly_written(temporary) as quiet, h5py.File(quiet, "w") as file:
+    with atomic.replacement_file(path) as temporary, quietly_written(temporary) as quiet, h5py.File(quiet, "w") as file:
         file.attrs.update(about)
         for place, row in rows:
             data = file.create_dataset(f"{place.scan}_{place.viewpoint}", data=row, compression="gzip")
@@ -130,14 +130,14 @@ def write_hdf5(path: Path, rows: Rows, about: About, vfov: int) -> None:
 
 def write_tsv(path: Path, rows: Rows, about: About, vfov: int) -> None:
     """Writes (36, width) float32 rows and their record. `vfov` is in degrees. Raises InputError if writing fails."""
-    with atomic.replacing(path) as temporary, open(temporary, "w", encoding="utf-8", newline="") as file:
+    with atomic.replacement_file(path) as temporary, open(temporary, "w", encoding="utf-8", newline="") as file:
         for place, row in rows:
             values = base64.b64encode(row.tobytes()).decode("ascii")
             file.write("\t".join([place.scan, place.viewpoint, *map(str, place.size), str(vfov), values]) + "\n")
-    atomic.write_text(about_of(path), json.dumps(about, indent=1) + "\n")
+    atomic.write_text(description_path(path), json.dumps(about, indent=1) + "\n")
 
 
-def about_of(tsv: Path) -> Path:
+def description_path(tsv: Path) -> Path:
     """Returns the path of the JSON file beside a TSV."""
     return tsv.with_suffix(".json")
 
@@ -230,10 +230,10 @@ def features_of(path: Path, wanted: Sequence[Key]) -> Iterator[tuple[Key, Float3
         )
 
 
-def made_by(path: Path) -> str:
+def backbone_of_file(path: Path) -> str:
     """Returns the name of the backbone that made a file, or "" if unknown. Raises InputError if it is unreadable."""
     if path.suffix == ".tsv":
-        beside = about_of(path)
+        beside = description_path(path)
         about = read_json(beside, "a record of features", THEN) if beside.is_file() else {}
         return str(about.get("backbone", "")) if isinstance(about, dict) else ""
     with Child(Hdf5Server, str(path), THEN) as child:

@@ -43,7 +43,7 @@ class KeptRows:
         row = self._rows.get(key)
         return row is not None and row[2] == fingerprint
 
-    def put(self, key: str, fingerprint: bytes, data: bytes) -> None:
+    def append(self, key: str, fingerprint: bytes, data: bytes) -> None:
         """Appends a row. It replaces an earlier row with this key. Raises InputError if writing fails."""
         name = key.encode("utf-8", "surrogateescape")
         lengths = _HEAD.pack(0, len(name), len(fingerprint), len(data))[_CHECKSUM:]

@@ -81,7 +81,7 @@ def network_name(layout: Layout) -> str:
     return f"features.{layout.name}"
 
 
-def maker_of(layout: Layout, model: Path | None = None, projection: bool = False) -> FeatureMaker:
+def feature_maker(layout: Layout, model: Path | None = None, projection: bool = False) -> FeatureMaker:
     """Selects the source of features for a layout.
 
     This is the network `model`; else the layout's network in the models folder; else the ImageNet trunk; else the

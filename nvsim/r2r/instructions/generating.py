@@ -10,10 +10,10 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from random import Random
 
-from nvsim.events import Listener, Progress, silent
+from nvsim.events import Listener, Progress, ignore_event
 from nvsim.graph.paths import PathGraph
 from nvsim.graph.types import NavGraph
-from nvsim.r2r.instructions.cues import ENDS, chosen_cues, drop_redundant_cues, few_cues
+from nvsim.r2r.instructions.cues import ENDS, choose_cues, choose_few_cues, drop_redundant_cues
 from nvsim.r2r.instructions.ground import (
     DETAILS,
     Detail,
@@ -22,10 +22,10 @@ from nvsim.r2r.instructions.ground import (
     PathSteps,
     Step,
     View,
-    goes_on,
+    continues_leg,
     is_bend,
     rounded,
-    turned,
+    turn_before_step,
     wrapped,
 )
 from nvsim.r2r.instructions.registers import Register
@@ -80,7 +80,7 @@ class _PathSearch:
         """Tries all first steps of the k-th leg."""
         said = self.said[k]
         for step in self._new_steps(path):
-            off = wrapped(turned(facing, step) - said.turn)
+            off = wrapped(turn_before_step(facing, step) - said.turn)
             if step.slope == said.slope and abs(off) <= _FARTHEST_TURN:
                 after = _facing(facing, step)
                 self._walk([*path, step.to], len(path) - 1, after, k, step.metres, cost + (off / _ANGLE) ** 2)
@@ -103,8 +103,8 @@ class _PathSearch:
             else:
                 self._end(path, here)
         for step in self._new_steps(path):
-            turn, after = turned(facing, step), _facing(facing, step)
-            if goes_on(said.slope, turn, step):
+            turn, after = turn_before_step(facing, step), _facing(facing, step)
+            if continues_leg(said.slope, turn, step):
                 self._walk([*path, step.to], first, after, k, walked + step.metres, cost)
             elif is_bend(said.slope, turn, step):
                 self._walk([*path, step.to], first, after, k, walked + step.metres, cost + (turn / _BEND) ** 2)
@@ -157,7 +157,7 @@ def instruct(
     each: int,
     seed: int,
     seen: Mapping[str, Surroundings] | None = None,
-    listen: Listener = silent,
+    listen: Listener = ignore_event,
     register: Register = "short",
 ) -> InstructedDataset:
     """Gives every task `each` instructions with different words and cues.
@@ -247,7 +247,7 @@ def _without_needless(ground: PathSteps, path: list[int], heading: float, said: 
         for cue in (None, *sorted(said[i].cues)):
             leg = replace(said[i], metres=None) if cue is None else replace(said[i], cues=said[i].cues - {cue})
             is_end = cue is not None and cue.kind == "by" and i + 1 == len(said)
-            if leg == said[i] or is_end or cue is not None and (cue.which < 0 or len(leg.cues) < 2):
+            if leg == said[i] or is_end or cue is not None and (cue.object_index < 0 or len(leg.cues) < 2):
                 continue
             fewer = [*said[:i], leg, *said[i + 1 :]]
             if find_described_path(ground, path[0], heading, fewer) == path:
@@ -260,7 +260,11 @@ def with_one_name_each(legs: Sequence[Leg]) -> list[Leg]:
     named: dict[str, int] = {}
     kept = []
     for leg in legs:
-        cues = [c for c in sorted(leg.cues, key=lambda c: (c.at, c)) if named.setdefault(c.what, c.which) == c.which]
+        cues = [
+            c
+            for c in sorted(leg.cues, key=lambda c: (c.distance, c))
+            if named.setdefault(c.subject, c.object_index) == c.object_index
+        ]
         kept.append(replace(leg, cues=frozenset(cues)))
     return kept
 
@@ -284,7 +288,7 @@ def _with_few_cues(legs: Sequence[Leg], most: int, measure: Measure | None, rand
     found = []
     for i, leg in enumerate(legs):
         is_last = i + 1 == len(legs)
-        some = replace(leg, cues=few_cues(leg.cues, most, is_last, random), measure=measure or "roughly")
+        some = replace(leg, cues=choose_few_cues(leg.cues, most, is_last, random), measure=measure or "roughly")
         is_stated = (measure is not None or is_last) and not _ends_by_sight(some)
         found.append(some if is_stated else replace(some, metres=None))
     return found
@@ -297,7 +301,7 @@ def _detailed(ground: PathSteps, path: list[int], heading: float, random: Random
         for leg in ground.legs(path, heading)
     ]
     for _ in range(5):  # until the text names a landmark, if there is one
-        legs = [replace(leg, cues=chosen_cues(leg.cues, random)) for leg in whole]
+        legs = [replace(leg, cues=choose_cues(leg.cues, random)) for leg in whole]
         if any(leg.cues for leg in legs):
             break
     fewer = [replace(leg, metres=None) if _ends_by_sight(leg) and random.random() < _WITHOUT else leg for leg in legs]

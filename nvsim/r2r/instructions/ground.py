@@ -112,8 +112,8 @@ class PathSteps:
         facing, metres, begin = heading, 0.0, 0
         for i, (start, stop) in enumerate(zip(rows, rows[1:])):
             step = self.step(start, stop)
-            turn = turned(facing, step)
-            if legs and (i in bends or goes_on(legs[-1].slope, turn, step)):
+            turn = turn_before_step(facing, step)
+            if legs and (i in bends or continues_leg(legs[-1].slope, turn, step)):
                 turn, metres = legs.pop().turn, metres + step.metres
             else:
                 metres, begin = step.metres, i
@@ -127,7 +127,7 @@ class PathSteps:
         steps = [self.step(*pair) for pair in zip(rows, rows[1:])]
         found = []
         for i, (one, step) in enumerate(zip(steps, steps[1:]), start=1):
-            if one.heading is not None and is_bend(one.slope, turned(one.heading, step), step):
+            if one.heading is not None and is_bend(one.slope, turn_before_step(one.heading, step), step):
                 found.append(i)
         for count in range(len(found), -1, -1):
             for bends in combinations(found, count):
@@ -155,12 +155,12 @@ class PathSteps:
         return self._cues[key]
 
 
-def turned(facing: float, step: Step) -> float:
+def turn_before_step(facing: float, step: Step) -> float:
     """Returns the turn in radians, in (-pi, pi], before a step; 0 if the step leads straight up or down."""
     return 0.0 if step.heading is None else wrapped(step.heading - facing)
 
 
-def goes_on(slope: Slope, turn: float, step: Step) -> bool:
+def continues_leg(slope: Slope, turn: float, step: Step) -> bool:
     """Whether a step continues the leg of the previous step, which has slope `slope`."""
     return slope == step.slope and abs(turn) < _STRAIGHT
 
@@ -180,12 +180,12 @@ def rounded(legs: Sequence[Leg], detail: Detail) -> list[Leg]:
     return [_in_words(leg) if detail == "words" else _in_steps(leg, _STEPS[detail]) for leg in legs]
 
 
-def turn_of(leg: Leg) -> str:
+def rounded_turn(leg: Leg) -> str:
     """Returns the turn of a leg that was rounded to words."""
     return TURNS[_nearest(leg.turn)]
 
 
-def hour_of(leg: Leg) -> int:
+def clock_hour(leg: Leg) -> int:
     """Returns the clock hour of a leg that was rounded to hours; 12 is straight ahead."""
     return round(math.degrees(leg.turn) / 30) % 12 or 12
 

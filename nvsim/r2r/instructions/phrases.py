@@ -96,7 +96,7 @@ _ALTERNATIVES = re.compile(r"\[([^\[\]]*)\]")
 def choose_alternatives(pattern: str, random: Random) -> str:
     """Returns a pattern with one of each of its alternatives. Alternatives may be nested."""
     while found := _ALTERNATIVES.search(pattern):
-        pattern = pattern[: found.start()] + one_of(found[1].split("|"), random) + pattern[found.end() :]
+        pattern = pattern[: found.start()] + choose_phrase(found[1].split("|"), random) + pattern[found.end() :]
     return pattern
 
 
@@ -107,7 +107,7 @@ def plain_name(shape: str, colour: str) -> str:
     return " ".join(pattern.format(colour).split())
 
 
-def one_of(phrases: Sequence[str], random: Random) -> str:
+def choose_phrase(phrases: Sequence[str], random: Random) -> str:
     return phrases[int(random.random() * len(phrases))]
 
 
@@ -126,7 +126,7 @@ class ObjectNames:
 
     def of(self, cue: Cue) -> str:
         """Returns the name of the object of a cue, without an article."""
-        colour, _, shape = cue.what.partition(" ")
-        if cue.what not in self._nouns:
-            self._nouns[cue.what] = choose_alternatives(THINGS[shape], self._random)
-        return self._nouns[cue.what].format(colour)
+        colour, _, shape = cue.subject.partition(" ")
+        if cue.subject not in self._nouns:
+            self._nouns[cue.subject] = choose_alternatives(THINGS[shape], self._random)
+        return self._nouns[cue.subject].format(colour)

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 from random import Random
 
 from nvsim.r2r.instructions.cues import Cue
-from nvsim.r2r.instructions.ground import PACE, RISER, Detail, Leg, degrees_of, hour_of, turn_of
+from nvsim.r2r.instructions.ground import PACE, RISER, Detail, Leg, clock_hour, degrees_of, rounded_turn
 from nvsim.r2r.instructions.phrases import (
     CLOCK,
     CORRIDOR,
@@ -18,7 +18,7 @@ from nvsim.r2r.instructions.phrases import (
     ObjectNames,
     alternatives_pattern,
     choose_alternatives,
-    one_of,
+    choose_phrase,
     sentence,
 )
 
@@ -239,12 +239,12 @@ def _sentences(clauses: Sequence[_Clause], random: Random) -> str:
 def _joined(group: Sequence[str], follows: bool, ends: bool, random: Random) -> str:
     *first, last = group
     openers = _FIRST if not follows else _LAST if ends else _OPENERS
-    opener = "" if group[0].split(" ")[0] in _NO_OPENER else one_of(openers, random)
+    opener = "" if group[0].split(" ")[0] in _NO_OPENER else choose_phrase(openers, random)
     if not first:
         return sentence(opener + last)
     alone = last.split(" ")[0] in _NO_OPENER
     links = (" and ",) if opener in ("then ", "next, ") else (" and ", ", then ", " and then ", " and ")
-    link = ", and " if len(group) > 2 or alone else one_of(links, random)
+    link = ", and " if len(group) > 2 or alone else choose_phrase(links, random)
     return sentence(opener + ", ".join(first) + link + last)
 
 
@@ -258,18 +258,18 @@ def _turn(leg: Leg, detail: Detail, random: Random) -> str:
             else ""
         )
     if detail == "clock":
-        return "" if hour_of(leg) == 12 else choose_alternatives(CLOCK, random).format(hour_of(leg))
-    turn = turn_of(leg)
+        return "" if clock_hour(leg) == 12 else choose_alternatives(CLOCK, random).format(clock_hour(leg))
+    turn = rounded_turn(leg)
     return "" if turn == "ahead" else choose_alternatives(TURNS[turn], random)
 
 
 def _moves(leg: Leg, names: ObjectNames, random: Random) -> list[str]:
     """Returns the imperatives of a walk with its landmarks, in the order of the way."""
-    door = min((cue.at for cue in leg.cues if cue.kind in ("through", "rug", "floor")), default=float("inf"))
+    door = min((cue.distance for cue in leg.cues if cue.kind in ("through", "rug", "floor")), default=float("inf"))
     found: list[str] = []
-    past = sorted((cue for cue in leg.cues if cue.kind == "past"), key=lambda cue: cue.at)
-    early = [cue for cue in past if cue.at < door]
-    late = [cue for cue in past if cue.at >= door]
+    past = sorted((cue for cue in leg.cues if cue.kind == "past"), key=lambda cue: cue.distance)
+    early = [cue for cue in past if cue.distance < door]
+    late = [cue for cue in past if cue.distance >= door]
     main = _main(leg, names, random)
     far = _distance(leg, random)
     if main:
@@ -290,8 +290,8 @@ def _moves(leg: Leg, names: ObjectNames, random: Random) -> list[str]:
             if is_plain
             else f", {far} {choose_alternatives('[in all|in total|altogether|overall]', random)}"
         )
-    tail = [choose_alternatives(STAIRS[c.what], random) for c in sorted(leg.cues) if c.kind == "stairs"]
-    tail += [choose_alternatives(TO_STAIRS[c.what], random) for c in sorted(leg.cues) if c.kind == "to stairs"]
+    tail = [choose_alternatives(STAIRS[c.subject], random) for c in sorted(leg.cues) if c.kind == "stairs"]
+    tail += [choose_alternatives(TO_STAIRS[c.subject], random) for c in sorted(leg.cues) if c.kind == "to stairs"]
     tail += [choose_alternatives(UNTIL[c.side], random).format(names.of(c)) for c in sorted(leg.cues) if c.kind == "by"]
     found[-1] = " ".join([found[-1], *tail])
     return found
@@ -306,12 +306,12 @@ def _main(leg: Leg, names: ObjectNames, random: Random) -> str:
     if "through" in of:
         words.append(choose_alternatives(WALKS[_through(of)], random))
     if "rug" in of:
-        how, _, rug = of["rug"].what.partition(" ")
+        how, _, rug = of["rug"].subject.partition(" ")
         words.append(choose_alternatives(RUG[how], random).format(rug))
     if "floor" in of:
-        words.append(choose_alternatives(FLOOR, random).format(*of["floor"].what.split(" to ")))
+        words.append(choose_alternatives(FLOOR, random).format(*of["floor"].subject.split(" to ")))
     if "along" in of:
-        words.append(choose_alternatives(WALKS[of["along"].what], random))
+        words.append(choose_alternatives(WALKS[of["along"].subject], random))
     if "towards" in of:
         words.append(choose_alternatives(TOWARDS, random).format(names.of(of["towards"])))
     return " and ".join(words[:2])
@@ -319,12 +319,12 @@ def _main(leg: Leg, names: ObjectNames, random: Random) -> str:
 
 def _through(of: dict[str, Cue]) -> str:
     """Returns the key in WALKS for the doorway with the rooms before and after it."""
-    out, into = (of[kind].what if kind in of else "" for kind in ("out of", "into"))
+    out, into = (of[kind].subject if kind in of else "" for kind in ("out of", "into"))
     if (out, into) == ("corridor", "corridor"):
         return "out corridor"
     if out and into:
         return f"{out} to {into}"
-    return f"out {out}" if out else f"into {into}" if into else of["through"].what
+    return f"out {out}" if out else f"into {into}" if into else of["through"].subject
 
 
 def _distance(leg: Leg, random: Random) -> str:

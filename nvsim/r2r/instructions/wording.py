@@ -8,8 +8,8 @@ from random import Random
 
 from nvsim.graph.quantities import Slope
 from nvsim.r2r.instructions.cues import Cue
-from nvsim.r2r.instructions.ground import Detail, Leg, View, degrees_of, hour_of, turn_of
-from nvsim.r2r.instructions.phrases import CORRIDOR, FLOOR_OF, ObjectNames, choose_alternatives, one_of, sentence
+from nvsim.r2r.instructions.ground import Detail, Leg, View, clock_hour, degrees_of, rounded_turn
+from nvsim.r2r.instructions.phrases import CORRIDOR, FLOOR_OF, ObjectNames, choose_alternatives, choose_phrase, sentence
 
 PAST = {
     "": ("passing the {}", "going past the {}"),
@@ -109,49 +109,49 @@ def cue_words(cues: Sequence[Cue], names: ObjectNames, random: Random) -> str:
     said = [*_doors(cues, random)]
     for cue in sorted(cues):
         if cue.kind == "along":
-            said.append(one_of(ALONG[cue.what], random))
+            said.append(choose_phrase(ALONG[cue.subject], random))
         elif cue.kind == "towards":
-            said.append(one_of(TOWARDS, random).format(names.of(cue)))
+            said.append(choose_phrase(TOWARDS, random).format(names.of(cue)))
         elif cue.kind == "floor":
-            said.append(one_of(FLOOR, random).format(*_floors(cue)))
+            said.append(choose_phrase(FLOOR, random).format(*_floors(cue)))
         elif cue.kind == "rug":
-            how, _, rug = cue.what.partition(" ")
-            said.append(one_of(RUG[how], random).format(rug))
-    said += [one_of(STAIRS[c.what], random) for c in sorted(cues) if c.kind == "stairs"]
-    said += [one_of(TO_STAIRS[c.what], random) for c in sorted(cues) if c.kind == "to stairs"]
-    past = [c for c in sorted(cues, key=lambda c: (c.at, c)) if c.kind == "past"]
-    door = min((c.at for c in cues if c.kind == "through"), default=0.0)
-    before = [_past_words(c, names, random) for c in past if c.at < door]
-    said = [*before, *said, *(_past_words(c, names, random) for c in past if c.at >= door)]
-    said += [one_of(BY[c.side], random).format(names.of(c)) for c in sorted(cues) if c.kind == "by"]
+            how, _, rug = cue.subject.partition(" ")
+            said.append(choose_phrase(RUG[how], random).format(rug))
+    said += [choose_phrase(STAIRS[c.subject], random) for c in sorted(cues) if c.kind == "stairs"]
+    said += [choose_phrase(TO_STAIRS[c.subject], random) for c in sorted(cues) if c.kind == "to stairs"]
+    past = [c for c in sorted(cues, key=lambda c: (c.distance, c)) if c.kind == "past"]
+    door = min((c.distance for c in cues if c.kind == "through"), default=0.0)
+    before = [_past_words(c, names, random) for c in past if c.distance < door]
+    said = [*before, *said, *(_past_words(c, names, random) for c in past if c.distance >= door)]
+    said += [choose_phrase(BY[c.side], random).format(names.of(c)) for c in sorted(cues) if c.kind == "by"]
     return ", ".join(said)
 
 
 def _past_words(cue: Cue, names: ObjectNames, random: Random) -> str:
-    return one_of(PAST[cue.side], random).format(names.of(cue))
+    return choose_phrase(PAST[cue.side], random).format(names.of(cue))
 
 
 def stop_words(cue: Cue, names: ObjectNames, random: Random) -> str:
     """Returns the last sentence, for a path that ends next to an object."""
-    return one_of(STOP_BY[cue.side], random).format(names.of(cue))
+    return choose_phrase(STOP_BY[cue.side], random).format(names.of(cue))
 
 
 def _floors(cue: Cue) -> list[str]:
-    names = cue.what.split(" to ")
+    names = cue.subject.split(" to ")
     return [*names, *(FLOOR_OF.get(name, name) for name in names)]
 
 
 def _doors(cues: Sequence[Cue], random: Random) -> Sequence[str]:
-    of = {cue.kind: cue.what for cue in cues}
+    of = {cue.kind: cue.subject for cue in cues}
     if "through" not in of:
         return []
-    words = [one_of(THROUGH[of["through"]], random)]
+    words = [choose_phrase(THROUGH[of["through"]], random)]
     if "out of" in of:
-        phrase = one_of(OUT_OF[of["out of"]], random)
+        phrase = choose_phrase(OUT_OF[of["out of"]], random)
         # "leaving the room" is a separate clause; "out of the room" comes before the doorway.
         words = [phrase, words[0]] if phrase.startswith("leaving") else [f"{phrase} {words[0]}"]
     if "into" in of:
-        phrase = one_of(INTO[of["into"]], random)
+        phrase = choose_phrase(INTO[of["into"]], random)
         words[-1] += f", {phrase}" if phrase.startswith("entering") else f" {phrase}"
     return words
 
@@ -167,10 +167,10 @@ def instruction_of(said: Sequence[Leg], detail: Detail, random: Random) -> str:
         *before, leg = said
         said = [*before, replace(leg, cues=leg.cues - {last})]
     for leg in said:
-        link = one_of([other for other in _LINKS if other != link or not link], random) if sentences else ""
-        both = one_of(_BOTH[:1] if link == "then " else _BOTH, random)
+        link = choose_phrase([other for other in _LINKS if other != link or not link], random) if sentences else ""
+        both = choose_phrase(_BOTH[:1] if link == "then " else _BOTH, random)
         sentences.append(sentence(link + _clause(leg, detail, both, names, random)))
-    end = one_of(ENDS, random) if last is None else stop_words(last, names, random)
+    end = choose_phrase(ENDS, random) if last is None else stop_words(last, names, random)
     return " ".join([*sentences, end])
 
 
@@ -178,10 +178,10 @@ def _clause(leg: Leg, detail: Detail, both: str, names: ObjectNames, random: Ran
     """Returns the turn and the walk, joined by the pattern `both`, and the cues."""
     turn, seen = turn_words(leg, detail, random), cue_words(sorted(leg.cues), names, random)
     if leg.metres is None:
-        walk = one_of(ON_PHRASES[leg.slope], random)
+        walk = choose_phrase(ON_PHRASES[leg.slope], random)
     else:
-        walk = one_of(WALK_PHRASES[leg.slope], random).format(metre_words(leg.metres, random))
-    ahead = "" if turn else f" {one_of(AHEAD_PHRASES, random)}"
+        walk = choose_phrase(WALK_PHRASES[leg.slope], random).format(metre_words(leg.metres, random))
+    ahead = "" if turn else f" {choose_phrase(AHEAD_PHRASES, random)}"
     walk = walk.replace("*", ahead) if "*" in walk else walk + ahead
     if seen:
         clause = leg.metres is not None or seen.startswith(("leaving", "following"))
@@ -195,21 +195,21 @@ def turn_words(leg: Leg, detail: Detail, random: Random) -> str:
     if detail == "degrees":
         degrees = degrees_of(leg)
         side = "right" if degrees > 0 else "left"
-        return one_of(DEGREE_PHRASES, random).format(abs(degrees), side) if degrees else ""
+        return choose_phrase(DEGREE_PHRASES, random).format(abs(degrees), side) if degrees else ""
     if detail == "clock":
-        hour = hour_of(leg)
-        return "" if hour == 12 else one_of(CLOCK_PHRASES, random).format(hour)
-    turn = turn_of(leg)
-    return "" if turn == "ahead" else one_of(TURN_PHRASES[turn], random)
+        hour = clock_hour(leg)
+        return "" if hour == 12 else choose_phrase(CLOCK_PHRASES, random).format(hour)
+    turn = rounded_turn(leg)
+    return "" if turn == "ahead" else choose_phrase(TURN_PHRASES[turn], random)
 
 
 def metre_words(metres: float, random: Random) -> str:
     """Returns the words for a distance in meters."""
     if metres == 0.5:
-        return one_of(HALF_METRE, random)
+        return choose_phrase(HALF_METRE, random)
     if metres == 1:
-        return one_of(ONE_METRE, random)
-    return one_of(METRE_PHRASES, random).format(f"{metres:g}")
+        return choose_phrase(ONE_METRE, random)
+    return choose_phrase(METRE_PHRASES, random).format(f"{metres:g}")
 
 
 _PLACES = {"room": "[in a room|inside a room]", "corridor": f"in a {CORRIDOR}", "": ""}
@@ -250,7 +250,7 @@ def long_instruction(
     names = ObjectNames(random)
     found = [(text, 0) for text in _begin(views[0], names, random)]
     for i, leg in enumerate(said):
-        opener = one_of(_OPENERS, random) if i else ""
+        opener = choose_phrase(_OPENERS, random) if i else ""
         turn = turn_words(leg, detail, random)
         seen = [cue for cue in views[i + 1].objects if cue.side == "ahead"]
         if turn:
@@ -265,7 +265,7 @@ def long_instruction(
             else None
         )
         found.append((sentence(opener + _walk(leg, by, not turn, names, random)), i))
-        into = [cue.what for cue in leg.cues if cue.kind == "into"]
+        into = [cue.subject for cue in leg.cues if cue.kind == "into"]
         if into:
             found.append(
                 (
@@ -275,7 +275,7 @@ def long_instruction(
             )
         if by is not None:
             found.append((sentence(choose_alternatives(_STAND[by.side], random).format(names.of(by))), i + 1))
-    found.append((sentence(one_of(_ENDS, random)), len(said)))
+    found.append((sentence(choose_phrase(_ENDS, random)), len(said)))
     return found
 
 
@@ -300,7 +300,7 @@ def _begin(view: View, names: ObjectNames, random: Random) -> list[str]:
 def _walk(leg: Leg, by: Cue | None, straight: bool, names: ObjectNames, random: Random) -> str:
     cues = sorted(leg.cues - ({by} if by is not None else set()))
     metres = "" if leg.metres is None else metre_words(leg.metres, random)
-    walk = one_of(WALK_PHRASES[leg.slope], random).format(metres)
+    walk = choose_phrase(WALK_PHRASES[leg.slope], random).format(metres)
     walk = walk.replace("*", "")
     walk += " straight ahead" if straight and leg.slope == "level" else ""
     said = cue_words(cues, names, random)

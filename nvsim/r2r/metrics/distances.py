@@ -30,7 +30,7 @@ class Distances:
         self.joined = np.eye(count, dtype=bool)
         self.joined[ways.ends[:, 0], ways.ends[:, 1]] = self.joined[ways.ends[:, 1], ways.ends[:, 0]] = True
 
-    def wrong_step(self, path: Sequence[str]) -> str:
+    def find_invalid_step(self, path: Sequence[str]) -> str:
         """Returns a message about the first unknown viewpoint or missing edge, or "" if the path is valid."""
         for id in path:
             if id not in self.row:
@@ -52,6 +52,6 @@ def check_tasks(tasks: Sequence[Task], distances: Mapping[str, Distances], where
                 f"{where}: path_id {task.path_id} has a start and no goal, as in R2R's test split; name a split with "
                 "whole paths."
             )
-        wrong = distances[task.scan].wrong_step(task.path)
+        wrong = distances[task.scan].find_invalid_step(task.path)
         if wrong:
             raise InputError(f"{where}: path_id {task.path_id}: {wrong}; give the scans that the tasks were made from.")

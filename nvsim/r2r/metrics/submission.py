@@ -14,7 +14,7 @@ from typing import Any
 from nvsim.errors import InputError, shown
 from nvsim.files import atomic
 from nvsim.files.opening import read_json
-from nvsim.graph.connectivity import is_name, number_in
+from nvsim.graph.connectivity import is_name, json_number
 from nvsim.r2r.metrics.distances import Distances
 from nvsim.r2r.tasks.task import Task
 
@@ -83,7 +83,7 @@ def check_submission(
                 f"{where}, {id}: the trajectory begins at {shown(path[0])} and not at the start {task.path[0]}; write "
                 "the start as its first step."
             )
-        wrong = distances[task.scan].wrong_step(path)
+        wrong = distances[task.scan].find_invalid_step(path)
         if wrong:
             raise InputError(f"{where}, {id}: {wrong}; write every viewpoint that the agent passes.")
 
@@ -99,4 +99,4 @@ def _pose(pose: Any, where: str) -> Pose:
         raise InputError(
             f"{where} is {shown(pose)}; it must be [viewpoint id, heading, elevation], or a list of viewpoint ids."
         )
-    return pose[0], number_in(pose[1], f"{where}: heading"), number_in(pose[2], f"{where}: elevation")
+    return pose[0], json_number(pose[1], f"{where}: heading"), json_number(pose[2], f"{where}: elevation")

@@ -45,7 +45,7 @@ from nvsim.r2r.observations.layout import ScanPlaces, ScanSettings, png
 from nvsim.r2r.observations.record import FinishedPart, ScanRecord, key_of, written
 from nvsim.r2r.observations.skybox import Images, Painter, encode_images
 from nvsim.render.backends import Backend, resolve_backend
-from nvsim.splats.files import count_of, load_model
+from nvsim.splats.files import gaussian_count, load_model
 from nvsim.splats.scene import SceneModel
 from nvsim.submaps.split import Submap
 
@@ -199,7 +199,7 @@ def draw_on_workers(
     threads = threads_each(executor.machines, len(chunks))
     pieces = []
     for number, chunk in enumerate(chunks):
-        gaussians = count_of(source.folders[chunk[0][0]])
+        gaussians = gaussian_count(source.folders[chunk[0][0]])
         words = f"{len(chunk)} viewpoints of submap {chunk[0][0]}"
         pieces.append(WorkItem(STAGE, number, words, threads, BASE_BYTES + gaussians * GAUSSIAN_BYTES))
     keys = {viewpoint.id: key for _, viewpoint, key in todo}
@@ -212,7 +212,7 @@ def draw_on_workers(
         left = tuple(v for _, v, _ in chunks[piece.part] if v.id not in finished)
         folder = source.folders[chunks[piece.part][0][0]]
         model = {p.name: p.read_bytes() for p in folder.iterdir() if p.is_file()} if sent else folder
-        return WorkCall(draw_there, (model, left, places.scan, settings, backend))
+        return WorkCall(draw_on_worker, (model, left, places.scan, settings, backend))
 
     with closing(executor.run(pieces, begin)) as messages:
         for piece, message in messages:
@@ -249,7 +249,7 @@ def _chunks(todo: Sequence[Todo], size: int) -> list[list[Todo]]:
     return found
 
 
-def draw_there(
+def draw_on_worker(
     caller: Caller,
     model: Path | dict[str, bytes],
     viewpoints: Sequence[Viewpoint],

@@ -107,7 +107,7 @@ class ExportEstimate:
     @property
     def time(self) -> str:
         """The duration in words."""
-        return "an unknown time with gsplat" if self.seconds is None else time_words(self.seconds)
+        return "an unknown time with gsplat" if self.seconds is None else duration_text(self.seconds)
 
     def as_data(self) -> dict[str, Any]:
         """Returns the estimate as JSON-compatible data."""
@@ -193,7 +193,7 @@ def size_words(count: float) -> str:
     return f"{count:.1f} {unit}" if count < 9.95 and unit == "GB" else f"{count:.0f} {unit}"
 
 
-def time_words(seconds: float) -> str:
+def duration_text(seconds: float) -> str:
     """Formats a duration roughly: "less than a minute", "about 3 minutes", "about 2 hours"."""
     if seconds < 50:
         return "less than a minute"

@@ -19,7 +19,7 @@ from nvsim import __version__
 from nvsim.cluster.config import Storage
 from nvsim.cluster.piece import Executor
 from nvsim.errors import InputError
-from nvsim.events import Done, Listener, Log, Warning, silent
+from nvsim.events import Done, Listener, Log, Warning, ignore_event
 from nvsim.files import atomic
 from nvsim.files.atomic import as_input_error
 from nvsim.files.locking import WriterLock
@@ -36,7 +36,7 @@ from nvsim.r2r.observations.parts import split, write_parts
 from nvsim.r2r.observations.record import ScanRecord, key_of, part_on_disk, refuse_foreign, remove_leftovers
 from nvsim.r2r.observations.skybox import visible_from
 from nvsim.render.backends import Backend, resolve_backend
-from nvsim.splats.files import count_of
+from nvsim.splats.files import gaussian_count
 
 PLANS, UNSEEN, GRAPH = "floor plans", "unseen directions", "connectivity"
 """Names of the parts of a scan that do not belong to one viewpoint."""
@@ -94,7 +94,7 @@ class PreparedExport:
         """
         import numba
 
-        beside = stub.SCAN if with_stub and stub.is_wanted(self.places[0]) else ""
+        beside = stub.SCAN if with_stub and stub.needs_stub(self.places[0]) else ""
         on_card, cores = resolve_backend(backend) == "gsplat", numba.get_num_threads()
         return estimate(tuple(self._counts(settings, backend)), settings, cores=cores, on_card=on_card, stub=beside)
 
@@ -112,7 +112,7 @@ class PreparedExport:
 
     def _counts(self, settings: ScanSettings, backend: Backend) -> Iterator[ScanCounts]:
         source = self.source
-        gaussians = {i: count_of(folder) for i, folder in source.folders.items()}
+        gaussians = {i: gaussian_count(folder) for i, folder in source.folders.items()}
         for graph, places in zip(self.parts, self.places, strict=True):
             drawn = drawn_of(graph)
             record = ScanRecord(places, only_look=True)
@@ -151,7 +151,7 @@ def export_scan(
     force: bool = False,
     backend: Backend = "auto",
     most: int | None = None,
-    listen: Listener = silent,
+    listen: Listener = ignore_event,
     executor: Executor | None = None,
     storage: Storage = "auto",
 ) -> list[ScanPlaces]:

@@ -18,7 +18,7 @@ from typing import Any
 from nvsim.errors import InputError
 from nvsim.files import atomic
 from nvsim.files.atomic import as_input_error
-from nvsim.files.opening import PROJECT_DATABASE, own_file, read_bytes, read_json, read_text
+from nvsim.files.opening import PROJECT_DATABASE, open_own_file, read_bytes, read_json, read_text
 from nvsim.r2r.observations.layout import ScanPlaces
 
 _LARGEST = 1 << 30  # largest size of a journal in bytes
@@ -109,7 +109,7 @@ class ScanRecord:
         self.parts[name] = part
         line = json.dumps({"part": name, **part.as_data()}, separators=(",", ":")) + "\n"
         try:
-            file = own_file(self._places.journal, os.O_WRONLY | os.O_CREAT | os.O_APPEND)
+            file = open_own_file(self._places.journal, os.O_WRONLY | os.O_CREAT | os.O_APPEND)
             with os.fdopen(file, "ab") as journal:
                 journal.write(line.encode())
                 journal.flush()

@@ -30,7 +30,7 @@ _SHADES = np.array([0.72, 0.62, 0.52, 0.80])  # walls across x, walls across y, 
 _SIZE = 512
 
 
-def is_wanted(places: ScanPlaces) -> bool:
+def needs_stub(places: ScanPlaces) -> bool:
     """Whether the folder of `places` has no other scan with the name of the stub."""
     stub = ScanPlaces(places.root, SCAN)
     if stub.connectivity.exists():
@@ -44,7 +44,7 @@ def write_stub(places: ScanPlaces, views: bool) -> bool:
     Returns False, and writes no images, if another scan with this name exists. Raises InputError if writing fails.
     """
     stub = ScanPlaces(places.root, SCAN)
-    if not is_wanted(places):
+    if not needs_stub(places):
         if stub.connectivity.exists():
             write_stub_graph(stub.graphs)
         return False

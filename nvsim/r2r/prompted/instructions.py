@@ -12,7 +12,7 @@ from nvsim.endpoint.budget import RequestEstimate, estimate_requests
 from nvsim.endpoint.client import Client
 from nvsim.endpoint.prompt import FOLDER, Prompt
 from nvsim.endpoint.request import Detail, Message, Part, Request
-from nvsim.events import Listener, Progress, Warning, silent
+from nvsim.events import Listener, Progress, Warning, ignore_event
 from nvsim.graph.types import NavGraph
 from nvsim.r2r.prompted.views import ViewRenderer, bearing, level
 from nvsim.r2r.tasks.task import Task
@@ -71,10 +71,10 @@ class InstructionWriter:
     def estimate(self, client: Client, tasks: Sequence[Task]) -> RequestEstimate:
         """Returns the size of all requests for these paths."""
         requests = (self.request(task) for task in tasks)
-        return estimate_requests((request, client.is_kept(request)) for request in requests)
+        return estimate_requests((request, client.has_stored_answer(request)) for request in requests)
 
     def write(
-        self, client: Client, tasks: Sequence[Task], at_once: int, listen: Listener = silent
+        self, client: Client, tasks: Sequence[Task], at_once: int, listen: Listener = ignore_event
     ) -> GeneratedInstructions:
         """Requests the instructions of all tasks. Raises InputError in the cases that `Client.ask` lists."""
         found: dict[int, tuple[str, ...]] = {}
@@ -116,7 +116,7 @@ class InstructionWriter:
         parts: list[Part] = ["At the start you look this way:", self._renderer.see(task.scan, task.path[0], facing)]
         for i, (here, there) in enumerate(zip(task.path, task.path[1:]), 1):
             way = bearing(graph, here, there)
-            parts.append(f"Step {i}: {way.words(facing)}. Looking that way:")
+            parts.append(f"Step {i}: {way.describe(facing)}. Looking that way:")
             facing = facing if way.heading is None else way.heading
             parts.append(self._renderer.see(task.scan, here, facing, level(way.elevation)))
         goal = task.path[-1]

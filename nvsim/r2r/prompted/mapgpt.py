@@ -21,7 +21,7 @@ from nvsim.endpoint.client import Client
 from nvsim.endpoint.prompt import Prompt
 from nvsim.endpoint.request import Request
 from nvsim.errors import InputError
-from nvsim.events import Listener, Progress, Warning, silent
+from nvsim.events import Listener, Progress, Warning, ignore_event
 from nvsim.files import atomic
 from nvsim.files.opening import is_regular, read_json
 from nvsim.graph.types import NavGraph
@@ -109,7 +109,7 @@ def run_mapgpt(
     client: Client,
     episodes: Sequence[tuple[str, Task]],
     folder: Path,
-    listen: Listener = silent,
+    listen: Listener = ignore_event,
 ) -> dict[str, EpisodeRecord]:
     """Runs all episodes and returns the records by instr_id.
 

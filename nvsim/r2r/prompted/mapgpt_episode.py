@@ -145,7 +145,7 @@ class Episode:
             number = self.places.number[id]
             known = ", where you were" if id in self.places.been else ""
             found.append(
-                AgentOption(_letter(len(found)), f"{ways[id].words(self.facing)}, to place {number}{known}", id)
+                AgentOption(_letter(len(found)), f"{ways[id].describe(self.facing)}, to place {number}{known}", id)
             )
         if self.step >= self._rules.stop_after or not found:
             found.append(AgentOption(_letter(len(found)), "stop here, because the instruction ends here", None))

@@ -12,7 +12,7 @@ from nvsim.endpoint.request import Image
 from nvsim.geometry.directions import STEP
 from nvsim.graph.connectivity import scan_files
 from nvsim.graph.types import NavGraph
-from nvsim.r2r.instructions.ground import Leg, Slope, turn_of, wrapped
+from nvsim.r2r.instructions.ground import Leg, Slope, rounded_turn, wrapped
 from nvsim.r2r.observations.layout import jpeg
 from nvsim.r2r.prompted.options import ImageOptions
 from nvsim.r2r.simulator.images import ViewSize
@@ -45,9 +45,9 @@ class Bearing:
         """Returns the turn in radians from the heading `facing`, positive to the right, in (-pi, pi]."""
         return 0.0 if self.heading is None else wrapped(self.heading - facing)
 
-    def words(self, facing: float) -> str:
+    def describe(self, facing: float) -> str:
         """Describes the move for an agent with heading `facing` (radians): "turn slightly right and go 2.4 m, up"."""
-        turn = turn_of(Leg(self.turn(facing), self.metres, self.slope))
+        turn = rounded_turn(Leg(self.turn(facing), self.metres, self.slope))
         slope = "" if self.slope == "level" else f", {self.slope}"
         return f"{_TURNS.get(turn, f'turn {turn} and go')} {self.metres:.1f} m{slope}"
 

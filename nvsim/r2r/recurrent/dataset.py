@@ -15,7 +15,7 @@ from random import Random
 from nvsim.errors import InputError
 from nvsim.files.opening import read_json
 from nvsim.r2r.agents.benchmark import Benchmark, scans_in
-from nvsim.r2r.features.feature_files import Key, made_by
+from nvsim.r2r.features.feature_files import Key, backbone_of_file
 from nvsim.r2r.features.layouts import features_in
 from nvsim.r2r.recurrent.rollout import Episode
 from nvsim.r2r.recurrent.world import ExportFiles, World
@@ -29,7 +29,7 @@ _WHOLE_SCANS = 3
 """With this number of scans or more, whole scans are held out."""
 
 
-def words_of(text: str) -> list[str]:
+def split_words(text: str) -> list[str]:
     """Splits a text into lower-case words, numbers, and punctuation marks."""
     return _WORD.findall(text.lower())
 
@@ -46,7 +46,7 @@ class Vocabulary:
     @staticmethod
     def of(texts: Iterable[str], least: int = 2) -> Vocabulary:
         """Returns the words that occur at least `least` times, by descending frequency, then alphabetically."""
-        counts = Counter(word for text in texts for word in words_of(text))
+        counts = Counter(word for text in texts for word in split_words(text))
         known = sorted((word for word, n in counts.items() if n >= least), key=lambda word: (-counts[word], word))
         return Vocabulary((*SPECIAL, *known))
 
@@ -57,7 +57,7 @@ class Vocabulary:
     def encoded(self, text: str, longest: int) -> list[int]:
         """Returns the numbers of the begin token, up to `longest` words, and the end token."""
         unknown = self.number[UNKNOWN]
-        inside = [self.number.get(word, unknown) for word in words_of(text)[:longest]]
+        inside = [self.number.get(word, unknown) for word in split_words(text)[:longest]]
         return [self.number[BEGIN], *inside, self.number[END]]
 
 
@@ -77,7 +77,7 @@ class Dataset:
     @cached_property
     def backbone(self) -> str:
         """Name of the features' backbone, "" if unknown. Raises InputError if two files have different ones."""
-        found = {name: source.features for source in self.sources if (name := made_by(source.features))}
+        found = {name: source.features for source in self.sources if (name := backbone_of_file(source.features))}
         if len(found) > 1:
             (one, first), (other, second), *_ = found.items()
             raise InputError(

@@ -110,18 +110,18 @@ class AgentBatch:
 class RolloutStep:
     """A step of the n agents that have not stopped.
 
-    who      (n,) int64, indices in the batch
-    rows     (n,) int64, viewpoints before the step
-    scores   (n, K), -inf for slots that do not exist
-    value    (n,) the critic's value of the previous state, or None
-    taken    (n,) int64, the selected slots
+    agents          (n,) int64, indices in the batch
+    rows            (n,) int64, viewpoints before the step
+    scores          (n, K), -inf for slots that do not exist
+    value           (n,) the critic's value of the previous state, or None
+    selected_slots  (n,) int64, the selected slots
     """
 
-    who: Int64
+    agents: Int64
     rows: Int64
     scores: Tensor
     value: Tensor | None
-    taken: Int64
+    selected_slots: Int64
 
 
 @dataclass(eq=False)
@@ -181,7 +181,7 @@ def roll_out(
     return found
 
 
-def walked(
+def run_greedily(
     model: RecurrentModel, world: World, episodes: Sequence[Episode], steps: int, at_once: int = 128
 ) -> Iterator[tuple[str, list[Pose]]]:
     """Yields the instr_id and trajectory of every episode, with the best action in each step.

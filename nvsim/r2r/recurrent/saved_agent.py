@@ -20,12 +20,12 @@ from nvsim.files import atomic
 from nvsim.files.opening import read_bytes, read_json
 from nvsim.files.reading import reading
 from nvsim.r2r.agents.benchmark import Benchmark
-from nvsim.r2r.features.feature_files import made_by
+from nvsim.r2r.features.feature_files import backbone_of_file
 from nvsim.r2r.metrics.submission import Pose
 from nvsim.r2r.recurrent.config import ModelConfig
 from nvsim.r2r.recurrent.dataset import SPECIAL, Vocabulary, episodes_of
 from nvsim.r2r.recurrent.model import RecurrentModel
-from nvsim.r2r.recurrent.rollout import walked
+from nvsim.r2r.recurrent.rollout import run_greedily
 from nvsim.r2r.recurrent.world import ExportFiles, read_world
 
 ABOUT, WEIGHTS = "agent.json", "weights.safetensors"
@@ -56,7 +56,7 @@ class AgentDescription:
     finished: bool
 
 
-def write_about(folder: Path, about: AgentDescription) -> None:
+def write_agent_description(folder: Path, about: AgentDescription) -> None:
     """Writes agent.json. Raises InputError if writing fails."""
     values = {
         "format": FORMAT,
@@ -80,7 +80,7 @@ def write_weights(folder: Path, model: RecurrentModel) -> None:
     atomic.write_bytes(folder / WEIGHTS, save({name: t.contiguous() for name, t in model.state_dict().items()}))
 
 
-def read_about(folder: Path) -> AgentDescription:
+def read_agent_description(folder: Path) -> AgentDescription:
     """Reads agent.json. Raises InputError if the folder has no agent, or its description is invalid."""
     path = folder / ABOUT
     values = read_json(path, "a trained agent", _THEN)
@@ -135,8 +135,8 @@ def run_recurrent(folder: Path, benchmark: Benchmark, features: Path) -> dict[st
 
     Raises InputError if the agent is unreadable, or the features differ from those of its training.
     """
-    about = read_about(folder)
-    backbone = made_by(features)
+    about = read_agent_description(folder)
+    backbone = backbone_of_file(features)
     if about.backbone and backbone and backbone != about.backbone:
         raise InputError(
             f"The agent was trained on features of {about.backbone}, but {features} has features of {backbone}; write "
@@ -150,4 +150,4 @@ def run_recurrent(folder: Path, benchmark: Benchmark, features: Path) -> dict[st
         )
     model = read_model(folder, about)
     episodes = episodes_of(benchmark.tasks, world, about.words, about.model.longest)
-    return dict(walked(model, world, episodes, about.steps))
+    return dict(run_greedily(model, world, episodes, about.steps))

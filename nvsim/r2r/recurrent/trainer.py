@@ -23,7 +23,7 @@ from nvsim.r2r.metrics.scores import NEAR, score
 from nvsim.r2r.recurrent.config import LearningConfig, ModelConfig
 from nvsim.r2r.recurrent.dataset import Dataset, Vocabulary, episodes_of, held_out
 from nvsim.r2r.recurrent.model import RecurrentModel
-from nvsim.r2r.recurrent.rollout import Episode, Rollout, Way, read_words, roll_out, walked
+from nvsim.r2r.recurrent.rollout import Episode, Rollout, Way, read_words, roll_out, run_greedily
 from nvsim.r2r.recurrent.world import STOP, Int64, World, read_world
 from nvsim.training.checkpoint import Arrays, Checkpoint
 
@@ -52,13 +52,13 @@ def teacher_actions(rollout: Rollout, world: World, episodes: Sequence[Episode],
     Agents that follow the path of the task get its next slot.
     """
     if way == "path":
-        return [step.taken for step in rollout.steps]
+        return [step.selected_slots for step in rollout.steps]
     goals = _goals(episodes)
-    found = [world.teacher(step.rows, goals[step.who]) for step in rollout.steps]
+    found = [world.teacher(step.rows, goals[step.agents]) for step in rollout.steps]
     if way == "mixed":
         for slots, step in zip(found, rollout.steps):
-            led = step.who % 2 == 0
-            slots[led] = step.taken[led]
+            led = step.agents % 2 == 0
+            slots[led] = step.selected_slots[led]
     return found
 
 
@@ -71,11 +71,11 @@ def rewards_of(rollout: Rollout, world: World, episodes: Sequence[Episode]) -> l
     """
     goals, found = _goals(episodes), []
     for step in rollout.steps:
-        mine = goals[step.who]
+        mine = goals[step.agents]
         far = world.metres(step.rows, mine)
-        nearer = np.where(world.metres(world.after(step.rows, step.taken), mine) < far, 1.0, -1.0)
+        nearer = np.where(world.metres(world.after(step.rows, step.selected_slots), mine) < far, 1.0, -1.0)
         stopped = np.where(far < NEAR, _ARRIVED, -_ARRIVED)
-        found.append(np.where(step.taken == STOP, stopped, nearer).astype(np.float32))
+        found.append(np.where(step.selected_slots == STOP, stopped, nearer).astype(np.float32))
     return found
 
 
@@ -89,14 +89,14 @@ def actor_critic(rollout: Rollout, rewards: Sequence[NDArray[np.float32]], confi
     total, count = rollout.steps[0].scores.new_zeros(()), 0
     for step, reward in zip(reversed(rollout.steps), reversed(rewards)):
         assert step.value is not None
-        gain[step.who] = reward + np.float32(config.discount) * gain[step.who]
-        advantage = torch.from_numpy(gain[step.who]) - step.value
+        gain[step.agents] = reward + np.float32(config.discount) * gain[step.agents]
+        advantage = torch.from_numpy(gain[step.agents]) - step.value
         chances = step.scores.log_softmax(1)
-        did = chances.gather(1, torch.from_numpy(step.taken)[:, None])[:, 0]
+        did = chances.gather(1, torch.from_numpy(step.selected_slots)[:, None])[:, 0]
         # The logarithm of 0 is -infinity, and 0 times it is NaN.
         entropy = -(chances.exp() * chances.masked_fill(chances.isinf(), 0.0)).sum(1)
         total = total + (-did * advantage.detach() + 0.5 * advantage.square() - config.entropy * entropy).sum()
-        count += len(step.who)
+        count += len(step.agents)
     return total / max(count, 1)
 
 
@@ -164,7 +164,7 @@ class Trainer:
 
     def try_out(self) -> tuple[float, float]:
         """Returns the success rate and SPL on the held-out tasks."""
-        trajectories = dict(walked(self.model, self.world, self.out, self.learning.steps))
+        trajectories = dict(run_greedily(self.model, self.world, self.out, self.learning.steps))
         found = score(self.out_tasks, trajectories, self._distances)
         return float(found.success.mean()), float(found.spl.mean())
 

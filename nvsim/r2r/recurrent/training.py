@@ -29,9 +29,9 @@ from nvsim.r2r.recurrent.saved_agent import (
     ABOUT,
     WEIGHTS,
     AgentDescription,
-    read_about,
+    read_agent_description,
     read_model,
-    write_about,
+    write_agent_description,
     write_weights,
 )
 from nvsim.r2r.recurrent.trainer import Trainer
@@ -94,7 +94,7 @@ def train_agent(
         at = _TrainingFolder(trainer, model, out, _fingerprint(trainer, model, learning))
         make_folder(out)
         if (out / ABOUT).exists():
-            before = read_about(out)
+            before = read_agent_description(out)
             if before.trained.get("key") != at.key:
                 raise InputError(
                     f"{out} has an agent with other data or options; choose another --out, or remove the folder."
@@ -144,7 +144,7 @@ class _TrainingFolder:
             "learning": asdict(t.learning),
         }
         about = AgentDescription(self.model, t.words, t.world.width, t.backbone, t.learning.steps, trained, finished)
-        write_about(self.out, about)
+        write_agent_description(self.out, about)
         return trained
 
 
@@ -154,7 +154,7 @@ def _loop(of: _TrainingFolder, curves: Curves, listen: Listener) -> None:
         if at.step >= at.last or at.tries >= learning.patience:
             if at.phase or not learning.a2c_iterations:
                 return
-            trainer.begin_a2c(read_model(of.out, read_about(of.out)))
+            trainer.begin_a2c(read_model(of.out, read_agent_description(of.out)))
             listen(Log(f"starts A2C after batch {at.step}", STAGE))
         at.loss, at.losses = at.loss + trainer.batch(), at.losses + 1
         ends = at.step == at.last

@@ -90,7 +90,7 @@ def scan_of(
     starts = np.zeros(len(ids) + 1, np.int64)
     np.cumsum(free.sum(axis=1), out=starts[1:])
     position = pose[:, :3, 3].astype(np.float32)
-    towards, reach = ways(position[start], position[neighbour])
+    towards, reach = directions_and_distances(position[start], position[neighbour])
     rotation = np.ascontiguousarray(pose[:, :3, :3], np.float64)
     return Scan(id, tuple(ids), included, position, rotation, starts, neighbour, towards, reach)
 
@@ -111,7 +111,9 @@ def level_scan(
     return scan_of(id, ids, included, pose, free)
 
 
-def ways(start: NDArray[np.float32], end: NDArray[np.float32]) -> tuple[NDArray[np.float32], NDArray[np.float64]]:
+def directions_and_distances(
+    start: NDArray[np.float32], end: NDArray[np.float32]
+) -> tuple[NDArray[np.float32], NDArray[np.float64]]:
     """Returns `towards` (m, 4) and `reach` (m, 2) of a Scan, for ways from `start` to `end` (m, 3), meters."""
     offset = (end - start).reshape(-1, 3).astype(np.float32)
     x, y, z = offset.T

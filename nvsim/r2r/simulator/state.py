@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from nvsim.geometry.directions import HEADINGS, STEP, VIEWS
-from nvsim.r2r.simulator.scan import JoinedScans, ways
+from nvsim.r2r.simulator.scan import JoinedScans, directions_and_distances
 
 if TYPE_CHECKING:
     from nvsim.r2r.simulator.scan import Ways
@@ -269,7 +269,7 @@ class OffGraphPosition:
     def at(position: NDArray[np.float64], rows: list[int], joined: JoinedScans) -> OffGraphPosition:
         """Returns a position (3,), meters, world, with free ways to the viewpoints of some rows."""
         ends = np.array([joined.positions[row] for row in rows], np.float32).reshape(-1, 3)
-        towards, reach = ways(np.tile(position.astype(np.float32), (len(rows), 1)), ends)
+        towards, reach = directions_and_distances(np.tile(position.astype(np.float32), (len(rows), 1)), ends)
         return OffGraphPosition(position, np.array(rows, np.int64), towards, reach)
 
 

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from nvsim.r2r.surroundings.layers import CELL, FLOOR, Layers
-from nvsim.r2r.surroundings.naming import COLOURS, NAMELESS, differ, lab_of, names_of
+from nvsim.r2r.surroundings.naming import COLOURS, NAMELESS, are_colors_distinct, lab_of, names_of
 from nvsim.r2r.surroundings.visibility import PIXEL, FloorPatch
 
 _BLUR = 0.5  # meters over which patterns are averaged
@@ -142,7 +142,7 @@ def floors_differ(one: str, other: str) -> bool:
         return one.removesuffix(f" {RUG}") != other.removesuffix(f" {RUG}")
     if one in MATERIALS or other in MATERIALS:
         return one != other and other not in _LIKE.get(one, ()) and one not in _LIKE.get(other, ())
-    return differ(one, other)
+    return are_colors_distinct(one, other)
 
 
 def _patches(kinds: NDArray[np.int64]) -> Iterator[tuple[int, NDArray[np.bool_]]]:

@@ -49,7 +49,7 @@ def names_of(lab: NDArray[np.floating]) -> NDArray[np.int64]:
     return found
 
 
-def differ(one: str, other: str) -> bool:
+def are_colors_distinct(one: str, other: str) -> bool:
     """Whether two color names cannot be confused by light and shadow."""
     if one == other or {one, other} in ({"brown", "beige"}, {"white", "beige"}, {"red", "brown"}, {"beige", "yellow"}):
         return False
@@ -73,16 +73,16 @@ _WOODS = ("brown", "beige")
 class Outline:
     """The measured form of an object.
 
-    cells    (n, 2) columns and rows
-    tops     (n,) meters above the floor, the highest voxel of each cell
-    lowest   (n,) meters above the floor, the lowest voxel of each cell
-    top      meters above the floor
-    longer, shorter   sides in meters
-    front    whether possibly only its front is seen
-    colour   its name in COLOURS
-    own      share of its voxels that have this color
-    begins   meters above the floor where this color begins
-    spread   standard deviation of CIELAB b between bottom and top
+    cells               (n, 2) columns and rows
+    tops                (n,) meters above the floor, the highest voxel of each cell
+    lowest              (n,) meters above the floor, the lowest voxel of each cell
+    top                 meters above the floor
+    longer, shorter     sides in meters
+    only_front_visible  whether possibly only its front is seen
+    colour              its name in COLOURS
+    color_share         share of its voxels that have this color
+    color_start         meters above the floor where this color begins
+    spread              standard deviation of CIELAB b between bottom and top
     """
 
     cells: NDArray[np.int32]
@@ -91,10 +91,10 @@ class Outline:
     top: float
     longer: float
     shorter: float
-    front: bool
+    only_front_visible: bool
     colour: str
-    own: float
-    begins: float
+    color_share: float
+    color_start: float
     spread: float
 
     @property
@@ -107,7 +107,7 @@ class Outline:
         return float(np.median(self.tops))
 
     @property
-    def even(self) -> float:
+    def flat_top_share(self) -> float:
         """Share of cells whose top is at the median height."""
         return float((np.abs(self.tops - self.level) < 0.09).mean())
 
@@ -117,18 +117,18 @@ class Outline:
         return float((self.lowest < self.level - 0.2)[_is_rim(self.cells)].mean())
 
     @property
-    def grounded(self) -> float:
+    def grounded_share(self) -> float:
         """Share of the rim in which a side just above the floor is seen."""
         return float((self.lowest < FLAT)[_is_rim(self.cells)].mean())
 
-    def within(self, low: float, high: float) -> float:
+    def share_of_tops(self, low: float, high: float) -> float:
         """Share of cells with a top between two heights in meters."""
         return float(((self.tops > low) & (self.tops < high)).mean())
 
 
 def shape_of(o: Outline) -> Shape | None:
     """Returns the shape of an object, or None if it has no reliable form."""
-    if o.fill < 0.4 and not o.front and not _is_plant(o):
+    if o.fill < 0.4 and not o.only_front_visible and not _is_plant(o):
         return None  # scattered or L-shaped
     if o.level < FLAT:
         alike = float((o.tops < FLAT).mean())
@@ -142,41 +142,53 @@ def shape_of(o: Outline) -> Shape | None:
 
 def _is_chair(o: Outline) -> bool:
     small = o.shorter >= 0.35 and o.longer <= 0.7 and 0.75 < o.top < 1.1
-    return small and o.within(0.36, 0.58) >= 0.5 and 0.08 <= o.within(0.6, 1.1) <= 0.45
+    return small and o.share_of_tops(0.36, 0.58) >= 0.5 and 0.08 <= o.share_of_tops(0.6, 1.1) <= 0.45
 
 
 def _is_plant(o: Outline) -> bool:
     """Whether it is green leaves above a pot, which has another color or is narrower."""
-    return o.colour == "green" and o.longer <= 2.0 and o.top > 0.7 and o.begins > 0.25 and o.within(0.6, 3.0) > 0.7
+    return (
+        o.colour == "green"
+        and o.longer <= 2.0
+        and o.top > 0.7
+        and o.color_start > 0.25
+        and o.share_of_tops(0.6, 3.0) > 0.7
+    )
 
 
 def _is_sofa(o: Outline) -> bool:
     size = o.colour not in _WOODS and o.longer > 1.4 and o.shorter > 0.6 and o.top < 1.05
-    return size and o.within(0.28, 0.56) > 0.3 and o.within(0.6, 2.0) > 0.15
+    return size and o.share_of_tops(0.28, 0.56) > 0.3 and o.share_of_tops(0.6, 2.0) > 0.15
 
 
 def _is_box(o: Outline) -> bool:
     """Whether it is one or more cartons: wood-colored, small, and closed down to the floor."""
-    size = o.colour in _WOODS and o.longer <= 1.0 and 0.5 < o.top < 0.8 and o.own > 0.65
-    return size and o.shorter > 0.2 and o.grounded > 0.4
+    size = o.colour in _WOODS and o.longer <= 1.0 and 0.5 < o.top < 0.8 and o.color_share > 0.65
+    return size and o.shorter > 0.2 and o.grounded_share > 0.4
 
 
 def _table(o: Outline) -> Shape | None:
     if o.shorter <= 0.4 or o.longer < 0.7:
         return None
-    if o.even > _EVEN and o.closed < _LEGS:
+    if o.flat_top_share > _EVEN and o.closed < _LEGS:
         return "low table" if 0.3 < o.level < 0.56 else "table" if 0.56 < o.level < 0.85 else None
     is_desk = o.colour in _WOODS and 0.66 < o.level < 0.8 and o.longer >= 1.0 and o.shorter > 0.45
-    return "desk" if is_desk and o.even > 0.7 and o.grounded < 0.4 else None
+    return "desk" if is_desk and o.flat_top_share > 0.7 and o.grounded_share < 0.4 else None
 
 
 def _storage(o: Outline) -> Shape | None:
     """Names pieces that reach the floor: mixed colors in a wooden body are a bookshelf, an even front is a cabinet."""
-    if o.colour not in _WOODS or o.even < 0.55 or o.shorter > 0.6 or not 0.7 <= o.longer <= 2.2 or o.top < 0.8:
+    if (
+        o.colour not in _WOODS
+        or o.flat_top_share < 0.55
+        or o.shorter > 0.6
+        or not 0.7 <= o.longer <= 2.2
+        or o.top < 0.8
+    ):
         return None
-    if o.own < 0.7 and o.spread > _MIXED:
+    if o.color_share < 0.7 and o.spread > _MIXED:
         return "bookshelf"
-    return "cabinet" if o.own > 0.75 and o.spread < _MIXED and o.closed > 0.3 and o.top < TALL else None
+    return "cabinet" if o.color_share > 0.75 and o.spread < _MIXED and o.closed > 0.3 and o.top < TALL else None
 
 
 def _by_height(o: Outline) -> Shape | None:

@@ -101,7 +101,7 @@ def has_depth(places: ScanPlaces, graph: NavGraph) -> bool:
     return bool(included) and all(places.strip(id).is_file() and places.depth(id).is_file() for id in included)
 
 
-def look_around(root: Path, graph: NavGraph) -> Iterator[ViewFromViewpoint]:
+def views_from_viewpoints(root: Path, graph: NavGraph) -> Iterator[ViewFromViewpoint]:
     """Yields the view from each included viewpoint of the scan in the export folder `root`.
 
     Poses must be level and face +y, as `nvsim export scan` writes them. Raises InputError if a strip is missing or

@@ -15,7 +15,7 @@ from typing import Any
 from nvsim.errors import InputError, shown
 from nvsim.files import atomic
 from nvsim.files.opening import read_json
-from nvsim.graph.connectivity import is_name, number_in
+from nvsim.graph.connectivity import is_name, json_number
 
 _IDS = 1 << 53  # every JSON reader represents smaller integers exactly
 
@@ -110,6 +110,6 @@ def _task(item: Any, where: str) -> Task:
     instructions = item.get("instructions", [])
     if not isinstance(instructions, list) or not all(isinstance(text, str) for text in instructions):
         raise InputError(f"{where}: instructions is {shown(instructions)}; it must be a list of texts.")
-    heading = number_in(item.get("heading"), f"{where}: heading")
-    distance = number_in(item["distance"], f"{where}: distance") if "distance" in item else None
+    heading = json_number(item.get("heading"), f"{where}: heading")
+    distance = json_number(item["distance"], f"{where}: distance") if "distance" in item else None
     return Task(path_id, scan, tuple(path), heading, tuple(instructions), distance)

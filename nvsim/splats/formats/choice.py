@@ -10,10 +10,10 @@ from typing import Literal
 from nvsim.errors import InputError
 from nvsim.files.opening import opened
 from nvsim.files.reading import reading
-from nvsim.splats.formats.cleaning import usable
+from nvsim.splats.formats.cleaning import renderable_gaussians
 from nvsim.splats.formats.splat_list import SUFFIX, is_list, join_splats, listed_splats
 from nvsim.splats.ply import read_ply, write_ply
-from nvsim.splats.turning import Up, up_of
+from nvsim.splats.turning import Up, up_axis
 from nvsim.splats.types import Gaussians
 
 Format = Literal["ply", "compressed-ply", "spz"]
@@ -95,14 +95,14 @@ class Splats:
 
 def read_splats(path: Path) -> Splats:
     """Reads a PLY (INRIA), compressed PLY (SuperSplat), SPZ, SOG, .splat or .ksplat file, or a .splats list of such
-    files. Gaussians that cannot be rendered are removed, see `usable`.
+    files. Gaussians that cannot be rendered are removed, see `renderable_gaussians`.
 
     Raises InputError naming the file and the defect.
     """
     if is_list(path):
         return _read_several(path)
     gaussians, antialiased = _read(path)
-    gaussians, notes = usable(path, gaussians)
+    gaussians, notes = renderable_gaussians(path, gaussians)
     return Splats(gaussians, antialiased, notes)
 
 
@@ -125,10 +125,10 @@ def files_of(path: Path) -> list[Path]:
     return [path, *(one.path for one in listed_splats(path))] if is_list(path) else [path]
 
 
-def up_axis(path: Path) -> Up:
-    """The usual up axis of a splat file, see `up_of`; of a list, that of its first file. Raises InputError if the file
-    cannot be read."""
-    return up_of(listed_splats(path)[0].path if is_list(path) else path)
+def source_up_axis(path: Path) -> Up:
+    """The usual up axis of a splat file, see `up_axis`; of a list, that of its first file. Raises InputError if the
+    file cannot be read."""
+    return up_axis(listed_splats(path)[0].path if is_list(path) else path)
 
 
 def _read(path: Path) -> tuple[Gaussians, bool | None]:

@@ -42,7 +42,7 @@ _FARTHEST = 1e7  # units of the file; beyond it float32 positions are coarser th
 _SHORTEST, _LONGEST = 1e-12, 1e12  # length of a quaternion; beyond it the squares overflow or underflow in float32
 
 
-def usable(path: Path, gaussians: Gaussians) -> tuple[Gaussians, tuple[str, ...]]:
+def renderable_gaussians(path: Path, gaussians: Gaussians) -> tuple[Gaussians, tuple[str, ...]]:
     """The Gaussians that can be rendered, and a note for the user with the number of removed ones.
 
     An opacity logit of plus infinity counts as opaque, and of minus infinity as transparent. A log scale of minus

@@ -174,7 +174,7 @@ def write_spz(path: Path, gaussians: Gaussians, antialiased: bool) -> None:
     if bits < 1:
         raise InputError(f"{path} cannot be written: a Gaussian is {reach:.3g} m from the origin, too far for SPZ.")
     library = to_library(flip_y_and_z(gaussians))
-    with atomic.replacing(path) as temporary:
+    with atomic.replacement_file(path) as temporary:
         gsply.write_spz(temporary, library, version=3, fractional_bits=bits)
         if antialiased:
             temporary.write_bytes(_flagged(temporary.read_bytes()))

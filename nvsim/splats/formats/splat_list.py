@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from nvsim.errors import InputError
 from nvsim.files.opening import read_text
-from nvsim.splats.turning import turned
+from nvsim.splats.turning import transform_gaussians
 from nvsim.splats.types import Gaussians, joined
 
 SUFFIX = ".splats"
@@ -40,7 +40,7 @@ class ListedSplats:
     def placed(self, gaussians: Gaussians, coefficients: int) -> Gaussians:
         """The Gaussians of the file in the frame of the building, with so many coefficients per color channel. New
         coefficients are 0."""
-        found = turned(gaussians, self.rotation, self.scale)
+        found = transform_gaussians(gaussians, self.rotation, self.scale)
         means = found.means.astype(np.float64) + self.translation
         sh = np.zeros((len(found), coefficients, 3), np.float32)
         sh[:, : found.sh.shape[1]] = found.sh

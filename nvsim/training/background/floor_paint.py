@@ -29,7 +29,7 @@ DOUBT = 0.25
 Float32 = NDArray[np.float32]
 
 
-def first_paint(
+def initial_floor_paint(
     views: Sequence[TrainingView], floor: FloorSurface, config: TrainingConfig, seed: int
 ) -> tuple[Networks | None, LearnedTexture | None]:
     """The networks and the texture of a configuration, None for those that it does not use."""

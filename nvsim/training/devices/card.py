@@ -17,7 +17,7 @@ from nvsim.render.gsplat_backend import GsplatOutput, rasterize
 from nvsim.splats.types import Gaussians
 from nvsim.training.appearance import in_view
 from nvsim.training.config import RateConfig
-from nvsim.training.devices.types import FEATURES, FIELDS, Float32, Stopwatch, born_of, rates_of
+from nvsim.training.devices.types import FEATURES, FIELDS, Float32, Stopwatch, new_rows, rates_of
 from nvsim.training.networks import Networks
 from nvsim.training.optimizer import BETA1, BETA2, EPS
 from nvsim.training.strategies.types import Refinement
@@ -170,7 +170,7 @@ class CardGaussianState:
         features = self.features
         kept = torch.from_numpy(np.ascontiguousarray(refinement.kept)).to(self._device)
         for name, group in self._groups.items():
-            group.replace(kept, born_of(name, refinement, features))
+            group.replace(kept, new_rows(name, refinement, features))
         self._sums = torch.zeros(refinement.count, 3, device=self._device)
 
     def forget(self, name: str) -> None:

@@ -15,7 +15,7 @@ from nvsim.geometry.camera import Camera
 from nvsim.render.workspace import NO_TINT, RenderBuffers
 from nvsim.splats.types import Gaussians
 from nvsim.training.config import RateConfig
-from nvsim.training.devices.types import FEATURES, FIELDS, Float32, Stopwatch, born_of, rates_of
+from nvsim.training.devices.types import FEATURES, FIELDS, Float32, Stopwatch, new_rows, rates_of
 from nvsim.training.networks import Networks
 from nvsim.training.optimizer import ParameterGroup
 from nvsim.training.strategies.types import Refinement
@@ -100,7 +100,7 @@ class HostGaussianState:
     def refine(self, refinement: Refinement) -> None:
         features = self.features
         for name, group in self.groups.items():
-            born = born_of(name, refinement, features)
+            born = new_rows(name, refinement, features)
             fresh = np.zeros_like(born)
             values = np.concatenate([group.values[refinement.kept], born])
             group.first = np.concatenate([group.first[refinement.kept], fresh])

@@ -109,7 +109,7 @@ def rates_of(name: str, rate: RateConfig, sh_count: int) -> Float32 | float:
     return float(getattr(rate, name))
 
 
-def born_of(name: str, refinement: Refinement, features: Float32 | None) -> Float32:
+def new_rows(name: str, refinement: Refinement, features: Float32 | None) -> Float32:
     """The rows (B, ...) that are added to a group. For FEATURES these are the parents' rows of `features` (N, F)."""
     if name == FEATURES:
         assert features is not None

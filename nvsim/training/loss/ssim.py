@@ -51,7 +51,7 @@ def _is_near(lit: Bytes, strip: int, segment: int) -> bool:
 
 
 @njit(inline="always")
-def is_touched(
+def is_lit_near_tile(
     lit: Bytes,  # `tiles`, 0 where both images are black
     strip: int,  # row of the tile
     segment: int,  # column of the tile
@@ -187,7 +187,7 @@ def ssim_forward(
             total = _F(0)
             for segment in range(segments):
                 x0, count = segment * SEGMENT, min(SEGMENT, width - segment * SEGMENT)
-                if not is_touched(lit, strip, segment):
+                if not is_lit_near_tile(lit, strip, segment):
                     total += _F(count * (y1 - y0))
                     continue
                 for y in range(y0, y1):
@@ -220,7 +220,7 @@ def ssim_gradient(
     segments = lit.shape[1]
     y0, y1 = strip * STRIP, min(height, strip * STRIP + STRIP)
     for segment in range(segments):
-        if is_touched(lit, strip, segment):
+        if is_lit_near_tile(lit, strip, segment):
             at = segment * SEGMENT + RADIUS
             for k in range(3):
                 for y in range(y0, y1):

@@ -47,9 +47,9 @@ def _tsv() -> list[Seed]:
 
 
 def _features(path: Path) -> object:
-    from nvsim.r2r.features.feature_files import features_of, made_by
+    from nvsim.r2r.features.feature_files import backbone_of_file, features_of
 
-    return made_by(path), list(features_of(path, _KEYS))
+    return backbone_of_file(path), list(features_of(path, _KEYS))
 
 
 _MARK = bytes(16)

@@ -199,14 +199,14 @@ def _replay(path: Path) -> object:
     """Replays edits line by line, as `nvsim graph replay` does."""
     from nvsim.graph.edits import EditError
     from nvsim.graph.history import History
-    from nvsim.graph.operations import parse_line, perform
+    from nvsim.graph.operations import parse_line, perform_operation
     from nvsim.graph.scripts import script
 
     history, refused = History(row()), None
     for line in content(path).decode("utf-8", "surrogateescape").splitlines():
         if line.strip() and not line.lstrip().startswith("#"):
             try:
-                perform(history, *parse_line(line))
+                perform_operation(history, *parse_line(line))
             except EditError as error:
                 refused = error
     script(history)
@@ -234,12 +234,12 @@ def _select(path: Path) -> object:
 
 def _edited(path: Path, plain: bool) -> None:
     from nvsim.graph.journal import Journal
-    from nvsim.graph.operations import parse_line, perform
+    from nvsim.graph.operations import parse_line, perform_operation
 
     with Journal.open(path, plain=plain) as journal:
         history = journal.history(row())
         for line in _LINES:
-            perform(history, *parse_line(line))
+            perform_operation(history, *parse_line(line))
         history.undo()
         journal.flush()
 
@@ -268,7 +268,7 @@ def _restore(path: Path) -> object:
 def _restored(path: Path, plain: bool) -> object:
     """Restores a journal and continues editing, as the window does."""
     from nvsim.graph.journal import Journal
-    from nvsim.graph.operations import perform
+    from nvsim.graph.operations import perform_operation
     from nvsim.graph.scripts import script
 
     with Journal.open(path, plain=plain) as journal:
@@ -276,7 +276,7 @@ def _restored(path: Path, plain: bool) -> object:
         for index in range(len(history.steps)):
             history.graph_at(index)
         script(history)
-        perform(history, "add_viewpoint", {"position": [9.0, 9.0, 1.5]})
+        perform_operation(history, "add_viewpoint", {"position": [9.0, 9.0, 1.5]})
         journal.flush()
         return journal.notice
 

@@ -87,14 +87,14 @@ def _frame(path: Path) -> object:
     from nvsim.capture.images import read_image
     from nvsim.project.layout import Layout
     from nvsim.project.project import Project
-    from nvsim_app.frames.frame_data import read_matter
+    from nvsim_app.frames.frame_data import read_frame_data
 
     with Project.open(path) as project:
         capture = project.need_capture()
         for index in (1, 2):
             frame = replace(capture.frames[index], image_path=path / "images" / capture.frames[index].image_path.name)
             read_image(frame, frame.intrinsics.within(32))
-            read_matter(Layout(path), frame, index)
+            read_frame_data(Layout(path), frame, index)
         return capture
 
 

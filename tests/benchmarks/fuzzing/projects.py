@@ -35,7 +35,7 @@ def project_with_walk() -> Files:
     from nvsim.mapping.config import MappingConfig
     from nvsim.project import ledger
     from nvsim.project.config import CaptureConfig
-    from nvsim.project.graph import recorded
+    from nvsim.project.graph import recorded_config
     from nvsim.project.layout import ADDED, CLOUD
     from nvsim.project.project import Project
     from nvsim.project.stages import imported
@@ -53,15 +53,17 @@ def project_with_walk() -> Files:
             graph: NavGraph = row()
             project.set_graph(graph)
             project.set_result("views", {"psnr": 27.5, "rows": [{"submap": 0, "ssim": 0.8}]})
-            ledger.begin(project, "depth", "key of depth")
+            ledger.begin_part(project, "depth", "key of depth")
             one = np.ones((1, 3), np.float32)
             fused = FusedCloud(one, one.astype(np.uint8), one, np.ones(1, np.uint16))
             for name in (CLOUD, ADDED):
                 write_cloud(root / "depth" / name, fused)
             ledger.finish(project, "depth", 1.0, {"capture": imported.capture_key(project)})
             for stage in ("submaps", "floors", "train", "map"):
-                ledger.begin(project, stage, f"key of {stage}")
-                ledger.finish(project, stage, 1.5, recorded(MappingConfig()) if stage == "map" else {"psnr": 20.0})
+                ledger.begin_part(project, stage, f"key of {stage}")
+                ledger.finish(
+                    project, stage, 1.5, recorded_config(MappingConfig()) if stage == "map" else {"psnr": 20.0}
+                )
         database = root / "project.db"
         connection = sqlite3.connect(database)
         connection.execute("PRAGMA wal_checkpoint(TRUNCATE)")
@@ -126,7 +128,7 @@ def _written(path: Path) -> object:
     from nvsim.project.project import Project
 
     with Project.open(path, writable=True) as project:
-        ledger.begin(project, "map", "another")
+        ledger.begin_part(project, "map", "another")
         ledger.finish(project, "map", 1.0, {})
         project.set_graph(row())
         project.set_result("graph", {"a": 1})

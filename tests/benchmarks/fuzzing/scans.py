@@ -130,10 +130,10 @@ def _seen(path: Path) -> object:
     """Reads the surroundings of viewpoints as the generation of tasks does."""
     from nvsim.graph.connectivity import read_connectivity
     from nvsim.r2r.observations.skybox import visible_from
-    from nvsim.r2r.surroundings.visibility import has_depth, look_around
+    from nvsim.r2r.surroundings.visibility import has_depth, views_from_viewpoints
 
     places = _places(path)
     graph = read_connectivity(places.connectivity)
     near = list(graph.viewpoints.values())
     found = visible_from(places, near[1], near)
-    return found, has_depth(places, graph), [seen.points.shape for seen in look_around(path, graph)]
+    return found, has_depth(places, graph), [seen.points.shape for seen in views_from_viewpoints(path, graph)]

@@ -124,20 +124,20 @@ def _agents() -> list[Seed]:
 
     from nvsim.r2r.recurrent.dataset import SPECIAL, Vocabulary
     from nvsim.r2r.recurrent.model import RecurrentModel
-    from nvsim.r2r.recurrent.saved_agent import AgentDescription, write_about, write_weights
+    from nvsim.r2r.recurrent.saved_agent import AgentDescription, write_agent_description, write_weights
 
     words = Vocabulary((*SPECIAL, "go", "left"))
     with workshop() as folder:
-        write_about(folder, AgentDescription(SMALL, words, 4, "chance", 10, {"steps": 3}, True))
+        write_agent_description(folder, AgentDescription(SMALL, words, 4, "chance", 10, {"steps": 3}, True))
         write_weights(folder, RecurrentModel(SMALL, len(words.words), 4))
         files = files_in(folder)
     return each(files, "", {"agent.json": "json", "weights.safetensors": "tensors"})
 
 
 def _agent(path: Path) -> object:
-    from nvsim.r2r.recurrent.saved_agent import read_about, read_model
+    from nvsim.r2r.recurrent.saved_agent import read_agent_description, read_model
 
-    about = read_about(path)
+    about = read_agent_description(path)
     return read_model(path, about).training
 
 
