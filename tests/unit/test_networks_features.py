@@ -12,7 +12,7 @@ from described_models import described
 from feature_networks import DIM, extractor, matcher
 
 from nvsim.networks.installed import signature_of
-from nvsim.networks.known_forms import fitting
+from nvsim.networks.known_forms import matching_forms
 from nvsim.perception.feature_network import FeatureNetwork
 from nvsim.poses.feature_comparison import FeatureComparison, compare_features
 from nvsim.poses.features import Features, find_features, match_features
@@ -41,11 +41,11 @@ def test_the_forms_are_known_by_their_signatures(tmp_path: Path, of_colmap: bool
     files = {
         p: signature_of(p) for p in (matcher(tmp_path / "a.onnx", of_colmap), extractor(tmp_path / "b.onnx", of_colmap))
     }
-    found = fitting(files)
+    found = matching_forms(files)
     assert [name for name, _ in found] == [COLMAP if of_colmap else EXPORTED]
     assert found[0][1]["extractor"].name == "b.onnx"
     alone = {p: s for p, s in files.items() if p.name == "b.onnx"}
-    assert [name for name, _ in fitting(alone)] == ["aliked"]
+    assert [name for name, _ in matching_forms(alone)] == ["aliked"]
 
 
 @pytest.mark.parametrize("of_colmap", [True, False])
