@@ -39,7 +39,7 @@ def test_a_description_that_follows_a_form_takes_from_it_what_it_leaves_out(tmp_
     )
     assert found.steps == known_descriptions()["moge-2"].steps
     path.write_text('form = "moge-3"')
-    with pytest.raises(InputError, match="form is moge-3; it must be one of efficient-sam, "):
+    with pytest.raises(InputError, match="form is moge-3; it must be one of aliked, aliked-lightglue-colmap, "):
         values_of(path)
 
 
