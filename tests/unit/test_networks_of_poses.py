@@ -13,9 +13,13 @@ from floor_networks import segformer
 
 from nvsim.errors import InputError
 from nvsim.footage.sources import need_footage
+from nvsim.geometry.rotation import fitted_similarity
 from nvsim.networks import installation
 from nvsim.networks.folder import VARIABLE
+from nvsim.poses import from_images
+from nvsim.poses.feature_comparison import FeatureComparison
 from nvsim.poses.from_images import features_of_all
+from nvsim.poses.image_set import ImageSet, UnknownCamera
 from nvsim.reconstruction import computing
 from nvsim.reconstruction.computing import is_finished
 from nvsim.reconstruction.image_sets import store_images
@@ -96,6 +100,30 @@ def test_the_report_names_the_networks_and_the_figures_that_decided(video: Path,
     assert is_finished(folder, footage) and is_finished(folder, footage, networks=PoseNetworks("blind", "people"))
     for other in (PoseNetworks("none"), PoseNetworks("corners"), PoseNetworks(people="none")):
         assert not is_finished(folder, footage, networks=other)
+
+
+@pytest.mark.parametrize("name", ["corners", "nearest"])  # with a matcher, and with the nearest descriptors
+def test_poses_from_the_features_of_a_network_are_those_of_the_camera(
+    name: str, models: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    installation.add([extractor(models / "made" / "n.onnx")], "nearest")
+    better = FeatureComparison(name, 4, (2.0, 1.0), (1.0, 1.0))
+    monkeypatch.setattr(from_images, "compare_features", lambda *_: better)
+    true, zeros = room.walk(60)[:24], np.zeros(24, np.int64)
+    names = tuple(f"{k:02}.png" for k in range(len(true)))
+    for file, pose in zip(names, true, strict=True):
+        cv2.imwrite(str(models / file), room.render(pose)[..., ::-1])
+    camera = UnknownCamera(room.WIDTH, room.HEIGHT)
+    images = ImageSet(models, names, (camera,), zeros, zeros, np.zeros(0))
+    (models / "work").mkdir()
+    found = from_images.find_poses(images, models / "work", network=PoseNetworks(name).feature_network())
+    assert found.compared is better
+    placed = {int(Path(i.name).stem): i.projection_center() for i in found.model.images.values() if i.has_pose}
+    assert len(placed) > 12  # SIFT places 19
+    places, actual = np.array(list(placed.values())), true[list(placed), :3, 3]
+    scale, rotation, shift = fitted_similarity(places, actual)
+    off = np.linalg.norm(scale * places @ rotation.T + shift - actual, axis=1)
+    assert np.median(off) < 0.02 * np.linalg.norm(np.ptp(actual, axis=0))
 
 
 def test_a_network_that_cannot_be_used_is_one_sentence(video: Path, models: Path) -> None:
