@@ -5,7 +5,6 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from pathlib import Path
 
-import cv2
 import numpy as np
 from numpy.typing import NDArray
 
@@ -76,6 +75,8 @@ class ImageSet:
 
     def usable_pixels(self, index: int) -> NDArray[np.bool_] | None:
         """(H, W) bool, pixels of an image in which features are searched; None for all."""
+        import cv2  # the window imports this module when it starts
+
         usable = self.usable[int(self.camera[index])] if self.usable else None
         mask = None if self.masks is None else cv2.imread(str(mask_path(self.masks, self.names[index])), 0)
         if mask is None:

@@ -37,7 +37,7 @@ def make_clinic(route: Route, seed: int) -> Scene:
     ring."""
     rng = np.random.default_rng([seed, 7])
     plan, doors = _plan(route, rng)
-    dense = with_floor_heights(path(plan.stops), None)
+    dense = with_floor_heights(path(plan.trajectory_corners), None)
     wall = _WALLS[int(rng.integers(len(_WALLS)))]
     accent = tuple(float(v) for v in np.clip(np.array(wall) * rng.uniform(0.7, 0.85, 3), 0, 1))
     paints = {r.name: Paint("wall-clinic", wall, (accent[0], accent[1], accent[2])) for r in plan.rooms}

@@ -111,7 +111,7 @@ def built(name: str, seed: int, rounds: int = 1) -> tuple[Scene, Textures]:
         scene = make_clinic("corridor" if name == "corridor" else "loop", seed)
         painters = Painters(clinic_floor, detailed_face, clinic_ceiling)
         if rounds > 1:
-            start, *around, end = scene.plan.stops
+            start, *around, end = scene.plan.trajectory_corners
             scene = replace(scene, path=with_floor_heights(path((start, *around * rounds, end)), None))
     elif name == "kitchen":
         scene = make_room(len(KINDS) * seed).scene
@@ -121,7 +121,7 @@ def built(name: str, seed: int, rounds: int = 1) -> tuple[Scene, Textures]:
         scene = make_scene(BuildingConfig(seed=seed, size="small", people=False, storeys=2 if name == "floors" else 1))
         painters = Painters(face=detailed_face)
         if name == "house":
-            stops = scene.plan.stops
+            stops = scene.plan.trajectory_corners
             scene = replace(scene, path=with_floor_heights(path((*stops, *stops[-2::-1])), None))  # forth and back
     return scene, bake(scene.storeys, list(scene.boxes), scene.solids, np.random.default_rng([seed, 2]), painters)
 

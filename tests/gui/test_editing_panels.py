@@ -451,7 +451,7 @@ def test_a_single_proposed_edge_is_taken_by_the_right_button(window: MainWindow,
     actions = {action.text(): action for action in context.menu(at).actions()}
     actions["Accept this proposed edge"].trigger()
     assert pairs[0] in document.graph.edges and part.proposals.edges == (pairs[1],)
-    part.drop(pairs[1])
+    part.dismiss_edge(pairs[1])
     assert not part.proposals
 
 

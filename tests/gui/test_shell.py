@@ -196,7 +196,7 @@ def test_a_project_opens_as_it_was_left(
     first_map, keys = first.panels["map"], first.part(CameraPathPart)
     first_map.centre_on(3.0, 2.0, 1.5)
     keys.add()
-    first.panels["inspector"].view.look(1.0, -0.3, 2.0)
+    first.panels["inspector"].view.set_view_center(1.0, -0.3, 2.0)
     seen = first_map.seen
     first.close()
 

@@ -24,7 +24,7 @@ def test_a_killed_write_leaves_the_old_file(tmp_path):
     atomic.write_text(path, "old")
     code = (
         "import os, signal, pathlib; from nvsim.files import atomic\n"
-        f"with atomic.replacing(pathlib.Path({str(path)!r})) as t:\n"
+        f"with atomic.replacement_file(pathlib.Path({str(path)!r})) as t:\n"
         "    t.write_text('half'); os.kill(os.getpid(), signal.SIGKILL)\n"
     )
     assert subprocess.run([sys.executable, "-c", code], check=False).returncode == -9

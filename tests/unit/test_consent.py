@@ -13,7 +13,7 @@ import time
 import pytest
 
 PROGRAM = textwrap.dedent("""
-    from nvsim.cli.consent import agree
+    from nvsim.cli.consent import ask_for_consent
     from nvsim.cli.console import event_listener
     from nvsim.endpoint.options import Endpoint
     from nvsim.endpoint.budget import Prices
@@ -25,7 +25,7 @@ PROGRAM = textwrap.dedent("""
         listen(Progress("judge", 1, 4))
         try:
             estimate = RequestEstimate(3, 6, 2_000_000, 900, 300)
-            print("agreed", agree([(here, estimate, Prices(1.0, 2.0))], ["A note."], False))
+            print("agreed", ask_for_consent([(here, estimate, Prices(1.0, 2.0))], ["A note."], False))
         except InputError as error:
             print("refused", error)
         listen(Progress("judge", 4, 4))

@@ -19,7 +19,7 @@ import sys
 from pathlib import Path
 import numpy as np
 from numba.core.dispatcher import Dispatcher
-from nvsim_app.drawing.compilation import draw_in_small
+from nvsim_app.drawing.compilation import compile_renderers
 from nvsim_app.drawing.painter import Models, Painter
 from nvsim_app.drawing.warming import Warming
 from nvsim_app.painting.value_colors import CHANNELS
@@ -38,7 +38,7 @@ def compiled():
                 found[f"{kernel.__module__}.{kernel.__qualname__}"] = set(kernel.signatures)
     return found
 
-draw_in_small()
+compile_renderers()
 ahead = compiled()
 assert len(ahead) > 5
 flat = Gaussians(*(np.ascontiguousarray(a) for a in vars(random_room(300)).values()))

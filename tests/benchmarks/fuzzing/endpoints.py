@@ -132,7 +132,7 @@ def _kept() -> list[Seed]:
     from nvsim.endpoint.request import Message, Request
 
     with workshop() as folder:
-        StoredAnswers(folder).put(
+        StoredAnswers(folder).store(
             "ab" * 16, _URL, "m", Request((Message("user", ("where?",)),)), Answer("there", "", False, 9, 2)
         )
         files = files_in(folder)
@@ -143,7 +143,7 @@ def _answers(path: Path) -> object:
     from nvsim.endpoint.answer import StoredAnswers
 
     kept = StoredAnswers(path)
-    return kept.get("ab" * 16), kept.paid(_URL, "m")
+    return kept.get("ab" * 16), kept.tokens_spent(_URL, "m")
 
 
 def _prompts(name: str) -> list[Seed]:
