@@ -7,7 +7,6 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-import cv2
 import numpy as np
 from numpy.typing import NDArray
 
@@ -100,6 +99,8 @@ class PoseNetworks:
 
         Masks of images with people are written to `folder` as NAME.png, people black. Without a network for people, the
         image set stays as it is. Raises InputError if the network cannot be opened or gives wrong shapes."""
+        import cv2
+
         from nvsim.perception.semantic_network import SemanticNetwork
         from nvsim.poses.image_set import mask_path
         from nvsim.poses.tracks import Tracks
@@ -140,5 +141,7 @@ SAME_NETWORKS = PoseNetworks()
 
 
 def _grown(people: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    import cv2
+
     side = 2 * round(_GROWN * max(people.shape)) + 1
     return np.asarray(cv2.dilate(people.astype(np.uint8), np.ones((side, side), np.uint8)) > 0)
