@@ -87,6 +87,7 @@ def test_what_was_imported_before_frames_could_be_left_out_stays_current(project
     assert ledger.key_of("import", plain.key) == ledger.key_of("import", before(None, 1.2, 8))
     assert ledger.key_of("import", CaptureConfig(leave_out="a").key) != ledger.key_of("import", CaptureConfig().key)
     later = {"leave_out", "images", "axes", "model", "poses", "known_length", "views", "mask", "up", "clean"}
+    later |= {"features", "people"}
     assert set(asdict(plain)) - set(plain.key["CaptureConfig"]) == later
     heard: list[Event] = []
     with Project.open(project, writable=True) as opened:
