@@ -114,7 +114,7 @@ class ProposePart(Part):
         if end.sentence:
             self.context.notices.warning(end.sentence)
         else:
-            self._on_measured(end.value.found, end.value.positions)
+            self._on_measured(end.value.evidence, end.value.positions)
 
     def _on_measured(self, found: NewViewpointEvidence, places: dict[str, tuple[float, float, float]]) -> None:
         graph = self.context.document.graph
