@@ -63,7 +63,7 @@ def _kept() -> list[Seed]:
         try:
             with kept_rows(folder / "f.tsv", "a") as rows:
                 for key in _KEPT:
-                    rows.store(key, _MARK, bytes(100))
+                    rows.append(key, _MARK, bytes(100))
                 files = {n: d for n, d in files_in(folder).items() if not n.endswith("lock")}
                 raise KeyboardInterrupt
         except KeyboardInterrupt:
