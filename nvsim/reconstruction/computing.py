@@ -83,7 +83,7 @@ def compute_poses(
     settings = begun.settings if begun is not None else SETTINGS if known is None else known.settings
     if options is None:
         options = begun.options if begun is not None else None if known is None else _options_of(known, footage)
-    networks = networks.kept(begun.networks if begun is not None else () if known is None else known.networks)
+    networks = networks.completed_by(begun.networks if begun is not None else () if known is None else known.networks)
     digests = networks.digests
     if settings != SETTINGS:
         discard(folder)
@@ -117,7 +117,7 @@ def is_finished(
 def _is_current(
     known: PosesReport, footage: Footage, stamp: Stamp, options: CutOptions | None, networks: PoseNetworks
 ) -> bool:
-    if known.stamp != stamp or known.settings != SETTINGS or not networks.agree(known.networks):
+    if known.stamp != stamp or known.settings != SETTINGS or not networks.match_earlier(known.networks):
         return False
     return options is None or options.agrees(known.views, known.mask, footage.sides)
 

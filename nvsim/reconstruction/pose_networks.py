@@ -51,12 +51,12 @@ class PoseNetworks:
                 "omit them."
             )
 
-    def kept(self, before: tuple[Digest, ...]) -> PoseNetworks:
+    def completed_by(self, before: tuple[Digest, ...]) -> PoseNetworks:
         """These names, with those of earlier poses where none is given."""
         names = {use: name for use, name, _ in before}
         return PoseNetworks(self.features or names.get("features", NONE), self.people or names.get("people", NONE))
 
-    def agree(self, before: tuple[Digest, ...]) -> bool:
+    def match_earlier(self, before: tuple[Digest, ...]) -> bool:
         """Whether earlier poses were computed with these networks. Raises InputError if a network is not installed."""
         for use in _ROLES:
             name = getattr(self, use)
@@ -117,7 +117,7 @@ class PoseNetworks:
             image = cv2.imread(str(images.folder / name), cv2.IMREAD_COLOR)
             if image is None:
                 continue
-            people = _grown(network.people(np.asarray(image[..., ::-1], np.uint8)))
+            people = _dilated(network.people(np.asarray(image[..., ::-1], np.uint8)))
             shares.append(float(people.mean()))
             if people.any():
                 path = mask_path(folder, name)
@@ -140,7 +140,7 @@ SAME_NETWORKS = PoseNetworks()
 """Keeps the networks of the poses in the folder."""
 
 
-def _grown(people: NDArray[np.bool_]) -> NDArray[np.bool_]:
+def _dilated(people: NDArray[np.bool_]) -> NDArray[np.bool_]:
     import cv2
 
     side = 2 * round(_GROWN * max(people.shape)) + 1
