@@ -73,8 +73,7 @@ def on_page_markdown(markdown: str, page: Any, config: Any, files: Files) -> str
     if not source.startswith(HISTORY):
         for sentence in wrong_options(markdown):
             log.warning("%s: %s", source, sentence)
-    if source == "perception.md":
-        markdown = markdown.replace("](../models/", "](models/")
+    markdown = re.sub(r"\]\(((?:\.\./)*)\.\./nvsim_resources/models/", r"](\1models/", markdown)
     markdown = IMAGE.sub(lambda image: _for_both_themes(image, source), markdown)
     markdown = re.sub(r"\[([^\]]*)\]\((\.\./\.\./)?examples\)", r"\1", markdown)  # a folder is no page
     return _lists(markdown.replace("](../../examples/", "](examples/"))
