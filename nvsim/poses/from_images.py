@@ -259,14 +259,14 @@ def _straight(
 
     Closed loops give it a shape in which the walls are measured better, so it is straightened again. If the images
     then show fewer of its points, or it breaks, the walls were not at right angles or not found."""
-    poses = straightened(models, inputs.images.folder, inputs.images.times)
+    poses = straightened(models, inputs.images.folder, inputs.images.times, inputs.views)
     if not poses:
         return None
     write_geometries(inputs.path, inputs.views)
     base = _adjusted(poses, dict(models[0].cameras.items()), inputs, True)
     model, _, loops = _closed(*_join_firm_pieces(base, models, inputs), inputs, True)
     pieces = _pieces_of_straight(model, inputs)
-    poses = straightened([model], inputs.images.folder, inputs.images.times)
+    poses = straightened([model], inputs.images.folder, inputs.images.times, inputs.views)
     if loops and len(poses) == model.num_reg_images():
         again = _adjusted(poses, dict(model.cameras.items()), inputs, True)
         if again.compute_num_observations() >= _KEPT * model.compute_num_observations():

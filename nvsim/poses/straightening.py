@@ -70,15 +70,32 @@ class _UprightPart:
         return replace(self, height=self.height * scale, up=rotation @ self.up, wall=rotation @ self.wall)
 
 
-def straightened(models: Sequence[pycolmap.Reconstruction], folder: Path, times: NDArray[np.float64]) -> Poses:
+@dataclass(frozen=True, eq=False)
+class _Timeline:
+    """times     (N,) seconds of the image numbers 1 to N
+    rotating  (N - 1,) bool, whether the camera only rotates from an image to the next
+    """
+
+    times: NDArray[np.float64]
+    rotating: NDArray[np.bool_]
+
+
+def straightened(
+    models: Sequence[pycolmap.Reconstruction],
+    folder: Path,
+    times: NDArray[np.float64],
+    views: Mapping[tuple[int, int], TwoViews],
+) -> Poses:
     """Straightened poses of a video, world to camera by image number, in camera heights with z up.
 
     The result contains the reconstructions that follow each other in time and show a floor. It is empty if none shows a
-    floor. `folder` has the images. `times` (N,) are the seconds of image numbers 1 to N."""
+    floor. `folder` has the images. `times` (N,) are the seconds of image numbers 1 to N. `views` are relative poses of
+    pairs of images, by index."""
     poses: Poses = {}
+    timeline = _Timeline(times, _only_rotating(views, len(times)))
     parts: list[_UprightPart] = []
     for model in sorted(models, key=lambda m: min(m.reg_image_ids())):
-        own, own_parts = _upright(model, folder, times, 1 + max((p.piece for p in parts), default=-1))
+        own, own_parts = _upright(model, folder, timeline, 1 + max((p.piece for p in parts), default=-1))
         if not own:
             continue
         if poses:
@@ -87,7 +104,7 @@ def straightened(models: Sequence[pycolmap.Reconstruction], folder: Path, times:
                 continue
             turn = _turned_on(poses, own)
             own = {n: _placed(pose, turn, 1.0, np.zeros(3), np.zeros(3)) for n, pose in own.items()}
-            start = _dead_reckoned_centers(poses, own, {}, times)[first]
+            start = _dead_reckoned_centers(poses, own, {}, timeline)[first]
             own = {n: _placed(pose, np.eye(3), 1.0, center_of(own[first]), start) for n, pose in own.items()}
             own_parts = [part.turned(turn, 1.0) for part in own_parts]
         poses |= own
@@ -255,7 +272,7 @@ def _anchors(parts: Sequence[_UprightPart]) -> PartAnchors:
 
 
 def _upright(
-    model: pycolmap.Reconstruction, folder: Path, times: NDArray[np.float64], first_piece: int
+    model: pycolmap.Reconstruction, folder: Path, timeline: _Timeline, first_piece: int
 ) -> tuple[Poses, list[_UprightPart]]:
     """The images of a reconstruction, piece by piece upright and in camera heights, and their parts. Empty if it shows
     no floor."""
@@ -264,7 +281,7 @@ def _upright(
     if up is None:
         return {}, []
     piece_of = np.full(len(seen.numbers), -1)
-    for k, piece in enumerate(p for p in firmly_connected_pieces(model, times) if len(p) >= LEAST):
+    for k, piece in enumerate(p for p in firmly_connected_pieces(model, timeline.times) if len(p) >= LEAST):
         piece_of[np.searchsorted(seen.numbers, piece)] = first_piece + k
     given = {n: model.images[n].cam_from_world() for n in seen.numbers.tolist()}
     level = smallest_rotation(up, _UP)
@@ -284,17 +301,17 @@ def _upright(
         here = {n: _placed(given[n], turn, scale, center_of(given[numbers[0]]), np.zeros(3)) for n in numbers}
         between = {n: _placed(given[n], level, 1.0, np.zeros(3), np.zeros(3)) for n in waiting}
         if poses:
-            centers = _dead_reckoned_centers(poses, here, between, times)
+            centers = _dead_reckoned_centers(poses, here, between, timeline)
             here = {n: _placed(pose, np.eye(3), 1.0, np.zeros(3), centers[numbers[0]]) for n, pose in here.items()}
         else:
-            centers = _dead_reckoned_centers({}, here, between, times)
+            centers = _dead_reckoned_centers({}, here, between, timeline)
         poses |= {n: _centered(pose, centers[n]) for n, pose in between.items()} | here
         parts += [_UprightPart(waiting, -1, np.nan, _UNKNOWN, _UNKNOWN)] if waiting else []
         parts += [part.turned(turn, scale) for part in own]
         waiting = []
     if poses and waiting:
         between = {n: _placed(given[n], level, 1.0, np.zeros(3), np.zeros(3)) for n in waiting}
-        centers = _dead_reckoned_centers(poses, {}, between, times)
+        centers = _dead_reckoned_centers(poses, {}, between, timeline)
         poses |= {n: _centered(pose, centers[n]) for n, pose in between.items()}
         parts.append(_UprightPart(waiting, -1, np.nan, _UNKNOWN, _UNKNOWN))
     return poses, parts
@@ -361,6 +378,16 @@ def _without_outliers(parts: list[_UprightPart]) -> list[_UprightPart]:
     return kept
 
 
+def _only_rotating(views: Mapping[tuple[int, int], TwoViews], count: int) -> NDArray[np.bool_]:
+    """(count - 1,) bool, whether the camera only rotates from an image to the next, by the pair that spans the fewest
+    images. Such cameras move by some millimeters."""
+    rotating = np.zeros(count - 1, bool)
+    for first, second in sorted(views, key=lambda pair: pair[0] - pair[1]):  # the longest first
+        if 0 < second - first <= _NEAR:
+            rotating[first:second] = views[first, second].turned
+    return rotating
+
+
 def _turned_on(before: Poses, after: Poses) -> NDArray[np.float64]:
     """(3, 3) rotation about the vertical of the images `after`. It continues the rotation of `before` at the speed of
     both sides."""
@@ -378,17 +405,17 @@ def _turned_on(before: Poses, after: Poses) -> NDArray[np.float64]:
 
 
 def _dead_reckoned_centers(
-    before: Poses, after: Poses, between: Poses, times: NDArray[np.float64]
+    before: Poses, after: Poses, between: Poses, timeline: _Timeline
 ) -> dict[int, NDArray[np.float64]]:
-    """Camera centers of the images `between` and of the first image of `after`, by dead reckoning. `times` (N,) are the
-    seconds of image numbers 1 to N.
+    """Camera centers of the images `between` and of the first image of `after`, by dead reckoning.
 
     The camera goes on with its velocity relative to the viewing direction, which changes evenly from that at the end of
-    `before` to that at the start of `after`. It is slower the faster the camera rotates. If one side is missing, the
-    velocity of the other is used."""
+    `before` to that at the start of `after`. It is slower the faster the camera rotates, and stays where
+    images show that it only rotates. If one side is missing, the velocity of the other is used."""
+    times = timeline.times
     ends = [(before, max(before))] if before else []
     ends += [(after, min(after))] if after else []
-    known = [_velocity(poses, at, times) for poses, at in ends]
+    known = [_velocity(poses, at, timeline) for poses, at in ends]
     poses = {**between, **{at: own[at] for own, at in ends}}
     numbers = sorted(poses)
     first, last = numbers[0], numbers[-1]
@@ -399,7 +426,8 @@ def _dead_reckoned_centers(
         now = _usual_speed(step.turned / max(step.seconds, 1e-9))
         one, other = (velocity * min(_FASTER, now / usual) for velocity, usual in (known[0], known[-1]))
         velocity = one * (1 - share) + other * share
-        centers[n] = centers[at] + step.seconds * np.append(velocity @ step.axes, 0.0)
+        seconds = step.seconds * float(np.mean(~timeline.rotating[at - 1 : n - 1]))
+        centers[n] = centers[at] + seconds * np.append(velocity @ step.axes, 0.0)
     if not before:  # shift the centers so that they end at the start of `after`
         off = center_of(poses[last]) - centers[last]
         centers = {n: center + off for n, center in centers.items()}
@@ -426,10 +454,11 @@ class _Step:
         return rotation_angle(self.other.rotation.matrix() @ self.one.rotation.matrix().T)
 
 
-def _velocity(poses: Poses, at: int, times: NDArray[np.float64]) -> tuple[NDArray[np.float64], float]:
+def _velocity(poses: Poses, at: int, timeline: _Timeline) -> tuple[NDArray[np.float64], float]:
     """(2,) velocity ahead and to the right, per second, and the usual speed of a camera that rotates like there: means
     over the images next to image `at`. They are many enough that errors of their places matter little."""
     near = sorted(poses, key=lambda n: abs(n - at))
+    times = timeline.times
     near = sorted(n for k, n in enumerate(near) if k < _FEWEST or abs(times[n - 1] - times[at - 1]) <= _LAST)
     steps = [_Step(poses[i], poses[j], float(times[j - 1] - times[i - 1])) for i, j in zip(near, near[1:])]
     seconds = sum(step.seconds for step in steps)

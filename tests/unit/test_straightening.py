@@ -102,7 +102,7 @@ def distances(found: dict[int, pycolmap.Rigid3d], true: dict[int, pycolmap.Rigid
 def test_legs_of_any_scale_are_one_walk_again(tmp_path: Path, scales: list[float]) -> None:
     true = true_walk(edge=EDGE)
     model = slipped(true, scales, turned(60, (1, 2, 3)))
-    found = straightened([model], tmp_path, TIMES)
+    found = straightened([model], tmp_path, TIMES, {})
     assert set(found) == set(true)
     assert distances(found, true).max() < 1.5 * STEP  # the camera stops faster than assumed
     for n, one in found.items():  # z is up, and its rotations are those of the walk but for one about the vertical
@@ -123,10 +123,37 @@ def test_a_camera_that_is_not_placed_goes_on_in_time_with_the_direction_relative
     true = {k + 1: on_circle(t) for k, t in enumerate(seconds)}
     before, after = ({n: true[n] for n in numbers} for numbers in (range(1, 11), range(31, 41)))
     between = {n: pycolmap.Rigid3d(true[n].rotation, np.zeros(3)) for n in range(11, 31)}
+    timeline = straightening._Timeline(seconds, np.zeros(39, bool))
     for known, following in ((before, after), (before, {}), ({}, after)):
-        found = straightening._dead_reckoned_centers(known, following, between, seconds)
+        found = straightening._dead_reckoned_centers(known, following, between, timeline)
         off = [np.linalg.norm(center - center_of(true[n])) for n, center in found.items()]
         assert max(off) < 0.03  # of a path of 2.6 meters
+
+
+def test_a_camera_that_only_rotates_stays() -> None:
+    """A walk of 1 m/s, a slow turn in place of six images that show so, by pairs that skip an image, and a walk."""
+    place = np.cumsum([0.2] * 9 + [0] * 6 + [0.2] * 9)
+    yaw = np.cumsum([0] * 9 + [0.05] * 6 + [0] * 9)
+    views = [facing(np.array([np.cos(y), np.sin(y), -0.2])) for y in yaw]
+    true = {n: pose(views[n - 1], np.array([place[n - 1], 0, HIGH])) for n in range(1, 25)}
+    before, after = ({n: true[n] for n in numbers} for numbers in (range(1, 10), range(15, 25)))
+    between = {n: pycolmap.Rigid3d(true[n].rotation, np.zeros(3)) for n in range(10, 15)}
+    off = []
+    for rotates in (False, True):
+        pairs = {
+            (n - 1, n + 1): replace(from_matches(np.zeros((0, 2), np.uint32)), turned=rotates) for n in range(9, 15)
+        }
+        timeline = straightening._Timeline(0.2 * np.arange(24), straightening._only_rotating(pairs, 24))
+        found = straightening._dead_reckoned_centers(before, after, between, timeline)
+        off.append(max(float(np.linalg.norm(center - center_of(true[n]))) for n, center in found.items()))
+    assert off[0] > 0.5
+    assert off[1] < 1e-9
+
+
+def test_the_pair_that_spans_the_fewest_images_decides_whether_the_camera_only_rotates() -> None:
+    turned, moved = (replace(from_matches(np.zeros((0, 2), np.uint32)), turned=t) for t in (True, False))
+    pairs = {(0, 4): turned, (1, 2): moved, (5, 6): turned, (2, 9): turned}
+    assert straightening._only_rotating(pairs, 10).tolist() == [1, 0, 1, 1, 0, 1, 0, 0, 0]
 
 
 def test_two_reconstructions_that_follow_each_other_are_one_walk(tmp_path: Path) -> None:
@@ -139,7 +166,7 @@ def test_two_reconstructions_that_follow_each_other_are_one_walk(tmp_path: Path)
     turn = turned(130, (1, 0, 1))
     second.transform(pycolmap.Sim3d(0.4, pycolmap.Rotation3d(turn), np.array([3.0, -2, 1])))
     assert names_in(first) and names_in(second)
-    found = straightened([second, first], tmp_path, TIMES)
+    found = straightened([second, first], tmp_path, TIMES, {})
     assert set(found) == set(true)
     assert distances(found, true).max() < 1.5 * STEP  # the camera stops faster than assumed
 
@@ -150,7 +177,7 @@ def test_without_a_floor_nothing_is_straightened(tmp_path: Path) -> None:
     points = np.concatenate([center_of(p) + rng.uniform(-5, 5, (60, 3)) for p in true.values()])
     points[:, 2] = rng.uniform(0.9, 2.6, len(points))
     shown, places = seen_from(true, points, 7.0)
-    assert straightened([reconstruction(true, points, shown, places)], tmp_path, TIMES) == {}
+    assert straightened([reconstruction(true, points, shown, places)], tmp_path, TIMES, {}) == {}
 
 
 def test_pieces_are_one_only_if_the_building_is_the_same_on_both_sides(tmp_path: Path) -> None:
