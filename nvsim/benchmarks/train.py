@@ -1,20 +1,28 @@
-"""Measures the cost of a training step and of its parts, in a room that is generated in memory."""
+"""Measures the cost of a training step and of its parts, in a room that is generated in memory.
+
+The baseline on a GPU is a plain step: gsplat rasterization, L1 and SSIM in torch, and Adam. It equals one view in
+gsplat's own example trainer, without background, floor, masks and densification strategies.
+"""
 
 from __future__ import annotations
 
+import itertools
 import statistics
 import time
+from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any
 
 import numba
 import numpy as np
 import torch
+from numpy.typing import NDArray
 
-from nvsim.benchmarks import simple_step
-from nvsim.benchmarks.card import name_of
+from nvsim.benchmarks.card import milliseconds, name_of
 from nvsim.geometry.camera import Camera, Intrinsics, camera_pose
 from nvsim.geometry.floor_surface import FloorSurface
+from nvsim.render.gsplat_backend import rasterize
+from nvsim.splats.types import Gaussians
 from nvsim.training.background.floor_paint import initial_floor_paint
 from nvsim.training.config import Device, preset
 from nvsim.training.devices import choice
@@ -23,6 +31,9 @@ from nvsim.training.synthetic import EYE_HEIGHT, ROOM, photograph, synthetic_gau
 from nvsim.training.views import TrainingView
 
 VIEWS = 24
+SIMPLE_STEPS = 30
+_RATES = {"means": 1.6e-4, "log_scales": 5e-3, "quats": 1e-3, "opacity_logits": 5e-2, "sh": 2.5e-3}
+_WIDTH, _SIGMA = 11, 1.5  # of the SSIM window, in pixels
 
 
 def across(width: int, height: int) -> list[TrainingView]:
@@ -57,7 +68,7 @@ def measure(
     ratio               step / (forward + raster_backward): cost of training relative to rendering and its gradient
     intersections, visible, gaussians, width, height, sh_degree, threads, device
     card_memory_mib     peak memory of tensors on the GPU, only with a GPU
-    simple_step_ms      the step of `simple_step.measure`, only with a GPU
+    simple_step_ms      the step of `measure_simple_step`, only with a GPU
 
     On a GPU, raster includes project and sort. The time of raster_backward ends when the work is submitted; the rest
     of it counts in the following parts. Raises InputError if the device is missing.
@@ -89,7 +100,7 @@ def measure(
     figures["ratio"] = figures["step_ms"] / (figures["forward_ms"] + figures["raster_backward_ms"])
     if place is not None:
         start = synthetic_gaussians(gaussians, sh_degree, seed)
-        figures |= simple_step.measure(start, [v.camera for v in views], [v.image for v in views], place)
+        figures |= measure_simple_step(start, [v.camera for v in views], [v.image for v in views], place)
     if place == "cuda":
         figures["card_memory_mib"] = torch.cuda.max_memory_allocated() / (1 << 20)
     return {
@@ -103,3 +114,51 @@ def measure(
         "sh_degree": sh_degree,
         "threads": numba.get_num_threads(),
     }
+
+
+def measure_simple_step(
+    gaussians: Gaussians,
+    cameras: Sequence[Camera],
+    images: Sequence[NDArray[np.uint8]],
+    device: str,
+    steps: int = SIMPLE_STEPS,
+) -> dict[str, float]:
+    """simple_step_ms: median time of a step over `gaussians`. The steps take turns through `cameras` and their `images`
+    (H, W, 3) uint8 RGB."""
+    given = {name: getattr(gaussians, name) for name in _RATES}
+    tensors = {name: torch.tensor(a, device=device, requires_grad=True) for name, a in given.items()}
+    groups = [{"params": [tensors[name]], "lr": rate} for name, rate in _RATES.items()]
+    adam = torch.optim.Adam(groups, eps=1e-15, fused=device != "cpu")
+    photos = [torch.tensor(image, device=device).float() / 255 for image in images]
+    window = _window(device)
+    turns = itertools.cycle(range(len(cameras)))
+
+    def step() -> None:
+        at = next(turns)
+        drawn = rasterize(*(tensors[name] for name in _RATES), camera=cameras[at])
+        loss = 0.8 * (drawn.rgb - photos[at]).abs().mean() + 0.2 * (1 - _ssim(drawn.rgb, photos[at], window))
+        loss.backward()
+        adam.step()
+        adam.zero_grad(set_to_none=True)
+
+    return {"simple_step_ms": milliseconds(step, device, steps)}
+
+
+def _window(device: str) -> torch.Tensor:
+    x = torch.arange(_WIDTH, device=device) - _WIDTH // 2
+    line = torch.exp(-(x**2) / (2 * _SIGMA**2))
+    line = line / line.sum()
+    return (line[:, None] * line[None]).expand(3, 1, _WIDTH, _WIDTH).contiguous()
+
+
+def _ssim(a: torch.Tensor, b: torch.Tensor, window: torch.Tensor) -> torch.Tensor:
+    a, b = a.permute(2, 0, 1)[None], b.permute(2, 0, 1)[None]
+
+    def blurred(image: torch.Tensor) -> torch.Tensor:
+        return torch.nn.functional.conv2d(image, window, padding=_WIDTH // 2, groups=3)
+
+    mean_a, mean_b = blurred(a), blurred(b)
+    var_a, var_b = blurred(a * a) - mean_a**2, blurred(b * b) - mean_b**2
+    both = blurred(a * b) - mean_a * mean_b
+    alike = (2 * mean_a * mean_b + 1e-4) * (2 * both + 9e-4)
+    return (alike / ((mean_a**2 + mean_b**2 + 1e-4) * (var_a + var_b + 9e-4))).mean()

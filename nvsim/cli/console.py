@@ -32,7 +32,7 @@ def redirect_events(listen: Listener) -> Iterator[None]:
 
 
 def advise(verb: str, arguments: Sequence[str] = ()) -> None:
-    """Sets the command for whose options messages are renamed, see `nvsim.cli.advice`."""
+    """Sets the command for whose options messages are renamed, see `nvsim.cli.options`."""
     global _verb, _arguments, _stage
     _verb, _arguments, _stage = verb, tuple(arguments), ""
 
@@ -51,7 +51,7 @@ def with_command_options(text: str, stage: str = "") -> str:
     """A message with options renamed for the running command. `stage`: its stage, by default that of the last event."""
     if not _verb or "--" not in text:
         return text
-    from nvsim.cli.advice import rename_options
+    from nvsim.cli.options import rename_options
 
     return rename_options(_verb, text, stage or _stage)
 

@@ -197,7 +197,7 @@ def _export(
     about |= {"agents": list(o.agents), "candidates": any(AGENTS[name].candidates for name in o.agents)}
     about |= {"frames": o.frames, "scenes": o.scenes}
     about |= {"baselines": figures, "options": json.loads(json.dumps(asdict(o), default=str))}
-    from nvsim.dataset.card import card_of
+    from nvsim.dataset.tables import card_of
 
     atomic.write_text(out / CARD, card_of(about))
     atomic.write_text(out / RECORD, json.dumps(_finite(about), indent=1) + "\n")

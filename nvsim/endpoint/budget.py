@@ -11,8 +11,7 @@ from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 
-from nvsim.endpoint.answer import Answer
-from nvsim.endpoint.request import Detail, Image, Request
+from nvsim.endpoint.request import Answer, Detail, Image, Request
 from nvsim.errors import InputError
 
 

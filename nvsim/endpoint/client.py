@@ -16,11 +16,10 @@ from email.utils import parsedate_to_datetime
 from pathlib import Path
 from typing import Any
 
-from nvsim.endpoint.answer import MOST_TOKENS, Answer, StoredAnswers
 from nvsim.endpoint.budget import Budget, tokens_in
 from nvsim.endpoint.connection import LARGEST, Connection, NoReply, Reply, TooLarge
 from nvsim.endpoint.options import AskingOptions, Endpoint
-from nvsim.endpoint.request import Request
+from nvsim.endpoint.request import MOST_TOKENS, Answer, Request, StoredAnswers
 from nvsim.errors import InputError, shown
 from nvsim.events import Listener, Warning, ignore_event
 from nvsim.files.opening import parse_json

@@ -1,4 +1,4 @@
-"""Run the paper's ablation and the comparison of presets on one project: train, score, and show every row.
+"""Run the paper's ablation and the comparison of presets on one project: train, score, show and write every row.
 
 All rows use equal steps, image size, numbers of Gaussians, and seeds, and are scored on equal images. Each submap's
 model is scored on the held-out frames of its core, and on the novel views that are nearest to it.
@@ -29,9 +29,9 @@ from nvsim.evaluation.ablation_runs import (
     progress_of_run,
     training_run,
 )
-from nvsim.evaluation.comparison import ComparedImage, Tile
+from nvsim.evaluation.comparison import ComparedImage, Tile, draw_comparison
 from nvsim.evaluation.scores import Distance, Image, Scores, mean_scores, score
-from nvsim.evaluation.table import SPREAD
+from nvsim.evaluation.table import ALPHA, NOVEL, SPREAD, WITH_FLOOR, WITHOUT_FLOOR, Column, csv_table, text_table
 from nvsim.evaluation.truth import truth_of
 from nvsim.evaluation.views import (
     HeldOut,
@@ -43,6 +43,7 @@ from nvsim.evaluation.views import (
     score_novel,
 )
 from nvsim.events import Listener, Log
+from nvsim.files import atomic
 from nvsim.geometry.camera import Camera
 from nvsim.project.project import Project
 from nvsim.project.stages.floors import floors_key
@@ -55,6 +56,11 @@ _SHARE = 0.3  # share of floor in an image that is good to show
 STAGE = "ablation"
 _SHOWN_SUBMAPS = 4
 _SHOWN_FRAMES = {1: 3, 2: 2}  # number of submaps -> shown frames per submap; 1 if there are more submaps
+_HEADS = {
+    ABLATION: "Ablation: every row adds to the one above it",
+    COMPARISON: "Presets, with equal steps, image size and Gaussians",
+}
+_COST = (Column("seconds", "seconds", "training", 0), Column("gaussians", "Gaussians", "training", 0))
 
 
 @dataclass(eq=False)
@@ -300,3 +306,37 @@ def _benches(
     for submap in submaps:
         count = _SHOWN_FRAMES.get(len(submaps), 1) if submap.index in pictured else 0
         yield submap, SubmapViews(project, truth, frames[submap.index], novel[submap.index], distance, count)
+
+
+def text_of(outcome: AblationResult, lpips_why: str) -> str:
+    """The tables with notes. An asterisk marks the best value of a column."""
+    parts = []
+    for name, table in outcome.tables.items():
+        columns = [Column("title", "experiment"), *WITH_FLOOR, *WITHOUT_FLOOR, *ALPHA]
+        if any(row.get("novel_psnr") is not None for row in table.rows):
+            columns += NOVEL
+        parts.append(f"{_HEADS[name]}\n\n{text_table([*columns, *_COST], table.rows, mark_best=True)}")
+    count = max((row["frames"] for table in outcome.tables.values() for row in table.rows), default=0)
+    notes = [f"Means over {count} held-out frames; seconds and Gaussians are sums over the submaps."]
+    if lpips_why:
+        notes.append(f"LPIPS is empty: {lpips_why}.")
+    return "\n".join([*parts, *notes]) + "\n"
+
+
+def write_report(outcome: AblationResult, folder: Path, lpips_why: str) -> list[Path]:
+    """Writes tables.txt, and a CSV file and an image per table; returns their paths. Raises InputError if the disk
+    refuses."""
+    files = [folder / "tables.txt"]
+    atomic.write_text(files[0], text_of(outcome, lpips_why))
+    for name, table in outcome.tables.items():
+        files += [folder / f"{name}.csv", folder / f"{name}.png"]
+        atomic.write_text(files[-2], csv_of(table))
+        draw_comparison(files[-1], [row["title"] for row in table.rows], outcome.shown, table.tiles)
+    return files
+
+
+def csv_of(table: AblationTable) -> str:
+    """One line per row, seed, and submap, and one line per row with the means."""
+    first = ["row", "title", "seed", "submap"]
+    rows = [{**row, "seed": "mean", "submap": "mean"} for row in table.rows] + table.parts
+    return csv_table([*first, *dict.fromkeys(k for r in rows for k in r if k not in first)], rows)

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from nvsim.graph.paths import PathGraph
 from nvsim.graph.structure import evenly_spaced_rows
 from nvsim.graph.types import NavGraph
-from nvsim.occupancy.geodesic import Geodesics
+from nvsim.occupancy.grid_ways import Geodesics
 from nvsim.occupancy.paths import points_are_free, segments_are_free, standing_room
 from nvsim.occupancy.storeys import Stair, StoreyMap, StoreyMaps
 from nvsim.occupancy.types import OccupancyMap
@@ -172,7 +172,7 @@ def map_structure(
     detour_pairs            number of pairs connected on the map
 
     Map paths lead from 8 to 50 viewpoints where the robot can stand to all others. The selection is deterministic.
-    These paths are up to 2.8 % too long (`nvsim.occupancy.geodesic.ERROR`), so a detour is too small by up to as much.
+    These paths are up to 2.8 % too long (`nvsim.occupancy.grid_ways.ERROR`), so a detour is too small by up to as much.
     A metric without any pairs is 0.
     """
     ways = PathGraph.of(graph)

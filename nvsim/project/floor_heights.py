@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from nvsim.geometry.cells import grid_size
 from nvsim.geometry.floor_surface import Floor, FloorSurface, StackedFloor
-from nvsim.submaps.storeys import TrajectoryStoreys, storeys_of
+from nvsim.submaps.split import TrajectoryStoreys, storeys_of
 
 if TYPE_CHECKING:
     from nvsim.capture.types import Capture

@@ -16,8 +16,7 @@ from numpy.typing import NDArray
 from nvsim.errors import InputError
 from nvsim.splats.files import DESCRIPTION, load_model, memory_needed
 from nvsim.splats.types import SubmapModel
-from nvsim.submaps.split import Submap
-from nvsim.submaps.storeys import storeys_of
+from nvsim.submaps.split import Submap, storeys_of
 
 T = TypeVar("T")
 NEAR_BORDER = 3.0

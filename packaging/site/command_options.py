@@ -11,10 +11,9 @@ from collections.abc import Iterator
 from functools import cache
 from pathlib import Path
 
-from nvsim.cli.advice import options_of
+from nvsim.cli.arguments import invocation, option_help
 from nvsim.cli.command_table import COMMANDS
-from nvsim.cli.help import invocation, option_help
-from nvsim.cli.options import command_of, options
+from nvsim.cli.options import command_of, options, options_of
 
 ROOT = Path(__file__).resolve().parents[2]
 OPTION = re.compile(r"(?<![\w-])--[a-z][\w.-]*")

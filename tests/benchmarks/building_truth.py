@@ -14,9 +14,9 @@ from numba import njit
 from scipy import ndimage
 
 from nvsim.building.config import BuildingConfig
+from nvsim.building.generation import scan
 from nvsim.building.raycast import trace
 from nvsim.building.rendering import render
-from nvsim.building.scan import scan
 from nvsim.building.scene import CAMERA_HEIGHT, Scene, make_scene, textures_of
 from nvsim.building.truth import floor_mask, occupancy, transient_mask
 from nvsim.capture.types import Cloud

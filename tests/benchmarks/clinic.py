@@ -18,9 +18,8 @@ from nvsim.building.painting import Image, paint_face, paint_floor, smooth_noise
 from nvsim.building.placement import furnish
 from nvsim.building.plan import INNER_WALL, Opening, Plan, Rect, Room, Storey, TrajectoryCorner, Wall
 from nvsim.building.raycast import make_solids
-from nvsim.building.scene import Scene
+from nvsim.building.scene import Scene, path, with_floor_heights
 from nvsim.building.solids import BACK, LEFT, TOP, Box, Color, Paint, wall_boxes
-from nvsim.building.walk import path, with_floor_heights
 
 Route = Literal["corridor", "loop"]
 PITCH = 3.6  # meters between doors

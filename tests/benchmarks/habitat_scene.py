@@ -21,7 +21,7 @@ import tyro
 from numpy.typing import NDArray
 
 from nvsim.cli.terminal import table
-from nvsim.dataset.habitat.collision import rectangles
+from nvsim.dataset.habitat.scene import rectangles
 from nvsim.graph.connectivity import read_connectivity
 from nvsim.occupancy.read import read_map
 from nvsim.occupancy.types import FREE, OccupancyMap

@@ -32,9 +32,8 @@ from rooms import KINDS, make_room
 from nvsim.building import BuildingConfig, baking
 from nvsim.building.baking import Painters, Textures, bake
 from nvsim.building.rendering import _mirror, _trace_pixel
-from nvsim.building.scene import Scene, make_person, make_scene
+from nvsim.building.scene import Scene, make_person, make_scene, path, with_floor_heights
 from nvsim.building.truth import occupancy
-from nvsim.building.walk import path, with_floor_heights
 from nvsim.geometry.camera import Intrinsics
 from nvsim.occupancy.ros import write_ros_map
 

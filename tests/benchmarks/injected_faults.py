@@ -374,7 +374,6 @@ def _(s: Sample) -> None:
 
 def remember() -> None:
     """Caches features and matches of images that several faults do not change. The findings do not change."""
-    import nvsim.poses.matching
     import nvsim.poses.overlap
     import nvsim.poses.refinement
 
@@ -393,7 +392,7 @@ def remember() -> None:
     )
     for module in (nvsim.poses.overlap, nvsim.poses.refinement):
         module.find_features = seen  # type: ignore[attr-defined]
-    for module in (nvsim.poses.overlap, nvsim.poses.matching):
+    for module in (nvsim.poses.overlap, nvsim.poses.refinement):
         module.alike = matched  # type: ignore[attr-defined]
 
 

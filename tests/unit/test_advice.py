@@ -10,16 +10,16 @@ from pathlib import Path
 import pytest
 
 from nvsim.cli import console
-from nvsim.cli.advice import _OPTION, options_of, rename_options
 from nvsim.cli.commands.stages import Map
 from nvsim.cli.guard import guarded
 from nvsim.cli.main import COMMANDS, main
+from nvsim.cli.options import _OPTION, options_of, rename_options
 from nvsim.errors import InputError
 from nvsim.events import Done, Event, Log, Warning
 
 ROOT = Path(__file__).parents[2]
 OTHERS = {
-    *("--head", "--generate"),  # of Ray and of openssl, in nvsim/cluster/ray_connection.py
+    *("--head", "--generate"),  # of Ray and of openssl, in nvsim/cluster/executor_choice.py
     *("--version", "--tyro-"),  # of nvsim itself, and of the parser
     *("--bench", "--bench-edits", "--theme", "--screenshot", "--renderer"),  # of python -m nvsim_app
 }

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 from gsplat_reference import INSTALLED, stand_in
 
-from nvsim.benchmarks import render_card, simple_step, train
+from nvsim.benchmarks import render_card, train
 from nvsim.benchmarks.random_room import random_room
 from nvsim.benchmarks.render import inside_view
 from nvsim.cli.main import main
@@ -33,7 +33,7 @@ def test_a_view_is_measured_and_held_to_the_kernels(monkeypatch: pytest.MonkeyPa
 def test_a_training_step_is_measured_beside_the_plain_one(monkeypatch: pytest.MonkeyPatch) -> None:
     stand_in(monkeypatch)
     monkeypatch.setattr(choice, "gpu_name", lambda device: "cpu")
-    monkeypatch.setattr(simple_step, "STEPS", 2)
+    monkeypatch.setattr(train, "SIMPLE_STEPS", 2)
     figures = train.measure(200, 40, 30, 1, steps=2, warm_up=1)
     assert figures["step_ms"] > 0 and figures["simple_step_ms"] > 0 and figures["visible"] > 0
 
@@ -53,7 +53,7 @@ def test_the_plain_step_learns(monkeypatch: pytest.MonkeyPatch) -> None:
         backward(tensor, *given, **named)
 
     monkeypatch.setattr(torch.Tensor, "backward", heard)
-    simple_step.measure(g, [camera], [white], "cpu", steps=12)
+    train.measure_simple_step(g, [camera], [white], "cpu", steps=12)
     assert losses[-1] < losses[0]
 
 

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from nvsim.building import BuildingConfig
+from nvsim.building.generation import scan
 from nvsim.building.rendering import render
-from nvsim.building.scan import scan
 from nvsim.building.scene import Scene, make_scene, textures_of
 from nvsim.building.truth import floor_mask, occupancy
 from nvsim.geometry.camera import Camera, Intrinsics, camera_pose

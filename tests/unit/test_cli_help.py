@@ -9,13 +9,12 @@ from pathlib import Path
 import pytest
 import tyro
 
-from nvsim.cli.advice import options_of
 from nvsim.cli.arguments import parse
 from nvsim.cli.command_table import COMMANDS
 from nvsim.cli.commands.run import summary
 from nvsim.cli.help_table import COMMON, EXAMPLES, LIMIT, WITHOUT
 from nvsim.cli.main import main
-from nvsim.cli.options import command_of, options
+from nvsim.cli.options import command_of, options, options_of
 from nvsim.graph.types import NavGraph, Viewpoint, edge
 from nvsim.project.project import Project
 

@@ -7,11 +7,10 @@ import numpy as np
 import pytest
 
 from nvsim.depth.agreement import compare_depth_maps
-from nvsim.depth.census import census_of
 from nvsim.depth.refinement import refine, smooth_depth
 from nvsim.depth.smoothing import best_inverse_depth, smooth
 from nvsim.depth.sweep import WORST, sweep, turned_census
-from nvsim.depth.view import View, Warp, neighbours
+from nvsim.depth.view import View, Warp, census_of, neighbours
 from nvsim.geometry.camera import Camera, Intrinsics
 
 LENS = Intrinsics(96, 72, 80.0, 80.0, 48.0, 36.0)

@@ -5,12 +5,11 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from nvsim.depth.census import census_of
 from nvsim.depth.config import DepthConfig, LabelConfig
 from nvsim.depth.fusion import ObservedPoints
 from nvsim.depth.labelling import label_planes
 from nvsim.depth.planes import find_planes
-from nvsim.depth.view import View, Warp
+from nvsim.depth.view import View, Warp, census_of
 from nvsim.depth.visibility import Carver
 from nvsim.errors import InputError
 from nvsim.geometry.camera import Camera, Intrinsics

@@ -18,7 +18,6 @@ from typing import Any
 import pytest
 from endpoint_server import Asked, Reply, Service, said, serving, wrong
 
-from nvsim.endpoint.answer import StoredAnswers
 from nvsim.endpoint.asking import (
     MissingAnswer,
     ParsedAnswer,
@@ -31,7 +30,7 @@ from nvsim.endpoint.budget import Budget, BudgetSpent, Prices, estimate_requests
 from nvsim.endpoint.client import Client, Unreachable
 from nvsim.endpoint.options import AskingOptions, Endpoint, OneEndpoint
 from nvsim.endpoint.prompt import Prompt
-from nvsim.endpoint.request import Image, Message, Request
+from nvsim.endpoint.request import Image, Message, Request, StoredAnswers
 from nvsim.errors import InputError
 
 PIXEL = Image("a pixel", b"\xff\xd8\xff\xe0 not looked at", 640, 480)
@@ -349,7 +348,7 @@ def test_after_a_kill_no_question_is_sent_twice(tmp_path: Path) -> None:
         import sys
         from pathlib import Path
         from nvsim.endpoint.options import Endpoint
-        from nvsim.endpoint.answer import StoredAnswers
+        from nvsim.endpoint.request import StoredAnswers
         from nvsim.endpoint.budget import Budget, Prices
         from nvsim.endpoint.client import Client
         from nvsim.endpoint.options import AskingOptions

@@ -16,12 +16,11 @@ from pathlib import Path
 import pytest
 from endpoint_server import Reply, said, serving
 
-from nvsim.endpoint.answer import StoredAnswers
 from nvsim.endpoint.budget import Budget, Prices
 from nvsim.endpoint.client import Client, Unreachable
 from nvsim.endpoint.connection import LARGEST
 from nvsim.endpoint.options import AskingOptions, Endpoint
-from nvsim.endpoint.request import Message, Request
+from nvsim.endpoint.request import Message, Request, StoredAnswers
 from nvsim.errors import InputError
 
 QUESTION = Request((Message("user", ("What is this?",)),), 50)

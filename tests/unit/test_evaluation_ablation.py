@@ -12,8 +12,15 @@ import numpy as np
 import pytest
 
 from nvsim.errors import InputError
-from nvsim.evaluation.ablation import AblationResult, AblationTable, ScoredRun, _over_seeds, mean_over_submaps
-from nvsim.evaluation.ablation_report import text_of, write_report
+from nvsim.evaluation.ablation import (
+    AblationResult,
+    AblationTable,
+    ScoredRun,
+    _over_seeds,
+    mean_over_submaps,
+    text_of,
+    write_report,
+)
 from nvsim.evaluation.ablation_runs import ROWS, Budget, ablation_rows, preset_rows, training_run
 from nvsim.evaluation.comparison import WIDTH, ComparedImage, Tile
 from nvsim.project import ledger

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from nvsim.cli.main import main
 from nvsim.dataset.habitat import surface
-from nvsim.dataset.habitat.collision import HEIGHT, rectangles
+from nvsim.dataset.habitat.scene import HEIGHT, rectangles
 from nvsim.events import ignore_event
 from nvsim.graph.types import NavGraph
 from nvsim.r2r.episodes.episode import scene_id
@@ -126,7 +126,7 @@ def test_robots_stand_where_the_true_floor_is_free(made: tuple[Path, list[Block]
 
 
 def test_stairs_become_ramps() -> None:
-    from nvsim.dataset.habitat.collision import collision_mesh
+    from nvsim.dataset.habitat.scene import collision_mesh
     from nvsim.graph.types import Viewpoint, edge
 
     viewpoints = {"a": Viewpoint("a", (0, 0, 1.5)), "b": Viewpoint("b", (0, 2, 2.5)), "c": Viewpoint("c", (0, 4, 3.5))}

@@ -15,8 +15,7 @@ from nvsim.evaluation.structure import MapPaths, map_structure
 from nvsim.graph.paths import SAME_LENGTH, PathGraph
 from nvsim.graph.structure import structure
 from nvsim.graph.types import NavGraph, Viewpoint, edge
-from nvsim.occupancy.geodesic import Geodesics
-from nvsim.occupancy.grid_ways import ERROR
+from nvsim.occupancy.grid_ways import ERROR, Geodesics
 from nvsim.occupancy.paths import standing_room
 from nvsim.occupancy.storeys import Stair, StoreyMap, StoreyMaps
 from nvsim.occupancy.types import OCCUPIED

@@ -14,8 +14,7 @@ from nvsim.mapping.builder import build_map
 from nvsim.mapping.config import MappingConfig
 from nvsim.mapping.search.trajectory import Walk
 from nvsim.mapping.settling.shortcuts import Shortcuts, WideKnownFloor
-from nvsim.occupancy.geodesic import Geodesics
-from nvsim.occupancy.grid_ways import ERROR
+from nvsim.occupancy.grid_ways import ERROR, Geodesics
 from nvsim.occupancy.paths import standing_room
 from nvsim.occupancy.types import OCCUPIED, OccupancyMap
 

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from nvsim.building import BuildingConfig
-from nvsim.building.scan import scan
+from nvsim.building.generation import scan
 from nvsim.building.scene import Scene, make_scene, textures_of
 from nvsim.building.truth import occupancy
 from nvsim.capture.types import Alignment, Capture, Frame

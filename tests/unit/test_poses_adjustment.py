@@ -10,7 +10,7 @@ from scipy.spatial.transform import Rotation
 from nvsim.geometry.camera import Camera, Intrinsics, camera_pose
 from nvsim.poses.adjustment import _AdjustmentState, adjust
 from nvsim.poses.features import Features, match_features
-from nvsim.poses.matching import epipolar_distances, pairs_to_compare
+from nvsim.poses.refinement import epipolar_distances, pairs_to_compare
 from nvsim.poses.tracks import Tracks, tracks_of
 
 K = Intrinsics(640, 480, 500.0, 490.0, 318.0, 243.0)

@@ -18,9 +18,8 @@ from nvsim.cli.main import main
 from nvsim.errors import InputError
 from nvsim.graph.paths import PathGraph
 from nvsim.graph.types import NavGraph, Viewpoint, edge
-from nvsim.r2r.tasks.joining import by_increasing_use
 from nvsim.r2r.tasks.shortest import PathBounds, ShortestPaths, eligible_paths
-from nvsim.r2r.tasks.splitting import SPLITS, Dataset, Impassable, PathCounts, sample_tasks
+from nvsim.r2r.tasks.splitting import SPLITS, Dataset, Impassable, PathCounts, by_increasing_use, sample_tasks
 from nvsim.r2r.tasks.task import read_tasks, write_tasks
 
 

@@ -11,10 +11,10 @@ import torch
 from safetensors.torch import save_file
 
 from nvsim.building.config import BuildingConfig
+from nvsim.building.generation import scan
 from nvsim.building.painting import paint_face
 from nvsim.building.plan import HEIGHT, Rect
 from nvsim.building.rendering import render
-from nvsim.building.scan import scan
 from nvsim.building.scene import make_scene, textures_of
 from nvsim.building.solids import Paint
 from nvsim.building.truth import floor_mask, normals

@@ -8,8 +8,7 @@ from numpy.typing import NDArray
 
 from nvsim.building import BuildingConfig
 from nvsim.building.scene import CAMERA_HEIGHT, make_scene
-from nvsim.submaps.split import SubmapConfig, split
-from nvsim.submaps.storeys import storeys_of
+from nvsim.submaps.split import SubmapConfig, split, storeys_of
 
 
 def round_trip(z: float, x: float = 0.0, count: int = 60) -> NDArray[np.float64]:

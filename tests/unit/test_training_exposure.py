@@ -8,9 +8,8 @@ import numpy as np
 
 from nvsim.training.background.floor_paint import initial_floor_paint
 from nvsim.training.config import TrainingConfig
-from nvsim.training.exposure import HOLD, Exposure
 from nvsim.training.initialise import initial_gaussians
-from nvsim.training.model_fit import ModelFit
+from nvsim.training.model_fit import HOLD, Exposure, ModelFit
 from nvsim.training.synthetic import synthetic_room
 
 

@@ -20,11 +20,10 @@ from nvsim.splats.types import SubmapModel
 from nvsim.training import trainer
 from nvsim.training.config import PRESETS, TrainingConfig, preset
 from nvsim.training.model_fit import STEP_PARTS
-from nvsim.training.preview import MOST_STEPS, PreviewFiles
-from nvsim.training.preview import preview as preview_of
 from nvsim.training.strategies.config import AdaptiveConfig, CappedConfig
 from nvsim.training.synthetic import SyntheticRoom, synthetic_room
-from nvsim.training.trainer import train_submap
+from nvsim.training.trainer import MOST_STEPS, PreviewFiles, train_submap
+from nvsim.training.trainer import preview as preview_of
 from nvsim.training.views import TrainingView
 
 SMALL = TrainingConfig(steps=60, gaussian_cap=3000, checkpoint_seconds=0.0)

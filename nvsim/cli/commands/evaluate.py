@@ -239,8 +239,7 @@ class EvaluateAblation(ProjectArguments):
     def run(self) -> int:
         """Runs the command. Raises InputError if --resume and --afresh are both given."""
         from nvsim.errors import InputError
-        from nvsim.evaluation.ablation import STAGE, AblationConfig, evaluate_ablation
-        from nvsim.evaluation.ablation_report import text_of, write_report
+        from nvsim.evaluation.ablation import STAGE, AblationConfig, evaluate_ablation, text_of, write_report
         from nvsim.evaluation.ablation_runs import Budget, runs_folder
         from nvsim.evaluation.scores import open_lpips
         from nvsim.events import Done

@@ -235,9 +235,9 @@ def _collect_verdicts(
     if not endpoints:
         return judged
     from nvsim.cli.consent import ask_for_consent
-    from nvsim.endpoint.answer import StoredAnswers
     from nvsim.endpoint.budget import Budget
     from nvsim.endpoint.client import Client
+    from nvsim.endpoint.request import StoredAnswers
     from nvsim.evaluation.judging.judges import JudgeRequester, read_prompt
 
     asker = JudgeRequester(read_prompt(a.prompt), a.image_width)

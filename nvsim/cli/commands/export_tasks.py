@@ -209,8 +209,8 @@ def _asked_instructions(
 
     Raises InputError if there are no images to send, the user does not agree, or the endpoint does not answer."""
     from nvsim.cli.consent import ask_for_consent
-    from nvsim.endpoint.answer import StoredAnswers
     from nvsim.endpoint.client import Client
+    from nvsim.endpoint.request import StoredAnswers
     from nvsim.r2r.prompted.instructions import InstructionWriter, read_prompt
     from nvsim.r2r.prompted.views import ViewRenderer
     from nvsim.r2r.tasks.splitting import replace_instructions

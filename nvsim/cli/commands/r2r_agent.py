@@ -93,8 +93,8 @@ def _run_mapgpt(a: R2RAgent, scans: Path, tasks: Path) -> int:
     from nvsim.cli.consent import ask_for_consent, exit_code
     from nvsim.cli.console import event_listener
     from nvsim.cli.terminal import as_json
-    from nvsim.endpoint.answer import StoredAnswers
     from nvsim.endpoint.client import Client
+    from nvsim.endpoint.request import StoredAnswers
     from nvsim.r2r.agents.benchmark import Benchmark
     from nvsim.r2r.metrics.submission import write_submission
     from nvsim.r2r.prompted.mapgpt import MapGpt, episodes_of, estimate_episodes, run_mapgpt

@@ -5,8 +5,18 @@ not allow it. It returns the given graph object if nothing changes.
 """
 
 from nvsim.graph.edits.change import Change, EditError
-from nvsim.graph.edits.edges import Visible, add_edge, add_edges, connect_visible, remove_edge, remove_edges
-from nvsim.graph.edits.marking import heed_finding, ignore_finding, mark_reviewed, set_locked
+from nvsim.graph.edits.edges import (
+    Visible,
+    add_edge,
+    add_edges,
+    connect_visible,
+    heed_finding,
+    ignore_finding,
+    mark_reviewed,
+    remove_edge,
+    remove_edges,
+    set_locked,
+)
 from nvsim.graph.edits.moving import (
     align_to_lattice,
     chain,

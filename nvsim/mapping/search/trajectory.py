@@ -12,7 +12,7 @@ from nvsim.geometry.cells import grid_size
 from nvsim.mapping.corridor import SupportAt
 from nvsim.mapping.evidence.traversed_floor import JUMP
 from nvsim.mapping.search.graph_builder import GraphBuilder
-from nvsim.submaps.storeys import storeys_of
+from nvsim.submaps.split import storeys_of
 
 _SPACING = 0.4  # meters between the positions that are used
 _CELL = 0.1  # meters, of the grid on which clearance is measured

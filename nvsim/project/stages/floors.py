@@ -1,4 +1,5 @@
-"""Finds the floor: a surface for each submap, a mask for each frame, and the floor that the masks support together."""
+"""Finds the floor: a surface for each submap, a mask for each frame, and the floor that the masks support together.
+Thin obstacles above the floor that estimated depth misses are found with the masks."""
 
 from __future__ import annotations
 
@@ -11,11 +12,14 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from nvsim.capture.images import read_image
+from nvsim.capture.masks import usable_pixels
 from nvsim.cluster.config import Storage
 from nvsim.cluster.piece import Executor
 from nvsim.errors import InputError
 from nvsim.events import Done, Listener, Log, Progress, Warning, ignore_event
 from nvsim.files.atomic import replacement_file
+from nvsim.files.stored_arrays import read_arrays
 from nvsim.geometry.floor_surface import FloorSurface, StackedFloor
 from nvsim.perception.roles import FAILURE_WORDS
 from nvsim.project import ledger
@@ -28,15 +32,18 @@ from nvsim.project.project import Project
 from nvsim.project.stages import levels
 from nvsim.project.stages.depths import depth_maps
 from nvsim.project.stages.imported import capture_config
-from nvsim.project.stages.raised_obstacles import find_thin_obstacles, thin_obstacle_places
 from nvsim.project.stages.submaps import submaps_key, submaps_of_capture
 from nvsim.project.work import StageName
-from nvsim.submaps.split import Submap
-from nvsim.submaps.storeys import TrajectoryStoreys, storeys_of
+from nvsim.submaps.split import Submap, TrajectoryStoreys, storeys_of
 
 if TYPE_CHECKING:
     from nvsim.capture.types import Cloud
+    from nvsim.geometry.camera import Camera
+    from nvsim.geometry.floor_surface import FloorSurface
     from nvsim.perception.support import FloorSupport
+
+
+_THREADS = 2
 
 
 def floor_surfaces(project: Project, submaps: tuple[Submap, ...], config: CaptureConfig) -> dict[int, FloorSurface]:
@@ -273,3 +280,55 @@ def floors_key(project: Project) -> str:
     """The key of the committed masks, "" if there are none."""
     found = ledger.record(project, STAGE)
     return "" if found is None else found.key
+
+
+def find_thin_obstacles(project: Project, floors: dict[int, FloorSurface], listen: Listener, stage: str) -> None:
+    """Writes the places of thin obstacles; an existing file is kept. `floors` has the floor surface around each frame.
+    Raises InputError if an image cannot be read."""
+    from nvsim.perception.raised_lines import LineConfig, raised_lines, thin_object_places
+
+    path = project.layout.raised
+    if path.exists():
+        return
+    capture, config = project.need_capture(), LineConfig()
+    cameras: list[Camera] = []
+    heights = np.full(len(capture.frames), np.nan)
+    for i, frame in enumerate(capture.frames):
+        k = frame.intrinsics.within(config.longest_side)
+        cameras.append(frame.camera.scaled(k.width, k.height))
+        if i in floors:
+            heights[i] = floors[i].height_at(cameras[i].position[:2])
+    done = 0
+
+    def progress() -> None:
+        nonlocal done
+        done += 1
+        if done % 10 == 0:
+            listen(Progress(stage, 0, len(cameras), f"thin obstacles, {done} of {len(cameras)} frames"))
+
+    lines = raised_lines(
+        cameras,
+        lambda i: read_image(capture.frames[i], cameras[i].intrinsics),
+        heights,
+        config,
+        _THREADS,
+        progress,
+        lambda i: usable_pixels(capture.frames[i], cameras[i].intrinsics),
+    )
+    places = thin_object_places(lines, capture.positions, config)
+    with replacement_file(path) as temporary, open(temporary, "wb") as file:
+        np.savez_compressed(file, places=places)
+    if len(places):
+        listen(Log(f"Image edges show thin obstacles above the floor along {len(places) * config.cell:.0f} m.", stage))
+
+
+def thin_obstacle_places(project: Project) -> NDArray[np.float64] | None:
+    """(K, 2) places of thin obstacles, meters, world, from `find_thin_obstacles`; None if there is no file.
+
+    Raises InputError if the file is damaged."""
+    path = project.layout.raised
+    if not path.exists():
+        return None
+    return np.asarray(
+        read_arrays(path, "thin obstacles", {"places": ("f", 2)}, "run `nvsim floors --project` again")["places"]
+    )

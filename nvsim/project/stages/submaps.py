@@ -15,8 +15,7 @@ from nvsim.project.project import Project
 from nvsim.project.stages.imported import capture_key
 from nvsim.project.state.cuts import write_rows
 from nvsim.project.work import StageName
-from nvsim.submaps.split import Submap, SubmapConfig, split
-from nvsim.submaps.storeys import storeys_of
+from nvsim.submaps.split import Submap, SubmapConfig, split, storeys_of
 
 STAGE: StageName = "submaps"
 

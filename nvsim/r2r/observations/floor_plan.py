@@ -30,8 +30,7 @@ from nvsim.splats import harmonics
 from nvsim.splats.floor_mesh import floor_mesh
 from nvsim.splats.scene import SceneModel
 from nvsim.splats.types import Gaussians, SubmapModel
-from nvsim.submaps.split import Submap
-from nvsim.submaps.storeys import storeys_of
+from nvsim.submaps.split import Submap, storeys_of
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

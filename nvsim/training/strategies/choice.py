@@ -6,8 +6,7 @@ import numpy as np
 
 from nvsim.geometry.floor_surface import FloorSurface
 from nvsim.training.config import TrainingConfig
-from nvsim.training.strategies.adaptive import Adaptive
-from nvsim.training.strategies.capped import Capped
+from nvsim.training.strategies.adaptive import Adaptive, Capped
 from nvsim.training.strategies.mcmc import Mcmc
 from nvsim.training.strategies.types import GaussianModel, Strategy
 

@@ -70,11 +70,10 @@ def _asked_for_body(path: Path) -> object:
 
 def _answer_to(response: bytes) -> object:
     """The result of the client for the bytes of a response, which a server on loopback sends."""
-    from nvsim.endpoint.answer import StoredAnswers
     from nvsim.endpoint.budget import Budget, Prices
     from nvsim.endpoint.client import Client
     from nvsim.endpoint.options import AskingOptions, Endpoint
-    from nvsim.endpoint.request import Message, Request
+    from nvsim.endpoint.request import Message, Request, StoredAnswers
 
     with workshop() as folder, _serving(response) as url:
         options = AskingOptions(attempts=1, timeout=1.8)
@@ -128,8 +127,7 @@ _URL = "http://127.0.0.1/v1"
 
 
 def _kept() -> list[Seed]:
-    from nvsim.endpoint.answer import Answer, StoredAnswers
-    from nvsim.endpoint.request import Message, Request
+    from nvsim.endpoint.request import Answer, Message, Request, StoredAnswers
 
     with workshop() as folder:
         StoredAnswers(folder).store(
@@ -140,7 +138,7 @@ def _kept() -> list[Seed]:
 
 
 def _answers(path: Path) -> object:
-    from nvsim.endpoint.answer import StoredAnswers
+    from nvsim.endpoint.request import StoredAnswers
 
     kept = StoredAnswers(path)
     return kept.get("ab" * 16), kept.tokens_spent(_URL, "m")
