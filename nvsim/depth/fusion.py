@@ -129,16 +129,15 @@ def _concatenate_parts(parts: list[NDArray[Any]]) -> NDArray[Any]:
 class Fusion:
     """Accumulates points in the cells whose keys are at least `first` and at most `last`.
 
-    If there are more than `most` such cells, `last` is reduced, and the cells above it are removed. The rows of the
-    cells are in the order in which the cells were found; an open hash table gives the row of a key."""
+    If there are more than `_MOST_CELLS` such cells, `last` is reduced, and the cells above it are removed. The rows of
+    the cells are in the order in which the cells were found; an open hash table gives the row of a key."""
 
-    def __init__(self, voxel: float, first: int = 0, most: int | None = None) -> None:
+    def __init__(self, voxel: float, first: int = 0) -> None:
         self.voxel, self.first, self.last = voxel, first, _LAST
-        self._most = most or _MOST_CELLS
         self._filled = 0
         self._keys, self._sums = np.empty(0, np.int64), np.empty((0, 11))
         self._table = np.empty(0, np.int32)
-        self._make_room(min(_FEW_CELLS, self._most))
+        self._make_room(min(_FEW_CELLS, _MOST_CELLS))
 
     def add(
         self, camera: Camera, inverse: NDArray[np.float32], weight: NDArray[np.float32], image: NDArray[np.uint8]
@@ -160,8 +159,8 @@ class Fusion:
             )  # fmt: skip
             if at == inverse.size:
                 return int(span[0]), int(span[1])
-            if len(self._keys) < self._most:
-                self._make_room(min(2 * len(self._keys), self._most))
+            if len(self._keys) < _MOST_CELLS:
+                self._make_room(min(2 * len(self._keys), _MOST_CELLS))
             else:
                 self._reduce()
 

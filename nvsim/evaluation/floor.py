@@ -4,7 +4,7 @@ frame.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable
 from pathlib import Path, PurePosixPath
 from typing import Any, NamedTuple
 
@@ -30,25 +30,6 @@ _LEAST_FLOOR = 0.01
 _WORST = 10
 
 
-def evaluate_floor(pairs: Sequence[tuple[Path, Path]]) -> dict[str, Any]:
-    """Compares every pair of a mask and its ground truth. A mask of another size is resized to the ground truth's.
-
-    Returns JSON-able metrics. `miou` is the mean IoU of the frames with at least 1 % true floor, 0 if there are none.
-    `frames` is their number. `precision` and `recall` are over all their pixels. `false_floor` is the mean share of
-    pixels labeled as floor in the other frames. `per_frame` has name, share of true floor, and IoU; `worst` lists the
-    frames with the lowest IoU. Raises InputError if an image is missing or unreadable.
-    """
-    from nvsim.perception.segment import read_mask
-
-    def masks() -> Iterator[MaskWithTruth]:
-        for mask, truth in pairs:
-            expected = read_mask(truth)
-            height, width = expected.shape
-            yield MaskWithTruth(truth.name, read_mask(mask, width, height), expected)
-
-    return floor_figures(masks())
-
-
 class MaskWithTruth(NamedTuple):
     """A mask and its ground truth, (H, W) bool, and (H, W) bool, which pixels count (None: all)."""
 
@@ -59,7 +40,12 @@ class MaskWithTruth(NamedTuple):
 
 
 def floor_figures(masks: Iterable[MaskWithTruth]) -> dict[str, Any]:
-    """The metrics of `evaluate_floor` for masks in memory. Raises InputError if there are none."""
+    """Compares every mask with its ground truth. Raises InputError if there are none.
+
+    Returns JSON-able metrics. `miou` is the mean IoU of the frames with at least 1 % true floor, 0 if there are none.
+    `frames` is their number. `precision` and `recall` are over all their pixels. `false_floor` is the mean share of
+    pixels labeled as floor in the other frames. `per_frame` has name, share of true floor, and IoU; `worst` lists the
+    frames with the lowest IoU."""
     rows: list[dict[str, Any]] = []
     true_positive = claimed = actual = 0
     elsewhere: list[float] = []

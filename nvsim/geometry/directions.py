@@ -97,24 +97,6 @@ def sweep(position: NDArray[np.floating], width: int = WIDTH, height: int = HEIG
 _RIGHT_ANGLE = math.pi / 2
 
 
-def camera_ring(
-    position: NDArray[np.floating],
-    count: int,
-    elevation: float = 0.0,
-    size: tuple[int, int] = (640, 480),
-    hfov: float = math.radians(60),
-    offset: float = 0.0,
-) -> list[Camera]:
-    """`count` cameras at `position` (3,), meters, at equal steps of heading, clockwise seen from above.
-
-    The first looks along heading `offset` (radians, 0 is +y), all at `elevation` (radians, positive up). `size` is the
-    width and height in pixels, `hfov` the horizontal field of view in radians.
-    """
-    intrinsics = Intrinsics.from_fov(size[0], size[1], hfov)
-    headings = offset + 2 * math.pi * np.arange(count) / count
-    return [Camera(intrinsics, camera_pose(np.asarray(position, np.float64), h, elevation)) for h in headings]
-
-
 def cube(position: NDArray[np.floating], side: int, offset: float = 0.0) -> list[Camera]:
     """Six views from `position` (3,), meters, of 90 degrees and `side` x `side` pixels: up, four headings clockwise
     from `offset` (radians) on, down. Up has heading `offset` at its lower edge, down at its upper edge."""

@@ -61,11 +61,9 @@ def begin_part(project: Project, stage: str, key: str, part: int = 0) -> bool:
     return False
 
 
-def finished_part(
-    summary: Mapping[str, Any], key: str, seconds: float, settings: str = "", batch: str = ""
-) -> StagePart:
+def finished_part(summary: Mapping[str, Any], key: str, seconds: float, settings: str = "") -> StagePart:
     """A part of a stage that finished just now."""
-    return StagePart(key, seconds, time.time(), json.dumps(summary), __version__, settings, batch)
+    return StagePart(key, seconds, time.time(), json.dumps(summary), __version__, settings)
 
 
 def finish(

@@ -5,7 +5,6 @@ from __future__ import annotations
 import dataclasses
 from collections.abc import Iterator
 
-import cv2
 import numpy as np
 from numpy.typing import NDArray
 
@@ -321,10 +320,3 @@ def _normals(scene: Scene, view: View, camera: Camera, people: NDArray[np.float6
         out = place - axis
         found[rows, columns] = out / np.maximum(np.linalg.norm(out, axis=1, keepdims=True), 1e-6)
     return found
-
-
-def preview_image(example: Example) -> NDArray[np.uint8]:
-    """(H, 3 W, 3) uint8: image, floor and normals of an example side by side, for visual checks."""
-    floor = np.stack([np.where(example.floor == v, 255, 0) for v in (0, 1, 255)], -1).astype(np.uint8)
-    seen = np.rint((example.normals + 1) * 127.5).astype(np.uint8)
-    return np.asarray(cv2.hconcat([example.image, floor, seen]), np.uint8)

@@ -110,7 +110,7 @@ def test_the_newest_step_is_followed_unless_another_one_was_chosen(shown, projec
 
     train_on(300)
     qtbot.waitUntil(lambda: window.images.step == 300, timeout=10_000)
-    window.images.show_step(100)
+    window.images.slider.setValue(window.images._steps.index(100))
     train_on(400)
     qtbot.waitUntil(lambda: window.images.slider.maximum() == 4, timeout=10_000)
     assert window.images.step == 100
@@ -135,7 +135,7 @@ def test_curves_say_what_they_measure_and_another_run_lies_dashed_beside_them(sh
     assert "Dashed: Train" in window.legend.text()
     # And its image of the step that is nearest.
     qtbot.waitUntil(lambda: window.images.against.isVisible(), timeout=5000)
-    window.images.show_step(50)
+    window.images.slider.setValue(window.images._steps.index(50))
     window.images.against.setCurrentText("Other run")
     qtbot.waitUntil(lambda: levels(window) == pytest.approx((60, 50), abs=4), timeout=5000)
     assert window.images.canvas.names == {"photo": "Other run, step 60", "render": "Model, step 50"}

@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 
 from nvsim.errors import InputError
-from nvsim.geometry.camera import Camera
-from nvsim.geometry.directions import camera_ring, cube, skybox
+from nvsim.geometry.camera import Camera, Intrinsics, camera_pose
+from nvsim.geometry.directions import cube, skybox
 from nvsim.graph.foreign import ForeignFile
 
 JPEG = [cv2.IMWRITE_JPEG_QUALITY, 100, cv2.IMWRITE_JPEG_SAMPLING_FACTOR, cv2.IMWRITE_JPEG_SAMPLING_FACTOR_444]
@@ -51,7 +51,9 @@ def test_the_pictures_of_a_viewpoint_become_a_panorama_of_the_world_around_it(tm
     (folder / id).mkdir(parents=True)
     if kind == "views":
         for row in range(3):
-            for k, camera in enumerate(camera_ring(np.zeros(3), 12, np.radians(30 * row - 30), (320, 240), 1.3127)):
+            for k in range(12):
+                pose = camera_pose(np.zeros(3), np.radians(30 * k), np.radians(30 * row - 30))
+                camera = Camera(Intrinsics.from_fov(320, 240, 1.3127), pose)
                 cv2.imwrite(str(folder / id / f"{12 * row + k}.jpg"), picture_of(camera), JPEG)
     else:
         strip = skybox([picture_of(camera) for camera in cube(np.zeros(3), 128, heading)])

@@ -11,7 +11,7 @@ import pytest
 
 from nvsim.capture.types import Alignment, Capture, Cloud, Frame
 from nvsim.errors import InputError
-from nvsim.evaluation.floor import evaluate_floor
+from nvsim.evaluation.floor import MaskWithTruth, floor_figures
 from nvsim.events import Progress
 from nvsim.geometry.camera import Camera, Intrinsics, camera_pose
 from nvsim.geometry.floor_surface import FloorSurface
@@ -365,7 +365,7 @@ def test_stage_writes_every_mask_once_resumes_and_scores_well(capture: Capture, 
     segment_capture(capture, lambda i: FLAT, at_once, SegmentConfig(threads=1))
     names = [f"{k:06d}.png" for k in range(6)]
     assert all((masks / n).read_bytes() == (at_once / n).read_bytes() for n in names)
-    figures = evaluate_floor([(masks / n, exact / n) for n in names])
+    figures = floor_figures(MaskWithTruth(n, read_mask(masks / n), read_mask(exact / n)) for n in names)
     assert figures["miou"] > 0.95 and figures["frames"] == 6 and len(figures["per_frame"]) == 6
     assert figures["worst"][0]["iou"] == min(r["iou"] for r in figures["per_frame"])
 
@@ -405,14 +405,10 @@ def test_masks_are_read_at_any_size_and_missing_ones_are_named(tmp_path: Path):
             read_mask(tmp_path / name)
 
 
-def test_evaluation_leaves_out_frames_without_floor(tmp_path: Path):
-    for folder, rows in (("truth", (50, 100)), ("masks", (40, 100))):
-        (tmp_path / folder).mkdir()
-        for name, floor in zip(("a.png", "b.png"), rows):
-            mask = np.zeros((100, 100), np.uint8)
-            mask[floor:] = 255
-            cv2.imwrite(str(tmp_path / folder / name), mask)
-    figures = evaluate_floor([(tmp_path / "masks" / n, tmp_path / "truth" / n) for n in ("a.png", "b.png")])
+def test_evaluation_leaves_out_frames_without_floor():
+    rows = np.arange(100)[:, None].repeat(100, axis=1)
+    masks = [MaskWithTruth("a.png", rows >= 40, rows >= 50), MaskWithTruth("b.png", rows >= 100, rows >= 100)]
+    figures = floor_figures(masks)
     assert figures["miou"] == pytest.approx(50 / 60) and figures["frames"] == 1
     assert figures["recall"] == 1.0 and figures["precision"] == pytest.approx(50 / 60)
 

@@ -7,7 +7,7 @@ import pytest
 from painted_background import render_background
 
 from nvsim.geometry.camera import Camera, Intrinsics, camera_pose
-from nvsim.geometry.directions import camera_ring, cube
+from nvsim.geometry.directions import cube
 from nvsim.geometry.floor_surface import FloorSurface
 from nvsim.render.model import render_gaussians, render_model
 from nvsim.splats.harmonics import basis
@@ -119,15 +119,6 @@ def test_a_model_is_its_gaussians_and_the_background_that_they_let_through():
     expected = alone.rgb + (1 - alone.alpha[..., None]) * render_background(model, CAMERA)
     np.testing.assert_allclose(whole.rgb, expected, atol=3e-3)
     np.testing.assert_array_equal(whole.alpha, alone.alpha)
-
-
-def test_a_ring_turns_clockwise_from_its_offset():
-    cameras = camera_ring(np.array([1.0, 2.0, 1.5]), 4, 0.0, (32, 24), 1.0, offset=0.0)
-    forward = np.array([c.rotation[:, 2] for c in cameras])
-    np.testing.assert_allclose(forward, [[0, 1, 0], [1, 0, 0], [0, -1, 0], [-1, 0, 0]], atol=1e-12)
-    assert all(c.intrinsics.width == 32 and c.intrinsics.height == 24 for c in cameras)
-    up = camera_ring(np.zeros(3), 1, elevation=0.5)[0]
-    np.testing.assert_allclose(up.rotation[2, 2], np.sin(0.5))
 
 
 def test_every_direction_is_seen_by_exactly_one_face_of_the_cube():

@@ -17,6 +17,7 @@ from nvsim.splats.harmonics import terms
 from nvsim.splats.scene import SceneModel
 from nvsim.splats.types import FloorTexture, Gaussians, SubmapModel
 from nvsim.submaps.split import Submap
+from nvsim_app.drawing.painter import EYE_HEIGHT
 from nvsim_app.drawing.renderer_choice import largest_gaussians, select_gaussians
 
 CUT = 1.9  # meters above the floor; higher Gaussians are removed
@@ -49,12 +50,11 @@ class Cutaway:
         self._owners = np.concatenate([np.full(len(s.positions), s.index) for s in self._submaps])
         self._model: SubmapModel | None = None
 
-    def is_outside(self, position: NDArray[np.floating], eye_height: float = 1.5) -> bool:
-        """Whether a camera at `position` ((3,) meters, world) is above the rooms. The cameras of the trajectory are
-        assumed to be `eye_height` meters above the floor."""
+    def is_outside(self, position: NDArray[np.floating]) -> bool:
+        """Whether a camera at `position` ((3,) meters, world) is above the rooms."""
         heights = np.concatenate([s.positions[:, 2] for s in self._submaps])
         _, nearest = self._tree.query(np.asarray(position)[:2])
-        return bool(position[2] - (heights[nearest] - eye_height) > OUTSIDE)
+        return bool(position[2] - (heights[nearest] - EYE_HEIGHT) > OUTSIDE)
 
     @property
     def model(self) -> SubmapModel:

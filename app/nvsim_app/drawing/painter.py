@@ -23,6 +23,7 @@ from nvsim_app.painting.value_colors import CHANNELS, picture
 
 CELL = 0.2  # meters
 REACH = 15.0  # meters around the trajectory; positions farther away belong to no submap
+EYE_HEIGHT = 1.5  # assumed meters of the cameras of the trajectory above the floor
 _SOLID = 0.5  # alpha from which a pixel shows a surface in front of the floor
 _SHARE = 0.6  # share of the submap's color in the image
 
@@ -30,7 +31,7 @@ _SHARE = 0.6  # share of the submap's color in the image
 class SubmapGrid:
     """A grid in plan view that stores the submap whose core cameras are nearest to each cell."""
 
-    def __init__(self, submaps: tuple[Submap, ...], eye_height: float = 1.5) -> None:
+    def __init__(self, submaps: tuple[Submap, ...]) -> None:
         from scipy.spatial import cKDTree
 
         positions = np.concatenate([s.positions for s in submaps])
@@ -41,7 +42,7 @@ class SubmapGrid:
         y = self._low[1] + (np.arange(rows) + 0.5) * CELL
         distance, nearest = cKDTree(positions[:, :2]).query(np.stack(np.meshgrid(x, y), axis=-1))
         self._owner = np.where(distance <= REACH, owners[nearest], -1)
-        self._floor = np.where(distance <= REACH, positions[nearest, 2] - eye_height, np.nan)
+        self._floor = np.where(distance <= REACH, positions[nearest, 2] - EYE_HEIGHT, np.nan)
         count = int(owners.max()) + 2
         self._colors = np.array([_rgb(index) for index in range(-1, count - 1)], np.float32)
 

@@ -268,13 +268,12 @@ def _fitting(field: Field, value: Any) -> object:  # Any: unchecked JSON
     return value if isinstance(value, str) else _UNFIT
 
 
-def validate(verb: str, project: Path, arguments: Sequence[str], capture: Path | None = None) -> str:
+def validate(verb: str, project: Path, arguments: Sequence[str]) -> str:
     """One sentence if the command rejects these arguments, else ""."""
-    given = [*([str(capture)] if capture is not None else []), "--project", str(project), *arguments]
     said = io.StringIO()
     try:
         with contextlib.redirect_stderr(said), contextlib.redirect_stdout(said):
-            parse(command_of(verb), given, verb)
+            parse(command_of(verb), ["--project", str(project), *arguments], verb)
     except InputError as error:
         return str(error)
     except SystemExit:

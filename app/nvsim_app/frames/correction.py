@@ -90,10 +90,6 @@ class Correction:
 
     # Painting ---------------------------------------------------------------------------------------------------
 
-    @property
-    def painting(self) -> bool:
-        return self._start is not None
-
     def begin(self) -> None:
         """Begins a stroke."""
         self._start, self._box = self.mask.copy(), None

@@ -55,9 +55,9 @@ def tooltip_text(text: object) -> str:
     return f'<span style="white-space:pre-wrap">{html.escape(with_break_points(shown))}</span>'
 
 
-def caption(text: object, most: int = CAPTION) -> str:
+def caption(text: object) -> str:
     """`text` for a button, a tab, or a menu: an ampersand is doubled, because a single one marks a shortcut letter."""
-    return plain(text, most).replace("&", "&&")
+    return plain(text, CAPTION).replace("&", "&&")
 
 
 def title(text: object) -> str:

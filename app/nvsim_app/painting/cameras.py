@@ -108,27 +108,27 @@ def walked(pose: ViewPose, forward: float, right: float) -> ViewPose:
     )
 
 
-def seen_from_frame(camera: Camera, reach: float = 3.0) -> ViewPose:
+def seen_from_frame(camera: Camera) -> ViewPose:
     """The pose of a frame's camera without roll, with its vertical field of view."""
     forward = camera.rotation[:, 2]
     heading, elevation = atan2(forward[0], forward[1]), atan2(forward[2], hypot(forward[0], forward[1]))
     fov = 2 * atan(camera.intrinsics.height / 2 / camera.intrinsics.fy)
-    return ViewPose(_at(camera.position), heading, elevation, reach, fov)
+    return ViewPose(_at(camera.position), heading, elevation, 3.0, fov)
 
 
-def top_view(points: NDArray[np.float64], aspect: float = 1.6, fov: float = radians(40)) -> ViewPose:
+def top_view(points: NDArray[np.float64], aspect: float = 1.6) -> ViewPose:
     """The pose that shows all of `points` (N, 3) in meters, world, from above, north up, with a margin."""
     low, high = points.min(axis=0), points.max(axis=0)
     centre = (low + high) / 2
-    margin = 2.5  # meters, so that walls around the trajectory are visible
+    fov, margin = radians(40), 2.5  # meters, so that walls around the trajectory are visible
     half = max((high[1] - low[1]) / 2 + margin, ((high[0] - low[0]) / 2 + margin) / aspect)
     reach = half / tan(fov / 2)
     return ViewPose((float(centre[0]), float(centre[1]), float(high[2]) + reach), 0.0, -pi / 2, reach, fov)
 
 
-def overview(points: NDArray[np.float64], fov: float = radians(45)) -> ViewPose:
+def overview(points: NDArray[np.float64]) -> ViewPose:
     """The pose that shows all of `points` (N, 3) in meters, world, from a raised corner."""
-    low, high = points.min(axis=0), points.max(axis=0)
+    low, high, fov = points.min(axis=0), points.max(axis=0), radians(45)
     # Two meters more, so that walls around the trajectory are visible.
     reach = (float(np.linalg.norm(high - low)) / 2 + 2.0) / sin(fov / 2)
     pose = ViewPose((0.0, 0.0, 0.0), radians(-25), radians(-42), reach, fov)

@@ -226,11 +226,6 @@ class TrainingImages(QWidget):
         row = self.slider.value()
         return self._steps[row] if 0 <= row < len(self._steps) else None
 
-    def show_step(self, step: int) -> None:
-        """Shows the available step nearest to `step`."""
-        if self._steps:
-            self.slider.setValue(self._steps.index(_nearest(self._steps, step)))
-
     def _reported_images(self, handle: JobHandle | None) -> dict[int, Preview]:
         """Step -> image that the job reported, even if its file was deleted."""
         images = {} if handle is None else handle.history.images

@@ -152,10 +152,10 @@ class Navigation(QObject):
         self._end_walk()
         self._set(pose)
 
-    def go_to(self, pose: ViewPose, seconds: float = 0.35) -> None:
-        """Moves the camera to `pose` in an animation of `seconds`, and ends a walk."""
+    def go_to(self, pose: ViewPose) -> None:
+        """Moves the camera to `pose` in an animation, and ends a walk."""
         self._end_walk()
-        self._fly(pose, seconds)
+        self._fly(pose)
 
     def _set(self, pose: ViewPose) -> None:
         self._flight = None

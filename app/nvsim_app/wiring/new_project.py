@@ -83,7 +83,7 @@ class NewProjectPart(Part):
         dialog.open()
         return dialog
 
-    def open_addition(self, captures: Sequence[Path] = ()) -> NewProjectDialog | None:
+    def open_addition(self) -> NewProjectDialog | None:
         """Opens the dialog that adds a capture to the project. None if the project has no capture, or on an error."""
         from nvsim.project.project import Project
         from nvsim.project.stages.added_captures import sources
@@ -97,7 +97,7 @@ class NewProjectPart(Part):
             held = sources(capture)
             with Project.open(project) as opened:
                 understood = capture_config(opened)
-            dialog = NewProjectDialog(captures, project, self.context.window, beside=held, understood=understood)
+            dialog = NewProjectDialog((), project, self.context.window, beside=held, understood=understood)
             dialog.chosen.connect(self._add)
             dialog.open()
             return dialog

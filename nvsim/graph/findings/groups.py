@@ -17,12 +17,7 @@ MANY = 64
 
 
 class ConnectedGroups:
-    """The connected groups of the included viewpoints."""
-
-    def __init__(self, graph: NavGraph | None = None) -> None:
-        """Without a graph, `begin` must be called first."""
-        if graph is not None:
-            self.begin(graph)
+    """The connected groups of the included viewpoints. `begin` or `beginning` must be called first."""
 
     def begin(self, graph: NavGraph) -> None:
         """Count from scratch."""

@@ -147,16 +147,16 @@ class PaperRandomAgent:
 
     restricted = False
 
-    def __init__(self, seed: int = 0, moves: int = 10) -> None:
-        self._seed, self._moves = seed, moves
+    def __init__(self, seed: int = 0) -> None:
+        self._seed = seed
 
     def begin(self, instr_id: str, task: Task) -> _RandomWalk:
-        return _RandomWalk(Random(f"{self._seed} {instr_id}"), self._moves)
+        return _RandomWalk(Random(f"{self._seed} {instr_id}"))
 
 
 class _RandomWalk:
-    def __init__(self, random: Random, moves: int) -> None:
-        self._random, self._left = random, moves
+    def __init__(self, random: Random) -> None:
+        self._random, self._left = random, 10  # moves
 
     def act(self, state: SimState) -> Action | None:
         # Sorts by the order in the file, so that the choice does not depend on the heading.

@@ -24,7 +24,7 @@ from nvsim.r2r.observations.surround import (
     seen_by,
     tiles_needed,
 )
-from nvsim.render.backends import Backend, resolve_backend
+from nvsim.render.backends import resolve_backend
 from nvsim.render.equirectangular import axes_ahead
 from nvsim.render.kernel_types import TILE, Float32, Mask
 from nvsim.render.model import render_model
@@ -47,9 +47,9 @@ class GrowingSurround:
     bytes  memory of its arrays when all tiles are drawn
     """
 
-    def __init__(self, position: NDArray[np.floating], focal: float, solid: bool, backend: Backend = "auto") -> None:
+    def __init__(self, position: NDArray[np.floating], focal: float, solid: bool) -> None:
         self._cameras, self._needed = narrow_cameras(np.asarray(position, np.float64), focal), tiles_needed(focal)
-        self._focal, self._backend = self._cameras[0].intrinsics.fx, backend
+        self._focal = self._cameras[0].intrinsics.fx
         self._nominal = focal
         side, count = self._cameras[0].intrinsics.width, len(self._cameras)
         # The images have eight bits in the end, and uint8 needs a quarter of the memory of float32.
@@ -71,7 +71,7 @@ class GrowingSurround:
         """
         near = seen_by(camera)
         outside = _outside(camera, self._nominal)
-        whole = resolve_backend(self._backend) == "gsplat"  # gsplat can only draw complete views
+        whole = resolve_backend("auto") == "gsplat"  # gsplat can only draw complete views
         todo = [(int(i), self._needed[i] & ~outside[i] & ~self._drawn[i]) for i in near]
         todo = [(i, tiles) for i, tiles in todo if tiles.any()]
         if todo and not whole:  # a graphics card caches the arrays of a model without appearance
@@ -88,7 +88,7 @@ class GrowingSurround:
         # Uses the camera of the whole view even for a few tiles. A cropped camera rounds differently, so the result
         # would depend on earlier images.
         camera, solid = self._cameras[index], len(self._solids) > 0
-        view = render_model(model, camera, CHANNELS if solid else frozenset({"rgb"}), tiles, self._backend)
+        view = render_model(model, camera, CHANNELS if solid else frozenset({"rgb"}), tiles)
         assert view.rgb is not None
         new = pixels_of(tiles, camera.intrinsics.height, camera.intrinsics.width)[..., None]
         np.copyto(self._colours[index], as_bytes(view.rgb), where=new)
