@@ -18,7 +18,7 @@ from nvsim.errors import InputError
 from nvsim.files import atomic
 from nvsim.files.opening import read_bytes
 from nvsim.files.reading import reading
-from nvsim.files.stored_arrays import read_arrays
+from nvsim.files.stored_arrays import read_arrays, write_arrays
 from nvsim.geometry.lens import Lens
 from nvsim.geometry.rotation import is_rigid
 
@@ -38,8 +38,7 @@ def save_capture(capture: Capture, folder: Path) -> None:
         arrays: dict[str, NDArray[np.generic]] = {"points": capture.cloud.points}
         if capture.cloud.colors is not None:
             arrays["colors"] = capture.cloud.colors
-        with atomic.replacement_file(folder / cloud_name) as temporary, open(temporary, "wb") as out:
-            np.savez(out, **arrays)  # type: ignore[arg-type]
+        write_arrays(folder / cloud_name, arrays, compressed=False)
     lenses = list(dict.fromkeys([*(f.lens for f in capture.frames), *(d.lens for d in capture.depths)]))
     number = {lens: i for i, lens in enumerate(lenses)}
     tree = {

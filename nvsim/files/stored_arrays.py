@@ -1,4 +1,4 @@
-"""Reads arrays from .npz and .npy files. Types and shapes are checked before the data is loaded.
+"""Writes .npz files, and reads arrays from .npz and .npy files. Types and shapes are checked before the data is loaded.
 
 An .npz is a zip archive (numpy.lib.format). A damaged or foreign archive may claim any shape, contain Python objects,
 or unpack a few kilobytes to gigabytes.
@@ -18,6 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from nvsim.errors import InputError
+from nvsim.files.atomic import replacement_file
 from nvsim.files.opening import opened
 from nvsim.files.reading import reading
 
@@ -25,6 +26,12 @@ _HEADER = 10_000  # characters; NVSim's headers have about 80
 _ANYWAY = 64_000_000  # bytes to which any file may unpack
 _EXPANSION = 10  # larger files may unpack to this multiple of their length
 Wanted = Mapping[str, tuple[str, int]]
+
+
+def write_arrays(path: Path, arrays: Mapping[str, NDArray[Any]], *, compressed: bool = True) -> None:
+    """Replaces the .npz file at `path` with arrays by name. Raises InputError if it cannot be written."""
+    with replacement_file(path) as temporary, open(temporary, "wb") as file:
+        (np.savez_compressed if compressed else np.savez)(file, **arrays)  # type: ignore[arg-type]
 
 
 def read_arrays(

@@ -16,7 +16,7 @@ from nvsim.errors import InputError
 from nvsim.files import atomic
 from nvsim.files.opening import is_regular, read_bytes, read_json
 from nvsim.files.reading import reading
-from nvsim.files.stored_arrays import read_arrays
+from nvsim.files.stored_arrays import read_arrays, write_arrays
 from nvsim.footage.decoding import refuse_different_sizes
 from nvsim.footage.fisheye import Fisheye, find_fisheye
 from nvsim.footage.frame_choice import choose_frames, point_positions
@@ -138,8 +138,8 @@ def extract_frames(
         rectify_files([folder / name for name in names], fisheye)
         table[:, 2:] = fisheye.places(table[:, 2:])
         table = table[np.isfinite(table).all(axis=1)]
-    with atomic.replacement_file(folder / _TRACKS) as temporary, open(temporary, "wb") as out:
-        np.savez(out, frame=table[:, 0].astype(np.int64), point=table[:, 1].astype(np.int64), places=table[:, 2:])
+    tracks = {"frame": table[:, 0].astype(np.int64), "point": table[:, 1].astype(np.int64), "places": table[:, 2:]}
+    write_arrays(folder / _TRACKS, tracks, compressed=False)
     listed = {
         "footage": stamp,
         "names": names,

@@ -11,9 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from nvsim.errors import InputError
-from nvsim.files.atomic import replacement_file
 from nvsim.files.opening import opened
-from nvsim.files.stored_arrays import read_arrays
+from nvsim.files.stored_arrays import read_arrays, write_arrays
 from nvsim.geometry.floor_surface import Floor, StackedFloor
 from nvsim.perception.support import FloorSupport, Mask
 
@@ -49,13 +48,8 @@ class StackedSupport:
         padded = [
             np.pad(s.cells, ((0, rows - s.cells.shape[0]), (0, columns - s.cells.shape[1]))) for s in self.storeys
         ]
-        with replacement_file(path) as temporary, open(temporary, "wb") as file:
-            np.savez_compressed(
-                file,
-                storeys=np.stack(padded),
-                origins=np.array([s.origin for s in self.storeys]),
-                spacing=np.array(self.storeys[0].spacing),
-            )
+        origins, spacing = np.array([s.origin for s in self.storeys]), np.array(self.storeys[0].spacing)
+        write_arrays(path, {"storeys": np.stack(padded), "origins": origins, "spacing": spacing})
 
     @staticmethod
     def load(path: Path, floor: Floor) -> StackedSupport:

@@ -13,8 +13,7 @@ from numpy.typing import NDArray
 
 from nvsim.capture.types import Cloud
 from nvsim.errors import InputError
-from nvsim.files.atomic import replacement_file
-from nvsim.files.stored_arrays import read_arrays
+from nvsim.files.stored_arrays import read_arrays, write_arrays
 from nvsim.geometry.camera import Camera
 from nvsim.geometry.cells import grid_size
 from nvsim.geometry.floor_surface import FloorSurface
@@ -58,8 +57,8 @@ class FloorSupport:
 
     def save(self, path: Path) -> None:
         """Writes an .npz file. Raises InputError if it cannot be written."""
-        with replacement_file(path) as temporary, open(temporary, "wb") as file:
-            np.savez_compressed(file, cells=self.cells, origin=np.array(self.origin), spacing=np.array(self.spacing))
+        origin, spacing = np.array(self.origin), np.array(self.spacing)
+        write_arrays(path, {"cells": self.cells, "origin": origin, "spacing": spacing})
 
     def with_trajectory_floor(self, positions: NDArray[np.floating], radius: float = 0.4) -> FloorSupport:
         """Adds the floor under the trajectory, which the camera may never have seen. This is the ground within `radius`

@@ -11,8 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from nvsim.errors import InputError
-from nvsim.files.atomic import replacement_file
-from nvsim.files.stored_arrays import read_arrays
+from nvsim.files.stored_arrays import read_arrays, write_arrays
 from nvsim.geometry.floor_surface import FloorSurface
 from nvsim.networks.folder import models_folder
 from nvsim.perception.hybrid import HybridFloor, HybridSteps
@@ -165,13 +164,10 @@ class CandidateMaker:
 
 
 def _write(path: Path, steps: HybridSteps) -> None:
-    masks: dict[str, Any] = {name: np.packbits(getattr(steps, name)) for name in _MASKS}
-    with replacement_file(path) as temporary, open(temporary, "wb") as file:
-        np.savez_compressed(
-            file,
-            shape=np.array(steps.semantic.shape),
-            points=steps.points,
-            failure=np.array([_FAILURES.index(steps.failure)], np.uint8),
-            normals=np.round(steps.normals * 127).astype(np.int8),
-            **masks,
-        )
+    arrays: dict[str, NDArray[Any]] = {
+        "shape": np.array(steps.semantic.shape),
+        "points": steps.points,
+        "failure": np.array([_FAILURES.index(steps.failure)], np.uint8),
+        "normals": np.round(steps.normals * 127).astype(np.int8),
+    }
+    write_arrays(path, arrays | {name: np.packbits(getattr(steps, name)) for name in _MASKS})

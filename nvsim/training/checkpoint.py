@@ -18,9 +18,9 @@ from numpy.typing import NDArray
 
 from nvsim.capture.types import Cloud
 from nvsim.errors import InputError
-from nvsim.files.atomic import replacement_file
 from nvsim.files.opening import opened
 from nvsim.files.reading import reading
+from nvsim.files.stored_arrays import write_arrays
 from nvsim.geometry.floor_surface import FloorSurface
 from nvsim.training.config import TrainingConfig
 from nvsim.training.views import TrainingView
@@ -112,8 +112,7 @@ def save(path: Path, checkpoint: Checkpoint, key: str) -> None:
     """Writes a checkpoint. Raises InputError if the file cannot be written."""
     about = {"key": key, "step": checkpoint.step, "progress": checkpoint.progress}
     text = np.frombuffer(json.dumps(about).encode(), np.uint8)
-    with replacement_file(path) as temporary, open(temporary, "wb") as file:
-        np.savez(file, **{_ABOUT: text}, **checkpoint.arrays)  # type: ignore[arg-type]
+    write_arrays(path, {_ABOUT: text, **checkpoint.arrays}, compressed=False)
 
 
 def load(path: Path, key: str) -> Checkpoint | None:

@@ -18,8 +18,7 @@ from nvsim.cluster.config import Storage
 from nvsim.cluster.piece import Executor
 from nvsim.errors import InputError
 from nvsim.events import Done, Listener, Log, Progress, Warning, ignore_event
-from nvsim.files.atomic import replacement_file
-from nvsim.files.stored_arrays import read_arrays
+from nvsim.files.stored_arrays import read_arrays, write_arrays
 from nvsim.geometry.floor_surface import FloorSurface, StackedFloor
 from nvsim.perception.roles import FAILURE_WORDS
 from nvsim.project import ledger
@@ -62,8 +61,12 @@ def floor_surfaces(project: Project, submaps: tuple[Submap, ...], config: Captur
                 found[submap.index] = known
                 continue
         surface = _estimated(project, submap, storeys, config, found, submaps)
-        with replacement_file(project.layout.surface(submap.index)) as path:
-            np.savez(path, heights=surface.heights, origin=np.array(surface.origin), spacing=surface.spacing)
+        arrays = {
+            "heights": surface.heights,
+            "origin": np.array(surface.origin),
+            "spacing": np.array(surface.spacing),
+        }
+        write_arrays(project.layout.surface(submap.index), arrays, compressed=False)
         found[submap.index] = surface
     return found
 
@@ -316,8 +319,7 @@ def find_thin_obstacles(project: Project, floors: dict[int, FloorSurface], liste
         lambda i: usable_pixels(capture.frames[i], cameras[i].intrinsics),
     )
     places = thin_object_places(lines, capture.positions, config)
-    with replacement_file(path) as temporary, open(temporary, "wb") as file:
-        np.savez_compressed(file, places=places)
+    write_arrays(path, {"places": places})
     if len(places):
         listen(Log(f"Image edges show thin obstacles above the floor along {len(places) * config.cell:.0f} m.", stage))
 

@@ -9,7 +9,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from nvsim.events import Done, Listener, Log, Progress, ignore_event
-from nvsim.files.atomic import make_folder, replacement_file
+from nvsim.files.atomic import make_folder
+from nvsim.files.stored_arrays import write_arrays
 from nvsim.project import ledger
 from nvsim.project.earlier_results import report_replaced_result
 from nvsim.project.project import Project
@@ -75,7 +76,5 @@ def run(project: Project, listen: Listener = ignore_event) -> None:
 
 
 def _save_surface(path: Path, surface: FloorSurface) -> None:
-    with replacement_file(path) as temporary, open(temporary, "wb") as file:
-        np.savez_compressed(
-            file, heights=surface.heights, origin=np.array(surface.origin), spacing=np.array(surface.spacing)
-        )
+    origin, spacing = np.array(surface.origin), np.array(surface.spacing)
+    write_arrays(path, {"heights": surface.heights, "origin": origin, "spacing": spacing})

@@ -13,9 +13,8 @@ from numpy.typing import NDArray
 
 from nvsim.errors import InputError
 from nvsim.files import tables
-from nvsim.files.atomic import replacement_file
 from nvsim.files.reading import reading
-from nvsim.files.stored_arrays import read_arrays
+from nvsim.files.stored_arrays import read_arrays, write_arrays
 from nvsim.files.tables import COUNT, FLAG
 from nvsim.submaps.split import Submap
 
@@ -28,8 +27,7 @@ def save_cut(path: Path, submaps: Sequence[Submap]) -> None:
     rows = [(s.index, f, f in core) for s in submaps for core in [set(s.core)] for f in s.frames]
     table = np.array(rows, np.int64).reshape(-1, 3)
     positions = np.concatenate([s.positions for s in submaps]) if submaps else np.zeros((0, 3))
-    with replacement_file(path) as temporary, open(temporary, "wb") as file:
-        np.savez_compressed(file, rows=table, positions=positions)
+    write_arrays(path, {"rows": table, "positions": positions})
 
 
 def load_cut(path: Path) -> tuple[Submap, ...]:
