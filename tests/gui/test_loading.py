@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 from pathlib import Path
 
 import demo_project
@@ -46,6 +47,17 @@ def test_everything_in_the_project_is_read(project: Path) -> None:
     assert contents.occupancy.cells.shape == expected.occupancy.cells.shape
     assert contents.scene_stamp is not None and contents.model_info[1]["psnr"] == 29.0
     assert contents.missing == ""
+
+
+@pytest.mark.timeout(60)
+def test_a_pipe_in_place_of_a_model_in_training_does_not_stop_the_reading(project: Path) -> None:
+    live = Layout(project).checkpoints / "live_000"
+    live.mkdir(parents=True)
+    os.mkfifo(live / "model.json")
+    reader = ProjectReader(project)
+    contents = last(reader)
+    reader.close()
+    assert contents is not None and contents.graph is not None
 
 
 def test_nothing_is_read_twice_and_only_what_changed_is_read_again(project: Path) -> None:

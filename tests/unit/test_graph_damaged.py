@@ -20,6 +20,7 @@ from hypothesis import strategies as st
 from nvsim.errors import InputError
 from nvsim.graph.connectivity import list_scan, read_connectivity
 from nvsim.graph.foreign import ForeignFile, connectivity_files
+from nvsim.graph.foreign.notes import read_original
 
 MEGABYTE = 1 << 20
 READERS: list[Callable[[Path], Any]] = [ForeignFile.open, read_connectivity]
@@ -229,6 +230,12 @@ def test_notes_that_are_a_pipe_are_not_waited_for(tmp_path: Path) -> None:
     path = laid(tmp_path, json.dumps([entry()]))
     os.mkfifo(tmp_path / "house_review.json")
     in_time(lambda: ForeignFile.open(path), "it is a pipe")
+
+
+@pytest.mark.timeout(20)
+def test_an_original_is_not_read_from_a_pipe(tmp_path: Path) -> None:
+    os.mkfifo(tmp_path / "house_review.json")
+    assert read_original(tmp_path / "house_review.json") is None
 
 
 def pictured(folder: Path, data: bytes, id: str = "a") -> ForeignFile:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Callable
 from dataclasses import asdict, make_dataclass
 from pathlib import Path
@@ -16,7 +17,7 @@ from nvsim.project import ledger
 from nvsim.project.config import CaptureConfig
 from nvsim.project.corrections import corrections_key, save_correction
 from nvsim.project.project import Project
-from nvsim.project.stages import floors, imported, submaps
+from nvsim.project.stages import floors, imported, mapped, submaps
 from nvsim.submaps.split import SubmapConfig
 
 
@@ -93,3 +94,9 @@ def test_what_was_imported_before_frames_could_be_left_out_stays_current(project
     with Project.open(project, writable=True) as opened:
         imported.run(opened, project.parent, CaptureConfig(), heard.append)
     assert any("unchanged" in str(event) for event in heard)
+
+
+@pytest.mark.timeout(20)
+def test_evidence_is_not_read_from_a_pipe(tmp_path: Path) -> None:
+    os.mkfifo(tmp_path / "evidence")
+    assert mapped._evidence(tmp_path / "evidence") is None

@@ -413,14 +413,15 @@ class ProjectReader:
         return tuple(found) or None
 
     def _training(self) -> dict[int, int]:
-        import json
+        from nvsim.files.opening import read_json
 
         found = {}
         for path in sorted(self._project.layout.checkpoints.glob("live_*/model.json")):
             stamp = _file_stamp(path)
             if path not in self._live or self._live[path][0] != stamp:
-                with contextlib.suppress(OSError, ValueError, KeyError, TypeError):  # the file is being replaced
-                    self._live[path] = stamp, int(json.loads(path.read_text())["info"]["steps"])
+                with contextlib.suppress(InputError, ValueError, KeyError, TypeError):  # the file is being replaced
+                    data = read_json(path, "the description of a model", "run “Train” again", strict=False)
+                    self._live[path] = stamp, int(data["info"]["steps"])
             index = path.parent.name.removeprefix("live_")
             if index.isdecimal() and path in self._live:
                 found[int(index)] = self._live[path][1]

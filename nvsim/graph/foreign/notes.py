@@ -126,9 +126,9 @@ def read_notes(graph: NavGraph, path: Path) -> NavGraph:
 def read_original(path: Path) -> KeptOriginal | None:
     """Return the original that the notes name; None if there is none."""
     try:
-        kept = json.loads(path.read_text(encoding="utf-8"))["original"]
+        kept = read_json(path, "notes", "repair the file or move it away")["original"]
         name, written = str(kept["name"]), str(kept["written"])
-    except (OSError, ValueError, KeyError, TypeError):
+    except (InputError, KeyError, TypeError):
         return None
     return KeptOriginal(name, written) if Path(name).name == name else None
 

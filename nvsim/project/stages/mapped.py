@@ -15,6 +15,7 @@ from nvsim.capture.types import Capture
 from nvsim.errors import InputError
 from nvsim.events import Done, Listener, Log, Warning, ignore_event
 from nvsim.files.atomic import write_bytes
+from nvsim.files.opening import read_bytes
 from nvsim.graph.store import decode_graph, encode_graph
 from nvsim.graph.types import Evidence, NavGraph
 from nvsim.mapping.config import MappingConfig
@@ -185,8 +186,8 @@ def _camera_heights(project: Project) -> NDArray[np.float64]:
 def _evidence(path: Path) -> NavGraph | None:
     """The stored evidence, None if it is missing or damaged."""
     try:
-        return decode_graph(path.read_bytes())
-    except (OSError, InputError):
+        return decode_graph(read_bytes(path))
+    except InputError:
         return None
 
 
