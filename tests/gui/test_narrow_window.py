@@ -9,9 +9,9 @@ from dataclasses import replace
 from itertools import combinations
 from pathlib import Path
 
+import pytest
 from PySide6.QtCore import Qt
 from PySide6.QtWidgets import QDialog, QLabel, QPushButton, QWidget
-import pytest
 from pytestqt.qtbot import QtBot
 
 from nvsim.graph.selection import GraphSelection

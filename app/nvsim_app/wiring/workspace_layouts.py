@@ -201,8 +201,9 @@ class WorkspacePart(Part):
             self._restore_layout(self._first_layout)
         self._put = self._open_now()
         self.settle()
-        if window.size() != size:  # the layout before some of its panels were closed needed more room
-            window.layout().activate()
+        layout = window.layout()
+        if window.size() != size and layout is not None:  # the layout with closed panels needed more room
+            layout.activate()
             window.resize(size)
         if not own:
             self._arrange()
