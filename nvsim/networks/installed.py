@@ -6,6 +6,7 @@ description are also accepted under fixed names (normals.onnx, prompted.encoder.
 from __future__ import annotations
 
 import hashlib
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -172,11 +173,14 @@ def models_of(role: Role) -> list[InstalledModel]:
     return sorted((m for m in installed()[0] if m.role == role), key=lambda m: (m.description is None, m.name))
 
 
-def find_model(role: Role, name: str = "") -> InstalledModel | None:
+def find_model(
+    role: Role, name: str = "", purpose: str = "", suitable: Sequence[InstalledModel] | None = None
+) -> InstalledModel | None:
     """The model of a role by its name; "bundled" selects the model that comes with NVSim.
 
     Without a name, it is the first installed model, or None. Raises InputError if no model has that name, or if the
-    description of the model is invalid."""
+    description of the model is invalid. Errors name the `purpose` of the model in place of its role, and list the
+    `suitable` models in place of all installed models of the role."""
     models, problems = _installed()
     fitting_role = models_of(role)
     if not name:
@@ -190,16 +194,16 @@ def find_model(role: Role, name: str = "") -> InstalledModel | None:
             return model
     other = next((m for m in (*models, *ours) if m.name == name), None)
     if other is not None:
-        raise InputError(f"{name} is a model for {ROLE_WORDS[other.role]}, not for {ROLE_WORDS[role]}.")
+        raise InputError(f"{name} is a model for {ROLE_WORDS[other.role]}, not for {purpose or ROLE_WORDS[role]}.")
     broken = next((p for p in problems if p.name == name), None)
     if broken is not None:
         raise InputError(broken.message)
     if name == BUNDLED:
         raise InputError(f"No network for {ROLE_WORDS[role]} comes with NVSim; name an installed one, or geometry.")
-    there = ", ".join(m.name for m in fitting_role) or "none"
+    there = ", ".join(m.name for m in (fitting_role if suitable is None else suitable)) or "none"
     raise InputError(
-        f"There is no model {name!r:.60} for {ROLE_WORDS[role]} in {models_folder()} (installed: {there}); add it with "
-        "`nvsim models add`."
+        f"There is no model {name!r:.60} for {purpose or ROLE_WORDS[role]} in {models_folder()} "
+        f"(installed: {there}); add it with `nvsim models add`."
     )
 
 

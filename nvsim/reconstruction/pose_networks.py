@@ -5,15 +5,15 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
 from nvsim.errors import InputError
 from nvsim.files import atomic
-from nvsim.networks.description import FloorResult, Role
-from nvsim.networks.installed import InstalledModel, find_model
+from nvsim.networks.description import ROLE_WORDS, FloorResult, Role
+from nvsim.networks.installed import InstalledModel, find_model, models_of
 
 if TYPE_CHECKING:
     from nvsim.perception.feature_network import FeatureNetwork
@@ -21,7 +21,9 @@ if TYPE_CHECKING:
 
 NONE = "none"
 """The name that selects no network."""
-_ROLES: dict[str, Role] = {"features": "features", "people": "semantic"}
+Use = Literal["features", "people"]
+_ROLES: dict[Use, Role] = {"features": "features", "people": "semantic"}
+_PURPOSES: dict[Use, str] = {"features": ROLE_WORDS["features"], "people": "masks of people"}
 _GROWN = 0.01  # of the longer side of an image: pixels around people that are masked, because networks miss fingers
 Digest = tuple[str, str, str]
 """Use of a network ("features" or "people"), its name, and a digest of its files."""
@@ -70,14 +72,13 @@ class PoseNetworks:
         """The selected networks. Raises InputError if one is not installed, or if one for people has no such class."""
         return tuple((use, model.name, model.digest()) for use in _ROLES if (model := self._model(use)) is not None)
 
-    def _model(self, use: str) -> InstalledModel | None:
+    def _model(self, use: Use) -> InstalledModel | None:
         name = getattr(self, use)
         if name in ("", NONE):
             return None
-        model = find_model(_ROLES[use], name)
+        model = find_model(_ROLES[use], name, _PURPOSES[use], suitable_models(use))
         assert model is not None  # find_model raises InputError for an unknown name
-        result = model.description and model.description.result
-        if isinstance(result, FloorResult) and not result.people:
+        if not _is_suitable(model):
             raise InputError(
                 f"{name} has no class of people, so it cannot mask them; use another network, or list its classes of "
                 f"people in {model.described_in} (people = [...])."
@@ -133,6 +134,16 @@ class PoseNetworks:
             tracks.places[left],
         )
         return replace(images, tracks=kept, masks=folder), round(100 * float(np.mean(shares or [0])), 2)
+
+
+def suitable_models(use: Use) -> list[InstalledModel]:
+    """The installed models that find features, or that recognize people."""
+    return [model for model in models_of(_ROLES[use]) if _is_suitable(model)]
+
+
+def _is_suitable(model: InstalledModel) -> bool:
+    result = model.description and model.description.result
+    return not isinstance(result, FloorResult) or bool(result.people)
 
 
 _NO_NETWORKS = PoseNetworks(NONE, NONE)

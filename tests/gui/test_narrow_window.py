@@ -9,6 +9,7 @@ from dataclasses import replace
 from itertools import combinations
 from pathlib import Path
 
+import pytest
 from PySide6.QtCore import Qt
 from PySide6.QtWidgets import QDialog, QLabel, QPushButton, QWidget
 from pytestqt.qtbot import QtBot
@@ -17,7 +18,7 @@ from nvsim.graph.selection import GraphSelection
 from nvsim_app.look.labels import WrappingRow
 from nvsim_app.panels.details import DetailsPanel
 from nvsim_app.panels.help import open_help
-from nvsim_app.state.document import Document
+from nvsim_app.state.document import Contents, Document
 from nvsim_app.wiring.window import MainWindow
 from nvsim_app.wiring.workspace_layouts import WORKSPACE_LAYOUTS
 
@@ -133,6 +134,24 @@ def test_the_first_window_fits_its_screen(window: MainWindow) -> None:
     from nvsim_app.wiring import window as module
 
     assert window.size() == module._SIZE.boundedTo(room - module._RIM)
+
+
+@pytest.mark.parametrize("size", [(952, 500), (1272, 680)])
+def test_an_opened_project_does_not_enlarge_the_window(
+    window: MainWindow, document: Document, qtbot: QtBot, size: tuple[int, int]
+) -> None:
+    opened = document.contents
+    document.set_contents(Contents())
+    window.show()
+    window.resize(*size)
+    qtbot.wait(50)
+    document.set_contents(Contents(opened.path, reading=True))
+    assert window.size().toTuple() == size
+    document.set_contents(opened)
+    for layout in WORKSPACE_LAYOUTS:
+        window.actions_table[f"workspace_{layout.id}"].trigger()
+        qtbot.wait(50)
+        assert window.size().toTuple() == size, layout.id
 
 
 def test_commands_without_room_in_the_tool_bar_are_in_a_menu(window: MainWindow, qtbot: QtBot) -> None:

@@ -11,10 +11,11 @@ import numpy as np
 import pytest
 from PySide6.QtCore import Qt
 from PySide6.QtGui import QColor, QImage
-from PySide6.QtWidgets import QWidget
+from PySide6.QtWidgets import QComboBox, QWidget
 from pytestqt.qtbot import QtBot
 
 from nvsim.capture.findings import SCALE_ASSUMED, SCALE_IN_HEIGHTS
+from nvsim.networks.folder import VARIABLE
 from nvsim.project.config import CaptureConfig
 from nvsim.project.layout import Layout
 from nvsim.project.project import Project
@@ -86,6 +87,56 @@ def test_a_dropped_video_is_checked_asks_for_the_height_and_becomes_a_job(
     ((verb, arguments, project, title),) = ordered
     assert (verb, project, title) == ("import", tmp_path / "walk.nvsim", "Import walk.mp4")
     assert arguments == [str(video), "--project", str(project), "--camera-height", "1.45"]
+
+
+def test_installed_networks_can_be_selected_for_a_video(
+    qtbot: QtBot, session: Session, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    ordered: list[tuple] = []
+    monkeypatch.setattr(session.window.jobs, "start", lambda *job: ordered.append(job))
+    monkeypatch.setenv(VARIABLE, str(tmp_path / "models"))
+    for name, form in (("disk", "aliked"), ("crowd", "segformer-ade20k")):
+        (tmp_path / "models" / name).mkdir(parents=True)
+        (tmp_path / "models" / name / "model.toml").write_text(f'form = "{form}"\n')
+    floor_only = tmp_path / "models" / "floor-only"
+    floor_only.mkdir()
+    (floor_only / "model.toml").write_text('form = "segformer-ade20k"\n[result]\nvalue = "logits"\nimage = "photo"\n'
+                                           'meaning = "logits"\nclasses = 150\nfloor = [3]\n')  # fmt: skip
+    video = write_video(tmp_path / "walk.mp4")
+    session.window.part(NewProjectPart).open_paths([video])
+    (dialog,) = session.window.findChildren(NewProjectDialog)
+    assert dialog.features.isHidden(), "shown before it is known whether the capture has poses"
+    qtbot.waitUntil(lambda: dialog.result_shown is not None, timeout=SECONDS)
+    boxes = [editor.findChild(QComboBox) for editor in (dialog.features, dialog.people)]
+    assert [[box.itemText(i) for i in range(box.count())] for box in boxes] == [["none", "disk"], ["none", "crowd"]]
+    for box in boxes:
+        box.setFocus()
+        qtbot.keyClick(box, Qt.Key.Key_Down)
+    qtbot.waitUntil(dialog.import_button.isEnabled, timeout=SECONDS)
+    qtbot.mouseClick(dialog.import_button, Qt.MouseButton.LeftButton)
+    ((_, arguments, project, _),) = ordered
+    assert arguments == [str(video), "--project", str(project), "--features", "disk", "--people", "crowd"]
+
+
+def test_networks_are_not_offered_if_none_are_installed_or_the_capture_has_poses(
+    qtbot: QtBot, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv(VARIABLE, str(tmp_path / "models"))
+    of_video = {"refused": False, "findings": [], "summary": None, "videos": [], "panoramic": False}
+    without = NewProjectDialog()
+    qtbot.addWidget(without)
+    without.show_result(result_of(json.dumps(of_video)))
+    assert without.features.isHidden() and without.people.isHidden()
+    (tmp_path / "models" / "disk").mkdir(parents=True)
+    (tmp_path / "models" / "disk" / "model.toml").write_text('form = "aliked"\n')
+    dialog = NewProjectDialog()
+    qtbot.addWidget(dialog)
+    for data, is_hidden in ((of_video, False), ({**of_video, "panoramic": True}, True), ({**of_video}, False)):
+        dialog.show_result(result_of(json.dumps(data)))
+        assert dialog.features.isHidden() == is_hidden and dialog.people.isHidden()
+    del of_video["panoramic"]
+    dialog.show_result(result_of(json.dumps(of_video)))
+    assert dialog.features.isHidden(), "of a capture with poses"
 
 
 def test_a_video_that_cannot_be_decoded_is_refused_by_the_check() -> None:

@@ -135,6 +135,12 @@ def test_a_network_that_cannot_be_used_is_one_sentence(video: Path, models: Path
         poses(video, models / "out", people="floor-only")
     with pytest.raises(InputError, match="There is no model 'gone' for keypoints and their matches"):
         poses(video, models / "out", features="gone")
+    with pytest.raises(
+        InputError, match=r"no model 'gone' for masks of people in .*models \(installed: people\); add it"
+    ):
+        poses(video, models / "out", people="gone")
+    with pytest.raises(InputError, match="corners is a model for keypoints and their matches, not for masks of people"):
+        poses(video, models / "out", people="corners")
     with pytest.raises(InputError, match="people is a model for floor segmentation, not for keypoints"):
         poses(video, models / "out", features="people")
     assert not (models / "out").exists()

@@ -9,7 +9,6 @@ from PySide6.QtWidgets import (
     QButtonGroup,
     QCheckBox,
     QFrame,
-    QHBoxLayout,
     QScrollArea,
     QSizePolicy,
     QToolButton,
@@ -23,7 +22,7 @@ from nvsim_app.inspector.panoramas import Panoramas
 from nvsim_app.inspector.state import Inspection
 from nvsim_app.look import colors
 from nvsim_app.look.icons import swatch
-from nvsim_app.look.labels import Label
+from nvsim_app.look.labels import Label, WrappingRow
 from nvsim_app.look.plain_text import tooltip_text
 from nvsim_app.look.table import Column, TableModel, TableView, table
 from nvsim_app.look.theme import type_font
@@ -194,14 +193,12 @@ class InspectorPanel(QScrollArea):
         inspection.pointed.connect(self._show_pointed)
         self._fill()
 
-    def _head(self, parent: QWidget) -> QHBoxLayout:
-        row = QHBoxLayout()
-        row.setSpacing(4)
+    def _head(self, parent: QWidget) -> WrappingRow:
+        row = WrappingRow()
         self.title = Label(parent)
         self.title.setFont(type_font(bold=True))
-        self.title.setSizePolicy(QSizePolicy.Policy.Ignored, QSizePolicy.Policy.Preferred)
         self.title.setMinimumWidth(self.title.fontMetrics().horizontalAdvance("dddddd") + 6)
-        row.addWidget(self.title, 1)
+        row.addWidget(self.title)
         self.channels = QButtonGroup(self)
         for i, (channel, text) in enumerate(CHANNELS.items()):
             button = QToolButton(parent)
@@ -219,7 +216,6 @@ class InspectorPanel(QScrollArea):
         self.regions.setChecked(True)
         self.regions.setToolTip("Show the regions of interest of the eight directions")
         self.regions.toggled.connect(self.view.show_regions)
-        row.addSpacing(2)
         row.addWidget(self.regions)
         return row
 

@@ -99,12 +99,15 @@ class CheckResult:
     kinds     the findings, the worst first
     summary   the contents of the capture, None if they cannot be read
     videos    given instead of a summary if the capture consists of videos
+    networks  whether networks can find features or mask people: the capture is a video or photographs without poses,
+              and not of a 360 degree camera
     """
 
     refused: bool
     kinds: tuple[FindingGroup, ...]
     summary: Summary | None = None
     videos: tuple[VideoFile, ...] = ()
+    networks: bool = False
 
     @property
     def needs_scale(self) -> bool:
@@ -174,7 +177,9 @@ def result_of(text: str) -> CheckResult:
         kinds = grouped([_finding(finding) for finding in data["findings"]])
         summary = data.get("summary")
         videos = tuple(_video(video) for video in data.get("videos", ()))
-        return CheckResult(bool(data["refused"]), kinds, None if summary is None else _summary(summary), videos)
+        networks = not data.get("panoramic", True)
+        read = None if summary is None else _summary(summary)
+        return CheckResult(bool(data["refused"]), kinds, read, videos, networks)
     except (KeyError, TypeError, AttributeError, RecursionError, OverflowError) as error:
         raise ValueError(f"not a data check: {text[:80]!r}") from error
 

@@ -154,7 +154,7 @@ class ComparePanel(QWidget):
     def show_steps(self, texts: tuple[str, ...], current: int) -> None:
         """Lists the steps of the history to compare with."""
         self.steps.clear()
-        self.steps.addItem("With a step of the history…", -1)
+        self.steps.addItem("Earlier step…", -1)
         for i, text in enumerate(texts):
             if i != current:
                 self.steps.addItem(f"{i}: {plain(text)}", i)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from PySide6.QtCore import Qt, QTemporaryDir, QTimer, Signal
@@ -26,6 +26,7 @@ from nvsim.capture.multi_capture import SUFFIX, write_list
 from nvsim.errors import InputError
 from nvsim.files.user_folders import home_folder
 from nvsim.project.config import CaptureConfig
+from nvsim.reconstruction.pose_networks import NONE, Use, suitable_models
 from nvsim_app.forms.fields import Field, fields_of
 from nvsim_app.forms.rows import Editor, LineEditor, editor_of
 from nvsim_app.jobs.queries import CaptureCheck, CheckResult
@@ -37,6 +38,10 @@ from nvsim_app.panels.capture_check import CaptureFixes, CaptureSummary, Finding
 from nvsim_app.state.recent_projects import place_for, problem_with
 
 BETWEEN = "; "  # separates several captures in the line
+NETWORKS: dict[Use, str] = {
+    "features": "Network that finds and matches keypoints. It is used if it matches images better than SIFT.",
+    "people": "Network that recognizes people. They are ignored in poses, depth, floor masks and training.",
+}
 TYPING = 500  # milliseconds after the last change until the check starts
 
 
@@ -98,6 +103,12 @@ class NewProjectDialog(QDialog):
         self._due = QTimer(self, singleShot=True, interval=TYPING)
         self._due.timeout.connect(self._start_check)
         self._options = {f.path.rpartition(".")[2]: f for f in fields_of("import")}
+        for use, help in NETWORKS.items():
+            names = [model.name for model in suitable_models(use)]
+            earlier = "" if understood is None else getattr(understood, use)
+            choices = tuple(dict.fromkeys((NONE, *names, earlier or NONE)))
+            field = replace(self._options[use], kind="choice", choices=choices, default=NONE, help=help)
+            self._options[use] = field
         self._build()
         if project is not None:
             self.project.setText(str(project))
@@ -132,6 +143,7 @@ class NewProjectDialog(QDialog):
         self.model = self._line("model")
         self.poses = self._editor("poses")
         self.axes = self._editor("axes")
+        self.features, self.people = self._editor("features"), self._editor("people")
         grid = QGridLayout()
         grid.addWidget(Label("Capture", self), 0, 0)
         grid.addWidget(self.capture, 0, 1)
@@ -144,7 +156,8 @@ class NewProjectDialog(QDialog):
         asked: tuple[tuple[str, Editor], ...]
         asked = ("Camera height", self.camera_height), ("Scale", self.scale), ("Held out", self.hold_out)
         asked += ("Axes", self.axes), ("Poses", self.poses), ("Model", self.model)
-        self._model_row: list[QWidget] = []
+        asked += ("Features", self.features), ("People", self.people)
+        self._rows: dict[str, list[QWidget]] = {}
         for row, (words, editor) in enumerate(asked, start=2):
             name = Label(words, self)
             name.setToolTip(tooltip_text(editor.field.flag))
@@ -158,8 +171,7 @@ class NewProjectDialog(QDialog):
             inner.setColumnStretch(1, 1)
             grid.addWidget(name, row, 0)
             grid.addLayout(inner, row, 1, 1, 4)
-            if editor is self.model:
-                self._model_row = [name, editor, help]
+            self._rows[editor.field.path.rpartition(".")[2]] = [name, editor, help]
         grid.setColumnStretch(1, 1)
         self.verdict = Label(self)
         self.verdict.setFont(type_font(bold=True))
@@ -255,7 +267,8 @@ class NewProjectDialog(QDialog):
 
     def _editors(self) -> dict[str, Editor]:
         lines = {"camera_height": self.camera_height, "scale": self.scale, "hold_out": self.hold_out}
-        return {**lines, "axes": self.axes, "model": self.model, "poses": self.poses}
+        lists = {"axes": self.axes, "features": self.features, "people": self.people}
+        return {**lines, **lists, "model": self.model, "poses": self.poses}
 
     def _start_check(self) -> None:
         captures = self.captures()
@@ -335,8 +348,10 @@ class NewProjectDialog(QDialog):
         self.busy.setVisible(self.check.running)
         chooses_model = len(self.captures()) == 1 and not self._beside
         chooses_model &= bool(self.model.line.text().strip()) or (result is not None and result.has_models)
-        for widget in self._model_row:
-            widget.setVisible(chooses_model)
+        takes_networks = result is not None and result.networks
+        self._show_row("model", chooses_model)
+        for use in NETWORKS:
+            self._show_row(use, takes_networks and len(self._options[use].choices) > 1)
         if self.check.running or self._due.isActive():
             self.verdict.setText("Checking the capture: every image, pose and point…")
         elif result is not None:
@@ -354,6 +369,10 @@ class NewProjectDialog(QDialog):
         self.run_button.setEnabled(ready)
         self.import_button.setEnabled(ready)
 
+    def _show_row(self, name: str, visible: bool) -> None:
+        for widget in self._rows[name]:
+            widget.setVisible(visible)
+
     def _problem(self) -> str:
         try:
             self._values()
@@ -369,7 +388,7 @@ class NewProjectDialog(QDialog):
         options: list[str] = []
         for name, value in values.items():
             field = self._options[name]
-            if value != field.default and (name != "model" or len(self.captures()) == 1):
+            if value != field.default and not self._rows[name][0].isHidden():
                 options += [field.flag, str(value)]
         if self._images and not self._beside:
             options += [self._options["images"].flag, self._images]

@@ -190,6 +190,7 @@ class WorkspacePart(Part):
         names, state = settings.value(self._key("panels")), settings.value(self._key("state"))
         names = [names] if isinstance(names, str) else names
         own = isinstance(names, list) and isinstance(state, QByteArray)
+        size = window.size()
         self._asked.clear()
         self._wanted = {str(n) for n in names} & set(self._docks) if own else self._defaults()
         if self.kind == "nothing":
@@ -200,6 +201,10 @@ class WorkspacePart(Part):
             self._restore_layout(self._first_layout)
         self._put = self._open_now()
         self.settle()
+        layout = window.layout()
+        if window.size() != size and layout is not None:  # the layout with closed panels needed more room
+            layout.activate()
+            window.resize(size)
         if not own:
             self._arrange()
         window.setUpdatesEnabled(True)

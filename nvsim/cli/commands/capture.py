@@ -175,6 +175,7 @@ def _say_posed_panoramas(listed: Path, arguments: Check) -> int:
 
 def _check_video(footage: Footage, arguments: Check) -> int:
     from nvsim.capture.findings import SCALE_ASSUMED
+    from nvsim.footage.sources import is_panoramic
     from nvsim.reconstruction.footage_check import check_footage
 
     known = arguments.scale is not None or arguments.camera_height is not None
@@ -183,7 +184,9 @@ def _check_video(footage: Footage, arguments: Check) -> int:
     if arguments.json:
         findings = [dataclasses.asdict(f) for f in report.findings]
         videos = [dataclasses.asdict(f) for f in report.files]
-        say(as_json({"refused": report.refused, "findings": findings, "summary": None, "videos": videos}))
+        panoramic = not report.refused and is_panoramic(footage)
+        data = {"refused": report.refused, "findings": findings, "summary": None, "videos": videos}
+        say(as_json({**data, "panoramic": panoramic}))
         return code
     for file in report.files:
         say(f"{file.words}.")
