@@ -5,7 +5,6 @@ from __future__ import annotations
 
 import contextlib
 import importlib
-import logging
 import os
 import signal
 import socket
@@ -45,6 +44,8 @@ def open_executor(config: ClusterConfig) -> Iterator[Executor]:
 def connect_to_cluster(address: str) -> Iterator[ModuleType]:
     """The module `ray`, connected to the cluster at `address` ("auto" or HOST:PORT) until the block ends. Raises
     InputError if Ray is not installed, or the cluster does not answer or refuses the connection."""
+    import logging
+
     host, port = _parsed(address)
     # Ray requests the token by itself only for "auto". An existing value of the variable has priority.
     os.environ.setdefault("RAY_AUTH_MODE", "token")

@@ -29,7 +29,8 @@ Wanted = Mapping[str, tuple[str, int]]
 
 
 def write_arrays(path: Path, arrays: Mapping[str, NDArray[Any]], *, compressed: bool = True) -> None:
-    """Replaces the .npz file at `path` with arrays by name. Raises InputError if it cannot be written."""
+    """Replaces the .npz file at `path` with `arrays`: name -> array (...) of any shape. Raises InputError if it cannot
+    be written."""
     with replacement_file(path) as temporary, open(temporary, "wb") as file:
         (np.savez_compressed if compressed else np.savez)(file, **arrays)  # type: ignore[arg-type]
 
