@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from pathlib import Path
 
 import pytest
 from PySide6.QtCore import QRect, Qt
@@ -21,6 +22,9 @@ from PySide6.QtWidgets import (
 from pytestqt.qtbot import QtBot
 
 from nvsim.graph.selection import GraphSelection
+from nvsim.project.work import WORK
+from nvsim_app.forms.fields import Settings
+from nvsim_app.forms.form import CommandForm
 from nvsim_app.state.document import Document
 from nvsim_app.wiring.window import MainWindow
 from nvsim_app.wiring.workspace_layouts import WORKSPACE_LAYOUTS
@@ -43,7 +47,7 @@ def shown_part(widget: QWidget, box: QRect) -> QRect:
 def cut_texts(root: QWidget) -> Iterator[str]:
     """The visible texts of a widget that have less room than they need."""
     for widget in [root, *root.findChildren(QWidget)]:
-        if not widget.isVisibleTo(root) or widget.visibleRegion().isEmpty():
+        if not widget.isVisible():
             continue
         name = type(widget).__name__
         if isinstance(widget, QHeaderView) and widget.orientation() == Qt.Orientation.Horizontal:
@@ -111,3 +115,12 @@ def test_no_fixed_text_is_cut(window: MainWindow, document: Document, qtbot: QtB
         for bar in window.findChildren(QTabBar, options=Qt.FindChildOption.FindDirectChildrenOnly):
             found |= {f"{layout.id}: {text}" for text in cut_texts(bar)}
     assert not found, "\n".join(sorted(found))
+
+
+@pytest.mark.parametrize("verb", sorted(WORK))
+def test_no_option_of_a_form_is_cut(qtbot: QtBot, tmp_path: Path, verb: str) -> None:
+    form = CommandForm(verb, WORK[verb].title, tmp_path, Settings(None))
+    qtbot.addWidget(form)
+    form.show()
+    form.finish_building()
+    qtbot.waitUntil(lambda: not list(cut_texts(form)), timeout=2000)
