@@ -2,83 +2,21 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from pathlib import Path
 
 import pytest
-from PySide6.QtCore import QRect, Qt
-from PySide6.QtWidgets import (
-    QAbstractButton,
-    QAbstractScrollArea,
-    QComboBox,
-    QHeaderView,
-    QLabel,
-    QStyle,
-    QStyleOptionComboBox,
-    QStyleOptionTab,
-    QTabBar,
-    QWidget,
-)
+from cut_texts import cut_texts
+from PySide6.QtCore import Qt
+from PySide6.QtWidgets import QTabBar
 from pytestqt.qtbot import QtBot
 
 from nvsim.graph.selection import GraphSelection
+from nvsim.project.work import WORK
+from nvsim_app.forms.fields import Settings
+from nvsim_app.forms.form import CommandForm
 from nvsim_app.state.document import Document
 from nvsim_app.wiring.window import MainWindow
 from nvsim_app.wiring.workspace_layouts import WORKSPACE_LAYOUTS
-
-
-def shown_part(widget: QWidget, box: QRect) -> QRect:
-    """The part of `box` of a widget that its parents do not cut off. Parts that a scroll bar can show are not cut."""
-    box = QRect(box)
-    while (parent := widget.parentWidget()) is not None and not widget.isWindow():
-        box.translate(widget.pos())
-        area = parent.parentWidget()
-        if isinstance(area, QAbstractScrollArea) and area.viewport() is parent:
-            fixed = area.horizontalScrollBarPolicy() == Qt.ScrollBarPolicy.ScrollBarAlwaysOff
-            return box & QRect(0, box.y(), parent.width(), box.height()) if fixed else box
-        box &= parent.rect()
-        widget = parent
-    return box
-
-
-def cut_texts(root: QWidget) -> Iterator[str]:
-    """The visible texts of a widget that have less room than they need."""
-    for widget in [root, *root.findChildren(QWidget)]:
-        if not widget.isVisibleTo(root) or widget.visibleRegion().isEmpty():
-            continue
-        name = type(widget).__name__
-        if isinstance(widget, QHeaderView) and widget.orientation() == Qt.Orientation.Horizontal:
-            for column in range(widget.count()):
-                text = str(widget.model().headerData(column, Qt.Orientation.Horizontal) or "")
-                room = widget.sectionSize(column)
-                if not widget.isSectionHidden(column) and widget.fontMetrics().horizontalAdvance(text) + 6 > room:
-                    yield f"column {text!r}: {room} pixels"
-        elif isinstance(widget, QTabBar):
-            for tab in range(widget.count()):
-                option = QStyleOptionTab()
-                widget.initStyleOption(option, tab)
-                inner = widget.style().subElementRect(QStyle.SubElement.SE_TabBarTabText, option, widget)
-                text = widget.tabText(tab).replace("&", "")
-                is_cut = not widget.rect().contains(widget.tabRect(tab).center())
-                is_cut |= widget.fontMetrics().horizontalAdvance(text) > inner.width() + 2
-                if widget.isTabVisible(tab) and is_cut:
-                    yield f"tab {text!r}: {inner.width()} pixels"
-        elif isinstance(widget, QLabel) and widget.text():
-            wide, box = widget.width() if widget.wordWrap() else widget.sizeHint().width(), widget.rect()
-            high = widget.heightForWidth(wide) if widget.wordWrap() else widget.sizeHint().height()
-            box = shown_part(widget, box)
-            if box.width() < wide or box.height() < high:
-                yield f"{name} {widget.text()[:60]!r}: {box.width()} x {box.height()} of {wide} x {high} pixels"
-        elif isinstance(widget, QComboBox) and widget.currentText():
-            option = QStyleOptionComboBox()
-            widget.initStyleOption(option)
-            parts = QStyle.ComplexControl.CC_ComboBox, option, QStyle.SubControl.SC_ComboBoxEditField, widget
-            box = shown_part(widget, widget.style().subControlRect(*parts))
-            if box.width() < widget.fontMetrics().horizontalAdvance(widget.currentText()):
-                yield f"{name} {widget.currentText()!r}: {box.width()} pixels"
-        elif isinstance(widget, QAbstractButton) and widget.text():
-            wide, box = widget.minimumSizeHint().width(), shown_part(widget, widget.rect())
-            if box.width() < wide:
-                yield f"{name} {widget.text()!r}: {box.width()} of {wide} pixels"
 
 
 @pytest.mark.parametrize("size", [(1272, 680), (952, 500)])
@@ -111,3 +49,12 @@ def test_no_fixed_text_is_cut(window: MainWindow, document: Document, qtbot: QtB
         for bar in window.findChildren(QTabBar, options=Qt.FindChildOption.FindDirectChildrenOnly):
             found |= {f"{layout.id}: {text}" for text in cut_texts(bar)}
     assert not found, "\n".join(sorted(found))
+
+
+@pytest.mark.parametrize("verb", sorted(WORK))
+def test_no_option_of_a_form_is_cut(qtbot: QtBot, tmp_path: Path, verb: str) -> None:
+    form = CommandForm(verb, WORK[verb].title, tmp_path, Settings(None))
+    qtbot.addWidget(form)
+    form.show()
+    form.finish_building()
+    qtbot.waitUntil(lambda: not list(cut_texts(form)), timeout=2000)

@@ -9,6 +9,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 import pytest
+from cut_texts import cut_texts
 from PySide6.QtCore import Qt
 from PySide6.QtGui import QColor, QImage
 from PySide6.QtWidgets import QComboBox, QWidget
@@ -137,6 +138,15 @@ def test_networks_are_not_offered_if_none_are_installed_or_the_capture_has_poses
     del of_video["panoramic"]
     dialog.show_result(result_of(json.dumps(of_video)))
     assert dialog.features.isHidden(), "of a capture with poses"
+
+
+def test_the_texts_beside_the_options_of_an_import_are_in_one_column(qtbot: QtBot) -> None:
+    dialog = NewProjectDialog()
+    qtbot.addWidget(dialog)
+    dialog.show()
+    shown = [row[-1] for row in dialog._rows.values() if row[-1].isVisible()]
+    assert len(shown) == 5 and len({help.x() for help in shown}) == 1
+    assert not list(cut_texts(dialog))
 
 
 def test_a_video_that_cannot_be_decoded_is_refused_by_the_check() -> None:

@@ -18,7 +18,6 @@ from PySide6.QtWidgets import (
     QLineEdit,
     QListWidget,
     QPushButton,
-    QScrollArea,
     QVBoxLayout,
     QWidget,
 )
@@ -39,7 +38,7 @@ from nvsim_app.forms.rows import OptionRow
 from nvsim_app.look.labels import InkLabel, Label
 from nvsim_app.look.plain_text import SENTENCE, plain
 from nvsim_app.look.theme import type_font
-from nvsim_app.look.widgets import DialogButtons
+from nvsim_app.look.widgets import DialogButtons, Scrolling
 
 GENERAL = "General"
 TYPING = 250  # milliseconds after the last key press until the values are validated
@@ -123,12 +122,10 @@ class CommandForm(QDialog):
         self._column = QVBoxLayout(self._page)
         self._column.setContentsMargins(8, 8, 8, 8)
         self._column.addStretch(1)
-        self.area = QScrollArea(self)
+        self.area = Scrolling(self._page, self)
         self.area.setAccessibleName("Options")
-        self.area.setWidgetResizable(True)
         self.area.setFrameShape(QFrame.Shape.StyledPanel)
         self.area.setHorizontalScrollBarPolicy(Qt.ScrollBarPolicy.ScrollBarAlwaysOff)
-        self.area.setWidget(self._page)
         self._middle = QHBoxLayout()
         self._middle.addWidget(self.list)
         self._middle.addWidget(self.area, 1)

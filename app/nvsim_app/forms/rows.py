@@ -46,6 +46,7 @@ class OptionRow(QWidget):
         quiet = self._origin.palette().ColorRole.PlaceholderText
         self._origin.setForegroundRole(quiet)
         self._origin.setMinimumWidth(190)
+        self._origin.setWordWrap(True)
         self._paper = "" if paper is _NOWHERE else f"paper {value_text(paper)}"
         self.reset_button = QToolButton(self)
         self.reset_button.setText("↺")

@@ -65,7 +65,10 @@ class Scrolling(QScrollArea):
 
     def minimumSizeHint(self) -> QSize:
         least = self._inner.minimumSizeHint()
-        return QSize(least.width(), min(LEAST, least.height()))
+        width = least.width()
+        if self.horizontalScrollBarPolicy() == Qt.ScrollBarPolicy.ScrollBarAlwaysOff:
+            width += self.verticalScrollBar().sizeHint().width() + 2 * self.frameWidth()
+        return QSize(width, min(LEAST, least.height()))
 
     def sizeHint(self) -> QSize:
         return self._inner.sizeHint()
