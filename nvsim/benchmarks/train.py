@@ -100,7 +100,7 @@ def measure(
     figures["ratio"] = figures["step_ms"] / (figures["forward_ms"] + figures["raster_backward_ms"])
     if place is not None:
         start = synthetic_gaussians(gaussians, sh_degree, seed)
-        figures |= measure_simple_step(start, [v.camera for v in views], [v.image for v in views], place)
+        figures |= measure_simple_step(start, [v.camera for v in views], [v.image for v in views], place, SIMPLE_STEPS)
     if place == "cuda":
         figures["card_memory_mib"] = torch.cuda.max_memory_allocated() / (1 << 20)
     return {
@@ -121,7 +121,7 @@ def measure_simple_step(
     cameras: Sequence[Camera],
     images: Sequence[NDArray[np.uint8]],
     device: str,
-    steps: int = SIMPLE_STEPS,
+    steps: int,
 ) -> dict[str, float]:
     """simple_step_ms: median time of a step over `gaussians`. The steps take turns through `cameras` and their `images`
     (H, W, 3) uint8 RGB."""
