@@ -140,6 +140,23 @@ def test_networks_are_not_offered_if_none_are_installed_or_the_capture_has_poses
     assert dialog.features.isHidden(), "of a capture with poses"
 
 
+def test_an_import_into_a_project_also_passes_that_no_network_is_chosen(
+    qtbot: QtBot, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Without the option, the import would keep the network of the earlier poses."""
+    monkeypatch.setenv(VARIABLE, str(tmp_path / "models"))
+    (tmp_path / "models" / "disk").mkdir(parents=True)
+    (tmp_path / "models" / "disk" / "model.toml").write_text('form = "aliked"\n')
+    of_video = {"refused": False, "findings": [], "summary": None, "videos": [], "panoramic": False}
+    for project, options in ((None, ()), (tmp_path / "a.nvsim", ("--features", "none"))):
+        dialog = NewProjectDialog(project=project)
+        qtbot.addWidget(dialog)
+        dialog.show_result(result_of(json.dumps(of_video)))
+        with qtbot.waitSignal(dialog.chosen) as caught:
+            dialog._choose(everything=False)
+        assert caught.args[0].options == options
+
+
 def test_the_texts_beside_the_options_of_an_import_are_in_one_column(qtbot: QtBot) -> None:
     dialog = NewProjectDialog()
     qtbot.addWidget(dialog)

@@ -113,7 +113,7 @@ def seen_from_frame(camera: Camera) -> ViewPose:
     forward = camera.rotation[:, 2]
     heading, elevation = atan2(forward[0], forward[1]), atan2(forward[2], hypot(forward[0], forward[1]))
     fov = 2 * atan(camera.intrinsics.height / 2 / camera.intrinsics.fy)
-    return ViewPose(_at(camera.position), heading, elevation, 3.0, fov)
+    return ViewPose(_at(camera.position), heading, elevation, REACH, fov)
 
 
 def top_view(points: NDArray[np.float64], aspect: float = 1.6) -> ViewPose:

@@ -382,9 +382,11 @@ class NewProjectDialog(QDialog):
     def _choose(self, everything: bool) -> None:
         values = self._values()
         options: list[str] = []
+        replaces = self._fixed is not None and not self._beside  # without an option, earlier networks would be kept
         for name, value in values.items():
             field = self._options[name]
-            if value != field.default and not self._rows[name][0].isHidden():
+            is_set = value != field.default or (replaces and name in NETWORKS)
+            if is_set and not self._rows[name][0].isHidden():
                 options += [field.flag, str(value)]
         if self._images and not self._beside:
             options += [self._options["images"].flag, self._images]
