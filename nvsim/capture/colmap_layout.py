@@ -120,7 +120,9 @@ def model_named(root: Path, name: str) -> Path:
             f"{shown(root)} holds no COLMAP model, so --model {shown(name)} selects nothing; omit --model."
         )
     listed = ", ".join(model.name for model in models[:20])
-    raise InputError(f"{shown(root)} has no model {shown(name)!r}; give --model one of {listed}.")
+    raise InputError(
+        f"{shown(root)} has no model {shown(name)!r}; give --model one of {listed}, or only its last part."
+    )
 
 
 def missing_from_model(root: Path) -> str:
