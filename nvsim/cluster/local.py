@@ -1,24 +1,22 @@
 """Runs pieces of work in parallel on this machine, each in its own process.
 
-A child sends its messages through a pipe. It ends when its parent ends, even if the parent crashes.
+A child sends its messages through a pipe.
 """
 
 from __future__ import annotations
 
 import contextlib
-import multiprocessing
-import os
-import threading
 import traceback
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from multiprocessing.connection import Connection, wait
-from multiprocessing.process import BaseProcess
 
 from nvsim.cluster.piece import Message, MessageStream, SentFile, WorkCall, WorkItem, WorkResult
 from nvsim.errors import InputError
 from nvsim.events import Event, Progress
 from nvsim.kernel_threads import cores
+from nvsim.processes.messages import receive, send
+from nvsim.processes.process import PipedProcess
 
 
 @dataclass(frozen=True)
@@ -51,7 +49,7 @@ class LocalPool:
                     piece = waiting.pop(0)
                     child = _WorkerProcess(piece, begin(piece))
                     if warm or not running:
-                        child.connection.send(None)
+                        send(child.connection, None)
                     running[child.connection] = child
                 for connection in wait(list(running)):
                     assert isinstance(connection, Connection)
@@ -64,7 +62,7 @@ class LocalPool:
                         for other in running.values():
                             if other is not child:
                                 with contextlib.suppress(OSError):  # a dead child is reported when its pipe is read
-                                    other.connection.send(None)
+                                    send(other.connection, None)
                     if isinstance(message, WorkResult):
                         child.end(patience=2.0)
                         del running[connection]
@@ -77,33 +75,27 @@ class LocalPool:
 class _WorkerProcess:
     def __init__(self, piece: WorkItem, order: WorkCall) -> None:
         self.piece = piece
-        context = multiprocessing.get_context("spawn")  # a fork of a process with thread pools may hang
-        self.connection, theirs = context.Pipe()
-        self._process: BaseProcess = context.Process(target=_work, args=(order, theirs), daemon=True)
-        self._process.start()
-        theirs.close()
+        self._process = PipedProcess(_work, order)
+        self.connection = self._process.connection
 
     def receive(self) -> Message | _WorkError:
         try:
-            message: Message | _WorkError = self.connection.recv()
+            message: Message | _WorkError = receive(self.connection)
             return message
         except (EOFError, OSError):
-            self._process.join()
+            self._process.wait()
             return _WorkError(
-                f"the work on {self.piece.label} ended unexpectedly (code {self._process.exitcode}), usually because "
+                f"the work on {self.piece.label} ended unexpectedly (code {self._process.exit_code}), usually because "
                 "memory ran out. Run the same command again to continue, with --at-once 1 to use less memory.",
                 False,
             )
 
     def end(self, patience: float = 0.0) -> None:
         """Stops the process if it has not ended after `patience` seconds."""
-        self._process.join(patience)
-        self._process.terminate()
-        self._process.join(5)
-        if self._process.is_alive():
-            self._process.kill()
-            self._process.join()
-        self.connection.close()
+        if not self._process.wait(patience):
+            self._process.terminate()
+            self._process.wait(5)
+        self._process.end()
 
 
 class _PipeCaller:
@@ -113,35 +105,26 @@ class _PipeCaller:
         self._connection = connection
 
     def tell(self, event: Event) -> None:
-        self._connection.send(event)
+        send(self._connection, event)
 
     def send(self, name: str, data: bytes) -> None:
-        self._connection.send(SentFile.of(name, data))
+        send(self._connection, SentFile.of(name, data))
 
     def ready(self) -> None:
-        self._connection.recv()
+        receive(self._connection)
 
 
-def _work(order: WorkCall, connection: Connection) -> None:
+def _work(connection: Connection, order: WorkCall) -> None:
     import signal
 
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C reaches the whole process group; the parent handles it
-    threading.Thread(target=_end_with_parent, daemon=True).start()
     try:
-        connection.send(WorkResult(order.function(_PipeCaller(connection), *order.arguments)))
+        send(connection, WorkResult(order.function(_PipeCaller(connection), *order.arguments)))
     except InputError as error:
-        connection.send(_WorkError(str(error), False))
+        send(connection, _WorkError(str(error), False))
     except MemoryError:
-        connection.send(_WorkError("out of memory; use --at-once 1, more submaps or fewer Gaussians.", False))
+        send(connection, _WorkError("out of memory; use --at-once 1, more submaps or fewer Gaussians.", False))
     except (BrokenPipeError, EOFError):
         pass  # the parent has ended
     except Exception:
-        connection.send(_WorkError(traceback.format_exc(), True))
-
-
-def _end_with_parent() -> None:
-    parent = multiprocessing.parent_process()
-    if parent is not None:
-        with contextlib.suppress(OSError):
-            parent.join()
-        os._exit(1)
+        send(connection, _WorkError(traceback.format_exc(), True))

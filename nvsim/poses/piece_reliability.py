@@ -9,6 +9,7 @@ information of the seven parameters of that similarity, with all points free.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 import pycolmap
@@ -47,6 +48,20 @@ class Observations:
     point: NDArray[np.int64]
     places: NDArray[np.float64]
 
+    @cached_property
+    def _by_image(self) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+        """Indices (N,) of the observations, ordered by image, and the first of them of each image (I + 1,)."""
+        return np.argsort(self.image, kind="stable"), np.searchsorted(
+            np.sort(self.image), np.arange(len(self.numbers) + 1)
+        )
+
+    def of_images(self, images: NDArray[np.bool_]) -> NDArray[np.intp]:
+        """Indices (K,) of the observations in the selected `images` (I,), by increasing point."""
+        order, first = self._by_image
+        chosen = [order[first[k] : first[k + 1]] for k in np.flatnonzero(images)]
+        found = np.concatenate(chosen) if chosen else np.zeros(0, np.intp)
+        return found[np.argsort(self.point[found], kind="stable")]
+
 
 def observations_of(model: pycolmap.Reconstruction) -> Observations:
     """The images, points, and observations of `model` as arrays."""
@@ -54,19 +69,19 @@ def observations_of(model: pycolmap.Reconstruction) -> Observations:
     index = {int(n): k for k, n in enumerate(numbers)}
     poses = [model.images[int(n)].cam_from_world() for n in numbers]
     focal = np.array([model.cameras[model.images[int(n)].camera_id].mean_focal_length() for n in numbers])
-    image, point, places = [], [], []
-    for k, p in enumerate(model.points3D.values()):
+    image, length, places = list[int](), list[int](), []
+    for p in model.points3D.values():
         places.append(p.xyz)
-        for element in p.track.elements:
-            image.append(index[element.image_id])
-            point.append(k)
+        elements = p.track.elements
+        image += [index[element.image_id] for element in elements]
+        length.append(len(elements))
     return Observations(
         numbers,
         np.array([pose.rotation.matrix() for pose in poses]),
         np.array([model.images[int(n)].projection_center() for n in numbers]),
         focal,
         np.array(image, np.int64),
-        np.array(point, np.int64),
+        np.repeat(np.arange(len(length)), length),
         np.array(places).reshape(-1, 3),
     )
 
@@ -180,14 +195,14 @@ def shared_points(seen: Observations) -> NDArray[np.int64]:
 def scale_deviation(seen: Observations, one: NDArray[np.bool_], other: NDArray[np.bool_], pixel: float = 1.0) -> float:
     """Standard deviation of the log scale of the images `other` (I,) relative to the images `one` (I,), if features
     have an error of `pixel` pixels. Infinite if the two are not connected."""
-    sides = np.where(one[seen.image], 1, 0) + np.where(other[seen.image], 2, 0)
-    both = np.zeros(len(seen.places), np.int64)
-    np.bitwise_or.at(both, seen.point, sides)
-    lines = np.flatnonzero((sides > 0) & (both[seen.point] == 3))
+    lines = seen.of_images(one | other)
+    first = _starts(seen.point[lines])
+    sides = np.where(one[seen.image[lines]], 1, 0) + np.where(other[seen.image[lines]], 2, 0)
+    on_both = np.bitwise_or.reduceat(sides, first) == 3 if len(lines) else np.zeros(0, bool)
+    lines = lines[np.repeat(on_both, np.diff(first, append=len(lines)))]
     if len(lines) < 14:
         return float("inf")
-    points, point = np.unique(seen.point[lines], return_inverse=True)
-    image = seen.image[lines]
+    first, image = _starts(seen.point[lines]), seen.image[lines]
     origin = seen.center[other].mean(axis=0)
     away = seen.places[seen.point[lines]] - seen.center[image]
     x, y, z = np.einsum("nij,nj->in", seen.rotation[image], away)
@@ -206,13 +221,18 @@ def scale_deviation(seen: Observations, one: NDArray[np.bool_], other: NDArray[n
     moves[:, 1, 4], moves[:, 1, 6] = offset[:, 2], -offset[:, 0]
     moves[:, 2, 4], moves[:, 2, 5] = -offset[:, 1], offset[:, 0]
     change = (by_point @ moves) * other[image][:, None, None]
-    normal = np.zeros((len(points), 3, 3))
-    np.add.at(normal, point, by_point.transpose(0, 2, 1) @ by_point)
-    mixed = np.zeros((len(points), 3, 7))
-    np.add.at(mixed, point, by_point.transpose(0, 2, 1) @ change)
+    by_point_t = by_point.transpose(0, 2, 1)
+    normal = np.add.reduceat(by_point_t @ by_point, first)
+    mixed = np.add.reduceat(by_point_t @ change, first)
     inverse = np.linalg.pinv(normal, rcond=1e-9, hermitian=True)
-    information = np.einsum("nki,nkj->ij", change, change) - np.einsum("pia,pij,pjb->ab", mixed, inverse, mixed)
+    flat = change.reshape(-1, 7)
+    information = flat.T @ flat - mixed.reshape(-1, 7).T @ (inverse @ mixed).reshape(-1, 7)
     values = np.linalg.eigvalsh(information)
     if not values[0] > 1e-9 * max(values[-1], 1e-12):
         return float("inf")
     return float(pixel * np.sqrt(np.linalg.inv(information)[0, 0]))
+
+
+def _starts(increasing: NDArray[np.int64]) -> NDArray[np.intp]:
+    """Indices of the first of each run of equal numbers."""
+    return np.flatnonzero(np.diff(increasing, prepend=-1))

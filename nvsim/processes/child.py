@@ -9,11 +9,8 @@ from __future__ import annotations
 
 import contextlib
 import math
-import multiprocessing
 import os
 import signal
-import subprocess
-import sys
 import threading
 import time
 import weakref
@@ -34,6 +31,8 @@ from nvsim.processes.messages import (
     receive,
     send,
 )
+from nvsim.processes.process import PipedProcess
+from nvsim.processes.serving import answer_requests
 
 RequestT = TypeVar("RequestT")
 AnswerT = TypeVar("AnswerT")
@@ -133,31 +132,16 @@ class _Ended(Exception):
 
 
 class _Process:
-    """The process of a Child and the pipe to it."""
+    """The process of a Child."""
 
     def __init__(self, worker: Worker[Any, Any]) -> None:
-        self._owner, self._ready = os.getpid(), False
-        self._connection, theirs = multiprocessing.Pipe()
-        life, self._life = os.pipe()  # carries no data: it closes when this process ends, and the child notices
-        arguments = [theirs.fileno(), life, f"{worker.__module__}:{worker.__qualname__}"]
-        try:
-            self._process = subprocess.Popen(
-                [sys.executable, "-P", "-m", "nvsim.processes.serving", *map(str, arguments)],
-                stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL,
-                pass_fds=(theirs.fileno(), life),
-                env={**os.environ, "PYTHONPATH": os.pathsep.join(path for path in sys.path if path)},
-            )  # fmt: skip
-        except OSError as error:
-            self._connection.close()
-            os.close(self._life)
-            raise InputError(f"No process can be started ({error.strerror}); close other programs.") from error
-        finally:
-            theirs.close()
-            os.close(life)
+        self._ready = False
+        self._process = PipedProcess(answer_requests, f"{worker.__module__}:{worker.__qualname__}")
+        self._connection = self._process.connection
 
     @property
     def running(self) -> bool:
-        return not self._connection.closed and self._owner == os.getpid() and self._process.poll() is None
+        return not self._connection.closed and self._process.is_owned and self._process.exit_code is None
 
     def answer(
         self, request: Request, limits: Limits, hear: Callable[[Any], object]
@@ -183,8 +167,7 @@ class _Process:
         try:
             yield
         except (EOFError, OSError):
-            with contextlib.suppress(subprocess.TimeoutExpired):
-                self._process.wait(5)
+            self._process.wait(5)
             words = f"crashed the program that reads it{self._exit_description()}"
             self.end()
             raise _Ended(words) from None
@@ -206,7 +189,7 @@ class _Process:
     def _computed(self) -> float:
         """Seconds of processor time that the process has taken."""
         try:
-            times = psutil.Process(self._process.pid).cpu_times()
+            times = psutil.Process(self._process.id).cpu_times()
         except psutil.Error:
             return 0.0  # the process has ended, and the pipe reports it
         return float(times.user + times.system)
@@ -217,21 +200,15 @@ class _Process:
 
     def _exit_description(self) -> str:
         """How the process ended, in parentheses."""
-        code = self._process.poll()
+        code = self._process.exit_code
         if code is None or code >= 0:
             return "" if code is None else f" (code {code})"
         name = signal.Signals(-code).name
         return f" ({name}{', usually because memory ran out' if -code == signal.SIGKILL else ''})"
 
     def end(self) -> None:
-        """Kills the process and waits for its end. Does nothing in a fork of the process that started it, because the
-        fork shares the pipe."""
-        if self._owner != os.getpid() or self._connection.closed:
-            return
-        self._process.kill()
-        self._process.wait()
-        self._connection.close()
-        os.close(self._life)
+        """See `PipedProcess.end`."""
+        self._process.end()
 
 
 _idle: dict[Worker[Any, Any], _Process] = {}

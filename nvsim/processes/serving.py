@@ -1,5 +1,7 @@
-"""The child's side of `nvsim.processes.child`. `python -P -m nvsim.processes.serving CONNECTION LIFE MODULE:WORKER`
-answers requests until the caller closes the connection."""
+"""The child's side of `nvsim.processes.process`.
+
+`python -P -m nvsim.processes.serving CONNECTION LIFE` runs the function that it receives, until the caller ends.
+"""
 
 from __future__ import annotations
 
@@ -20,28 +22,34 @@ from nvsim.processes.messages import Answer, Notice, OutOfMemory, ReportedBug, R
 _F_SETSIG = 10  # Linux constant of fcntl that Python does not define
 
 
-def main(connection: int, life: int, worker: str) -> None:
+def main(connection: int, life: int) -> None:
     signal.signal(signal.SIGINT, signal.SIG_DFL)  # Ctrl-C reaches the whole process group and ends any computation
     end_with(life)
     resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
     pipe = Connection(connection)
     with contextlib.suppress(EOFError, OSError):  # raised when the caller has ended
-        answer: Any = None
-        try:
-            module, _, name = worker.partition(":")
-            answer = getattr(importlib.import_module(module), name)()
-            if hasattr(answer, "tell"):
-                answer.tell = lambda value: send(pipe, Notice(value))
-            send(pipe, Answer(None))
-        except Exception:
-            send(pipe, Answer(None))
-            receive(pipe)
-            send(pipe, ReportedBug(traceback.format_exc()))
-            return
-        while True:
-            request = receive(pipe)
-            limit_memory(request.memory)
-            send(pipe, _answered(answer, request.value))
+        function, arguments = receive(pipe)
+        function(pipe, *arguments)
+
+
+def answer_requests(pipe: Connection, worker: str) -> None:
+    """Answers the requests of a `nvsim.processes.child.Child`. `worker` names its class as MODULE:NAME."""
+    answer: Any = None
+    try:
+        module, _, name = worker.partition(":")
+        answer = getattr(importlib.import_module(module), name)()
+        if hasattr(answer, "tell"):
+            answer.tell = lambda value: send(pipe, Notice(value))
+        send(pipe, Answer(None))
+    except Exception:
+        send(pipe, Answer(None))
+        receive(pipe)
+        send(pipe, ReportedBug(traceback.format_exc()))
+        return
+    while True:
+        request = receive(pipe)
+        limit_memory(request.memory)
+        send(pipe, _answered(answer, request.value))
 
 
 def _answered(answer: Any, request: Any) -> Answer | ReportedInputError | OutOfMemory | ReportedBug:
@@ -94,4 +102,4 @@ def _wait_for_end(life: int) -> None:
 
 
 if __name__ == "__main__":
-    main(int(sys.argv[1]), int(sys.argv[2]), sys.argv[3])
+    main(int(sys.argv[1]), int(sys.argv[2]))

@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
-import multiprocessing
 import threading
 from collections.abc import Callable
 from dataclasses import dataclass
-from multiprocessing.process import BaseProcess
+from multiprocessing.connection import Connection
 from typing import Any
 
 from nvsim.errors import InputError
+from nvsim.processes.messages import receive, send
+from nvsim.processes.process import PipedProcess
 from nvsim_app.processes.serving import EndMessage, Requests, serve
 
 RESTARTS = 2  # maximum number of restarts of a process that answers requests
@@ -57,10 +58,8 @@ class Child:
         heard: Callable[[Child, object], object] = lambda child, message: None,
     ) -> None:
         self._program, self._source, self._heard = program, source, heard
-        # Spawn, because a fork of a process with threads and a window is not safe.
-        self._context = multiprocessing.get_context("spawn")
-        self._connection, self._theirs = self._context.Pipe()
-        self._process: BaseProcess | None = None
+        self._process: PipedProcess | None = None
+        self._running = False
         self._killed = False
         self._ended: EndMessage | None = None
         self._thread = threading.Thread(target=self._run, name=f"{program.name} link", daemon=True)
@@ -70,11 +69,14 @@ class Child:
     def process_id(self) -> int | None:
         """None before the start and after the end."""
         process = self._process
-        return None if process is None else process.pid
+        return process.id if process is not None and self._running else None
 
     def send(self, number: int, request: object) -> None:
         """Sends a request that can be pickled. Raises OSError if the process has ended."""
-        self._connection.send((number, request))
+        process = self._process
+        if process is None:
+            raise BrokenPipeError
+        send(process.connection, (number, request))
 
     def result(self) -> Any:
         """Waits for the result of the work. None after `kill`. Raises InputError with the reason if the work failed."""
@@ -96,37 +98,36 @@ class Child:
         """Ends the process, and returns after it has ended."""
         self.kill()
         self._thread.join()
-        self._connection.close()
+        if self._process is not None:
+            self._process.end()  # only now: another file could get the number of the pipe while `send` uses it
 
     def _run(self) -> None:
         program = self._program
-        arguments = (program.function, self._source, program.failure_text, program.nice, program.memory, self._theirs)
-        process = self._context.Process(target=serve, args=arguments, name=f"nvsim {program.name}", daemon=True)
+        arguments = program.function, self._source, program.failure_text, program.nice, program.memory
         try:
-            process.start()
+            process = PipedProcess(serve, *arguments)
         except Exception as error:  # no process can be started, or the source cannot be pickled
-            self._end_with(EndMessage(sentence=f"{program.failure_text}: {error}; {program.advice}."))
+            reason = str(error).rstrip(".")
+            self._end_with(EndMessage(sentence=f"{program.failure_text}: {reason}; {program.advice}."))
             return
-        finally:
-            self._theirs.close()
-        self._process = process
+        self._process, self._running = process, True
         if self._killed:
             process.kill()
         try:
-            self._read()
-            process.join(_LEAVING)
+            self._read(process.connection)
+            process.wait(_LEAVING)
         finally:
+            self._running = False
             process.kill()
-            process.join()
-            self._process = None
+            process.wait()
         if self._ended is None:
-            words = program.crash_text or f"{program.failure_text}: its process ended with code {process.exitcode}."
+            words = program.crash_text or f"{program.failure_text}: its process ended with code {process.exit_code}."
             self._end_with(EndMessage(sentence=words, crashed=True))
 
-    def _read(self) -> None:
+    def _read(self, connection: Connection) -> None:
         try:
             while self._ended is None:
-                message = self._connection.recv()
+                message = receive(connection)
                 if isinstance(message, EndMessage):
                     self._end_with(message)
                 else:

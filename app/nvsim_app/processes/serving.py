@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import multiprocessing
 import os
-import signal
 import threading
 import traceback
 from collections.abc import Callable
@@ -13,6 +11,7 @@ from multiprocessing.connection import Connection
 from typing import Any
 
 from nvsim.errors import InputError
+from nvsim.processes.messages import receive, send
 from nvsim.processes.serving import limit_memory
 
 OPENED = 0
@@ -82,7 +81,7 @@ class Requests:
         WindowClosed."""
         self._offer()
         try:
-            self._number, request = self._connection.recv()
+            self._number, request = receive(self._connection)
         except (EOFError, OSError):
             raise WindowClosed from None
         return self._number, request
@@ -105,7 +104,7 @@ class Requests:
         """Sends a message of the protocol. Raises WindowClosed."""
         try:
             with self._lock:
-                self._connection.send(message)
+                send(self._connection, message)
         except OSError:
             raise WindowClosed from None
 
@@ -116,17 +115,14 @@ class Requests:
 
 
 def serve(
+    pipe: Connection,
     work: Callable[[Requests, Any], object],
     source: object,
     cannot: str,
     nice: int,
     memory: int | None,
-    pipe: Connection,
 ) -> None:
-    """The main function of a side process: runs `work` and sends its result or its error; see `child.ChildProgram`.
-    The process ends with the window, also during a computation."""
-    signal.signal(signal.SIGINT, signal.SIG_DFL)  # Ctrl-C reaches all processes of a terminal
-    threading.Thread(target=_end_with_window, daemon=True).start()
+    """The function of a side process: runs `work` and sends its result or its error; see `child.ChildProgram`."""
     if hasattr(os, "nice"):
         os.nice(nice)
     requests = Requests(pipe)
@@ -147,10 +143,3 @@ def serve(
     except Exception as error:
         why = traceback.format_exception_only(error)[-1].strip()
         requests.send(EndMessage(sentence=f"{cannot}: {why}.", trace=traceback.format_exc()))
-
-
-def _end_with_window() -> None:
-    window = multiprocessing.parent_process()
-    assert window is not None
-    window.join()
-    os._exit(1)
