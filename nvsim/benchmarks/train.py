@@ -36,7 +36,7 @@ _RATES = {"means": 1.6e-4, "log_scales": 5e-3, "quats": 1e-3, "opacity_logits": 
 _WIDTH, _SIGMA = 11, 1.5  # of the SSIM window, in pixels
 
 
-def across(width: int, height: int) -> list[TrainingView]:
+def views_across_room(width: int, height: int) -> list[TrainingView]:
     """Views from positions near the walls across the room; each shows a third of it."""
     intrinsics, views = Intrinsics.from_fov(width, height, np.radians(70)), []
     for i, angle in enumerate(np.linspace(0, 2 * np.pi, VIEWS, endpoint=False)):
@@ -77,7 +77,7 @@ def measure(
     place = choice.gpu_name(device)
     if place == "cuda":
         torch.cuda.reset_peak_memory_stats()
-    views, floor = across(width, height), FloorSurface.flat(0.0)
+    views, floor = views_across_room(width, height), FloorSurface.flat(0.0)
     torch_threads = torch.get_num_threads()
     torch.set_num_threads(1)
     try:

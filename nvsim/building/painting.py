@@ -128,7 +128,7 @@ def _screen(rows: int, columns: int, texel: float, paint: Paint, rng: np.random.
     return image
 
 
-def _muted(rng: np.random.Generator, tone: float) -> NDArray[np.float64]:
+def _random_tone(rng: np.random.Generator, tone: float) -> NDArray[np.float64]:
     return np.asarray(tone + rng.uniform(-0.12, 0.12, 3))
 
 
@@ -137,7 +137,7 @@ def _picture(image: Image, texel: float, x: float, y: float, w: float, h: float,
     _rectangle(image, texel, x - 0.04, y - 0.04, w + 0.08, h + 0.08, (0.2, 0.17, 0.14))
     rows, columns = max(2, round(h / texel)), max(2, round(w / texel))
     v, u = np.mgrid[0:rows, 0:columns] / np.array([rows, columns]).reshape(2, 1, 1)
-    sky, ground = _muted(rng, 0.72), _muted(rng, 0.4)
+    sky, ground = _random_tone(rng, 0.72), _random_tone(rng, 0.4)
     print_ = sky * (1 - 0.25 * v[..., None]) + 0 * u[..., None]
     for k in range(3):
         phase, high = rng.uniform(0, 6.28), 0.55 - 0.15 * k
@@ -221,7 +221,7 @@ def paint_floor(plan: Plan, texel: float, rng: np.random.Generator) -> tuple[Ima
             if room.floor == "tiles":
                 patch, shine = _tiles(r0, r1, c0, c1, texel, size, tile_color, rng), 1.0
             else:
-                patch, shine = _planks(r0, r1, c0, c1, texel, plank, wood_color, rng), 0.6
+                patch, shine = _paint_planks(r0, r1, c0, c1, texel, plank, wood_color, rng), 0.6
             image[r0:r1, c0:c1] = patch
             gloss[r0:r1, c0:c1] = shine
         if room.kind in ("lounge", "meeting", "hall"):
@@ -248,7 +248,7 @@ def _tiles(
     return (color + tone[..., None]).astype(np.float32)
 
 
-def _planks(
+def _paint_planks(
     r0: int, r1: int, c0: int, c1: int, texel: float, width: float, color: NDArray[np.float64], rng: np.random.Generator
 ) -> Image:
     """Staggered planks along x or y, each with its own tone, with grain along them."""

@@ -266,7 +266,7 @@ def _try(
     at_wall: bool,
 ) -> list[Box]:
     """The boxes of the piece at the first of sixty random places that is free; none if all are taken."""
-    area = room.rects[0].grown(-OUTER_WALL / 2 - 0.01)
+    area = room.rects[0].expanded(-OUTER_WALL / 2 - 0.01)
     for _ in range(60):
         turns = int(rng.integers(4))
         w, d = (piece.width, piece.depth) if turns % 2 == 0 else (piece.depth, piece.width)
@@ -278,7 +278,7 @@ def _try(
             x, y = ((x, area.y0), (area.x1 - w, y), (x, area.y1 - d), (area.x0, y))[turns]
         spot = Rect(x, y, x + w, y + d)
         margin = 0.04 if at_wall else 0.35
-        if any(spot.grown(margin).overlaps(t) for t in taken) or _distance(spot, track) < _CLEARANCE:
+        if any(spot.expanded(margin).overlaps(t) for t in taken) or _distance(spot, track) < _CLEARANCE:
             continue
         taken.append(spot)
         return [_placed(b, piece, turns, x, y) for b in piece.boxes]

@@ -90,7 +90,7 @@ def _placement(row: ImageRow, on: tuple[FrameRow, RigRow] | None, findings: Find
     if pose is None:
         return ImagePose(pose_from_quaternion(row.quaternion, row.translation, where, findings), rig_name, moment)
     listed = pose_from_quaternion(row.quaternion, row.translation, where, Findings())
-    if listed is not None and _differ(listed, pose):
+    if listed is not None and _poses_differ(listed, pose):
         findings.warning(
             "the pose in the list of images differs from that of the rig's frame",
             where,
@@ -106,7 +106,7 @@ def _pose_on(frame: FrameRow, rig: RigRow, camera: int) -> Pose | None:
     return None if world_to_rig is None or rig_to_camera is None else rig_to_camera @ world_to_rig
 
 
-def _differ(one: Pose, other: Pose) -> bool:
+def _poses_differ(one: Pose, other: Pose) -> bool:
     length = max(float(np.linalg.norm(other[:3, 3])), 1.0)
     turned = float(np.abs(one[:3, :3] - other[:3, :3]).max())
     return turned > _SAME or float(np.linalg.norm(one[:3, 3] - other[:3, 3])) > _SAME * length

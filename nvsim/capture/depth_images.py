@@ -167,7 +167,7 @@ def inverse_depth(file: DepthFile, camera: Camera) -> Float32:
     finer = _DENSER * k.fx / own.fx
     size = max(1, round(finer * own.width)), max(1, round(finer * own.height))
     source = Camera(own.scaled(*size), file.camera_to_world)
-    return _drawn(_sampled(inverse, file, source), source, camera)
+    return _reproject_depth(_sampled(inverse, file, source), source, camera)
 
 
 def _flying(inverse: Float32) -> NDArray[np.bool_]:
@@ -205,7 +205,7 @@ def _sampled(inverse: Float32, file: DepthFile, camera: Camera) -> Float32:
     return np.where(inside, found, 0).astype(np.float32)
 
 
-def _drawn(inverse: Float32, there: Camera, camera: Camera) -> Float32:
+def _reproject_depth(inverse: Float32, there: Camera, camera: Camera) -> Float32:
     """The depth map (h, w) of camera `there` in the view of `camera`. If several points fall on a pixel, the nearest
     surface is used."""
     points = points_of(inverse, there)
@@ -233,7 +233,7 @@ def depth_points(depths: Sequence[DepthFile]) -> NDArray[np.float64]:
     found = [np.zeros((0, 3))]
     for depth in (depths[i] for i in evenly_spaced(len(depths), _SAMPLED)):
         side = max(depth.lens.width, depth.lens.height)
-        camera = Camera(depth.lens.pinhole.within(min(side, 160)), depth.camera_to_world)
+        camera = Camera(depth.lens.pinhole.limited_to(min(side, 160)), depth.camera_to_world)
         try:
             points = points_of(inverse_depth(depth, camera), camera)
         except InputError:

@@ -83,7 +83,7 @@ class Findings:
     def note(self, message: str, where: str, consequence: str) -> None:
         self.add(Finding("note", message, where, consequence))
 
-    def forget(self, places: frozenset[str]) -> None:
+    def remove_places(self, places: frozenset[str]) -> None:
         """Remove the findings about `places`, which are left out of the capture."""
         kept = [f for f in self._items if f.where not in places]
         for finding in self._items:

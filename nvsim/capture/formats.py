@@ -45,7 +45,7 @@ def describe_content(path: Path) -> str:
     lists = sorted(p.name for p in path.glob(f"*{SUFFIX}"))
     if lists:
         return f"{shown(path)} holds a list of captures; name the file itself ({shown(lists[0])})."
-    endings = _endings(path)
+    endings = _count_extensions(path)
     images = sum(endings[ending] for ending in IMAGE_ENDINGS)
     videos = sum(endings[ending] for ending in _VIDEO_ENDINGS)
     if images:
@@ -74,7 +74,7 @@ def describe_export(folder: Path) -> str:
     return ""
 
 
-def _endings(path: Path) -> Counter[str]:
+def _count_extensions(path: Path) -> Counter[str]:
     """Number of files in and below `path` for each file extension, in lower case."""
     found: Counter[str] = Counter()
     for _, folders, files in os.walk(path):
@@ -176,7 +176,7 @@ def resembles_capture(path: Path) -> bool:
             return True
         if depth < 2 and any(format.explain_missing(folder) for folder in level for format in FORMATS):
             return True
-        level = _below(level)
+        level = _without_projects(level)
     return False
 
 
@@ -198,7 +198,7 @@ def read_raw(path: Path, findings: Findings, model: str = "") -> RawCapture:
         raise InputError(f"{shown(path)} is an empty folder; a capture is {formats_in_words()}.")
     with reading(path, "a capture"):
         place = _capture_in(resolved, findings)
-        raw = _settled(_read(model_named(place, model) if model else place, findings), findings)
+        raw = _checked_capture(_read(model_named(place, model) if model else place, findings), findings)
         return find_moved_measurements(raw, findings)
 
 
@@ -207,7 +207,7 @@ def _capture_in(path: Path, findings: Findings) -> Path:
     several."""
     level = [path] if path.is_dir() and not is_capture(path) else []
     for _ in range(_DEEPEST):
-        level = _below(level)
+        level = _without_projects(level)
         found = [folder for folder in level if is_capture(folder)]
         if len(found) == 1:
             message = f"{shown(path.name)} is not a capture itself; the only one below it is read"
@@ -223,7 +223,7 @@ def _capture_in(path: Path, findings: Findings) -> Path:
     return path
 
 
-def _below(folders: list[Path]) -> list[Path]:
+def _without_projects(folders: list[Path]) -> list[Path]:
     """The folders in `folders` except NVSim projects, whose content is not a capture of its own."""
     children = (child for folder in folders for child in child_folders(folder)[:_MOST])
     return [child for child in children if not is_regular(child / PROJECT_DATABASE)][:_MOST]
@@ -236,11 +236,13 @@ def _read(path: Path, findings: Findings) -> RawCapture:
     (first, at), *others = found
     for other, beside in others:
         if other.name == first.preferred_format:
-            return _richer(first, at, other, beside, path, findings)
+            return _capture_with_cloud(first, at, other, beside, path, findings)
     return first.read(at, findings)
 
 
-def _richer(first: Format, at: Path, other: Format, beside: Path, folder: Path, findings: Findings) -> RawCapture:
+def _capture_with_cloud(
+    first: Format, at: Path, other: Format, beside: Path, folder: Path, findings: Findings
+) -> RawCapture:
     """The capture of `first` if it has a point cloud, otherwise the capture of `other`."""
     own = Findings()
     raw = first.read(at, own)
@@ -268,7 +270,7 @@ def _unknown(path: Path) -> InputError:
     return InputError(f"{shown(path)} is not a capture; name the folder of {formats_in_words()}.")
 
 
-def _settled(raw: RawCapture, findings: Findings) -> RawCapture:
+def _checked_capture(raw: RawCapture, findings: Findings) -> RawCapture:
     """The capture. Findings report an empty list of frames, and names that occur twice."""
     if not raw.frames:
         findings.error("the capture lists no frame", raw.source.name, "there is nothing to work on")

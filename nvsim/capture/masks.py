@@ -134,4 +134,4 @@ def usable_pixels(frame: Frame, intrinsics: Intrinsics) -> NDArray[np.bool_] | N
 def usable_pixels_of_frames(frames: Iterable[Frame], longest_side: int) -> Iterator[NDArray[np.bool_] | None]:
     """Yield `usable_pixels` of each frame: (H, W) bool, at most `longest_side` pixels a side, or None."""
     for frame in frames:
-        yield usable_pixels(frame, frame.intrinsics.within(longest_side))
+        yield usable_pixels(frame, frame.intrinsics.limited_to(longest_side))

@@ -143,11 +143,11 @@ class FolderFiles:
     @property
     def _list_folders(self) -> dict[Path, _Folder]:
         if self._folders is None:
-            self._folders = _walk(self.root)
+            self._folders = _list_folders_below(self.root)
         return self._folders
 
 
-def _walk(root: Path) -> dict[Path, _Folder]:
+def _list_folders_below(root: Path) -> dict[Path, _Folder]:
     """Resolved path -> folder, for `root` and the folders below it that have files; empty if there are too many."""
     folders: dict[Path, _Folder] = {}
     waiting: list[tuple[Path, tuple[str, ...]]] = [(root, ())]

@@ -49,7 +49,7 @@ def number(tree: Tree, key: str, where: str) -> float | None:
     if value is None:
         return None
     if isinstance(value, bool) or not isinstance(value, int | float):
-        raise InputError(f"{where}: {key!r} is {_brief(value)}, not a number; correct it.")
+        raise InputError(f"{where}: {key!r} is {_short_text(value)}, not a number; correct it.")
     try:
         result = float(value)
     except OverflowError:
@@ -65,7 +65,7 @@ def text(tree: Tree, key: str, where: str) -> str | None:
     if value is None:
         return None
     if not isinstance(value, str) or not value:
-        raise InputError(f"{where}: {key!r} is {_brief(value)}, not a string; correct it.")
+        raise InputError(f"{where}: {key!r} is {_short_text(value)}, not a string; correct it.")
     return value
 
 
@@ -79,7 +79,7 @@ def matrix(value: object, where: str) -> NDArray[np.float64]:
     for i, row in enumerate(rows):
         for j, entry in enumerate(row):
             if isinstance(entry, bool) or not isinstance(entry, int | float):
-                raise InputError(f"{where}: 'transform_matrix' holds {_brief(entry)}, not a number; correct it.")
+                raise InputError(f"{where}: 'transform_matrix' holds {_short_text(entry)}, not a number; correct it.")
             try:
                 result[i, j] = float(entry)
             except OverflowError:
@@ -87,7 +87,7 @@ def matrix(value: object, where: str) -> NDArray[np.float64]:
     return result
 
 
-def _brief(value: object) -> str:
+def _short_text(value: object) -> str:
     shown = repr(value)
     return shown if len(shown) <= 40 else shown[:37] + "..."
 

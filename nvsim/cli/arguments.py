@@ -211,7 +211,7 @@ def parse(command: type[Command], argv: list[str], verb: str) -> Any:
         sys.exit(0 if stop.code in (0, None) else 2)
 
 
-def given(argv: list[str], flag: str, default: str) -> str:
+def value_of_flag(argv: list[str], flag: str, default: str) -> str:
     """The value of `flag` in the unparsed `argv`; `default` if the flag is not there."""
     for i, word in enumerate(argv):
         if word == flag and i + 1 < len(argv):

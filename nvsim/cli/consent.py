@@ -18,10 +18,10 @@ def ask_for_consent(asked: Sequence[tuple[Endpoint, RequestEstimate, Prices]], n
     no terminal to ask on.
     """
     with without_progress_bars():
-        return _agreed(asked, notes, yes)
+        return _ask_user(asked, notes, yes)
 
 
-def _agreed(asked: Sequence[tuple[Endpoint, RequestEstimate, Prices]], notes: Sequence[str], yes: bool) -> bool:
+def _ask_user(asked: Sequence[tuple[Endpoint, RequestEstimate, Prices]], notes: Sequence[str], yes: bool) -> bool:
     for endpoint, estimate, prices in asked:
         say(f"To {endpoint.words}: {estimate.words(prices)}.", error=True)
     if not any(estimate.requests for _, estimate, _ in asked):

@@ -112,7 +112,7 @@ class _PipeCaller:
     def __init__(self, connection: Connection) -> None:
         self._connection = connection
 
-    def tell(self, event: Event) -> None:
+    def send_event(self, event: Event) -> None:
         self._connection.send(event)
 
     def send(self, name: str, data: bytes) -> None:

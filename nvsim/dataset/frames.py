@@ -155,7 +155,7 @@ def _draw_part(caller: Caller, part: Sequence[_Order]) -> None:
     caller.ready()
     for order in sorted(part, key=lambda one: str(one.models[0])):  # episodes of a model one after the other
         _draw(order)
-        caller.tell(Progress(STAGE, len(order.models), len(order.models)))
+        caller.send_event(Progress(STAGE, len(order.models), len(order.models)))
 
 
 _model = lru_cache(maxsize=2)(load_model)

@@ -236,16 +236,16 @@ def _impassable(graphs: Sequence[NavGraph], scenes: Mapping[str, Scene], listen:
         ends = [id for id in one.ends if not scene.climbs([id])]
         why = [f"{counted(climbing, 'edge')} on stairs, because actions are limited to one storey"] if climbing else []
         if tight:
-            named = _some([f"{a} to {b}" for a, b in tight])
+            named = _shortened_list([f"{a} to {b}" for a, b in tight])
             why.append(f"{counted(len(tight), 'edge')} too narrow for a robot ({named})")
         if ends:
-            why.append(f"{counted(len(ends), 'start or goal')} without room for a robot ({_some(ends)})")
+            why.append(f"{counted(len(ends), 'start or goal')} without room for a robot ({_shortened_list(ends)})")
         if why:
             listen(Warning(f"Paths of {graph.scan} avoid {'; '.join(why)}; see {RECORD}", STAGE))
     return found
 
 
-def _some(names: Sequence[str]) -> str:
+def _shortened_list(names: Sequence[str]) -> str:
     return ", ".join(names[:_SHOWN]) + (f", and {len(names) - _SHOWN} more" if len(names) > _SHOWN else "")
 
 

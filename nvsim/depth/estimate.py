@@ -34,7 +34,7 @@ from nvsim.depth.fusion import FusedCells, FusedCloud, Map, fuse, joined
 from nvsim.depth.labelling import label_planes
 from nvsim.depth.planes import Plane, find_planes, is_behind_floor
 from nvsim.depth.refinement import refine, smooth_depth
-from nvsim.depth.smoothing import best_inverse_depth, smooth
+from nvsim.depth.smoothing import best_inverse_depth, smooth_cost
 from nvsim.depth.sweep import sweep
 from nvsim.depth.view import Views, Warp, neighbours
 from nvsim.depth.visibility import Carver, DepthCheck
@@ -96,11 +96,11 @@ def estimate_depth(
                 parts = _fused(cameras, frames.maps["confirmed"], config, config.seen)
                 frames.planes = find_planes(part.seen for part in parts)
             if phase == "finished":
-                frames.rest = _rest(cameras, frames.maps["shown"], config)
+                frames.rest = _check_of_all_maps(cameras, frames.maps["shown"], config)
             steps.begin(count - len(frames.missing(phase)))
             if elsewhere is not None and phase != "finished" and frames.missing(phase):
-                elsewhere(phase, frames.missing(phase), frames.planes, steps.tell)
-            steps.each(frames.missing(phase), partial(frames.do, phase, folder))
+                elsewhere(phase, frames.missing(phase), frames.planes, steps.report_done)
+            steps.run_for_frames(frames.missing(phase), partial(frames.do, phase, folder))
     frames.clear_caches()
     for phase in PHASES[:-1]:
         shutil.rmtree(folder / phase, ignore_errors=True)
@@ -117,7 +117,7 @@ def estimate_depth(
 
     carver = Carver(cameras, written, config.threads)
     return joined(
-        part.where(carver.standing(part.seen.points))
+        part.select(carver.exists(part.seen.points))
         for part in fuse(cameras, colored, config.voxel, config.seen, config.threads)
     )
 
@@ -166,14 +166,14 @@ class FramesInPhases:
 
     def _single(self, out: Path, index: int) -> None:
         if index in self._measured:
-            inverse = self._unmasked(index, inverse_depth(self._measured[index], self.views.camera(index)))
+            inverse = self._remove_masked(index, inverse_depth(self._measured[index], self.views.camera(index)))
             with np.errstate(divide="ignore"):
                 weight = np.where(inverse > 0, 1 / (_NOISE * inverse) ** 2, 0).astype(np.float32)
         else:
             inverse, weight = estimate_single_frame(self.views, index, self._config)
         write_draft(out / "single", index, inverse, weight)
 
-    def _unmasked(self, index: int, inverse: Float32) -> Float32:
+    def _remove_masked(self, index: int, inverse: Float32) -> Float32:
         """`inverse` (H, W) with 0 where the frame's mask ignores pixels."""
         usable = self.views.usable(index)
         return inverse if usable is None else np.where(usable, inverse, 0).astype(np.float32)
@@ -190,7 +190,7 @@ class FramesInPhases:
         warps = [Warp.between(camera, views.camera(j)) for j in chosen]
         sources = [views.at(j) for j in chosen]
         found, which = label_planes(views.at(index), sources, warps, known, planes, config.labels)
-        found = self._unmasked(index, found)
+        found = self._remove_masked(index, found)
         write_draft(out / "labelled", index, found, np.where(which >= 0, 4.0, 1.0).astype(np.float32))
 
     def _show(self, out: Path, index: int) -> None:
@@ -225,19 +225,19 @@ class _FrameWorkers:
         """Start a phase in which `done` frames were processed by an earlier run."""
         self._done += done
 
-    def tell(self, index: int) -> None:
+    def report_done(self, index: int) -> None:
         """Report that a frame is done."""
         self._done += 1
         self._listen(Progress(STAGE, self._done, self.total, self._capture.frames[index].name))
 
-    def each(self, todo: list[int], work: Callable[[int], None]) -> None:
+    def run_for_frames(self, todo: list[int], work: Callable[[int], None]) -> None:
         """Run `work` for every frame of `todo`."""
         with ThreadPoolExecutor(self._config.threads) as pool:
             jobs = {pool.submit(work, i): i for i in todo}
             try:
                 for job in as_completed(jobs):
                     job.result()
-                    self.tell(jobs[job])
+                    self.report_done(jobs[job])
             except BaseException:
                 pool.shutdown(cancel_futures=True)
                 raise
@@ -278,19 +278,19 @@ def _certain(
     return np.where(sure, inverse, 0).astype(np.float32)
 
 
-def _rest(cameras: list[Camera], maps: Draft, config: DepthConfig) -> DepthCheck:
+def _check_of_all_maps(cameras: list[Camera], maps: Draft, config: DepthConfig) -> DepthCheck:
     """The evidence of all depth maps of a capture, with equal weight for every pixel."""
 
     def inverse(index: int) -> Float32:
         return maps(index)[0]
 
-    def alike(index: int) -> tuple[Float32, Float32]:
+    def map_with_equal_weights(index: int) -> tuple[Float32, Float32]:
         return inverse(index), np.ones_like(inverse(index))
 
     carver, kept = Carver(cameras, inverse, config.threads), [np.empty((0, 3), np.float32)]
-    for part in _fused(cameras, alike, config, config.firm):
+    for part in _fused(cameras, map_with_equal_weights, config, config.firm):
         points = part.seen.points
-        kept.append(points[carver.standing(points)])
+        kept.append(points[carver.exists(points)])
     return DepthCheck(np.concatenate(kept), cameras, inverse, config)
 
 
@@ -319,7 +319,7 @@ def estimate_single_frame(views: Views, index: int, config: DepthConfig) -> tupl
     inverse = np.linspace(1 / config.farthest, 1 / config.nearest, config.planes)
     step = float(inverse[1] - inverse[0])
     cost = sweep(view.census, sources, turned, shifts, inverse, config.threshold)
-    total = smooth(cost, view.grey, config.small, config.large, config.fall)
+    total = smooth_cost(cost, view.grey, config.small, config.large, config.fall)
     found, margin = best_inverse_depth(total, inverse.astype(np.float32))
     found[(margin < config.margin) | (view.grey < 0)] = 0
     found = smooth_depth(found, _REACH, 2 * step)

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from nvsim.depth.config import LabelConfig
 from nvsim.depth.planes import Plane
-from nvsim.depth.smoothing import smooth
+from nvsim.depth.smoothing import smooth_cost
 from nvsim.depth.sweep import plane_costs
 from nvsim.depth.view import View, Warp, matrix_of
 from nvsim.geometry.camera import Camera
@@ -52,7 +52,7 @@ def label_planes(
     usual = max(_usual_image_difference(photo, confirmed, forms, config.share, far) - config.good, 0.0)
     rule = (far, config.share, config.differ, config.worst, config.own + usual, config.unknown + usual)
     _fill(photo, confirmed, forms, extents, limits, prior, rule, cost)
-    total = smooth(cost, view.grey, int(config.change), config.change, config.fall)
+    total = smooth_cost(cost, view.grey, int(config.change), config.change, config.fall)
     return _chosen(total, confirmed, forms, np.asarray(chosen, np.int16), far)
 
 

@@ -79,7 +79,7 @@ class View:
         """The view of `frame`, with sides of at most `longest_side` pixels and a census threshold in gray levels.
 
         Raises InputError if the image cannot be read."""
-        intrinsics = frame.intrinsics.within(longest_side)
+        intrinsics = frame.intrinsics.limited_to(longest_side)
         image = read_image(frame, intrinsics)
         plain = cv2.cvtColor(image, cv2.COLOR_RGB2GRAY).astype(np.float32)
         usable = usable_pixels(frame, intrinsics)
@@ -133,7 +133,7 @@ class Views:
 
     def camera(self, index: int) -> Camera:
         frame = self.frames[index]
-        return Camera(frame.intrinsics.within(self._side), frame.camera_to_world)
+        return Camera(frame.intrinsics.limited_to(self._side), frame.camera_to_world)
 
     def image(self, index: int) -> NDArray[np.uint8]:
         """(H, W, 3) uint8 RGB of a frame. Raises InputError if the image cannot be read."""

@@ -89,9 +89,9 @@ class Client:
         why = ""
         attempt = respelled = 0
         while attempt < self.options.attempts:
-            self._wait()
+            self._wait_for_pause_end()
             try:
-                return self._once(request)
+                return self._send_once(request)
             except _ParameterRenamed:  # repeated at once, with the endpoint's option names
                 respelled += 1
                 if respelled > _MOST_RESPELLED:
@@ -105,7 +105,7 @@ class Client:
             "stored, so run the same command again later."
         )
 
-    def _once(self, request: Request) -> Answer:
+    def _send_once(self, request: Request) -> Answer:
         spelled = dict(self._spelled)
         question: dict[str, Any] = {"model": self.endpoint.model, "messages": request.body()}
         question[spelled["tokens"]] = request.tokens
@@ -123,9 +123,9 @@ class Client:
             ) from error
         if 200 <= reply.status < 300:
             return _read(reply.content, request)
-        return self._settled(reply, spelled, request)
+        return self._handle_failure(reply, spelled, request)
 
-    def _settled(self, reply: Reply, spelled: Mapping[str, str], request: Request) -> Answer:
+    def _handle_failure(self, reply: Reply, spelled: Mapping[str, str], request: Request) -> Answer:
         """Handles an HTTP status that is not success. A content filter gives an answer that is a refusal. Everything
         else raises _Later, _Respelled, or InputError."""
         status, complaint = reply.status, _EndpointError.of(reply.content)
@@ -146,11 +146,11 @@ class Client:
         if status in (400, 422):
             if any(word in complaint.code or word in complaint.whole for word in _FILTERED):
                 return Answer("", refusal=said or "a filter", tokens_in=tokens_in(request), counted=False)
-            if self._respell(f"{complaint.option} {complaint.whole}", spelled):
+            if self._adapt_option(f"{complaint.option} {complaint.whole}", spelled):
                 raise _ParameterRenamed
         raise InputError(f"{who}, so it rejects this request: {said}.")
 
-    def _respell(self, complaint: str, spelled: Mapping[str, str]) -> bool:
+    def _adapt_option(self, complaint: str, spelled: Mapping[str, str]) -> bool:
         """Adapts an option that the endpoint rejects; returns whether the request is worth repeating. Newer OpenAI
         models reject max_tokens, older servers max_completion_tokens, and reasoning models temperature."""
         with self._lock:
@@ -164,7 +164,7 @@ class Client:
                 return True
             return False
 
-    def _wait(self) -> None:
+    def _wait_for_pause_end(self) -> None:
         while (left := self._not_before - time.monotonic()) > 0:
             time.sleep(left)
 

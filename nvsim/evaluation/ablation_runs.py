@@ -71,7 +71,7 @@ class Budget:
     image_size: int | None = None
     gaussian_cap: int | None = None
 
-    def applied(self, config: TrainingConfig) -> TrainingConfig:
+    def apply_to(self, config: TrainingConfig) -> TrainingConfig:
         ours = preset("nvsim")
         return replace(
             config,
@@ -103,7 +103,7 @@ def ablation_rows(budget: Budget, names: Sequence[str] = ()) -> tuple[AblationRo
         "+ background floor loss",
         "- alpha loss (Splatfacto-i)",
     )
-    rows = tuple(AblationRow(n, t, budget.applied(c)) for n, t, c in zip(ROWS, titles, configs, strict=True))
+    rows = tuple(AblationRow(n, t, budget.apply_to(c)) for n, t, c in zip(ROWS, titles, configs, strict=True))
     return _chosen(rows, names, "rows")
 
 
@@ -111,7 +111,7 @@ def preset_rows(budget: Budget, names: Sequence[str] = ()) -> tuple[AblationRow,
     """One row per preset, from plain 3DGS to `nvsim`. If `names` is not empty, only these rows. Raises InputError if a
     name is not a preset."""
     order = sorted(PRESETS, key=lambda n: _ORDER.index(n) if n in _ORDER else len(_ORDER))
-    return _chosen(tuple(AblationRow(n, n, budget.applied(preset(n))) for n in order), names, "presets")
+    return _chosen(tuple(AblationRow(n, n, budget.apply_to(preset(n))) for n in order), names, "presets")
 
 
 def _chosen(rows: tuple[AblationRow, ...], names: Sequence[str], what: str) -> tuple[AblationRow, ...]:

@@ -111,11 +111,11 @@ def evaluate_project_floor(
     found = record(project, "floors")
     figures["provider"] = (found.summary if found else {}).get("provider", "geometry")
     if cues:
-        figures |= _alone(project, known, masks, cues, semantic, normals, listen)
+        figures |= _score_single_cues(project, known, masks, cues, semantic, normals, listen)
     return figures
 
 
-def _alone(
+def _score_single_cues(
     project: Project, known: FrameTruth, masks: dict[int, Path], cues: int, semantic: str, normals: str,
     listen: Listener,
 ) -> dict[str, Any]:  # fmt: skip

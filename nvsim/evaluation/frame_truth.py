@@ -52,7 +52,7 @@ class FrameTruth:
         masks. Raises InputError if the true mask is missing."""
         frame = self.project.need_capture().frames[index]
         if self.labels is not None:
-            small = frame.intrinsics.within(SegmentConfig.longest_side)
+            small = frame.intrinsics.limited_to(SegmentConfig.longest_side)
             return small.width, small.height
         height, width = read_mask(self._file("floor", frame.name)).shape
         return width, height

@@ -46,7 +46,7 @@ def judge_storeys(
     row = {id: i for i, id in enumerate(ids)}
     keys = [key for key in graph.edges if key[0] in row and key[1] in row]
     ends = np.array([(row[a], row[b]) for a, b in keys], np.int64).reshape(-1, 2)
-    cuts, runs = _cuts(maps, places, floors, storeys, ends)
+    cuts, runs = _map_boundary_on_edges(maps, places, floors, storeys, ends)
     for side in (0, 1):
         for k, storey in enumerate(maps.storeys):
             here = storeys[ends[:, side]] == k
@@ -69,13 +69,13 @@ def covered_areas(
     within `reach` meters and in line of sight of the viewpoints `ids`. The second pair is limited to floor that is
     `seen`. Treads count on both storeys that they connect, and viewpoints on treads see both storeys."""
     places, floors = places_of(graph, ids)
-    storeys, walked = maps.nearest(floors), maps.beneath(trajectory[:, 2])
+    storeys, walked = maps.nearest(floors), maps.storey_under(trajectory[:, 2])
     whole, shown = np.zeros(2), np.zeros(2)
     for k, storey in enumerate(maps.storeys):
         here = storeys == k
         for stair in maps.stairs:
             if k in (stair.lower, stair.upper):
-                here |= stair.holds(places) & np.isin(storeys, (stair.lower, stair.upper))
+                here |= stair.contains(places) & np.isin(storeys, (stair.lower, stair.upper))
         area = reachable(storey.occupancy, trajectory[walked == k, :2])
         covered = visible(storey.occupancy, places[here], reach) & area
         cell = storey.occupancy.resolution**2
@@ -109,11 +109,11 @@ def _at_its_floor(
     fits = np.abs(floors - levels[storeys]) <= NEAR
     for stair in maps.stairs:
         between = (floors > levels[stair.lower] - NEAR) & (floors < levels[stair.upper] + NEAR)
-        fits |= between & stair.holds(places) & np.isin(storeys, (stair.lower, stair.upper))
+        fits |= between & stair.contains(places) & np.isin(storeys, (stair.lower, stair.upper))
     return np.asarray(fits)
 
 
-def _cuts(
+def _map_boundary_on_edges(
     maps: StoreyMaps,
     places: NDArray[np.float64],
     floors: NDArray[np.float64],
@@ -133,7 +133,7 @@ def _cuts(
     runs = ~climbs
     for stair in maps.stairs:
         low, high = np.minimum(storeys[a], storeys[b]), np.maximum(storeys[a], storeys[b])
-        runs |= (low == stair.lower) & (high == stair.upper) & stair.holds(cut)
+        runs |= (low == stair.lower) & (high == stair.upper) & stair.contains(cut)
     second = np.where(climbs[:, None], cut, places[a])
     return np.stack([cut, second], axis=1), runs
 
@@ -190,11 +190,13 @@ def evaluate_graph(
     nodes, edges = judge(graph, occupancy)
     nodes_robot, edges_robot = judge(graph, occupancy, robot_radius)
     valid = [id for id, good in nodes.items() if good]
-    around = _covered(graph, occupancy, valid, trajectory, coverage_range, seen)
+    around = _coverage_shares(graph, occupancy, valid, trajectory, coverage_range, seen)
     shares = {id: share for id in nodes if (share := graph.viewpoints[id].photographed) is not None}
     if shares:
         hazy = {id for id, share in shares.items() if share < photographed}
-        rest = _covered(graph, occupancy, [id for id in valid if id not in hazy], trajectory, coverage_range, seen)
+        rest = _coverage_shares(
+            graph, occupancy, [id for id in valid if id not in hazy], trajectory, coverage_range, seen
+        )
         around["hazy_viewpoints"] = len(hazy)
         around |= {f"{name}_without_hazy": rest[name] for name in ("coverage", "coverage_seen") if name in rest}
     groups = components(graph)
@@ -223,7 +225,7 @@ def _validity(what: str, suffix: str, judged: Mapping[Any, bool]) -> dict[str, f
     return {**figures, f"valid_{what}s{suffix}": valid}
 
 
-def _covered(
+def _coverage_shares(
     graph: NavGraph,
     occupancy: OccupancyMap | StoreyMaps,
     valid: list[str],

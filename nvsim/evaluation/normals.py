@@ -84,7 +84,7 @@ def evaluate_project_normals(
     for done, i in enumerate(chosen):
         listen(Progress(STAGE, done, len(chosen)))
         frame = capture.frames[i]
-        small = frame.intrinsics.within(640)
+        small = frame.intrinsics.limited_to(640)
         camera = Camera(small, frame.camera.camera_to_world)
         if scene is None:
             image = read_image(frame, small)

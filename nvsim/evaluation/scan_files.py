@@ -231,11 +231,11 @@ def direction_errors(side: int, quality: int) -> dict[str, dict[str, float]]:
         rays = camera.rays().astype(np.float64).reshape(-1, 3)
         seen = 2 * (sample_strip(strip, rays).astype(np.float64) / 255) - 1
         seen /= np.linalg.norm(seen, axis=1, keepdims=True)
-        found[name] = {"turned": _turn(rays, seen), "mean": float(np.degrees(_angles(rays, seen)).mean())}
+        found[name] = {"turned": _rotation_angle(rays, seen), "mean": float(np.degrees(_angles(rays, seen)).mean())}
     return found
 
 
-def _turn(rays: NDArray[np.float64], seen: NDArray[np.float64]) -> float:
+def _rotation_angle(rays: NDArray[np.float64], seen: NDArray[np.float64]) -> float:
     """Degrees of the rotation that best maps `rays` (N, 3) to `seen` (N, 3) (Kabsch 1976)."""
     u, _, v = np.linalg.svd(rays.T @ seen)
     u[:, -1] *= np.sign(np.linalg.det(u @ v))

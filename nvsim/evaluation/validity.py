@@ -61,7 +61,7 @@ class StoredMap:
     folder: Path
 
     @property
-    def done(self) -> Path:
+    def result_file(self) -> Path:
         return self.folder / "cell.json"
 
     @property
@@ -78,16 +78,16 @@ class StoredMap:
 
     @property
     def is_done(self) -> bool:
-        return self.done.is_file()
+        return self.result_file.is_file()
 
     def read(self) -> tuple[NavGraph | None, dict[str, Any]]:
         """The graph and its report. The graph is None if there was no free place. Raises InputError if a file is
         damaged."""
         again = "delete the folder and run the command again"
-        said = read_json(self.done, "the report of a map", again)
+        said = read_json(self.result_file, "the report of a map", again)
         report = said.get("report") if isinstance(said, dict) else None
         if not isinstance(report, dict) or not ("seconds" in report or "why" in report):
-            raise InputError(f"{self.done} is not the report of a map; {again}.")
+            raise InputError(f"{self.result_file} is not the report of a map; {again}.")
         return (None if "why" in report else decode_graph(read_bytes(self.graph))), report
 
 
@@ -148,7 +148,7 @@ def build_stored_map(
         said["report"] = result.report
     except NoViewpointFound as error:
         said["report"] = {"why": str(error)}
-    atomic.write_text(kept.done, json.dumps(said, indent=1) + "\n")
+    atomic.write_text(kept.result_file, json.dumps(said, indent=1) + "\n")
     kept.partial.unlink(missing_ok=True)
 
 

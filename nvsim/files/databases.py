@@ -133,7 +133,7 @@ def open_to_read(path: Path) -> GuardedConnection:
         wal = path.with_name(path.name + "-wal")
         if not wal.is_file() or wal.stat().st_size == 0:
             return _try_open(path, "mode=ro&immutable=1", Snapshot)
-        return _copied(path)
+        return _copy_to_memory(path)
 
 
 def stamp(path: Path) -> tuple[tuple[int, int], ...]:
@@ -167,7 +167,7 @@ def _try_open(path: Path, flags: str, kind: type[GuardedConnection]) -> GuardedC
     return connection
 
 
-def _copied(path: Path) -> Snapshot:
+def _copy_to_memory(path: Path) -> Snapshot:
     """A copy in memory, with the commits that a crashed process left in the -wal file."""
     failure: OSError | sqlite3.Error | None = None
     for place in (tempfile.gettempdir(), _MEMORY):

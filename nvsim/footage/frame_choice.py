@@ -71,7 +71,7 @@ def choose_frames(
         for frame in video_frames(path):
             yield from chooser.looked_at(frame)
             looked_at(done + frame.number + 1, total)
-        yield from chooser.ended()
+        yield from chooser.choose_last()
         done, next_id = done + facts[clip].frames, chooser.next_id
 
 
@@ -112,7 +112,7 @@ class _Chooser:
                 self._waiting = []
                 yield self._chosen(chosen)
 
-    def ended(self) -> Iterator[ChosenFrame]:
+    def choose_last(self) -> Iterator[ChosenFrame]:
         """Yields the last frame of the video if it shows more than the last chosen one."""
         if self._waiting:
             yield self._chosen(max(self._waiting, key=lambda c: c.sharpness))

@@ -243,13 +243,13 @@ def _chosen(footage: Footage, count: Callable[[int, int], None]) -> Iterator[_Pa
     for panorama in _moments(footage):
         if chooser is None or chooser.clip != panorama.clip:
             if chooser is not None:
-                yield from chooser.ended()
+                yield from chooser.choose_last()
                 before += facts[chooser.clip].frames
             chooser = _Chooser(panorama.clip, footage.sides)
         yield from [panorama] if 0 < facts[panorama.clip].rate <= _THINNED else chooser.looked_at(panorama)
         count(before + int(panorama.name[:-4].rpartition("_")[2]) + 1, total)
     if chooser is not None:
-        yield from chooser.ended()
+        yield from chooser.choose_last()
 
 
 class _Chooser:
@@ -285,7 +285,7 @@ class _Chooser:
             if is_lost or moved >= _STEP:
                 yield self._choose(best)
 
-    def ended(self) -> Iterator[_Panorama]:
+    def choose_last(self) -> Iterator[_Panorama]:
         """Yields the last panorama if it shows more than the last chosen one."""
         if self._best is not None:
             yield self._choose(self._best)

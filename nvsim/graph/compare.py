@@ -131,7 +131,7 @@ def merge(a: NavGraph, b: NavGraph, comparison: Comparison, chosen: Iterable[Dev
                     f"The edge between {d.edge[0]} and {d.edge[1]} needs viewpoint {end}; select it as well."
                 )
         change.set_edge(replace(edges[d.edge], a=d.edge[0], b=d.edge[1]))
-    return change.done()
+    return change.result()
 
 
 def _about(a: Viewpoint, b: Viewpoint) -> list[Deviation]:

@@ -62,7 +62,7 @@ def by_expression(
     for each in fitting:
         ids: tuple[Any, ...] = tuple(graph.viewpoints if each == "viewpoints" else graph.edges)
         values = {name: quantity(graph, name, known, each)[1] for name in names}
-        chosen = frozenset(ids[i] for i in np.flatnonzero(_holds(tree, values, len(ids), text)).tolist())
+        chosen = frozenset(ids[i] for i in np.flatnonzero(_evaluate_condition(tree, values, len(ids), text)).tolist())
         found |= GraphSelection(viewpoints=chosen) if each == "viewpoints" else GraphSelection(edges=chosen)
     return found
 
@@ -79,7 +79,7 @@ def _parsed(text: str) -> ast.expr:
         ) from error
 
 
-def _holds(tree: ast.expr, values: Mapping[str, Values], count: int, text: str) -> Values:
+def _evaluate_condition(tree: ast.expr, values: Mapping[str, Values], count: int, text: str) -> Values:
     with np.errstate(all="ignore"):
         try:
             found = np.asarray(_value(tree, values))

@@ -36,13 +36,13 @@ def apply(
 ) -> NavGraph:
     """Return the graph after an operation. Raises EditError if the operation is unknown, an argument is missing,
     unknown or invalid, or the graph does not allow the edit."""
-    operation = _named(name)
+    operation = _operation(name)
     return operation.function(graph, surroundings or EditContext(), **checked(name, operation.arguments, arguments))
 
 
 def describe(name: str, arguments: Mapping[str, Any]) -> str:
     """Return the text of an operation for the history, such as "Remove 3 edges". Raises EditError like `apply`."""
-    operation = _named(name)
+    operation = _operation(name)
     return operation.words(checked(name, operation.arguments, arguments))
 
 
@@ -102,14 +102,14 @@ def line_of(edit: Mapping[str, Any]) -> str:
     for each in arguments.get("edits") or () if name == "together" else ():
         if isinstance(each, Mapping):
             line_of(each)
-    checked(name, _named(name).arguments, arguments)
+    checked(name, _operation(name).arguments, arguments)
     try:
         return json.dumps(record(name, arguments), allow_nan=False)
     except (ValueError, TypeError, RecursionError) as error:
         raise EditError(f"The arguments of {name} cannot be written: {error}.") from error
 
 
-def _named(name: str) -> Operation:
+def _operation(name: str) -> Operation:
     operation = OPERATIONS.get(name)
     if operation is None:
         shown = name if len(name) <= 60 else name[:57] + "..."

@@ -172,16 +172,16 @@ class Chain:
                 values[said.state] = ddim.step(values[said.state], values[said.prediction], int(timestep))
 
     def _once_through(self, run: _BoundStep, values: Values) -> None:
-        feed = {b.node.name: self._fed(b, values) for b in run.inputs}
+        feed = {b.node.name: self._input_array(b, values) for b in run.inputs}
         found = dict(zip(run.names, run.file.run(run.names, feed), strict=True))
         for b in run.outputs:
-            values[b.tensor.values[0]] = _copied(_changed(np.asarray(found[b.node.name]), b), b)
+            values[b.tensor.values[0]] = _repeat_for_batch(_changed(np.asarray(found[b.node.name]), b), b)
 
-    def _fed(self, bound: BoundTensor, values: Values) -> NDArray[Any]:
+    def _input_array(self, bound: BoundTensor, values: Values) -> NDArray[Any]:
         """The array for an input of the network."""
         parts = [self._value(name, values, bound.node) for name in bound.tensor.values]
         value = _changed(parts[0] if len(parts) == 1 else np.concatenate(parts, axis=1), bound)
-        value = _copied(_ranked(value, bound.node), bound)
+        value = _repeat_for_batch(_ranked(value, bound.node), bound)
         return np.ascontiguousarray(value, TYPES.get(bound.node.type, np.float32))
 
     def _value(self, name: str, values: Values, node: Node | None = None) -> NDArray[Any]:
@@ -232,7 +232,7 @@ def _changed(value: NDArray[Any], bound: BoundTensor) -> NDArray[Any]:
     return value * tensor.factor if tensor.factor != 1 else value
 
 
-def _copied(value: NDArray[Any], bound: BoundTensor) -> NDArray[Any]:
+def _repeat_for_batch(value: NDArray[Any], bound: BoundTensor) -> NDArray[Any]:
     return np.repeat(value, bound.tensor.copies, axis=0) if bound.tensor.copies > 1 else value
 
 

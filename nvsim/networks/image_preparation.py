@@ -47,7 +47,7 @@ class Placement:
         factor = np.array([self.wide / self.width, self.high / self.height])
         return np.asarray((np.asarray(points, float) + 0.5 - (self.left, self.top)) / factor)
 
-    def back(self, values: NDArray[Any]) -> NDArray[np.float32]:
+    def to_image_size(self, values: NDArray[Any]) -> NDArray[np.float32]:
         """(..., height, width) float32 from `values` (..., h, w) that cover the network's image. Padding is cut off,
         and values are interpolated linearly."""
         h, w = values.shape[-2:]

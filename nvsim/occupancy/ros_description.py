@@ -63,16 +63,16 @@ def parse_description(path: Path, text: str) -> Description:
     keys = _Keys(path, _root(path, text))
     image = keys.text("image", None)
     if not image or image in ("~", "null") or not image.isprintable() or len(image) > 500:
-        raise keys.wrong("image", "names no file; write the name of the map's image there")
+        raise keys.error("image", "names no file; write the name of the map's image there")
     resolution = keys.number("resolution", None)
     if not _FINEST <= resolution <= _COARSEST:
-        raise keys.wrong("resolution", f"is {resolution}; it must be positive, in meters per cell")
+        raise keys.error("resolution", f"is {resolution}; it must be positive, in meters per cell")
     mode = keys.text("mode", "trinary").lower()
     if mode not in ("trinary", "scale", "raw"):
-        raise keys.wrong("mode", f"{shown(mode)!r} is unknown; write trinary, scale or raw")
+        raise keys.error("mode", f"{shown(mode)!r} is unknown; write trinary, scale or raw")
     negate = keys.text("negate", "0").lower()
     if negate not in (*_YES, *_NO):
-        raise keys.wrong("negate", f"is {shown(negate)!r}; write 0 or 1")
+        raise keys.error("negate", f"is {shown(negate)!r}; write 0 or 1")
     return Description(
         image,
         resolution,
@@ -120,7 +120,7 @@ class _Keys:
                 raise InputError(f"{where}: {shown(name)} is given twice with other values; remove one of the lines.")
             self._nodes[name] = value
 
-    def wrong(self, name: str, words: str) -> InputError:
+    def error(self, name: str, words: str) -> InputError:
         """The error about the value of a key."""
         node = self._nodes.get(name)
         line = "" if node is None else f", line {node.start_mark.line + 1}"
@@ -136,7 +136,7 @@ class _Keys:
             return default
         node = self._needed(name)
         if not isinstance(node, yaml.ScalarNode):
-            raise self.wrong(name, f"is {_seen(node)}; it must be a single value")
+            raise self.error(name, f"is {_seen(node)}; it must be a single value")
         return str(node.value).rstrip("\n")  # a block value ends with line breaks
 
     def number(self, name: str, default: float | None) -> float:
@@ -147,16 +147,16 @@ class _Keys:
     def share(self, name: str, default: float) -> float:
         value = self.number(name, default)
         if not 0 <= value <= 1:
-            raise self.wrong(name, f"is {value}; it must be between 0 and 1")
+            raise self.error(name, f"is {value}; it must be between 0 and 1")
         return value
 
     def origin(self) -> tuple[float, float, float]:
         node = self._needed("origin")
         if not isinstance(node, yaml.SequenceNode) or len(node.value) not in (2, 3):
-            raise self.wrong("origin", f"is {_seen(node)}; it must be [x, y, yaw]")
+            raise self.error("origin", f"is {_seen(node)}; it must be [x, y, yaw]")
         x, y, yaw = (*(self._number("origin", part) for part in node.value), 0.0)[:3]
         if max(abs(x), abs(y)) > _FARTHEST:
-            raise self.wrong("origin", f"is {_seen(node)}, more than {_FARTHEST:.0e} m away; write it in meters")
+            raise self.error("origin", f"is {_seen(node)}, more than {_FARTHEST:.0e} m away; write it in meters")
         return x, y, math.remainder(yaw, 2 * math.pi)
 
     def _number(self, name: str, node: yaml.Node) -> float:

@@ -287,7 +287,7 @@ class GeometricFloor:
 
         small = self._small(camera)
         rays = small.rays()
-        distance = self._stairs.meet(small.position, rays)
+        distance = self._stairs.distance_along_rays(small.position, rays)
         met = distance < self.config.farthest
         distance = np.where(met, distance, 0).astype(np.float32)
         ground = _ground(small, rays, distance)
@@ -311,7 +311,7 @@ class GeometricFloor:
         return Projection(floor, possible & ~floor, unsure, scale, ground.astype(np.float32), distance, before)
 
     def _small(self, camera: Camera) -> Camera:
-        return Camera(camera.intrinsics.within(self.config.longest_side), camera.camera_to_world)
+        return Camera(camera.intrinsics.limited_to(self.config.longest_side), camera.camera_to_world)
 
 
 def _ground(camera: Camera, rays: Float32, distance: Float32) -> NDArray[np.float64]:

@@ -125,7 +125,7 @@ class StraightNormals:
 
         def looks() -> Iterator[Float32]:
             for frame in (frames[i] for i in evenly_spaced(len(frames), _FRAMES)):
-                small = frame.intrinsics.within(_SIDE)
+                small = frame.intrinsics.limited_to(_SIDE)
                 yield seen.normals(read_image(frame, small), Camera(small, frame.camera.camera_to_world))
 
         return cls(seen, main_headings(looks()))

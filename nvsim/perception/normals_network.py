@@ -61,14 +61,14 @@ class NormalsNetwork:
         for plane, direction in zip(planes, said.axes, strict=True):
             axis, sign = _SIGNS[direction]
             turned[axis] = sign * plane
-        normals = np.moveaxis(place.back(turned), 0, -1)
+        normals = np.moveaxis(place.to_image_size(turned), 0, -1)
         if said.frame == "level" and camera is not None:
             normals = np.asarray(normals @ (level_of(camera) @ camera.rotation).astype(np.float32))
         length = np.linalg.norm(normals, axis=-1, keepdims=True)
         found = np.where(length > 1e-3, normals / np.maximum(length, 1e-3), 0).astype(np.float32)
         if said.there and said.there in shown.values:
             there = self._chain.value(shown.values, said.there)
-            found[place.back(there.reshape(there.shape[-2:])) < said.least] = 0
+            found[place.to_image_size(there.reshape(there.shape[-2:])) < said.least] = 0
         return found
 
     def _planes(self, found: NDArray[np.float32]) -> NDArray[np.float32]:

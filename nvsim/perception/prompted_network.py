@@ -67,5 +67,5 @@ class PromptedNetwork:
         height, width = shown.image.shape[:2]
         own = Placement(height, width, height, width, 0, 0, width, height)
         place = shown.placements[self._result.image] if self._result.image else own
-        found: Mask = place.back(masks[best]) > 0
+        found: Mask = place.to_image_size(masks[best]) > 0
         return found

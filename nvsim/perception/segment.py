@@ -84,7 +84,7 @@ def segment_capture(
 
     def view(index: int) -> tuple[Camera, Intrinsics]:
         frame = capture.frames[index]
-        intrinsics = frame.intrinsics.within(config.longest_side)
+        intrinsics = frame.intrinsics.limited_to(config.longest_side)
         return frame.camera.scaled(intrinsics.width, intrinsics.height), intrinsics
 
     # The floor color is learned from the whole trajectory, also in a resumed run, so that both give equal masks.
@@ -136,16 +136,16 @@ def learnt_floor(
 
     def camera(index: int) -> Camera:
         frame = capture.frames[index]
-        intrinsics = frame.intrinsics.within(config.longest_side)
+        intrinsics = frame.intrinsics.limited_to(config.longest_side)
         return frame.camera.scaled(intrinsics.width, intrinsics.height)
 
     def read_small(k: int) -> Image:
         frame = capture.frames[near[k]]
-        return read_image(frame, frame.intrinsics.within(config.geometric.longest_side))
+        return read_image(frame, frame.intrinsics.limited_to(config.geometric.longest_side))
 
     def usable_of(k: int) -> Mask | None:
         frame = capture.frames[near[k]]
-        return usable_pixels(frame, frame.intrinsics.within(config.geometric.longest_side))
+        return usable_pixels(frame, frame.intrinsics.limited_to(config.geometric.longest_side))
 
     cloud = capture.cloud
     if cloud is not None:

@@ -33,9 +33,9 @@ class SemanticNetwork:
         planes = self._planes(found, self._result.classes, shown.values)
         floor = _shifted(self._result.floor, len(planes) - self._result.classes)
         if self._result.meaning == "probabilities":
-            return np.clip(place.back(planes[list(floor)].sum(axis=0)), 0, 1)
+            return np.clip(place.to_image_size(planes[list(floor)].sum(axis=0)), 0, 1)
         if len(planes) == 1:
-            return np.asarray(1 / (1 + np.exp(-np.clip(place.back(planes[0]), -80, 80))), np.float32)
+            return np.asarray(1 / (1 + np.exp(-np.clip(place.to_image_size(planes[0]), -80, 80))), np.float32)
         return _soft(planes, floor, place)
 
     def people(self, image: Image) -> NDArray[np.bool_]:
@@ -55,10 +55,10 @@ class SemanticNetwork:
         planes = self._planes(found, self._result.classes, shown.values)
         people = list(_shifted(self._result.people, len(planes) - self._result.classes))
         if self._result.meaning == "probabilities":
-            return place.back(planes[people].sum(axis=0)) > 0.5
+            return place.to_image_size(planes[people].sum(axis=0)) > 0.5
         # Unlike that of floor, the softmax is enlarged: it takes a tenth of the time, and the mask is dilated anyway.
         likely = np.exp(planes - planes.max(axis=0))
-        return place.back(likely[people].sum(axis=0) / likely.sum(axis=0)) > 0.5
+        return place.to_image_size(likely[people].sum(axis=0) / likely.sum(axis=0)) > 0.5
 
     def _planes(self, found: NDArray[np.float32], classes: int, values: Values) -> NDArray[np.float32]:
         """(C, h, w) with the described number of classes, or one more. Raises InputError for another number."""
@@ -86,10 +86,10 @@ def _shifted(classes: tuple[int, ...], background: int) -> tuple[int, ...]:
 def _soft(planes: NDArray[np.float32], floor: tuple[int, ...], place: Placement) -> Float32:
     """(H, W) softmax of logits (C, h, w), summed over the classes `floor`, at the image's size. The logits are enlarged
     rather than their softmax, one class at a time, because 150 enlarged classes need much memory."""
-    most = place.back(planes.max(axis=0))
+    most = place.to_image_size(planes.max(axis=0))
     total, ours = np.zeros_like(most), np.zeros_like(most)
     for number, plane in enumerate(planes):
-        part = np.exp(place.back(plane) - most)
+        part = np.exp(place.to_image_size(plane) - most)
         total += part
         if number in floor:
             ours += part
@@ -98,4 +98,4 @@ def _soft(planes: NDArray[np.float32], floor: tuple[int, ...], place: Placement)
 
 def _labelled(labels: NDArray[np.float32], floor: tuple[int, ...], place: Placement) -> Float32:
     """(H, W) 1 where `labels` (h, w) are floor, at the image's size; linear between labels."""
-    return place.back(np.isin(np.round(labels), floor).astype(np.float32))
+    return place.to_image_size(np.isin(np.round(labels), floor).astype(np.float32))

@@ -18,7 +18,7 @@ _HALF_STEP, _GOING = 0.09, 0.3  # meters: half of the rise of a step, and its de
 _SAMPLE = 0.05  # meters between the tested points of a ray
 _CHUNK = 4096  # rays
 _ROUNDS = 4
-_DOWN = -0.02  # as FloorSurface.meet
+_DOWN = -0.02  # as FloorSurface.distance_along_rays
 
 
 @dataclass(frozen=True, eq=False)
@@ -58,10 +58,10 @@ class Stairs:
         """(...) float32: meters by which a tread can be above or below the surface at world places (..., 2 or 3)."""
         return np.where(self.at(xy), np.float32(_HALF_STEP), np.float32(0))
 
-    def meet(self, origin: NDArray[np.floating], rays: NDArray[np.floating]) -> Float32:
+    def distance_along_rays(self, origin: NDArray[np.floating], rays: NDArray[np.floating]) -> Float32:
         """Distances (...) float32, meters, along unit `rays` (..., 3) from `origin` (3,) to the floor, inf if there is
-        none. As `FloorSurface.meet`, but on stairs also for rays that do not point down."""
-        met = self.surface.meet(origin, rays)
+        none. As `FloorSurface.distance_along_rays`, but on stairs also for rays that do not point down."""
+        met = self.surface.distance_along_rays(origin, rays)
         if not self:
             return met
         shape, flat = met.shape, rays.reshape(-1, 3).astype(np.float64)
@@ -116,7 +116,7 @@ class Stairs:
     def _meters_to_floor_behind(
         self, origin: NDArray[np.float64], rays: NDArray[np.float64], far: NDArray[np.float64]
     ) -> NDArray[np.float64]:
-        """(M,) meters to the floor behind the stairs, by the fixed-point iteration of `FloorSurface.meet`."""
+        """(M,) meters to the floor behind the stairs, by the iteration of `FloorSurface.distance_along_rays`."""
         down = rays[:, 2] < _DOWN
         slope = np.where(down, rays[:, 2], -1.0)
         distance = far

@@ -122,7 +122,7 @@ def refine(frames: Sequence[Frame], report_progress: ProgressCallback = lambda d
 
 def _features_of_frame(frame: Frame, most: int = MOST) -> tuple[Features, Camera]:
     """The features of an image, and its camera. Empty for an image that cannot be read; other stages report it."""
-    size = frame.intrinsics.within(_LONGEST_SIDE)
+    size = frame.intrinsics.limited_to(_LONGEST_SIDE)
     camera = Camera(size, frame.camera_to_world)
     try:
         return find_features(read_image(frame, size), most, usable_pixels(frame, size)), camera

@@ -62,10 +62,10 @@ def _scene(number: int, rng: np.random.Generator) -> Scene:
     boxes = list(scene.boxes)
     for room in scene.plan.rooms:
         for rect in room.rects:
-            boxes += _clutter(rect.grown(-0.15), rng, 0 if style == "bare" else rng.uniform(0.0, 0.6))
+            boxes += _clutter(rect.expanded(-0.15), rng, 0 if style == "bare" else rng.uniform(0.0, 0.6))
             if style != "bare":
-                boxes += _along_a_wall(rect.grown(-0.05), rng) if rng.random() < 0.7 else ()
-                boxes += _amid(rect.grown(-0.3), rng)
+                boxes += _along_a_wall(rect.expanded(-0.05), rng) if rng.random() < 0.7 else ()
+                boxes += _amid(rect.expanded(-0.3), rng)
             boxes += _under_the_ceiling(rect, rng)
     boxes += [thing for top in _tops(boxes) if rng.random() < 0.6 for thing in _things_on(top, rng)]
     return dataclasses.replace(scene, boxes=tuple(boxes), solids=make_solids(scene.storeys, boxes))
@@ -246,7 +246,7 @@ def _cameras(scene: Scene, rng: np.random.Generator, upright: bool, tries: int) 
             continue
         storey = scene.storeys[int(rng.integers(len(scene.storeys)))]
         room = storey.plan.rooms[int(rng.integers(len(storey.plan.rooms)))]
-        rect = room.rects[int(rng.integers(len(room.rects)))].grown(-0.3)
+        rect = room.rects[int(rng.integers(len(room.rects)))].expanded(-0.3)
         position = np.array([
             rng.uniform(rect.x0, max(rect.x0, rect.x1)), rng.uniform(rect.y0, max(rect.y0, rect.y1)),
             storey.floor + rng.uniform(0.4, 1.9),

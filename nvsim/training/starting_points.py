@@ -98,7 +98,7 @@ def _known(view: TrainingView, points: Float32, floor: FloorSurface) -> NDArray[
     columns = np.flatnonzero(view.floor.any(axis=0))
     rows = view.floor[:, columns].argmax(axis=0)
     rays = view.camera.rays()[rows, columns]
-    distance = floor.meet(view.camera.position, rays) * (rays @ view.camera.rotation[:, 2])
+    distance = floor.distance_along_rays(view.camera.position, rays) * (rays @ view.camera.rotation[:, 2])
     met = np.isfinite(distance) & (distance > 0.2)
     edge = np.column_stack([columns[met] + 0.5, rows[met] + 0.5, 1 / distance[met]])
     return np.concatenate([cloud, edge])

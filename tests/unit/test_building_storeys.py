@@ -151,11 +151,11 @@ def test_treads_are_free_on_both_maps_and_the_landings_on_one(house: Scene) -> N
     (stair,) = maps.stairs
     for rect, _ in flight.treads():
         assert lower.at(np.array(rect.centre)) == upper.at(np.array(rect.centre)) == FREE
-        assert stair.holds(np.array([rect.centre])).all()
+        assert stair.contains(np.array([rect.centre])).all()
     before, behind = flight.foot - 0.6 * flight.direction, np.array(flight.head) + 0.6 * flight.direction
     assert lower.at(before) == FREE and upper.at(before) != FREE
     assert upper.at(behind) == FREE and lower.at(behind) == UNKNOWN
-    assert not stair.holds(np.array([before, behind])).any()
+    assert not stair.contains(np.array([before, behind])).any()
 
 
 def test_masks_call_steps_floor_treads_and_risers_alike() -> None:
@@ -173,7 +173,7 @@ def test_masks_call_steps_floor_treads_and_risers_alike() -> None:
         view = render(camera, scene.solids, textures, NOBODY, np.empty((0, 3)))
         points = camera.position + view.depth[..., None] * (camera.rays() / (camera.rays() @ camera.rotation[:, 2:]))
         mask = floor_mask(scene, view)
-        ahead = flight.along(points[..., :2])
+        ahead = flight.distance_along(points[..., :2])
         upright = np.abs(ahead / GOING - np.round(ahead / GOING)) < 1e-3
         beside = np.abs((points[..., :2] - flight.foot) @ [flight.direction[1], -flight.direction[0]])
         riser = upright & (ahead > -0.01) & (ahead < LENGTH - 0.01) & (beside < flight.width / 2 - 0.01)

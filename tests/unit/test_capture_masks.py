@@ -162,7 +162,7 @@ def test_a_mask_is_undistorted_like_its_image(tmp_path: Path) -> None:
     expected = usable[mapping[..., 1].clip(0, 239), mapping[..., 0].clip(0, 319)]
     assert not (found & ~expected).any()  # what any ignored pixel is part of is ignored
     assert np.count_nonzero(found != expected) < 400  # a border of a pixel
-    small = usable_pixels(frame, k.within(80))
+    small = usable_pixels(frame, k.limited_to(80))
     assert small is not None and small.shape == (60, 80) and 0.05 < (~small).mean() < 0.09
 
 

@@ -79,7 +79,7 @@ def test_lines_and_clearance_are_those_of_the_storey() -> None:
     for place, clearance in zip(path.places, path.clearance, strict=True):
         on_stair = 2.3 < place[0] < 6.7 and 0 < place[1] < 1
         assert 0.35 < clearance < 0.7 if on_stair else clearance > 0.25
-    rooms = path.beside(0.3, 0.5)
+    rooms = path.positions_beside(0.3, 0.5)
     assert {round(z, 1) for z in rooms[:, 2] if abs(z - EYE) < 0.01 or abs(z - 3 - EYE) < 0.01} == {EYE, 3 + EYE}
     assert SUPPORT.at(rooms).all()
 
@@ -112,9 +112,9 @@ def test_a_corridor_does_not_join_what_lies_over_one_another() -> None:
     config = MappingConfig()
     measurements = Measurements(Clear(), FLOOR.height_at, SUPPORT.at, config, Lattice(config))
     a, same, over = viewpoint("a", 8, 2, 0), viewpoint("b", 9, 3, 0), viewpoint("c", 9, 3, 3)
-    assert measurements.between(a, same).support.all() and not measurements.between(a, over).support.any()
-    assert measurements.between(viewpoint("d", 8, 2, 3), over).support.all()
-    up = measurements.between(viewpoint("e", 3.4, 0.5, 0.84), viewpoint("f", 5.8, 0.5, 2.28)).support
+    assert measurements.corridor_evidence(a, same).support.all() and not measurements.between(a, over).support.any()
+    assert measurements.corridor_evidence(viewpoint("d", 8, 2, 3), over).support.all()
+    up = measurements.corridor_evidence(viewpoint("e", 3.4, 0.5, 0.84), viewpoint("f", 5.8, 0.5, 2.28)).support
     assert up[:, 5:13].all(), "up the stair they are joined"
 
 
@@ -156,7 +156,7 @@ def test_the_last_steps_that_are_seen_edge_on_from_below_are_left_to_the_corrido
     low, high = viewpoint("a", 4.2, 0.5, 1.32), viewpoint("b", 6.7, 0.5, 2.82)
     config = MappingConfig()
     measurements = Measurements(Walls(), FLOOR.height_at, SUPPORT.at, config, Lattice(config))
-    up, down = measurements.between(low, high), measurements.between(high, low)
+    up, down = measurements.corridor_evidence(low, high), measurements.between(high, low)
     corridor = Corridor((4.2, 0.5), (6.7, 0.5), 1.32 + EYE)
     ground = corridor.ground(FLOOR.height_at)[:, 5:13]
     over, distance = 1.32 + EYE - ground[..., 2], np.hypot(ground[..., 0] - 4.2, ground[..., 1] - 0.5)
@@ -165,7 +165,7 @@ def test_the_last_steps_that_are_seen_edge_on_from_below_are_left_to_the_corrido
     assert (down.alpha == 255).all(), "from above all of it is seen"
     alone = MappingConfig(both_ways=False)
     paper = Measurements(Walls(), FLOOR.height_at, SUPPORT.at, alone, Lattice(alone))
-    assert (paper.between(low, high).alpha == 255).all(), "where nobody asks for the way back it is no floor"
+    assert (paper.corridor_evidence(low, high).alpha == 255).all(), "where nobody asks for the way back it is no floor"
 
 
 class Doubted(Walls):
@@ -177,7 +177,7 @@ class Doubted(Walls):
 def test_a_model_has_an_opinion_on_the_part_of_a_corridor_that_it_was_trained_on() -> None:
     config = MappingConfig()
     measurements = Measurements(Doubted(), FLOOR.height_at, SUPPORT.at, config, Lattice(config))
-    down = measurements.between(viewpoint("b", 4.6, 0.5, 1.56), viewpoint("a", 2.2, 0.5, 0.12))
+    down = measurements.corridor_evidence(viewpoint("b", 4.6, 0.5, 1.56), viewpoint("a", 2.2, 0.5, 0.12))
     floor = Corridor((4.6, 0.5), (2.2, 0.5), 1.56 + EYE).ground(FLOOR.height_at)[:, 9, 2]
     assert down.second is not None and (down.alpha == 0).all()
     np.testing.assert_array_equal(down.second.alpha[:, 9], np.where(floor < 1.0, 255, 0))
@@ -189,14 +189,14 @@ def test_what_somebody_walked_over_is_floor_by_a_stair_and_nowhere_else() -> Non
     traversed = TraversedFloor(walk())
     measurements = Measurements(Walls(), FLOOR.height_at, SUPPORT.at, config, Lattice(config), (), traversed)
     low, high = viewpoint("a", 3.2, 0.5, 0.72), viewpoint("b", 4.8, 0.5, 1.68)
-    for corridor in (measurements.between(low, high), measurements.between(high, low)):
+    for corridor in (measurements.corridor_evidence(low, high), measurements.between(high, low)):
         assert (corridor.alpha[:16, 5:13] == 0).all(), "the cameras climbed along y = 0.5"
         assert (corridor.alpha[:16, [0, 17]] == 255).all(), "and not within reach of the walls"
     room = viewpoint("c", 5.5, 3.5, 0), viewpoint("d", 4.5, 4.7, 0)
-    assert (measurements.between(*room).alpha == 255).all(), "in a room the views decide, walked or not"
+    assert (measurements.corridor_evidence(*room).alpha == 255).all(), "in a room the views decide, walked or not"
     unsupported = MappingConfig(support=0)
     paper = Measurements(Walls(), FLOOR.height_at, SUPPORT.at, unsupported, Lattice(unsupported), (), traversed)
-    assert (paper.between(high, low).alpha == 255).all(), "and without known floor everywhere"
+    assert (paper.corridor_evidence(high, low).alpha == 255).all(), "and without known floor everywhere"
 
 
 def test_trodden_is_what_lies_beside_a_carried_camera_and_not_where_nobody_walked_between_two() -> None:
@@ -208,22 +208,24 @@ def test_trodden_is_what_lies_beside_a_carried_camera_and_not_where_nobody_walke
     near = np.linalg.norm(slow[:, :2] - places[:, None, :2], axis=-1)
     by = ((near < 0.4) & (over > 0.3) & (over < 2.5)).any(axis=1)
     edge = np.abs(np.where((over > 0.3) & (over < 2.5), near, 9).min(axis=1) - 0.4) < 0.01
-    np.testing.assert_array_equal(TraversedFloor(path).at(places)[~edge], by[~edge])
-    assert by.any() and not TraversedFloor(path).at(np.array([3.0, 1.0, 0.0]))
-    assert TraversedFloor(path[:1]).at(np.array([0.1, 0.0, 0.0]))
+    np.testing.assert_array_equal(TraversedFloor(path).is_traversed(places)[~edge], by[~edge])
+    assert by.any() and not TraversedFloor(path).is_traversed(np.array([3.0, 1.0, 0.0]))
+    assert TraversedFloor(path[:1]).is_traversed(np.array([0.1, 0.0, 0.0]))
 
 
 def test_without_a_scan_nothing_stands_where_somebody_walked() -> None:
     places = np.random.default_rng(0).uniform((2.5, -0.5, -0.5), (5.5, 1.5, 2.0), (500, 3))
     told, silent = TraversedFloor(walk(), scanned=False), TraversedFloor(walk())
-    assert not silent.is_surely_traversed(places).any() and silent.at(places).any()
+    assert not silent.is_surely_traversed(places).any() and silent.is_traversed(places).any()
     found = told.is_surely_traversed(places)
-    assert found.any() and (told.at(places) | ~found).all(), "nor where it would not beside a stair"
+    assert found.any() and (told.is_traversed(places) | ~found).all(), "nor where it would not beside a stair"
     config = MappingConfig()
     room = viewpoint("c", 1.4, 0.5, 0), viewpoint("d", 0.4, 0.5, 0)
     assert told.is_surely_traversed(np.array([[1.0, 0.5, 0.0]])).all()
     alphas = [
-        Measurements(Walls(), FLOOR.height_at, SUPPORT.at, config, Lattice(config), (), traversed).between(*room).alpha
+        Measurements(Walls(), FLOOR.height_at, SUPPORT.at, config, Lattice(config), (), traversed)
+        .corridor_evidence(*room)
+        .alpha
         for traversed in (told, silent)
     ]
     assert (alphas[0][:6, 5:13] == 0).all() and (alphas[1] == 255).all()

@@ -93,7 +93,7 @@ def test_learning_from_a_view_keeps_half_of_its_projection_in_memory():
     config = GeometricConfig(longest_side=100)
     provider = GeometricFloor(scan(), FLAT, config)
     images = [truth(camera(k))[1] for k in range(len(EYES))]
-    size = camera(0).intrinsics.within(config.longest_side)
+    size = camera(0).intrinsics.limited_to(config.longest_side)
 
     def peak(rounds: int) -> int:
         views = list(range(len(EYES))) * rounds

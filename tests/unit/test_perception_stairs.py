@@ -43,7 +43,9 @@ def test_without_stairs_rays_meet_the_floor_as_they_do() -> None:
     rays = rng.standard_normal((500, 3))
     rays /= np.linalg.norm(rays, axis=1, keepdims=True)
     eye = np.array([9.0, 9.0, 1.5])
-    np.testing.assert_array_equal(Stairs.of(surface).meet(eye, rays), surface.meet(eye, rays))
+    np.testing.assert_array_equal(
+        Stairs.of(surface).distance_along_rays(eye, rays), surface.distance_along_rays(eye, rays)
+    )
 
 
 def test_rays_meet_the_slope_where_the_plane_through_it_is_also_upwards() -> None:
@@ -58,7 +60,7 @@ def test_rays_meet_the_slope_where_the_plane_through_it_is_also_upwards() -> Non
         ends = eye + along[:, None] * rays
         on = (along > 0) & (ends[:, 0] > 2.15) & (ends[:, 0] < 6.85) & (ends[:, 1] > 0.05) & (ends[:, 1] < 0.95)
         on &= eye[2] + (2 - eye[0]) / rays[:, 0] * rays[:, 2] > 0 if x < 2 else True  # not into the ground before it
-        np.testing.assert_allclose(stairs.meet(eye, rays)[on], along[on], atol=0.01)
+        np.testing.assert_allclose(stairs.distance_along_rays(eye, rays)[on], along[on], atol=0.01)
         upwards += int((on & (rays[:, 2] > -0.02)).sum())
     assert upwards > 30, "rays that do not point down are among them"
 
@@ -68,12 +70,12 @@ def test_the_side_of_a_stair_is_no_floor_and_the_floor_before_it_and_behind_it_i
     eye = np.array([5.0, 4.0, 1.5])
     toward = np.array([[5.0, 3.0, 0.0], [5.0, 0.5, 1.0], [5.0, -1.0, 0.0]]) - eye
     toward /= np.linalg.norm(toward, axis=1, keepdims=True)
-    distance = stairs.meet(eye, toward)
+    distance = stairs.distance_along_rays(eye, toward)
     assert distance[0] == pytest.approx(np.linalg.norm([0, 1.0, 1.5]), abs=1e-3)
     assert np.isinf(distance[1]) and np.isinf(distance[2])
     over = np.array([[4.0, -3.0, 0.0]]) - [4.0, 0.5, 9.0]  # from above, over the stair, onto the floor behind it
     length = float(np.linalg.norm(over))
-    assert stairs.meet(np.array([4.0, 0.5, 9.0]), over / length)[0] == pytest.approx(length, abs=1e-3)
+    assert stairs.distance_along_rays(np.array([4.0, 0.5, 9.0]), over / length)[0] == pytest.approx(length, abs=1e-3)
 
 
 def steps() -> Cloud:

@@ -86,7 +86,7 @@ def test_hits_lie_where_the_floor_surface_is_met(curved: bool) -> None:
         heights = np.random.default_rng(4).uniform(0, 0.1, (9, 8)).astype(np.float32)
         floor = FloorSurface(heights, (-1.0, -2.0), 1.0)
     hits, rays = hits_of(CAMERA, floor), CAMERA.rays()
-    distance = floor.meet(CAMERA.position, rays)
+    distance = floor.distance_along_rays(CAMERA.position, rays)
     met = np.isfinite(distance)
     np.testing.assert_array_equal(hits[2] > 0, met)
     expected = CAMERA.position[:2] + distance[met, None] * rays[met][:, :2]

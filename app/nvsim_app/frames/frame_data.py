@@ -69,7 +69,7 @@ def read_frame_data(layout: Layout, frame: Frame, index: int) -> FrameData:
     from nvsim.perception.failures import read_failures
     from nvsim.perception.segment import read_mask
 
-    size = frame.intrinsics.within(LARGEST)
+    size = frame.intrinsics.limited_to(LARGEST)
     image = read_image(frame, size)
     mask = machine = None
     path = layout.mask_in_use(frame.name, index)

@@ -7,7 +7,7 @@ from collections import deque
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from nvsim.cli.arguments import given
+from nvsim.cli.arguments import value_of_flag
 from nvsim.events import Done, Event, Failed, Log, Metric, Preview, Progress, Warning, Worker
 from nvsim.files.opening import is_folder
 from nvsim.project.jobs.joblist import Job
@@ -141,8 +141,8 @@ def folder_of(job: Job) -> Path | None:
     if job.order.verb not in EXPORTS or not job.ours:
         return None
     words = list(job.order.arguments)
-    named = given(words, "--out", "")
+    named = value_of_flag(words, "--out", "")
     if not named and job.order.verb == "export features":
-        named = os.path.join(given(words, "--folder", ""), "features")
+        named = os.path.join(value_of_flag(words, "--folder", ""), "features")
     folder = Path(named).absolute()
     return folder if named and "\0" not in named and is_folder(folder) else None

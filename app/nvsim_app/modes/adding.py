@@ -123,7 +123,7 @@ class AddEdgeMode(Mode):
         if end is None:
             return
         found = None if there is None else self._path_evidence(start, there)
-        ink = GHOST if found is None else _INKS[found.speaks]
+        ink = GHOST if found is None else _INKS[found.support_of_edge]
         line(painter, surface, foot, np.array(end), ink)
         away = lengths.length(float(np.linalg.norm(np.array(end) - foot)))
         label(painter, QPointF(now.point), f"connect, {away}" if there is not None else away)

@@ -79,8 +79,8 @@ class Storeys(QObject):
         if self.chosen is None or not ids:
             return
         floors = arrays.feet[arrays.viewpoint_rows(ids), 2]
-        if len(floors) and not self.found[self.chosen].holds(floors).any():
-            holding = [i for i, s in enumerate(self.found) if s.holds(floors).all()]
+        if len(floors) and not self.found[self.chosen].contains_floors(floors).any():
+            holding = [i for i, s in enumerate(self.found) if s.contains_floors(floors).all()]
             self.choose(holding[0] if holding else None)
 
     def shown(self, arrays: GraphArrays) -> GraphArrays:
@@ -89,7 +89,7 @@ class Storeys(QObject):
         if storey is None:
             return arrays
         if self._of is not arrays:
-            self._of, self._shown = arrays, _kept(arrays, storey.holds(arrays.feet[:, 2]))
+            self._of, self._shown = arrays, _kept(arrays, storey.contains_floors(arrays.feet[:, 2]))
         return self._shown
 
     def fade_others(self, on: bool) -> None:
@@ -103,7 +103,7 @@ class Storeys(QObject):
         if storey is None or not self.others_faded:
             return GraphArrays()
         if self._beside[0] is not arrays or self._beside[1] is not storey:
-            self._beside = arrays, storey, _kept(arrays, ~storey.holds(arrays.feet[:, 2]))
+            self._beside = arrays, storey, _kept(arrays, ~storey.contains_floors(arrays.feet[:, 2]))
         return self._beside[2]
 
 
@@ -225,7 +225,7 @@ class Document(QObject):
             self.graph_arrays = GraphArrays.of(self.graph) if ready is None else ready
             self.graph_changes.forget()
             self.storeys.look(self.graph_arrays, anew=before.path != contents.path)
-            self.evidence.follow(self.graph)
+            self.evidence.update(self.graph)
         if changed & {"graph", "occupancy", "capture", "context"}:
             self.editing.set_thresholds(contents.thresholds)
             self.editing.set_surroundings(contents.occupancy, self.trajectory.positions)
@@ -312,7 +312,7 @@ class Document(QObject):
         self.graph_changes.note(before, self.graph_arrays, change)
         if change.added_viewpoints or change.removed_viewpoints or change.changed_viewpoints:
             self.storeys.look(self.graph_arrays)
-        self.evidence.follow(graph)
+        self.evidence.update(graph)
         if not self._holds(self._selection):
             self._selection = Selection()
         self.graphChanged.emit(change)

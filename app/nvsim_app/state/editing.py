@@ -88,7 +88,7 @@ class Editing(QObject):
     @property
     def dirty(self) -> bool:
         """Whether there are unsaved edits."""
-        return self.history is not None and not self.history.clean
+        return self.history is not None and not self.history.is_saved
 
     # Opening and closing -----------------------------------------------------------------------------------------
 
@@ -118,7 +118,7 @@ class Editing(QObject):
             return True
         if self.locked:
             return False
-        if self.history.clean:
+        if self.history.is_saved:
             self.history.replace_from_outside("Map built again by a job", graph)
         else:
             self.notified.emit(

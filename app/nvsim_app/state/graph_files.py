@@ -120,7 +120,7 @@ class ForeignGraph:
     @property
     def pictured(self) -> bool:
         """Whether there are images of viewpoints beside the file."""
-        return self._file.beside.pictures is not None
+        return self._file.nearby_files.pictures is not None
 
     @property
     def path(self) -> Path:
@@ -129,7 +129,7 @@ class ForeignGraph:
     @property
     def skyboxes(self) -> Path | None:
         """The folder of skyboxes beside the file, in the layout of Matterport3DSimulator; None if there is none."""
-        found = self._file.beside.pictures
+        found = self._file.nearby_files.pictures
         return found if found is not None and found.name == FOLDER else None
 
     def panorama(self, id: str) -> NDArray[np.uint8] | None:

@@ -114,5 +114,5 @@ class GraphSaving(QObject):
             self.saved.emit()
             if words:
                 self.notified.emit(words)
-            if not history.clean:
+            if not history.is_saved:
                 self.notified.emit("The graph was saved; edits that you made during saving are not saved yet.")

@@ -112,7 +112,7 @@ class _Surface:
             return None
         pixels, depths = self.project(walk)
         if storey is not None:
-            depths = np.where(storey.holds(walk[:, 2]), depths, 0.0)
+            depths = np.where(storey.contains_floors(walk[:, 2]), depths, 0.0)
         return nearest_point(pixels, depths, (point.x(), point.y()), FRAME_REACH)
 
     def polygon_selection(self, polygon: Sequence[QPointF]) -> frozenset[str]:

@@ -9,7 +9,7 @@ from typing import Any, Literal, cast
 import tyro
 
 from nvsim.cli import terminal
-from nvsim.cli.arguments import Inline, ProjectArguments, given
+from nvsim.cli.arguments import Inline, ProjectArguments, value_of_flag
 from nvsim.cli.session import project_job
 from nvsim.cli.terminal import say
 from nvsim.mapping.config import MappingConfig
@@ -153,7 +153,7 @@ class EvaluateValidityTable(ProjectArguments):
 
     @staticmethod
     def defaults(argv: list[str]) -> EvaluateValidityTable:
-        name = given(argv, "--preset", "nvsim")
+        name = value_of_flag(argv, "--preset", "nvsim")
         config = MappingConfig.paper() if name == "paper" else MappingConfig()
         return EvaluateValidityTable(cast(Path, tyro.MISSING), preset=cast(Any, name), config=config)
 

@@ -91,7 +91,7 @@ class ExportScan(ProjectArguments):
         # The project is opened read-only, so it can be exported while a submap trains.
         with Project.open(self.project) as project, event_listener(self.json) as listen:
             if self.dry_run:
-                _foretell(
+                _print_estimate(
                     PreparedExport.of(project, self.out, self.scan, self.force, self.max_viewpoints), settings, self
                 )
                 return 0
@@ -120,7 +120,7 @@ class ExportScan(ProjectArguments):
         return 0
 
 
-def _foretell(prepared: PreparedExport, settings: ScanSettings, a: ExportScan) -> None:
+def _print_estimate(prepared: PreparedExport, settings: ScanSettings, a: ExportScan) -> None:
     """Prints the estimate of the export. With --json: {"scans", "free", "shortage"} and all fields of the estimate."""
     from nvsim.cli import terminal
     from nvsim.r2r.observations.estimate import size_words
@@ -183,14 +183,14 @@ class ExportGraph:
         named = _FILES.get(self.out.suffix.lower())
         if named is not None:
             source = read_one_graph(self.graph, self.occupancy, self.heights)
-            _say(_write(source, replace(self, format=named), self.out), self)
+            _print_written(_write(source, replace(self, format=named), self.out), self)
             return 0
         _check_folder(self.out)
         files = [self.graph] if is_project(self.graph) else connectivity_files(self.graph)
         failures: dict[str, InputError] = {}
         for file in files:
             try:
-                _say(_write(read_one_graph(file, self.occupancy, self.heights), self), self)
+                _print_written(_write(read_one_graph(file, self.occupancy, self.heights), self), self)
             except InputError as error:
                 if len(files) == 1:
                     raise
@@ -206,7 +206,7 @@ def _check_folder(out: Path) -> None:
         raise InputError(f"{out} is no folder and ends in none of {', '.join(_FILES)}; give one of these.")
 
 
-def _say(path: Path, arguments: ExportGraph) -> None:
+def _print_written(path: Path, arguments: ExportGraph) -> None:
     say(as_json({"written": str(path)}) if arguments.json else f"Wrote {path}")
 
 

@@ -210,7 +210,7 @@ class ExportDataset(ProjectArguments):
         projects = (self.project, *self.also)
         if self.dry_run:
             with prepare_exports(projects, self.out, options) as sources:
-                _foretell(estimate_dataset(sources, options), self)
+                _print_estimate(estimate_dataset(sources, options), self)
             return 0
         with event_listener(self.json) as listen:
             about = export_dataset(projects, self.out, options, listen)
@@ -219,7 +219,7 @@ class ExportDataset(ProjectArguments):
         return 0
 
 
-def _foretell(found: dict[str, Any], a: ExportDataset) -> None:
+def _print_estimate(found: dict[str, Any], a: ExportDataset) -> None:
     from nvsim.cli import terminal
     from nvsim.r2r.observations.estimate import size_words
 

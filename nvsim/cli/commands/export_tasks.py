@@ -103,7 +103,7 @@ class ExportTasks:
             table(list(rows[0]), [[_text(value) for value in row.values()] for row in rows])
             if self.instructions:
                 which = "generated instructions" if "endpoint" in made.about else "instructions"
-                say(f"From the {which} alone a follower finds {_found(made.instructed)}.")
+                say(f"From the {which} alone a follower finds {_count_described(made.instructed)}.")
             if "endpoint" in made.about:
                 written = made.about["endpoint"]
                 say(f"{written['paths']} of {made.instructed.paths} paths have instructions from {written['model']}.")
@@ -133,7 +133,7 @@ def rows_of(dataset: Dataset) -> list[dict[str, Any]]:
     return rows
 
 
-def _found(instructed: InstructedDataset) -> str:
+def _count_described(instructed: InstructedDataset) -> str:
     how = Counter(instructed.found.values())
     return (
         f"{len(instructed.found)} of {instructed.paths} paths, {how['clock']} of them "

@@ -100,7 +100,7 @@ class GraphEdit:
         operation = OPERATIONS.get(self.edit)
         if operation is None:
             raise InputError(f"There is no edit {self.edit!r}; `nvsim graph edit FILE list` prints them.")
-        given = _given(self.set)
+        given = _parse_arguments(self.set)
         if self.dry_run or self.out is not None:
             before = target.read()
             with edit_errors_as_input_errors():
@@ -187,7 +187,7 @@ def _values(
     return {**given, **found}
 
 
-def _given(words: tuple[str, ...]) -> dict[str, Any]:
+def _parse_arguments(words: tuple[str, ...]) -> dict[str, Any]:
     found: dict[str, Any] = {}
     for word in words:
         name, equals, text = word.partition("=")
@@ -230,7 +230,7 @@ class GraphReplay:
         lines = script_lines(self.script)
         surroundings = target.surroundings()
 
-        def play(history: History) -> str:
+        def apply_script(history: History) -> str:
             count = 0
             for number, line in enumerate(lines, 1):
                 if line.strip() and not line.lstrip().startswith("#"):
@@ -242,12 +242,12 @@ class GraphReplay:
         if self.dry_run or self.out is not None:
             history = History(target.read())
             before = history.graph
-            words = play(history)
+            words = apply_script(history)
             written = None if self.dry_run else target.write(history.graph, self.out)
         else:
             with target.editing() as history:
                 before = history.graph
-                words = play(history)
+                words = apply_script(history)
             written = None if history.graph is before else target.path
         original = target.original if written == target.path else None
         _report(before, history.graph, words, written, self.json, original)

@@ -12,7 +12,7 @@ import tyro
 
 from nvsim.building.config import Style
 from nvsim.cli import window
-from nvsim.cli.arguments import Inline, given
+from nvsim.cli.arguments import Inline, value_of_flag
 from nvsim.cli.commands.capture import CapturePath
 from nvsim.cli.commands.stages import paper_map_config, report_network_fallback, with_normal_source
 from nvsim.cli.session import project_job
@@ -60,7 +60,7 @@ class Run:
     @staticmethod
     def defaults(argv: list[str]) -> Run:
         paper = "--paper" in argv
-        name = given(argv, "--preset", "splatfacto-i" if paper else "nvsim")
+        name = value_of_flag(argv, "--preset", "splatfacto-i" if paper else "nvsim")
         train = at_paper_scale(preset(name)) if "--paper-scale" in argv else preset(name)
         config = RunConfig(train=train, map=paper_map_config() if paper else MappingConfig())
         return Run(cast(Path, tyro.MISSING), cast(Path, tyro.MISSING), preset=cast(Any, name), config=config)
@@ -127,7 +127,7 @@ class Demo:
 
     @staticmethod
     def defaults(argv: list[str]) -> Demo:
-        name = given(argv, "--preset", "nvsim")
+        name = value_of_flag(argv, "--preset", "nvsim")
         config = RunConfig(train=preset(name))
         return Demo(preset=cast(Any, name), config=config)
 

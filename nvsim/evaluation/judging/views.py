@@ -83,9 +83,9 @@ def judged_views(
         trained = [i for i in submap.core if i not in kept_out]
         found += [_seen_view(capture, i, submap, counts) for i in _evenly_spaced_items(trained, counts.seen)]
         true = _evenly_spaced_items(novel[submap.index], counts.novel)
-        found += [_true(view, submap, counts) for view in true]
+        found += [_photographed_view(view, submap, counts) for view in true]
         if not true:
-            found += _drawn(project, capture, submap, everything, counts)
+            found += _novel_views(project, capture, submap, everything, counts)
     return found
 
 
@@ -99,7 +99,7 @@ def _seen_view(capture: Capture, index: int, submap: Submap, counts: ViewCounts)
     return JudgedView(f"{submap.index:03d}_seen_{index:06d}", "seen", str(submap.index), camera, photo)
 
 
-def _true(view: NovelView, submap: Submap, counts: ViewCounts) -> JudgedView:
+def _photographed_view(view: NovelView, submap: Submap, counts: ViewCounts) -> JudgedView:
     camera = _limit_size(view.camera, counts.longest)
 
     def photo() -> Image:
@@ -109,7 +109,7 @@ def _true(view: NovelView, submap: Submap, counts: ViewCounts) -> JudgedView:
     return JudgedView(f"{submap.index:03d}_novel_{name}", "novel", str(submap.index), camera, photo)
 
 
-def _drawn(
+def _novel_views(
     project: Project, capture: Capture, submap: Submap, everything: Sequence[Submap], counts: ViewCounts
 ) -> list[JudgedView]:
     graph = project.graph()
@@ -139,7 +139,7 @@ def _evenly_spaced_items(items: Sequence[T], count: int) -> list[T]:
 
 
 def _limit_size(camera: Camera, longest: int) -> Camera:
-    k = camera.intrinsics.within(longest)
+    k = camera.intrinsics.limited_to(longest)
     return camera.scaled(k.width, k.height)
 
 

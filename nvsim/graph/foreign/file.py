@@ -79,7 +79,7 @@ class ForeignFile:
         return scan_of(self.path)
 
     @cached_property
-    def beside(self) -> FilesBeside:
+    def nearby_files(self) -> FilesBeside:
         """Images, map and cloud near the file."""
         return find_files_beside(self.path, self.scan)
 
@@ -113,7 +113,10 @@ class ForeignFile:
         if not isinstance(pose, str):
             return None
         return panorama(
-            self.beside, id, np.array(json.loads(pose, parse_int=parse_integer), float).reshape(4, 4)[:3, :3], width
+            self.nearby_files,
+            id,
+            np.array(json.loads(pose, parse_int=parse_integer), float).reshape(4, 4)[:3, :3],
+            width,
         )
 
     def context(
@@ -130,7 +133,7 @@ class ForeignFile:
             occupancy,
             against,
             visible=self.sight(),
-            images=self.beside.images,
+            images=self.nearby_files.images,
             taken=self._taken,
             one_way=self.one_way,
             entries=entries,

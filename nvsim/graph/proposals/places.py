@@ -66,7 +66,7 @@ def propose_viewpoints(
         return ()
     floor = _Floor(occupancy, reachable(occupancy, np.array([v.position[:2] for v in held]), radius), sees)
     for v in held:
-        floor.take(floor.seen(v.position[:2]))
+        floor.mark_seen(floor.seen(v.position[:2]))
     room = clearance(occupancy)
     waiting: list[NDArray[np.int64]] = []
     order = []
@@ -87,7 +87,7 @@ def propose_viewpoints(
             # Other proposals have covered a part of it. Gains only shrink, so the position goes back into the queue.
             heapq.heappush(order, (-len(left), comfort, x, y, index))
             continue
-        floor.take(left)
+        floor.mark_seen(left)
         gain = len(left) * floor.each
         share = min(1.0, gain / (math.pi * sees * sees))
         proposal = _proposal(graph, (x, y), gain, share, held, room >= radius, occupancy, reach)
@@ -130,7 +130,7 @@ class _Floor:
     def still_missing(self, samples: NDArray[np.int64]) -> NDArray[np.int64]:
         return np.asarray(samples[self._unseen[samples]])
 
-    def take(self, samples: NDArray[np.int64]) -> None:
+    def mark_seen(self, samples: NDArray[np.int64]) -> None:
         """Mark samples as seen."""
         self._unseen[samples] = False
 

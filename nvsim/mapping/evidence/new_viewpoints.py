@@ -80,7 +80,7 @@ def measure_new_viewpoints(
                 continue
             ways = [(id, other), (other, id)] if config.both_ways else [(id, other)]
             for a, b in ways:
-                evidence = measurements.between(graph.viewpoints[a], graph.viewpoints[b])
+                evidence = measurements.corridor_evidence(graph.viewpoints[a], graph.viewpoints[b])
                 evidence = replace(evidence, decision=decide(evidence, config))
                 decisions.setdefault(key, []).append(evidence.decision)
                 found.setdefault(a, []).append(evidence)
@@ -89,7 +89,7 @@ def measure_new_viewpoints(
     return NewViewpointEvidence(
         tuple(e for id, several in found.items() for e in _numbered(graph, id, several, id in submaps)),
         submaps,
-        tuple(sorted(key for key in opened if key not in graph.edges and not _bypassed(graph, *key))),
+        tuple(sorted(key for key in opened if key not in graph.edges and not _has_short_detour(graph, *key))),
         tuple(sorted(key for key in decisions if key in graph.edges and key not in opened)),
     )
 
@@ -126,7 +126,7 @@ def _neighbors_to_measure(graph: NavGraph, id: str, config: MappingConfig) -> li
     return list(dict.fromkeys([*joined, *near]))
 
 
-def _bypassed(graph: NavGraph, a: str, b: str) -> bool:
+def _has_short_detour(graph: NavGraph, a: str, b: str) -> bool:
     """Whether a third viewpoint joins the two with a short detour."""
     places = graph.viewpoints
     direct = math.dist(places[a].position, places[b].position)

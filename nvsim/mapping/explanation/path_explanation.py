@@ -61,7 +61,7 @@ class PathExplanation:
     sentence: str
 
     @property
-    def speaks(self) -> int:
+    def support_of_edge(self) -> int:
         """1 if the known facts support an edge, -1 if they contradict it, 0 if nothing is known."""
         found = [way for way in self.ways if way.found is not None]
         if self.blocked is not None or any(w.found is not None and w.found.decision != OPEN for w in found):

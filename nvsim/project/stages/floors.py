@@ -297,7 +297,7 @@ def find_thin_obstacles(project: Project, floors: dict[int, FloorSurface], liste
     cameras: list[Camera] = []
     heights = np.full(len(capture.frames), np.nan)
     for i, frame in enumerate(capture.frames):
-        k = frame.intrinsics.within(config.longest_side)
+        k = frame.intrinsics.limited_to(config.longest_side)
         cameras.append(frame.camera.scaled(k.width, k.height))
         if i in floors:
             heights[i] = floors[i].height_at(cameras[i].position[:2])

@@ -91,7 +91,7 @@ def segment_there(
             floors.__getitem__,
             Path(name),
             SegmentConfig(threads=threads),
-            caller.tell,
+            caller.send_event,
             frames,
             depth_maps(project),
             found.open(capture),

@@ -246,7 +246,7 @@ def _fitting(project: Project, submaps: Sequence[Submap], config: TrainingConfig
 def _memory_of_largest(project: Project, submaps: Sequence[Submap], config: TrainingConfig) -> int:
     """Memory in bytes of the largest training."""
     frames = project.need_capture().frames
-    sizes = [frames[i].intrinsics.within(config.image_size) for i in submaps[0].frames]
+    sizes = [frames[i].intrinsics.limited_to(config.image_size) for i in submaps[0].frames]
     pixels = max(k.width * k.height for k in sizes)
     most = max(len(training_frames(project, s.index)) for s in submaps)
     return training_pool.needed_bytes(most, pixels, config)

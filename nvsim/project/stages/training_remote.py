@@ -71,7 +71,7 @@ class RemoteTraining:
     def send_all_inputs(self, found: StorageNotShared) -> None:
         """Sends all inputs to the workers from now on, because a worker cannot read the project."""
         if self._storage == "auto":
-            self._listen(Log(f"{found.why}; NVSim sends the inputs to the workers.", "train"))
+            self._listen(Log(f"{found.reason}; NVSim sends the inputs to the workers.", "train"))
         self._storage = "sent"
 
     def receive(self, piece: WorkItem, file: SentFile) -> Event | None:
@@ -123,9 +123,9 @@ def train_in_place(
         return StorageNotShared(missing)
     from nvsim.training.compilation import compile_ahead
 
-    compile_ahead(caller.tell)
+    compile_ahead(caller.send_event)
     with snapshot.open() as project:
-        trained = train(project, index, config, caller.tell, caller.ready)
+        trained = train(project, index, config, caller.send_event, caller.ready)
         place = project.stage_results().made_at("train", index)[model_name(index)]
         return ModelFiles(trained, _hashes(project.layout.root / place))
 
@@ -137,7 +137,7 @@ def train_elsewhere(
     from nvsim.training.compilation import compile_ahead
     from nvsim.training.rate_limiter import RateLimiter
 
-    compile_ahead(caller.tell)
+    compile_ahead(caller.send_event)
     needed: TrainingInputs = pickle.loads(inputs)
     with tempfile.TemporaryDirectory(prefix="nvsim-submap-") as name:
         folder = Path(name)
@@ -153,7 +153,7 @@ def train_elsewhere(
             if isinstance(event, Preview):
                 caller.send(PREVIEW, paths[PREVIEW].read_bytes())
                 return
-            caller.tell(event)
+            caller.send_event(event)
             began, now = time.monotonic(), _stamp(paths[CHECKPOINT])
             if now != sent and pace.is_due(began):
                 sent = now

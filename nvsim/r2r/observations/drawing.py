@@ -218,7 +218,7 @@ def draw_on_workers(
         for piece, message in messages:
             if isinstance(message, StorageNotShared):
                 if storage == "shared":
-                    raise InputError(f"{message.why}; share that folder with all machines, or use --storage sent.")
+                    raise InputError(f"{message.reason}; share that folder with all machines, or use --storage sent.")
                 sent = True
             elif isinstance(message, SentFile):
                 message.check()
@@ -272,7 +272,7 @@ def draw_on_worker(
         for i, viewpoint in enumerate(viewpoints):
             for path, data in encode_images(painter.draw(loaded, viewpoint), viewpoint, settings, places):
                 caller.send(path.relative_to(places.root).as_posix(), data)
-            caller.tell(Progress(STAGE, i + 1, len(viewpoints), viewpoint.id))
+            caller.send_event(Progress(STAGE, i + 1, len(viewpoints), viewpoint.id))
     return None
 
 

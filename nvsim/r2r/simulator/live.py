@@ -7,6 +7,7 @@ measured in the models, and compared with the thresholds of the project's map.
 from __future__ import annotations
 
 import threading
+from collections.abc import Iterable
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
@@ -119,8 +120,8 @@ class FreeSpaceChecks:
                 return why
         return ""
 
-    def _blocked(self, one: Viewpoint, other: Viewpoint, also: object = ()) -> str:
-        decision = decide(self._measurements.between(one, other, also), self._config)  # type: ignore[arg-type]
+    def _blocked(self, one: Viewpoint, other: Viewpoint, also: Iterable[Viewpoint] = ()) -> str:
+        decision = decide(self._measurements.corridor_evidence(one, other, also), self._config)
         return "" if decision == OPEN else DECISIONS[decision].clause
 
     def _viewpoint(self, place: NDArray[np.float64]) -> Viewpoint:

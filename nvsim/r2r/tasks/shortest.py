@@ -152,7 +152,7 @@ def eligible_paths(ways: PathGraph, bounds: PathBounds) -> EligiblePaths:
         fits &= (tree.metres >= bounds.least_metres) & (tree.metres <= bounds.most_metres)
         fits[: source + 1] = False  # these pairs were tested from their other end
         if not bounds.ties and fits.any():
-            fits &= ~ways.tied(source)[2]
+            fits &= ~ways.shortest_paths_with_ties(source)[2]
         ends = np.flatnonzero(fits)
         rows = np.full((len(ends), most + 1), -1, np.int64)
         here = ends
