@@ -231,9 +231,9 @@ def _impassable(graphs: Sequence[NavGraph], scenes: Mapping[str, Scene], listen:
         if graph.scan not in found:
             continue
         one, scene = found[graph.scan], scenes[graph.scan]
-        climbing = sum(scene.climbs(key) for key in one.edges)
-        tight = [key for key in one.edges if not scene.climbs(key)]
-        ends = [id for id in one.ends if not scene.climbs([id])]
+        climbing = sum(scene.uses_stairs(key) for key in one.edges)
+        tight = [key for key in one.edges if not scene.uses_stairs(key)]
+        ends = [id for id in one.ends if not scene.uses_stairs([id])]
         why = [f"{counted(climbing, 'edge')} on stairs, because actions are limited to one storey"] if climbing else []
         if tight:
             named = _shortened_list([f"{a} to {b}" for a, b in tight])

@@ -139,7 +139,7 @@ class _ThresholdScorer:
         self._included = np.array([v.included for v in graph.viewpoints.values()], bool)
         self._edges = {(min(row[a], row[b]), max(row[a], row[b])) for a, b in graph.edges}
         xy = np.array([v.position[:2] for v in graph.viewpoints.values()], np.float64).reshape(-1, 2)
-        stands = occupancy.at(xy) == FREE
+        stands = occupancy.states_at(xy) == FREE
         self._covers = [
             np.flatnonzero(visible(occupancy, place, _REACH) & self._area) if good else np.zeros(0, np.int64)
             for place, good in zip(xy, stands.tolist(), strict=True)

@@ -164,7 +164,7 @@ def evaluate_graph(
     photographed: float = MappingConfig.photographed,
 ) -> dict[str, Any]:
     """Metrics of `graph` on `occupancy`, both in one frame. `trajectory` (N, 2) in meters determines the reachable
-    area. `seen` tells whether the capture shows floor at world x, y (..., 2), such as `FloorSupport.at`. With maps of
+    area. `seen` tells whether the capture shows floor at world x, y (..., 2), such as `FloorSupport.is_supported`. With maps of
     several storeys both need heights: `trajectory` (N, 3) of the cameras, and `seen` at (..., 3).
 
     nodes, edges                   included viewpoints, and edges between them

@@ -136,7 +136,7 @@ def build_stored_map(
             SceneViews(scene, config),
             positions,
             floor_of(project).height_at,
-            support.at,
+            support.is_supported,
             config,
             scan=scan,
             remembered=NavGraph(scan, evidence=evidence),
@@ -231,7 +231,9 @@ def evaluate_validity(
                 listen(Log(f"Building the map of {row.name} by {' & '.join(criteria)}.", STAGE))
                 build_stored_map(project, runs[row], mapping, kept, known, listen)
                 built += 1
-            cells.append(_evaluate_cell(row.name, criteria, kept, occupancy, walk, config.robot_radius, support.at))
+            cells.append(
+                _evaluate_cell(row.name, criteria, kept, occupancy, walk, config.robot_radius, support.is_supported)
+            )
             known.append(kept)
     reused = len(cells) - built
     return ValidityTable(

@@ -148,24 +148,24 @@ class GeometricFloor:
         misses stay in the masks."""
         chosen = evenly_spaced(len(cameras), self.config.glimpses)
 
-        def look(index: int) -> tuple[Projection, FloorObservation]:
+        def observe_view(index: int) -> tuple[Projection, FloorObservation]:
             projection = _counted(self.project(cameras[index]), usable_of(index))
             return projection, self._observe_floor(projection, read(index))
 
         kept: list[tuple[Mask, Float32, Float32, Image]] = []  # half of the memory of a projection
 
-        def glimpses() -> Iterator[FloorObservation]:
+        def observations() -> Iterator[FloorObservation]:
             with ThreadPoolExecutor(threads) as pool:
-                for projection, view in pool.map(look, chosen):
+                for projection, view in pool.map(observe_view, chosen):
                     kept.append((projection.hidden, projection.before, projection.distance, view.image))
                     yield view
 
-        self._appearance = FloorAppearance.learn(glimpses())
+        self._appearance = FloorAppearance.learn(observations())
         if self._appearance is None:
             return
         through = GlassVotes()
         for i, (hidden, before, distance, image) in zip(chosen, kept, strict=True):
-            camera = self._small(cameras[i])
+            camera = self._working_camera(cameras[i])
             rays = camera.rays()
             expected, known = self._appearance.expected_colors(_ground(camera, rays, distance).astype(np.float32))
             hits = (camera.position + before[..., None] * rays).astype(np.float32)
@@ -204,13 +204,13 @@ class GeometricFloor:
             usual = ~self._appearance.unusual_regions(view)
             if small is not None:
                 usual |= small > (self.config.usual if depth is None else self.config.usual_thin)
-            floor = floor & (own.level | self._stairs.at(seen.ground) | usual)
+            floor = floor & (own.level | self._stairs.is_on_stairs(seen.ground) | usual)
             floor |= self._appearance.glass_regions(view, seen.hidden)
         if small is not None:
             if depth is None:
                 rim = cv2.distanceTransform(floor.astype(np.uint8), cv2.DIST_L2, 3) < self.config.rim
                 least = np.where(rim, self.config.never_edge, self.config.never)
-                floor &= (small > least) | self._stairs.at(seen.ground)
+                floor &= (small > least) | self._stairs.is_on_stairs(seen.ground)
                 floor |= seen.unsure & (small > self.config.filled)
                 beside = cv2.distanceTransform((~floor).astype(np.uint8), cv2.DIST_L2, 3) < self.config.edge
                 floor |= seen.hidden & beside & (small > self.config.filled_edge)
@@ -231,7 +231,7 @@ class GeometricFloor:
         `upward`, which can have any size."""
         import cv2
 
-        c, stairs = self.config, self._stairs.at(seen.ground)
+        c, stairs = self.config, self._stairs.is_on_stairs(seen.ground)
         floor = floor & ((looks > np.where(own.level, c.never_thin, c.doubted)) | stairs)
         front = np.zeros_like(floor)
         if upward is not None:
@@ -247,7 +247,7 @@ class GeometricFloor:
 
         height, width = seen.floor.shape
         own = cv2.resize(depth, (width, height), interpolation=cv2.INTER_NEAREST)
-        small = self._small(camera)
+        small = self._working_camera(camera)
         ground = seen.distance * (small.rays() @ small.rotation[:, 2].astype(np.float32))
         known = (own > 0) & (ground > 0)
         level = known & (np.abs(own - ground) < self.config.level * ground)
@@ -264,7 +264,7 @@ class GeometricFloor:
         if self._appearance is None:
             return grow(seen.floor, seen.floor | seen.unsure | seen.hidden, view.image).astype(np.float32)
         with np.errstate(invalid="ignore"):
-            hits = camera.position + seen.before[..., None] * self._small(camera).rays()
+            hits = camera.position + seen.before[..., None] * self._working_camera(camera).rays()
             high = hits[..., 2] - self.surface.height_at(np.nan_to_num(hits[..., :2])) > _HIGH
         standing_high = np.isfinite(seen.before) & high & ~seen.floor
         return np.where((seen.distance > 0) & ~standing_high, self._appearance.similarity(view), 0).astype(np.float32)
@@ -285,7 +285,7 @@ class GeometricFloor:
         """The floor by geometry alone, (h, w) arrays at the working size."""
         import cv2
 
-        small = self._small(camera)
+        small = self._working_camera(camera)
         rays = small.rays()
         distance = self._stairs.distance_along_rays(small.position, rays)
         met = distance < self.config.farthest
@@ -301,7 +301,7 @@ class GeometricFloor:
         hidden &= ~(silhouette & (inside < self.config.shrink * radius * small.intrinsics.fx / depth))
         possible = met
         if self._standing.confirmed is not None:
-            possible = met & self._standing.confirmed.at(ground)
+            possible = met & self._standing.confirmed.is_supported(ground)
         floor: Mask = possible & ~hidden
         floor = _without_specks(floor, self.config.speck)
         nearest = np.minimum(depth, np.where(met, floor_depth, np.inf))
@@ -310,7 +310,7 @@ class GeometricFloor:
         unsure = met & ~hidden & ~floor
         return Projection(floor, possible & ~floor, unsure, scale, ground.astype(np.float32), distance, before)
 
-    def _small(self, camera: Camera) -> Camera:
+    def _working_camera(self, camera: Camera) -> Camera:
         return Camera(camera.intrinsics.limited_to(self.config.longest_side), camera.camera_to_world)
 
 

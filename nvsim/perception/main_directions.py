@@ -123,12 +123,12 @@ class StraightNormals:
         """Estimates the headings with `seen` on some frames spread over the trajectory. Raises InputError for an image
         that cannot be read."""
 
-        def looks() -> Iterator[Float32]:
+        def normals_of_frames() -> Iterator[Float32]:
             for frame in (frames[i] for i in evenly_spaced(len(frames), _FRAMES)):
                 small = frame.intrinsics.limited_to(_SIDE)
                 yield seen.normals(read_image(frame, small), Camera(small, frame.camera.camera_to_world))
 
-        return cls(seen, main_headings(looks()))
+        return cls(seen, main_headings(normals_of_frames()))
 
     def normals(self, image: Image, camera: Camera) -> Float32:
         """(H, W, 3) float32, unit length, world frame, for an image (H, W, 3); zero if unknown."""

@@ -76,7 +76,7 @@ def segment_capture(
     wanted = range(len(capture.frames)) if todo is None else sorted(set(todo))
     missing = [i for i in wanted if config.again or not mask_path(folder, i).exists()]
     failures = Failures(folder)
-    failures.forget(missing)
+    failures.remove_frames(missing)
     done, total = len(wanted) - len(missing), len(wanted)
     listen(Progress("floors", done, total))
     if not missing:
@@ -93,7 +93,7 @@ def segment_capture(
     for i, surface in enumerate(surfaces):
         walks.setdefault(id(surface), []).append(i)
 
-    def one(index: int, provider: FloorSegmenter) -> int:
+    def segment_frame(index: int, provider: FloorSegmenter) -> int:
         camera, intrinsics = view(index)
         image = read_image(capture.frames[index], intrinsics)
         depth = None if depth_of is None else depth_of(index)
@@ -115,7 +115,7 @@ def segment_capture(
         for key in dict.fromkeys(id(surfaces[i]) for i in missing):
             floor, cloud = learnt_floor(capture, walks[key], surfaces[walks[key][0]], config)
             provider = floor if other_of is None else other_of(floor, cloud)
-            jobs = [pool.submit(one, i, provider) for i in missing if id(surfaces[i]) == key]
+            jobs = [pool.submit(segment_frame, i, provider) for i in missing if id(surfaces[i]) == key]
             try:
                 for job in as_completed(jobs):
                     index = job.result()

@@ -184,10 +184,10 @@ def _finished(models: list[pycolmap.Reconstruction], inputs: _MappingInputs, pla
     if images.ordered:
         for found in models:
             correct_rotations(found, inputs.views)
-        model, views, loops = _closed(*_join_firm_pieces(None, models, inputs), inputs, False)
+        model, views, loops = _close_loops(*_join_firm_pieces(None, models, inputs), inputs, False)
         model, joined, pieces = _joined_again(model, views, inputs)
         if len(joined) > len(views):  # the joined pieces are now near enough to show places of each other again
-            model, _, loops = _closed(model, joined, inputs, False, loops)
+            model, _, loops = _close_loops(model, joined, inputs, False, loops)
             pieces = with_images_beside(model, pieces, _BESIDE * median_depth(model))
         bent = contradicts_floor(model)
         if bent or len(pieces[0]) < _ENOUGH * len(images.names):
@@ -247,7 +247,7 @@ def _straight_videos(
     poses, views = _joined(pieces, inputs)
     write_geometries(inputs.path, views)
     model = _adjusted(poses, dict(models[0].cameras.items()), inputs, True)
-    model, _, loops = _closed(model, views, inputs, True)
+    model, _, loops = _close_loops(model, views, inputs, True)
     return model, loops, _pieces_of_straight(model, inputs)
 
 
@@ -264,7 +264,7 @@ def _straight(
         return None
     write_geometries(inputs.path, inputs.views)
     base = _adjusted(poses, dict(models[0].cameras.items()), inputs, True)
-    model, _, loops = _closed(*_join_firm_pieces(base, models, inputs), inputs, True)
+    model, _, loops = _close_loops(*_join_firm_pieces(base, models, inputs), inputs, True)
     pieces = _pieces_of_straight(model, inputs)
     poses = straightened([model], inputs.images.folder, inputs.images.times, inputs.views)
     if loops and len(poses) == model.num_reg_images():
@@ -281,7 +281,7 @@ def _pieces_of_straight(model: pycolmap.Reconstruction, inputs: _MappingInputs) 
     return merge_turning_pieces(model, firm, inputs.images.folder, inputs.views)
 
 
-def _closed(
+def _close_loops(
     model: pycolmap.Reconstruction,
     views: dict[Pair, TwoViews],
     inputs: _MappingInputs,
@@ -425,7 +425,7 @@ def _features_of(images: ImageSet, index: int, network: FeatureFinder | None) ->
     found = find_features(rgb, most, usable, _CONTRAST)
     # SIFT lists a keypoint once for each of its orientations.
     _, single = np.unique(np.round(found.places * 4).astype(np.int64), axis=0, return_index=True)
-    return found.at(np.sort(single))
+    return found.select(np.sort(single))
 
 
 def _matches(

@@ -73,7 +73,10 @@ def close_loops(
     def verified(pair: Pair) -> TwoViews | None:
         one, other = (keypoints[i] for i in pair)
         if pair not in matches:
-            seems = len(match_features(one.features.first(_FIRST), other.features.first(_FIRST))) >= _LOOK_ALIKE
+            seems = (
+                len(match_features(one.features.most_distinct(_FIRST), other.features.most_distinct(_FIRST)))
+                >= _LOOK_ALIKE
+            )
             matches[pair] = one.matches(other, False) if seems else np.zeros((0, 2), np.uint32)
         if len(matches[pair]) < _MATCHES:
             return None

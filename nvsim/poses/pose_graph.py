@@ -56,7 +56,7 @@ class _Loops:
     pair: NDArray[np.int64]
     sure: NDArray[np.float64]
 
-    def at(self, rows: NDArray[np.bool_]) -> _Loops:
+    def select(self, rows: NDArray[np.bool_]) -> _Loops:
         """The points selected by the mask `rows` (M,)."""
         return _Loops(
             self.first[rows],
@@ -77,7 +77,7 @@ class _Loops:
         rank[np.argsort(group, kind="stable")] = np.concatenate([np.arange(n) for n in count])
         count = count[group]
         few = replace(self, sure=self.sure * np.minimum(1, _COUNTED / np.minimum(count, _SOLVED)) ** 0.5)
-        return few.at((count <= _SOLVED) | ((rank + 1) * _SOLVED // count > rank * _SOLVED // count))
+        return few.select((count <= _SOLVED) | ((rank + 1) * _SOLVED // count > rank * _SOLVED // count))
 
 
 @dataclass(frozen=True, eq=False)
@@ -148,14 +148,14 @@ def without_drift(
         if (grown == used).all():
             break
         used = grown
-        moves = _solve(seen.at(used[seen.pair]), pivot, joint, depth, anchors)
+        moves = _solve(seen.select(used[seen.pair]), pivot, joint, depth, anchors)
     while used.any():
         agree = used & _near_pairs(seen, moves, pivot, len(pairs), 2 * _OFF * depth)
         if (agree == used).all():
             break
         used = agree
         if used.any():
-            moves = _solve(seen.at(used[seen.pair]), pivot, joint, depth, anchors)
+            moves = _solve(seen.select(used[seen.pair]), pivot, joint, depth, anchors)
     kept = [pair for pair, use in zip(pairs, used, strict=True) if use]
     if not kept:
         return poses, []

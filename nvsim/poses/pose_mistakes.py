@@ -79,8 +79,14 @@ def _conventions(poses: Float, own: str) -> Iterator[tuple[str, str, Float]]:
     # Only the rotation is wrong. Test it in each direction and with the axes in which a format may store it.
     for change, words in (
         (lambda r: np.swapaxes(r, 1, 2), "their rotations are transposed (rows and columns are exchanged)"),
-        (partial(_requaternioned, turn=1), "their quaternions are in another order (x y z w instead of w x y z)"),
-        (partial(_requaternioned, turn=-1), "their quaternions are in another order (w x y z instead of x y z w)"),
+        (
+            partial(_shift_quaternion_components, turn=1),
+            "their quaternions are in another order (x y z w instead of w x y z)",
+        ),
+        (
+            partial(_shift_quaternion_components, turn=-1),
+            "their quaternions are in another order (w x y z instead of x y z w)",
+        ),
     ):
         yield words, "", _rotated(poses, change)
         yield words, "", _rotated(poses @ _GL, change) @ _GL
@@ -119,19 +125,19 @@ def _orders(poses: Float, names: Sequence[str], order: Sequence[int]) -> Iterato
     by_text = sorted(order, key=lambda i: names[i])
     by_number = sorted(order, key=lambda i: [int(w) if w.isdigit() else w for w in re.split(r"(\d+)", names[i])])
     missing = np.full_like(poses, np.nan)
-    yield "they are in reverse order", "", _assigned(missing, index, poses[index[::-1]])
+    yield "they are in reverse order", "", _with_rows(missing, index, poses[index[::-1]])
     if by_text != by_number:
         words = "their order is by number, that of the images by letters (2 after 10), or the reverse"
-        yield words, "", _assigned(missing, np.array(by_number), poses[by_text])
-        yield words, "", _assigned(missing, np.array(by_text), poses[by_number])
+        yield words, "", _with_rows(missing, np.array(by_number), poses[by_text])
+        yield words, "", _with_rows(missing, np.array(by_text), poses[by_number])
     for shift in range(1, min(_SHIFTS, len(order) - 1) + 1):
         plural = "s" if shift > 1 else ""
         words = f"there is a time offset: the pose of each image is listed {shift} frame{plural} %s"
-        yield words % "later", "", _assigned(missing, index[:-shift], poses[index[shift:]])
-        yield words % "earlier", "", _assigned(missing, index[shift:], poses[index[:-shift]])
+        yield words % "later", "", _with_rows(missing, index[:-shift], poses[index[shift:]])
+        yield words % "earlier", "", _with_rows(missing, index[shift:], poses[index[:-shift]])
 
 
-def _assigned(poses: Float, rows: NDArray[np.int64], values: Float) -> Float:
+def _with_rows(poses: Float, rows: NDArray[np.int64], values: Float) -> Float:
     result = poses.copy()
     result[rows] = values
     return result
@@ -161,7 +167,7 @@ def _inverted(poses: Float) -> Float:
     return _placed(_rotated(poses, lambda _: back), -(back @ poses[:, :3, 3, None])[..., 0])
 
 
-def _requaternioned(rotations: Float, turn: int) -> Float:
+def _shift_quaternion_components(rotations: Float, turn: int) -> Float:
     """Rotations (N, 3, 3) whose quaternions x y z w are shifted by `turn` places."""
     from scipy.spatial.transform import Rotation
 
@@ -191,16 +197,16 @@ def _lens_explanation(poses: Float, evidence: Evidence) -> Explanation | None:
 
     rows = np.zeros(len(evidence), bool)
     rows[np.unique(np.linspace(0, len(evidence) - 1, min(_PAIRS, len(evidence))).astype(int))] = True
-    sample = evidence.only(rows)
+    sample = evidence.select_pairs(rows)
 
-    def left(change: _LensChange) -> Float:
+    def errors_after_change(change: _LensChange) -> Float:
         kinds = [change.of(lens) for lens in sample.kinds]
         # Use the longer focal length: with an ever shorter one, errors in pixels would shrink to zero.
         focal = np.maximum(sample.focal(kinds), sample.focal())
         return match_errors(poses, sample, sample.rays(kinds), focal)
 
     def cost(change: _LensChange) -> float:
-        return float(np.mean(np.log1p(left(change))))
+        return float(np.mean(np.log1p(errors_after_change(change))))
 
     factors = np.exp(np.linspace(-1, 1, 27))
     start = min(factors, key=lambda f: cost(_LensChange((f, f))))
@@ -232,7 +238,7 @@ def _lens_explanation(poses: Float, evidence: Evidence) -> Explanation | None:
     ]
     costs = [cost(option) for option in options]
     simplest = next(o for o, c in zip(options, costs, strict=True) if c < 1.2 * min(costs) + 0.03)
-    after = left(simplest)
+    after = errors_after_change(simplest)
     share, miss = float(np.mean(after < AGREES)), float(np.median(after))
     words = _lens_words(lens, simplest)
     if not words or share < _LENS_FITS[0] or miss > _LENS_FITS[1]:

@@ -238,11 +238,11 @@ _idle: dict[Worker[Any, Any], _Process] = {}
 _idle_lock = threading.Lock()
 
 
-def _forget() -> None:
+def _drop_children() -> None:
     """Drops the children in a forked process, because they belong to the parent process."""
     global _idle_lock
     _idle_lock = threading.Lock()
     _idle.clear()
 
 
-os.register_at_fork(after_in_child=_forget)
+os.register_at_fork(after_in_child=_drop_children)

@@ -41,10 +41,10 @@ def main(connection: int, life: int, worker: str) -> None:
         while True:
             request = receive(pipe)
             limit_memory(request.memory)
-            send(pipe, _answered(answer, request.value))
+            send(pipe, _answer_or_error(answer, request.value))
 
 
-def _answered(answer: Any, request: Any) -> Answer | ReportedInputError | OutOfMemory | ReportedBug:
+def _answer_or_error(answer: Any, request: Any) -> Answer | ReportedInputError | OutOfMemory | ReportedBug:
     try:
         return Answer(answer(request))
     except InputError as error:

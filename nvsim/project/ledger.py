@@ -132,12 +132,12 @@ def trained_key(project: Project, submap: int) -> str:
 def waiting_submaps(project: Project) -> tuple[int, ...]:
     """Submaps of the newest cut that are trained while the models of a previous cut are in use."""
     found = project.stage_results()
-    return tuple(sorted(_newest(found).parts)) if TRAIN in found.former else ()
+    return tuple(sorted(_newest(found).parts)) if TRAIN in found.stages_of_previous_cut else ()
 
 
 def _newest(found: StageResults) -> StageResult:
     """The finished models of the newest cut, which may not be in use yet."""
-    if TRAIN not in found.former:
+    if TRAIN not in found.stages_of_previous_cut:
         return found.get("in use", TRAIN) or StageResult()
     waiting, newest = found.get("next", TRAIN), found.places["cut/submaps"]
     if waiting is None or waiting.files.get("cut/train") != newest:
@@ -157,7 +157,7 @@ def add_model(project: Project, submap: int, seconds: float, figures: dict[str, 
     files = found.made_at(TRAIN, submap)
     used, former = True, found.in_use(TRAIN, root)
     found = found.without_unfinished(TRAIN, submap)
-    if TRAIN in found.former:
+    if TRAIN in found.stages_of_previous_cut:
         new = _newest(found)
         new = StageResult({**new.parts, submap: part}, {**new.files, **files})
         used = set(new.parts) >= {s.index for s in project.submaps()}

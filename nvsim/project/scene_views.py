@@ -44,7 +44,7 @@ class SceneViews:
         index, model = self._scene.model_at(position)
         return index, self._rendered(model, cameras, masks)
 
-    def another(self, position: NDArray[np.floating]) -> int | None:
+    def second_submap(self, position: NDArray[np.floating]) -> int | None:
         """A second submap that was trained on the frame nearest to `position` (3,), see SceneModel.second."""
         return self._scene.second(position)
 

@@ -58,10 +58,10 @@ class Review:
         """Sets the state of a verdict. Raises ValueError if `state` is not in STATES."""
         if state not in STATES:
             raise ValueError(f"{state!r} is none of {STATES}")
-        self._put(key, replace(self[key], state=state))
+        self._store_verdict(key, replace(self[key], state=state))
 
     def set_instructions(self, key: Key, instructions: Iterable[str] | None) -> None:
-        self._put(key, replace(self[key], instructions=None if instructions is None else tuple(instructions)))
+        self._store_verdict(key, replace(self[key], instructions=None if instructions is None else tuple(instructions)))
 
     def undo(self) -> Key | None:
         """Reverts the last change since the review was opened. Returns the task's key, or None without a change."""
@@ -86,7 +86,7 @@ class Review:
         atomic.make_folder(path.parent)
         atomic.write_text(path, json.dumps({"format": FORMAT, "tasks": rows}, indent=1) + "\n")
 
-    def _put(self, key: Key, verdict: Verdict) -> None:
+    def _store_verdict(self, key: Key, verdict: Verdict) -> None:
         if verdict != self[key]:
             self._before.append((key, self[key]))
             self._verdicts[key] = verdict

@@ -65,7 +65,7 @@ def _scene(number: int, rng: np.random.Generator) -> Scene:
             boxes += _clutter(rect.expanded(-0.15), rng, 0 if style == "bare" else rng.uniform(0.0, 0.6))
             if style != "bare":
                 boxes += _along_a_wall(rect.expanded(-0.05), rng) if rng.random() < 0.7 else ()
-                boxes += _amid(rect.expanded(-0.3), rng)
+                boxes += _central_furniture(rect.expanded(-0.3), rng)
             boxes += _under_the_ceiling(rect, rng)
     boxes += [thing for top in _tops(boxes) if rng.random() < 0.6 for thing in _things_on(top, rng)]
     return dataclasses.replace(scene, boxes=tuple(boxes), solids=make_solids(scene.storeys, boxes))
@@ -151,7 +151,7 @@ def _along_a_wall(rect: Rect, rng: np.random.Generator) -> Iterator[Box]:
         yield box(0, rng.uniform(0.12, 0.3), height, height + rng.uniform(0.3, 0.5), front)
 
 
-def _amid(rect: Rect, rng: np.random.Generator) -> Iterator[Box]:
+def _central_furniture(rect: Rect, rng: np.random.Generator) -> Iterator[Box]:
     """A large table, a kitchen island, a bed with pillows, or nothing: surfaces that fill the view of a near camera."""
     kind = int(rng.integers(5))
     least, most = (((0.7, 1.2), (1.5, 2.8)), ((0.6, 1.0), (1.2, 2.6)), ((0.9, 1.8), (2.0, 2.2)))[min(kind, 2)]
@@ -241,7 +241,7 @@ def _cameras(scene: Scene, rng: np.random.Generator, upright: bool, tries: int) 
             pose, field = _at_furniture(tops[int(rng.integers(len(tops)))], rng), rng.uniform(40, 80)
             if not _inside(scene, pose[:3, 3]):
                 yield Camera(
-                    Intrinsics.from_fov(columns, rows, np.radians(field * columns / SIZE[1])), _rolled(pose, rng)
+                    Intrinsics.from_fov(columns, rows, np.radians(field * columns / SIZE[1])), _roll_camera(pose, rng)
                 )
             continue
         storey = scene.storeys[int(rng.integers(len(scene.storeys)))]
@@ -255,7 +255,7 @@ def _cameras(scene: Scene, rng: np.random.Generator, upright: bool, tries: int) 
             continue
         way = rng.random()
         elevation = rng.normal(0, 8) if way < 0.45 else rng.uniform(-60, 15) if way < 0.75 else rng.normal(-45, 4)
-        pose = _rolled(camera_pose(position, rng.uniform(0, 2 * np.pi), np.radians(elevation)), rng)
+        pose = _roll_camera(camera_pose(position, rng.uniform(0, 2 * np.pi), np.radians(elevation)), rng)
         yield Camera(Intrinsics.from_fov(columns, rows, np.radians(rng.uniform(45, 100) * columns / SIZE[1])), pose)
 
 
@@ -264,7 +264,7 @@ def _inside(scene: Scene, position: NDArray[np.float64]) -> bool:
     return bool(((position > scene.solids.lo - 0.15) & (position < scene.solids.hi + 0.15)).all(axis=1).any())
 
 
-def _rolled(pose: NDArray[np.float64], rng: np.random.Generator) -> NDArray[np.float64]:
+def _roll_camera(pose: NDArray[np.float64], rng: np.random.Generator) -> NDArray[np.float64]:
     """The pose (4, 4), turned by a few degrees about the optical axis."""
     roll = np.radians(rng.normal(0, 4))
     pose[:3, :3] = pose[:3, :3] @ np.array(

@@ -160,7 +160,7 @@ def _tiles(rows: int, columns: int, texel: float, rng: Rng) -> Image:
     return image
 
 
-def _planks(rows: int, columns: int, texel: float, rng: Rng) -> Image:
+def _plank_pattern(rows: int, columns: int, texel: float, rng: Rng) -> Image:
     if rng.random() < 0.5:
         return _planks_along(columns, rows, texel, rng).transpose(1, 0, 2)
     return _planks_along(rows, columns, texel, rng)
@@ -209,5 +209,5 @@ def _collage(rows: int, columns: int, texel: float, rng: Rng) -> Image:
 
 
 _KINDS: tuple[Callable[[int, int, float, Rng], Image], ...] = (
-    _plain, _plain, _carpet, _carpet, _tiles, _tiles, _planks, _planks, _stone, _stripes, _collage,
+    _plain, _plain, _carpet, _carpet, _tiles, _tiles, _plank_pattern, _plank_pattern, _stone, _stripes, _collage,
 )  # fmt: skip

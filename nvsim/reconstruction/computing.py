@@ -228,14 +228,14 @@ class _Request:
 def _computed_in_child(request: _Request, listen: Listener) -> PosesReport:
     from nvsim.processes.child import Child
 
-    def hear(event: object) -> None:
+    def forward_event(event: object) -> None:
         if isinstance(event, Progress | Log | Warning):
             listen(event)
 
     then = "film a shorter video, or compute on a machine with more memory"
     child: Child[_Request, PosesReport] = Child(PoseWorker, str(request.footage.source), then)
     try:
-        return child.ask(request, hear=hear)
+        return child.ask(request, hear=forward_event)
     finally:
         child.close()
 
@@ -243,11 +243,11 @@ def _computed_in_child(request: _Request, listen: Listener) -> PosesReport:
 class PoseWorker:
     """Computes poses in the child process."""
 
-    def tell(self, event: Progress | Log | Warning) -> None:
+    def send_event(self, event: Progress | Log | Warning) -> None:
         """Sends an event to the parent. The child process replaces this method."""
 
     def __call__(self, request: _Request) -> PosesReport:
-        return _computed(request, self.tell)
+        return _computed(request, self.send_event)
 
 
 def _computed(request: _Request, tell: Callable[[Progress | Log | Warning], None]) -> PosesReport:

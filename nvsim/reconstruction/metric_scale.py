@@ -133,7 +133,7 @@ def judge(poses: NDArray[np.float64], known: CameraPositions, upright: bool) -> 
         positions=len(target),
         agreeing=int(fit.agrees.sum()),
         residual_m=round(fit.residual, 3),
-        up=() if upright or known.is_gps else _up(fit, source),
+        up=() if upright or known.is_gps else _vertical(fit, source),
     )
 
 
@@ -141,7 +141,7 @@ def _refused(known: CameraPositions, why: str) -> MeasuredScale:
     return MeasuredScale(known.source, why, positions=len(known.names))
 
 
-def _up(fit: Similarity, source: NDArray[np.float64]) -> tuple[float, ...]:
+def _vertical(fit: Similarity, source: NDArray[np.float64]) -> tuple[float, ...]:
     """The vertical in the frame of the poses. Empty if the trajectory is too straight to determine it."""
     centered = source[fit.agrees] - source[fit.agrees].mean(axis=0)
     aside = fit.scale * float(np.linalg.svd(centered, compute_uv=False)[1]) / np.sqrt(len(centered))

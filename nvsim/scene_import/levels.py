@@ -98,7 +98,7 @@ class _Columns:
         np.cumsum(full, axis=2, out=counts[:, :, 1:])
         return _Columns(counts, low)
 
-    def between(self, points: NDArray[np.float64], low: float, high: float) -> NDArray[np.int64]:
+    def count_between(self, points: NDArray[np.float64], low: float, high: float) -> NDArray[np.int64]:
         """(N,) number of occupied voxels from `low` to `high` meters above points (N, 3)."""
         at = np.floor((points - self.low) / _VOXEL).astype(np.int64)
         top = self.counts.shape[2] - 1
@@ -119,8 +119,8 @@ def floor_heights(surface: SurfacePoints) -> tuple[list[float], str]:
     if columns is None:
         return [], "floor"
     level = surface.points[horizontal(surface)]
-    standing = level[columns.between(level, *HEADROOM) <= 1]
-    covered = standing[columns.between(standing, *CEILING) > 0]
+    standing = level[columns.count_between(level, *HEADROOM) <= 1]
+    covered = standing[columns.count_between(standing, *CEILING) > 0]
     heights = _peaks(covered)
     if heights:
         return heights, ""
@@ -133,7 +133,7 @@ def standing_points(surface: SurfacePoints) -> NDArray[np.float64]:
     if columns is None:
         return np.zeros((0, 3))
     level = surface.points[horizontal(surface)]
-    return np.asarray(level[columns.between(level, *HEADROOM) <= 1])
+    return np.asarray(level[columns.count_between(level, *HEADROOM) <= 1])
 
 
 def _peaks(points: NDArray[np.float64]) -> list[float]:

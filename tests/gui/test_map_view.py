@@ -96,7 +96,7 @@ def test_north_is_up_and_occupancy_lies_under_the_graph(plan: MapView, document:
     tones = colors.OCCUPANCY_DARK if theme.is_dark(plan.palette()) else colors.OCCUPANCY_LIGHT
     occupancy = document.contents.occupancy
     for x, y in ((4.0, 3.7), (1.0, 6.0), (9.0, 3.0), (-0.5, 4.0)):
-        state = occupancy.at(np.array([x, y]))
+        state = occupancy.states_at(np.array([x, y]))
         name = "occupied" if state == OCCUPIED else "free" if state == 0 else "unknown"
         place = place_of(plan, x, y) * ratio
         assert picture.pixelColor(place) == QColor(*tones[name]), (x, y)

@@ -140,9 +140,9 @@ def test_a_bend_is_straightened_by_what_both_stretches_show(
 
     assert off(poses_of(mended)) < 0.03 * far < off(bent)
     assert len(joined) > len(views)
-    closed, again, loops = from_images._closed(mended, joined, inputs, False)
+    closed, again, loops = from_images._close_loops(mended, joined, inputs, False)
     assert loops and off(poses_of(closed)) < 0.03 * far
-    same, _, known = from_images._closed(closed, again, inputs, False, loops)
+    same, _, known = from_images._close_loops(closed, again, inputs, False, loops)
     assert set(loops) <= set(known) and off(poses_of(same)) < 0.03 * far
 
 

@@ -55,7 +55,7 @@ def test_the_walk_visits_every_room(full: Scene) -> None:
 
 def test_the_walk_keeps_its_clearance_in_free_space(full: Scene) -> None:
     grid = occupancy(full)
-    assert (grid.at(full.path[:, :2]) == FREE).all()
+    assert (grid.states_at(full.path[:, :2]) == FREE).all()
     clearance = ndimage.distance_transform_edt(grid.cells != OCCUPIED) * grid.resolution
     row, column = np.moveaxis(grid.index(full.path[:, :2]), -1, 0)
     assert clearance[row, column].min() >= 0.3

@@ -190,10 +190,10 @@ def test_ignored_pixels_say_neither_floor_nor_anything_else() -> None:
     cameras, place = [camera] * 8, np.array([0.0, 1.5])
     floor, nothing = np.ones((48, 64), bool), np.zeros((48, 64), bool)
     masks = [floor] * 2 + [nothing] * 6  # something stands there in most of the images
-    assert not observe(cameras, masks, FloorSurface.flat(0.0), None).at(place)
+    assert not observe(cameras, masks, FloorSurface.flat(0.0), None).is_supported(place)
     ignored = [None, None, *[nothing] * 6]
-    assert observe(cameras, masks, FloorSurface.flat(0.0), None, usable=ignored).at(place)
-    assert not observe(cameras, masks, FloorSurface.flat(0.0), None, usable=[nothing] * 8).at(place)
+    assert observe(cameras, masks, FloorSurface.flat(0.0), None, usable=ignored).is_supported(place)
+    assert not observe(cameras, masks, FloorSurface.flat(0.0), None, usable=[nothing] * 8).is_supported(place)
 
 
 @pytest.mark.parametrize("name", ["nvsim", "splatfacto-w"])

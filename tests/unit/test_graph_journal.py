@@ -54,7 +54,7 @@ def assert_same_history(a: History, b: History) -> None:
     assert [(s.text, s.selection, s.edit, s.merge, s.operation, s.when) for s in a.steps[1:]] == [
         (s.text, s.selection, s.edit, s.merge, s.operation, s.when) for s in b.steps[1:]
     ]
-    assert a.index == b.index and a.is_saved == b.clean and a.selection == b.selection
+    assert a.index == b.index and a.is_saved == b.is_saved and a.selection == b.selection
     assert all(same_graph(a.graph_at(i), b.graph_at(i)) for i in range(len(a.steps)))
 
 

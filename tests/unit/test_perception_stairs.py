@@ -24,11 +24,13 @@ def below() -> FloorSurface:
 def test_a_stair_is_where_the_surface_is_as_steep_as_steps_are_and_nowhere_else() -> None:
     stairs = Stairs.of(below())
     x, y = np.meshgrid(np.arange(2.3, 6.8, 0.1), np.arange(0.1, 1.0, 0.1))
-    assert stairs.at(np.stack([x, y], axis=-1)).all()
+    assert stairs.is_on_stairs(np.stack([x, y], axis=-1)).all()
     x, y = np.meshgrid(np.arange(2.7, 11.0, 0.1), np.arange(1.3, 7.0, 0.1))
-    assert not stairs.at(np.stack([x, y], axis=-1)).any(), "the room beside the stair, behind a drop"
-    assert stairs.at(np.array([1.8, 0.5])) and not stairs.at(np.array([[1.5, 0.5], [1.0, 0.5]])).any(), "a step before"
-    assert not stairs.at(np.array([[50.0, 0.5], [np.nan, 0.5]])).any(), "outside the surface"
+    assert not stairs.is_on_stairs(np.stack([x, y], axis=-1)).any(), "the room beside the stair, behind a drop"
+    assert (
+        stairs.is_on_stairs(np.array([1.8, 0.5])) and not stairs.is_on_stairs(np.array([[1.5, 0.5], [1.0, 0.5]])).any()
+    ), "a step before"
+    assert not stairs.is_on_stairs(np.array([[50.0, 0.5], [np.nan, 0.5]])).any(), "outside the surface"
 
 
 @pytest.mark.parametrize("slope", [0.0, 0.1, 0.3, 3.0])
@@ -98,7 +100,7 @@ def test_treads_and_risers_do_not_stand_on_the_stair_and_a_post_does() -> None:
     assert np.abs(found.points[on][:, 0] - 4.5).max() < 0.1
     assert found.confirmed is not None
     x = np.arange(2.5, 6.5, 0.1)
-    assert found.confirmed.at(np.column_stack([x, np.full_like(x, 0.3)])).all()
+    assert found.confirmed.is_supported(np.column_stack([x, np.full_like(x, 0.3)])).all()
 
 
 @pytest.mark.parametrize("up", [True, False])
@@ -111,7 +113,7 @@ def test_steps_are_floor_to_a_camera_that_climbs_and_to_one_that_descends(up: bo
     pose[:3, 3] = [3.0, 0.3, SLOPE + 1.4] if up else [6.0, 0.3, 4 * SLOPE + 1.4]
     camera = Camera(Intrinsics(160, 120, 100.0, 100.0, 80.0, 60.0), pose)
     seen = GeometricFloor(steps(), below()).project(camera)
-    stair = Stairs.of(below()).at(seen.ground) & (seen.distance > 0)
+    stair = Stairs.of(below()).is_on_stairs(seen.ground) & (seen.distance > 0)
     stair &= np.abs(seen.ground[..., 1] - 0.5) < 0.45
     assert stair.mean() > 0.1
     assert seen.floor[stair].mean() > 0.9

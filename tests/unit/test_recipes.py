@@ -98,11 +98,11 @@ def test_a_training_that_was_cut_off_ends_with_the_same_weights(shards: Shards, 
     for name, weight in whole.state_dict().items():
         assert torch.equal(weight, resumed.state_dict()[name]), name
     started = Training(CONFIG)
-    started.take(tmp_path / "a")
+    started.initialize_from(tmp_path / "a")
     assert torch.equal(started.network.floor[0].weight, whole.floor[0].weight)
     save_file({"average/floor.0.weight": whole.floor[0].weight}, tmp_path / CHECKPOINT)
     with pytest.raises(InputError, match="has a different network"):
-        started.take(tmp_path)
+        started.initialize_from(tmp_path)
     (tmp_path / "b" / CHECKPOINT).write_bytes(b"something else")
     with pytest.raises(Exception, match="delete it to begin again"):
         train(tmp_path / "b", shards, [1, 1], CONFIG)

@@ -91,7 +91,7 @@ def test_a_file_system_without_locks_is_named(tmp_path: Path, monkeypatch: pytes
             lambda: Project.open(root, writable=True),
             lambda: jobs.add("map", ["--project", str(root)], "map"),
             lambda: jobs.claim(job.number),
-            lambda: jobs.forget(job.number),
+            lambda: jobs.remove(job.number),
         ):
             with pytest.raises(
                 InputError, match="cannot lock files .some network file systems cannot.; choose a folder"

@@ -42,7 +42,7 @@ class FakeModel:
         self.gaussians = Gaussians(*(np.concatenate([old[refinement.kept], born]) for old, born in pairs))
         self.clear()
 
-    def forget(self, name: str) -> None:
+    def reset_moments(self, name: str) -> None:
         self.forgotten.append(name)
 
 

@@ -91,7 +91,7 @@ class ProjectModels:
         if scene is None:
             raise InputError(f"{self._source.path} has no trained model.")
         self._scene = scene
-        self._cutaway = Cutaway(scene, submaps, None if support is None else support.at)
+        self._cutaway = Cutaway(scene, submaps, None if support is None else support.is_supported)
         self.territory = SubmapGrid(submaps)
 
 

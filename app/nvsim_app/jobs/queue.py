@@ -113,7 +113,7 @@ class JobHandle(QObject):
     @property
     def behind(self) -> bool:
         """Whether there are unread events."""
-        return self._file.behind
+        return self._file.has_unread_events
 
 
 class JobQueue(QObject):
@@ -224,7 +224,7 @@ class JobQueue(QObject):
         allowed = [h for h in handles if not self.why_not_resume(h)]
         for handle in allowed:
             if handle.state != "queued":
-                self._jobs.again(handle.number)
+                self._jobs.requeue(handle.number)
         light = [h.number for h in allowed if not h.job.order.heavy]
         heavy = [h.number for h in allowed if h.job.order.heavy]
         for number in (*light, *sorted(heavy)[:1]):  # the worker starts the next heavy job itself
@@ -279,7 +279,7 @@ class JobQueue(QObject):
         """Removes a job that does not run from the list."""
         if self._jobs is not None and not handle.running:
             with contextlib.suppress(InputError):  # the job may be removed already
-                self._jobs.forget(handle.number)
+                self._jobs.remove(handle.number)
             self._update_jobs()
 
     def _ask(self, handle: JobHandle, wish: Wish) -> None:

@@ -236,4 +236,4 @@ def are_behind_walls(
     places = eye[:2] + share[None, :, None] * way[:, None, :2]
     height = (1.0 - share)[None, :] * -way[:, 2:]  # above the floor at the foot
     counts = (way[:, 2:] > -_ABOVE) & (height < WALL) & ((1.0 - share)[None, :] * length[:, None] > _NEAR)
-    return np.asarray(((occupancy.at(places) == OCCUPIED) & counts).any(axis=1), np.bool_)
+    return np.asarray(((occupancy.states_at(places) == OCCUPIED) & counts).any(axis=1), np.bool_)

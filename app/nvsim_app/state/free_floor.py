@@ -91,7 +91,7 @@ class FreeFloor:
         occupancy = self._document.contents.occupancy
         if occupancy is None or len(self._document.storeys.found) > 1:
             return None
-        found = occupancy.at(SHOULDER * np.array([(0, 0), (1, 0), (-1, 0), (0, 1), (0, -1)]) + (x, y))
+        found = occupancy.states_at(SHOULDER * np.array([(0, 0), (1, 0), (-1, 0), (0, 1), (0, -1)]) + (x, y))
         if (found == OCCUPIED).any():
             return False
         return True if found[0] == FREE else None

@@ -257,7 +257,7 @@ class ProjectReader:
             "capture": project.capture,
             "cloud": lambda: None if depth is None else project.scan(),
             "submaps": project.submaps,
-            "stages": lambda: states.done,
+            "stages": lambda: states.finished_stages,
             "results": lambda: self._results(stamps["results"]),
             "graph": project.graph,
             "scene_stamp": lambda: models,
@@ -288,8 +288,8 @@ class ProjectReader:
                 self._contents = replace(
                     self._contents,
                     outdated_stages=states.outdated,
-                    stages_of_previous_cut=states.former,
-                    restorable_stages=states.kept,
+                    stages_of_previous_cut=states.stages_of_previous_cut,
+                    restorable_stages=states.restorable_stages,
                 )
             if part == "graph":
                 self._contents = with_derived_arrays(replace(self._contents, thresholds=thresholds_of(project)))

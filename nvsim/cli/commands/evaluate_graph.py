@@ -52,7 +52,7 @@ class EvaluateGraph(ProjectArguments):
             occupancy = true_maps(project, truth, self.map_frame, self.heights)
             terminal.print_notes(occupancy.notes)
             support = project.support()
-            seen = None if support is None else support.at
+            seen = None if support is None else support.is_supported
             least = thresholds_of(project).photographed
             result = evaluate_graph(graph, occupancy, walk, self.robot_radius, seen=seen, photographed=least)
             if self.picture is not None:

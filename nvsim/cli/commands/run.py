@@ -150,7 +150,7 @@ class Demo:
             built, layout = project.need_capture(), project.layout
             truth = maps_in_aligned_frame(layout.true_map or layout.ground_truth, built, "aligned")
             support = project.support()
-            seen = None if support is None else support.at
+            seen = None if support is None else support.is_supported
             figures = evaluate_graph(project.need_graph(), truth, built.positions, seen=seen)
             project.set_result("graph", figures)
             end = [] if self.json else summary(project)

@@ -68,7 +68,7 @@ class Panorama(ProjectArguments):
                 raise missing_result_error(self.project, "train")
             photographed = None
             if "unseen" in self.also:
-                photographed = PhotographedDirections(project, scene, self.backend).at(position)
+                photographed = PhotographedDirections(project, scene, self.backend).photographed_mask(position)
         heading, channels = math.radians(self.heading), frozenset({"rgb", *self.also}) - {"unseen"}
         if self.faces:
             side = self.size or 512

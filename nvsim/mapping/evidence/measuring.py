@@ -162,7 +162,7 @@ class Measurements:
         if self._ensemble is None or not self._config.second_opinion:
             return None
         if viewpoint.id not in self._others:
-            self._others[viewpoint.id] = self._ensemble.another(np.array(viewpoint.position))
+            self._others[viewpoint.id] = self._ensemble.second_submap(np.array(viewpoint.position))
         return self._others[viewpoint.id]
 
     def _look_down(self, viewpoint: Viewpoint, wanted: Mapping[int, Sequence[Corridor]]) -> list[dict[int, FloorView]]:

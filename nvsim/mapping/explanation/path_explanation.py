@@ -110,7 +110,7 @@ def _on_map(
         return None, None
     length = math.dist(a[:2], b[:2])
     share = np.linspace(0.0, 1.0, max(2, math.ceil(2 * length / occupancy.resolution) + 1))
-    cells = occupancy.at(np.array(a[:2]) + share[:, None] * (np.array(b[:2]) - a[:2]))
+    cells = occupancy.states_at(np.array(a[:2]) + share[:, None] * (np.array(b[:2]) - a[:2]))
     stops = np.flatnonzero(cells == OCCUPIED)
     return float(share[stops[0]]) * length if len(stops) else None, float((cells != FREE).mean())
 

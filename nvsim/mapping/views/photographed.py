@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from nvsim.geometry.camera import Camera
 from nvsim.geometry.directions import cube
 from nvsim.render.backends import Backend
-from nvsim.render.geometry_views import nearby
+from nvsim.render.geometry_views import neighbor_groups
 from nvsim.render.model import render_model
 from nvsim.render.nearby import gray_gaussians
 from nvsim.render.scene import render_regions
@@ -133,7 +133,7 @@ def _is_dense(model: SubmapModel, camera: Camera, backend: Backend) -> Mask:
     """(H, W) bool: where the Gaussians are dense, and thin on screen: their shortest axis, divided by their distance
     and averaged by their weight, is small."""
     everywhere = tiles_of(np.ones((camera.intrinsics.height, camera.intrinsics.width), bool))
-    g = gray_gaussians(model.gaussians, nearby(model.gaussians).rows(camera, everywhere))
+    g = gray_gaussians(model.gaussians, neighbor_groups(model.gaussians).rows(camera, everywhere))
     away = np.maximum(np.linalg.norm(g.means - camera.position, axis=1), 1e-3)
     thickness = np.minimum(np.exp(g.log_scales.min(axis=1)) / away, 1)
     sh = ((thickness - 0.5) / _CONSTANT)[:, None, None].repeat(3, axis=2).astype(np.float32)

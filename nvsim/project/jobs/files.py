@@ -66,7 +66,7 @@ def _secret(make: bool) -> bytes:
             if not make:
                 raise
         path.parent.mkdir(mode=0o700, parents=True, exist_ok=True)
-        return _made(path)
+        return _create_secret(path)
     except OSError as error:
         if error.errno in (errno.ENOENT, errno.ELOOP, errno.EINVAL):
             raise InputError(
@@ -86,7 +86,7 @@ def _read(path: Path) -> bytes:
     return data
 
 
-def _made(path: Path) -> bytes:
+def _create_secret(path: Path) -> bytes:
     """A new secret, written atomically. If two processes create one, both use the first."""
     temporary = path.with_name(f".{path.name}-{os.getpid()}-{secrets.token_hex(4)}")
     descriptor = os.open(temporary, os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_NOFOLLOW | os.O_CLOEXEC, 0o600)
@@ -306,7 +306,7 @@ class EventFile:
         return found
 
     @property
-    def behind(self) -> bool:
+    def has_unread_events(self) -> bool:
         """Whether the file has more data to read."""
         try:
             found = os.lstat(self._path)

@@ -90,13 +90,13 @@ def _estimated(
     if len(storeys.levels) == 1:
         return estimate_floor(project.scan(), positions[frames], config.camera_height)
     if part % 2 and found:
-        return stair_floor(positions[frames], _carried(positions, storeys, found, submaps))
+        return stair_floor(positions[frames], _median_camera_height(positions, storeys, found, submaps))
     # Frames of neighbors on a stair would bend the floor of the room beside it.
     level = [i for i in frames if storeys.part[i] == part]
     return estimate_floor(project.scan(), positions[level], config.camera_height, above_another=part > 0)
 
 
-def _carried(
+def _median_camera_height(
     positions: NDArray[np.float64],
     storeys: TrajectoryStoreys,
     found: dict[int, FloorSurface],
@@ -255,7 +255,7 @@ def _support(project: Project) -> float:
         found = StackedSupport(
             floor,
             tuple(
-                _supported(project, [i for i in frames if storeys.on(k)[i]], surface, cloud)
+                _supported(project, [i for i in frames if storeys.cameras_of_storey(k)[i]], surface, cloud)
                 for k, surface in enumerate(floor.storeys)
             ),
         )

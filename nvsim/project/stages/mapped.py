@@ -94,7 +94,7 @@ def run(
         SceneViews(scene, config, backend),
         capture.positions,
         floor_of(project).height_at,
-        support.at,
+        support.is_supported,
         config,
         scan=scan,
         start=start,

@@ -148,7 +148,7 @@ def train_elsewhere(
         # The worker cannot measure the cost of sending a checkpoint, so it follows the requested interval.
         pace = RateLimiter(time.monotonic(), config.checkpoint_seconds)
 
-        def tell(event: Event) -> None:
+        def send_event(event: Event) -> None:
             nonlocal sent
             if isinstance(event, Preview):
                 caller.send(PREVIEW, paths[PREVIEW].read_bytes())
@@ -158,11 +158,11 @@ def train_elsewhere(
             if now != sent and pace.is_due(began):
                 sent = now
                 caller.send(CHECKPOINT, paths[CHECKPOINT].read_bytes())
-                pace.done(began, time.monotonic())
+                pace.record_run(began, time.monotonic())
 
         started = time.monotonic()
         model = folder / "model"
-        figures = fit(needed, index, config, model, tell, paths[CHECKPOINT], paths[PREVIEW], None)
+        figures = fit(needed, index, config, model, send_event, paths[CHECKPOINT], paths[PREVIEW], None)
         hashes = _hashes(model)
         for name in sorted(hashes, key=lambda n: n == "model.json"):  # last, because it names the other files
             caller.send(MODEL + name, (model / name).read_bytes())

@@ -64,7 +64,7 @@ class Scene:
             space = FreeSpace.of(layers, graph, cloud)
             self._spaces |= {one.viewpoint.id: space for one in layers.seen}
 
-    def climbs(self, path: Sequence[str]) -> bool:
+    def uses_stairs(self, path: Sequence[str]) -> bool:
         """Returns True if a path uses stairs. Obstacles on stairs cannot be found in a level slice."""
         return len({self._spaces.get(id) for id in path}) > 1 or path[0] not in self._spaces
 
@@ -73,14 +73,14 @@ class Scene:
         at = {id: np.array(v.position[:2]) for id, v in self._graph.viewpoints.items() if v.included}
         edges = [key for key in self._graph.edges if key[0] in at and key[1] in at]
         return Impassable(
-            tuple(k for k in edges if self.climbs(k) or not self._spaces[k[0]].joins(at[k[0]], at[k[1]])),
+            tuple(k for k in edges if self.uses_stairs(k) or not self._spaces[k[0]].joins(at[k[0]], at[k[1]])),
             tuple(id for id in at if id not in self._spaces or not self._spaces[id].is_free(at[id])),
         )
 
     def episode(self, task: Task, turn: int = TURN) -> Episode | None:
         """Returns the episode of a task with turns of `turn` degrees, or None if the robot has no room along the path
         or would have to climb."""
-        if self.climbs(task.path):
+        if self.uses_stairs(task.path):
             return None
         viewpoints = [self._graph.viewpoints[id] for id in task.path]
         space = self._spaces[task.path[0]]

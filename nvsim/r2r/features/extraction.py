@@ -75,7 +75,7 @@ def extract(
     maker = hashlib.sha256(repr((backbone.digest, about)).encode()).hexdigest()
     keys = [f"{scan.id}_{scan.viewpoints[i]}" for scan, _, i in places]
     with kept_rows(target, maker) as kept:
-        todo = [n for n, key in enumerate(keys) if not kept.has(key, fingerprints[n])]
+        todo = [n for n, key in enumerate(keys) if not kept.contains(key, fingerprints[n])]
         done = len(places) - len(todo)
         if done:
             listen(Log(f"{done} of {len(places)} viewpoints are already computed", STAGE))

@@ -76,7 +76,7 @@ class Trunk:
             x = torch.from_numpy(np.stack(images)).to(memory_format=torch.channels_last)
             x = functional.relu6(_convolved(x, self._stem))
             for block in self._blocks:
-                x = _through(x, block)
+                x = _run_block(x, block)
             pooled = functional.relu6(_convolved(x, self._head)).mean(dim=(2, 3))
             return np.asarray(torch.cat([pooled, functional.linear(pooled, *self._classifier)], 1).numpy(), np.float32)
 
@@ -143,7 +143,7 @@ def padding(size: int, kernel: int, stride: int) -> tuple[int, int]:
     return total // 2, total - total // 2
 
 
-def _through(x: Tensor, block: list[Layer]) -> Tensor:
+def _run_block(x: Tensor, block: list[Layer]) -> Tensor:
     y = x
     for layer in block[:-1]:
         y = functional.relu6(_convolved(y, layer))

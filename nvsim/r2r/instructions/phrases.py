@@ -124,7 +124,7 @@ class ObjectNames:
         self._random = random
         self._nouns: dict[str, str] = {}
 
-    def of(self, cue: Cue) -> str:
+    def name_of(self, cue: Cue) -> str:
         """Returns the name of the object of a cue, without an article."""
         colour, _, shape = cue.subject.partition(" ")
         if cue.subject not in self._nouns:

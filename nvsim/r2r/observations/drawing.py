@@ -222,7 +222,7 @@ def draw_on_workers(
                 sent = True
             elif isinstance(message, SentFile):
                 message.check()
-                if not places.holds(message.name):
+                if not places.is_image_of_scan(message.name):
                     raise InputError(f"A worker sent {message.name!r}, which is not an image; check that worker.")
                 arrived[piece.part].append((places.root / message.name, message.data))
             elif isinstance(message, Progress):  # reports the viewpoint whose files have just arrived
@@ -283,7 +283,7 @@ def write_unseen(source: ScanModels, graph: NavGraph, places: ScanPlaces, side: 
     drawn = [v for v in graph.viewpoints.values() if v.included]
     files = []
     for v in sorted(drawn, key=lambda v: source.scene.nearest(np.array(v.position))):
-        shown = source.photographed.at(np.array(v.position))
+        shown = source.photographed.photographed_mask(np.array(v.position))
         if not shown.all():
             path = places.unseen(v.id)
             atomic.write_bytes(path, png(unseen_strip(shown, side)))

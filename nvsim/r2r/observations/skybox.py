@@ -50,7 +50,7 @@ _NEAR = 0.25  # a surface occludes a viewpoint if it is at least this many meter
 
 
 @njit(parallel=True, cache=True, nogil=True, fastmath=FLAGS, error_model="numpy")
-def _settle(
+def _refine_depth(
     solid: Float32,  # (H, W, 2) alpha, and alpha times meters along the ray
     rotation: Float32,  # (3, 3) columns right, down and ahead, world
     eye: Float32,  # (3,) meters, world
@@ -89,7 +89,7 @@ def distances(solid: Float32, camera: Camera, floor: FloorSurface) -> Float32:
     heights, grid = pack_floor(floor)
     rotation, eye = (np.ascontiguousarray(v, np.float32) for v in (camera.rotation, camera.position))
     with LOCK:
-        _settle(solid, rotation, eye, np.float32(camera.intrinsics.fx), heights, grid, metres)
+        _refine_depth(solid, rotation, eye, np.float32(camera.intrinsics.fx), heights, grid, metres)
     return metres
 
 

@@ -88,7 +88,7 @@ class AgentBatch:
         whole = torch.from_numpy(w.features[w.panorama[rows]])
         return sight._replace(around=whole, around_angles=torch.from_numpy(around))
 
-    def go(self, who: Int64, slots: Int64) -> None:
+    def move(self, who: Int64, slots: Int64) -> None:
         """Moves the agents `who` (n,) to the candidates of their slots (n,); agents with STOP stay."""
         w = self._world
         moving = slots != STOP
@@ -169,9 +169,9 @@ def roll_out(
     for k in range(steps if way in ("sampled", "best") else max(longest, steps if way == "mixed" else 0)):
         value = model.value(state) if critic else None
         scores, state = model.step(state, text, walkers.sight(who))
-        taken = _taken(way, scores.detach(), world, episodes, who, k)
+        taken = _choose_slots(way, scores.detach(), world, episodes, who, k)
         found.steps.append(RolloutStep(who, walkers.rows[who], scores, value, taken))
-        walkers.go(who, taken)
+        walkers.move(who, taken)
         going = np.flatnonzero(taken != STOP)
         if not len(going):
             break
@@ -200,7 +200,7 @@ def run_greedily(
         model.train(training)
 
 
-def _taken(way: Way, scores: Tensor, world: World, episodes: Sequence[Episode], who: Int64, k: int) -> Int64:
+def _choose_slots(way: Way, scores: Tensor, world: World, episodes: Sequence[Episode], who: Int64, k: int) -> Int64:
     if way == "best":
         return np.asarray(scores.argmax(1).numpy(), np.int64)
     if way == "path":

@@ -90,7 +90,7 @@ class World:
             self._onward[goal] = PathsToGoal(scan.first, after, tree.metres)
         return self._onward[goal]
 
-    def teacher(self, here: Int64, goals: Int64) -> Int64:
+    def shortest_path_slots(self, here: Int64, goals: Int64) -> Int64:
         """Returns (B,) int64 the slot on the shortest path from rows `here` (B,) to rows `goals` (B,).
 
         It is STOP at the goal, and -1 if no candidate is on the path.
@@ -106,7 +106,7 @@ class World:
                 found[i] = 1 + slots[0]
         return found
 
-    def after(self, here: Int64, slots: Int64) -> Int64:
+    def rows_after(self, here: Int64, slots: Int64) -> Int64:
         """Returns (B,) the rows after taking `slots` (B,) from rows `here` (B,)."""
         return np.where(slots == STOP, here, self.target[here, slots - 1])
 

@@ -253,7 +253,7 @@ class JoinedScans:
             np.concatenate([s.reach for s in each]),
         )
 
-    def holds(self, scans: Iterable[Scan]) -> bool:
+    def contains(self, scans: Iterable[Scan]) -> bool:
         return all(self.scans.get(s.id) is s for s in scans)
 
 

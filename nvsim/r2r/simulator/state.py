@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 TURN = 2 * math.pi
 
 
-def turn(
+def rounded_view_direction(
     headings: list[float], elevations: list[float], discrete: bool, lowest: float, highest: float, views: list[int]
 ) -> tuple[list[float], list[float], list[int]]:
     """Rounds headings and elevations, radians, to the discrete views, or limits elevations to `lowest` and `highest`.
@@ -266,7 +266,7 @@ class OffGraphPosition:
         return np.array([0, len(self.neighbour)], np.int64), self.neighbour, self.towards, self.reach
 
     @staticmethod
-    def at(position: NDArray[np.float64], rows: list[int], joined: JoinedScans) -> OffGraphPosition:
+    def with_free_ways(position: NDArray[np.float64], rows: list[int], joined: JoinedScans) -> OffGraphPosition:
         """Returns a position (3,), meters, world, with free ways to the viewpoints of some rows."""
         ends = np.array([joined.positions[row] for row in rows], np.float32).reshape(-1, 3)
         towards, reach = directions_and_distances(np.tile(position.astype(np.float32), (len(rows), 1)), ends)

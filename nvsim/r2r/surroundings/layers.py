@@ -49,21 +49,21 @@ class Layers:
     high: tuple[float, float]
 
     @property
-    def above(self) -> NDArray[np.float32]:
+    def height_above_floor(self) -> NDArray[np.float32]:
         """(n,) meters from the floor to the voxel centers."""
         return ((self.voxels[:, 2] + 0.5) * CELL + _LOWEST).astype(np.float32)
 
-    def between(self, low: float, high: float) -> NDArray[np.int64]:
+    def count_between(self, low: float, high: float) -> NDArray[np.int64]:
         """Returns (rows, columns) the number of voxels with centers from `low` to `high` meters above the floor."""
-        above = self.above
+        above = self.height_above_floor
         return self.counted((above >= low) & (above < high))
 
-    def firm(self, low: float, high: float) -> NDArray[np.bool_]:
+    def is_confirmed(self, low: float, high: float) -> NDArray[np.bool_]:
         """Returns (n,) bool: voxels from `low` to `high` meters above the floor that nearby viewpoints confirm.
 
         Voxels that one viewpoint sees but more viewpoints see past are not included.
         """
-        above = self.above
+        above = self.height_above_floor
         rows = np.flatnonzero((above >= low) & (above < high))
         places = self.places_of(rows)
         on, past = np.zeros(len(rows)), np.zeros(len(rows))

@@ -129,7 +129,7 @@ class EligiblePaths:
         """Returns (M,) bool: whether all viewpoints of each path are in `chosen` (N,) bool."""
         return np.asarray(np.append(chosen, True)[self.rows].all(axis=1))
 
-    def without(self, edges: Collection[EdgeKey], ends: Collection[str]) -> EligiblePaths:
+    def excluding(self, edges: Collection[EdgeKey], ends: Collection[str]) -> EligiblePaths:
         """Returns the paths that use none of `edges`, and neither begin nor end at a viewpoint of `ends`."""
         row, count = {id: i for i, id in enumerate(self.ids)}, len(self.ids)
         refused = [min(row[a], row[b]) * count + max(row[a], row[b]) for a, b in edges if a in row and b in row]

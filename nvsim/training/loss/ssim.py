@@ -109,7 +109,7 @@ def _down_squared(
 
 
 @njit(fastmath=True)
-def _along(
+def _blur_row(
     line: Float32,  # (138,)
     out: Float32,  # (128,)
 ) -> None:
@@ -192,7 +192,7 @@ def ssim_forward(
                     continue
                 for y in range(y0, y1):
                     for k in range(4):
-                        _along(lines[k, y - y0, x0 : x0 + SEGMENT + 2 * RADIUS], blurred[k])
+                        _blur_row(lines[k, y - y0, x0 : x0 + SEGMENT + 2 * RADIUS], blurred[k])
                     at = (y + RADIUS) * SEGMENT
                     total += _compare(
                         blurred,
@@ -230,7 +230,7 @@ def ssim_gradient(
             x0 = segment * SEGMENT
             for y in range(y0, y1):
                 for k in range(3):
-                    _along(lines[k, y - y0, x0 : x0 + SEGMENT + 2 * RADIUS], blurred[k])
+                    _blur_row(lines[k, y - y0, x0 : x0 + SEGMENT + 2 * RADIUS], blurred[k])
                 at = (y + RADIUS) * SEGMENT
                 s, d = images[0, channel, segment, at : at + SEGMENT], images[1, channel, segment, at : at + SEGMENT]
                 m0, m1, m2, to = blurred[0], blurred[1], blurred[2], out[y - y0, x0 : x0 + SEGMENT]

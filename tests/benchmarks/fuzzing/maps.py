@@ -162,4 +162,4 @@ def _read_storeys(path: Path) -> object:
     from nvsim.occupancy.storeys import read_storeys
 
     maps = read_storeys(path)
-    return maps.nearest(np.zeros(2)), maps.beneath(np.ones(2)), [s.holds(np.zeros((2, 2))) for s in maps.stairs]
+    return maps.nearest(np.zeros(2)), maps.storey_under(np.ones(2)), [s.contains(np.zeros((2, 2))) for s in maps.stairs]
