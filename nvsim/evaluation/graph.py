@@ -164,8 +164,8 @@ def evaluate_graph(
     photographed: float = MappingConfig.photographed,
 ) -> dict[str, Any]:
     """Metrics of `graph` on `occupancy`, both in one frame. `trajectory` (N, 2) in meters determines the reachable
-    area. `seen` tells whether the capture shows floor at world x, y (..., 2), such as `FloorSupport.is_supported`. With maps of
-    several storeys both need heights: `trajectory` (N, 3) of the cameras, and `seen` at (..., 3).
+    area. `seen` tells whether the capture shows floor at world x, y (..., 2), such as `FloorSupport.is_supported`.
+    With maps of several storeys both need heights: `trajectory` (N, 3) of the cameras, and `seen` at (..., 3).
 
     nodes, edges                   included viewpoints, and edges between them
     node_validity, edge_validity   share on free cells, for a point; with _robot for a disc of `robot_radius` meters.

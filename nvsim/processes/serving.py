@@ -30,8 +30,8 @@ def main(connection: int, life: int, worker: str) -> None:
         try:
             module, _, name = worker.partition(":")
             answer = getattr(importlib.import_module(module), name)()
-            if hasattr(answer, "tell"):
-                answer.tell = lambda value: send(pipe, Notice(value))
+            if hasattr(answer, "send_event"):
+                answer.send_event = lambda value: send(pipe, Notice(value))
             send(pipe, Answer(None))
         except Exception:
             send(pipe, Answer(None))

@@ -28,7 +28,7 @@ def measure(folder: Path) -> dict[str, float]:
 
     def read_piece(_: int) -> None:
         for at, event in events.read(BYTES_A_LOOK):
-            history.hear(at, event)
+            history.receive(at, event)
 
     while events.behind:
         pieces += times(read_piece, 1)

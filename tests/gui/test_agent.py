@@ -295,7 +295,7 @@ def test_the_selection_and_the_map_follow(hands: Hands) -> None:
     hands.turn_to()
     plan = hands.window.panels["map"]
     x, y = hands.state.location.x, hands.state.location.y
-    plan.see(x + 20, y + 20, 6, 6)  # elsewhere
+    plan.restore_range(x + 20, y + 20, 6, 6)  # elsewhere
     hands.press(K.Key_1)
     assert hands.document.selection.viewpoint == hands.state.location.viewpointId
     left, bottom, width, height = plan.seen

@@ -105,7 +105,7 @@ def test_going_back_is_undone_by_going_forward(headings: list[int], data: st.Dat
         state = states.back()
         if state is None:
             break
-        states.settle(state)
+        states.replace_current(state)
         walked.append(state)
     for state in reversed(walked[:-1]):
         assert states.forward() == state

@@ -96,11 +96,11 @@ def test_other_storeys_are_drawn_faintly_and_left_alone(hand: Hand) -> None:
     graph = move_viewpoints(document.graph, {id: (x + 0.4, y + 0.3, z) for id, (x, y, z) in above.items()})
     document.set_contents(replace(document.contents, graph=graph))
     table["storey_up"].trigger()
-    upper = document.storeys.others(document.graph_arrays)
+    upper = document.storeys.other_storeys(document.graph_arrays)
     assert len(upper.ids) == 22 and set(upper.feet[:, 2].round()) == {UP}
     faint = widget.grab().toImage()
     table["storey_others"].trigger()
-    assert not document.storeys.others(document.graph_arrays).ids
+    assert not document.storeys.other_storeys(document.graph_arrays).ids
     assert widget.grab().toImage() != faint
     table["storey_others"].trigger()
     assert widget.grab().toImage() == faint

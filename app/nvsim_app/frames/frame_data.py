@@ -213,9 +213,9 @@ class FrameRender(QObject):
         self._soon = QTimer(self, singleShot=True, interval=30)
         self._soon.timeout.connect(self.wanted)
         scene.link.arrived.connect(self._on_picture)
-        scene.link.opened.connect(self.soon)
+        scene.link.opened.connect(self.schedule)
 
-    def soon(self) -> None:
+    def schedule(self) -> None:
         """Schedules `wanted` after the frame or its scale changed. Repeated calls delay it."""
         self._soon.start()
 

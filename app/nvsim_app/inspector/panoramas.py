@@ -99,7 +99,7 @@ class Panoramas(QObject):
         if self._reader is not None:
             self._reader.join()
 
-    def forget(self) -> None:
+    def clear_caches(self) -> None:
         """Empties the caches and repeats the request, because the models changed."""
         self._kept.clear()
         self._sketches.clear()

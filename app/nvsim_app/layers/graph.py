@@ -148,16 +148,16 @@ class GraphLayer(Layer):
         view = self.seen(camera)
         if len(arrays.edges) > LARGE:
             k = camera.intrinsics
-            manner = self._ink.manner(len(view.lines[0]), arrays.included[view.order])
+            manner = self._ink.paint_styles(len(view.lines[0]), arrays.included[view.order])
 
             def draw(target: QPainter, within: QRectF | None) -> None:
                 self._paint_all(target, view, within)
 
-            def touched(drawn: object) -> QRectF | None:
-                return _outline(camera, self._document.graph_changes.since(drawn))
+            def changed_area(drawn: object) -> QRectF | None:
+                return _outline(camera, self._document.graph_changes.changed_segments_since(drawn))
 
-            whole, key = self._document.graph_arrays, (camera, manner, self._document.storeys.between)
-            self._kept.paint(painter, k.width, k.height, key, draw, whole, touched)
+            whole, key = self._document.graph_arrays, (camera, manner, self._document.storeys.height_range)
+            self._kept.paint(painter, k.width, k.height, key, draw, whole, changed_area)
         else:
             hidden = self.hidden(view)
             if hidden.any():

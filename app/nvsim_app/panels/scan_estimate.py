@@ -139,7 +139,7 @@ class ScanEstimatePanel(QFrame):
         self.show_unsaved("", False)
         self.findings.hide()
         self.estimate: ScanEstimate | None = None
-        self._wait()
+        self._gray_out()
 
     def _words(self, ink: str = "") -> Label:
         label = InkLabel(ink, self)
@@ -161,10 +161,10 @@ class ScanEstimatePanel(QFrame):
     def ask_again(self) -> None:
         """Requests a new estimate after a change outside the options."""
         if self._arguments is not None:
-            self._wait()
+            self._gray_out()
             self.question.start(self._project, self._arguments)
 
-    def _wait(self) -> None:
+    def _gray_out(self) -> None:
         """Grays out the previous estimate until the new one arrives."""
         for widget in (self.rows, self.room, self.there):
             widget.setEnabled(False)
@@ -183,7 +183,9 @@ class ScanEstimatePanel(QFrame):
         self.estimate = found
         self._fill(found)
         self.title.setText(
-            f"Scan {found.scans[0]}" if len(found.scans) == 1 else f"{len(found.scans)} scans, {_ends(found.scans)}"
+            f"Scan {found.scans[0]}"
+            if len(found.scans) == 1
+            else f"{len(found.scans)} scans, {_first_and_last(found.scans)}"
         )
         self.room.setText(f"Takes {found.time}.\nFree disk space there: {size_words(found.free)}.")
         there = found.drawn - found.todo
@@ -227,7 +229,7 @@ class ScanEstimatePanel(QFrame):
         self.room.show()
 
 
-def _ends(names: Sequence[str]) -> str:
+def _first_and_last(names: Sequence[str]) -> str:
     return f"{names[0]} to {names[-1]}"
 
 

@@ -253,7 +253,7 @@ class ValidationPanel(QWidget):
     @property
     def pending(self) -> bool:
         """Whether the list does not show all findings of the graph yet."""
-        return self._soon.pending or not self._complete
+        return self._soon.is_outdated or not self._complete
 
     def _on_findings(self) -> None:
         """Updates the list soon. Until then, a list of another graph, or one out of sight, shows no findings."""
@@ -300,7 +300,7 @@ class ValidationPanel(QWidget):
                 box.setText(counted(counts[severity], severity))
             self.tree.setVisible(bool(self.model.groups))
             self.clean.setVisible(not self.model.groups)
-            self.clean.setText(self.nothing)
+            self.clean.setText(self.reason_for_no_findings)
         else:
             self._show_checking()
         at = QModelIndex() if kept is None else self.model.index_of(kept.key)
@@ -318,7 +318,7 @@ class ValidationPanel(QWidget):
         self._enable()
 
     @property
-    def nothing(self) -> str:
+    def reason_for_no_findings(self) -> str:
         """Why the list is empty."""
         if not self._complete:
             return "Checking…"
@@ -384,7 +384,7 @@ class ValidationPanel(QWidget):
     def _apply(self, fix: Fix) -> None:
         self._document.editing.run(fix.operation, fix.arguments)
 
-    def _parting(self, fixes: tuple[Fix, ...]) -> str:
+    def _removal_effect(self, fixes: tuple[Fix, ...]) -> str:
         """The effect of removing the edge, as a sentence that follows the finding."""
         graph = self._document.graph
         pairs: list[list[str]] = next((fix.arguments["pairs"] for fix in fixes if fix.operation == "remove_edges"), [])
@@ -417,7 +417,7 @@ class ValidationPanel(QWidget):
         finding, graph, editing = self.current, self._document.graph, self._document.editing
         fixes = () if finding is None else finding.fixes
         group = self.group
-        effect = self._parting(fixes).strip()
+        effect = self._removal_effect(fixes).strip()
         self.sentence.setText(effect)
         self.sentence.setVisible(bool(effect))
         ignored = finding is not None and graph is not None and bool(finding.ignored_by(graph.ignored))

@@ -131,7 +131,7 @@ class Editing(QObject):
         """Closes the graph. All edits are in the journal when this returns."""
         self._keeping.close()
         self.history, self.file, self.locked = None, None, ""
-        self.checking.forget()
+        self.checking.reset()
 
     def save(self, wait: bool = False) -> None:
         """Writes the graph to the project or its file in a thread. With `wait`, returns after writing."""
@@ -285,7 +285,7 @@ class Editing(QObject):
     def _on_change(self, change: HistoryChange) -> None:
         if change.before_graph is not change.after_graph:
             changed = difference(change.before_graph, change.after_graph)
-            self.checking.follow(change.before_graph, change.after_graph, changed)
+            self.checking.update(change.before_graph, change.after_graph, changed)
             self.graphChanged.emit(changed)
         if change.selection_changed:
             self.selectionChanged.emit()

@@ -283,7 +283,7 @@ class ProjectReader:
                 held_out, height = self._as_imported()
                 self._contents = replace(self._contents, held_out=held_out, camera_height=height, poses=self._poses())
             if part in ("capture", "scene_stamp"):
-                self._contents = replace(self._contents, modified_time=self._made())
+                self._contents = replace(self._contents, modified_time=self._modification_time())
             if part == "stages":
                 self._contents = replace(
                     self._contents,
@@ -393,7 +393,7 @@ class ProjectReader:
         self._stamps[part] = max(stamps)
         return max(stamps)[1]
 
-    def _made(self) -> float:
+    def _modification_time(self) -> float:
         files = [self._project.layout.imported / "capture.json", *(f / "model.json" for f in self._folders().values())]
         return max((stamp[0] / 1e9 for file in files if (stamp := _file_stamp(file)) is not None), default=0.0)
 

@@ -294,7 +294,7 @@ class StoreyPart(Part):
 
     def paint(self, painter: QPainter, surface: GraphSurface) -> None:
         """Draws the other storeys with thin dotted lines and small rings."""
-        arrays = self._storeys.others(self.context.document.graph_arrays)
+        arrays = self._storeys.other_storeys(self.context.document.graph_arrays)
         if not arrays.ids or not surface.shows_graph:
             return
         ends = arrays.feet[arrays.edges]

@@ -194,7 +194,7 @@ class JobsPart(Part):
         missing = contents.missing
         waiting = any(h.state in ("running", "queued") for h in jobs.handles)
         verb = "" if not missing or waiting else contents.missing_verb
-        self.bar.say(missing, verb)
+        self.bar.show_message(missing, verb)
         self._say_what_comes()
 
     def _say_what_comes(self) -> None:
@@ -206,14 +206,14 @@ class JobsPart(Part):
         if not missing or document.contents.capture is not None or document.project is None:
             return
         if making is None:
-            window.empty.say(missing, document.contents.missing_verb)
+            window.empty.show_message(missing, document.contents.missing_verb)
         elif (chosen := document.contents.chosen) is not None:
             sentence = f"{making.title} …\n{chosen.count:,} images chosen so far"
             if chosen != self._chosen:
                 self._chosen, self._frame = chosen, read_picture(chosen.last)
-            window.empty.say(sentence, image=self._frame)
+            window.empty.show_message(sentence, image=self._frame)
         else:
-            window.empty.say(f"{making.title} …")
+            window.empty.show_message(f"{making.title} …")
 
     def _open_again(self, handle: JobHandle) -> None:
         if handle.job.order.verb in (*PIPELINE, *EVALUATIONS, *EXPORTS, *_AGENTS):

@@ -191,5 +191,5 @@ def _heard(path: Path) -> object:
     file, history = EventFile(path), JobReport()
     while file.behind:
         for at, event in file.read():
-            history.hear(at, event)
+            history.receive(at, event)
     return history.share, history.rate, history.seconds_left
