@@ -39,8 +39,8 @@ RequestT = TypeVar("RequestT")
 AnswerT = TypeVar("AnswerT")
 Worker = Callable[[], Callable[[RequestT], AnswerT]]
 """A module-level class whose instances answer requests in `__call__`. The child imports its module when it starts, so
-the module should import little. If instances have an attribute `send_event`, the child replaces it with a function. That
-function sends its argument to the `hear` callback of `Child.ask`; only the thread that answers may call it."""
+the module should import little. If instances have an attribute `send_event`, the child replaces it with a function.
+That function sends its argument to the `hear` callback of `Child.ask`; only the thread that answers may call it."""
 _START = 120.0
 """Seconds in which a child must start. A busy machine needs several."""
 _LOOK = 0.1  # seconds between two checks of the processor time

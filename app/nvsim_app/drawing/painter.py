@@ -188,8 +188,8 @@ class Painter:
         return submap, render_model(model, camera, channels)
 
     def look_around(self, camera: Camera, channels: frozenset[str]) -> tuple[int, RenderOutput]:
-        """Like `render_view`, but rendered like the map builder's views (`render_regions`): Gaussians that are large relative
-        to their depth are evaluated per ray."""
+        """Like `render_view`, but rendered like the map builder's views (`render_regions`): Gaussians that are large
+        relative to their depth are evaluated per ray."""
         if not isinstance(self._opened, Models):
             return self._opened(camera, channels)
         from nvsim.render.scene import render_regions
