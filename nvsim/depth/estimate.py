@@ -93,7 +93,7 @@ def estimate_depth(
         for phase in PHASES:
             frames.clear_caches()
             if phase == "labelled" and frames.missing(phase):
-                parts = _fused(cameras, frames.maps["confirmed"], config, config.seen)
+                parts = _fused(cameras, frames.maps["confirmed"], config, config.min_observations)
                 frames.planes = find_planes(part.seen for part in parts)
             if phase == "finished":
                 frames.rest = _check_of_all_maps(cameras, frames.maps["shown"], config)
@@ -118,7 +118,7 @@ def estimate_depth(
     carver = Carver(cameras, written, config.threads)
     return joined(
         part.select(carver.exists(part.seen.points))
-        for part in fuse(cameras, colored, config.voxel, config.seen, config.threads)
+        for part in fuse(cameras, colored, config.voxel, config.min_observations, config.threads)
     )
 
 
@@ -185,7 +185,7 @@ class FramesInPhases:
     def _label(self, out: Path, index: int) -> None:
         views, config, planes = self.views, self._config, self.planes
         known = _certain(views.camera(index), *read_draft(self._folder / "confirmed", index), planes, config)
-        chosen = neighbours(views.poses, index, config.labelling, config.baseline)
+        chosen = neighbours(views.poses, index, config.labeling_sources, config.baseline)
         camera = views.camera(index)
         warps = [Warp.between(camera, views.camera(j)) for j in chosen]
         sources = [views.at(j) for j in chosen]
@@ -209,7 +209,7 @@ class FramesInPhases:
 
     def _confirmed(self, phase: Phase, index: int) -> AgreedDepth:
         config = self._config
-        near = neighbours(self.views.poses, index, config.others, config.baseline, 0.1)
+        near = neighbours(self.views.poses, index, config.compared_maps, config.baseline, 0.1)
         least = 0 if index in self._measured else config.views
         return _confirmed(self.views, index, near, self.maps[phase], config, least)
 
@@ -255,7 +255,7 @@ def _confirmed(
     found, weight = maps(index)
     camera = views.camera(index)
     others = [(*maps(j), Warp.between(camera, views.camera(j))) for j in near]
-    result = compare_depth_maps(found, weight, others, config.share, config.plane)
+    result = compare_depth_maps(found, weight, others, config.tolerance, config.tolerance_offset)
     known = (result.views >= least) & ((2 * result.through <= result.views) | (least == 0))
     inverse, weight = np.where(known, result.inverse, 0), np.where(known, result.weight, 0)
     return replace(result, inverse=inverse.astype(np.float32), weight=weight.astype(np.float32))
@@ -269,7 +269,7 @@ def _certain(
     config: DepthConfig,
 ) -> NDArray[np.float32]:
     """`inverse` (H, W), 1 / meters, where it is accurate and not a reflection in the floor; 0 elsewhere."""
-    sure = inverse * np.sqrt(weight) >= 1 / config.certain
+    sure = inverse * np.sqrt(weight) >= 1 / config.max_uncertainty
     rows, columns = np.nonzero(sure)
     rays = camera.rays()[rows, columns]
     depth = 1 / inverse[rows, columns, None] / (rays @ camera.rotation[:, 2])[:, None]
@@ -288,7 +288,7 @@ def _check_of_all_maps(cameras: list[Camera], maps: Draft, config: DepthConfig) 
         return inverse(index), np.ones_like(inverse(index))
 
     carver, kept = Carver(cameras, inverse, config.threads), [np.empty((0, 3), np.float32)]
-    for part in _fused(cameras, map_with_equal_weights, config, config.firm):
+    for part in _fused(cameras, map_with_equal_weights, config, config.checked_observations):
         points = part.seen.points
         kept.append(points[carver.exists(points)])
     return DepthCheck(np.concatenate(kept), cameras, inverse, config)
@@ -319,19 +319,19 @@ def estimate_single_frame(views: Views, index: int, config: DepthConfig) -> tupl
     inverse = np.linspace(1 / config.farthest, 1 / config.nearest, config.planes)
     step = float(inverse[1] - inverse[0])
     cost = sweep(view.census, sources, turned, shifts, inverse, config.threshold)
-    total = smooth_cost(cost, view.grey, config.small, config.large, config.fall)
+    total = smooth_cost(cost, view.grey, config.small_change_cost, config.large_change_cost, config.edge_step)
     found, margin = best_inverse_depth(total, inverse.astype(np.float32))
     found[(margin < config.margin) | (view.grey < 0)] = 0
     found = smooth_depth(found, _REACH, 2 * step)
     knowledge = np.zeros_like(found)
-    few = config.refining
+    few = config.refining_sources
     for _ in range(config.steps):
         found, knowledge = refine(
             view.grey, sources[:few], turned[:few], shifts[:few], found, config.window, step, config.noise
         )
         found = smooth_depth(found, _REACH, 0.5 * step)
     with np.errstate(divide="ignore"):
-        return found, (1 / (1 / knowledge + np.float32(config.finest**2))).astype(np.float32)
+        return found, (1 / (1 / knowledge + np.float32(config.min_deviation**2))).astype(np.float32)
 
 
 def depth_exists(folder: Path, index: int) -> bool:

@@ -49,18 +49,25 @@ def label_planes(
     prior = np.array([_prior(planes[i], config) for i in chosen])
     cost = np.empty((*confirmed.shape, len(chosen) + 1), np.uint8)
     far = 1 / config.farthest
-    usual = max(_usual_image_difference(photo, confirmed, forms, config.share, far) - config.good, 0.0)
-    rule = (far, config.share, config.differ, config.worst, config.own + usual, config.unknown + usual)
+    usual = max(_usual_image_difference(photo, confirmed, forms, config.tolerance, far) - config.usual_difference, 0.0)
+    rule = (
+        far,
+        config.tolerance,
+        config.difference_cost,
+        config.max_difference_cost,
+        config.unexplained_cost + usual,
+        config.unknown_cost + usual,
+    )
     _fill(photo, confirmed, forms, extents, limits, prior, rule, cost)
-    total = smooth_cost(cost, view.grey, int(config.change), config.change, config.fall)
+    total = smooth_cost(cost, view.grey, int(config.change_cost), config.change_cost, config.edge_step)
     return _chosen(total, confirmed, forms, np.asarray(chosen, np.int16), far)
 
 
 def _prior(plane: Plane, config: LabelConfig) -> float:
     """The cost of a plane that does not depend on the images."""
     if plane.normal[2] > _LEVEL:
-        return config.floor
-    return config.tiny / (1 + plane.area / config.large)
+        return config.floor_cost
+    return config.small_plane_cost / (1 + plane.area / config.half_cost_area)
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
@@ -175,4 +182,4 @@ def _visible(camera: Camera, planes: list[Plane], config: LabelConfig) -> list[i
             hit = (along > 0.05) & (along < config.farthest) & _inside(plane, points)
         shares.append((float(hit.mean()), i))
     order = sorted((s for s in shares if s[0] > 0.002), key=lambda s: (-s[0], s[1]))
-    return [i for _, i in order[: config.most]]
+    return [i for _, i in order[: config.max_planes]]

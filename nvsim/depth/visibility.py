@@ -114,7 +114,7 @@ def _farthest_vote(camera: Camera, inverse: Float32) -> float:
 
 
 _SAMPLES = 48  # points of a map that are projected into the other images
-_OVERLAP = 0.15  # least share of these points in the image of a witness
+_OVERLAP = 0.15  # least share of these points in the image of a checking map
 
 
 class DepthCheck:
@@ -141,7 +141,7 @@ class DepthCheck:
             return spoken
         shown, _ = self._cloud.depth(camera, farthest=1.5 * config.farthest)
         known_here = known & np.isfinite(shown)
-        spoken[known_here] = np.abs(shown[known_here] * inverse[known_here] - 1) > config.apart
+        spoken[known_here] = np.abs(shown[known_here] * inverse[known_here] - 1) > config.max_difference
         points = _points(camera, inverse)
         votes = np.zeros((2, len(points)), np.int64)
         for other in self._choose_check_frames(index, points):
@@ -159,7 +159,7 @@ class DepthCheck:
         may, overlap = may[overlap >= _OVERLAP], overlap[overlap >= _OVERLAP]
         far = np.linalg.norm(self._positions[may] - self._positions[index], axis=1)
         chosen: list[int] = []
-        while len(chosen) < min(self._config.witnesses, len(may)):
+        while len(chosen) < min(self._config.checking_maps, len(may)):
             best = int((overlap * far).argmax())
             if far[best] <= 0:
                 break  # the remaining cameras are at positions of chosen cameras

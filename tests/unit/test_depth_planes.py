@@ -195,5 +195,5 @@ def test_a_setting_that_makes_no_sense_is_one_sentence(setting: str) -> None:
 def test_constants_identify_a_result_and_the_number_of_threads_does_not(monkeypatch: pytest.MonkeyPatch) -> None:
     assert key_of(DepthConfig(threads=7).key) == "94d033b987643284569f8cc3", "stored results would look outdated"
     assert DepthConfig(steps=2).key != DepthConfig().key
-    monkeypatch.setattr(DepthConfig, "labels", LabelConfig(most=23))
+    monkeypatch.setattr(DepthConfig, "labels", LabelConfig(max_planes=23))
     assert key_of(DepthConfig().key) != "94d033b987643284569f8cc3"
