@@ -33,7 +33,7 @@ class LabelConfig:
     unknown_cost: float = 14.0
     """Cost of leaving a pixel without a depth."""
     usual_difference: float = 9.0
-    """Usual image difference on a plane in sharp images. Larger differences raise `unexplained_cost` and `unknown_cost`."""
+    """Usual image difference on a plane in sharp images. Larger ones raise `unexplained_cost` and `unknown_cost`."""
     window: int = 7
     """Pixels: side of the window in which images are compared."""
     change_cost: float = 80.0
