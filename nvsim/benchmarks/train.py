@@ -154,11 +154,11 @@ def _window(device: str) -> torch.Tensor:
 def _ssim(a: torch.Tensor, b: torch.Tensor, window: torch.Tensor) -> torch.Tensor:
     a, b = a.permute(2, 0, 1)[None], b.permute(2, 0, 1)[None]
 
-    def blurred(image: torch.Tensor) -> torch.Tensor:
+    def blur(image: torch.Tensor) -> torch.Tensor:
         return torch.nn.functional.conv2d(image, window, padding=_WIDTH // 2, groups=3)
 
-    mean_a, mean_b = blurred(a), blurred(b)
-    var_a, var_b = blurred(a * a) - mean_a**2, blurred(b * b) - mean_b**2
-    both = blurred(a * b) - mean_a * mean_b
+    mean_a, mean_b = blur(a), blur(b)
+    var_a, var_b = blur(a * a) - mean_a**2, blur(b * b) - mean_b**2
+    both = blur(a * b) - mean_a * mean_b
     alike = (2 * mean_a * mean_b + 1e-4) * (2 * both + 9e-4)
     return (alike / ((mean_a**2 + mean_b**2 + 1e-4) * (var_a + var_b + 9e-4))).mean()

@@ -108,7 +108,7 @@ def bake(
         box = boxes[surface // 6]
         albedo = _albedo(box, surface % 6, place, _base(box, storeys), rng, painters.face)
         faces.append([np.zeros((1, 1, 3), np.uint8)] if albedo is None else _mips(light_surface(albedo, surface)))
-    return _packed(faces + levels, places, np.stack(glosses), texel)
+    return _pack_textures(faces + levels, places, np.stack(glosses), texel)
 
 
 def _floor_texel(storeys: tuple[Storey, ...]) -> float:
@@ -266,7 +266,7 @@ def _mips(radiance: Image) -> list[NDArray[np.uint8]]:
     return [np.rint(np.clip(c, 0, 1) * 255).astype(np.uint8) for c in chain]
 
 
-def _packed(
+def _pack_textures(
     chains: list[list[NDArray[np.uint8]]], places: list[_FaceRectangle], gloss: NDArray[np.float32], gloss_texel: float
 ) -> Textures:
     table = np.zeros((len(chains), LEVELS, 3), np.int64)

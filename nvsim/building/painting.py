@@ -28,40 +28,40 @@ def smooth_noise(rows: int, columns: int, grain: tuple[float, float], rng: np.ra
     return cut
 
 
-def _filled(rows: int, columns: int, color: Color) -> Image:
+def _fill_image(rows: int, columns: int, color: Color) -> Image:
     return np.broadcast_to(np.array(color, np.float32), (rows, columns, 3)).copy()
 
 
 def _plain(rows: int, columns: int, texel: float, paint: Paint, rng: np.random.Generator) -> Image:
-    return _filled(rows, columns, paint.color)
+    return _fill_image(rows, columns, paint.color)
 
 
 def _wood(rows: int, columns: int, texel: float, paint: Paint, rng: np.random.Generator) -> Image:
     along = (0.04, 0.6) if columns >= rows else (0.6, 0.04)
     grain = smooth_noise(rows, columns, (max(along[0] / texel, 1.5), max(along[1] / texel, 1.5)), rng)
-    return _filled(rows, columns, paint.color) * (1 + 0.07 * grain[..., None])
+    return _fill_image(rows, columns, paint.color) * (1 + 0.07 * grain[..., None])
 
 
 def _cloth(rows: int, columns: int, texel: float, paint: Paint, rng: np.random.Generator) -> Image:
-    return _filled(rows, columns, paint.color) * (
+    return _fill_image(rows, columns, paint.color) * (
         1 + 0.035 * smooth_noise(rows, columns, (0.08 / texel,) * 2, rng)[..., None]
     )
 
 
 def _leaves(rows: int, columns: int, texel: float, paint: Paint, rng: np.random.Generator) -> Image:
-    return _filled(rows, columns, paint.color) * (
+    return _fill_image(rows, columns, paint.color) * (
         1 + 0.16 * smooth_noise(rows, columns, (0.09 / texel,) * 2, rng)[..., None]
     )
 
 
 def _stone(rows: int, columns: int, texel: float, paint: Paint, rng: np.random.Generator) -> Image:
-    return _filled(rows, columns, paint.color) * (
+    return _fill_image(rows, columns, paint.color) * (
         1 + 0.10 * smooth_noise(rows, columns, (0.06 / texel,) * 2, rng)[..., None]
     )
 
 
 def _carton(rows: int, columns: int, texel: float, paint: Paint, rng: np.random.Generator) -> Image:
-    image = _filled(rows, columns, paint.color)
+    image = _fill_image(rows, columns, paint.color)
     middle, half = columns // 2, max(1, round(0.03 / texel))
     image[:, max(0, middle - half) : middle + half] *= 0.8
     return image
@@ -121,7 +121,7 @@ def _desk_top(rows: int, columns: int, texel: float, paint: Paint, rng: np.rando
 
 
 def _screen(rows: int, columns: int, texel: float, paint: Paint, rng: np.random.Generator) -> Image:
-    image = _filled(rows, columns, (0.08, 0.08, 0.09))
+    image = _fill_image(rows, columns, (0.08, 0.08, 0.09))
     w, h = columns * texel, rows * texel
     _rectangle(image, texel, 0.03, 0.03, w - 0.06, h - 0.06, paint.color)
     _rectangle(image, texel, 0.06, h * 0.45, w * 0.4, h * 0.35, paint.accent)
@@ -155,7 +155,7 @@ def _wall(
 ) -> Image:
     """Painted plaster: plain, striped, or paneled, with a skirting board. All kinds except "wall-bare" have pictures. A
     "wall-shaft", beside stairs, has only stripes."""
-    image = _filled(rows, columns, paint.color)
+    image = _fill_image(rows, columns, paint.color)
     w, h = columns * texel, rows * texel
     u, v = at[0] + (np.arange(columns) + 0.5) * texel, at[1] + (np.arange(rows) + 0.5) * texel
     if paint.kind in ("wall-stripes", "wall-shaft"):

@@ -183,7 +183,7 @@ class Plan:
     def flipped_x(self) -> Plan:
         """The mirror image across the vertical center line."""
         width = self.extent.x1
-        return self._mapped(
+        return self._map_plan(
             lambda r: Rect(width - r.x1, r.y0, width - r.x0, r.y1),
             lambda x, y: (width - x, y),
             lambda w: (
@@ -197,14 +197,14 @@ class Plan:
     def transposed(self) -> Plan:
         """The plan with x and y exchanged."""
         other = {"x": "y", "y": "x"}
-        return self._mapped(
+        return self._map_plan(
             lambda r: Rect(r.y0, r.x0, r.y1, r.x1),
             lambda x, y: (y, x),
             lambda w: replace(w, along=other[w.along]),
             lambda o: replace(o, along=other[o.along]),
         )
 
-    def _mapped(
+    def _map_plan(
         self,
         rect: Callable[[Rect], Rect],
         point: Callable[[float, float], tuple[float, float]],

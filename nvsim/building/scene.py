@@ -260,7 +260,7 @@ def _heading(a: NDArray[np.float64], b: NDArray[np.float64]) -> float:
     return float(np.arctan2(b[0] - a[0], b[1] - a[1]))
 
 
-def _wrapped(angle: float) -> float:
+def _wrap_angle(angle: float) -> float:
     return float((angle + np.pi) % (2 * np.pi) - np.pi)
 
 
@@ -275,7 +275,7 @@ def path(stops: tuple[TrajectoryCorner, ...]) -> NDArray[np.float64]:
     here = points[0]
     for i in range(1, len(points) - 1):
         before, corner, after = points[i - 1], points[i], points[i + 1]
-        turn = _wrapped(_heading(corner, after) - heading)
+        turn = _wrap_angle(_heading(corner, after) - heading)
         in_place = spins[i] or abs(turn) > _SHARPEST
         if spins[i]:
             turn -= 2 * np.pi * (1 if turn > 0 else -1)

@@ -76,10 +76,10 @@ def place_images(
             if number not in numbers:
                 message = f"the frame names image {number}, which is not in the list of images"
                 findings.warning(message, frame.where, "the image is not read, as its name is unknown")
-    return [_placement(row, on_frame.get(row.number), findings) for row in images]
+    return [_place_image(row, on_frame.get(row.number), findings) for row in images]
 
 
-def _placement(row: ImageRow, on: tuple[FrameRow, RigRow] | None, findings: Findings) -> ImagePose:
+def _place_image(row: ImageRow, on: tuple[FrameRow, RigRow] | None, findings: Findings) -> ImagePose:
     where = f"{row.where} ({row.name})"
     pose, rig_name, moment = None, "", float(row.number)
     if on is not None:
@@ -149,7 +149,7 @@ def read(root: Path, findings: Findings) -> RawCapture:
     models = models_in(root)
     if not models:
         raise InputError(f"{root} holds no COLMAP model; it needs cameras and images as .bin or .txt.")
-    model, rows = _chosen(models, root, findings)
+    model, rows = _choose_model(models, root, findings)
     reader = _reader(model)
     with _reading(model, "cameras") as path:
         cameras = reader.read_cameras(path)
@@ -178,7 +178,7 @@ def read(root: Path, findings: Findings) -> RawCapture:
     return RawCapture(root, "colmap", tuple(frames), _cloud(model, findings), metric=False)
 
 
-def _chosen(models: list[ModelFolder], root: Path, findings: Findings) -> tuple[ModelFolder, list[ImageRow]]:
+def _choose_model(models: list[ModelFolder], root: Path, findings: Findings) -> tuple[ModelFolder, list[ImageRow]]:
     """The model to read, and its images. Of the models that the mapper wrote together, it is the one with the most
     images. A finding names the other models if they contain further images. Raises InputError if the model cannot be
     read."""

@@ -150,12 +150,12 @@ FORMATS: tuple[Format, ...] = (
 
 def names() -> str:
     """The formats for a title: "A, B or C"."""
-    return _listed([format.name for format in FORMATS])
+    return _list_names([format.name for format in FORMATS])
 
 
 def formats_in_words() -> str:
     """The formats for a sentence: "a ..., a ... or a ..."."""
-    return _listed([format.description for format in FORMATS])
+    return _list_names([format.description for format in FORMATS])
 
 
 def is_capture(path: Path) -> bool:
@@ -232,7 +232,7 @@ def _without_projects(folders: list[Path]) -> list[Path]:
 def _read(path: Path, findings: Findings) -> RawCapture:
     found = [(format, at) for format in FORMATS if (at := format.find(path)) is not None]
     if not found:
-        raise _unknown(path)
+        raise _unknown_format_error(path)
     (first, at), *others = found
     for other, beside in others:
         if other.name == first.preferred_format:
@@ -258,7 +258,7 @@ def _capture_with_cloud(
     return raw
 
 
-def _unknown(path: Path) -> InputError:
+def _unknown_format_error(path: Path) -> InputError:
     for place in (path, *(child_folders(path)[:_MOST] if path.is_dir() else ())):
         for format in FORMATS:
             if sentence := format.explain_missing(place):
@@ -284,5 +284,5 @@ def _checked_capture(raw: RawCapture, findings: Findings) -> RawCapture:
     return raw
 
 
-def _listed(parts: list[str]) -> str:
+def _list_names(parts: list[str]) -> str:
     return " or ".join([", ".join(parts[:-1]), parts[-1]] if len(parts) > 1 else parts)

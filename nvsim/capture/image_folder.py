@@ -28,7 +28,7 @@ def resolve_images_in(raw: RawCapture, folder: str) -> RawCapture:
     place = Path(folder).expanduser().absolute()
     if not place.is_dir():
         raise InputError(f"{place} is not a folder; --images names the folder that holds the images of the capture.")
-    frames = [_placed(frame, place) for frame in raw.frames]
+    frames = [_place_frame(frame, place) for frame in raw.frames]
     missing = [place / frame.name for frame in frames if file_size(frame.image_path) is None]
     relocation = FolderFiles(place).relocate(missing)
     for i, frame in enumerate(frames):
@@ -48,7 +48,7 @@ def resolve_images_in(raw: RawCapture, folder: str) -> RawCapture:
     return replace(raw, frames=tuple(frames))
 
 
-def _placed(frame: RawFrame, folder: Path) -> RawFrame:
+def _place_frame(frame: RawFrame, folder: Path) -> RawFrame:
     if file_size(frame.image_path) is not None:
         return frame
     parts = [part for part in PurePosixPath(frame.name).parts if part not in ("/", "..")]

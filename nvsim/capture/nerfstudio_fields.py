@@ -163,20 +163,20 @@ _METERS = {"m", "meter", "meters", "metre", "metres"}
 def report_unused(tree: Tree, frames: Sequence[Tree], where: str, findings: Findings) -> None:
     """Add a warning that lists the known fields that NVSim does not use, and a note that lists unknown fields. Fields
     without a value count as absent."""
-    fields = dict.fromkeys(_filled(tree))
+    fields = dict.fromkeys(_fields_with_values(tree))
     for frame in frames:
-        fields.update(dict.fromkeys(_filled(frame)))
+        fields.update(dict.fromkeys(_fields_with_values(frame)))
     unused = [f"{field} ({_UNUSED[field]})" for field in fields if field in _UNUSED]
     if unused:
         findings.warning(
-            f"NVSim does not use {_listed(unused)}",
+            f"NVSim does not use {_list_names(unused)}",
             where,
             "the content of these fields has no effect on the map",
         )
     known = _USED | _BOOKKEEPING | _UNUSED.keys()
     unknown = [shown(field, 40) for field in fields if field not in known]
     if unknown:
-        findings.note(f"NVSim does not know the fields {_listed(unknown)}", where, "they are ignored")
+        findings.note(f"NVSim does not know the fields {_list_names(unknown)}", where, "they are ignored")
 
 
 def is_arbitrary(tree: Tree, frames: Sequence[Tree]) -> bool:
@@ -216,11 +216,11 @@ def unit_of(tree: Tree, frames: Sequence[Tree], cloud: Cloud | None) -> tuple[bo
     return None, ""
 
 
-def _filled(tree: Mapping[str, object]) -> Iterator[str]:
+def _fields_with_values(tree: Mapping[str, object]) -> Iterator[str]:
     """The fields that have a value: not null, false, zero, or empty."""
     return (field for field, value in tree.items() if value)
 
 
-def _listed(words: Sequence[str]) -> str:
+def _list_names(words: Sequence[str]) -> str:
     more = f" and {len(words) - _LISTED} more" if len(words) > _LISTED else ""
     return ", ".join(words[:_LISTED]) + more

@@ -62,12 +62,12 @@ def subtract_origin(raw: RawCapture, findings: Findings) -> RawCapture:
     return replace(
         raw,
         frames=tuple(
-            f if f.camera_to_world is None else replace(f, camera_to_world=_shifted(f.camera_to_world, origin))
+            f if f.camera_to_world is None else replace(f, camera_to_world=_shift_places(f.camera_to_world, origin))
             for f in raw.frames
         ),
         cloud=_shifted_cloud(raw.cloud, origin),
-        scans=tuple(replace(s, to_world=_shifted(s.to_world, origin)) for s in raw.scans),
-        depths=tuple(replace(d, camera_to_world=_shifted(d.camera_to_world, origin)) for d in raw.depths),
+        scans=tuple(replace(s, to_world=_shift_places(s.to_world, origin)) for s in raw.scans),
+        depths=tuple(replace(d, camera_to_world=_shift_places(d.camera_to_world, origin)) for d in raw.depths),
         metric=claims,
         metric_because=raw.metric_because if raw.metric else "the coordinates are map coordinates" if claims else "",
         origin=(float(origin[0]), float(origin[1]), float(origin[2])),
@@ -86,7 +86,7 @@ def _origin_of(positions: NDArray[np.float64]) -> NDArray[np.float64]:
     return np.where(np.abs(middle) > FAR, np.round(middle / _ROUND) * _ROUND, 0.0)
 
 
-def _shifted(pose: NDArray[np.float64], origin: NDArray[np.float64]) -> NDArray[np.float64]:
+def _shift_places(pose: NDArray[np.float64], origin: NDArray[np.float64]) -> NDArray[np.float64]:
     moved = pose.copy()
     moved[:3, 3] -= origin
     return moved
@@ -119,7 +119,7 @@ def fit_lenses(raw: RawCapture, findings: Findings) -> RawCapture:
         lens = frame.lens
         for size in ((width, height), (height, width)):
             if size == (width, height) or is_turned((width, height), orientation, size):
-                fitting = lens if size == (lens.width, lens.height) else _resized(lens, *size)
+                fitting = lens if size == (lens.width, lens.height) else _resize_lens(lens, *size)
                 if fitting is not None:
                     turned += size != (width, height)
                     if fitting is not lens:
@@ -145,7 +145,7 @@ def fit_lenses(raw: RawCapture, findings: Findings) -> RawCapture:
     return replace(raw, frames=tuple(frames))
 
 
-def _resized(lens: Lens, width: int, height: int) -> Lens | None:
+def _resize_lens(lens: Lens, width: int, height: int) -> Lens | None:
     """`lens` for images of `width` x `height` pixels; None if the two sides have different scales."""
     across, down = width / lens.width, height / lens.height
     if _ALIKE[0] < across < _ALIKE[1]:

@@ -68,11 +68,11 @@ def _usage(verb: str, found: Iterable[Option]) -> str:
 
 def _common_groups(flags: list[Option], table: dict[str, tuple[str, ...]]) -> list[tuple[str, list[Option]]]:
     # A preset can change a default from True to False, and --no-x to --x.
-    by_name = {o.flag: o for o in flags} | {_negated(o): o for o in flags}
+    by_name = {o.flag: o for o in flags} | {_negated_flag(o): o for o in flags}
     return [(title, [by_name[name] for name in names]) for title, names in table.items()]
 
 
-def _negated(option: Option) -> str:
+def _negated_flag(option: Option) -> str:
     head, dot, last = option.flag[2:].rpartition(".")
     return f"--{head}{dot}no-{last}"
 

@@ -28,7 +28,7 @@ class CommandStopped(BaseException):
     """A user or a program asked the command to stop (SIGTERM, Ctrl-C)."""
 
 
-def guarded(verb: str, command: type[Command], argv: list[str]) -> int:
+def run_guarded(verb: str, command: type[Command], argv: list[str]) -> int:
     """Parses `argv` into the command and runs it; returns the exit code."""
     from nvsim.cli.arguments import parse
 

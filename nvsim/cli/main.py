@@ -48,10 +48,10 @@ def _run(arguments: list[str]) -> int:
     # With few cores, the thread pools of torch and numba block each other by busy waiting, so they wait passively. This
     # must be set before either is loaded.
     os.environ.setdefault("OMP_WAIT_POLICY", "PASSIVE")
-    from nvsim.cli.guard import guarded
+    from nvsim.cli.guard import run_guarded
     from nvsim.cli.options import command_of
 
-    return guarded(verb, command_of(verb), rest)
+    return run_guarded(verb, command_of(verb), rest)
 
 
 def _help(group: str = "") -> str:

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from nvsim.errors import InputError
 from nvsim.events import Listener, Log, Progress, Warning
-from nvsim.graph.history import counted
+from nvsim.graph.history import count_text
 from nvsim.graph.types import NavGraph
 from nvsim.r2r.instructions.generating import InstructedDataset, instruct
 from nvsim.r2r.instructions.registers import Register
@@ -234,12 +234,14 @@ def _impassable(graphs: Sequence[NavGraph], scenes: Mapping[str, Scene], listen:
         climbing = sum(scene.uses_stairs(key) for key in one.edges)
         tight = [key for key in one.edges if not scene.uses_stairs(key)]
         ends = [id for id in one.ends if not scene.uses_stairs([id])]
-        why = [f"{counted(climbing, 'edge')} on stairs, because actions are limited to one storey"] if climbing else []
+        why = (
+            [f"{count_text(climbing, 'edge')} on stairs, because actions are limited to one storey"] if climbing else []
+        )
         if tight:
             named = _shortened_list([f"{a} to {b}" for a, b in tight])
-            why.append(f"{counted(len(tight), 'edge')} too narrow for a robot ({named})")
+            why.append(f"{count_text(len(tight), 'edge')} too narrow for a robot ({named})")
         if ends:
-            why.append(f"{counted(len(ends), 'start or goal')} without room for a robot ({_shortened_list(ends)})")
+            why.append(f"{count_text(len(ends), 'start or goal')} without room for a robot ({_shortened_list(ends)})")
         if why:
             listen(Warning(f"Paths of {graph.scan} avoid {'; '.join(why)}; see {RECORD}", STAGE))
     return found

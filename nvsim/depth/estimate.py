@@ -93,7 +93,7 @@ def estimate_depth(
         for phase in PHASES:
             frames.clear_caches()
             if phase == "labelled" and frames.missing(phase):
-                parts = _fused(cameras, frames.maps["confirmed"], config, config.min_observations)
+                parts = _fuse_maps(cameras, frames.maps["confirmed"], config, config.min_observations)
                 frames.planes = find_planes(part.seen for part in parts)
             if phase == "finished":
                 frames.rest = _check_of_all_maps(cameras, frames.maps["shown"], config)
@@ -106,19 +106,19 @@ def estimate_depth(
         shutil.rmtree(folder / phase, ignore_errors=True)
     listen(Progress(STAGE, steps.total, steps.total))
 
-    def written(index: int) -> Float32:
+    def read_written(index: int) -> Float32:
         depth = read_depth(folder, index)
         with np.errstate(divide="ignore"):
             return np.where(depth > 0, 1 / depth, 0).astype(np.float32)
 
-    def colored(index: int) -> Map:
-        inverse = written(index)
+    def read_with_colors(index: int) -> Map:
+        inverse = read_written(index)
         return inverse, np.ones_like(inverse), views.image(index)
 
-    carver = Carver(cameras, written, config.threads)
+    carver = Carver(cameras, read_written, config.threads)
     return joined(
         part.select(carver.exists(part.seen.points))
-        for part in fuse(cameras, colored, config.voxel, config.min_observations, config.threads)
+        for part in fuse(cameras, read_with_colors, config.voxel, config.min_observations, config.threads)
     )
 
 
@@ -179,7 +179,7 @@ class FramesInPhases:
         return inverse if usable is None else np.where(usable, inverse, 0).astype(np.float32)
 
     def _confirm(self, out: Path, index: int) -> None:
-        found = self._confirmed("single", index)
+        found = self._confirm_frame("single", index)
         write_draft(out / "confirmed", index, found.inverse, found.weight)
 
     def _label(self, out: Path, index: int) -> None:
@@ -194,7 +194,7 @@ class FramesInPhases:
         write_draft(out / "labelled", index, found, np.where(which >= 0, 4.0, 1.0).astype(np.float32))
 
     def _show(self, out: Path, index: int) -> None:
-        found = self._confirmed("labelled", index)
+        found = self._confirm_frame("labelled", index)
         if index in self._measured:  # other maps add confirmations, but do not change the measured depth
             own, _ = self.maps["labelled"](index)
             kept = found.through <= found.views + 1
@@ -207,11 +207,11 @@ class FramesInPhases:
         kept = np.where(self.rest.contradicted_pixels(index), 0, inverse).astype(np.float32)
         write_depth(out, index, kept, np.rint(views).astype(np.uint8))
 
-    def _confirmed(self, phase: Phase, index: int) -> AgreedDepth:
+    def _confirm_frame(self, phase: Phase, index: int) -> AgreedDepth:
         config = self._config
         near = neighbours(self.views.poses, index, config.compared_maps, config.baseline, 0.1)
         least = 0 if index in self._measured else config.views
-        return _confirmed(self.views, index, near, self.maps[phase], config, least)
+        return _confirm_depth(self.views, index, near, self.maps[phase], config, least)
 
 
 class _FrameWorkers:
@@ -243,7 +243,7 @@ class _FrameWorkers:
                 raise
 
 
-def _confirmed(
+def _confirm_depth(
     views: Views,
     index: int,
     near: list[int],
@@ -288,13 +288,13 @@ def _check_of_all_maps(cameras: list[Camera], maps: Draft, config: DepthConfig) 
         return inverse(index), np.ones_like(inverse(index))
 
     carver, kept = Carver(cameras, inverse, config.threads), [np.empty((0, 3), np.float32)]
-    for part in _fused(cameras, map_with_equal_weights, config, config.checked_observations):
+    for part in _fuse_maps(cameras, map_with_equal_weights, config, config.checked_observations):
         points = part.seen.points
         kept.append(points[carver.exists(points)])
     return DepthCheck(np.concatenate(kept), cameras, inverse, config)
 
 
-def _fused(cameras: list[Camera], maps: Draft, config: DepthConfig, seen: int) -> Iterator[FusedCells]:
+def _fuse_maps(cameras: list[Camera], maps: Draft, config: DepthConfig, seen: int) -> Iterator[FusedCells]:
     """The cells of all maps with at least `seen` observations, without colors."""
 
     def read(index: int) -> Map:

@@ -60,7 +60,7 @@ def label_planes(
     )
     _fill(photo, confirmed, forms, extents, limits, prior, rule, cost)
     total = smooth_cost(cost, view.grey, int(config.change_cost), config.change_cost, config.edge_step)
-    return _chosen(total, confirmed, forms, np.asarray(chosen, np.int16), far)
+    return _choose_labels(total, confirmed, forms, np.asarray(chosen, np.int16), far)
 
 
 def _prior(plane: Plane, config: LabelConfig) -> float:
@@ -129,7 +129,7 @@ def _fill(
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _chosen(
+def _choose_labels(
     total: NDArray[np.int16], confirmed: Float32, forms: NDArray[np.float64], chosen: NDArray[np.int16], far: float
 ) -> tuple[Float32, NDArray[np.int16]]:
     """The inverse depth of the label with the lowest `total` (H, W, L + 1), and the index of its plane."""

@@ -239,7 +239,7 @@ def _parallel(points: Float64, say: Float64, normal: Float64, found: list[Plane]
                 own = around[inside]
                 back = np.abs(height[own] - _wall_position(height[own], say[own])) < _THICKNESS
                 rows = own[back] if back.sum() >= _FEW else rows
-            found.append(_fitted(points[rows], say[rows], normal, along, up, extent))
+            found.append(_fit_plane(points[rows], say[rows], normal, along, up, extent))
     return taken
 
 
@@ -257,7 +257,7 @@ def _wall_position(height: Float64, say: Float64) -> float:
     return base + (int(strong.argmax()) + 0.5) * step
 
 
-def _fitted(
+def _fit_plane(
     points: Float64,
     say: Float64,
     normal: Float64,

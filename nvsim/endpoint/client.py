@@ -217,7 +217,7 @@ class _EndpointError:
     def of(content: bytes) -> _EndpointError:
         text = content.decode(errors="replace")
         try:
-            body = _parsed(text)
+            body = _parse_json(text)
         except InputError:
             body = text
         error = body.get("error") or body if isinstance(body, dict) else body
@@ -227,7 +227,7 @@ class _EndpointError:
         return _EndpointError(said, str(fields.get("code") or ""), str(fields.get("param") or ""), str(error))
 
 
-def _parsed(text: str) -> Any:
+def _parse_json(text: str) -> Any:
     """Raises InputError if the text is not JSON, or is JSON that would take many times its length in memory."""
     return parse_json(Path("the answer"), text, "a chat completion", "check --endpoint", strict=False)
 
@@ -236,7 +236,7 @@ def _read(content: bytes, request: Request) -> Answer:
     """The answer in the body of a response. Raises _Later if the body is not a chat completion or is empty."""
     words = content.decode(errors="replace")
     try:
-        found = _parsed(words)
+        found = _parse_json(words)
         choice = found["choices"][0]
         message = choice["message"]
         text, refusal = message.get("content"), message.get("refusal")

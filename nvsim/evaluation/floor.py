@@ -99,7 +99,7 @@ def evaluate_project_floor(
     if missing is not None:
         raise InputError(f"{missing} is missing; run `nvsim floors --project` first.")
 
-    def judged(index: int) -> MaskWithTruth:
+    def mask_with_truth(index: int) -> MaskWithTruth:
         name, (width, height) = project.need_capture().frames[index].name, known.size(index)
         return MaskWithTruth(
             f"{PurePosixPath(name).stem}.png",
@@ -107,7 +107,7 @@ def evaluate_project_floor(
             *known.floor(index, width, height),
         )
 
-    figures = floor_figures(map(judged, known.frames))
+    figures = floor_figures(map(mask_with_truth, known.frames))
     found = record(project, "floors")
     figures["provider"] = (found.summary if found else {}).get("provider", "geometry")
     if cues:

@@ -242,12 +242,12 @@ def _coverage_shares(
     covered = visible(occupancy, _places(graph, valid), reach) & area
     return {
         "coverage": _share(int(covered.sum()), int(area.sum())),
-        **(_seen(covered, area & seen(occupancy.centres()), occupancy) if seen is not None else {}),
+        **(_seen_coverage(covered, area & seen(occupancy.centres()), occupancy) if seen is not None else {}),
         "reachable_m2": _square_metres(area, occupancy),
     }
 
 
-def _seen(covered: NDArray[np.bool_], known: NDArray[np.bool_], occupancy: OccupancyMap) -> dict[str, float]:
+def _seen_coverage(covered: NDArray[np.bool_], known: NDArray[np.bool_], occupancy: OccupancyMap) -> dict[str, float]:
     shown = int((covered & known).sum())
     return {"coverage_seen": _share(shown, int(known.sum())), "seen_m2": _square_metres(known, occupancy)}
 

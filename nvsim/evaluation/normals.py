@@ -14,7 +14,7 @@ from nvsim.evaluation.frame_truth import frame_truth
 from nvsim.events import Listener, Progress, ignore_event
 from nvsim.geometry.camera import Camera
 from nvsim.geometry.sampling import evenly_spaced
-from nvsim.perception.main_directions import StraightNormals, straightened
+from nvsim.perception.main_directions import StraightNormals, straighten_normals
 from nvsim.perception.normals_network import installed_normals
 from nvsim.project.project import Project
 from nvsim.project.work import missing_result_error
@@ -94,5 +94,5 @@ def evaluate_project_normals(
             image = np.rint(np.clip(rgb, 0, 1) * 255).astype(np.uint8)
         seen, true = network.normals(image, camera), known.normal_map(i, small.width, small.height)
         alone.add(seen, true)
-        used.add(straightened(seen, headings), true)
+        used.add(straighten_normals(seen, headings), true)
     return used.figures() | {"network_deg": alone.figures()["normal_deg"]}

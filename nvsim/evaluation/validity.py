@@ -25,9 +25,9 @@ from nvsim.evaluation.ablation_runs import (
     Budget,
     SharedViews,
     TrainingRun,
-    finished,
     preset_rows,
     progress_of_run,
+    train_or_load,
     training_run,
 )
 from nvsim.evaluation.graph import evaluate_graph
@@ -218,7 +218,7 @@ def evaluate_validity(
     if not columns:
         raise InputError(f"{_left_out(wanted)} Name an available column with --columns.")
     refresh_support(project, listen)
-    runs, trained = _trained(project, rows, config.seed, listen)
+    runs, trained = _finished_runs(project, rows, config.seed, listen)
     support = project.support()
     assert support is not None
     walk = project.need_capture().positions[:, :2]
@@ -252,7 +252,7 @@ def with_criteria(config: MappingConfig, criteria: Criteria) -> MappingConfig | 
         return None
 
 
-def _trained(
+def _finished_runs(
     project: Project, rows: Sequence[AblationRow], seed: int, listen: Listener
 ) -> tuple[dict[AblationRow, list[TrainingRun]], int]:
     """The finished runs of every row, one per submap, and the number of runs that were trained."""
@@ -268,7 +268,7 @@ def _trained(
             run = runs[row][i]
             if not run.is_done:
                 title = f"{row.title}, submap {submap.index}"
-                finished(project, run, views.of(run), progress_of_run(listen, STAGE, before, total, title))
+                train_or_load(project, run, views.of(run), progress_of_run(listen, STAGE, before, total, title))
                 before += run.config.steps
     return runs, len(todo)
 

@@ -156,7 +156,7 @@ def copy_to_memory(connection: GuardedConnection) -> Snapshot:
 
 
 def _try_open(path: Path, flags: str, kind: type[GuardedConnection]) -> GuardedConnection:
-    uri = f"file:{_quoted(path)}?{flags}"
+    uri = f"file:{_quote_name(path)}?{flags}"
     connection = sqlite3.connect(uri, uri=True, timeout=30, isolation_level=None, check_same_thread=False, factory=kind)
     connection.path = path
     try:
@@ -187,7 +187,7 @@ def _copy_to_memory(path: Path) -> Snapshot:
     raise sqlite3.OperationalError(f"no disk has room for a temporary copy to read ({failure})")
 
 
-def _quoted(path: Path) -> str:
+def _quote_name(path: Path) -> str:
     return str(path.resolve()).replace("%", "%25").replace("?", "%3f").replace("#", "%23")
 
 

@@ -34,7 +34,7 @@ class Argument:
         return self.default is NEEDED
 
 
-def checked(edit: str, arguments: tuple[Argument, ...], values: Mapping[str, Any]) -> dict[str, Any]:
+def check_arguments(edit: str, arguments: tuple[Argument, ...], values: Mapping[str, Any]) -> dict[str, Any]:
     """Return the typed values of all arguments. Raises EditError if an argument is missing, unknown, or of the wrong
     kind."""
     known = {argument.name for argument in arguments}

@@ -48,7 +48,7 @@ def by_expression(
     Expressions may use `and`, `or`, `not`, comparisons, `in (…)`, + - * /, numbers, strings, True, False, and abs().
     Raises EditError for any other expression and for unknown quantities.
     """
-    tree = _parsed(text)
+    tree = _parse(text)
     names = {node.id for node in ast.walk(tree) if isinstance(node, ast.Name)} - {"abs"}
     unknown = sorted(names - set(VIEWPOINTS) - set(EDGES))
     if unknown:
@@ -67,7 +67,7 @@ def by_expression(
     return found
 
 
-def _parsed(text: str) -> ast.expr:
+def _parse(text: str) -> ast.expr:
     if len(text) > _LONGEST:
         raise EditError(f"The expression is longer than {_LONGEST} characters.")
     try:
@@ -110,11 +110,11 @@ def _value(node: ast.expr, values: Mapping[str, Values]) -> Any:
         case ast.Call(func=ast.Name(id="abs"), args=[operand], keywords=[]):
             return np.abs(_number(operand, values))
         case ast.Compare(left=left, ops=ops, comparators=others):
-            return _compared(left, ops, others, values)
+            return _compare(left, ops, others, values)
     raise EditError(f"{ast.unparse(node)[:40]!r} is not allowed in an expression.")
 
 
-def _compared(left: ast.expr, ops: list[ast.cmpop], others: list[ast.expr], values: Mapping[str, Values]) -> Any:
+def _compare(left: ast.expr, ops: list[ast.cmpop], others: list[ast.expr], values: Mapping[str, Values]) -> Any:
     found: Any = True
     for op, other in zip(ops, others, strict=True):
         if isinstance(op, ast.In | ast.NotIn):

@@ -316,12 +316,12 @@ def selection_text(chosen: GraphSelection) -> str:
 def name_or_count(things: Collection[str | EdgeKey], thing: str) -> str:
     """Name one element or count several: "viewpoint 1a6a21cd", "edge 1a6a21cd – 2e24da71", "3 edges"."""
     if len(things) != 1:
-        return counted(len(things), thing)
+        return count_text(len(things), thing)
     (only,) = things
     ids = (only,) if isinstance(only, str) else only
     return f"{thing} {' – '.join(id[:SHOWN] for id in ids)}"
 
 
-def counted(number: int, thing: str) -> str:
+def count_text(number: int, thing: str) -> str:
     """Return a number with its noun: "1 edge", "3 edges"."""
     return f"{number:,} {thing}" + ("" if number == 1 else "s")

@@ -10,9 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from nvsim.graph import edits
-from nvsim.graph.arguments import Argument, checked
+from nvsim.graph.arguments import Argument, check_arguments
 from nvsim.graph.edits import EditError, Visible
-from nvsim.graph.history import counted, name_or_count
+from nvsim.graph.history import count_text, name_or_count
 from nvsim.graph.offers import ChoiceField, MenuEntry, NumberField, SelectionNeeds, selection_arguments
 from nvsim.graph.selection import selection
 from nvsim.graph.types import NavGraph
@@ -82,7 +82,9 @@ def _apply_edits(graph: NavGraph, surroundings: EditContext, edits: tuple[dict[s
         operation = OPERATIONS.get(each["edit"])
         if operation is None or operation.function is _apply_edits:
             raise EditError(f"There is no edit {each['edit']!r} that can be combined with others.")
-        graph = operation.function(graph, surroundings, **checked(operation.name, operation.arguments, arguments))
+        graph = operation.function(
+            graph, surroundings, **check_arguments(operation.name, operation.arguments, arguments)
+        )
     return graph
 
 
@@ -90,7 +92,7 @@ def _viewpoints(arguments: Mapping[str, Any]) -> str:
     return name_or_count(arguments["ids"], "viewpoint")
 
 
-def _marked(arguments: Mapping[str, Any]) -> str:
+def _mark_text(arguments: Mapping[str, Any]) -> str:
     parts = [(arguments["viewpoints"], "viewpoint"), (arguments["edges"], "edge")]
     return " and ".join(name_or_count(things, thing) for things, thing in parts if things) or "nothing"
 
@@ -369,7 +371,7 @@ OPERATIONS: dict[str, Operation] = _table(
         "Mark viewpoints and edges as reviewed",
         _with_graph_only(edits.mark_reviewed),
         (*_MARKED, Argument("reviewed", "flag", "false removes the mark", True)),
-        lambda a: f"Mark {_marked(a)} as {'reviewed' if a['reviewed'] else 'not reviewed'}",
+        lambda a: f"Mark {_mark_text(a)} as {'reviewed' if a['reviewed'] else 'not reviewed'}",
         (
             MenuEntry(
                 "reviewed",
@@ -398,7 +400,7 @@ OPERATIONS: dict[str, Operation] = _table(
         "Lock viewpoints and edges against edits",
         _with_graph_only(edits.set_locked),
         (*_MARKED, Argument("locked", "flag", "false unlocks", True)),
-        lambda a: f"{'Lock' if a['locked'] else 'Unlock'} {_marked(a)}",
+        lambda a: f"{'Lock' if a['locked'] else 'Unlock'} {_mark_text(a)}",
         (
             MenuEntry(
                 "lock",
@@ -441,7 +443,7 @@ OPERATIONS: dict[str, Operation] = _table(
         "Apply several edits as one step",
         _apply_edits,
         (Argument("edits", "edits", "edits in order"), Argument("text", "name", "text for the history", "")),
-        lambda a: a["text"] or counted(len(a["edits"]), "edit"),
+        lambda a: a["text"] or count_text(len(a["edits"]), "edit"),
     ),
     Operation(
         "patch",

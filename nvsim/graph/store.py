@@ -148,7 +148,7 @@ def decode_evidence(blob: bytes) -> Evidence:
         submap, extra = header.pop("second", (None, []))
         others = [] if submap is None else ["alpha", "up", *_optional(extra)]
         many = len(own) + len(others)
-        data = _inflated(blob[5 + size :], many * count + (count + 7) // 8)
+        data = _inflate(blob[5 + size :], many * count + (count + 7) // 8)
         planes = [np.frombuffer(data, np.uint8, count, k * count).reshape(rows, cells) for k in range(many)]
         support = np.unpackbits(np.frombuffer(data, np.uint8, offset=many * count), count=count).astype(bool)
         header["target"] = x, y = (float(header["target"][0]), float(header["target"][1]))
@@ -267,7 +267,7 @@ def _check_sizes(archive: zipfile.ZipFile, size: int) -> None:
             raise ValueError(f"{name} unpacks to {entry.file_size} bytes")
 
 
-def _inflated(data: bytes, size: int) -> bytes:
+def _inflate(data: bytes, size: int) -> bytes:
     """Return deflated bytes that must be `size` long. Raises ValueError if they are not."""
     found = inflate(data, size + 1)
     if len(found) != size:

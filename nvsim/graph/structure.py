@@ -45,7 +45,7 @@ def structure(graphs: NavGraph | Iterable[NavGraph]) -> dict[str, float | int]:
         clustering.append(np.array(list(nx.clustering(joined).values()), np.float64))
         of_all, of_episodes = _count_ties(ways)
         tied, episodes = tied + of_all, episodes + of_episodes
-    degree, length, apart, local = (_joined(parts) for parts in (degrees, lengths, nearest, clustering))
+    degree, length, apart, local = (_join_lengths(parts) for parts in (degrees, lengths, nearest, clustering))
     return {
         "mean_degree": _mean(degree, 2),
         "degree_p5": _percentile(degree, 5),
@@ -91,7 +91,7 @@ def _nearest(places: NDArray[np.float64]) -> NDArray[np.float64]:
     return np.asarray(cKDTree(places).query(places, 2)[0][:, 1])
 
 
-def _joined(parts: list[NDArray[np.float64]]) -> NDArray[np.float64]:
+def _join_lengths(parts: list[NDArray[np.float64]]) -> NDArray[np.float64]:
     return np.concatenate(parts) if parts else np.zeros(0)
 
 

@@ -105,12 +105,12 @@ def build_map(
     survey = Survey(GraphBuilder(scan, walk.storey), lattice, measurements, walk, floor_at, config)
     search = BreadthFirstSearch(survey)
 
-    def measured() -> NavGraph:
+    def with_measurements() -> NavGraph:
         return NavGraph(scan, evidence={e.key: e for e in measurements.all_evidence()})
 
     def keep_evidence() -> None:
         if keep is not None:
-            keep(measured())
+            keep(with_measurements())
 
     explorer = _Explorer(search, walk, config, listen, keep_evidence)
     if start is not None or config.starts == "one":
@@ -165,7 +165,7 @@ def build_map(
     sentence = explain_small_graph(report, np.array(uncovered), len(walk.places))
     if sentence:
         listen(Warning(sentence, STAGE))
-    return BuildResult(graph, report, measured())
+    return BuildResult(graph, report, with_measurements())
 
 
 def _cut_detours(draft: GraphBuilder, detour: TrajectoryDetour, survey: Survey) -> int:

@@ -93,9 +93,9 @@ class Corridor:
     def ground(self, floor_at: HeightAt) -> NDArray[np.float64]:
         """Return (rows, CELLS, 3) cell centers on the floor, meters, world, read-only. In stacked storeys, it is the
         floor that continues from the start; slopes are followed row by row."""
-        return _ground(self, floor_at)
+        return _floor_points(self, floor_at)
 
-    def _ground(self, floor_at: HeightAt) -> NDArray[np.float64]:
+    def _compute_ground(self, floor_at: HeightAt) -> NDArray[np.float64]:
         ground = np.empty((self.rows, CELLS, 3))
         self._place(ground)
         if self.eye is None:
@@ -142,8 +142,8 @@ def _level(start: tuple[float, float], eye: float, floor_at: HeightAt) -> float:
 
 # The corridors of a viewpoint are used several times: to render, to measure, and to find their ends.
 @lru_cache(maxsize=1024)
-def _ground(corridor: Corridor, floor_at: HeightAt) -> NDArray[np.float64]:
-    found = corridor._ground(floor_at)
+def _floor_points(corridor: Corridor, floor_at: HeightAt) -> NDArray[np.float64]:
+    found = corridor._compute_ground(floor_at)
     found.setflags(write=False)
     return found
 

@@ -122,7 +122,7 @@ def _install(
             assert toml is not None
             _copy_with_hash(toml, made / DESCRIPTION)
         else:
-            write_text(made / DESCRIPTION, _written(form[0], files, sums))
+            write_text(made / DESCRIPTION, _toml_text(form[0], files, sums))
         model_at(made / DESCRIPTION).open("cpu")
         _install_folder(made, target)
     return model_at(target / DESCRIPTION)
@@ -166,7 +166,7 @@ def _copy_with_hash(source: Path, target: Path) -> str:
     return digest.hexdigest()
 
 
-def _written(form: str, files: dict[str, File], sums: dict[str, str]) -> str:
+def _toml_text(form: str, files: dict[str, File], sums: dict[str, str]) -> str:
     """The TOML of a model that uses a form. JSON strings are valid TOML strings."""
 
     def text(value: str) -> str:

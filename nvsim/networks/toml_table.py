@@ -17,7 +17,7 @@ _MOST_NUMBERS = 4096
 T = TypeVar("T")
 
 
-def parsed(text: str, path: Path) -> dict[str, Any]:
+def parse_toml(text: str, path: Path) -> dict[str, Any]:
     """The TOML `text` of the file `path`, parsed. Raises InputError if it is not valid TOML."""
     with reading(path, "a TOML file", "correct the line that it names"):
         return tomllib.loads(text)

@@ -102,7 +102,7 @@ def _root(path: Path, text: str) -> yaml.MappingNode:
         return root
     if root is None:
         raise InputError(f"{path} has no line 'image:'; add it (see the ROS map_server format).")
-    raise InputError(f"{path}, line {root.start_mark.line + 1}: expected 'key: value', found {_seen(root)!r}.")
+    raise InputError(f"{path}, line {root.start_mark.line + 1}: expected 'key: value', found {_short_value(root)!r}.")
 
 
 class _Keys:
@@ -116,7 +116,7 @@ class _Keys:
             where = f"{path}, line {key.start_mark.line + 1}"
             if name == "<<":
                 raise InputError(f"{where}: merged keys (<<) are not read; write the keys out.")
-            if name in self._nodes and _seen(self._nodes[name]) != _seen(value):
+            if name in self._nodes and _short_value(self._nodes[name]) != _short_value(value):
                 raise InputError(f"{where}: {shown(name)} is given twice with other values; remove one of the lines.")
             self._nodes[name] = value
 
@@ -126,7 +126,7 @@ class _Keys:
         line = "" if node is None else f", line {node.start_mark.line + 1}"
         return InputError(f"{self._path}{line}: {name} {words}.")
 
-    def _needed(self, name: str) -> yaml.Node:
+    def _required(self, name: str) -> yaml.Node:
         if name not in self._nodes:
             raise InputError(f"{self._path} has no line '{name}:'; add it (see the ROS map_server format).")
         return self._nodes[name]
@@ -134,15 +134,15 @@ class _Keys:
     def text(self, name: str, default: str | None) -> str:
         if name not in self._nodes and default is not None:
             return default
-        node = self._needed(name)
+        node = self._required(name)
         if not isinstance(node, yaml.ScalarNode):
-            raise self.error(name, f"is {_seen(node)}; it must be a single value")
+            raise self.error(name, f"is {_short_value(node)}; it must be a single value")
         return str(node.value).rstrip("\n")  # a block value ends with line breaks
 
     def number(self, name: str, default: float | None) -> float:
         if name not in self._nodes and default is not None:
             return default
-        return self._number(name, self._needed(name))
+        return self._number(name, self._required(name))
 
     def share(self, name: str, default: float) -> float:
         value = self.number(name, default)
@@ -151,12 +151,12 @@ class _Keys:
         return value
 
     def origin(self) -> tuple[float, float, float]:
-        node = self._needed("origin")
+        node = self._required("origin")
         if not isinstance(node, yaml.SequenceNode) or len(node.value) not in (2, 3):
-            raise self.error("origin", f"is {_seen(node)}; it must be [x, y, yaw]")
+            raise self.error("origin", f"is {_short_value(node)}; it must be [x, y, yaw]")
         x, y, yaw = (*(self._number("origin", part) for part in node.value), 0.0)[:3]
         if max(abs(x), abs(y)) > _FARTHEST:
-            raise self.error("origin", f"is {_seen(node)}, more than {_FARTHEST:.0e} m away; write it in meters")
+            raise self.error("origin", f"is {_short_value(node)}, more than {_FARTHEST:.0e} m away; write it in meters")
         return x, y, math.remainder(yaw, 2 * math.pi)
 
     def _number(self, name: str, node: yaml.Node) -> float:
@@ -166,11 +166,11 @@ class _Keys:
             value = math.nan
         if not math.isfinite(value):
             where = f"{self._path}, line {node.start_mark.line + 1}"
-            raise InputError(f"{where}: {name} is {_seen(node)}; it must be a number.")
+            raise InputError(f"{where}: {name} is {_short_value(node)}; it must be a number.")
         return value
 
 
-def _seen(node: yaml.Node) -> str:
+def _short_value(node: yaml.Node) -> str:
     """A value for a message, shortened. Nested lists are shown as dots."""
     if isinstance(node, yaml.SequenceNode):
         parts = (shown(n.value) if isinstance(n, yaml.ScalarNode) else "..." for n in node.value[:4])

@@ -149,7 +149,7 @@ class GeometricFloor:
         chosen = evenly_spaced(len(cameras), self.config.glimpses)
 
         def observe_view(index: int) -> tuple[Projection, FloorObservation]:
-            projection = _counted(self.project(cameras[index]), usable_of(index))
+            projection = _without_ignored(self.project(cameras[index]), usable_of(index))
             return projection, self._observe_floor(projection, read(index))
 
         kept: list[tuple[Mask, Float32, Float32, Image]] = []  # half of the memory of a projection
@@ -167,7 +167,9 @@ class GeometricFloor:
         for i, (hidden, before, distance, image) in zip(chosen, kept, strict=True):
             camera = self._working_camera(cameras[i])
             rays = camera.rays()
-            expected, known = self._appearance.expected_colors(_ground(camera, rays, distance).astype(np.float32))
+            expected, known = self._appearance.expected_colors(
+                _ground_points(camera, rays, distance).astype(np.float32)
+            )
             hits = (camera.position + before[..., None] * rays).astype(np.float32)
             seen = self._appearance.log_colors(image)
             through.add_votes(seen, expected, hidden & known & np.isfinite(before), hits, distance - before)
@@ -290,7 +292,7 @@ class GeometricFloor:
         distance = self._stairs.distance_along_rays(small.position, rays)
         met = distance < self.config.farthest
         distance = np.where(met, distance, 0).astype(np.float32)
-        ground = _ground(small, rays, distance)
+        ground = _ground_points(small, rays, distance)
         floor_depth = distance * (rays @ small.rotation[:, 2].astype(np.float32))
         depth, radius = self._splats.depth(small, farthest=self.config.farthest)
         hidden = ~met | (depth < floor_depth * self.config.margin - 0.003)
@@ -314,12 +316,12 @@ class GeometricFloor:
         return Camera(camera.intrinsics.limited_to(self.config.longest_side), camera.camera_to_world)
 
 
-def _ground(camera: Camera, rays: Float32, distance: Float32) -> NDArray[np.float64]:
+def _ground_points(camera: Camera, rays: Float32, distance: Float32) -> NDArray[np.float64]:
     """(h, w, 2) x and y of the points `distance` (h, w) meters along the `rays` (h, w, 3) of a camera."""
     return np.asarray(camera.position[:2] + distance[..., None] * rays[..., :2], np.float64)
 
 
-def _counted(seen: Projection, usable: Mask | None) -> Projection:
+def _without_ignored(seen: Projection, usable: Mask | None) -> Projection:
     """A projection (h, w) without the floor of pixels (H, W) that are not `usable`."""
     import cv2
 

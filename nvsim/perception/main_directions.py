@@ -56,7 +56,7 @@ def main_headings(images: Iterable[Float32]) -> tuple[float, ...]:
             return tuple(found)
 
 
-def straightened(normals: Float32, headings: tuple[float, ...]) -> Float32:
+def straighten_normals(normals: Float32, headings: tuple[float, ...]) -> Float32:
     """(H, W, 3) float32: the unit normals (H, W, 3) of an image, world, with those near a main direction snapped to it.
     Directions are the vertical and the four ways of the heading that fits the image best. Zeros stay zero."""
     heading = _of_image(normals, headings)
@@ -113,7 +113,7 @@ def _share(headings: NDArray[np.float32], heading: float) -> float:
 
 @dataclass(frozen=True)
 class StraightNormals:
-    """A SurfaceNormals that applies `straightened`, with the headings of the capture, to the normals of another one."""
+    """A SurfaceNormals that applies `straighten_normals`, with the headings of the capture, to the normals of another one."""
 
     seen: SurfaceNormals
     headings: tuple[float, ...]
@@ -132,4 +132,4 @@ class StraightNormals:
 
     def normals(self, image: Image, camera: Camera) -> Float32:
         """(H, W, 3) float32, unit length, world frame, for an image (H, W, 3); zero if unknown."""
-        return straightened(self.seen.normals(image, camera), self.headings)
+        return straighten_normals(self.seen.normals(image, camera), self.headings)

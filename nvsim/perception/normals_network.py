@@ -42,13 +42,13 @@ class NormalsNetwork:
     def normals(self, image: Image, camera: Camera) -> Float32:
         """World normals (H, W, 3), see SurfaceNormals. Raises InputError if the normals of the first image point away
         from the camera."""
-        found = self.seen(image, camera)
+        found = self.camera_normals(image, camera)
         if not self._is_checked:
             self._check(found, camera)
             self._is_checked = True
         return np.asarray(found @ camera.rotation.T.astype(np.float32), np.float32)
 
-    def seen(self, image: Image, camera: Camera | None = None) -> Float32:
+    def camera_normals(self, image: Image, camera: Camera | None = None) -> Float32:
         """(H, W, 3) float32, unit length, in the camera's frame (x right, y down, z forward), toward the camera. Zero
         where the network finds no surface. `image` is (H, W, 3) uint8 RGB. Raises InputError without a camera if the
         network needs its rays."""

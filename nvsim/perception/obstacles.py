@@ -66,7 +66,7 @@ def split_obstacles(
     around = _local_mean(everything, spacing)
     solid = around <= sparse * float(np.median(around)) if len(spacing) else np.empty(0, bool)
     radii = np.where(solid, np.clip(cover * spacing, 0.03, 0.2), 0.02).astype(np.float32)
-    return ObstacleCloud(everything, radii, _confirmed(on_floor, surface))
+    return ObstacleCloud(everything, radii, _confirmed_floor(on_floor, surface))
 
 
 def _local_mean(points: Float32, values: Float32) -> Float32:
@@ -94,7 +94,7 @@ def _extend_to_floor(points: Float32, height: Float32, on_floor: Float32, surfac
     xy = np.stack([np.bincount(cell, points[:, axis]) / number for axis in (0, 1)], axis=1)
     lowest = np.full(len(number), np.inf)
     np.minimum.at(lowest, cell, height)
-    standing = ~_raised(xy, on_floor, things)
+    standing = ~_are_raised(xy, on_floor, things)
     xy, lowest = xy[standing], lowest[standing]
     ground = surface.height_at(xy)
     layers = [
@@ -104,7 +104,7 @@ def _extend_to_floor(points: Float32, height: Float32, on_floor: Float32, surfac
     return np.concatenate(layers).astype(np.float32)
 
 
-def _raised(xy: NDArray[np.float64], on_floor: Float32, things: Float32) -> NDArray[np.bool_]:
+def _are_raised(xy: NDArray[np.float64], on_floor: Float32, things: Float32) -> NDArray[np.bool_]:
     """(N,) bool: which of the places `xy` (N, 2) of lowest object points are above visible floor. There, floor points
     (M, 3) are on all sides, and the object's points (K, 3) cover one side, as with a sofa on short legs. Legs, rails,
     and the foot of a pane that the LiDAR scan misses do not meet both conditions."""
@@ -132,7 +132,7 @@ def _counts_in_half_discs(tree: cKDTree, xy: NDArray[np.float64], radius: float)
     return np.array([np.bincount(place[away @ (np.cos(t), np.sin(t)) > 0], minlength=len(xy)) for t in turns])
 
 
-def _confirmed(points: Float32, surface: FloorSurface) -> FloorSupport:
+def _confirmed_floor(points: Float32, surface: FloorSurface) -> FloorSupport:
     """The cells with floor points, with gaps of up to about 0.3 m closed."""
     import cv2
 

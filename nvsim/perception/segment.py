@@ -17,7 +17,7 @@ from nvsim.depth.floor_noise import flatten_floor
 from nvsim.errors import InputError
 from nvsim.events import Listener, Progress, ignore_event
 from nvsim.files.atomic import make_folder, write_bytes
-from nvsim.files.images import decoded
+from nvsim.files.images import decode_pixels
 from nvsim.files.opening import read_bytes
 from nvsim.geometry.camera import Camera, Intrinsics
 from nvsim.geometry.floor_surface import FloorSurface
@@ -181,7 +181,7 @@ def read_mask_and_doubt(path: Path, width: int | None = None, height: int | None
     if not path.is_file():
         raise InputError(f"The floor mask {path} is missing; make the floor masks first.")
     again = "delete it and run `nvsim floors --project` again"
-    picture = decoded(read_bytes(path), path, cv2.IMREAD_GRAYSCALE, what="a floor mask", then=again)
+    picture = decode_pixels(read_bytes(path), path, cv2.IMREAD_GRAYSCALE, what="a floor mask", then=again)
     doubtful = picture == _DOUBTFUL
     layers = [np.where(doubtful, 0, picture).astype(np.uint8)]
     if doubtful.any():

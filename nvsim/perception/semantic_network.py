@@ -29,9 +29,9 @@ class SemanticNetwork:
         found = self._chain.value(shown.values, self._result.value)
         place = shown.placements[self._result.image]
         if self._result.meaning == "labels":
-            return _labelled(self._planes(found, 1, shown.values)[0], self._result.floor, place)
+            return _floor_share(self._planes(found, 1, shown.values)[0], self._result.floor, place)
         planes = self._planes(found, self._result.classes, shown.values)
-        floor = _shifted(self._result.floor, len(planes) - self._result.classes)
+        floor = _shift_classes(self._result.floor, len(planes) - self._result.classes)
         if self._result.meaning == "probabilities":
             return np.clip(place.to_image_size(planes[list(floor)].sum(axis=0)), 0, 1)
         if len(planes) == 1:
@@ -51,9 +51,9 @@ class SemanticNetwork:
         found = self._chain.value(shown.values, self._result.value)
         place = shown.placements[self._result.image]
         if self._result.meaning == "labels":
-            return _labelled(self._planes(found, 1, shown.values)[0], self._result.people, place) > 0.5
+            return _floor_share(self._planes(found, 1, shown.values)[0], self._result.people, place) > 0.5
         planes = self._planes(found, self._result.classes, shown.values)
-        people = list(_shifted(self._result.people, len(planes) - self._result.classes))
+        people = list(_shift_classes(self._result.people, len(planes) - self._result.classes))
         if self._result.meaning == "probabilities":
             return place.to_image_size(planes[people].sum(axis=0)) > 0.5
         # Unlike that of floor, the softmax is enlarged: it takes a tenth of the time, and the mask is dilated anyway.
@@ -78,7 +78,7 @@ class SemanticNetwork:
         return planes
 
 
-def _shifted(classes: tuple[int, ...], background: int) -> tuple[int, ...]:
+def _shift_classes(classes: tuple[int, ...], background: int) -> tuple[int, ...]:
     """The numbers of `classes`, shifted by the number of `background` classes."""
     return tuple(number + background for number in classes)
 
@@ -96,6 +96,6 @@ def _soft(planes: NDArray[np.float32], floor: tuple[int, ...], place: Placement)
     return np.asarray(ours / np.maximum(total, 1e-30), np.float32)
 
 
-def _labelled(labels: NDArray[np.float32], floor: tuple[int, ...], place: Placement) -> Float32:
+def _floor_share(labels: NDArray[np.float32], floor: tuple[int, ...], place: Placement) -> Float32:
     """(H, W) 1 where `labels` (h, w) are floor, at the image's size; linear between labels."""
     return place.to_image_size(np.isin(np.round(labels), floor).astype(np.float32))

@@ -88,9 +88,9 @@ def _conventions(poses: Float, own: str) -> Iterator[tuple[str, str, Float]]:
             "their quaternions are in another order (w x y z instead of x y z w)",
         ),
     ):
-        yield words, "", _rotated(poses, change)
-        yield words, "", _rotated(poses @ _GL, change) @ _GL
-        yield words, "", _inverted(_rotated(_inverted(poses), change))
+        yield words, "", _change_rotations(poses, change)
+        yield words, "", _change_rotations(poses @ _GL, change) @ _GL
+        yield words, "", _invert_poses(_change_rotations(_invert_poses(poses), change))
     turn, place = poses[:, :3, :3], poses[:, :3, 3]
     mixed = "their positions and rotations are of opposite directions (camera to world and world to camera)"
     for moved in (
@@ -98,16 +98,20 @@ def _conventions(poses: Float, own: str) -> Iterator[tuple[str, str, Float]]:
         turn @ -place[..., None],
         turn @ -(place * (1, -1, -1))[..., None],
     ):
-        yield mixed, "", _placed(poses, moved[..., 0])
+        yield mixed, "", _change_positions(poses, moved[..., 0])
     for axis, name in enumerate("xyz"):
-        yield f"their positions are mirrored along {name}", "", _placed(poses, place * (1 - 2 * (np.arange(3) == axis)))
+        yield (
+            f"their positions are mirrored along {name}",
+            "",
+            _change_positions(poses, place * (1 - 2 * (np.arange(3) == axis))),
+        )
     for sign in (1, -1):
         swapped = place[:, [0, 2, 1]] * (1, sign, -sign)
-        yield "the y and z axes of their positions are exchanged", "", _placed(poses, swapped)
+        yield "the y and z axes of their positions are exchanged", "", _change_positions(poses, swapped)
     for angle, turned in ((180, [[-1, 0], [0, -1]]), (90, [[0, -1], [1, 0]]), (270, [[0, 1], [-1, 0]])):
-        yield f"the images are turned by {angle} degrees", "", _viewed(poses, np.array(turned, np.float64))
+        yield f"the images are turned by {angle} degrees", "", _change_views(poses, np.array(turned, np.float64))
     for mirror in (np.diag([-1.0, 1.0]), np.diag([1.0, -1.0])):
-        yield "the images or the world are mirrored (left-handed)", "", _viewed(poses, mirror)
+        yield "the images or the world are mirrored (left-handed)", "", _change_views(poses, mirror)
 
 
 def _words(axes: Axes, own: str) -> str:
@@ -143,28 +147,28 @@ def _with_rows(poses: Float, rows: NDArray[np.int64], values: Float) -> Float:
     return result
 
 
-def _rotated(poses: Float, change: Callable[[Float], Float]) -> Float:
+def _change_rotations(poses: Float, change: Callable[[Float], Float]) -> Float:
     result = poses.copy()
     result[:, :3, :3] = change(poses[:, :3, :3])
     return result
 
 
-def _placed(poses: Float, positions: Float) -> Float:
+def _change_positions(poses: Float, positions: Float) -> Float:
     result = poses.copy()
     result[:, :3, 3] = positions
     return result
 
 
-def _viewed(poses: Float, image: Float) -> Float:
+def _change_views(poses: Float, image: Float) -> Float:
     """Poses of cameras whose images are rotated or mirrored by `image` (2, 2)."""
     turned = np.eye(4)
     turned[:2, :2] = image
     return poses @ turned
 
 
-def _inverted(poses: Float) -> Float:
+def _invert_poses(poses: Float) -> Float:
     back = np.swapaxes(poses[:, :3, :3], 1, 2)
-    return _placed(_rotated(poses, lambda _: back), -(back @ poses[:, :3, 3, None])[..., 0])
+    return _change_positions(_change_rotations(poses, lambda _: back), -(back @ poses[:, :3, 3, None])[..., 0])
 
 
 def _shift_quaternion_components(rotations: Float, turn: int) -> Float:
@@ -211,7 +215,7 @@ def _lens_explanation(poses: Float, evidence: Evidence) -> Explanation | None:
     factors = np.exp(np.linspace(-1, 1, 27))
     start = min(factors, key=lambda f: cost(_LensChange((f, f))))
 
-    def fitted(
+    def fit_change(
         parameters: Callable[[Float], _LensChange], first: Sequence[float], steps: Sequence[float]
     ) -> _LensChange:
         simplex = np.array([first, *(np.array(first) + np.diag(steps))])
@@ -222,15 +226,15 @@ def _lens_explanation(poses: Float, evidence: Evidence) -> Explanation | None:
 
     lens = sample.kinds[0]
     (fx, fy), (cx, cy) = lens.focal, lens.principal_point
-    options = [fitted(lambda v: _LensChange((np.exp(v[0]), np.exp(v[0]))), [np.log(start)], [0.05])]
+    options = [fit_change(lambda v: _LensChange((np.exp(v[0]), np.exp(v[0]))), [np.log(start)], [0.05])]
     if lens.is_distorted:
         options += [_LensChange(distortion=-1.0), _LensChange(distortion=0.0)]
     options += [
         _LensChange((fy / fx, fx / fy)),
         _LensChange(middle=((cy - cx) / lens.width, (cx - cy) / lens.height)),
-        fitted(lambda v: _LensChange(middle=(v[0], v[1])), [0.0, 0.0], [0.1, 0.1]),
-        fitted(lambda v: _LensChange((np.exp(v[0]), np.exp(v[1]))), [np.log(start)] * 2, [0.05, 0.05]),
-        fitted(
+        fit_change(lambda v: _LensChange(middle=(v[0], v[1])), [0.0, 0.0], [0.1, 0.1]),
+        fit_change(lambda v: _LensChange((np.exp(v[0]), np.exp(v[1]))), [np.log(start)] * 2, [0.05, 0.05]),
+        fit_change(
             lambda v: _LensChange((np.exp(v[0]), np.exp(v[0])), (v[1], v[2])),
             [np.log(start), 0.0, 0.0],
             [0.05, 0.1, 0.1],

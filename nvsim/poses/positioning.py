@@ -61,13 +61,13 @@ def reconstruct_video(
     models = []
     for number in np.flatnonzero(np.bincount(part) >= _FEWEST):
         inside = {pair: own for pair, own in views.items() if part[pair[0]] == number}
-        model = _reconstructed(path, cameras, camera, keypoints, inside)
+        model = _reconstruct(path, cameras, camera, keypoints, inside)
         if model is not None:
             models.append(model)
     return sorted(models, key=lambda m: -m.num_reg_images())
 
 
-def _reconstructed(
+def _reconstruct(
     path: Path,
     cameras: Mapping[int, pycolmap.Camera],
     camera: NDArray[np.int64],

@@ -66,7 +66,7 @@ def median_epipolar_error(frames: Sequence[Frame]) -> float | None:
             pairs.append((i, j))
     chosen = [pairs[k] for k in evenly_spaced(len(pairs), _SAMPLE)]
 
-    def measured(pair: tuple[int, int]) -> float | None:
+    def measure_pair(pair: tuple[int, int]) -> float | None:
         (one, first), (other, second) = (_features_of_frame(frames[k]) for k in pair)
         found = match_cameras(one, other, first, second)
         if not len(found):
@@ -75,7 +75,7 @@ def median_epipolar_error(frames: Sequence[Frame]) -> float | None:
         return float(np.median(np.abs(off)))
 
     with thread_pool() as pool:
-        distances = [off for off in pool.map(measured, chosen) if off is not None]
+        distances = [off for off in pool.map(measure_pair, chosen) if off is not None]
     return float(np.median(distances)) if len(distances) >= _FEW else None
 
 

@@ -195,15 +195,15 @@ class _Process:
                 self._end_late(limits.seconds)
             return receive(self._connection)
         until = time.monotonic() + (math.inf if limits.seconds is None else limits.seconds)
-        before = self._computed()
+        before = self._processor_seconds()
         while not self._connection.poll(min(_LOOK, max(until - time.monotonic(), 0.0))):
             if time.monotonic() > until:
                 self._end_late(limits.seconds)
-            if self._computed() - before > limits.computing:
+            if self._processor_seconds() - before > limits.computing:
                 self._end_late(limits.computing)
         return receive(self._connection)
 
-    def _computed(self) -> float:
+    def _processor_seconds(self) -> float:
         """Seconds of processor time that the process has taken."""
         try:
             times = psutil.Process(self._process.pid).cpu_times()

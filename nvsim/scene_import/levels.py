@@ -205,7 +205,7 @@ def known_floor(
     floor = surface.height_at(grid.centres()).astype(np.float64)
     slabs = [_FLOOR, _BODY, _WALL, (CEILING[0], above)]
     near = (gaussians.means[:, 2] > height - 2.0) & (gaussians.means[:, 2] < height + above + 1.0)
-    cover, body, wall, ceiling = slab_cover(_chosen(gaussians, near), grid, floor, slabs)
+    cover, body, wall, ceiling = slab_cover(_select_gaussians(gaussians, near), grid, floor, slabs)
     roofed = ndimage.binary_closing(np.pad(ceiling > _COVERED, 40), _disc(round(_BRIDGED / SPACING / 4)), iterations=4)
     known = ndimage.binary_closing(np.pad(cover > _COVERED, 40), _disc(3))[40:-40, 40:-40]
     enclosure, roofed = _enclosure(wall > _COVERED), roofed[40:-40, 40:-40]
@@ -236,7 +236,7 @@ def _level(gaussians: Gaussians, surface: FloorSurface, height: float, above: fl
     return Level(height, surface, grid, known, free, np.column_stack([places, z]), ceiling)
 
 
-def _chosen(g: Gaussians, rows: NDArray[np.bool_]) -> Gaussians:
+def _select_gaussians(g: Gaussians, rows: NDArray[np.bool_]) -> Gaussians:
     return Gaussians(g.means[rows], g.log_scales[rows], g.quats[rows], g.opacity_logits[rows], g.sh[rows, :1])
 
 

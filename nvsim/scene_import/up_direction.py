@@ -50,7 +50,7 @@ def find_up(
     if len(normals) < _FEW:
         return None
     axes = [given] if given is not None else _candidates(normals)
-    refined = [_refined(surface, axis) for axis in axes]
+    refined = [_refine_up(surface, axis) for axis in axes]
     planes = [_Planes.planes_across(surface, axis) for axis in refined]
     best = int(np.argmax([one.score for one in planes]))
     up, share = refined[best], planes[best].score
@@ -185,7 +185,7 @@ def _mean_axis(normals: NDArray[np.float64], axis: NDArray[np.float64]) -> NDArr
     return np.asarray(axis)
 
 
-def _refined(surface: SurfacePoints, axis: NDArray[np.float64]) -> NDArray[np.float64]:
+def _refine_up(surface: SurfacePoints, axis: NDArray[np.float64]) -> NDArray[np.float64]:
     """The common normal of the large planes across an axis, if it is near the axis."""
     up = axis
     for tolerance in (4.0, 3.0, 2.0, 1.5):

@@ -130,7 +130,7 @@ def load_model(folder: Path) -> SubmapModel:
     for attempt in range(_ATTEMPTS):
         data = _read_description(folder)
         try:
-            return _loaded(folder, data)
+            return _load(folder, data)
         except InputError:
             # Another process may have replaced the model and removed its files after the description was read.
             if attempt + 1 == _ATTEMPTS or _read_description(folder) == data:
@@ -153,7 +153,7 @@ def _description_errors(folder: Path) -> Iterator[None]:
         ) from error
 
 
-def _loaded(folder: Path, data: dict[str, Any]) -> SubmapModel:
+def _load(folder: Path, data: dict[str, Any]) -> SubmapModel:
     with _description_errors(folder):
         return _read_model(folder, data)
 

@@ -12,7 +12,7 @@ from nvsim.capture.moved_files import FolderFiles
 from nvsim.errors import InputError, shown
 from nvsim.events import from_json
 from nvsim.files.images import image_size_of
-from nvsim.graph.arguments import Argument, checked
+from nvsim.graph.arguments import Argument, check_arguments
 from nvsim.graph.edits import EditError
 from nvsim.project.state import results
 from nvsim.project.state.cuts import load_cut, save_cut
@@ -47,7 +47,7 @@ def test_a_path_of_usual_length_stays_whole() -> None:
 def test_an_unknown_argument_of_an_edit_is_named() -> None:
     arguments = (Argument("ids", "names", "the viewpoints"),)
     with pytest.raises(EditError, match=r"remove has no argument 'other'; it takes ids\."):
-        checked("remove", arguments, {"other": 1})
+        check_arguments("remove", arguments, {"other": 1})
 
 
 def test_an_event_with_an_unknown_field_is_refused_in_one_line() -> None:

@@ -124,7 +124,7 @@ def test_an_export_answers_as_the_network_does(views: list[Example], tmp_path: P
     assert np.abs(shown.values["floor"] - logits.numpy()).max() < 0.02 * max(1, float(logits.abs().max()))
     assert probability.shape == example.floor.shape and 0 <= probability.min() <= probability.max() <= 1
     untrained = NormalsNetwork(model_at(tmp_path / "normals.toml").open("cpu"))
-    found = untrained.seen(example.image, example.camera)  # which way it faces is chance, and not asked
+    found = untrained.camera_normals(example.image, example.camera)  # which way it faces is chance, and not asked
     assert np.allclose(np.linalg.norm(found, axis=-1), 1, atol=1e-3) and directions.shape[1] == 3
 
 

@@ -200,13 +200,13 @@ def test_a_traceback_in_a_log_is_readable(tmp_path: Path, monkeypatch: pytest.Mo
     import tempfile
 
     from nvsim.cli.commands.graph_edit import GraphLog
-    from nvsim.cli.guard import guarded
+    from nvsim.cli.guard import run_guarded
 
     def crash(_: object) -> int:
         raise RuntimeError(EVIL)
 
     monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
     monkeypatch.setattr(GraphLog, "run", crash)
-    assert guarded("graph log", GraphLog, ["x"]) == 1
+    assert run_guarded("graph log", GraphLog, ["x"]) == 1
     (log,) = tmp_path.glob("*.log")
     assert not unseen(log.read_text()) and "RuntimeError: \\x1b]0;PWN" in log.read_text()

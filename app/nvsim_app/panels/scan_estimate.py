@@ -12,7 +12,7 @@ from PySide6.QtCore import QObject, QSize, Qt, Signal
 from PySide6.QtGui import QPalette
 from PySide6.QtWidgets import QFrame, QGridLayout, QPushButton, QVBoxLayout, QWidget
 
-from nvsim.graph.history import counted
+from nvsim.graph.history import count_text
 from nvsim.networks.folder import models_folder
 from nvsim.r2r.features.layouts import LAYOUTS, Layout, feature_maker, missing_package_error, network_name
 from nvsim.r2r.observations.estimate import size_words
@@ -190,7 +190,7 @@ class ScanEstimatePanel(QFrame):
         self.room.setText(f"Takes {found.time}.\nFree disk space there: {size_words(found.free)}.")
         there = found.drawn - found.todo
         self.there.setText(
-            f"{there} of {counted(found.drawn, 'viewpoint')} {'is' if there == 1 else 'are'} already there, with the "
+            f"{there} of {count_text(found.drawn, 'viewpoint')} {'is' if there == 1 else 'are'} already there, with the "
             "same settings."
         )
         self.there.setVisible(there > 0)

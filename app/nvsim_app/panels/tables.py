@@ -23,7 +23,7 @@ from nvsim.errors import InputError
 from nvsim.graph.clearness_cache import ClearnessCache
 from nvsim.graph.edits import EditError
 from nvsim.graph.expression import by_expression
-from nvsim.graph.history import counted
+from nvsim.graph.history import count_text
 from nvsim.graph.quantities import QuantityInputs
 from nvsim.graph.selection import GraphSelection
 from nvsim.graph.types import EdgeKey, NavGraph
@@ -192,8 +192,8 @@ class TablePanel(QWidget):
 
     def _show_selection(self) -> None:
         chosen = self._document.editing.selection
-        words = [counted(len(chosen.viewpoints), "viewpoint") if chosen.viewpoints else "",
-                 counted(len(chosen.edges), "edge") if chosen.edges else ""]  # fmt: skip
+        words = [count_text(len(chosen.viewpoints), "viewpoint") if chosen.viewpoints else "",
+                 count_text(len(chosen.edges), "edge") if chosen.edges else ""]  # fmt: skip
         self.count.setText(", ".join(w for w in words if w) + (" selected" if any(words) else ""))
         if self._linking:
             return

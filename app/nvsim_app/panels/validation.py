@@ -24,7 +24,7 @@ from PySide6.QtWidgets import (
 )
 
 from nvsim.graph.findings import SEVERITIES, Finding, Fix
-from nvsim.graph.history import counted
+from nvsim.graph.history import count_text
 from nvsim.graph.paths import count_cut_off
 from nvsim.graph.selection import GraphSelection
 from nvsim_app.layers.labels import short_ids
@@ -297,7 +297,7 @@ class ValidationPanel(QWidget):
         self.model.renew()
         if complete:
             for severity, box in self.boxes.items():
-                box.setText(counted(counts[severity], severity))
+                box.setText(count_text(counts[severity], severity))
             self.tree.setVisible(bool(self.model.groups))
             self.clean.setVisible(not self.model.groups)
             self.clean.setText(self.reason_for_no_findings)
@@ -358,7 +358,7 @@ class ValidationPanel(QWidget):
         group = self.group
         fixes = [] if group is None else _fixes(group, number)
         if group is not None and fixes:
-            text = f"Fix {counted(len(fixes), 'finding')}: {fixes[0].text[0].lower()}{fixes[0].text[1:]}"
+            text = f"Fix {count_text(len(fixes), 'finding')}: {fixes[0].text[0].lower()}{fixes[0].text[1:]}"
             operations = [(fix.operation, fix.arguments) for fix in fixes]
             self._document.editing.run_all(operations, text, skips=True)
 
@@ -392,7 +392,7 @@ class ValidationPanel(QWidget):
         if graph is None or len(keys) != 1 or keys[0] not in graph.edges:
             return ""
         lost = count_cut_off(graph, keys[0])
-        return f" Removing it disconnects {counted(lost, 'viewpoint')} from the others." if lost else ""
+        return f" Removing it disconnects {count_text(lost, 'viewpoint')} from the others." if lost else ""
 
     def _on_filter(self) -> None:
         self.model.severities = frozenset(s for s, box in self.boxes.items() if box.isChecked())

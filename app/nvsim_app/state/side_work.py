@@ -186,10 +186,10 @@ def _work(requests: Requests, task: ModelTask) -> Found:
 
         found["added"] = add(list(task.add)).name
     if task.check:
-        from nvsim.networks.installed import bundled, installed
+        from nvsim.networks.installed import bundled_models, installed_models
         from nvsim.perception.checking import check
 
-        known = {model.name: model for model in (*installed()[0], *bundled())}
+        known = {model.name: model for model in (*installed_models()[0], *bundled_models())}
         found["checked"] = {name: asdict(check(known[name])) for name in task.check if name in known}
     found["catalogue"] = catalogue().as_dict()
     return found

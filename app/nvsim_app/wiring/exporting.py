@@ -20,7 +20,7 @@ from nvsim.figures import DASHES, SHAPES
 from nvsim.files.opening import is_folder
 from nvsim.files.user_folders import home_folder
 from nvsim.graph.exports import ColorGroups, LegendRow, draw
-from nvsim.graph.history import counted
+from nvsim.graph.history import count_text
 from nvsim.graph.offers import ChoiceField
 from nvsim.graph.types import NavGraph
 from nvsim.occupancy.types import OccupancyMap
@@ -237,7 +237,7 @@ class ScanForm(QObject):
         if editing.history is not None and self._unsaved:
             count = editing.history.edits_since_saved()
             are = "is" if count == 1 else "are"
-            words = f"{counted(count, 'edit')} of the graph {are} not saved; the scan is made from the saved graph."
+            words = f"{count_text(count, 'edit')} of the graph {are} not saved; the scan is made from the saved graph."
         self.panel.show_unsaved(words, editing.writable)
         if before and not self._unsaved:
             self.panel.ask_again()

@@ -8,7 +8,7 @@ from functools import partial
 from PySide6.QtCore import QSettings
 from PySide6.QtWidgets import QMenu
 
-from nvsim.graph.history import counted
+from nvsim.graph.history import count_text
 from nvsim.graph.selection import GraphSelection
 from nvsim.graph.types import Edge, Viewpoint
 from nvsim_app.actions import Action
@@ -160,7 +160,7 @@ class ContextPart(Part):
     def _fill_for_things(self, menu: QMenu) -> None:
         graph, chosen = self.context.document.graph, self.context.document.editing.selection
         parts = [(len(chosen.viewpoints), "viewpoint"), (len(chosen.edges), "edge")]
-        words = " and ".join(counted(n, thing) for n, thing in parts if n)
+        words = " and ".join(count_text(n, thing) for n, thing in parts if n)
         if len(chosen.viewpoints) + len(chosen.edges) == 1:
             ids = (*chosen.viewpoints, *(end for key in chosen.edges for end in key))
             words = " – ".join(short_id(graph, id) for id in ids)

@@ -14,7 +14,7 @@ from PySide6.QtGui import QPainter
 from nvsim.errors import InputError
 from nvsim.graph.difference import Difference
 from nvsim.graph.edits import EditError
-from nvsim.graph.history import counted
+from nvsim.graph.history import count_text
 from nvsim.graph.proposals import PlaceProposal, propose_edges, propose_viewpoints
 from nvsim.graph.selection import GraphSelection
 from nvsim.graph.types import EdgeKey
@@ -185,7 +185,7 @@ class ProposePart(Part):
         self.proposals.add(graph, edges, (), places)
         self._prune()
         self._announce_change()
-        words = counted(len(places), "viewpoint") if places else counted(len(edges), "edge")
+        words = count_text(len(places), "viewpoint") if places else count_text(len(edges), "edge")
         if edges or places:
             one = len(edges) + len(places) == 1
             self.context.notices.info(
@@ -208,7 +208,7 @@ class ProposePart(Part):
             steps.append(("add_edges", {"pairs": pairs}))
         if steps:
             chosen = GraphSelection(frozenset(place.new_id for place in places)) if places else None
-            text = f"Add {counted(len(places), 'proposed viewpoint')}" if places else ""
+            text = f"Add {count_text(len(places), 'proposed viewpoint')}" if places else ""
             editing.run_all(steps, text, selection=chosen)
 
     def proposal_under(self, pointer: Pointer) -> EdgeKey | None:

@@ -74,7 +74,7 @@ class GraphCheck:
                 }
             )
             if not self.json:
-                title = f"{source.name}: {_counted(counts)}" + (f", {len(hidden)} ignored" if hidden else "")
+                title = f"{source.name}: {_count_text(counts)}" + (f", {len(hidden)} ignored" if hidden else "")
                 rows = [(f.severity, f.message, f.fixes[0].text if f.fixes else "") for f in shown]
                 terminal.table(("severity", "finding", "fix"), rows, title) if rows else say(title)
         if self.json:
@@ -82,7 +82,7 @@ class GraphCheck:
         return 1 if any(scan["error"] for scan in report) else 0
 
 
-def _counted(counts: dict[str, int]) -> str:
+def _count_text(counts: dict[str, int]) -> str:
     words = [f"{n} {severity}{'' if n == 1 else 's'}" for severity, n in counts.items() if n]
     return ", ".join(words) or "nothing found"
 
@@ -292,14 +292,14 @@ class GraphEvidence(ProjectArguments):
 
             blob = read_bytes(self.graph)
             with Project.open(self.project) as project, event_listener(self.json) as listen:
-                write_bytes(self.out, encode_graph(_measured(self, project, decode_graph(blob), listen)))
+                write_bytes(self.out, encode_graph(_with_measured_edges(self, project, decode_graph(blob), listen)))
             return 0
         with project_job(self.project, "evidence", self.json) as (project, listen):
-            project.set_graph(_measured(self, project, project.need_graph(), listen))
+            project.set_graph(_with_measured_edges(self, project, project.need_graph(), listen))
         return 0
 
 
-def _measured(arguments: GraphEvidence, project: Project, graph: NavGraph, listen: Listener) -> NavGraph:
+def _with_measured_edges(arguments: GraphEvidence, project: Project, graph: NavGraph, listen: Listener) -> NavGraph:
     from nvsim.events import Done
     from nvsim.mapping.evidence.new_viewpoints import STAGE, with_new_viewpoints
     from nvsim.project.stages.measured import measure, unmeasured_viewpoints

@@ -149,10 +149,10 @@ def _report(
 
 
 def _sentence(change: Difference) -> str:
-    from nvsim.graph.history import counted
+    from nvsim.graph.history import count_text
 
     parts = [
-        f"{counted(len(names), thing)} {word}"
+        f"{count_text(len(names), thing)} {word}"
         for thing, kinds in (
             ("viewpoint", (change.added_viewpoints, change.removed_viewpoints, change.changed_viewpoints)),
             ("edge", (change.added_edges, change.removed_edges, change.changed_edges)),
@@ -222,7 +222,7 @@ class GraphReplay:
 
     def run(self) -> int:
         from nvsim.cli.graph_target import GraphTarget, edit_errors_as_input_errors
-        from nvsim.graph.history import History, counted
+        from nvsim.graph.history import History, count_text
         from nvsim.graph.operations import parse_line, perform_operation
         from nvsim.graph.scripts import script_lines
 
@@ -237,7 +237,7 @@ class GraphReplay:
                     with edit_errors_as_input_errors(f"{self.script}, line {number}: "):
                         perform_operation(history, *parse_line(line), surroundings=surroundings)
                     count += 1
-            return f"Replay {counted(count, 'edit')}"
+            return f"Replay {count_text(count, 'edit')}"
 
         if self.dry_run or self.out is not None:
             history = History(target.read())

@@ -81,11 +81,11 @@ class ModelsCheck:
 
     def run(self) -> int:
         """Returns 1 if a model has a problem. Raises InputError if a named model is not installed."""
-        from nvsim.networks.installed import bundled, installed
+        from nvsim.networks.installed import bundled_models, installed_models
         from nvsim.perception.checking import check
 
-        models, problems = installed()
-        known = {model.name: model for model in (*models, *bundled())}
+        models, problems = installed_models()
+        known = {model.name: model for model in (*models, *bundled_models())}
         for name in self.names:
             if name not in known:
                 raise InputError(f"There is no model {name!r:.60} (installed: {', '.join(known) or 'none'}).")

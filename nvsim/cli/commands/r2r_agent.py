@@ -70,7 +70,7 @@ class R2RAgent:
             return _run_mapgpt(self, scans, tasks)
         benchmark = Benchmark.read(scans, tasks)
         if agent == "recurrent":
-            walked = _recurrent(self, benchmark)
+            walked = _run_recurrent_agent(self, benchmark)
         else:
             walked = run_agent(agent_of(agent, benchmark.graphs, self.seed), benchmark.tasks, benchmark.folder)
         written = write_submission(self.out, walked)
@@ -78,7 +78,7 @@ class R2RAgent:
         return 0
 
 
-def _recurrent(arguments: R2RAgent, benchmark: Benchmark) -> Trajectories:
+def _run_recurrent_agent(arguments: R2RAgent, benchmark: Benchmark) -> Trajectories:
     a = arguments
     if a.checkpoint is None:
         raise InputError("The recurrent agent needs --checkpoint, the folder that `nvsim r2r train` wrote.")

@@ -20,8 +20,8 @@ from nvsim.evaluation.ablation_runs import (
     AblationRow,
     SharedViews,
     TrainingRun,
-    finished,
     progress_of_run,
+    train_or_load,
     training_run,
 )
 from nvsim.evaluation.judging.views import JudgedView, Kind
@@ -80,7 +80,7 @@ def by_presets(
             run = runs[row.name, submap.index]
             if not run.is_done:
                 title = f"{row.title}, submap {submap.index}"
-                finished(project, run, shared.of(run), progress_of_run(listen, STAGE, before, total, title))
+                train_or_load(project, run, shared.of(run), progress_of_run(listen, STAGE, before, total, title))
                 before += run.config.steps
     drawers = {row.name: _of_runs({str(s.index): runs[row.name, s.index] for s in submaps}) for row in rows}
     return _draw_contestants(drawers, views, out, listen)

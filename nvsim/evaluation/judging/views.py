@@ -94,7 +94,7 @@ def _seen_view(capture: Capture, index: int, submap: Submap, counts: ViewCounts)
     camera = _limit_size(frame.camera, counts.longest)
 
     def photo() -> Image:
-        return _sized(read_image(frame, frame.intrinsics) / np.float32(255), camera)
+        return _resize(read_image(frame, frame.intrinsics) / np.float32(255), camera)
 
     return JudgedView(f"{submap.index:03d}_seen_{index:06d}", "seen", str(submap.index), camera, photo)
 
@@ -103,7 +103,7 @@ def _photographed_view(view: NovelView, submap: Submap, counts: ViewCounts) -> J
     camera = _limit_size(view.camera, counts.longest)
 
     def photo() -> Image:
-        return _sized(view.image(), camera)
+        return _resize(view.image(), camera)
 
     name = "".join(c if c.isalnum() or c in "-." else "_" for c in view.name)
     return JudgedView(f"{submap.index:03d}_novel_{name}", "novel", str(submap.index), camera, photo)
@@ -143,7 +143,7 @@ def _limit_size(camera: Camera, longest: int) -> Camera:
     return camera.scaled(k.width, k.height)
 
 
-def _sized(image: NDArray[np.floating], camera: Camera) -> Image:
+def _resize(image: NDArray[np.floating], camera: Camera) -> Image:
     k = camera.intrinsics
     if image.shape[:2] == (k.height, k.width):
         return np.asarray(image, np.float32)

@@ -50,7 +50,7 @@ def rewrite_document(document: Document, before: NavGraph, after: NavGraph) -> D
         if origin < 0:
             entries.append(_new_entry(document, viewpoint, style))
             continue
-        entry = _changed(document.entries[origin], viewpoint)
+        entry = _changed_entry(document.entries[origin], viewpoint)
         entries.append(_with_lists(entry, i, flags, document.flags if whole else None, style))
     if whole:
         return replace(document, entries=tuple(entries), flags=flags)
@@ -116,7 +116,7 @@ def _pair(i: int, j: int) -> tuple[int, int]:
     return (i, j) if i < j else (j, i)
 
 
-def _changed(entry: Entry, now: Viewpoint) -> Entry:
+def _changed_entry(entry: Entry, now: Viewpoint) -> Entry:
     """Return the entry with new text for the members whose values changed."""
     was = entry.viewpoint
     if was == now:

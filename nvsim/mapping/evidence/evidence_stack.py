@@ -62,7 +62,7 @@ class _EvidenceGroup:
     def codes(self, config: MappingConfig) -> NDArray[np.uint8]:
         """(n,) uint8 indices into `decision_names()`, equal to criteria.decide."""
         _, across = corridor_of(self.sample, config)
-        sums = self._summed(across.start, across.stop)
+        sums = self._sum_cells(across.start, across.stop)
         e = self.sample
         starts = e.near + (np.arange(self._planes["alpha"].shape[2]) + 0.5) * e.depth - e.depth / 2
         used = np.searchsorted(starts, self.length + config.half_width - 1e-9, side="left")
@@ -90,7 +90,7 @@ class _EvidenceGroup:
         if criterion.plane not in self._planes:
             raise InputError(unmeasured_message(criterion.family))
 
-    def _summed(self, first: int, end: int) -> _CorridorSums:
+    def _sum_cells(self, first: int, end: int) -> _CorridorSums:
         found = self._sums.get((first, end))
         if found is not None:
             return found

@@ -87,7 +87,7 @@ def measure_new_viewpoints(
     listen(Progress(STAGE, len(wanted), len(wanted), ""))
     opened = {key for key, words in decisions.items() if all(word == OPEN for word in words)}
     return NewViewpointEvidence(
-        tuple(e for id, several in found.items() for e in _numbered(graph, id, several, id in submaps)),
+        tuple(e for id, several in found.items() for e in _number_directions(graph, id, several, id in submaps)),
         submaps,
         tuple(sorted(key for key in opened if key not in graph.edges and not _has_short_detour(graph, *key))),
         tuple(sorted(key for key in decisions if key in graph.edges and key not in opened)),
@@ -138,7 +138,7 @@ def _has_short_detour(graph: NavGraph, a: str, b: str) -> bool:
     )
 
 
-def _numbered(graph: NavGraph, id: str, several: list[Evidence], whole: bool) -> list[Evidence]:
+def _number_directions(graph: NavGraph, id: str, several: list[Evidence], whole: bool) -> list[Evidence]:
     """Give corridors to viewpoints a direction from 8 on: the stored one, or a free one."""
     known = {e.joins: e.direction for (v, _), e in graph.evidence.items() if v == id and e.joins and not whole}
     free = max([DIRECTIONS - 1, *known.values()]) + 1

@@ -115,7 +115,7 @@ def explain(evidence: Evidence, config: MappingConfig) -> Explanation:
     """Return the decision of `criteria.decide` with its reasons. With two models, these are the reasons of the model
     that refuses the corridor, or whose values are closest to their limits. Raises InputError if the evidence lacks the
     data of a criterion."""
-    several = [_explained(one, config) for one in opinions(evidence, config)]
+    several = [_explain_criteria(one, config) for one in opinions(evidence, config)]
     if len(several) == 1:
         return several[0]
     decision = strictest_decision([one.decision for one in several])
@@ -125,7 +125,7 @@ def explain(evidence: Evidence, config: MappingConfig) -> Explanation:
     return replace(first, decision=decision, other=second)
 
 
-def _explained(evidence: Evidence, config: MappingConfig) -> Explanation:
+def _explain_criteria(evidence: Evidence, config: MappingConfig) -> Explanation:
     for family in unmeasured_families(evidence, config):
         raise InputError(unmeasured_message(family))
     corridor = corridor_of(evidence, config)

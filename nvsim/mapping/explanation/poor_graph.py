@@ -31,7 +31,7 @@ def explain_small_graph(report: Mapping[str, Any], uncovered: NDArray[np.floatin
     few = report["viewpoints"] < _FEW or not report["edges"]
     if not few and len(uncovered) <= _MOST_UNCOVERED * places:
         return ""
-    found = f"{_counted(report['viewpoints'], 'viewpoint')} and {_counted(report['edges'], 'edge')}"
+    found = f"{_count_text(report['viewpoints'], 'viewpoint')} and {_count_text(report['edges'], 'edge')}"
     where = ""
     if len(uncovered):
         # The position with the most of them around it.
@@ -52,9 +52,7 @@ def explain_no_viewpoint(refusals: list[tuple[float, float]], config: MappingCon
     asked = standing_criteria(config)
     limit = next((c.limit(config) for c in asked if c.plane == "alpha"), float("inf"))
     blocked = [alpha for alpha, known in refusals if alpha >= limit or known >= config.support]
-    tried = (
-        f"No position has room for a viewpoint: {_counted(len(refusals), 'position')} on the trajectory and beside it"
-    )
+    tried = f"No position has room for a viewpoint: {_count_text(len(refusals), 'position')} on the trajectory and beside it"
     if 2 * len(blocked) < len(refusals) or not refusals:
         return f"{tried} have too little known floor under them; {DECISIONS['unknown'].remedy}."
     filled = [alpha for alpha in blocked if alpha >= limit]
@@ -65,7 +63,7 @@ def explain_no_viewpoint(refusals: list[tuple[float, float]], config: MappingCon
     return f"{tried} were tried and {why}; check the floor masks and heights there, and {DECISIONS['alpha'].remedy}."
 
 
-def _counted(number: int, what: str) -> str:
+def _count_text(number: int, what: str) -> str:
     return f"{number} {what}" if number == 1 else f"{number} {what}s"
 
 
@@ -96,7 +94,7 @@ def _reason_for_group(group: list[str], groups: list[list[str]], survey: Survey,
         return f"{begin}, and the path between them is free; add the edge manually."
     words, where = DECISIONS[decision], ""
     if decision == "unknown":
-        where = f" around {_place_text(_unknown(here, there, survey, support))}"
+        where = f" around {_place_text(_unknown_floor_center(here, there, survey, support))}"
     free = "the path is free, but " if decision in SPARED else ""
     return f"{begin}: {free}{words.clause}{where}; {words.remedy}."
 
@@ -121,7 +119,7 @@ def _decision(here: Viewpoint, there: Viewpoint, survey: Survey) -> Decision:
     return OPEN
 
 
-def _unknown(here: Viewpoint, there: Viewpoint, survey: Survey, support: SupportAt) -> NDArray[np.float64]:
+def _unknown_floor_center(here: Viewpoint, there: Viewpoint, survey: Survey, support: SupportAt) -> NDArray[np.float64]:
     """(2,) world x, y in meters of the center of the unknown floor of the corridor."""
     a, b = np.array(here.position), np.array(there.position)
     along = (b - a) / max(math.dist(a[:2], b[:2]), 1e-9)

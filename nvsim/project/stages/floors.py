@@ -60,7 +60,7 @@ def floor_surfaces(project: Project, submaps: tuple[Submap, ...], config: Captur
             if known is not None:
                 found[submap.index] = known
                 continue
-        surface = _estimated(project, submap, storeys, config, found, submaps)
+        surface = _estimate_surface(project, submap, storeys, config, found, submaps)
         arrays = {
             "heights": surface.heights,
             "origin": np.array(surface.origin),
@@ -76,7 +76,7 @@ def _part(submap: Submap, storeys: TrajectoryStoreys) -> int:
     return int(np.bincount(storeys.part[list(submap.core)]).argmax())
 
 
-def _estimated(
+def _estimate_surface(
     project: Project,
     submap: Submap,
     storeys: TrajectoryStoreys,
@@ -255,18 +255,18 @@ def _support(project: Project) -> float:
         found = StackedSupport(
             floor,
             tuple(
-                _supported(project, [i for i in frames if storeys.cameras_of_storey(k)[i]], surface, cloud)
+                _find_support(project, [i for i in frames if storeys.cameras_of_storey(k)[i]], surface, cloud)
                 for k, surface in enumerate(floor.storeys)
             ),
         )
         found.save(project.layout.support)
         return found.area
-    support = _supported(project, frames, floor, project.scan_on(floor))
+    support = _find_support(project, frames, floor, project.scan_on(floor))
     support.save(project.layout.support)
     return float(support.cells.sum() * support.spacing**2)
 
 
-def _supported(project: Project, frames: list[int], floor: FloorSurface, cloud: Cloud | None) -> FloorSupport:
+def _find_support(project: Project, frames: list[int], floor: FloorSurface, cloud: Cloud | None) -> FloorSupport:
     """The floor that the masks of `frames` and the cloud support."""
     from nvsim.capture.masks import usable_pixels_of_frames
     from nvsim.perception.segment import SegmentConfig, read_mask

@@ -128,7 +128,7 @@ def run(
             f"{source} has no metric scale; give the height of the cameras above the floor (--camera-height METERS) or "
             "the length of a unit (--scale METERS)."
         )
-    capture, adjusted = _posed(capture, config, listen)
+    capture, adjusted = _select_poses(capture, config, listen)
     report_replaced_result(project, STAGE, listen)
     with contextlib.suppress(InputError):  # an unreadable capture is imported again
         project.fix_cut()
@@ -181,7 +181,7 @@ def _without_faulty(capture: Capture, checked: Capture) -> Capture:
     return dataclasses.replace(capture, frames=frames, depths=kept)
 
 
-def _posed(capture: Capture, config: CaptureConfig, listen: Listener) -> tuple[Capture, dict[str, float]]:
+def _select_poses(capture: Capture, config: CaptureConfig, listen: Listener) -> tuple[Capture, dict[str, float]]:
     """The capture with the poses that `config` selects, and the figures of the adjustment for the summary."""
     from nvsim.poses.refinement import are_poses_good, median_epipolar_error, refine
 

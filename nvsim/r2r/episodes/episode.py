@@ -108,7 +108,7 @@ def instruction_id(task: Task, number: int) -> int:
     return 100 * task.path_id + number
 
 
-def numbered(episodes: Sequence[Episode]) -> Iterator[tuple[int, Episode, str]]:
+def number_instructions(episodes: Sequence[Episode]) -> Iterator[tuple[int, Episode, str]]:
     """Yields (`instruction_id`, episode, text) for every instruction."""
     for episode in episodes:
         for k, text in enumerate(episode.task.instructions):
@@ -136,14 +136,14 @@ _BEGIN = -1
 
 def write_vlnce(episodes: Mapping[str, Sequence[Episode]], folder: Path) -> list[Path]:
     """Writes both files of every split and returns the paths. Raises InputError if writing fails."""
-    texts = [text for split in episodes.values() for _, _, text in numbered(split)]
+    texts = [text for split in episodes.values() for _, _, text in number_instructions(split)]
     words = vocabulary(texts)
     files: dict[Path, dict[str, Any]] = {}
     for name, split in episodes.items():
-        items = [_episode(id, episode, text, words) for id, episode, text in numbered(split)]
+        items = [_episode(id, episode, text, words) for id, episode, text in number_instructions(split)]
         files[folder / name / f"{name}.json.gz"] = {"episodes": items, "instruction_vocab": {"word_list": words}}
         files[folder / name / f"{name}_gt.json.gz"] = {
-            str(id): ground_truth_actions(one) for id, one, _ in numbered(split)
+            str(id): ground_truth_actions(one) for id, one, _ in number_instructions(split)
         }
     for path, data in files.items():
         atomic.write_bytes(path, gzip_bytes(data))

@@ -54,7 +54,7 @@ class FreeSpace:
         from scipy.ndimage import distance_transform_edt
 
         free = visible_floor(layers)
-        free &= layers.counted(layers.is_confirmed(_FROM, _TO)) < _LEAST
+        free &= layers.count_per_cell(layers.is_confirmed(_FROM, _TO)) < _LEAST
         if cloud is not None:
             free &= ~scanned_obstacles(layers, cloud)
         metres = (distance_transform_edt(np.pad(free, 1))[1:-1, 1:-1] - 0.5) * CELL

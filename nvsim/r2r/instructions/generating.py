@@ -24,9 +24,9 @@ from nvsim.r2r.instructions.ground import (
     View,
     continues_leg,
     is_bend,
-    rounded,
+    round_legs,
     turn_before_step,
-    wrapped,
+    wrap_angle,
 )
 from nvsim.r2r.instructions.registers import Register
 from nvsim.r2r.instructions.short_wording import short_instruction
@@ -80,7 +80,7 @@ class _PathSearch:
         """Tries all first steps of the k-th leg."""
         said = self.said[k]
         for step in self._new_steps(path):
-            off = wrapped(turn_before_step(facing, step) - said.turn)
+            off = wrap_angle(turn_before_step(facing, step) - said.turn)
             if step.slope == said.slope and abs(off) <= _FARTHEST_TURN:
                 after = _heading_after(facing, step)
                 self._continue_leg([*path, step.to], len(path) - 1, after, k, step.metres, cost + (off / _ANGLE) ** 2)
@@ -235,7 +235,7 @@ def _find_description(
     """
     tries = {"short": _short_descriptions, "detailed": _detailed_descriptions, "rxr": _long_descriptions}[register]
     for legs, detail in tries(ground, path, heading, random):
-        said = rounded(with_one_name_each(legs), detail)
+        said = round_legs(with_one_name_each(legs), detail)
         if find_described_path(ground, path[0], heading, said) == path:
             return _without_needless(ground, path, heading, said) if register == "short" else said, detail, True
     return said, detail, False
@@ -332,7 +332,7 @@ def describe_path(ground: PathSteps, path: list[int], heading: float) -> tuple[l
     """
     legs = [replace(leg, cues=drop_redundant_cues(leg.cues)) for leg in ground.legs(path, heading)]
     for detail in DETAILS:
-        said = rounded(legs, detail)
+        said = round_legs(legs, detail)
         if find_described_path(ground, path[0], heading, said) == path:
             return said, detail, True
     return said, detail, False

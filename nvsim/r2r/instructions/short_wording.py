@@ -231,14 +231,14 @@ def _sentences(clauses: Sequence[_Clause], random: Random) -> str:
     for clause in clauses:
         count = sum(len(words.split()) for words in (*group, clause.words))
         if group and (clause.opens or len(group) >= size or count > _MOST_WORDS):
-            sentences.append(_joined(group, bool(sentences), False, random))
+            sentences.append(_join_clauses(group, bool(sentences), False, random))
             group, size = [], 2 + int(random.random() * 2)
         group.append(clause.words)
-    sentences.append(_joined(group, bool(sentences), True, random))
+    sentences.append(_join_clauses(group, bool(sentences), True, random))
     return " ".join(sentences)
 
 
-def _joined(group: Sequence[str], follows: bool, ends: bool, random: Random) -> str:
+def _join_clauses(group: Sequence[str], follows: bool, ends: bool, random: Random) -> str:
     *first, last = group
     openers = _FIRST if not follows else _LAST if ends else _OPENERS
     opener = "" if group[0].split(" ")[0] in _NO_OPENER else choose_phrase(openers, random)

@@ -42,7 +42,7 @@ from nvsim.project.project import Project
 from nvsim.project.stages.training_pool import BASE_BYTES, GAUSSIAN_BYTES
 from nvsim.project.work import missing_result_error
 from nvsim.r2r.observations.layout import ScanPlaces, ScanSettings, png
-from nvsim.r2r.observations.record import FinishedPart, ScanRecord, key_of, written
+from nvsim.r2r.observations.record import FinishedPart, ScanRecord, key_of, write_part
 from nvsim.r2r.observations.skybox import Images, Painter, encode_images
 from nvsim.render.backends import Backend, resolve_backend
 from nvsim.splats.files import gaussian_count, load_model
@@ -136,7 +136,7 @@ def draw_viewpoints(
     if executor is not None and executor.remote:
         parts = draw_on_workers(executor, storage, source, todo, places, settings, backend, listen)
     else:
-        parts = _written(source, todo, places, settings, backend)
+        parts = _write_finished(source, todo, places, settings, backend)
     for id, part in parts:
         record.add(id, part)
         done += 1
@@ -159,14 +159,14 @@ def missing(
             yield submap, v, key
 
 
-def _written(
+def _write_finished(
     source: ScanModels, todo: list[Todo], places: ScanPlaces, settings: ScanSettings, backend: Backend
 ) -> Iterator[tuple[str, FinishedPart]]:
     """Yields viewpoint ids and their files after these are on disk. At most two viewpoints are in memory."""
 
     def write(images: Images, viewpoint: Viewpoint, key: str) -> tuple[str, FinishedPart]:
         files = encode_images(images, viewpoint, settings, places)
-        return viewpoint.id, written(places.root, files, key)
+        return viewpoint.id, write_part(places.root, files, key)
 
     painter = Painter(settings, backend)
     before: Future[tuple[str, FinishedPart]] | None = None
@@ -233,7 +233,7 @@ def draw_on_workers(
                     )
                 files, arrived[piece.part] = arrived[piece.part], []
                 finished.add(message.detail)
-                yield message.detail, written(places.root, files, keys[message.detail])
+                yield message.detail, write_part(places.root, files, keys[message.detail])
             elif isinstance(message, Log | Warning | Worker):
                 listen(message)
             else:

@@ -63,7 +63,7 @@ def key_of(*values: object) -> str:
     return hashlib.sha256(json.dumps(values, sort_keys=True).encode()).hexdigest()[:32]
 
 
-def written(root: Path, files: Iterable[tuple[Path, bytes]], key: str) -> FinishedPart:
+def write_part(root: Path, files: Iterable[tuple[Path, bytes]], key: str) -> FinishedPart:
     """Writes files atomically and returns them as a part. Raises InputError if writing fails."""
     found = {}
     for path, data in files:

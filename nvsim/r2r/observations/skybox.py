@@ -18,7 +18,7 @@ from numba import njit, prange
 from numpy.typing import NDArray
 
 from nvsim.errors import InputError
-from nvsim.files.images import decoded
+from nvsim.files.images import decode_pixels
 from nvsim.files.opening import read_bytes
 from nvsim.geometry.camera import Camera, Intrinsics, camera_pose
 from nvsim.geometry.directions import face_axes, sweep
@@ -221,7 +221,7 @@ def read_depth(places: ScanPlaces, viewpoint: str) -> NDArray[np.uint16]:
     import cv2
 
     path, again = places.depth(viewpoint), "export the scan again"
-    image = decoded(read_bytes(path), path, cv2.IMREAD_UNCHANGED, what="a depth strip", then=again)
+    image = decode_pixels(read_bytes(path), path, cv2.IMREAD_UNCHANGED, what="a depth strip", then=again)
     if image.dtype != np.uint16 or image.ndim != 2 or image.shape[1] != 6 * image.shape[0]:
         raise InputError(f"{path} is not a depth strip of six square faces with 16 bits; {again}.")
     return np.asarray(image, np.uint16)

@@ -91,7 +91,7 @@ def estimate_episodes(
 
     It assumes that the agent goes straight to the goal, and extrapolates from three episodes.
     """
-    left = [e for e in episodes if _finished(folder, e[0], _input_hash(agent, client, *e)) is None]
+    left = [e for e in episodes if _read_finished(folder, e[0], _input_hash(agent, client, *e)) is None]
     few = left[:: max(1, len(left) // _REHEARSED)][:_REHEARSED]
     if not few:
         return RequestEstimate(kept=len(episodes))
@@ -122,7 +122,7 @@ def run_mapgpt(
     todo = []
     for id, task in episodes:
         depends = _input_hash(agent, client, id, task)
-        record = _finished(folder, id, depends)
+        record = _read_finished(folder, id, depends)
         if record is None:
             todo.append((id, task, depends))
         else:
@@ -185,7 +185,7 @@ def _input_hash(agent: MapGpt, client: Client, id: str, task: Task) -> str:
     return hashlib.sha256(repr(words).encode(errors="replace")).hexdigest()
 
 
-def _finished(folder: Path, id: str, depends: str) -> EpisodeRecord | None:
+def _read_finished(folder: Path, id: str, depends: str) -> EpisodeRecord | None:
     """Returns the record of a finished episode, or None if there is none with these inputs."""
     path = folder / f"{id}.json"
     if not is_regular(path):

@@ -12,7 +12,7 @@ from nvsim.endpoint.request import Image
 from nvsim.geometry.directions import STEP
 from nvsim.graph.connectivity import scan_files
 from nvsim.graph.types import NavGraph
-from nvsim.r2r.instructions.ground import Leg, Slope, rounded_turn, wrapped
+from nvsim.r2r.instructions.ground import Leg, Slope, rounded_turn, wrap_angle
 from nvsim.r2r.observations.layout import jpeg
 from nvsim.r2r.prompted.options import ImageOptions
 from nvsim.r2r.simulator.images import ViewSize
@@ -43,7 +43,7 @@ class Bearing:
 
     def turn_from(self, facing: float) -> float:
         """Returns the turn in radians from the heading `facing`, positive to the right, in (-pi, pi]."""
-        return 0.0 if self.heading is None else wrapped(self.heading - facing)
+        return 0.0 if self.heading is None else wrap_angle(self.heading - facing)
 
     def describe(self, facing: float) -> str:
         """Describes the move for an agent with heading `facing` (radians): "turn slightly right and go 2.4 m, up"."""

@@ -134,11 +134,11 @@ class Rollout:
 
 def read_words(model: RecurrentModel, episodes: Sequence[Episode]) -> tuple[EncodedInstruction, Tensor]:
     """Encodes the instructions of B episodes and returns them with the first states (B, D)."""
-    text, state = model.read(torch.from_numpy(_padded([episode.words for episode in episodes])))
+    text, state = model.read(torch.from_numpy(_pad_rows([episode.words for episode in episodes])))
     return text, state
 
 
-def _padded(rows: Sequence[Sequence[int]]) -> NDArray[np.int64]:
+def _pad_rows(rows: Sequence[Sequence[int]]) -> NDArray[np.int64]:
     """Pads rows to (B, longest row) int64 with 0, the number of PAD."""
     found = np.zeros((len(rows), max(map(len, rows))), np.int64)
     for i, row in enumerate(rows):

@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from nvsim.errors import InputError
-from nvsim.files.images import decoded, is_cut_off
+from nvsim.files.images import decode_pixels, is_cut_off
 from nvsim.files.opening import read_bytes
 from nvsim.geometry.camera import camera_pose
 from nvsim.graph.skybox_files import FOLDER, SkyboxFiles
@@ -151,7 +151,7 @@ def _image(path: Path, flags: int) -> NDArray[Any]:
         data = read_bytes(path)
         if is_cut_off(data):
             raise InvalidValue(f"{path} is truncated; {_THEN}.")
-        return decoded(data, path, flags, what="a skybox", then=_THEN)
+        return decode_pixels(data, path, flags, what="a skybox", then=_THEN)
     except InvalidValue:
         raise
     except InputError as error:

@@ -99,7 +99,9 @@ class FreeSpaceChecks:
             apart = np.linalg.norm(scan.position - place, axis=1)
             near = np.flatnonzero(scan.included & (apart <= self._config.tau_dist)).tolist()
             ends = {i: self._viewpoint(scan.position[i].astype(np.float64)) for i in near}
-            return [i for i, end in ends.items() if apart[i] < 1e-3 or not self._blocked(start, end, ends.values())]
+            return [
+                i for i, end in ends.items() if apart[i] < 1e-3 or not self._reason_blocked(start, end, ends.values())
+            ]
 
     def _not_standing(self, end: Viewpoint) -> str:
         around = self._measurements.around(end)
@@ -116,11 +118,11 @@ class FreeSpaceChecks:
         legs = max(1, int(np.ceil(length / self._config.tau_dist)))
         stops = [start, *(self._viewpoint(a + (b - a) * k / legs) for k in range(1, legs)), end]
         for one, other in zip(stops, stops[1:]):
-            if one.position[:2] != other.position[:2] and (why := self._blocked(one, other)):
+            if one.position[:2] != other.position[:2] and (why := self._reason_blocked(one, other)):
                 return why
         return ""
 
-    def _blocked(self, one: Viewpoint, other: Viewpoint, also: Iterable[Viewpoint] = ()) -> str:
+    def _reason_blocked(self, one: Viewpoint, other: Viewpoint, also: Iterable[Viewpoint] = ()) -> str:
         decision = decide(self._measurements.corridor_evidence(one, other, also), self._config)
         return "" if decision == OPEN else DECISIONS[decision].clause
 

@@ -254,11 +254,11 @@ def replace_instructions(dataset: Dataset, texts: Mapping[int, Sequence[str]]) -
     for task in (task for tasks in dataset.splits.values() for task in tasks):
         updated[task.path_id] = replace(task, instructions=tuple(texts.get(task.path_id, task.instructions)))
     splits = {name: [updated[task.path_id] for task in tasks] for name, tasks in dataset.splits.items()}
-    joined = {name: [_joined(task, updated) for task in tasks] for name, tasks in dataset.joined.items()}
+    joined = {name: [_join_paths(task, updated) for task in tasks] for name, tasks in dataset.joined.items()}
     return replace(dataset, splits=splits, joined=joined)
 
 
-def _joined(task: JoinedTask, updated: Mapping[int, Task]) -> JoinedTask:
+def _join_paths(task: JoinedTask, updated: Mapping[int, Task]) -> JoinedTask:
     instructions = joined_instructions(updated[task.first_path_id], updated[task.second_path_id])
     return replace(task, instructions=instructions)
 

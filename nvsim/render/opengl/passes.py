@@ -97,10 +97,10 @@ class SplatPass:
         begin = 0
         for i, share in enumerate(_SHARES):
             end = round(share * len(quads))
-            self._lots[i] = self._filled(self._lots[i], quads[begin:end])
+            self._lots[i] = self._fill_batch(self._lots[i], quads[begin:end])
             begin = end
 
-    def _filled(self, lot: _QuadBatch | None, quads: Float32) -> _QuadBatch | None:
+    def _fill_batch(self, lot: _QuadBatch | None, quads: Float32) -> _QuadBatch | None:
         if lot is None or lot.buffer.size < quads.nbytes:
             _release(lot)
             if len(quads) == 0:

@@ -66,7 +66,7 @@ def is_lit_near_tile(
 
 
 @njit(fastmath=True)
-def _down(
+def _blur_columns(
     plane: Float32,  # ((H + 10) * 128,) a segment of `planes`
     y: int,  # row of the image
     out: Float32,  # (128,)
@@ -91,7 +91,7 @@ def _down_squared(
     out: Float32,  # (128,)
     squares: Float32,  # (128,) out
 ) -> None:
-    # Blurs the values and their squares as `_down` does.
+    # Blurs the values and their squares as `_blur_columns` does.
     p = plane[y * SEGMENT : (y + WINDOW) * SEGMENT]
     for x in range(SEGMENT):
         a, b, c, d = p[x], p[x + SEGMENT], p[x + 2 * SEGMENT], p[x + 3 * SEGMENT]
@@ -224,7 +224,7 @@ def ssim_gradient(
             at = segment * SEGMENT + RADIUS
             for k in range(3):
                 for y in range(y0, y1):
-                    _down(slopes[k, channel, segment], y, lines[k, y - y0, at : at + SEGMENT])
+                    _blur_columns(slopes[k, channel, segment], y, lines[k, y - y0, at : at + SEGMENT])
     for segment in range(segments):
         if lit[strip, segment] != 0:
             x0 = segment * SEGMENT
