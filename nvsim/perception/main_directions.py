@@ -113,7 +113,7 @@ def _share(headings: NDArray[np.float32], heading: float) -> float:
 
 @dataclass(frozen=True)
 class StraightNormals:
-    """A SurfaceNormals that applies `straighten_normals`, with the headings of the capture, to the normals of another one."""
+    """A SurfaceNormals that applies `straighten_normals` to the normals of another one, with the capture's headings."""
 
     seen: SurfaceNormals
     headings: tuple[float, ...]

@@ -190,8 +190,8 @@ class ScanEstimatePanel(QFrame):
         self.room.setText(f"Takes {found.time}.\nFree disk space there: {size_words(found.free)}.")
         there = found.drawn - found.todo
         self.there.setText(
-            f"{there} of {count_text(found.drawn, 'viewpoint')} {'is' if there == 1 else 'are'} already there, with the "
-            "same settings."
+            f"{there} of {count_text(found.drawn, 'viewpoint')} {'is' if there == 1 else 'are'} already there, "
+            "with the same settings."
         )
         self.there.setVisible(there > 0)
         self.shortage.setText(found.shortage)

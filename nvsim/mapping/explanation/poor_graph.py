@@ -52,7 +52,8 @@ def explain_no_viewpoint(refusals: list[tuple[float, float]], config: MappingCon
     asked = standing_criteria(config)
     limit = next((c.limit(config) for c in asked if c.plane == "alpha"), float("inf"))
     blocked = [alpha for alpha, known in refusals if alpha >= limit or known >= config.support]
-    tried = f"No position has room for a viewpoint: {_count_text(len(refusals), 'position')} on the trajectory and beside it"
+    count = _count_text(len(refusals), "position")
+    tried = f"No position has room for a viewpoint: {count} on the trajectory and beside it"
     if 2 * len(blocked) < len(refusals) or not refusals:
         return f"{tried} have too little known floor under them; {DECISIONS['unknown'].remedy}."
     filled = [alpha for alpha in blocked if alpha >= limit]
