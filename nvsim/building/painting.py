@@ -32,7 +32,7 @@ def _fill_image(rows: int, columns: int, color: Color) -> Image:
     return np.broadcast_to(np.array(color, np.float32), (rows, columns, 3)).copy()
 
 
-def _plain(rows: int, columns: int, texel: float, paint: Paint, rng: np.random.Generator) -> Image:
+def _paint_plain(rows: int, columns: int, texel: float, paint: Paint, rng: np.random.Generator) -> Image:
     return _fill_image(rows, columns, paint.color)
 
 
@@ -179,7 +179,7 @@ def _wall(
 
 
 _PAINTERS: dict[str, Callable[[int, int, float, Paint, np.random.Generator], Image]] = {
-    "plain": _plain,
+    "plain": _paint_plain,
     "wood": _wood,
     "cloth": _cloth,
     "leaves": _leaves,

@@ -36,7 +36,7 @@ from nvsim.capture.pointcloud import read_cloud, usable_cloud
 from nvsim.capture.raw import RawCapture, RawFrame, file_size, inverse, natural_order, pose_from_quaternion, read_lens
 from nvsim.capture.trajectories import with_rigs
 from nvsim.capture.types import Cloud
-from nvsim.errors import InputError, shown
+from nvsim.errors import InputError, value_text
 from nvsim.files.reading import reading
 from nvsim.geometry.lens import Lens
 
@@ -197,7 +197,9 @@ def _choose_model(models: list[ModelFolder], root: Path, findings: Findings) -> 
         raise rows
     chosen = max(readable, key=lambda model: len(readable[model]))
     if not is_usual_path(chosen):
-        findings.note("the COLMAP model is in an unusual folder", shown(chosen.name), "name that folder to be sure")
+        findings.note(
+            "the COLMAP model is in an unusual folder", value_text(chosen.name), "name that folder to be sure"
+        )
     names = {row.name for row in readable[chosen]}
     further = [m for m, rows in lists.items() if isinstance(rows, InputError) or {row.name for row in rows} - names]
     if further:
@@ -215,12 +217,12 @@ def _choose_model(models: list[ModelFolder], root: Path, findings: Findings) -> 
 
 def _words(model: ModelFolder, rows: list[ImageRow] | InputError, is_read: bool) -> str:
     if isinstance(rows, InputError):
-        return f"{_shown_name(model)} (cannot be read: {shown(str(rows).rstrip('.'))})"
+        return f"{_shown_name(model)} (cannot be read: {value_text(str(rows).rstrip('.'))})"
     return f"{_shown_name(model)} ({len(rows)} image{'' if len(rows) == 1 else 's'}{', read' if is_read else ''})"
 
 
 def _shown_name(model: ModelFolder) -> str:
-    return shown(f"{model.folder.parent.name}/{model.folder.name}" if model.name == "." else model.name)
+    return value_text(f"{model.folder.parent.name}/{model.folder.name}" if model.name == "." else model.name)
 
 
 def _other_numbered_models(model: ModelFolder, root: Path) -> list[ModelFolder]:

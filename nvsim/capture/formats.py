@@ -14,7 +14,7 @@ from nvsim.capture.findings import Findings
 from nvsim.capture.image_folder import IMAGE_ENDINGS, find_moved_measurements
 from nvsim.capture.multi_capture import SUFFIX
 from nvsim.capture.raw import RawCapture, RawFrame
-from nvsim.errors import InputError, shown
+from nvsim.errors import InputError, value_text
 from nvsim.files.opening import PROJECT_DATABASE, is_regular
 from nvsim.files.reading import reading
 
@@ -44,24 +44,24 @@ def describe_content(path: Path) -> str:
         return sentence
     lists = sorted(p.name for p in path.glob(f"*{SUFFIX}"))
     if lists:
-        return f"{shown(path)} holds a list of captures; name the file itself ({shown(lists[0])})."
+        return f"{value_text(path)} holds a list of captures; name the file itself ({value_text(lists[0])})."
     endings = _count_extensions(path)
     images = sum(endings[ending] for ending in IMAGE_ENDINGS)
     videos = sum(endings[ending] for ending in _VIDEO_ENDINGS)
     if images:
-        found = f"{shown(path)} holds no capture: {images} {'image' if images == 1 else 'images'}, but no poses"
+        found = f"{value_text(path)} holds no capture: {images} {'image' if images == 1 else 'images'}, but no poses"
         return f"{found}; name the folder that holds the images, and NVSim computes their poses."
     if videos:
         words = "a video" if videos == 1 else f"{videos} videos"
-        return f"{shown(path)} holds no capture: {words}, but no poses; name the folder that holds the video."
+        return f"{value_text(path)} holds no capture: {words}, but no poses; name the folder that holds the video."
     return ""
 
 
 def _video(path: Path) -> str:
     if path.suffix.lower() in _ALL_AROUND:
-        return f"{shown(path)} is a 360 degree video, which NVSim reads as equirectangular MP4; export it as such."
+        return f"{value_text(path)} is a 360 degree video, which NVSim reads as equirectangular MP4; export it as such."
     return (
-        f"{shown(path)} is a video without camera poses; if it is one of several, put all of them into one "
+        f"{value_text(path)} is a video without camera poses; if it is one of several, put all of them into one "
         "folder and name that folder."
     )
 
@@ -70,7 +70,7 @@ def describe_export(folder: Path) -> str:
     """A sentence about the export of another program in `folder`; "" if there is none."""
     for inside, what, convert in _OTHER_PROGRAMS:
         if (folder / inside).exists():
-            return f"{shown(folder)} is {what} ({inside}), which NVSim does not read; convert it with {convert}."
+            return f"{value_text(folder)} is {what} ({inside}), which NVSim does not read; convert it with {convert}."
     return ""
 
 
@@ -190,12 +190,12 @@ def read_raw(path: Path, findings: Findings, model: str = "") -> RawCapture:
         exists, is_folder = resolved.exists(), resolved.is_dir()
         is_empty = is_folder and next(resolved.iterdir(), None) is None
     except (OSError, ValueError, RuntimeError) as error:
-        reason = error.strerror if isinstance(error, OSError) else shown(error)
-        raise InputError(f"{shown(path)} cannot be opened ({reason}); check the path.") from error
+        reason = error.strerror if isinstance(error, OSError) else value_text(error)
+        raise InputError(f"{value_text(path)} cannot be opened ({reason}); check the path.") from error
     if not exists:
-        raise InputError(f"{shown(path)} does not exist; check the path.")
+        raise InputError(f"{value_text(path)} does not exist; check the path.")
     if is_empty:
-        raise InputError(f"{shown(path)} is an empty folder; a capture is {formats_in_words()}.")
+        raise InputError(f"{value_text(path)} is an empty folder; a capture is {formats_in_words()}.")
     with reading(path, "a capture"):
         place = _capture_in(resolved, findings)
         raw = _checked_capture(_read(model_named(place, model) if model else place, findings), findings)
@@ -210,15 +210,15 @@ def _capture_in(path: Path, findings: Findings) -> Path:
         level = _without_projects(level)
         found = [folder for folder in level if is_capture(folder)]
         if len(found) == 1:
-            message = f"{shown(path.name)} is not a capture itself; the only one below it is read"
+            message = f"{value_text(path.name)} is not a capture itself; the only one below it is read"
             findings.note(message, found[0].relative_to(path).as_posix(), "name that folder to be sure")
             return found[0]
         if found:
-            names = ", ".join(shown(folder.relative_to(path).as_posix()) for folder in found[:_LISTED])
+            names = ", ".join(value_text(folder.relative_to(path).as_posix()) for folder in found[:_LISTED])
             more = f" and {len(found) - _LISTED} more" if len(found) > _LISTED else ""
             raise InputError(
-                f"{shown(path)} holds {len(found)} captures in the folders below it ({names}{more}); name one of them, "
-                f"or list them in a file NAME{multi_capture.SUFFIX} if they share one world."
+                f"{value_text(path)} holds {len(found)} captures in the folders below it ({names}{more}); name one "
+                f"of them, or list them in a file NAME{multi_capture.SUFFIX} if they share one world."
             )
     return path
 
@@ -266,8 +266,8 @@ def _unknown_format_error(path: Path) -> InputError:
     if sentence := describe_content(path):
         return InputError(f"{sentence} A capture is {formats_in_words()}.")
     if path.is_dir():
-        return InputError(f"{shown(path)} holds no capture; a capture is {formats_in_words()}.")
-    return InputError(f"{shown(path)} is not a capture; name the folder of {formats_in_words()}.")
+        return InputError(f"{value_text(path)} holds no capture; a capture is {formats_in_words()}.")
+    return InputError(f"{value_text(path)} is not a capture; name the folder of {formats_in_words()}.")
 
 
 def _checked_capture(raw: RawCapture, findings: Findings) -> RawCapture:

@@ -17,7 +17,7 @@ from pathlib import Path
 
 from nvsim.capture.findings import Findings
 from nvsim.capture.raw import file_size
-from nvsim.errors import shown
+from nvsim.errors import value_text
 
 IMAGE_EXTENSIONS = (".png", ".jpg", ".jpeg", ".webp", ".tif", ".tiff", ".bmp", ".ppm", ".pgm")
 CLOUD_EXTENSIONS = (".ply", ".pcd")
@@ -52,7 +52,7 @@ def report_moved(kind: str, found: Mapping[Path, Path], source: Path, findings: 
     findings.note(
         f"{count} not where the capture says, and found by name",
         source.name,
-        f"{shown(listed)} is read from {shown(place)}{option}",
+        f"{value_text(listed)} is read from {value_text(place)}{option}",
     )
 
 

@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 from nvsim.capture.findings import Findings
 from nvsim.capture.raw import read_text
 from nvsim.capture.types import Cloud
-from nvsim.errors import InputError, shown
+from nvsim.errors import InputError, value_text
 
 Tree = Mapping[str, Any]
 
@@ -174,7 +174,7 @@ def report_unused(tree: Tree, frames: Sequence[Tree], where: str, findings: Find
             "the content of these fields has no effect on the map",
         )
     known = _USED | _BOOKKEEPING | _UNUSED.keys()
-    unknown = [shown(field, 40) for field in fields if field not in known]
+    unknown = [value_text(field, 40) for field in fields if field not in known]
     if unknown:
         findings.note(f"NVSim does not know the fields {_list_names(unknown)}", where, "they are ignored")
 
@@ -212,7 +212,7 @@ def unit_of(tree: Tree, frames: Sequence[Tree], cloud: Cloud | None) -> tuple[bo
     if any(f.get(field) for f in frames for field in _DEPTH):
         return True, "depth images of a sensor come with the images"
     if cloud is not None and cloud.is_dense and len(cloud.points) >= _LEAST_SCAN:
-        return True, f"the point cloud {shown(tree.get('ply_file_path'), 60)} seems to be a LiDAR scan"
+        return True, f"the point cloud {value_text(tree.get('ply_file_path'), 60)} seems to be a LiDAR scan"
     return None, ""
 
 

@@ -24,7 +24,7 @@ from nvsim.capture.images import image_header, is_turned
 from nvsim.capture.masks import with_masks_beside
 from nvsim.capture.raw import FAR, LOST_FRAME, RawCapture, RawFrame, file_size
 from nvsim.capture.types import Alignment, Capture, Cloud
-from nvsim.errors import shown
+from nvsim.errors import value_text
 from nvsim.files.placeholders import why_missing
 from nvsim.geometry.lens import Lens
 
@@ -205,12 +205,12 @@ def report_absent_image(frame: RawFrame, findings: Findings) -> bool:
     """Whether the image is missing or empty; if so, adds an error finding."""
     size = file_size(frame.image_path)
     if size is None and frame.choices:
-        folders = ", ".join(shown(folder) for folder in frame.choices[:4])
+        folders = ", ".join(value_text(folder) for folder in frame.choices[:4])
         findings.error(IMAGE_AMBIGUOUS, frame.where, f"{LOST_FRAME}; found in {folders}")
     elif size is None:
         why = why_missing(frame.image_path)
-        looked = f"{LOST_FRAME}; looked for {shown(frame.image_path)}" + (f", which {why}" if why else "")
-        below = f", and for its name below {shown(frame.root)}" if frame.root is not None else ""
+        looked = f"{LOST_FRAME}; looked for {value_text(frame.image_path)}" + (f", which {why}" if why else "")
+        below = f", and for its name below {value_text(frame.root)}" if frame.root is not None else ""
         findings.error(IMAGE_MISSING, frame.where, f"{looked}{below}; --images FOLDER names another place")
     elif size == 0:
         findings.error("the image is empty (0 bytes)", frame.where, LOST_FRAME)

@@ -17,7 +17,7 @@ import tyro
 
 from nvsim.cli.help_table import COMMON, EXAMPLES, LIMIT, WITHOUT
 from nvsim.cli.options import Command, Option, options
-from nvsim.cli.terminal import say, unguarded_streams
+from nvsim.cli.terminal import print_lines, unguarded_streams
 from nvsim.errors import InputError
 
 T = TypeVar("T")
@@ -189,7 +189,7 @@ def parse(command: type[Command], argv: list[str], verb: str) -> Any:
     """Parses `argv` into the command. Prints the help if `argv` asks for it, and exits with code 0. Prints usage and
     exits with code 2 on a wrong option."""
     if asked := requested_help(argv):
-        say(*lines(command, verb, argv, everything=asked == "all"))
+        print_lines(*lines(command, verb, argv, everything=asked == "all"))
         sys.exit(0)
     text = (command.__doc__ or "").split("\n\n")[0]
     options: dict[str, Any] = {}

@@ -9,7 +9,7 @@ from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
 
-from nvsim.cli.terminal import as_json, guard_streams, say, unguarded_stream
+from nvsim.cli.terminal import as_json, guard_streams, print_lines, unguarded_stream
 from nvsim.events import Done, Event, Failed, Listener, Log, Metric, Preview, Progress, Warning, to_json
 from nvsim.plain_text import printable
 
@@ -116,7 +116,7 @@ def report_failure(event: Failed, in_json: bool) -> None:
 
 
 def _print_json(event: Event) -> None:
-    say(as_json(json.loads(to_json(event))))
+    print_lines(as_json(json.loads(to_json(event))))
 
 
 class _Plain:
@@ -144,7 +144,7 @@ class _Plain:
 
     @staticmethod
     def _print(text: str) -> None:
-        say(text, error=True)
+        print_lines(text, error=True)
 
 
 class _Terminal:

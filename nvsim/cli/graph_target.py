@@ -91,7 +91,7 @@ def sources(
         beside = foreign.nearby_files.occupancy() if map is None else None
         terminal.print_notes(() if beside is None else beside.notes)
         context = foreign.context(limits, beside if map is None else map)
-        yield GraphWithContext(file, foreign.scan, foreign.graph, context, None, foreign.sight(unknown=False))
+        yield GraphWithContext(file, foreign.scan, foreign.graph, context, None, foreign.visibility(unknown=False))
 
 
 def read_one_graph(path: Path, occupancy: Path | None = None, heights: Heights | None = None) -> GraphWithContext:
@@ -147,7 +147,7 @@ class GraphTarget:
                 walk = None if capture is None else capture.positions
         if occupancy is not None:
             return EditContext(line_of_sight_test(occupancy), walk)
-        return EditContext(None if self.is_project else self._foreign.sight(), walk)
+        return EditContext(None if self.is_project else self._foreign.visibility(), walk)
 
     def journal(self) -> Journal:
         """The journal of its edits. Raises InputError if its folder cannot be written."""

@@ -118,7 +118,7 @@ class _PipeCaller:
     def send(self, name: str, data: bytes) -> None:
         self._connection.send(SentFile.of(name, data))
 
-    def ready(self) -> None:
+    def wait_for_kernels(self) -> None:
         self._connection.recv()
 
 

@@ -85,7 +85,7 @@ class Caller(Protocol):
     def send(self, name: str, data: bytes) -> None:
         """Sends a file."""
 
-    def ready(self) -> None:
+    def wait_for_kernels(self) -> None:
         """Reports that all input is read, and returns when the first kernel may run."""
 
 

@@ -62,7 +62,7 @@ class _ClusterCaller:
     def send(self, name: str, data: bytes) -> None:
         self.put_message("message", SentFile.of(name, data))
 
-    def ready(self) -> None:
+    def wait_for_kernels(self) -> None:
         pass
 
     def put_message(self, kind: str, value: object) -> None:

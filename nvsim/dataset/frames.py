@@ -152,7 +152,7 @@ def _draw_part(caller: Caller, part: Sequence[_Order]) -> None:
     import numba
 
     numba.set_num_threads(1)
-    caller.ready()
+    caller.wait_for_kernels()
     for order in sorted(part, key=lambda one: str(one.models[0])):  # episodes of a model one after the other
         _draw(order)
         caller.send_event(Progress(STAGE, len(order.models), len(order.models)))

@@ -20,7 +20,7 @@ from nvsim.endpoint.budget import Budget, tokens_in
 from nvsim.endpoint.connection import LARGEST, Connection, NoReply, Reply, TooLarge
 from nvsim.endpoint.options import AskingOptions, Endpoint
 from nvsim.endpoint.request import MOST_TOKENS, Answer, Request, StoredAnswers
-from nvsim.errors import InputError, shown
+from nvsim.errors import InputError, value_text
 from nvsim.events import Listener, Warning, ignore_event
 from nvsim.files.opening import parse_json
 
@@ -141,7 +141,7 @@ class Client:
         if status == 404:
             raise InputError(f"{who}: it has no model {self.endpoint.model} ({said}); check --endpoint and --model.")
         if 300 <= status < 400:
-            to = shown(reply.headers.get("location", "elsewhere"))
+            to = value_text(reply.headers.get("location", "elsewhere"))
             raise InputError(f"{who}: it redirects to {to}; give that address as --endpoint if you trust it.")
         if status in (400, 422):
             if any(word in complaint.code or word in complaint.whole for word in _FILTERED):
@@ -241,7 +241,7 @@ def _read(content: bytes, request: Request) -> Answer:
         message = choice["message"]
         text, refusal = message.get("content"), message.get("refusal")
     except (InputError, LookupError, TypeError, AttributeError) as error:
-        raise _RetryLater(f"the response is not a chat completion: {shown(words)!r}") from error
+        raise _RetryLater(f"the response is not a chat completion: {value_text(words)!r}") from error
     finish = choice.get("finish_reason")
     if isinstance(text, list):  # some servers answer in parts
         text = "".join(str(part.get("text", "")) for part in text if isinstance(part, dict))

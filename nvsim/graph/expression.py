@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from nvsim.errors import shown
+from nvsim.errors import value_text
 from nvsim.graph.edits.change import EditError
 from nvsim.graph.quantities import EDGES, VIEWPOINTS, Kind, QuantityInputs, Values, quantity
 from nvsim.graph.selection import NOTHING, GraphSelection
@@ -75,7 +75,7 @@ def _parse(text: str) -> ast.expr:
     except (SyntaxError, ValueError, RecursionError, MemoryError) as error:
         where = f" at character {error.offset}" if isinstance(error, SyntaxError) and error.offset else ""
         raise EditError(
-            f"{shown(text)!r} is not a valid expression{where}; write, for example: degree > 4 and not reviewed."
+            f"{value_text(text)!r} is not a valid expression{where}; write, for example: degree > 4 and not reviewed."
         ) from error
 
 

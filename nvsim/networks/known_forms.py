@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Any
 
 import nvsim_resources
-from nvsim.errors import InputError, shown
+from nvsim.errors import InputError, value_text
 from nvsim.files.opening import read_text
 from nvsim.networks.binding import bind_tensors, describe_nodes
 from nvsim.networks.description import Description, Role
@@ -44,7 +44,7 @@ def values_of(path: Path) -> dict[str, Any]:
         return values
     known = _forms()
     if form not in known:
-        raise InputError(f"{path}: form is {shown(form)}; it must be one of {', '.join(known)}.")
+        raise InputError(f"{path}: form is {value_text(form)}; it must be one of {', '.join(known)}.")
     return {**values_of(FOLDER / f"{form}.toml"), **values}
 
 

@@ -8,7 +8,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any, TypeVar
 
-from nvsim.errors import InputError, shown
+from nvsim.errors import InputError, value_text
 from nvsim.files.reading import reading
 
 LARGEST = 1 << 16
@@ -52,7 +52,7 @@ class TomlTable:
     def error(self, key: str, right: str) -> InputError:
         """The error for the value at `key`, which must be `right`."""
         value = self._values.get(key)
-        said = "is missing" if value is None else f"is {shown(value)}"
+        said = "is missing" if value is None else f"is {value_text(value)}"
         return InputError(f"{self.path}: {self._where}{key} {said}; it must be {right}.")
 
     def integer(self, key: str, most: int, default: int | None = None, least: int = 1) -> int:
@@ -146,7 +146,7 @@ class TomlTable:
         for key in self._values:
             if key not in self._known:
                 known = ", ".join(sorted(self._known))
-                raise InputError(f"{self.path}: {self._where}{shown(key)} is unknown; the known keys are {known}.")
+                raise InputError(f"{self.path}: {self._where}{value_text(key)} is unknown; the known keys are {known}.")
 
 
 def _is_word(value: Any) -> bool:

@@ -11,7 +11,7 @@ from pathlib import Path, PureWindowsPath
 
 import yaml
 
-from nvsim.errors import InputError, shown
+from nvsim.errors import InputError, value_text
 from nvsim.files.opening import is_regular, read_bytes
 
 # 0.196 keeps gray 205, whose occupancy is 0.19608, unknown.
@@ -69,10 +69,10 @@ def parse_description(path: Path, text: str) -> Description:
         raise keys.error("resolution", f"is {resolution}; it must be positive, in meters per cell")
     mode = keys.text("mode", "trinary").lower()
     if mode not in ("trinary", "scale", "raw"):
-        raise keys.error("mode", f"{shown(mode)!r} is unknown; write trinary, scale or raw")
+        raise keys.error("mode", f"{value_text(mode)!r} is unknown; write trinary, scale or raw")
     negate = keys.text("negate", "0").lower()
     if negate not in (*_YES, *_NO):
-        raise keys.error("negate", f"is {shown(negate)!r}; write 0 or 1")
+        raise keys.error("negate", f"is {value_text(negate)!r}; write 0 or 1")
     return Description(
         image,
         resolution,
@@ -94,7 +94,7 @@ def _root(path: Path, text: str) -> yaml.MappingNode:
         where = f"{path}, line {mark.line + 1}" if mark is not None else str(path)
         reason = getattr(error, "problem", None) or getattr(error, "reason", None) or "it cannot be parsed"
         raise InputError(
-            f"{where}: this is not YAML ({shown(reason)}); correct the line or export the map again."
+            f"{where}: this is not YAML ({value_text(reason)}); correct the line or export the map again."
         ) from error
     except RecursionError as error:
         raise InputError(f"{path} is nested too deeply for a ROS map; export the map again.") from error
@@ -117,7 +117,9 @@ class _Keys:
             if name == "<<":
                 raise InputError(f"{where}: merged keys (<<) are not read; write the keys out.")
             if name in self._nodes and _short_value(self._nodes[name]) != _short_value(value):
-                raise InputError(f"{where}: {shown(name)} is given twice with other values; remove one of the lines.")
+                raise InputError(
+                    f"{where}: {value_text(name)} is given twice with other values; remove one of the lines."
+                )
             self._nodes[name] = value
 
     def error(self, name: str, words: str) -> InputError:
@@ -173,9 +175,9 @@ class _Keys:
 def _short_value(node: yaml.Node) -> str:
     """A value for a message, shortened. Nested lists are shown as dots."""
     if isinstance(node, yaml.SequenceNode):
-        parts = (shown(n.value) if isinstance(n, yaml.ScalarNode) else "..." for n in node.value[:4])
+        parts = (value_text(n.value) if isinstance(n, yaml.ScalarNode) else "..." for n in node.value[:4])
         return f"[{', '.join(parts)}{', ...' if len(node.value) > 4 else ''}]"[:80]
-    return repr(shown(node.value)) if isinstance(node, yaml.ScalarNode) else "a table"
+    return repr(value_text(node.value)) if isinstance(node, yaml.ScalarNode) else "a table"
 
 
 # The image ------------------------------------------------------------------------------------------------------
@@ -200,11 +202,11 @@ def find_image(path: Path, image: str) -> tuple[Path, str]:
         )
         if len(found) > 1:
             raise InputError(
-                f"{path}: its image {shown(image)} is not there, and {', '.join(p.name for p in found[:4])} beside it "
-                "differ only in case; write the name of one of them in the line 'image:'."
+                f"{path}: its image {value_text(image)} is not there, and {', '.join(p.name for p in found[:4])} "
+                "beside it differ only in case; write the name of one of them in the line 'image:'."
             )
         if found:
-            return found[0], f"{path}: its image {shown(image)} is not there; {found[0]} is used."
+            return found[0], f"{path}: its image {value_text(image)} is not there; {found[0]} is used."
     return named, ""
 
 

@@ -19,7 +19,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from nvsim.errors import InputError, shown
+from nvsim.errors import InputError, value_text
 from nvsim.files import atomic
 from nvsim.files.opening import read_json
 from nvsim.files.reading import reading
@@ -169,7 +169,7 @@ def _stair(path: Path, number: int, row: dict[str, Any], storeys: int) -> Stair:
     corners = []
     for corner in outline:
         if not isinstance(corner, list) or len(corner) != 2 or not all(map(_is_length, corner)):
-            raise InputError(f"{path}: stair {number} has the corner {shown(corner)}; write [x, y] in meters.")
+            raise InputError(f"{path}: stair {number} has the corner {value_text(corner)}; write [x, y] in meters.")
         corners.append((float(corner[0]), float(corner[1])))
     return Stair(lower, upper, tuple(corners))
 

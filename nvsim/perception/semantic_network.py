@@ -36,7 +36,7 @@ class SemanticNetwork:
             return np.clip(place.to_image_size(planes[list(floor)].sum(axis=0)), 0, 1)
         if len(planes) == 1:
             return np.asarray(1 / (1 + np.exp(-np.clip(place.to_image_size(planes[0]), -80, 80))), np.float32)
-        return _soft(planes, floor, place)
+        return _softmax(planes, floor, place)
 
     def people(self, image: Image) -> NDArray[np.bool_]:
         """(H, W) bool, True on people, for an image (H, W, 3) uint8 RGB.
@@ -83,7 +83,7 @@ def _shift_classes(classes: tuple[int, ...], background: int) -> tuple[int, ...]
     return tuple(number + background for number in classes)
 
 
-def _soft(planes: NDArray[np.float32], floor: tuple[int, ...], place: Placement) -> Float32:
+def _softmax(planes: NDArray[np.float32], floor: tuple[int, ...], place: Placement) -> Float32:
     """(H, W) softmax of logits (C, h, w), summed over the classes `floor`, at the image's size. The logits are enlarged
     rather than their softmax, one class at a time, because 150 enlarged classes need much memory."""
     most = place.to_image_size(planes.max(axis=0))

@@ -177,7 +177,7 @@ def add_model(project: Project, submap: int, seconds: float, figures: dict[str, 
             "next", TRAIN, None
         )
     project.set_stage_results(found)
-    remove_folder(project.layout.live(submap))
+    remove_folder(project.layout.live_model(submap))
     project.layout.checkpoint(submap).unlink(missing_ok=True)
     results.remove_unreferenced_files(found, root)
     return used
@@ -190,7 +190,7 @@ def clear_unfinished(project: Project, of_others: Iterable[int]) -> None:
     left = {part for stage, part in found.unfinished if stage == TRAIN}
     wanted = left & set(of_others)
     project.set_stage_results(found := found.without_unfinished(TRAIN, *(left - wanted)))
-    keep = {p for part in wanted for p in (layout.checkpoint(part), layout.live(part))}
+    keep = {p for part in wanted for p in (layout.checkpoint(part), layout.live_model(part))}
     for path in [*layout.checkpoints.glob("submap_*.ckpt"), *layout.checkpoints.glob("live_*")]:
         if path in keep:
             continue

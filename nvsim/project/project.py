@@ -293,7 +293,7 @@ class Project:
         """
         submaps, layout = self.submaps("train"), self.layout
         live = live and not self.uses_previous_submaps("train")
-        places = [[layout.model(s.index), *([layout.live(s.index)] if live else [])] for s in submaps]
+        places = [[layout.model(s.index), *([layout.live_model(s.index)] if live else [])] for s in submaps]
         found = [next((f for f in folders if (f / "model.json").is_file()), None) for folders in places]
         if not any(found):
             return None

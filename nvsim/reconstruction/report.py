@@ -8,7 +8,7 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from nvsim.errors import shown
+from nvsim.errors import value_text
 from nvsim.files import atomic
 from nvsim.files.opening import is_number, is_regular, read_json
 from nvsim.files.reading import reading
@@ -406,11 +406,11 @@ def _text(value: Any) -> str:
 
 def _count(value: Any) -> int:
     if type(value) is not int or not 0 <= value < 1 << 63:
-        raise ValueError(f"{shown(value)} is not a count")
+        raise ValueError(f"{value_text(value)} is not a count")
     return value
 
 
 def _figure(value: Any) -> float:
     if not is_number(value) or not 0 <= value < 1e15:
-        raise ValueError(f"{shown(value)} is not a number in range")
+        raise ValueError(f"{value_text(value)} is not a number in range")
     return float(value)

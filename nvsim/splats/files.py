@@ -23,7 +23,7 @@ import numpy as np
 import safetensors
 import safetensors.numpy
 
-from nvsim.errors import InputError, shown
+from nvsim.errors import InputError, value_text
 from nvsim.files import atomic
 from nvsim.files.opening import opened, read_json, refuse_placeholder
 from nvsim.geometry.floor_surface import FloorSurface
@@ -228,8 +228,8 @@ def _read_description(folder: Path) -> dict[str, Any]:
         raise InputError(f"{path} does not describe a submap model; choose a folder that `nvsim train` wrote.")
     if data.get("version") not in (_OLD_VERSION, VERSION):
         raise InputError(
-            f"{path} has version {shown(data.get('version'))}, but this program reads version {VERSION}; update the"
-            " program."
+            f"{path} has version {value_text(data.get('version'))}, but this program reads version {VERSION}; update "
+            "the program."
         )
     return data
 

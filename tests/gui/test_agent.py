@@ -298,7 +298,7 @@ def test_the_selection_and_the_map_follow(hands: Hands) -> None:
     plan.restore_range(x + 20, y + 20, 6, 6)  # elsewhere
     hands.press(K.Key_1)
     assert hands.document.selection.viewpoint == hands.state.location.viewpointId
-    left, bottom, width, height = plan.seen
+    left, bottom, width, height = plan.visible_range
     assert left < hands.state.location.x < left + width and bottom < hands.state.location.y < bottom + height
 
 

@@ -111,13 +111,13 @@ def test_a_selected_submap_stands_out(plan: MapView, document: Document) -> None
 def test_the_whole_map_comes_into_view_by_a_command_and_a_button(window: MainWindow, document: Document) -> None:
     view = window.part(MapPart).view
     view.restore_range(3.0, 3.0, 2.0, 2.0)
-    assert view.seen is not None and view.seen[2] < 9
+    assert view.visible_range is not None and view.visible_range[2] < 9
     window.actions_table["whole_map"].trigger()
-    x, y, width, height = view.seen
+    x, y, width, height = view.visible_range
     assert x <= 0.0 and y <= 0.0 and x + width >= demo_room.WIDTH and y + height >= demo_room.DEPTH
     view.restore_range(3.0, 3.0, 2.0, 2.0)
     view.frame.whole.click()
-    assert view.seen[2] >= demo_room.WIDTH
+    assert view.visible_range[2] >= demo_room.WIDTH
 
 
 def test_the_scale_bar_fits_from_the_first_moment(window: MainWindow, qtbot: QtBot) -> None:

@@ -123,7 +123,7 @@ def test_what_is_behind_a_wall_is_faint(window: MainWindow, document: Document) 
     document.set_contents(replace(document.contents, occupancy=walled))
     scene = window.scene
     scene.navigation.set_pose(ViewPose(tuple(eye), np.pi / 2, -0.1))
-    view = scene.overlays.graph.seen(scene.overlay_camera)
+    view = scene.overlays.graph.projected_viewpoints(scene.overlay_camera)
     assert scene.overlays.graph.hidden(view).sum() == (feet[:, 0] > wall).sum() > 3
     faint = scene.grab().toImage()
     window.actions_table["fade_hidden"].trigger()

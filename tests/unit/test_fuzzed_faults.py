@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from nvsim.capture.moved_files import FolderFiles
-from nvsim.errors import InputError, shown
+from nvsim.errors import InputError, value_text
 from nvsim.events import from_json
 from nvsim.files.images import image_size_of
 from nvsim.graph.arguments import Argument, check_arguments
@@ -23,7 +23,7 @@ from nvsim.submaps.split import Submap
 
 @pytest.mark.parametrize("text", ["\x1b[2J", "a\nb", "\u202e", "\ud800", "\0"])
 def test_what_cannot_be_printed_is_escaped_in_every_sentence(text: str) -> None:
-    for sentence in (str(InputError(f"There is no {text}.")), str(EditError(f"There is no {text}.")), shown(text)):
+    for sentence in (str(InputError(f"There is no {text}.")), str(EditError(f"There is no {text}.")), value_text(text)):
         assert sentence.isprintable() and "\\" in sentence
 
 

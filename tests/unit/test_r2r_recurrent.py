@@ -114,10 +114,10 @@ def test_the_teacher_leads_along_the_shortest_path(folder: Path, world: World) -
 def test_moves_are_felt_and_end_in_the_trajectory(trainer: Trainer) -> None:
     world, episodes = trainer.world, trainer.train[:4]
     walkers = AgentBatch(world, episodes, 4)
-    assert walkers.sight(np.arange(4)).moved.tolist() == [[0, 0, 0, 0, 1, 0]] * 4
+    assert walkers.observe(np.arange(4)).moved.tolist() == [[0, 0, 0, 0, 1, 0]] * 4
     looked, at, everybody = walkers.heading.copy(), walkers.rows.copy(), np.arange(4)
     walkers.move(everybody, np.array([STOP, 1, 1, 1]))
-    moved = walkers.sight(everybody).moved.numpy()
+    moved = walkers.observe(everybody).moved.numpy()
     assert moved[0].tolist() == [0, 0, 0, 0, 1, 0] and [len(t) for t in walkers.trajectories] == [1, 2, 2, 2]
     for i in (1, 2, 3):
         heading, metres = world.heading[at[i], 0], world.distance[at[i], 0]

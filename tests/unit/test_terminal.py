@@ -16,7 +16,7 @@ from capture_samples import room, walk, write_nerfstudio
 from nvsim.cli import terminal
 from nvsim.cli.console import event_listener
 from nvsim.cli.main import COMMANDS, main
-from nvsim.cli.terminal import guarded_stream, guarded_terminal, say
+from nvsim.cli.terminal import guarded_stream, guarded_terminal, print_lines
 from nvsim.events import Done, Failed, Log, Progress, Warning
 from nvsim.plain_text import UNSEEN, printable
 
@@ -181,7 +181,7 @@ def test_text_of_any_origin_is_guarded() -> None:
 
 
 def test_say_prints_each_text_as_one_line(capsys: pytest.CaptureFixture[str]) -> None:
-    say("one\ntwo", Path("a\u2028b"))
+    print_lines("one\ntwo", Path("a\u2028b"))
     assert capsys.readouterr().out == "one\\ntwo\na‹U+2028›b\n"
 
 
@@ -192,7 +192,7 @@ def test_letters_of_all_scripts_stay() -> None:
 
 
 def test_json_stays_json_whatever_it_holds(capsys: pytest.CaptureFixture[str]) -> None:
-    say(terminal.as_json({"name": EVIL + FORGED}))
+    print_lines(terminal.as_json({"name": EVIL + FORGED}))
     assert json.loads(capsys.readouterr().out) == {"name": EVIL + FORGED}
 
 

@@ -119,7 +119,7 @@ class GraphLayer(Layer):
     def missing(self) -> str:
         return "" if self._document.graph_arrays.ids else STAGE["map"].missing
 
-    def seen(self, camera: Camera) -> ProjectedViewpoints:
+    def projected_viewpoints(self, camera: Camera) -> ProjectedViewpoints:
         """The viewpoints projected to `camera`. The result is cached for repeated calls."""
         arrays = self._document.shown_arrays
         if self._latest is None or self._latest.camera is not camera or self._latest.arrays is not arrays:
@@ -145,7 +145,7 @@ class GraphLayer(Layer):
         arrays = self._document.shown_arrays
         if not arrays.ids:
             return
-        view = self.seen(camera)
+        view = self.projected_viewpoints(camera)
         if len(arrays.edges) > LARGE:
             k = camera.intrinsics
             manner = self._ink.paint_styles(len(view.lines[0]), arrays.included[view.order])
@@ -167,7 +167,7 @@ class GraphLayer(Layer):
                 painter.setOpacity(opacity)
                 view = view.part(~hidden, touching=False)
             self._paint_all(painter, view)
-        self._paint_marked(painter, self.seen(camera))
+        self._paint_marked(painter, self.projected_viewpoints(camera))
 
     def _paint_all(self, painter: QPainter, view: ProjectedViewpoints, within: QRectF | None = None) -> None:
         self._ink.draw_edges(painter, *view.lines, within)

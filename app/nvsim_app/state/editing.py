@@ -245,7 +245,7 @@ class Editing(QObject):
         if occupancy is not None:
             visible = partial(_see_each_other, occupancy)
         elif self.file is not None:
-            visible = self.file.sight()
+            visible = self.file.visibility()
         self._surroundings = EditContext(visible, trajectory)
 
     def set_thresholds(self, config: MappingConfig) -> None:

@@ -38,7 +38,7 @@ class GraphFile(Protocol):
         """Writes the graph. Returns a notice for the user, "" for none. Raises InputError if it cannot be written."""
         ...
 
-    def sight(self, unknown: bool = True) -> Visible | None:
+    def visibility(self, unknown: bool = True) -> Visible | None:
         """The visibility between viewpoints from the lists of the file, with `unknown` for pairs that are not listed.
         None if there are no lists."""
         ...
@@ -73,7 +73,7 @@ class ProjectGraph:
             project.set_graph(graph)
         return ""
 
-    def sight(self, unknown: bool = True) -> Visible | None:
+    def visibility(self, unknown: bool = True) -> Visible | None:
         return None
 
     def context(self, known: Context) -> Context:
@@ -114,8 +114,8 @@ class ForeignGraph:
         self.save_copy(graph, path)
         return path
 
-    def sight(self, unknown: bool = True) -> Visible | None:
-        return self._file.sight(unknown)
+    def visibility(self, unknown: bool = True) -> Visible | None:
+        return self._file.visibility(unknown)
 
     @property
     def pictured(self) -> bool:

@@ -409,7 +409,7 @@ class ProjectReader:
             return ("former", *found)
         # The renderer checks for new states of these by itself. Submaps with a finished model do not show them.
         live = sorted(p.parent.name for p in layout.checkpoints.glob("live_*/model.json"))
-        found += [name for name in live if name not in {layout.live(i).name for i in folders}]
+        found += [name for name in live if name not in {layout.live_model(i).name for i in folders}]
         return tuple(found) or None
 
     def _training(self) -> dict[int, int]:

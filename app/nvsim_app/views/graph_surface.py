@@ -190,7 +190,7 @@ class SceneSurface(_Surface):
 
     def disc_radii(self) -> NDArray[np.float64]:
         """(N, 2) horizontal and vertical radii of the discs in pixels."""
-        return self._view.overlays.graph.seen(self._view.overlay_camera).radii
+        return self._view.overlays.graph.projected_viewpoints(self._view.overlay_camera).radii
 
     def pick_viewpoint(self, point: QPointF) -> str | None:
         return super().pick_viewpoint(point) if self._view.overlays["graph"].shown else None

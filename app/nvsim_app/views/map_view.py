@@ -207,7 +207,7 @@ class MapView(QWidget):
         self.plot.setRange(QRectF(x, y, width * metre, height * metre), padding=0)
 
     @property
-    def seen(self) -> tuple[float, float, float, float] | None:
+    def visible_range(self) -> tuple[float, float, float, float] | None:
         """x, y, width, height of the requested range in meters; None if the map is empty."""
         if not self._framed:
             return None
@@ -215,7 +215,7 @@ class MapView(QWidget):
         return float(x), float(y), float(right - x), float(top - y)
 
     def restore_range(self, x: float, y: float, width: float, height: float) -> None:
-        """Restores the range of `seen`, and disables the initial zoom to everything."""
+        """Restores the range of `visible_range`, and disables the initial zoom to everything."""
         if width > 0 and height > 0:
             self._framed, self._fitted = True, None
             self._scale.show()

@@ -41,7 +41,7 @@ def _name(verb: str) -> str:
     return f"job_{verb.replace(' ', '_')}"
 
 
-def _about(verb: str) -> str:
+def _notice_subject(verb: str) -> str:
     """What the notices about a job of this command are about."""
     return f"job {verb}"
 
@@ -123,7 +123,7 @@ class JobsPart(Part):
             chosen = Settings(project).arguments(verb) if arguments is None else list(arguments)
             words = ["--project", str(project), *chosen, *(["--json"] if row.prints_figures else [])]
             handle = self.context.jobs.start(verb, words, project, row.title, row.heavy)
-            self.context.notices.resolve(_about(verb))
+            self.context.notices.resolve(_notice_subject(verb))
             self.show_panel()
             return handle
         return None
@@ -228,7 +228,7 @@ class JobsPart(Part):
             scene.set_channel(scene.channel)
 
     def _on_ended(self, handle: JobHandle) -> None:
-        notices, state, about = self.context.notices, handle.state, _about(handle.job.order.verb)
+        notices, state, about = self.context.notices, handle.state, _notice_subject(handle.job.order.verb)
         if state == "done":
             default = "the figures are in Results" if handle.job.order.verb in EVALUATIONS else "done"
             notices.info(f"{handle.title}: {handle.message or default}", about=about)

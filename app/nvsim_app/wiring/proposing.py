@@ -151,7 +151,7 @@ class ProposePart(Part):
         if graph is not None:
             slack = smallest_margin(document.contents.thresholds)
             file = document.contents.graph_file
-            seen = None if file is None or occupancy is not None else file.sight(unknown=False)
+            seen = None if file is None or occupancy is not None else file.visibility(unknown=False)
             self._start_work(lambda: (tuple(p.edge for p in propose_edges(graph, occupancy, slack, visible=seen)), ()))
 
     def propose_viewpoints(self) -> None:
@@ -275,7 +275,7 @@ def _with_grounds(document: Document) -> Reason:
     if (first := with_map(document)) is None or document.graph is None or not document.editing.writable:
         return first
     file = document.contents.graph_file
-    if document.graph.evidence or (file is not None and file.sight() is not None):
+    if document.graph.evidence or (file is not None and file.visibility() is not None):
         return None
     return "there is neither evidence nor a map to propose from"
 

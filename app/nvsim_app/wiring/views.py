@@ -236,7 +236,7 @@ class ViewRestorePart(Part):
             scene.channel,
             self._last or self._wanted.selection,
             frame,
-            self._map.seen,
+            self._map.visible_range,
             self._inspector.view.view_center,
             tuple(self._camera_path.poses),
         )

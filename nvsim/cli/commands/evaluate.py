@@ -10,7 +10,7 @@ from nvsim.cli import terminal
 from nvsim.cli.arguments import Positional, ProjectArguments
 from nvsim.cli.console import event_listener
 from nvsim.cli.session import project_job
-from nvsim.cli.terminal import as_json, say
+from nvsim.cli.terminal import as_json, print_lines
 from nvsim.networks.installed import BUNDLED
 
 
@@ -47,7 +47,7 @@ class EvaluateViews(ProjectArguments):
         result["lpips_why"] = why
         if self.csv is not None:
             atomic.write_text(self.csv, _views_csv(result))
-        say(*([as_json(result)] if self.json else _views_text(result).split("\n")))
+        print_lines(*([as_json(result)] if self.json else _views_text(result).split("\n")))
         return 0
 
 
@@ -194,7 +194,7 @@ class EvaluateScan:
             result = evaluate_scan(self.folder, self.scan, project, self.views, listen)
         terminal.figures(result, self.json, "scan")
         if not self.json:
-            say(*(result["problems"] or ["No problems found."]))
+            print_lines(*(result["problems"] or ["No problems found."]))
         return 1 if result["problems"] else 0
 
 
@@ -262,5 +262,5 @@ class EvaluateAblation(ProjectArguments):
             project.set_result("ablation", results)
             listen(Done(STAGE, f"{outcome.trained} runs trained, {outcome.reused} reused; {files[0].parent}", results))
         if not self.json:
-            say(*text_of(outcome, why).split("\n"))
+            print_lines(*text_of(outcome, why).split("\n"))
         return 0

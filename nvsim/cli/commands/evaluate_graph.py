@@ -11,7 +11,7 @@ import tyro
 from nvsim.cli import terminal
 from nvsim.cli.arguments import Inline, ProjectArguments, value_of_flag
 from nvsim.cli.session import project_job
-from nvsim.cli.terminal import say
+from nvsim.cli.terminal import print_lines
 from nvsim.mapping.config import MappingConfig
 from nvsim.occupancy.heights import Heights
 
@@ -67,8 +67,8 @@ class EvaluateGraph(ProjectArguments):
             if not name.endswith(("_low", "_high")):
                 rows.append((name, value, MATTERPORT.get(name, "-")))
         terminal.table(("metric", "this graph", "Matterport"), rows, "navigation graph")
-        say("In brackets: 95 % intervals (Wilson).")
-        say(f"Matterport: {SOURCE}; near pairs are those that see each other, because there is no map.")
+        print_lines("In brackets: 95 % intervals (Wilson).")
+        print_lines(f"Matterport: {SOURCE}; near pairs are those that see each other, because there is no map.")
         return 0
 
 
@@ -112,7 +112,7 @@ class EvaluateCalibration(ProjectArguments):
             return 0
         print(text_of(found), end="")
         if files:
-            say(f"Written: {', '.join(map(str, files))}.")
+            print_lines(f"Written: {', '.join(map(str, files))}.")
         return 0
 
 

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Literal
 
 from nvsim.cli.arguments import Inline, Positional, ProjectArguments
 from nvsim.cli.console import event_listener
-from nvsim.cli.terminal import as_json, say
+from nvsim.cli.terminal import as_json, print_lines
 from nvsim.cluster.config import ClusterConfig
 from nvsim.cluster.executor_choice import open_executor
 from nvsim.errors import InputError
@@ -45,7 +45,7 @@ class ExportR2R(ProjectArguments):
             written = export_r2r(project, self.out, self.scan, self.frame, self.force)
         if self.stub:
             write_stub_graph(self.out)
-        say(as_json({"written": str(written)}) if self.json else f"Wrote {written}")
+        print_lines(as_json({"written": str(written)}) if self.json else f"Wrote {written}")
         return 0
 
 
@@ -116,7 +116,7 @@ class ExportScan(ProjectArguments):
             rows = [(g.scan, len(g.viewpoints), len(g.edges)) for g in graphs]
             terminal.table(("scan", "viewpoints", "edges"), rows, "parts")
         for places in written:
-            say(places.folder)
+            print_lines(places.folder)
         return 0
 
 
@@ -129,12 +129,12 @@ def _print_estimate(prepared: PreparedExport, settings: ScanSettings, a: ExportS
     short = prepared.shortage(found)
     if a.json:
         scans = [places.scan for places in prepared.places]
-        say(terminal.as_json({"scans": scans, "free": prepared.free, "shortage": short, **found.as_data()}))
+        print_lines(terminal.as_json({"scans": scans, "free": prepared.free, "shortage": short, **found.as_data()}))
         return
     rows = [(k.what, k.folder or ".", k.files, size_words(k.bytes)) for k in found.kinds]
     terminal.table(("files", f"in {prepared.root}", "number", "size"), rows)
-    say(found.sentence)
-    say(short or f"{size_words(prepared.free)} of disk space are free at {prepared.root}.")
+    print_lines(found.sentence)
+    print_lines(short or f"{size_words(prepared.free)} of disk space are free at {prepared.root}.")
 
 
 Format = Literal["graphml", "geojson", "svg", "png", "r2r"]
@@ -207,7 +207,7 @@ def _check_folder(out: Path) -> None:
 
 
 def _print_written(path: Path, arguments: ExportGraph) -> None:
-    say(as_json({"written": str(path)}) if arguments.json else f"Wrote {path}")
+    print_lines(as_json({"written": str(path)}) if arguments.json else f"Wrote {path}")
 
 
 def _write(source: GraphWithContext, arguments: ExportGraph, path: Path | None = None) -> Path:
@@ -274,7 +274,7 @@ class ExportSplats(ProjectArguments):
         with Project.open(self.project) as project, event_listener(False) as listen:
             written = export_splats(project, self.out, self.format, self.submaps, self.frame, listen, self.floor)
         if self.json:
-            say(as_json({"written": [str(p) for p in written]}))
+            print_lines(as_json({"written": [str(p) for p in written]}))
         else:
-            say(*(f"Wrote {p}" for p in written))
+            print_lines(*(f"Wrote {p}" for p in written))
         return 0

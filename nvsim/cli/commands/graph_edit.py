@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 import tyro
 
 from nvsim.cli.arguments import Inline, Positional
-from nvsim.cli.terminal import as_json, say
+from nvsim.cli.terminal import as_json, print_lines
 from nvsim.errors import InputError
 from nvsim.files.opening import parse_integer
 from nvsim.occupancy.heights import Heights
@@ -56,9 +56,9 @@ class GraphSelect:
         viewpoints = [id for id in graph.viewpoints if id in chosen.viewpoints]
         edges = [key for key in graph.edges if key in chosen.edges]
         if self.json:
-            say(as_json({"viewpoints": viewpoints, "edges": edges}))
+            print_lines(as_json({"viewpoints": viewpoints, "edges": edges}))
         else:
-            say(*viewpoints, *(f"{a} {b}" for a, b in edges))
+            print_lines(*viewpoints, *(f"{a} {b}" for a, b in edges))
         return 0
 
 
@@ -95,7 +95,7 @@ class GraphEdit:
 
         target = GraphTarget(self.graph, self.occupancy, self.heights)
         if self.edit == "list":
-            say(*(usage(operation) for operation in OPERATIONS.values()))
+            print_lines(*(usage(operation) for operation in OPERATIONS.values()))
             return 0
         operation = OPERATIONS.get(self.edit)
         if operation is None:
@@ -137,15 +137,15 @@ def _report(
         where = None if written is None else str(written)
         kept = None if original is None else str(original)
         parts = len(components(after))
-        say(as_json({"text": words, "changed": counts, "written": where, "original": kept, "islands": parts}))
+        print_lines(as_json({"text": words, "changed": counts, "written": where, "original": kept, "islands": parts}))
         return
-    say(f"{words}: {_sentence(change)}." if words else "Nothing matches; nothing was changed.")
+    print_lines(f"{words}: {_sentence(change)}." if words else "Nothing matches; nothing was changed.")
     if written is not None:
-        say(f"Wrote {written}")
+        print_lines(f"Wrote {written}")
         if original is not None:
-            say(f"The original file is kept as {original}")
+            print_lines(f"The original file is kept as {original}")
         if sentence := disconnected_warning(after):
-            say(sentence)
+            print_lines(sentence)
 
 
 def _sentence(change: Difference) -> str:
@@ -279,13 +279,13 @@ class GraphLog:
                 write_script(self.script, script(history))
         if self.json:
             rows = [{"text": s.text, "when": s.when, "edit": s.edit, "operation": s.operation} for s in steps]
-            say(as_json({"steps": rows, "index": index, "saved": clean}))
+            print_lines(as_json({"steps": rows, "index": index, "saved": clean}))
             return 0
         for number, step in enumerate(steps):
             if step.changes or number == 0:
                 when = time.strftime("%Y-%m-%d %H:%M:%S", time.localtime(step.when))
                 marks = " (saved)" if number == clean else ""
-                say(f"{'>' if number == index else ' '} {number:4d}  {when}  {step.text}{marks}")
+                print_lines(f"{'>' if number == index else ' '} {number:4d}  {when}  {step.text}{marks}")
         if journal.notice:
-            say(journal.notice)
+            print_lines(journal.notice)
         return 0

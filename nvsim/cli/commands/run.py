@@ -16,7 +16,7 @@ from nvsim.cli.arguments import Inline, value_of_flag
 from nvsim.cli.commands.capture import CapturePath
 from nvsim.cli.commands.stages import paper_map_config, report_network_fallback, with_normal_source
 from nvsim.cli.session import project_job
-from nvsim.cli.terminal import say
+from nvsim.cli.terminal import print_lines
 from nvsim.cluster.config import ClusterConfig
 from nvsim.cluster.executor_choice import open_executor
 from nvsim.errors import InputError
@@ -92,7 +92,7 @@ class Run:
                 cluster.storage,
             )
             end = [] if self.json else summary(project)
-        say(*end)
+        print_lines(*end)
         return 0
 
 
@@ -154,7 +154,7 @@ class Demo:
             figures = evaluate_graph(project.need_graph(), truth, built.positions, seen=seen)
             project.set_result("graph", figures)
             end = [] if self.json else summary(project)
-        say(*end)
+        print_lines(*end)
         return window.open_if_wanted(self.project, wanted=not self.no_window)
 
 

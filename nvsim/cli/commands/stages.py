@@ -11,7 +11,7 @@ import tyro
 from nvsim.cli import terminal
 from nvsim.cli.arguments import Inline, Memory, Positional, ProjectArguments, memory_budget, value_of_flag
 from nvsim.cli.session import project_job
-from nvsim.cli.terminal import say
+from nvsim.cli.terminal import print_lines
 from nvsim.cluster.config import ClusterConfig
 from nvsim.cluster.executor_choice import open_executor
 from nvsim.depth.config import DepthConfig
@@ -214,11 +214,11 @@ def _list(arguments: Restore) -> int:
     with Project.open(arguments.project) as project:
         kept = kept_results(project)
     if arguments.json:
-        say(terminal.as_json([asdict(k) for k in kept]))
+        print_lines(terminal.as_json([asdict(k) for k in kept]))
     elif kept:
         terminal.table(
             ["stage", "earlier result", "size"], [[k.stage, k.words, megabytes(k.bytes)] for k in kept], "results"
         )
     else:
-        say("There is no earlier result yet; a stage stores one when it runs again.")
+        print_lines("There is no earlier result yet; a stage stores one when it runs again.")
     return 0

@@ -13,7 +13,7 @@ from dataclasses import replace
 from types import MappingProxyType
 from typing import TypeVar
 
-from nvsim.errors import UserError, shown
+from nvsim.errors import UserError, value_text
 from nvsim.graph.touched_elements import TouchedElements, remember
 from nvsim.graph.types import Edge, EdgeKey, Evidence, EvidenceKey, NavGraph, Viewpoint
 
@@ -275,7 +275,7 @@ def need_place(position: Iterable[float]) -> Place:
     """Return a position of three finite numbers, meters. Raises EditError if it is invalid."""
     values = tuple(position)
     if len(values) != 3 or not all(isinstance(v, float | int) and _is_finite(v) for v in values):
-        raise EditError(f"{shown(values)} is not a position.")
+        raise EditError(f"{value_text(values)} is not a position.")
     return float(values[0]), float(values[1]), float(values[2])
 
 
@@ -283,7 +283,7 @@ def need_number(value: float, what: str, *, positive: bool = False) -> float:
     """Return a finite number. Raises EditError, which begins with `what`, if it is not finite, or not positive where it
     must be."""
     if not _is_finite(value) or (positive and value <= 0):
-        raise EditError(f"{what} cannot be {shown(value)}.")
+        raise EditError(f"{what} cannot be {value_text(value)}.")
     return float(value)
 
 

@@ -288,7 +288,7 @@ class DetourFindings:
                     if key[0] not in ways:
                         ways[key[0]] = ids_within(graph, key[0], context.limits.detour)
                     far = key[1] not in ways[key[0]]
-                    found[key] = self._about(graph, key, context) if far else []
+                    found[key] = self._findings_of_pair(graph, key, context) if far else []
                 if found.get(key):
                     now.add(other)
             for other in self._found.get(id, set()) - now:
@@ -299,7 +299,7 @@ class DetourFindings:
             self._found[id] = now
         return found
 
-    def _about(self, graph: NavGraph, key: EdgeKey, context: Context) -> list[Finding]:
+    def _findings_of_pair(self, graph: NavGraph, key: EdgeKey, context: Context) -> list[Finding]:
         seen: tuple[object, ...] = (graph.viewpoints[key[0]], graph.viewpoints[key[1]])
         if context.closed is not None:
             seen += tuple(graph.evidence[k] for id in key for k in graph.evidence_of.get(id, ()))

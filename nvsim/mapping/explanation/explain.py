@@ -247,7 +247,9 @@ def closed_edge_reason(config: MappingConfig) -> Callable[[NavGraph, EdgeKey], s
                     continue
                 decision = decide(evidence, config)
                 if decision == DISPUTED:
-                    return f"seen from {graph.short(here)}, {DECISIONS[decision].clause} ({_sides(evidence, config)})"
+                    return (
+                        f"seen from {graph.short(here)}, {DECISIONS[decision].clause} ({_side_words(evidence, config)})"
+                    )
                 if decision != OPEN:
                     return f"seen from {graph.short(here)}, {DECISIONS[decision].clause}"
         return ""
@@ -255,7 +257,7 @@ def closed_edge_reason(config: MappingConfig) -> Callable[[NavGraph, EdgeKey], s
     return reason
 
 
-def _sides(evidence: Evidence, config: MappingConfig) -> str:
+def _side_words(evidence: Evidence, config: MappingConfig) -> str:
     found = explain(evidence, config)
     clause = "" if found.failed is None else DECISIONS[found.failed.word].clause
     return f"{clause}: {found.disagreement}"

@@ -22,7 +22,7 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any, Literal
 
-from nvsim.errors import InputError, shown
+from nvsim.errors import InputError, value_text
 from nvsim.events import Done, Event, Failed, Log, from_data, to_json
 from nvsim.files.atomic import as_input_error
 from nvsim.files.opening import open_own_file, open_regular, read_regular
@@ -174,7 +174,7 @@ def _order(data: Any) -> JobCommand:
 def finite_number(value: Any) -> float:
     """A finite number of a JSON file. Raises ValueError for all other values."""
     if isinstance(value, bool) or not isinstance(value, int | float) or not abs(value) < 1e15 or math.isnan(value):
-        raise ValueError(f"{shown(value, 40)} is not a valid number")
+        raise ValueError(f"{value_text(value, 40)} is not a valid number")
     return float(value)
 
 

@@ -55,7 +55,7 @@ def train(
     started = time.monotonic()
     inputs = inputs_of(project, index, config)
     ready()
-    paths = layout.checkpoint(index), layout.preview(index), layout.live(index)
+    paths = layout.checkpoint(index), layout.preview(index), layout.live_model(index)
     figures = fit(inputs, index, config, layout.root / place, listen, *paths)
     return TrainedSubmap(time.monotonic() - started, figures)
 
@@ -63,7 +63,7 @@ def train(
 def train_in_child(caller: Caller, root: Path, index: int, config: TrainingConfig) -> TrainedSubmap:
     """Like `train`, in a child process of the process that has the project open for writing."""
     with Project.open(root) as project:
-        return train(project, index, config, caller.send_event, caller.ready)
+        return train(project, index, config, caller.send_event, caller.wait_for_kernels)
 
 
 def inputs_of(project: Project, index: int, config: TrainingConfig) -> TrainingInputs:

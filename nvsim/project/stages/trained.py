@@ -109,7 +109,7 @@ def run(
     def begin(index: int) -> None:
         if not ledger.begin_part(project, STAGE, keys[index], index):
             project.layout.checkpoint(index).unlink(missing_ok=True)
-            remove_folder(project.layout.live(index))
+            remove_folder(project.layout.live_model(index))
 
     def finish(index: int, found: TrainedSubmap) -> None:
         _finish(project, index, config, found, listen)

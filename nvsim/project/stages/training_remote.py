@@ -125,7 +125,7 @@ def train_in_place(
 
     compile_ahead(caller.send_event)
     with snapshot.open() as project:
-        trained = train(project, index, config, caller.send_event, caller.ready)
+        trained = train(project, index, config, caller.send_event, caller.wait_for_kernels)
         place = project.stage_results().made_at("train", index)[model_name(index)]
         return ModelFiles(trained, _hashes(project.layout.root / place))
 

@@ -31,7 +31,7 @@ from nvsim.cluster.piece import (
     WorkResult,
     threads_each,
 )
-from nvsim.errors import InputError, shown
+from nvsim.errors import InputError, value_text
 from nvsim.events import Listener, Log, Progress, Warning, Worker
 from nvsim.files import atomic
 from nvsim.files.opening import read_bytes
@@ -228,8 +228,8 @@ def draw_on_workers(
             elif isinstance(message, Progress):  # reports the viewpoint whose files have just arrived
                 if all(message.detail != viewpoint.id for _, viewpoint, _ in chunks[piece.part]):
                     raise InputError(
-                        f"A worker sent images of the viewpoint {shown(message.detail)}, which it was not asked for; "
-                        "check that worker."
+                        f"A worker sent images of the viewpoint {value_text(message.detail)}, which it was not asked "
+                        "for; check that worker."
                     )
                 files, arrived[piece.part] = arrived[piece.part], []
                 finished.add(message.detail)

@@ -67,7 +67,7 @@ class AgentBatch:
         self._moved[:, 4] = 1
         self.trajectories: list[list[Pose]] = [[self._pose(i)] for i in range(len(episodes))]
 
-    def sight(self, who: Int64) -> AgentInput:
+    def observe(self, who: Int64) -> AgentInput:
         """Returns what the agents `who` (n,) see, with as many slots as the largest number of candidates needs."""
         w, rows = self._world, self.rows[who]
         most = int((w.target[rows] >= 0).sum(axis=1).max(initial=0))
@@ -168,7 +168,7 @@ def roll_out(
     longest = max(len(episode.path) for episode in episodes)
     for k in range(steps if way in ("sampled", "best") else max(longest, steps if way == "mixed" else 0)):
         value = model.value(state) if critic else None
-        scores, state = model.step(state, text, walkers.sight(who))
+        scores, state = model.step(state, text, walkers.observe(who))
         taken = _choose_slots(way, scores.detach(), world, episodes, who, k)
         found.steps.append(RolloutStep(who, walkers.rows[who], scores, value, taken))
         walkers.move(who, taken)

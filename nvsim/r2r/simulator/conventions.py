@@ -106,7 +106,7 @@ class Minstd:
         self._state = self._state * 16807 % _MODULUS
         return self._state - 1
 
-    def below(self, count: int) -> int:
+    def random_below(self, count: int) -> int:
         """Returns a random integer from 0 to `count` - 1."""
         scale = _RANGE // count
         while True:
@@ -114,7 +114,7 @@ class Minstd:
             if drawn < count * scale:
                 return drawn // scale
 
-    def real(self) -> float:
+    def random_float(self) -> float:
         """Returns a random number in [0, 1), made from two draws."""
         low, high = self._next(), self._next()
         size = float(_RANGE + 1)

@@ -159,7 +159,7 @@ class Simulator(Settings):
                 self.initialize()
             directions = Minstd()
             viewpoints = [self._any_viewpoint(id) for id in ids]
-            headings = [TURN * directions.real() for _ in ids]
+            headings = [TURN * directions.random_float() for _ in ids]
             if scalar:
                 self.newEpisode(ids[0], viewpoints[0], headings[0], 0.0)
             else:
@@ -170,7 +170,7 @@ class Simulator(Settings):
         scan = self._scans.scan(id)
         if not scan.included.any():
             raise NotStarted(f"MatterSim: ScanId: {id} has no included viewpoints!")
-        index = self._random.below(len(scan.ids))
+        index = self._random.random_below(len(scan.ids))
         while not scan.included[index]:
             index = (index + 1) % len(scan.ids)
         return scan.ids[index]
