@@ -150,7 +150,7 @@ def _choose_images(shares: Sequence[float], count: int) -> list[int]:
 
 @dataclass(frozen=True)
 class AblationConfig:
-    """Rows, submaps, and seeds to train and score. Empty tuples mean all. `afresh` repeats finished runs."""
+    """Rows, submaps, and seeds to train and score. Empty tuples mean all. `repeat` repeats finished runs."""
 
     tables: tuple[str, ...] = TABLES
     rows: tuple[str, ...] = ()
@@ -158,7 +158,7 @@ class AblationConfig:
     submaps: tuple[int, ...] = ()
     seeds: tuple[int, ...] = (0,)
     budget: Budget = field(default_factory=Budget)
-    afresh: bool = False
+    repeat: bool = False
 
 
 @dataclass(frozen=True, eq=False)
@@ -207,7 +207,7 @@ def evaluate_ablation(
     for (row, index, _), run in runs.items():
         titles.setdefault(run.folder, f"{row.title}, submap {index}")
         distinct.setdefault(run.folder, run)
-    if config.afresh:
+    if config.repeat:
         for run in distinct.values():
             delete_run(run)
     todo = [run for run in distinct.values() if not run.is_done]

@@ -161,7 +161,7 @@ class TableConfig:
     budget, seed   of the trainings
     mapping        configuration of all maps except for their criteria
     robot_radius   meters
-    afresh         whether to rebuild existing maps
+    repeat         whether to rebuild existing maps
     """
 
     presets: tuple[str, ...] = ()
@@ -170,7 +170,7 @@ class TableConfig:
     seed: int = 0
     mapping: MappingConfig = field(default_factory=MappingConfig)
     robot_radius: float = 0.25
-    afresh: bool = False
+    repeat: bool = False
 
 
 @dataclass(frozen=True, eq=False)
@@ -227,7 +227,7 @@ def evaluate_validity(
         known: list[StoredMap] = []  # measurements of other columns, so that each corridor is rendered once for all
         for criteria, mapping in columns.items():
             kept = stored_map_of(project, runs[row], mapping)
-            if config.afresh or not kept.is_done:
+            if config.repeat or not kept.is_done:
                 listen(Log(f"Building the map of {row.name} by {' & '.join(criteria)}.", STAGE))
                 build_stored_map(project, runs[row], mapping, kept, known, listen)
                 built += 1

@@ -521,7 +521,7 @@ def test_a_graph_without_images_is_walked_and_says_so(
 ) -> None:
     hands = opened(exported(tmp_path), make_window, qtbot)
     hands.begin()
-    assert hands.state.scanId == "room" and "no skyboxes are beside the file" in hands.walk.no_image
+    assert hands.state.scanId == "room" and "the folder of the file has no skyboxes" in hands.walk.no_image
     hands.turn_to()
     hands.press(K.Key_1)
     assert hands.state.step > 0

@@ -173,7 +173,9 @@ class AgentPart(Part):
         file = contents.graph_file
         if isinstance(file, ForeignGraph):
             lacking = (
-                "" if file.skyboxes is not None else "no skyboxes are beside the file; the map and the state work."
+                ""
+                if file.skyboxes is not None
+                else "the folder of the file has no skyboxes; the map and the state work."
             )
             return AgentSource(None, file.path, file.skyboxes, lacking)
         lacking = f"{STAGE['train'].missing}; the map and the state work."

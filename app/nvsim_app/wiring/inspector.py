@@ -132,7 +132,7 @@ class InspectorPart(Part):
             self.panoramas.request((x, y, z), None if file is None else partial(file.panorama, id))
         self.panel.enable_channels(file is None)
         lacking = f"{STAGE['train'].missing}, so there is nothing to show"
-        lacking = "There are no images beside the file." if file else sentence(lacking)
+        lacking = "The folder of the file has no images." if file else sentence(lacking)
         self.panel.view.hint = "" if there else lacking
         self.panel.view.update()
         self.context.scene.update()

@@ -224,8 +224,8 @@ class EvaluateAblation(ProjectArguments):
     gaussian_cap: int | None = None
     """Largest number of Gaussians of every run. Default: as in the preset nvsim."""
     resume: bool = False
-    """Continue the runs of an earlier call. This is the default, unless --afresh is given."""
-    afresh: bool = False
+    """Continue the runs of an earlier call. This is the default, unless --repeat is given."""
+    repeat: bool = False
     """Train every run again."""
     truth: Path | None = None
     """Folder with floor/ and transient/ masks and novel views. Default: the project's own ground truth."""
@@ -237,18 +237,18 @@ class EvaluateAblation(ProjectArguments):
     """Folder for tables.txt, and a CSV file and an image per table. Default: ablation/ in the project."""
 
     def run(self) -> int:
-        """Runs the command. Raises InputError if --resume and --afresh are both given."""
+        """Runs the command. Raises InputError if --resume and --repeat are both given."""
         from nvsim.errors import InputError
         from nvsim.evaluation.ablation import STAGE, AblationConfig, evaluate_ablation, text_of, write_report
         from nvsim.evaluation.ablation_runs import Budget, runs_folder
         from nvsim.evaluation.scores import open_lpips
         from nvsim.events import Done
 
-        if self.resume and self.afresh:
-            raise InputError("--resume and --afresh contradict each other; name one of them.")
+        if self.resume and self.repeat:
+            raise InputError("--resume and --repeat contradict each other; name one of them.")
         distance, why = open_lpips(self.lpips, self.lpips_range)
         budget = Budget(self.steps, self.image_size, self.gaussian_cap)
-        config = AblationConfig(self.tables, self.rows, self.presets, self.submaps, self.seeds, budget, self.afresh)
+        config = AblationConfig(self.tables, self.rows, self.presets, self.submaps, self.seeds, budget, self.repeat)
         with project_job(self.project, "evaluate ablation", self.json) as (project, listen):
             outcome = evaluate_ablation(project, config, listen, self.truth, distance)
             files = write_report(outcome, self.out or runs_folder(project), why)

@@ -143,7 +143,7 @@ class EvaluateValidityTable(ProjectArguments):
     """Largest number of Gaussians of every model. Default: as in the preset nvsim."""
     seed: int = 0
     """Random seed of the training."""
-    afresh: bool = False
+    repeat: bool = False
     """Build every map again. Models are reused."""
     out: Path | None = None
     """Folder for validity.txt, .csv, .tex and an image per map. Default: validity/ in the project."""
@@ -171,7 +171,7 @@ class EvaluateValidityTable(ProjectArguments):
             self.seed,
             self.config,
             self.config.robot_radius,
-            self.afresh,
+            self.repeat,
         )
         with project_job(self.project, "evaluate validity-table", self.json) as (project, listen):
             occupancy = true_occupancy(project, self.occupancy, self.map_frame, self.heights)
