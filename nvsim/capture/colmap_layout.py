@@ -120,7 +120,9 @@ def model_named(root: Path, name: str) -> Path:
             f"{value_text(root)} holds no COLMAP model, so --model {value_text(name)} selects nothing; omit --model."
         )
     listed = ", ".join(model.name for model in models[:20])
-    raise InputError(f"{value_text(root)} has no model {value_text(name)!r}; give --model one of {listed}.")
+    raise InputError(
+        f"{value_text(root)} has no model {value_text(name)!r}; give --model one of {listed}, or only its last part."
+    )
 
 
 def missing_from_model(root: Path) -> str:

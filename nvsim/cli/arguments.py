@@ -3,6 +3,7 @@ shows the common options, `--help-all` shows all options."""
 
 from __future__ import annotations
 
+import itertools
 import shutil
 import sys
 import textwrap
@@ -192,9 +193,9 @@ def parse(command: type[Command], argv: list[str], verb: str) -> Any:
         print_lines(*lines(command, verb, argv, everything=asked == "all"))
         sys.exit(0)
     text = (command.__doc__ or "").split("\n\n")[0]
-    options: dict[str, Any] = {}
+    given_defaults: dict[str, Any] = {}
     if hasattr(command, "defaults"):
-        options["default"] = command.defaults(argv)
+        given_defaults["default"] = command.defaults(argv)
     try:
         with unguarded_streams(argv):
             return tyro.cli(
@@ -204,11 +205,27 @@ def parse(command: type[Command], argv: list[str], verb: str) -> Any:
                 description=text,
                 config=(tyro.conf.FlagCreatePairsOff,),
                 registry=_registry,
-                **options,
+                **given_defaults,
             )
     except SystemExit as stop:
         # Keep argparse's convention for any version of tyro: 0 for help, 2 for a wrong option.
-        sys.exit(0 if stop.code in (0, None) else 2)
+        if stop.code in (0, None):
+            sys.exit(0)
+        for hint in _hints_on_lists(command, argv):
+            say(hint, error=True)
+        sys.exit(2)
+
+
+def _hints_on_lists(command: type[Command], argv: list[str]) -> list[str]:
+    """A sentence for each list in `argv` whose values are separated by spaces where the option expects commas."""
+    hints = []
+    for option in options(command, command.defaults(argv) if hasattr(command, "defaults") else None):
+        if option.flag in argv and "separated by commas" in option.help:
+            after = argv[argv.index(option.flag) + 1 :]
+            words = list(itertools.takewhile(lambda word: not word.startswith("-"), after))
+            if len(words) > 1:
+                hints.append(f"If these are values of {option.flag}, separate them by commas: {','.join(words)}")
+    return hints
 
 
 def value_of_flag(argv: list[str], flag: str, default: str) -> str:

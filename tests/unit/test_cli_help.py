@@ -156,3 +156,10 @@ def test_summary_does_not_report_the_validity_of_an_older_graph(tmp_path: Path) 
         project.set_result("graph", FIGURES)
         text = "\n".join(summary(project))
     assert "not measured" in text and "nvsim evaluate graph" in text and "interval" not in text
+
+
+def test_names_separated_by_spaces_get_a_hint_on_commas(capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(SystemExit) as stop:
+        main(["import", "capture", "--project", "a.nvsim", "--leave-out", "A", "B"])
+    assert stop.value.code == 2
+    assert "If these are values of --leave-out, separate them by commas: A,B" in capsys.readouterr().err
