@@ -212,7 +212,7 @@ def parse(command: type[Command], argv: list[str], verb: str) -> Any:
         if stop.code in (0, None):
             sys.exit(0)
         for hint in _hints_on_lists(command, argv):
-            say(hint, error=True)
+            print_lines(hint, error=True)
         sys.exit(2)
 
 
