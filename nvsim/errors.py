@@ -25,7 +25,7 @@ class InputError(UserError):
     """
 
 
-def shown(value: object, most: int = 300) -> str:
+def value_text(value: object, most: int = 300) -> str:
     """A value from a file as text for a message: one line, shortened to at most `most` characters."""
     try:
         text = str(value)

@@ -13,7 +13,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
-from nvsim.errors import shown
+from nvsim.errors import value_text
 
 
 @dataclass(frozen=True)
@@ -137,12 +137,12 @@ def from_json(line: str) -> Event:
 def from_data(data: Any) -> Event:
     """The event in parsed JSON. Raises ValueError if `data` is not an event."""
     if not isinstance(data, dict) or not isinstance(data.get("event"), str) or data["event"] not in _KINDS:
-        raise ValueError(f"not an event: {shown(data)}")
+        raise ValueError(f"not an event: {value_text(data)}")
     kind = _KINDS[data["event"]]
     try:
         event: Event = kind(**{k: v for k, v in data.items() if k != "event"})
     except TypeError as error:
-        raise ValueError(f"not an event: {shown(error)}") from error
+        raise ValueError(f"not an event: {value_text(error)}") from error
     for field in dataclasses.fields(kind):
         if not _has_type(getattr(event, field.name), field.type):
             raise ValueError(f"not an event: its {field.name} is not of the type {field.type}")

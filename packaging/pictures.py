@@ -39,7 +39,7 @@ SCALE = 2  # pixels per point
 QUALITY = 78  # of WebP
 SECONDS = 240.0
 WANT = 0.97  # the validity that a suggestion must surely have; the building is too small for more
-TRAINING = ["--submaps", "1", "--steps", "900", "--image-size", "320"]
+TRAINING = ["--steps", "900", "--image-size", "320"]
 
 
 class Camera:
@@ -148,13 +148,21 @@ def shoot(camera: Camera) -> None:
     camera.until(lambda: not window.notice_area.texts, 30)
     camera.take("window-results")
 
+    train_a_submap(camera)
+
+
+def train_a_submap(camera: Camera) -> None:
+    """Trains the last submap again, and takes the picture when most of its steps are done."""
+    window, project = camera.window, camera.session.document.project
     jobs = window.panels["jobs"]
     assert isinstance(jobs, JobPanel)
-    project = document.project
-    handle = session.window.jobs.start("train", ["--project", str(project), *TRAINING], project, "Train submap 1")
+    submap = max(camera.session.document.contents.model_info)
+    arguments = ["--project", str(project), "--submaps", str(submap), *TRAINING]
+    handle = window.jobs.start("train", arguments, project, f"Train submap {submap}")
+    camera.docks(jobs=250)
     window.show_dock("jobs")
     jobs.splitter.setSizes([536, 464])
-    table["home"].trigger()
+    camera.table["home"].trigger()
     camera.until(lambda: handle.history.share > 0.7 or handle.state in ("done", "failed"))
     camera.take("window-training")
     window.jobs.cancel(handle)

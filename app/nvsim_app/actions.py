@@ -129,7 +129,7 @@ class ActionTable(QObject):
                 return f"{entry.text.replace('&', '').rstrip('…')}: unavailable, {reason}."
         return ""
 
-    def dress(self, palette: QPalette) -> None:
+    def apply_palette(self, palette: QPalette) -> None:
         """Draws the icons in the colors of `palette`."""
         for entry in self.entries:
             if entry.icon:

@@ -15,7 +15,7 @@ def name_of(device: str) -> str:
     return torch.cuda.get_device_name(device) if device != "cpu" else "cpu"
 
 
-def about() -> dict[str, Any]:
+def describe_device() -> dict[str, Any]:
     """Versions of the software, and the properties of the GPU if there is one."""
     import importlib.metadata as metadata
     import platform

@@ -45,7 +45,7 @@ def measure(frames: int, config: DepthConfig, building: BuildingConfig | None = 
         started = time.perf_counter()
         cloud = estimate_depth(capture, Path(name) / "all", config)
         seconds = time.perf_counter() - started
-    size = capture.frames[0].intrinsics.within(config.longest_side)
+    size = capture.frames[0].intrinsics.limited_to(config.longest_side)
     return {
         "ms_per_frame": round(1e3 * seconds / len(capture.frames), 1),
         "frames": len(capture.frames),

@@ -36,7 +36,7 @@ def measure(width: int, height: int, images: int, semantic: str, normals: str) -
     rng = np.random.default_rng(0)
     seen = [rng.integers(0, 255, (height, width, 3)).astype(np.uint8) for _ in range(min(images, _DIFFERENT) + 1)]
 
-    def timed(name: str, *asked: Callable[[Image, Camera], object]) -> dict[str, float]:
+    def time_call(name: str, *asked: Callable[[Image, Camera], object]) -> dict[str, float]:
         for ask in asked:
             ask(seen[-1], camera)
         wall, cpu = time.perf_counter(), time.process_time()
@@ -46,9 +46,9 @@ def measure(width: int, height: int, images: int, semantic: str, normals: str) -
         wall, cpu = time.perf_counter() - wall, time.process_time() - cpu
         return {f"{name}ms{end}": round(1e3 * t / images, 1) for end, t in (("", wall), ("_cpu", cpu))}
 
-    figures: dict[str, Any] = timed("semantic_", SemanticNetwork(looks.open("cpu")).floor_probability)
-    figures |= timed("normals_", NormalsNetwork(faces.open("cpu")).normals)
+    figures: dict[str, Any] = time_call("semantic_", SemanticNetwork(looks.open("cpu")).floor_probability)
+    figures |= time_call("normals_", NormalsNetwork(faces.open("cpu")).normals)
     floor, surface = SemanticNetwork(looks.open("cpu")), NormalsNetwork(faces.open("cpu"))
-    both = timed("", floor.floor_probability, surface.normals)
+    both = time_call("", floor.floor_probability, surface.normals)
     return {"ms_per_frame": both["ms"], "ms_per_frame_cpu": both["ms_cpu"], **figures, "size": f"{width}x{height}",
             "cores": cores()}  # fmt: skip

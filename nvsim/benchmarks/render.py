@@ -94,7 +94,7 @@ def measure(gaussians: Gaussians, camera: Camera, antialiased: bool = True, roun
     zeros, statistics_of = np.zeros((height, width), np.float32), np.zeros((len(g), 3), np.float32)
     workspace = RenderBuffers()
     through = [zeros]
-    frames = iter(turning(camera, rounds + 1))
+    frames = iter(turn_camera_stepwise(camera, rounds + 1))
 
     def draw(geometry: bool) -> None:
         through[0] = workspace.draw(height, width, geometry)[1]
@@ -161,9 +161,9 @@ def _lanes(
     return rows * TILE
 
 
-def turning(camera: Camera, count: int) -> list[Camera]:
+def turn_camera_stepwise(camera: Camera, count: int) -> list[Camera]:
     """`count` cameras, each turned by TURN about the vertical axis relative to the previous one."""
-    return [Camera(camera.intrinsics, _turned(camera, k * TURN)) for k in range(count)]
+    return [Camera(camera.intrinsics, _turn_camera(camera, k * TURN)) for k in range(count)]
 
 
 def _pose(turn: float) -> NDArray[np.float64]:
@@ -172,7 +172,7 @@ def _pose(turn: float) -> NDArray[np.float64]:
     return camera_pose(np.array(EYE), float(np.arctan2(ahead[0], ahead[1])) + turn, float(elevation))
 
 
-def _turned(camera: Camera, angle: float) -> NDArray[np.float64]:
+def _turn_camera(camera: Camera, angle: float) -> NDArray[np.float64]:
     pose = camera.camera_to_world.copy()
     c, s = np.cos(angle), np.sin(angle)
     pose[:3, :3] = np.array([[c, -s, 0], [s, c, 0], [0, 0, 1]]) @ pose[:3, :3]

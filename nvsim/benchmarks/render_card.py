@@ -8,7 +8,7 @@ import numpy as np
 import torch
 
 from nvsim.benchmarks.card import milliseconds, name_of
-from nvsim.benchmarks.render import turning
+from nvsim.benchmarks.render import turn_camera_stepwise
 from nvsim.geometry.camera import Camera
 from nvsim.render import gsplat_backend
 from nvsim.render.gsplat_backend import rasterize
@@ -35,7 +35,7 @@ def measure(
     if device == "cuda":
         torch.cuda.reset_peak_memory_stats()
     g, k = gaussians, camera.intrinsics
-    frames = iter(turning(camera, 2 * (rounds + 3)))
+    frames = iter(turn_camera_stepwise(camera, 2 * (rounds + 3)))
 
     def frame(channels: frozenset[str]) -> None:
         gsplat_backend.render_over(g, next(frames), channels, antialiased, lasting=True, device=device)
@@ -50,13 +50,13 @@ def measure(
         with torch.no_grad():
             rasterize(*tensors, camera=camera, antialiased=antialiased)
 
-    def both() -> None:
+    def render_and_backpropagate() -> None:
         rasterize(*tensors, camera=camera, antialiased=antialiased).rgb.backward(towards)
         for tensor in tensors:
             tensor.grad = None
 
     ms["forward_ms"] = milliseconds(forward, device, rounds)
-    ms["backward_ms"] = milliseconds(both, device, rounds) - ms["forward_ms"]
+    ms["backward_ms"] = milliseconds(render_and_backpropagate, device, rounds) - ms["forward_ms"]
     figures: dict[str, Any] = {name: round(value, 3) for name, value in ms.items()}
     figures["fps"] = round(1e3 / max(ms["frame_ms"], 1e-6), 1)
     figures |= agreement(g, camera, antialiased, device)

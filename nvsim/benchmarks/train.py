@@ -36,7 +36,7 @@ _RATES = {"means": 1.6e-4, "log_scales": 5e-3, "quats": 1e-3, "opacity_logits": 
 _WIDTH, _SIGMA = 11, 1.5  # of the SSIM window, in pixels
 
 
-def across(width: int, height: int) -> list[TrainingView]:
+def views_across_room(width: int, height: int) -> list[TrainingView]:
     """Views from positions near the walls across the room; each shows a third of it."""
     intrinsics, views = Intrinsics.from_fov(width, height, np.radians(70)), []
     for i, angle in enumerate(np.linspace(0, 2 * np.pi, VIEWS, endpoint=False)):
@@ -77,7 +77,7 @@ def measure(
     place = choice.gpu_name(device)
     if place == "cuda":
         torch.cuda.reset_peak_memory_stats()
-    views, floor = across(width, height), FloorSurface.flat(0.0)
+    views, floor = views_across_room(width, height), FloorSurface.flat(0.0)
     torch_threads = torch.get_num_threads()
     torch.set_num_threads(1)
     try:
@@ -154,11 +154,11 @@ def _window(device: str) -> torch.Tensor:
 def _ssim(a: torch.Tensor, b: torch.Tensor, window: torch.Tensor) -> torch.Tensor:
     a, b = a.permute(2, 0, 1)[None], b.permute(2, 0, 1)[None]
 
-    def blurred(image: torch.Tensor) -> torch.Tensor:
+    def blur(image: torch.Tensor) -> torch.Tensor:
         return torch.nn.functional.conv2d(image, window, padding=_WIDTH // 2, groups=3)
 
-    mean_a, mean_b = blurred(a), blurred(b)
-    var_a, var_b = blurred(a * a) - mean_a**2, blurred(b * b) - mean_b**2
-    both = blurred(a * b) - mean_a * mean_b
+    mean_a, mean_b = blur(a), blur(b)
+    var_a, var_b = blur(a * a) - mean_a**2, blur(b * b) - mean_b**2
+    both = blur(a * b) - mean_a * mean_b
     alike = (2 * mean_a * mean_b + 1e-4) * (2 * both + 9e-4)
     return (alike / ((mean_a**2 + mean_b**2 + 1e-4) * (var_a + var_b + 9e-4))).mean()

@@ -51,7 +51,7 @@ class ProjectSize:
 def write_project(folder: Path, size: ProjectSize) -> Path:
     """Creates the project at `folder` and returns `folder`. Raises InputError if the folder cannot be written or
     contains other files."""
-    capture, submaps = _walk(size.submaps)
+    capture, submaps = _make_capture(size.submaps)
     with Project.create_or_open(folder) as project:
         save_capture(capture, project.layout.imported)
         project.set_submaps(submaps)
@@ -67,7 +67,7 @@ def write_project(folder: Path, size: ProjectSize) -> Path:
     return folder
 
 
-def _walk(rooms: int) -> tuple[Capture, tuple[Submap, ...]]:
+def _make_capture(rooms: int) -> tuple[Capture, tuple[Submap, ...]]:
     lens = Lens("PINHOLE", 640, 480, (400.0, 400.0, 320.0, 240.0))
     turn = np.linspace(0, 2 * math.pi, FRAMES, endpoint=False)
     frames: list[Frame] = []

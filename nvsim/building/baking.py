@@ -88,8 +88,8 @@ def bake(
     ground = 6 * len(boxes)
     gain = np.float32(0.92 / float(np.mean(light[ground])))
 
-    def lit(albedo: Image, surface: int, boost: float = 1.0) -> Image:
-        shade = _exposed(light[surface] * np.float32(gain * boost))
+    def light_surface(albedo: Image, surface: int, boost: float = 1.0) -> Image:
+        shade = _compress_highlights(light[surface] * np.float32(gain * boost))
         return np.asarray(albedo * _interpolate_light(shade, *albedo.shape[:2])[..., None], np.float32)
 
     # Painted, lit, and converted to bytes one by one, because a large building in floating point exceeds the memory.
@@ -97,18 +97,18 @@ def bake(
     for k, storey in enumerate(storeys):
         floor, gloss = painters.floor(storey.plan, texel, rng)
         # Lamps are level with the ceiling and do not light it: it gets the light reflected by the floor
-        ceiling = lit(painters.ceiling(storey.plan, _CEILING_TEXEL, rng), ground + 2 * k + 1, 1.45)
+        ceiling = light_surface(painters.ceiling(storey.plan, _CEILING_TEXEL, rng), ground + 2 * k + 1, 1.45)
         for x, y, _ in lamps[k]:
             r0, r1, c0, c1 = (round(v / _CEILING_TEXEL) for v in (y - _LAMP, y + _LAMP, x - _LAMP, x + _LAMP))
             ceiling[r0:r1, c0:c1] = 0.97
-        levels += [_mips(lit(floor, ground + 2 * k)), _mips(ceiling)]
+        levels += [_mips(light_surface(floor, ground + 2 * k)), _mips(ceiling)]
         glosses.append(gloss)
     faces = []
     for surface, place in enumerate(places[:ground]):
         box = boxes[surface // 6]
         albedo = _albedo(box, surface % 6, place, _base(box, storeys), rng, painters.face)
-        faces.append([np.zeros((1, 1, 3), np.uint8)] if albedo is None else _mips(lit(albedo, surface)))
-    return _packed(faces + levels, places, np.stack(glosses), texel)
+        faces.append([np.zeros((1, 1, 3), np.uint8)] if albedo is None else _mips(light_surface(albedo, surface)))
+    return _pack_textures(faces + levels, places, np.stack(glosses), texel)
 
 
 def _floor_texel(storeys: tuple[Storey, ...]) -> float:
@@ -116,7 +116,7 @@ def _floor_texel(storeys: tuple[Storey, ...]) -> float:
     return _FLOOR_TEXEL * (2 if storeys[0].plan.extent.area > _LARGE else 1)
 
 
-def _exposed(light: NDArray[np.float32]) -> NDArray[np.float32]:
+def _compress_highlights(light: NDArray[np.float32]) -> NDArray[np.float32]:
     """Light with highlights compressed above 0.9, so that a pale wall beside a lamp keeps its shading."""
     over = np.maximum(light - 0.9, 0)
     return np.asarray(np.minimum(light, 0.9) + 0.25 * (1 - np.exp(-over / 0.25)), np.float32)
@@ -266,7 +266,7 @@ def _mips(radiance: Image) -> list[NDArray[np.uint8]]:
     return [np.rint(np.clip(c, 0, 1) * 255).astype(np.uint8) for c in chain]
 
 
-def _packed(
+def _pack_textures(
     chains: list[list[NDArray[np.uint8]]], places: list[_FaceRectangle], gloss: NDArray[np.float32], gloss_texel: float
 ) -> Textures:
     table = np.zeros((len(chains), LEVELS, 3), np.int64)

@@ -97,7 +97,7 @@ def novel_cameras(scene: Scene, occupancy: OccupancyMap, rng: np.random.Generato
     free = np.argwhere((occupancy.cells == FREE) & (clearance(occupancy) >= ROOM))
     places = occupancy.centres()[free[:, 0], free[:, 1]]
     if scene.plan.flight is not None:
-        hole = scene.plan.flight.rect.grown(0.1)
+        hole = scene.plan.flight.rect.expanded(0.1)
         places = places[[not hole.contains(x, y) for x, y in places]]
     distance, nearest = cKDTree(walk[:, :2]).query(places)
     allowed = np.flatnonzero((distance >= BESIDE[0]) & (distance <= BESIDE[1]))
@@ -170,11 +170,13 @@ def generate(folder: Path, config: BuildingConfig, listen: Listener = ignore_eve
     listen(Progress("building", 2, total, "frames"))
     capture, truth = folder / "capture", folder / "ground_truth"
     for frame in range(len(scene.walk)):
-        people, clothes = scene.present(frame)
+        people, clothes = scene.people_in_frame(frame)
         view = render(scene.camera(frame), scene.solids, textures, people, clothes)
         name = f"{frame:05d}"
         _write(
-            capture / "images" / f"{name}.jpg", _exposed(view.color, config.seed, frame), [cv2.IMWRITE_JPEG_QUALITY, 93]
+            capture / "images" / f"{name}.jpg",
+            _camera_bytes(view.color, config.seed, frame),
+            [cv2.IMWRITE_JPEG_QUALITY, 93],
         )
         _write(truth / "floor" / f"{name}.png", 255 * floor_mask(scene, view).astype(np.uint8))
         _write(truth / "transient" / f"{name}.png", 255 * transient_mask(scene, view).astype(np.uint8))
@@ -229,7 +231,7 @@ def _forget_others(folder: Path, frames: int, novel: int, storeys: int) -> None:
                 path.unlink()
 
 
-def _exposed(color: NDArray[np.float32], seed: int, frame: int) -> NDArray[np.uint8]:
+def _camera_bytes(color: NDArray[np.float32], seed: int, frame: int) -> NDArray[np.uint8]:
     """BGR bytes (H, W, 3) with sensor noise, from RGB `color` (H, W, 3), 0 to 1."""
     rng = _stream(seed, 6, frame)
     noisy = color[..., ::-1] + np.float32(_NOISE) * rng.standard_normal(color.shape, dtype=np.float32)

@@ -19,7 +19,7 @@ ENTRY = 0.95  # meters inside a door before the trajectory turns
 def make_plan(size: str, rng: np.random.Generator, glazed: bool = False, within: Rect | None = None) -> Plan:
     """The plan of a "full" or a "small" building; partitions are of glass if `glazed`. `within` gives a small plan the
     outer walls of another one, meters, and moves its partition."""
-    return _full(rng, glazed) if size == "full" else _small(rng, glazed, within)
+    return _full_plan(rng, glazed) if size == "full" else _small_plan(rng, glazed, within)
 
 
 def _uniform(rng: np.random.Generator, low: float, high: float) -> float:
@@ -37,7 +37,7 @@ def outer_walls(width: float, depth: float) -> list[Wall]:
     ]
 
 
-def _small(rng: np.random.Generator, glazed: bool, within: Rect | None) -> Plan:
+def _small_plan(rng: np.random.Generator, glazed: bool, within: Rect | None) -> Plan:
     width, depth = _uniform(rng, 8.8, 9.4), _uniform(rng, 4.8, 5.2)
     split = _uniform(rng, 4.4, 4.8)
     if within is not None:
@@ -68,7 +68,7 @@ def _small(rng: np.random.Generator, glazed: bool, within: Rect | None) -> Plan:
     return Plan(Rect(0, 0, width, depth), rooms, tuple(walls), (door,), stops)
 
 
-def _full(rng: np.random.Generator, glazed: bool) -> Plan:
+def _full_plan(rng: np.random.Generator, glazed: bool) -> Plan:
     """Columns of two rooms left and right, one room below and one above, and a ring of corridors about a glazed
     core."""
     left, right = _uniform(rng, 5.2, 5.7), _uniform(rng, 5.2, 5.7)
@@ -242,7 +242,7 @@ def make_halls(area: float, rng: np.random.Generator, glazed: bool = False) -> P
     if cross:
         for name, x0, x1 in (("cross west", 0.0, cross), ("cross east", _on_raster(width - cross), width)):
             rooms.append(_hall(name, Rect(x0, 0.0, x1, depth)))
-    stops = _tour(streets, shops, width, rng)
+    stops = _trajectory_through_shops(streets, shops, width, rng)
     return Plan(Rect(0, 0, width, depth), tuple(rooms), tuple(walls), tuple(openings), tuple(stops))
 
 
@@ -300,7 +300,7 @@ def _columns(street: _HallPlan) -> list[Wall]:
     return [Wall("x", street.middle, _on_raster(x - half), _on_raster(x + half), _COLUMN) for x in places]
 
 
-def _tour(
+def _trajectory_through_shops(
     streets: list[_HallPlan], shops: list[list[tuple[Opening, Rect]]], width: float, rng: np.random.Generator
 ) -> list[TrajectoryCorner]:
     """East along the lower shops of a street, west along its upper ones, then the next street; back through the

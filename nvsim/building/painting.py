@@ -28,40 +28,40 @@ def smooth_noise(rows: int, columns: int, grain: tuple[float, float], rng: np.ra
     return cut
 
 
-def _filled(rows: int, columns: int, color: Color) -> Image:
+def _fill_image(rows: int, columns: int, color: Color) -> Image:
     return np.broadcast_to(np.array(color, np.float32), (rows, columns, 3)).copy()
 
 
-def _plain(rows: int, columns: int, texel: float, paint: Paint, rng: np.random.Generator) -> Image:
-    return _filled(rows, columns, paint.color)
+def _paint_plain(rows: int, columns: int, texel: float, paint: Paint, rng: np.random.Generator) -> Image:
+    return _fill_image(rows, columns, paint.color)
 
 
 def _wood(rows: int, columns: int, texel: float, paint: Paint, rng: np.random.Generator) -> Image:
     along = (0.04, 0.6) if columns >= rows else (0.6, 0.04)
     grain = smooth_noise(rows, columns, (max(along[0] / texel, 1.5), max(along[1] / texel, 1.5)), rng)
-    return _filled(rows, columns, paint.color) * (1 + 0.07 * grain[..., None])
+    return _fill_image(rows, columns, paint.color) * (1 + 0.07 * grain[..., None])
 
 
 def _cloth(rows: int, columns: int, texel: float, paint: Paint, rng: np.random.Generator) -> Image:
-    return _filled(rows, columns, paint.color) * (
+    return _fill_image(rows, columns, paint.color) * (
         1 + 0.035 * smooth_noise(rows, columns, (0.08 / texel,) * 2, rng)[..., None]
     )
 
 
 def _leaves(rows: int, columns: int, texel: float, paint: Paint, rng: np.random.Generator) -> Image:
-    return _filled(rows, columns, paint.color) * (
+    return _fill_image(rows, columns, paint.color) * (
         1 + 0.16 * smooth_noise(rows, columns, (0.09 / texel,) * 2, rng)[..., None]
     )
 
 
 def _stone(rows: int, columns: int, texel: float, paint: Paint, rng: np.random.Generator) -> Image:
-    return _filled(rows, columns, paint.color) * (
+    return _fill_image(rows, columns, paint.color) * (
         1 + 0.10 * smooth_noise(rows, columns, (0.06 / texel,) * 2, rng)[..., None]
     )
 
 
 def _carton(rows: int, columns: int, texel: float, paint: Paint, rng: np.random.Generator) -> Image:
-    image = _filled(rows, columns, paint.color)
+    image = _fill_image(rows, columns, paint.color)
     middle, half = columns // 2, max(1, round(0.03 / texel))
     image[:, max(0, middle - half) : middle + half] *= 0.8
     return image
@@ -121,14 +121,14 @@ def _desk_top(rows: int, columns: int, texel: float, paint: Paint, rng: np.rando
 
 
 def _screen(rows: int, columns: int, texel: float, paint: Paint, rng: np.random.Generator) -> Image:
-    image = _filled(rows, columns, (0.08, 0.08, 0.09))
+    image = _fill_image(rows, columns, (0.08, 0.08, 0.09))
     w, h = columns * texel, rows * texel
     _rectangle(image, texel, 0.03, 0.03, w - 0.06, h - 0.06, paint.color)
     _rectangle(image, texel, 0.06, h * 0.45, w * 0.4, h * 0.35, paint.accent)
     return image
 
 
-def _muted(rng: np.random.Generator, tone: float) -> NDArray[np.float64]:
+def _random_tone(rng: np.random.Generator, tone: float) -> NDArray[np.float64]:
     return np.asarray(tone + rng.uniform(-0.12, 0.12, 3))
 
 
@@ -137,7 +137,7 @@ def _picture(image: Image, texel: float, x: float, y: float, w: float, h: float,
     _rectangle(image, texel, x - 0.04, y - 0.04, w + 0.08, h + 0.08, (0.2, 0.17, 0.14))
     rows, columns = max(2, round(h / texel)), max(2, round(w / texel))
     v, u = np.mgrid[0:rows, 0:columns] / np.array([rows, columns]).reshape(2, 1, 1)
-    sky, ground = _muted(rng, 0.72), _muted(rng, 0.4)
+    sky, ground = _random_tone(rng, 0.72), _random_tone(rng, 0.4)
     print_ = sky * (1 - 0.25 * v[..., None]) + 0 * u[..., None]
     for k in range(3):
         phase, high = rng.uniform(0, 6.28), 0.55 - 0.15 * k
@@ -155,7 +155,7 @@ def _wall(
 ) -> Image:
     """Painted plaster: plain, striped, or paneled, with a skirting board. All kinds except "wall-bare" have pictures. A
     "wall-shaft", beside stairs, has only stripes."""
-    image = _filled(rows, columns, paint.color)
+    image = _fill_image(rows, columns, paint.color)
     w, h = columns * texel, rows * texel
     u, v = at[0] + (np.arange(columns) + 0.5) * texel, at[1] + (np.arange(rows) + 0.5) * texel
     if paint.kind in ("wall-stripes", "wall-shaft"):
@@ -179,7 +179,7 @@ def _wall(
 
 
 _PAINTERS: dict[str, Callable[[int, int, float, Paint, np.random.Generator], Image]] = {
-    "plain": _plain,
+    "plain": _paint_plain,
     "wood": _wood,
     "cloth": _cloth,
     "leaves": _leaves,
@@ -221,7 +221,7 @@ def paint_floor(plan: Plan, texel: float, rng: np.random.Generator) -> tuple[Ima
             if room.floor == "tiles":
                 patch, shine = _tiles(r0, r1, c0, c1, texel, size, tile_color, rng), 1.0
             else:
-                patch, shine = _planks(r0, r1, c0, c1, texel, plank, wood_color, rng), 0.6
+                patch, shine = _paint_planks(r0, r1, c0, c1, texel, plank, wood_color, rng), 0.6
             image[r0:r1, c0:c1] = patch
             gloss[r0:r1, c0:c1] = shine
         if room.kind in ("lounge", "meeting", "hall"):
@@ -248,7 +248,7 @@ def _tiles(
     return (color + tone[..., None]).astype(np.float32)
 
 
-def _planks(
+def _paint_planks(
     r0: int, r1: int, c0: int, c1: int, texel: float, width: float, color: NDArray[np.float64], rng: np.random.Generator
 ) -> Image:
     """Staggered planks along x or y, each with its own tone, with grain along them."""

@@ -132,14 +132,14 @@ def _table(rng: np.random.Generator) -> FurniturePiece:
     wood = Paint("wood", _pick(rng, _WOODS))
     top = Paint("desk", wood.color, _pick(rng, _CLOTHS))
     boxes = [_block(0, 0.5, 0.70, w, 0.5 + d, 0.74, wood, (TOP, top))]
-    boxes += [_shifted(b, 0.5) for b in _legs(w, d, 0.70, 0.07, wood)]
+    boxes += [_shift_box(b, 0.5) for b in _legs(w, d, 0.70, 0.07, wood)]
     for x in (0.12, w - 0.58):
         boxes += _chair_boxes(rng, x, 0.02, facing_wall=False)
         boxes += _chair_boxes(rng, x, d + 0.52, facing_wall=True)
     return FurniturePiece(w, d + 1.0, tuple(boxes))
 
 
-def _shifted(box: Box, y: float) -> Box:
+def _shift_box(box: Box, y: float) -> Box:
     return Box((box.lo[0], box.lo[1] + y, box.lo[2]), (box.hi[0], box.hi[1] + y, box.hi[2]), box.paint, box.faces)
 
 
@@ -266,7 +266,7 @@ def _try(
     at_wall: bool,
 ) -> list[Box]:
     """The boxes of the piece at the first of sixty random places that is free; none if all are taken."""
-    area = room.rects[0].grown(-OUTER_WALL / 2 - 0.01)
+    area = room.rects[0].expanded(-OUTER_WALL / 2 - 0.01)
     for _ in range(60):
         turns = int(rng.integers(4))
         w, d = (piece.width, piece.depth) if turns % 2 == 0 else (piece.depth, piece.width)
@@ -278,10 +278,10 @@ def _try(
             x, y = ((x, area.y0), (area.x1 - w, y), (x, area.y1 - d), (area.x0, y))[turns]
         spot = Rect(x, y, x + w, y + d)
         margin = 0.04 if at_wall else 0.35
-        if any(spot.grown(margin).overlaps(t) for t in taken) or _distance(spot, track) < _CLEARANCE:
+        if any(spot.expanded(margin).overlaps(t) for t in taken) or _distance(spot, track) < _CLEARANCE:
             continue
         taken.append(spot)
-        return [_placed(b, piece, turns, x, y) for b in piece.boxes]
+        return [_place_box(b, piece, turns, x, y) for b in piece.boxes]
     return []
 
 
@@ -291,7 +291,7 @@ def _distance(spot: Rect, track: NDArray[np.float64]) -> float:
     return float(np.hypot(dx, dy).min())
 
 
-def _placed(box: Box, piece: FurniturePiece, turns: int, x: float, y: float) -> Box:
+def _place_box(box: Box, piece: FurniturePiece, turns: int, x: float, y: float) -> Box:
     """A box of the piece after `turns` quarter turns (counter-clockwise), with the corner of the footprint at x, y."""
     (ax, ay, az), (bx, by, bz) = box.lo, box.hi
     w, d = piece.width, piece.depth

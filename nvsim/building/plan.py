@@ -48,7 +48,7 @@ class Flight:
         ahead = np.array(self.head) - np.array(self.foot)
         return np.asarray(ahead / np.linalg.norm(ahead))
 
-    def along(self, xy: NDArray[np.floating]) -> NDArray[np.float64]:
+    def distance_along(self, xy: NDArray[np.floating]) -> NDArray[np.float64]:
         """(...) distances of places (..., 2) from the first riser toward the last one, meters."""
         return np.asarray((np.asarray(xy, np.float64) - self.foot) @ self.direction)
 
@@ -56,7 +56,7 @@ class Flight:
         """(...) meters above the lower floor at places (..., 2) on the stairs or near their ends. This is the line
         through the middles of the treads, from half a tread before the first riser to half a tread behind the last. The
         surface of a tread is within half a rise of it."""
-        return np.asarray(np.clip(self.rise * (self.along(xy) / GOING + 0.5), 0.0, self.climb))
+        return np.asarray(np.clip(self.rise * (self.distance_along(xy) / GOING + 0.5), 0.0, self.climb))
 
     def mapped(self, point: Callable[[float, float], tuple[float, float]]) -> Flight:
         """The mirror image or quarter turn by `point`."""
@@ -64,13 +64,13 @@ class Flight:
 
     def _ground_between(self, first: int, last: int) -> Rect:
         """The ground between two risers, rounded to a micrometer, so that neighbors have exactly equal edges."""
-        (x0, y0), (x1, y1) = self._at(first), self._at(last)
+        (x0, y0), (x1, y1) = self._riser_position(first), self._riser_position(last)
         low, high = (min(x0, x1), min(y0, y1)), (max(x0, x1), max(y0, y1))
         sides = (0.0, self.width / 2) if abs(x1 - x0) > abs(y1 - y0) else (self.width / 2, 0.0)
         edges = low[0] - sides[0], low[1] - sides[1], high[0] + sides[0], high[1] + sides[1]
         return Rect(*(round(e, 6) for e in edges))
 
-    def _at(self, riser: int) -> tuple[float, float]:
+    def _riser_position(self, riser: int) -> tuple[float, float]:
         share = riser / (RISERS - 1)
         (x0, y0), (x1, y1) = self.foot, self.head
         return x0 + share * (x1 - x0), y0 + share * (y1 - y0)
@@ -105,7 +105,7 @@ class Rect:
     def contains(self, x: float, y: float) -> bool:
         return self.x0 <= x < self.x1 and self.y0 <= y < self.y1
 
-    def grown(self, margin: float) -> Rect:
+    def expanded(self, margin: float) -> Rect:
         return Rect(self.x0 - margin, self.y0 - margin, self.x1 + margin, self.y1 + margin)
 
     def overlaps(self, other: Rect) -> bool:
@@ -183,7 +183,7 @@ class Plan:
     def flipped_x(self) -> Plan:
         """The mirror image across the vertical center line."""
         width = self.extent.x1
-        return self._mapped(
+        return self._map_plan(
             lambda r: Rect(width - r.x1, r.y0, width - r.x0, r.y1),
             lambda x, y: (width - x, y),
             lambda w: (
@@ -197,14 +197,14 @@ class Plan:
     def transposed(self) -> Plan:
         """The plan with x and y exchanged."""
         other = {"x": "y", "y": "x"}
-        return self._mapped(
+        return self._map_plan(
             lambda r: Rect(r.y0, r.x0, r.y1, r.x1),
             lambda x, y: (y, x),
             lambda w: replace(w, along=other[w.along]),
             lambda o: replace(o, along=other[o.along]),
         )
 
-    def _mapped(
+    def _map_plan(
         self,
         rect: Callable[[Rect], Rect],
         point: Callable[[float, float], tuple[float, float]],

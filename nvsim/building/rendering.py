@@ -53,7 +53,7 @@ def render(
 
 
 @njit(cache=True, error_model="numpy")
-def _filtered(texels, base, rows, columns, u, v, step_u, step_v, probes):  # type: ignore[no-untyped-def]
+def _filter_samples(texels, base, rows, columns, u, v, step_u, step_v, probes):  # type: ignore[no-untyped-def]
     """The mean of `probes` bilinear samples of one level, in steps about (u, v); coordinates are 0 to 1."""
     red, green, blue = 0.0, 0.0, 0.0
     for k in range(probes):
@@ -108,14 +108,14 @@ def radiance(x, y, z, dx, dy, dz, t, surface, spread, solids, textures, people, 
     step_v = long * db / length / textures.place[surface, 3] / probes
     share = level - lowest
     c = textures.chain
-    r0, g0, b0 = _filtered(
+    r0, g0, b0 = _filter_samples(
         textures.texels, c[surface, lowest, 0], c[surface, lowest, 1], c[surface, lowest, 2],
         u, v, step_u, step_v, probes,
     )  # fmt: skip
     if share < 0.02:
         return r0, g0, b0
     lowest += 1
-    r1, g1, b1 = _filtered(
+    r1, g1, b1 = _filter_samples(
         textures.texels, c[surface, lowest, 0], c[surface, lowest, 1], c[surface, lowest, 2],
         u, v, step_u, step_v, probes,
     )  # fmt: skip

@@ -34,7 +34,7 @@ def stair_boxes(flight: Flight, walls: Paint) -> list[Box]:
         Box((g.x0, g.y0, 0.0), (g.x1, g.y1, height), _RISER, ((TOP, _TREADS[i % 2]),), tread=True)
         for i, (g, height) in enumerate(flight.treads())
     ]
-    hole, wide = flight.rect, flight.rect.grown(INNER_WALL)
+    hole, wide = flight.rect, flight.rect.expanded(INNER_WALL)
     edges = (
         Rect(wide.x0, wide.y0, hole.x0, wide.y1),
         Rect(hole.x1, wide.y0, wide.x1, wide.y1),
@@ -42,7 +42,11 @@ def stair_boxes(flight: Flight, walls: Paint) -> list[Box]:
         Rect(hole.x0, hole.y1, hole.x1, wide.y1),
     )
     return steps + [
-        Box((e.x0, e.y0, HEIGHT), (e.x1, e.y1, flight.climb), _RISER if e.grown(1e-3).contains(*flight.head) else walls)
+        Box(
+            (e.x0, e.y0, HEIGHT),
+            (e.x1, e.y1, flight.climb),
+            _RISER if e.expanded(1e-3).contains(*flight.head) else walls,
+        )
         for e in edges
     ]
 
@@ -184,7 +188,7 @@ class Scene:
         pose = np.round(camera_pose(np.array([x, y, floor + CAMERA_HEIGHT]), heading, elevation), 9) + 0.0
         return Camera(Intrinsics(c.width, c.height, focal, focal, c.width / 2, c.height / 2), pose)
 
-    def present(self, frame: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    def people_in_frame(self, frame: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """The capsules (P, 5), meters, and colors (P, 3), 0 to 1, of the people in a frame."""
         here = [p for p in self.people if p.first <= frame <= p.last]
         if not here:
@@ -256,7 +260,7 @@ def _heading(a: NDArray[np.float64], b: NDArray[np.float64]) -> float:
     return float(np.arctan2(b[0] - a[0], b[1] - a[1]))
 
 
-def _wrapped(angle: float) -> float:
+def _wrap_angle(angle: float) -> float:
     return float((angle + np.pi) % (2 * np.pi) - np.pi)
 
 
@@ -271,7 +275,7 @@ def path(stops: tuple[TrajectoryCorner, ...]) -> NDArray[np.float64]:
     here = points[0]
     for i in range(1, len(points) - 1):
         before, corner, after = points[i - 1], points[i], points[i + 1]
-        turn = _wrapped(_heading(corner, after) - heading)
+        turn = _wrap_angle(_heading(corner, after) - heading)
         in_place = spins[i] or abs(turn) > _SHARPEST
         if spins[i]:
             turn -= 2 * np.pi * (1 if turn > 0 else -1)
@@ -317,7 +321,7 @@ def with_floor_heights(dense: NDArray[np.float64], flight: Flight | None) -> NDA
     path begins on the lowest floor and changes storeys on the flight. On the way down the camera looks down."""
     floor, elevation = np.zeros(len(dense)), np.zeros(len(dense))
     if flight is not None:
-        ahead = flight.along(dense[:, :2])
+        ahead = flight.distance_along(dense[:, :2])
         beside = np.linalg.norm(dense[:, :2] - flight.foot - np.outer(ahead, flight.direction), axis=1)
         on = (beside < flight.width / 2) & (ahead > -GOING / 2) & (ahead < LENGTH + GOING / 2)
         floor[on] = flight.height_at(dense[on, :2])

@@ -78,7 +78,11 @@ def wall_boxes(plan: Plan, wall_paints: dict[str, Paint], frame: Paint) -> list[
             continue
         cuts = {wall.start, wall.end}
         for other in plan.walls:
-            if other.along != wall.along and wall.start < other.line < wall.end and _touches(other, wall.line):
+            if (
+                other.along != wall.along
+                and wall.start < other.line < wall.end
+                and _touches_wall_line(other, wall.line)
+            ):
                 cuts.add(other.line)
         edges = sorted(cuts)
         for start, end in zip(edges, edges[1:]):
@@ -95,7 +99,7 @@ def wall_boxes(plan: Plan, wall_paints: dict[str, Paint], frame: Paint) -> list[
     return boxes
 
 
-def _touches(other: Wall, line: float) -> bool:
+def _touches_wall_line(other: Wall, line: float) -> bool:
     return other.start - 0.1 <= line <= other.end + 0.1
 
 

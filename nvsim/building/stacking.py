@@ -39,14 +39,16 @@ def make_storeys(config: BuildingConfig, rng: np.random.Generator, upper: np.ran
     if config.storeys == 1:
         return (Storey(turn_randomly((make_plan(config.size, rng, glazed),), rng)[0], 0.0),)
     below = make_plan(config.size, rng, glazed)
-    above = _refurnished(below, upper) if config.size == "full" else make_plan("small", upper, glazed, below.extent)
+    above = (
+        _shuffle_room_kinds(below, upper) if config.size == "full" else make_plan("small", upper, glazed, below.extent)
+    )
     return tuple(
         Storey(plan, k * (HEIGHT + SLAB))
         for k, plan in enumerate(turn_randomly(_join_with_strip(config.size, below, above), rng))
     )
 
 
-def _refurnished(plan: Plan, rng: np.random.Generator) -> Plan:
+def _shuffle_room_kinds(plan: Plan, rng: np.random.Generator) -> Plan:
     """The plan with the kinds and floors of its rooms shuffled; walls stay."""
     rooms = [r for r in plan.rooms if r.kind not in ("corridor", "meeting")]
     kinds, floors = rng.permutation([r.kind for r in rooms]), rng.permutation([r.floor for r in rooms])

@@ -198,20 +198,21 @@ def apply(raw: RawCapture, alignment: Alignment) -> Capture:
     for f in raw.frames:
         if f.camera_to_world is None or f.lens is None:
             continue
-        pose = _turned(f.camera_to_world, alignment)
+        pose = _aligned_pose(f.camera_to_world, alignment)
         frames.append(Frame(f.name, f.image_path, f.lens, pose, f.sensor, f.timestamp, f.mask, f.rig))
     cloud = raw.cloud
     if cloud is not None and not alignment.is_identity:
         cloud = Cloud(to_aligned_frame(cloud.points, alignment).astype(np.float32), cloud.colors, cloud.kind)
     scale = alignment.scale
-    scans = [replace(s, to_world=_turned(s.to_world, alignment), scale=s.scale * scale) for s in raw.scans]
+    scans = [replace(s, to_world=_aligned_pose(s.to_world, alignment), scale=s.scale * scale) for s in raw.scans]
     depths = [
-        replace(d, camera_to_world=_turned(d.camera_to_world, alignment), scale=d.scale * scale) for d in raw.depths
+        replace(d, camera_to_world=_aligned_pose(d.camera_to_world, alignment), scale=d.scale * scale)
+        for d in raw.depths
     ]
     return Capture(raw.source, raw.format, tuple(frames), cloud, known, tuple(scans), tuple(depths))
 
 
-def _turned(pose: NDArray[np.float64], alignment: Alignment) -> NDArray[np.float64]:
+def _aligned_pose(pose: NDArray[np.float64], alignment: Alignment) -> NDArray[np.float64]:
     if alignment.is_identity:
         return pose
     turned = np.eye(4)

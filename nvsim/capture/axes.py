@@ -65,7 +65,7 @@ def with_axes(raw: RawCapture, axes: Axes) -> RawCapture:
     is left-handed, the point cloud is mirrored too."""
     if axes == "auto":
         return raw
-    frames = tuple(_turned(frame, axes) for frame in raw.frames)
+    frames = tuple(_convert_frame(frame, axes) for frame in raw.frames)
     moved = {
         old.name: new.camera_to_world @ inverse(old.camera_to_world)
         for old, new in zip(raw.frames, frames, strict=True)
@@ -83,7 +83,7 @@ def with_axes(raw: RawCapture, axes: Axes) -> RawCapture:
     return replace(raw, frames=frames, depths=depths, cloud=cloud)
 
 
-def _turned(frame: RawFrame, axes: Axes) -> RawFrame:
+def _convert_frame(frame: RawFrame, axes: Axes) -> RawFrame:
     pose = frame.camera_to_world
     return frame if pose is None else replace(frame, camera_to_world=convert_axes(pose, frame.axes, axes))
 

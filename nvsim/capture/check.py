@@ -162,7 +162,7 @@ def check(
         raw = read_usable(path, leave_out, images, findings, model)
     except InputError as error:
         findings.error(str(error).rstrip("."), str(path), "nothing can be read")
-        return Report(path, "", _sorted(findings))
+        return Report(path, "", _sort_findings(findings))
     _check_images(raw, findings)
     check_unused_images(raw, findings)
     raw = check_depths(check_masks(raw, findings), findings)
@@ -171,12 +171,12 @@ def check(
     if any(f.camera_to_world is not None for f in raw.frames):
         capture = _check_geometry(raw, scale, camera_height, alignment, findings)
     names = {frame.where: (frame.name,) for frame in raw.frames}
-    found = _sorted(replace(f, frames=f.frames or names.get(f.where, ())) for f in findings)
+    found = _sort_findings(replace(f, frames=f.frames or names.get(f.where, ())) for f in findings)
     report = Report(raw.source, raw.format, found, capture=capture, raw=written, axes=axes)
     return replace(report, summary=summary_of(raw, capture, frozenset(report.bad_frames)))
 
 
-def _sorted(findings: Iterable[Finding]) -> tuple[Finding, ...]:
+def _sort_findings(findings: Iterable[Finding]) -> tuple[Finding, ...]:
     return tuple(sorted(findings, key=lambda f: _ORDER[f.severity]))
 
 

@@ -36,7 +36,7 @@ from nvsim.capture.pointcloud import read_cloud, usable_cloud
 from nvsim.capture.raw import RawCapture, RawFrame, file_size, inverse, natural_order, pose_from_quaternion, read_lens
 from nvsim.capture.trajectories import with_rigs
 from nvsim.capture.types import Cloud
-from nvsim.errors import InputError, shown
+from nvsim.errors import InputError, value_text
 from nvsim.files.reading import reading
 from nvsim.geometry.lens import Lens
 
@@ -76,10 +76,10 @@ def place_images(
             if number not in numbers:
                 message = f"the frame names image {number}, which is not in the list of images"
                 findings.warning(message, frame.where, "the image is not read, as its name is unknown")
-    return [_placement(row, on_frame.get(row.number), findings) for row in images]
+    return [_place_image(row, on_frame.get(row.number), findings) for row in images]
 
 
-def _placement(row: ImageRow, on: tuple[FrameRow, RigRow] | None, findings: Findings) -> ImagePose:
+def _place_image(row: ImageRow, on: tuple[FrameRow, RigRow] | None, findings: Findings) -> ImagePose:
     where = f"{row.where} ({row.name})"
     pose, rig_name, moment = None, "", float(row.number)
     if on is not None:
@@ -90,7 +90,7 @@ def _placement(row: ImageRow, on: tuple[FrameRow, RigRow] | None, findings: Find
     if pose is None:
         return ImagePose(pose_from_quaternion(row.quaternion, row.translation, where, findings), rig_name, moment)
     listed = pose_from_quaternion(row.quaternion, row.translation, where, Findings())
-    if listed is not None and _differ(listed, pose):
+    if listed is not None and _poses_differ(listed, pose):
         findings.warning(
             "the pose in the list of images differs from that of the rig's frame",
             where,
@@ -106,7 +106,7 @@ def _pose_on(frame: FrameRow, rig: RigRow, camera: int) -> Pose | None:
     return None if world_to_rig is None or rig_to_camera is None else rig_to_camera @ world_to_rig
 
 
-def _differ(one: Pose, other: Pose) -> bool:
+def _poses_differ(one: Pose, other: Pose) -> bool:
     length = max(float(np.linalg.norm(other[:3, 3])), 1.0)
     turned = float(np.abs(one[:3, :3] - other[:3, :3]).max())
     return turned > _SAME or float(np.linalg.norm(one[:3, 3] - other[:3, 3])) > _SAME * length
@@ -149,7 +149,7 @@ def read(root: Path, findings: Findings) -> RawCapture:
     models = models_in(root)
     if not models:
         raise InputError(f"{root} holds no COLMAP model; it needs cameras and images as .bin or .txt.")
-    model, rows = _chosen(models, root, findings)
+    model, rows = _choose_model(models, root, findings)
     reader = _reader(model)
     with _reading(model, "cameras") as path:
         cameras = reader.read_cameras(path)
@@ -178,7 +178,7 @@ def read(root: Path, findings: Findings) -> RawCapture:
     return RawCapture(root, "colmap", tuple(frames), _cloud(model, findings), metric=False)
 
 
-def _chosen(models: list[ModelFolder], root: Path, findings: Findings) -> tuple[ModelFolder, list[ImageRow]]:
+def _choose_model(models: list[ModelFolder], root: Path, findings: Findings) -> tuple[ModelFolder, list[ImageRow]]:
     """The model to read, and its images. Of the models that the mapper wrote together, it is the one with the most
     images. A finding names the other models if they contain further images. Raises InputError if the model cannot be
     read."""
@@ -197,7 +197,9 @@ def _chosen(models: list[ModelFolder], root: Path, findings: Findings) -> tuple[
         raise rows
     chosen = max(readable, key=lambda model: len(readable[model]))
     if not is_usual_path(chosen):
-        findings.note("the COLMAP model is in an unusual folder", shown(chosen.name), "name that folder to be sure")
+        findings.note(
+            "the COLMAP model is in an unusual folder", value_text(chosen.name), "name that folder to be sure"
+        )
     names = {row.name for row in readable[chosen]}
     further = [m for m, rows in lists.items() if isinstance(rows, InputError) or {row.name for row in rows} - names]
     if further:
@@ -215,12 +217,12 @@ def _chosen(models: list[ModelFolder], root: Path, findings: Findings) -> tuple[
 
 def _words(model: ModelFolder, rows: list[ImageRow] | InputError, is_read: bool) -> str:
     if isinstance(rows, InputError):
-        return f"{_shown_name(model)} (cannot be read: {shown(str(rows).rstrip('.'))})"
+        return f"{_shown_name(model)} (cannot be read: {value_text(str(rows).rstrip('.'))})"
     return f"{_shown_name(model)} ({len(rows)} image{'' if len(rows) == 1 else 's'}{', read' if is_read else ''})"
 
 
 def _shown_name(model: ModelFolder) -> str:
-    return shown(f"{model.folder.parent.name}/{model.folder.name}" if model.name == "." else model.name)
+    return value_text(f"{model.folder.parent.name}/{model.folder.name}" if model.name == "." else model.name)
 
 
 def _other_numbered_models(model: ModelFolder, root: Path) -> list[ModelFolder]:

@@ -39,32 +39,32 @@ class _FieldReader:
 
     def records(self, what: str) -> Iterator[None]:
         """Read the number of records that follow, and set the name of each record before it is read."""
-        for i in range(self.take(_COUNT)[0]):
+        for i in range(self.unpack(_COUNT)[0]):
             self.record = f"{what} record {i}"
             yield
 
     @property
-    def where(self) -> str:
+    def location(self) -> str:
         return f"{self.path.name}, {self.record}"
 
-    def take(self, layout: struct.Struct) -> tuple[Any, ...]:
-        self.need(layout.size)
+    def unpack(self, layout: struct.Struct) -> tuple[Any, ...]:
+        self.require_bytes(layout.size)
         values = layout.unpack_from(self.data, self.at)
         self.at += layout.size
         return values
 
     def skip(self, count: int) -> None:
-        self.need(count)
+        self.require_bytes(count)
         self.at += count
 
-    def need(self, count: int) -> None:
+    def require_bytes(self, count: int) -> None:
         if count > len(self.data) - self.at:
             raise InputError(f"{self.path} ends in the middle of {self.record}; copy it again from the source.")
 
     def name(self) -> str:
         end = self.data.find(b"\0", self.at)
         if end < 0:
-            self.need(len(self.data) + 1)
+            self.require_bytes(len(self.data) + 1)
         raw = self.data[self.at : end]
         self.at = end + 1
         try:
@@ -91,13 +91,13 @@ def read_cameras(path: Path) -> list[CameraRow]:
     cursor = _FieldReader(path)
     rows = []
     for _ in cursor.records("camera"):
-        number, model, width, height = cursor.take(_CAMERA)
+        number, model, width, height = cursor.unpack(_CAMERA)
         if not 0 <= model < len(MODEL_NAMES):
             raise InputError(f"{path}, {cursor.record}: camera model {model} is unknown; export the model as PINHOLE.")
         name = MODEL_NAMES[model]
         count = PARAMETER_COUNTS.get(name) or _OTHER_COUNTS[name]
-        params = cursor.take(struct.Struct(f"<{count}d"))
-        rows.append(CameraRow(number, name, width, height, params, cursor.where))
+        params = cursor.unpack(struct.Struct(f"<{count}d"))
+        rows.append(CameraRow(number, name, width, height, params, cursor.location))
     return rows
 
 
@@ -106,11 +106,11 @@ def read_images(path: Path) -> list[ImageRow]:
     cursor = _FieldReader(path)
     rows = []
     for _ in cursor.records("image"):
-        values = cursor.take(_IMAGE)
+        values = cursor.unpack(_IMAGE)
         name = cursor.name().replace("\\", "/")
-        cursor.skip(cursor.take(_COUNT)[0] * 24)
+        cursor.skip(cursor.unpack(_COUNT)[0] * 24)
         rotation, translation = np.array(values[1:5]), np.array(values[5:8])
-        rows.append(ImageRow(values[0], rotation, translation, values[8], name, cursor.where))
+        rows.append(ImageRow(values[0], rotation, translation, values[8], name, cursor.location))
     return rows
 
 
@@ -119,7 +119,7 @@ def read_points(path: Path) -> tuple[NDArray[np.float64], NDArray[np.uint8]]:
     cursor = _FieldReader(path)
     points, colors = [], []
     for _ in cursor.records("point"):
-        values = cursor.take(_POINT)
+        values = cursor.unpack(_POINT)
         points.append(values[1:4])
         colors.append(values[4:7])
         cursor.skip(values[8] * 8)
@@ -131,15 +131,15 @@ def read_rigs(path: Path) -> list[RigRow]:
     cursor = _FieldReader(path)
     rows = []
     for _ in cursor.records("rig"):
-        number, sensors = cursor.take(_RIG)
-        kind, reference = cursor.take(_SENSOR) if sensors else (-1, 0)
+        number, sensors = cursor.unpack(_RIG)
+        kind, reference = cursor.unpack(_SENSOR) if sensors else (-1, 0)
         mounts: dict[int, tuple[NDArray[np.float64], NDArray[np.float64]] | None] = {}
         for _ in range(sensors - 1):
-            sensor_kind, sensor = cursor.take(_SENSOR)
-            pose = np.array(cursor.take(_POSE)) if cursor.take(_HAS_POSE)[0] else None
+            sensor_kind, sensor = cursor.unpack(_SENSOR)
+            pose = np.array(cursor.unpack(_POSE)) if cursor.unpack(_HAS_POSE)[0] else None
             if sensor_kind == _CAMERA_TYPE:
                 mounts[sensor] = None if pose is None else (pose[:4], pose[4:])
-        rows.append(RigRow(number, reference if kind == _CAMERA_TYPE else None, mounts, cursor.where))
+        rows.append(RigRow(number, reference if kind == _CAMERA_TYPE else None, mounts, cursor.location))
     return rows
 
 
@@ -148,8 +148,8 @@ def read_frames(path: Path) -> list[FrameRow]:
     cursor = _FieldReader(path)
     rows = []
     for _ in cursor.records("frame"):
-        number, rig, *pose, count = cursor.take(_FRAME)
-        data = [cursor.take(_DATA) for _ in range(count)]
+        number, rig, *pose, count = cursor.unpack(_FRAME)
+        data = [cursor.unpack(_DATA) for _ in range(count)]
         images = tuple(image for kind, _, image in data if kind == _CAMERA_TYPE)
-        rows.append(FrameRow(number, rig, np.array(pose[:4]), np.array(pose[4:]), images, cursor.where))
+        rows.append(FrameRow(number, rig, np.array(pose[:4]), np.array(pose[4:]), images, cursor.location))
     return rows

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from nvsim.capture.raw import file_size, natural_order
-from nvsim.errors import InputError, shown
+from nvsim.errors import InputError, value_text
 
 EXTENSIONS = (".bin", ".txt")
 LISTS = ("cameras", "images", "points3D")
@@ -117,11 +117,11 @@ def model_named(root: Path, name: str) -> Path:
             return model.folder
     if not models:
         raise InputError(
-            f"{shown(root)} holds no COLMAP model, so --model {shown(name)} selects nothing; omit --model."
+            f"{value_text(root)} holds no COLMAP model, so --model {value_text(name)} selects nothing; omit --model."
         )
     listed = ", ".join(model.name for model in models[:20])
     raise InputError(
-        f"{shown(root)} has no model {shown(name)!r}; give --model one of {listed}, or only its last part."
+        f"{value_text(root)} has no model {value_text(name)!r}; give --model one of {listed}, or only its last part."
     )
 
 
@@ -139,14 +139,14 @@ def missing_from_model(root: Path) -> str:
         missing = [stem for stem in ("cameras", "images") if stem not in stems]
         if missing:
             lacking = " and no ".join(f"{stem}.bin or {stem}.txt" for stem in missing)
-            return f"{shown(folder)} has {listed}, but no {lacking}; export or copy the whole COLMAP model."
-        return f"{shown(folder)} has {listed}, but a COLMAP model is all .bin or all .txt; export it again."
+            return f"{value_text(folder)} has {listed}, but no {lacking}; export or copy the whole COLMAP model."
+        return f"{value_text(folder)} has {listed}, but a COLMAP model is all .bin or all .txt; export it again."
     for folder in folders:
         for database in sorted(folder.glob("*.db")):
             if _is_database(database):
                 return (
-                    f"{shown(database)} is a COLMAP database without a model; run COLMAP's mapper (colmap mapper) and "
-                    "name the folder of its output."
+                    f"{value_text(database)} is a COLMAP database without a model; run COLMAP's mapper (colmap "
+                    "mapper) and name the folder of its output."
                 )
     return ""
 

@@ -105,7 +105,7 @@ def read_rigs(path: Path) -> list[RigRow]:
             mounts: dict[int, tuple[NDArray[np.float64], NDArray[np.float64]] | None] = {}
             for _ in range(sensors - 1):
                 kind, sensor, has_pose = fields[at], whole_number(fields[at + 1]), whole_number(fields[at + 2])
-                pose = _seven(fields[at + 3 : at + 10]) if has_pose else None
+                pose = _pose_numbers(fields[at + 3 : at + 10]) if has_pose else None
                 at += 10 if has_pose else 3
                 if kind == _CAMERA_TYPE:
                     mounts[sensor] = None if pose is None else (pose[:4], pose[4:])
@@ -121,7 +121,7 @@ def read_frames(path: Path) -> list[FrameRow]:
     rows = []
     for line, fields in _lines(path):
         try:
-            pose, count = _seven(fields[2:9]), whole_number(fields[9])
+            pose, count = _pose_numbers(fields[2:9]), whole_number(fields[9])
             data = fields[10 : 10 + 3 * count]
             if len(data) < 3 * count:
                 raise ValueError("too few fields")
@@ -134,7 +134,7 @@ def read_frames(path: Path) -> list[FrameRow]:
     return rows
 
 
-def _seven(fields: list[str]) -> NDArray[np.float64]:
+def _pose_numbers(fields: list[str]) -> NDArray[np.float64]:
     """(7,) quaternion w x y z and translation. Raises ValueError unless there are seven numbers."""
     if len(fields) != 7:
         raise ValueError("too few fields")

@@ -15,7 +15,7 @@ from nvsim.capture.findings import Findings
 from nvsim.capture.raw import RawCapture, file_size
 from nvsim.capture.types import Capture, DepthFile
 from nvsim.errors import InputError
-from nvsim.files.images import decoded, is_cut_off
+from nvsim.files.images import decode_pixels, is_cut_off
 from nvsim.files.opening import read_bytes
 from nvsim.files.stored_arrays import array_of
 from nvsim.geometry.camera import Camera
@@ -58,7 +58,7 @@ def _values(file: DepthFile) -> NDArray[np.float64]:
     else:
         if is_cut_off(data):
             raise InputError(f"{file.path} is truncated (its end mark is missing); copy it again from the source.")
-        stored = decoded(data, file.path, cv2.IMREAD_UNCHANGED, what="a depth image", then=_FORMATS)
+        stored = decode_pixels(data, file.path, cv2.IMREAD_UNCHANGED, what="a depth image", then=_FORMATS)
     if stored.ndim != 2 or stored.dtype.kind not in "fiu" or stored.dtype.itemsize < 2 or not stored.size:
         raise InputError(f"{file.path} is not a depth image: {_FORMATS}; write it again.")
     found = stored.astype(np.float64)
@@ -163,11 +163,11 @@ def inverse_depth(file: DepthFile, camera: Camera) -> Float32:
     if np.allclose(here, there, rtol=0, atol=1e-3) and np.allclose(
         camera.camera_to_world, file.camera_to_world, atol=1e-6
     ):
-        return _sampled(inverse, file, camera)
+        return _sample_depth(inverse, file, camera)
     finer = _DENSER * k.fx / own.fx
     size = max(1, round(finer * own.width)), max(1, round(finer * own.height))
     source = Camera(own.scaled(*size), file.camera_to_world)
-    return _drawn(_sampled(inverse, file, source), source, camera)
+    return _reproject_depth(_sample_depth(inverse, file, source), source, camera)
 
 
 def _flying(inverse: Float32) -> NDArray[np.bool_]:
@@ -184,7 +184,7 @@ def _flying(inverse: Float32) -> NDArray[np.bool_]:
     return found & (inverse > 0)
 
 
-def _sampled(inverse: Float32, file: DepthFile, camera: Camera) -> Float32:
+def _sample_depth(inverse: Float32, file: DepthFile, camera: Camera) -> Float32:
     """A depth image (h, w) sampled at the pixels of a pinhole `camera` with the same pose.
 
     Inverse depth is linear on a plane. It is interpolated if the four surrounding pixels show one surface; across an
@@ -205,7 +205,7 @@ def _sampled(inverse: Float32, file: DepthFile, camera: Camera) -> Float32:
     return np.where(inside, found, 0).astype(np.float32)
 
 
-def _drawn(inverse: Float32, there: Camera, camera: Camera) -> Float32:
+def _reproject_depth(inverse: Float32, there: Camera, camera: Camera) -> Float32:
     """The depth map (h, w) of camera `there` in the view of `camera`. If several points fall on a pixel, the nearest
     surface is used."""
     points = points_of(inverse, there)
@@ -233,7 +233,7 @@ def depth_points(depths: Sequence[DepthFile]) -> NDArray[np.float64]:
     found = [np.zeros((0, 3))]
     for depth in (depths[i] for i in evenly_spaced(len(depths), _SAMPLED)):
         side = max(depth.lens.width, depth.lens.height)
-        camera = Camera(depth.lens.pinhole.within(min(side, 160)), depth.camera_to_world)
+        camera = Camera(depth.lens.pinhole.limited_to(min(side, 160)), depth.camera_to_world)
         try:
             points = points_of(inverse_depth(depth, camera), camera)
         except InputError:

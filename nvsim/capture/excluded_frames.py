@@ -69,7 +69,7 @@ def without_frames(raw: RawCapture, leave_out: str, findings: Findings) -> RawCa
     if not leave_out:
         return raw
     names = names_in(leave_out, frozenset(f.name for f in raw.frames))
-    findings.forget(frozenset(f.where for f in raw.frames if f.name in names))
+    findings.remove_places(frozenset(f.where for f in raw.frames if f.name in names))
     depths = tuple(d for d in raw.depths if d.frame not in names)
     frames = tuple(f for f in raw.frames if f.name not in names)
     return replace(raw, frames=frames, depths=depths, left_out=raw.left_out | names)

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Literal, cast, get_args
 
-from nvsim.errors import InputError, shown
+from nvsim.errors import InputError, value_text
 
 Severity = Literal["error", "warning", "note"]
 SEVERITIES: tuple[Severity, ...] = get_args(Severity)
@@ -72,7 +72,7 @@ class Findings:
     def add(self, finding: Finding) -> None:
         self._counts[finding.severity] += 1
         if self._counts[finding.severity] <= _KEPT:
-            self._items.append(replace(finding, message=shown(finding.message, _LONGEST)))
+            self._items.append(replace(finding, message=value_text(finding.message, _LONGEST)))
 
     def error(self, message: str, where: str, consequence: str, frames: tuple[str, ...] = ()) -> None:
         self.add(Finding("error", message, where, consequence, frames))
@@ -83,7 +83,7 @@ class Findings:
     def note(self, message: str, where: str, consequence: str) -> None:
         self.add(Finding("note", message, where, consequence))
 
-    def forget(self, places: frozenset[str]) -> None:
+    def remove_places(self, places: frozenset[str]) -> None:
         """Remove the findings about `places`, which are left out of the capture."""
         kept = [f for f in self._items if f.where not in places]
         for finding in self._items:
@@ -101,7 +101,7 @@ class Findings:
             return
         kinds = []
         for kind in sorted(grouped(errors), key=lambda kind: -len(kind.places)):
-            listed = ", ".join(shown(place) for place in kind.places[:_LISTED])
+            listed = ", ".join(value_text(place) for place in kind.places[:_LISTED])
             more = f" and {len(kind.places) - _LISTED} more" if len(kind.places) > _LISTED else ""
             kinds.append(f"{kind.message}{kind.count} ({listed}{more})")
         raise InputError(
@@ -132,7 +132,7 @@ class FindingGroup:
         listed = self.places if most is None else self.places[:most]
         left = len(self.places) - len(listed)
         more = f" and {left} more" if left else ""
-        places = "; ".join(shown(place, _LONGEST) for place in listed)
+        places = "; ".join(value_text(place, _LONGEST) for place in listed)
         return f"{self.severity}: {self.message}{self.count}: {places}{more} ({self.consequence})"
 
 

@@ -14,7 +14,7 @@ from nvsim.capture.findings import Findings
 from nvsim.capture.image_folder import IMAGE_ENDINGS, find_moved_measurements
 from nvsim.capture.multi_capture import SUFFIX
 from nvsim.capture.raw import RawCapture, RawFrame
-from nvsim.errors import InputError, shown
+from nvsim.errors import InputError, value_text
 from nvsim.files.opening import PROJECT_DATABASE, is_regular
 from nvsim.files.reading import reading
 
@@ -44,24 +44,24 @@ def describe_content(path: Path) -> str:
         return sentence
     lists = sorted(p.name for p in path.glob(f"*{SUFFIX}"))
     if lists:
-        return f"{shown(path)} holds a list of captures; name the file itself ({shown(lists[0])})."
-    endings = _endings(path)
+        return f"{value_text(path)} holds a list of captures; name the file itself ({value_text(lists[0])})."
+    endings = _count_extensions(path)
     images = sum(endings[ending] for ending in IMAGE_ENDINGS)
     videos = sum(endings[ending] for ending in _VIDEO_ENDINGS)
     if images:
-        found = f"{shown(path)} holds no capture: {images} {'image' if images == 1 else 'images'}, but no poses"
+        found = f"{value_text(path)} holds no capture: {images} {'image' if images == 1 else 'images'}, but no poses"
         return f"{found}; name the folder that holds the images, and NVSim computes their poses."
     if videos:
         words = "a video" if videos == 1 else f"{videos} videos"
-        return f"{shown(path)} holds no capture: {words}, but no poses; name the folder that holds the video."
+        return f"{value_text(path)} holds no capture: {words}, but no poses; name the folder that holds the video."
     return ""
 
 
 def _video(path: Path) -> str:
     if path.suffix.lower() in _ALL_AROUND:
-        return f"{shown(path)} is a 360 degree video, which NVSim reads as equirectangular MP4; export it as such."
+        return f"{value_text(path)} is a 360 degree video, which NVSim reads as equirectangular MP4; export it as such."
     return (
-        f"{shown(path)} is a video without camera poses; if it is one of several, put all of them into one "
+        f"{value_text(path)} is a video without camera poses; if it is one of several, put all of them into one "
         "folder and name that folder."
     )
 
@@ -70,11 +70,11 @@ def describe_export(folder: Path) -> str:
     """A sentence about the export of another program in `folder`; "" if there is none."""
     for inside, what, convert in _OTHER_PROGRAMS:
         if (folder / inside).exists():
-            return f"{shown(folder)} is {what} ({inside}), which NVSim does not read; convert it with {convert}."
+            return f"{value_text(folder)} is {what} ({inside}), which NVSim does not read; convert it with {convert}."
     return ""
 
 
-def _endings(path: Path) -> Counter[str]:
+def _count_extensions(path: Path) -> Counter[str]:
     """Number of files in and below `path` for each file extension, in lower case."""
     found: Counter[str] = Counter()
     for _, folders, files in os.walk(path):
@@ -150,12 +150,12 @@ FORMATS: tuple[Format, ...] = (
 
 def names() -> str:
     """The formats for a title: "A, B or C"."""
-    return _listed([format.name for format in FORMATS])
+    return _list_names([format.name for format in FORMATS])
 
 
 def formats_in_words() -> str:
     """The formats for a sentence: "a ..., a ... or a ..."."""
-    return _listed([format.description for format in FORMATS])
+    return _list_names([format.description for format in FORMATS])
 
 
 def is_capture(path: Path) -> bool:
@@ -176,7 +176,7 @@ def resembles_capture(path: Path) -> bool:
             return True
         if depth < 2 and any(format.explain_missing(folder) for folder in level for format in FORMATS):
             return True
-        level = _below(level)
+        level = _without_projects(level)
     return False
 
 
@@ -190,15 +190,15 @@ def read_raw(path: Path, findings: Findings, model: str = "") -> RawCapture:
         exists, is_folder = resolved.exists(), resolved.is_dir()
         is_empty = is_folder and next(resolved.iterdir(), None) is None
     except (OSError, ValueError, RuntimeError) as error:
-        reason = error.strerror if isinstance(error, OSError) else shown(error)
-        raise InputError(f"{shown(path)} cannot be opened ({reason}); check the path.") from error
+        reason = error.strerror if isinstance(error, OSError) else value_text(error)
+        raise InputError(f"{value_text(path)} cannot be opened ({reason}); check the path.") from error
     if not exists:
-        raise InputError(f"{shown(path)} does not exist; check the path.")
+        raise InputError(f"{value_text(path)} does not exist; check the path.")
     if is_empty:
-        raise InputError(f"{shown(path)} is an empty folder; a capture is {formats_in_words()}.")
+        raise InputError(f"{value_text(path)} is an empty folder; a capture is {formats_in_words()}.")
     with reading(path, "a capture"):
         place = _capture_in(resolved, findings)
-        raw = _settled(_read(model_named(place, model) if model else place, findings), findings)
+        raw = _checked_capture(_read(model_named(place, model) if model else place, findings), findings)
         return find_moved_measurements(raw, findings)
 
 
@@ -207,23 +207,23 @@ def _capture_in(path: Path, findings: Findings) -> Path:
     several."""
     level = [path] if path.is_dir() and not is_capture(path) else []
     for _ in range(_DEEPEST):
-        level = _below(level)
+        level = _without_projects(level)
         found = [folder for folder in level if is_capture(folder)]
         if len(found) == 1:
-            message = f"{shown(path.name)} is not a capture itself; the only one below it is read"
+            message = f"{value_text(path.name)} is not a capture itself; the only one below it is read"
             findings.note(message, found[0].relative_to(path).as_posix(), "name that folder to be sure")
             return found[0]
         if found:
-            names = ", ".join(shown(folder.relative_to(path).as_posix()) for folder in found[:_LISTED])
+            names = ", ".join(value_text(folder.relative_to(path).as_posix()) for folder in found[:_LISTED])
             more = f" and {len(found) - _LISTED} more" if len(found) > _LISTED else ""
             raise InputError(
-                f"{shown(path)} holds {len(found)} captures in the folders below it ({names}{more}); name one of them, "
-                f"or list them in a file NAME{multi_capture.SUFFIX} if they share one world."
+                f"{value_text(path)} holds {len(found)} captures in the folders below it ({names}{more}); name one "
+                f"of them, or list them in a file NAME{multi_capture.SUFFIX} if they share one world."
             )
     return path
 
 
-def _below(folders: list[Path]) -> list[Path]:
+def _without_projects(folders: list[Path]) -> list[Path]:
     """The folders in `folders` except NVSim projects, whose content is not a capture of its own."""
     children = (child for folder in folders for child in child_folders(folder)[:_MOST])
     return [child for child in children if not is_regular(child / PROJECT_DATABASE)][:_MOST]
@@ -232,15 +232,17 @@ def _below(folders: list[Path]) -> list[Path]:
 def _read(path: Path, findings: Findings) -> RawCapture:
     found = [(format, at) for format in FORMATS if (at := format.find(path)) is not None]
     if not found:
-        raise _unknown(path)
+        raise _unknown_format_error(path)
     (first, at), *others = found
     for other, beside in others:
         if other.name == first.preferred_format:
-            return _richer(first, at, other, beside, path, findings)
+            return _capture_with_cloud(first, at, other, beside, path, findings)
     return first.read(at, findings)
 
 
-def _richer(first: Format, at: Path, other: Format, beside: Path, folder: Path, findings: Findings) -> RawCapture:
+def _capture_with_cloud(
+    first: Format, at: Path, other: Format, beside: Path, folder: Path, findings: Findings
+) -> RawCapture:
     """The capture of `first` if it has a point cloud, otherwise the capture of `other`."""
     own = Findings()
     raw = first.read(at, own)
@@ -256,7 +258,7 @@ def _richer(first: Format, at: Path, other: Format, beside: Path, folder: Path, 
     return raw
 
 
-def _unknown(path: Path) -> InputError:
+def _unknown_format_error(path: Path) -> InputError:
     for place in (path, *(child_folders(path)[:_MOST] if path.is_dir() else ())):
         for format in FORMATS:
             if sentence := format.explain_missing(place):
@@ -264,11 +266,11 @@ def _unknown(path: Path) -> InputError:
     if sentence := describe_content(path):
         return InputError(f"{sentence} A capture is {formats_in_words()}.")
     if path.is_dir():
-        return InputError(f"{shown(path)} holds no capture; a capture is {formats_in_words()}.")
-    return InputError(f"{shown(path)} is not a capture; name the folder of {formats_in_words()}.")
+        return InputError(f"{value_text(path)} holds no capture; a capture is {formats_in_words()}.")
+    return InputError(f"{value_text(path)} is not a capture; name the folder of {formats_in_words()}.")
 
 
-def _settled(raw: RawCapture, findings: Findings) -> RawCapture:
+def _checked_capture(raw: RawCapture, findings: Findings) -> RawCapture:
     """The capture. Findings report an empty list of frames, and names that occur twice."""
     if not raw.frames:
         findings.error("the capture lists no frame", raw.source.name, "there is nothing to work on")
@@ -282,5 +284,5 @@ def _settled(raw: RawCapture, findings: Findings) -> RawCapture:
     return raw
 
 
-def _listed(parts: list[str]) -> str:
+def _list_names(parts: list[str]) -> str:
     return " or ".join([", ".join(parts[:-1]), parts[-1]] if len(parts) > 1 else parts)

@@ -14,7 +14,7 @@ from pathlib import Path, PurePosixPath
 from nvsim.capture.findings import Findings
 from nvsim.capture.moved_files import FolderFiles, Relocation, report_moved
 from nvsim.capture.raw import RawCapture, RawFrame, file_size, natural_order
-from nvsim.errors import InputError, shown
+from nvsim.errors import InputError, value_text
 
 
 def resolve_images_in(raw: RawCapture, folder: str) -> RawCapture:
@@ -28,7 +28,7 @@ def resolve_images_in(raw: RawCapture, folder: str) -> RawCapture:
     place = Path(folder).expanduser().absolute()
     if not place.is_dir():
         raise InputError(f"{place} is not a folder; --images names the folder that holds the images of the capture.")
-    frames = [_placed(frame, place) for frame in raw.frames]
+    frames = [_place_frame(frame, place) for frame in raw.frames]
     missing = [place / frame.name for frame in frames if file_size(frame.image_path) is None]
     relocation = FolderFiles(place).relocate(missing)
     for i, frame in enumerate(frames):
@@ -48,7 +48,7 @@ def resolve_images_in(raw: RawCapture, folder: str) -> RawCapture:
     return replace(raw, frames=tuple(frames))
 
 
-def _placed(frame: RawFrame, folder: Path) -> RawFrame:
+def _place_frame(frame: RawFrame, folder: Path) -> RawFrame:
     if file_size(frame.image_path) is not None:
         return frame
     parts = [part for part in PurePosixPath(frame.name).parts if part not in ("/", "..")]
@@ -144,12 +144,12 @@ def check_unused_images(raw: RawCapture, findings: Findings) -> None:
     if not unused:
         return
     unused.sort(key=lambda path: natural_order(str(path)))
-    names = ", ".join(shown(path.name) for path in unused[:_NAMED]) + (", ..." if len(unused) > _NAMED else "")
+    names = ", ".join(value_text(path.name) for path in unused[:_NAMED]) + (", ..." if len(unused) > _NAMED else "")
     count, total = len(raw.frames), len(raw.frames) + len(unused)
     has = "1 image has" if len(unused) == 1 else f"{len(unused)} images have"
     findings.warning(
         f"{count} of {total} images are registered; {has} no pose",
-        f"{shown(unused[0].parent)}: {names}",
+        f"{value_text(unused[0].parent)}: {names}",
         "the areas that only they show are missing; register them too, or remove them from the folder",
     )
 

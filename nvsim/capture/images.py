@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from nvsim.capture.raw import read_bytes
 from nvsim.capture.types import Frame
 from nvsim.errors import InputError
-from nvsim.files.images import decoded, image_size_of, is_cut_off, orientation_of
+from nvsim.files.images import decode_pixels, image_size_of, is_cut_off, orientation_of
 from nvsim.files.opening import opened
 from nvsim.geometry.camera import Intrinsics
 from nvsim.geometry.lens import Lens
@@ -46,8 +46,8 @@ def decode_for_camera(data: bytes, path: Path, flags: int, size: tuple[int, int]
     found = image_size_of(data)
     turn = orientation_of(data)
     if size is None or found is None or not is_turned((found.width, found.height), turn, size):
-        return decoded(data, path, flags, size=size, then=_AGAIN)
-    image = decoded(data, path, flags, size=(size[1], size[0]), then=_AGAIN)
+        return decode_pixels(data, path, flags, size=size, then=_AGAIN)
+    image = decode_pixels(data, path, flags, size=(size[1], size[0]), then=_AGAIN)
     return np.ascontiguousarray(_TURNS[turn](image))
 
 

@@ -17,7 +17,7 @@ from nvsim.capture.images import sampling
 from nvsim.capture.raw import RawCapture, RawFrame, file_size, read_bytes
 from nvsim.capture.types import Frame, MaskFile
 from nvsim.errors import InputError
-from nvsim.files.images import decoded, is_cut_off
+from nvsim.files.images import decode_pixels, is_cut_off
 from nvsim.geometry.camera import Intrinsics
 
 _JPEG_BLACK = 127  # JPEG blurs the edges between black and white
@@ -102,7 +102,7 @@ def decode_mask(mask: MaskFile) -> NDArray[np.bool_]:
     if is_cut_off(data):
         raise InputError(f"{mask.path} is truncated (its end mark is missing); {_AGAIN}.")
     flags = cv2.IMREAD_GRAYSCALE
-    grey = decoded(data, mask.path, flags, what="a mask", then=_AGAIN)
+    grey = decode_pixels(data, mask.path, flags, what="a mask", then=_AGAIN)
     white = grey > (_JPEG_BLACK if data.startswith(b"\xff\xd8") else 0)
     return np.asarray(white if mask.ignored == "black" else ~white)
 
@@ -134,4 +134,4 @@ def usable_pixels(frame: Frame, intrinsics: Intrinsics) -> NDArray[np.bool_] | N
 def usable_pixels_of_frames(frames: Iterable[Frame], longest_side: int) -> Iterator[NDArray[np.bool_] | None]:
     """Yield `usable_pixels` of each frame: (H, W) bool, at most `longest_side` pixels a side, or None."""
     for frame in frames:
-        yield usable_pixels(frame, frame.intrinsics.within(longest_side))
+        yield usable_pixels(frame, frame.intrinsics.limited_to(longest_side))

@@ -17,7 +17,7 @@ from pathlib import Path
 
 from nvsim.capture.findings import Findings
 from nvsim.capture.raw import file_size
-from nvsim.errors import shown
+from nvsim.errors import value_text
 
 IMAGE_EXTENSIONS = (".png", ".jpg", ".jpeg", ".webp", ".tif", ".tiff", ".bmp", ".ppm", ".pgm")
 CLOUD_EXTENSIONS = (".ply", ".pcd")
@@ -52,7 +52,7 @@ def report_moved(kind: str, found: Mapping[Path, Path], source: Path, findings: 
     findings.note(
         f"{count} not where the capture says, and found by name",
         source.name,
-        f"{shown(listed)} is read from {shown(place)}{option}",
+        f"{value_text(listed)} is read from {value_text(place)}{option}",
     )
 
 
@@ -143,11 +143,11 @@ class FolderFiles:
     @property
     def _list_folders(self) -> dict[Path, _Folder]:
         if self._folders is None:
-            self._folders = _walk(self.root)
+            self._folders = _list_folders_below(self.root)
         return self._folders
 
 
-def _walk(root: Path) -> dict[Path, _Folder]:
+def _list_folders_below(root: Path) -> dict[Path, _Folder]:
     """Resolved path -> folder, for `root` and the folders below it that have files; empty if there are too many."""
     folders: dict[Path, _Folder] = {}
     waiting: list[tuple[Path, tuple[str, ...]]] = [(root, ())]

@@ -16,7 +16,7 @@ import numpy as np
 from nvsim.capture.findings import Findings
 from nvsim.capture.raw import RawCapture, lines_of
 from nvsim.capture.types import Cloud
-from nvsim.errors import InputError, shown
+from nvsim.errors import InputError, value_text
 from nvsim.files import atomic
 from nvsim.files.opening import read_bytes
 
@@ -59,9 +59,11 @@ def listed_captures(path: Path) -> list[Path]:
         raise InputError(f"{path} names {len(found)} captures; at most {_MOST} are read together.")
     for i, capture in enumerate(found):
         if capture in found[:i]:
-            raise InputError(f"{path} names {shown(capture)} twice; remove one of the lines.")
+            raise InputError(f"{path} names {value_text(capture)} twice; remove one of the lines.")
         if capture.suffix == SUFFIX:
-            raise InputError(f"{path} names {shown(capture.name)}, which is itself a list; name its captures instead.")
+            raise InputError(
+                f"{path} names {value_text(capture.name)}, which is itself a list; name its captures instead."
+            )
     return found
 
 

@@ -32,7 +32,7 @@ from nvsim.capture.nerfstudio_fields import (
 from nvsim.capture.pointcloud import read_cloud
 from nvsim.capture.raw import LOST_FRAME, RawCapture, RawFrame, checked_pose, file_size, natural_order, read_lens
 from nvsim.capture.types import Cloud, DepthFile, MaskFile
-from nvsim.errors import InputError, shown
+from nvsim.errors import InputError, value_text
 from nvsim.files.reading import reading
 from nvsim.geometry.lens import Lens
 
@@ -63,8 +63,8 @@ def explain_missing(folder: Path) -> str:
     """A sentence about a folder with several possible transforms files, of which none is read; "" otherwise."""
     named = _named_alike(folder)
     if len(named) > 1:
-        names = ", ".join(shown(path.name) for path in named[:5])
-        return f"{shown(folder)} has no transforms.json, but {names}; name the one to read."
+        names = ", ".join(value_text(path.name) for path in named[:5])
+        return f"{value_text(folder)} has no transforms.json, but {names}; name the one to read."
     return ""
 
 
@@ -173,7 +173,7 @@ def _cloud(path: Path, tree: Tree, entries: Sequence[Tree], files: FolderFiles, 
         found = place if os.path.lexists(place) else files.find(place)
         if found is None:
             findings.warning(
-                f"the point cloud {shown(listed)} is named in the file but missing",
+                f"the point cloud {value_text(listed)} is named in the file but missing",
                 where,
                 "the capture is used without a point cloud",
             )

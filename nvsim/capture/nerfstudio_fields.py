@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 from nvsim.capture.findings import Findings
 from nvsim.capture.raw import read_text
 from nvsim.capture.types import Cloud
-from nvsim.errors import InputError, shown
+from nvsim.errors import InputError, value_text
 
 Tree = Mapping[str, Any]
 
@@ -49,7 +49,7 @@ def number(tree: Tree, key: str, where: str) -> float | None:
     if value is None:
         return None
     if isinstance(value, bool) or not isinstance(value, int | float):
-        raise InputError(f"{where}: {key!r} is {_brief(value)}, not a number; correct it.")
+        raise InputError(f"{where}: {key!r} is {_short_text(value)}, not a number; correct it.")
     try:
         result = float(value)
     except OverflowError:
@@ -65,7 +65,7 @@ def text(tree: Tree, key: str, where: str) -> str | None:
     if value is None:
         return None
     if not isinstance(value, str) or not value:
-        raise InputError(f"{where}: {key!r} is {_brief(value)}, not a string; correct it.")
+        raise InputError(f"{where}: {key!r} is {_short_text(value)}, not a string; correct it.")
     return value
 
 
@@ -79,7 +79,7 @@ def matrix(value: object, where: str) -> NDArray[np.float64]:
     for i, row in enumerate(rows):
         for j, entry in enumerate(row):
             if isinstance(entry, bool) or not isinstance(entry, int | float):
-                raise InputError(f"{where}: 'transform_matrix' holds {_brief(entry)}, not a number; correct it.")
+                raise InputError(f"{where}: 'transform_matrix' holds {_short_text(entry)}, not a number; correct it.")
             try:
                 result[i, j] = float(entry)
             except OverflowError:
@@ -87,7 +87,7 @@ def matrix(value: object, where: str) -> NDArray[np.float64]:
     return result
 
 
-def _brief(value: object) -> str:
+def _short_text(value: object) -> str:
     shown = repr(value)
     return shown if len(shown) <= 40 else shown[:37] + "..."
 
@@ -163,20 +163,20 @@ _METERS = {"m", "meter", "meters", "metre", "metres"}
 def report_unused(tree: Tree, frames: Sequence[Tree], where: str, findings: Findings) -> None:
     """Add a warning that lists the known fields that NVSim does not use, and a note that lists unknown fields. Fields
     without a value count as absent."""
-    fields = dict.fromkeys(_filled(tree))
+    fields = dict.fromkeys(_fields_with_values(tree))
     for frame in frames:
-        fields.update(dict.fromkeys(_filled(frame)))
+        fields.update(dict.fromkeys(_fields_with_values(frame)))
     unused = [f"{field} ({_UNUSED[field]})" for field in fields if field in _UNUSED]
     if unused:
         findings.warning(
-            f"NVSim does not use {_listed(unused)}",
+            f"NVSim does not use {_list_names(unused)}",
             where,
             "the content of these fields has no effect on the map",
         )
     known = _USED | _BOOKKEEPING | _UNUSED.keys()
-    unknown = [shown(field, 40) for field in fields if field not in known]
+    unknown = [value_text(field, 40) for field in fields if field not in known]
     if unknown:
-        findings.note(f"NVSim does not know the fields {_listed(unknown)}", where, "they are ignored")
+        findings.note(f"NVSim does not know the fields {_list_names(unknown)}", where, "they are ignored")
 
 
 def is_arbitrary(tree: Tree, frames: Sequence[Tree]) -> bool:
@@ -212,15 +212,15 @@ def unit_of(tree: Tree, frames: Sequence[Tree], cloud: Cloud | None) -> tuple[bo
     if any(f.get(field) for f in frames for field in _DEPTH):
         return True, "depth images of a sensor come with the images"
     if cloud is not None and cloud.is_dense and len(cloud.points) >= _LEAST_SCAN:
-        return True, f"the point cloud {shown(tree.get('ply_file_path'), 60)} seems to be a LiDAR scan"
+        return True, f"the point cloud {value_text(tree.get('ply_file_path'), 60)} seems to be a LiDAR scan"
     return None, ""
 
 
-def _filled(tree: Mapping[str, object]) -> Iterator[str]:
+def _fields_with_values(tree: Mapping[str, object]) -> Iterator[str]:
     """The fields that have a value: not null, false, zero, or empty."""
     return (field for field, value in tree.items() if value)
 
 
-def _listed(words: Sequence[str]) -> str:
+def _list_names(words: Sequence[str]) -> str:
     more = f" and {len(words) - _LISTED} more" if len(words) > _LISTED else ""
     return ", ".join(words[:_LISTED]) + more

@@ -24,7 +24,7 @@ from nvsim.capture.images import image_header, is_turned
 from nvsim.capture.masks import with_masks_beside
 from nvsim.capture.raw import FAR, LOST_FRAME, RawCapture, RawFrame, file_size
 from nvsim.capture.types import Alignment, Capture, Cloud
-from nvsim.errors import shown
+from nvsim.errors import value_text
 from nvsim.files.placeholders import why_missing
 from nvsim.geometry.lens import Lens
 
@@ -62,12 +62,12 @@ def subtract_origin(raw: RawCapture, findings: Findings) -> RawCapture:
     return replace(
         raw,
         frames=tuple(
-            f if f.camera_to_world is None else replace(f, camera_to_world=_shifted(f.camera_to_world, origin))
+            f if f.camera_to_world is None else replace(f, camera_to_world=_shift_places(f.camera_to_world, origin))
             for f in raw.frames
         ),
         cloud=_shifted_cloud(raw.cloud, origin),
-        scans=tuple(replace(s, to_world=_shifted(s.to_world, origin)) for s in raw.scans),
-        depths=tuple(replace(d, camera_to_world=_shifted(d.camera_to_world, origin)) for d in raw.depths),
+        scans=tuple(replace(s, to_world=_shift_places(s.to_world, origin)) for s in raw.scans),
+        depths=tuple(replace(d, camera_to_world=_shift_places(d.camera_to_world, origin)) for d in raw.depths),
         metric=claims,
         metric_because=raw.metric_because if raw.metric else "the coordinates are map coordinates" if claims else "",
         origin=(float(origin[0]), float(origin[1]), float(origin[2])),
@@ -86,7 +86,7 @@ def _origin_of(positions: NDArray[np.float64]) -> NDArray[np.float64]:
     return np.where(np.abs(middle) > FAR, np.round(middle / _ROUND) * _ROUND, 0.0)
 
 
-def _shifted(pose: NDArray[np.float64], origin: NDArray[np.float64]) -> NDArray[np.float64]:
+def _shift_places(pose: NDArray[np.float64], origin: NDArray[np.float64]) -> NDArray[np.float64]:
     moved = pose.copy()
     moved[:3, 3] -= origin
     return moved
@@ -119,7 +119,7 @@ def fit_lenses(raw: RawCapture, findings: Findings) -> RawCapture:
         lens = frame.lens
         for size in ((width, height), (height, width)):
             if size == (width, height) or is_turned((width, height), orientation, size):
-                fitting = lens if size == (lens.width, lens.height) else _resized(lens, *size)
+                fitting = lens if size == (lens.width, lens.height) else _resize_lens(lens, *size)
                 if fitting is not None:
                     turned += size != (width, height)
                     if fitting is not lens:
@@ -145,7 +145,7 @@ def fit_lenses(raw: RawCapture, findings: Findings) -> RawCapture:
     return replace(raw, frames=tuple(frames))
 
 
-def _resized(lens: Lens, width: int, height: int) -> Lens | None:
+def _resize_lens(lens: Lens, width: int, height: int) -> Lens | None:
     """`lens` for images of `width` x `height` pixels; None if the two sides have different scales."""
     across, down = width / lens.width, height / lens.height
     if _ALIKE[0] < across < _ALIKE[1]:
@@ -205,12 +205,12 @@ def report_absent_image(frame: RawFrame, findings: Findings) -> bool:
     """Whether the image is missing or empty; if so, adds an error finding."""
     size = file_size(frame.image_path)
     if size is None and frame.choices:
-        folders = ", ".join(shown(folder) for folder in frame.choices[:4])
+        folders = ", ".join(value_text(folder) for folder in frame.choices[:4])
         findings.error(IMAGE_AMBIGUOUS, frame.where, f"{LOST_FRAME}; found in {folders}")
     elif size is None:
         why = why_missing(frame.image_path)
-        looked = f"{LOST_FRAME}; looked for {shown(frame.image_path)}" + (f", which {why}" if why else "")
-        below = f", and for its name below {shown(frame.root)}" if frame.root is not None else ""
+        looked = f"{LOST_FRAME}; looked for {value_text(frame.image_path)}" + (f", which {why}" if why else "")
+        below = f", and for its name below {value_text(frame.root)}" if frame.root is not None else ""
         findings.error(IMAGE_MISSING, frame.where, f"{looked}{below}; --images FOLDER names another place")
     elif size == 0:
         findings.error("the image is empty (0 bytes)", frame.where, LOST_FRAME)

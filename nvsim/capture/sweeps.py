@@ -53,7 +53,7 @@ def depth_sweeps(depths: Sequence[DepthFile], longest_side: int) -> Iterator[Swe
     """Yield one sweep per depth image, sampled at no more than `longest_side` pixels per side. Raises InputError if a
     file cannot be read."""
     for depth in depths:
-        intrinsics = depth.lens.pinhole.within(longest_side)
+        intrinsics = depth.lens.pinhole.limited_to(longest_side)
         stored = read_depth_image(depth)
         # Positions of the pinhole's pixels in the stored image, whose size may differ from the lens's.
         mapping = depth.lens.undistort_map(intrinsics) + 0.5

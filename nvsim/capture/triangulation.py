@@ -114,7 +114,7 @@ def image_points(frames: Sequence[RawFrame]) -> NDArray[np.float64]:
         raw = usable[index]
         assert raw.lens is not None and raw.camera_to_world is not None
         frame = Frame(raw.name, raw.image_path, raw.lens, raw.camera_to_world, raw.sensor, raw.timestamp, raw.mask)
-        intrinsics = frame.intrinsics.within(_SIZE)
+        intrinsics = frame.intrinsics.limited_to(_SIZE)
         try:
             image, counted = read_image(frame, intrinsics), usable_pixels(frame, intrinsics)
         except InputError:

@@ -18,7 +18,7 @@ import tyro
 
 from nvsim.cli.help_table import COMMON, EXAMPLES, LIMIT, WITHOUT
 from nvsim.cli.options import Command, Option, options
-from nvsim.cli.terminal import say, unguarded_streams
+from nvsim.cli.terminal import print_lines, unguarded_streams
 from nvsim.errors import InputError
 
 T = TypeVar("T")
@@ -69,11 +69,11 @@ def _usage(verb: str, found: Iterable[Option]) -> str:
 
 def _common_groups(flags: list[Option], table: dict[str, tuple[str, ...]]) -> list[tuple[str, list[Option]]]:
     # A preset can change a default from True to False, and --no-x to --x.
-    by_name = {o.flag: o for o in flags} | {_negated(o): o for o in flags}
+    by_name = {o.flag: o for o in flags} | {_negated_flag(o): o for o in flags}
     return [(title, [by_name[name] for name in names]) for title, names in table.items()]
 
 
-def _negated(option: Option) -> str:
+def _negated_flag(option: Option) -> str:
     head, dot, last = option.flag[2:].rpartition(".")
     return f"--{head}{dot}no-{last}"
 
@@ -190,7 +190,7 @@ def parse(command: type[Command], argv: list[str], verb: str) -> Any:
     """Parses `argv` into the command. Prints the help if `argv` asks for it, and exits with code 0. Prints usage and
     exits with code 2 on a wrong option."""
     if asked := requested_help(argv):
-        say(*lines(command, verb, argv, everything=asked == "all"))
+        print_lines(*lines(command, verb, argv, everything=asked == "all"))
         sys.exit(0)
     text = (command.__doc__ or "").split("\n\n")[0]
     given_defaults: dict[str, Any] = {}
@@ -212,7 +212,7 @@ def parse(command: type[Command], argv: list[str], verb: str) -> Any:
         if stop.code in (0, None):
             sys.exit(0)
         for hint in _hints_on_lists(command, argv):
-            say(hint, error=True)
+            print_lines(hint, error=True)
         sys.exit(2)
 
 
@@ -228,7 +228,7 @@ def _hints_on_lists(command: type[Command], argv: list[str]) -> list[str]:
     return hints
 
 
-def given(argv: list[str], flag: str, default: str) -> str:
+def value_of_flag(argv: list[str], flag: str, default: str) -> str:
     """The value of `flag` in the unparsed `argv`; `default` if the flag is not there."""
     for i, word in enumerate(argv):
         if word == flag and i + 1 < len(argv):

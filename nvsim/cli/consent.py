@@ -6,7 +6,7 @@ import sys
 from collections.abc import Sequence
 
 from nvsim.cli.console import without_progress_bars
-from nvsim.cli.terminal import say
+from nvsim.cli.terminal import print_lines
 from nvsim.endpoint.budget import Prices, RequestEstimate
 from nvsim.endpoint.options import Endpoint
 from nvsim.errors import InputError
@@ -18,16 +18,16 @@ def ask_for_consent(asked: Sequence[tuple[Endpoint, RequestEstimate, Prices]], n
     no terminal to ask on.
     """
     with without_progress_bars():
-        return _agreed(asked, notes, yes)
+        return _ask_user(asked, notes, yes)
 
 
-def _agreed(asked: Sequence[tuple[Endpoint, RequestEstimate, Prices]], notes: Sequence[str], yes: bool) -> bool:
+def _ask_user(asked: Sequence[tuple[Endpoint, RequestEstimate, Prices]], notes: Sequence[str], yes: bool) -> bool:
     for endpoint, estimate, prices in asked:
-        say(f"To {endpoint.words}: {estimate.words(prices)}.", error=True)
+        print_lines(f"To {endpoint.words}: {estimate.words(prices)}.", error=True)
     if not any(estimate.requests for _, estimate, _ in asked):
         return yes
     for note in notes:
-        say(note, error=True)
+        print_lines(note, error=True)
     sys.stderr.flush()
     if yes:
         return True
@@ -43,5 +43,5 @@ def exit_code(unusable: Sequence[str]) -> int:
     """The exit code of a command that asked models: 1, with a sentence for each, if no answer of the models `unusable`
     was usable; else 0."""
     for model in unusable:
-        say(f"error: no answer of {model} was usable; the warnings above have the reasons.", error=True)
+        print_lines(f"error: no answer of {model} was usable; the warnings above have the reasons.", error=True)
     return 1 if unusable else 0

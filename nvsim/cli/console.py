@@ -9,7 +9,7 @@ from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
 
-from nvsim.cli.terminal import as_json, guard_streams, say, unguarded_stream
+from nvsim.cli.terminal import as_json, guard_streams, print_lines, unguarded_stream
 from nvsim.events import Done, Event, Failed, Listener, Log, Metric, Preview, Progress, Warning, to_json
 from nvsim.plain_text import printable
 
@@ -57,7 +57,7 @@ def with_command_options(text: str, stage: str = "") -> str:
 
 
 def _advising(listen: Listener) -> Listener:
-    def hear(event: Event) -> None:
+    def advise_and_forward(event: Event) -> None:
         global _stage
         _stage = event.stage or _stage
         if isinstance(event, Log | Warning):
@@ -66,18 +66,18 @@ def _advising(listen: Listener) -> Listener:
             event = replace(event, summary=with_command_options(event.summary, event.stage))
         listen(event)
 
-    return hear
+    return advise_and_forward
 
 
 @contextmanager
 def event_listener(in_json: bool) -> Iterator[Listener]:
     """Yields a listener for the duration of a command."""
-    with _heard(in_json) as listen:
+    with _event_listener(in_json) as listen:
         yield _advising(listen)
 
 
 @contextmanager
-def _heard(in_json: bool) -> Iterator[Listener]:
+def _event_listener(in_json: bool) -> Iterator[Listener]:
     if _redirected_to is not None:
         yield _redirected_to
     elif in_json:
@@ -116,7 +116,7 @@ def report_failure(event: Failed, in_json: bool) -> None:
 
 
 def _print_json(event: Event) -> None:
-    say(as_json(json.loads(to_json(event))))
+    print_lines(as_json(json.loads(to_json(event))))
 
 
 class _Plain:
@@ -132,19 +132,19 @@ class _Plain:
             if self._tenth.get(event.stage) != tenth and event.total > 1:
                 self._tenth[event.stage] = tenth
                 detail = f" ({event.detail})" if event.detail else ""
-                self._say(f"{event.stage}: {10 * tenth} %{detail}{self._psnr if event.stage == 'train' else ''}")
+                self._print(f"{event.stage}: {10 * tenth} %{detail}{self._psnr if event.stage == 'train' else ''}")
         elif isinstance(event, Metric) and event.name == "psnr":
             self._psnr = f", PSNR {event.value:.1f} dB so far"
         elif isinstance(event, Done):
-            self._say(f"{event.stage}: {event.summary}")
+            self._print(f"{event.stage}: {event.summary}")
         elif isinstance(event, Warning):
-            self._say(f"{event.stage}: warning: {event.text}")
+            self._print(f"{event.stage}: warning: {event.text}")
         elif isinstance(event, Log):
-            self._say(f"{event.stage}: {event.text}" if event.stage else event.text)
+            self._print(f"{event.stage}: {event.text}" if event.stage else event.text)
 
     @staticmethod
-    def _say(text: str) -> None:
-        say(text, error=True)
+    def _print(text: str) -> None:
+        print_lines(text, error=True)
 
 
 class _Terminal:
@@ -195,17 +195,19 @@ class _Terminal:
         elif isinstance(event, Metric) and event.name == "psnr" and event.stage in self._tasks:
             self._bars.update(self._tasks[event.stage][0], psnr=f"{event.value:.1f} dB")
         elif isinstance(event, Done):
-            self._say("✓ ", "green", f"{event.stage}: {event.summary}")
+            self._print_above_bars("✓ ", "green", f"{event.stage}: {event.summary}")
         elif isinstance(event, Warning):
-            self._say("! ", "yellow", f"{event.stage}: {event.text}")
+            self._print_above_bars("! ", "yellow", f"{event.stage}: {event.text}")
         elif isinstance(event, Failed):
-            self._say("✗ ", "red", f"{event.stage}: {event.message}")
+            self._print_above_bars("✗ ", "red", f"{event.stage}: {event.message}")
         elif isinstance(event, Log):
-            self._say("  " if event.stage else "", "", f"{event.stage}: {event.text}" if event.stage else event.text)
+            self._print_above_bars(
+                "  " if event.stage else "", "", f"{event.stage}: {event.text}" if event.stage else event.text
+            )
         elif isinstance(event, Preview):
             pass  # a terminal shows no images
 
-    def _say(self, mark: str, color: str, text: str) -> None:
+    def _print_above_bars(self, mark: str, color: str, text: str) -> None:
         """Prints a line above the bars: a colored mark and plain text, without interpreting markup."""
         from rich.text import Text
 

@@ -88,10 +88,10 @@ def sources(
 
     for file in connectivity_files(path):
         foreign = ForeignFile.open(file)
-        beside = foreign.beside.occupancy() if map is None else None
+        beside = foreign.nearby_files.occupancy() if map is None else None
         terminal.print_notes(() if beside is None else beside.notes)
         context = foreign.context(limits, beside if map is None else map)
-        yield GraphWithContext(file, foreign.scan, foreign.graph, context, None, foreign.sight(unknown=False))
+        yield GraphWithContext(file, foreign.scan, foreign.graph, context, None, foreign.visibility(unknown=False))
 
 
 def read_one_graph(path: Path, occupancy: Path | None = None, heights: Heights | None = None) -> GraphWithContext:
@@ -147,7 +147,7 @@ class GraphTarget:
                 walk = None if capture is None else capture.positions
         if occupancy is not None:
             return EditContext(line_of_sight_test(occupancy), walk)
-        return EditContext(None if self.is_project else self._foreign.sight(), walk)
+        return EditContext(None if self.is_project else self._foreign.visibility(), walk)
 
     def journal(self) -> Journal:
         """The journal of its edits. Raises InputError if its folder cannot be written."""
@@ -169,13 +169,13 @@ class GraphTarget:
             if journal.refusal is not None:
                 raise InputError(journal.refusal)
             history = journal.history(self.read())
-            if not history.clean:
+            if not history.is_saved:
                 raise InputError(
                     f"{self.path} has {journal.recovered} unsaved edits; open it in the window and save or "
                     "undo them first."
                 )
             yield history
-            if history.clean:
+            if history.is_saved:
                 return
             journal.flush()
             self.write(history.graph)
@@ -224,7 +224,7 @@ class GraphTarget:
 
             with Project.open(self.path) as project:
                 return occupancy_of(project)
-        return self._foreign.beside.occupancy()
+        return self._foreign.nearby_files.occupancy()
 
 
 @contextmanager

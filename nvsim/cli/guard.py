@@ -14,7 +14,7 @@ from types import FrameType
 
 from nvsim.cli.console import advise, report_failure, with_command_options
 from nvsim.cli.options import Command
-from nvsim.cli.terminal import say
+from nvsim.cli.terminal import print_lines
 from nvsim.errors import InputError
 from nvsim.events import Failed
 from nvsim.files.atomic import as_input_error
@@ -28,7 +28,7 @@ class CommandStopped(BaseException):
     """A user or a program asked the command to stop (SIGTERM, Ctrl-C)."""
 
 
-def guarded(verb: str, command: type[Command], argv: list[str]) -> int:
+def run_guarded(verb: str, command: type[Command], argv: list[str]) -> int:
     """Parses `argv` into the command and runs it; returns the exit code."""
     from nvsim.cli.arguments import parse
 
@@ -65,7 +65,7 @@ def _stop(number: int, frame: FrameType | None) -> None:
 def _fail(verb: str, sentence: str, code: int, as_json: bool) -> int:
     sentence = with_command_options(sentence)
     report_failure(Failed(verb.split()[0], sentence, code), as_json)
-    say(f"nvsim {verb}: {sentence}", error=True)
+    print_lines(f"nvsim {verb}: {sentence}", error=True)
     return code
 
 

@@ -86,7 +86,7 @@ COMMON: dict[str, dict[str, tuple[str, ...]]] = {
     },
     "evaluate validity-table": {
         "Input and output": ("--project", "--occupancy", "--map-frame", "--out", "--json"),
-        "Table": ("--presets", "--columns", "--afresh", "--seed"),
+        "Table": ("--presets", "--columns", "--repeat", "--seed"),
         "Training": ("--steps", "--image-size", "--gaussian-cap"),
         "Map": ("--preset", "--robot-radius", "--tau-dist"),
     },

@@ -11,7 +11,7 @@ import sys
 from collections.abc import Sequence
 
 from nvsim.cli.command_table import COMMANDS
-from nvsim.cli.terminal import guarded_terminal, say
+from nvsim.cli.terminal import guarded_terminal, print_lines
 
 _GROUPS = {verb.split()[0] for verb in COMMANDS if " " in verb}
 
@@ -29,29 +29,29 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 def _run(arguments: list[str]) -> int:
     if not arguments or arguments[0] in ("-h", "--help", "help"):
-        say(*_help().split("\n"))
+        print_lines(*_help().split("\n"))
         return 0
     if arguments[0] in ("-V", "--version"):
         from nvsim import __version__
 
-        say(f"nvsim {__version__}")
+        print_lines(f"nvsim {__version__}")
         return 0
     verb, rest = arguments[0], arguments[1:]
     if verb in _GROUPS and (verb not in COMMANDS or (rest and f"{verb} {rest[0]}" in COMMANDS)):
         if not rest or rest[0] in ("-h", "--help"):
-            say(*_help(verb).split("\n"))
+            print_lines(*_help(verb).split("\n"))
             return 0 if rest else 2
         verb, rest = f"{verb} {rest[0]}", rest[1:]
     if verb not in COMMANDS:
-        say(f"nvsim: there is no command `{verb}`; `nvsim --help` lists them.", error=True)
+        print_lines(f"nvsim: there is no command `{verb}`; `nvsim --help` lists them.", error=True)
         return 2
     # With few cores, the thread pools of torch and numba block each other by busy waiting, so they wait passively. This
     # must be set before either is loaded.
     os.environ.setdefault("OMP_WAIT_POLICY", "PASSIVE")
-    from nvsim.cli.guard import guarded
+    from nvsim.cli.guard import run_guarded
     from nvsim.cli.options import command_of
 
-    return guarded(verb, command_of(verb), rest)
+    return run_guarded(verb, command_of(verb), rest)
 
 
 def _help(group: str = "") -> str:

@@ -160,12 +160,13 @@ def rename_options(verb: str, text: str, stage: str = "") -> str:
         return text
     parts = _COMMAND.split(text)
     parts[::2] = [
-        _WITH_NUMBER.sub(lambda found: _named(verb, found[1], stage, found[2] or ""), part) for part in parts[::2]
+        _WITH_NUMBER.sub(lambda found: _option_with_number(verb, found[1], stage, found[2] or ""), part)
+        for part in parts[::2]
     ]
     return "".join(parts)
 
 
-def _named(verb: str, option: str, stage: str, number: str) -> str:
+def _option_with_number(verb: str, option: str, stage: str, number: str) -> str:
     """The option with the `number` that follows it, or ""."""
     mine, name = options_of(verb), option[2:]
     if option in mine:

@@ -56,13 +56,13 @@ def _recorded(project: Project, verb: str, listen: Listener) -> Iterator[Listene
         raise as_input_error(job.events, error) from error
     with closing(record):
 
-        def hear(event: Event) -> None:
+        def record_and_forward(event: Event) -> None:
             record(event)
             listen(event)
 
         record(Log("Started." if job.status.worked == 0 else "Continued."))
         try:
-            yield hear
+            yield record_and_forward
         except Exception as error:
             if Layout(project.root).database.exists():
                 jobs.finish(job, 2, str(error))

@@ -1,7 +1,7 @@
 """Print results as a JSON object or a small table, without control characters that come from files.
 
-`say` prints messages, one line each. `guarded_terminal` guards the standard streams, so that text of any other origin
-(argparse, warnings, a library) is also safe.
+`print_lines` prints messages, one line each. `guarded_terminal` guards the standard streams, so that text of other
+origins (argparse, warnings, a library) is also safe.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from typing import Any, TextIO
 from nvsim.plain_text import printable
 
 
-def say(*lines: object, error: bool = False) -> None:
+def print_lines(*lines: object, error: bool = False) -> None:
     """Prints each of `lines` as one line; on stderr for an `error` or for a message that is not part of the result."""
     stream = sys.stderr if error else sys.stdout
     for line in lines:
@@ -106,7 +106,7 @@ def _finite(values: Any) -> Any:
 def figures(values: Mapping[str, object], in_json: bool, title: str = "") -> None:
     """Prints named values. Nested values appear only in the JSON."""
     if in_json:
-        say(as_json(values))
+        print_lines(as_json(values))
         return
     flat = {k: v for k, v in values.items() if not isinstance(v, list | dict | tuple)}
     table(("metric", "value"), [(k, _text(v)) for k, v in flat.items()], title)
@@ -114,7 +114,7 @@ def figures(values: Mapping[str, object], in_json: bool, title: str = "") -> Non
 
 def print_notes(sentences: Iterable[str]) -> None:
     """Prints notes about a file on stderr, each sentence once, so that the results on stdout stay clean."""
-    say(*(f"note: {sentence}" for sentence in dict.fromkeys(sentences)), error=True)
+    print_lines(*(f"note: {sentence}" for sentence in dict.fromkeys(sentences)), error=True)
 
 
 def table(head: Sequence[str], rows: Sequence[Sequence[object]], title: str = "") -> None:

@@ -22,7 +22,7 @@ def has_display() -> bool:
     return bool(os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY"))
 
 
-def installed() -> bool:
+def is_window_installed() -> bool:
     """Whether the packages for the window are installed."""
     return importlib.util.find_spec("PySide6") is not None
 
@@ -34,7 +34,7 @@ def command(project: Path) -> str:
 
 def open_if_wanted(project: Path, wanted: bool) -> int:
     """Opens the window if it is possible and wanted; returns its exit code, else 0."""
-    return open_window([f"--project={project}"]) if wanted and has_display() and installed() else 0
+    return open_window([f"--project={project}"]) if wanted and has_display() and is_window_installed() else 0
 
 
 def open_window(arguments: list[str]) -> int:

@@ -19,8 +19,8 @@ from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
-from nvsim.cli.terminal import say
-from nvsim.errors import InputError, shown
+from nvsim.cli.terminal import print_lines
+from nvsim.errors import InputError, value_text
 from nvsim.events import Failed, Log
 from nvsim.files.atomic import as_input_error
 from nvsim.files.opening import open_own_file, read_end
@@ -64,8 +64,8 @@ def check_order(root: Path, verb: str, arguments: Sequence[str], confined: bool 
     asked = getattr(parsed, "asked", None)
     if confined and asked is not None and (asked.endpoint or asked.key_variable):
         raise InputError(
-            f"This job would send data to {shown(asked.endpoint or 'an endpoint')}, which another person chose; start "
-            "the job again from the Jobs menu."
+            f"This job would send data to {value_text(asked.endpoint or 'an endpoint')}, which another person chose; "
+            "start the job again from the Jobs menu."
         )
     for name, path in _paths(parsed) if confined else ():
         if not path.expanduser().resolve().is_relative_to(root.resolve()):
@@ -112,7 +112,7 @@ def main(arguments: list[str]) -> int:
     try:
         job = jobs.claim(int(arguments[1]) if len(arguments) > 1 else None)
     except InputError as error:
-        say(error, error=True)
+        print_lines(error, error=True)
         return 2
     if job is None:
         return 0

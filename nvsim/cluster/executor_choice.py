@@ -46,7 +46,7 @@ def connect_to_cluster(address: str) -> Iterator[ModuleType]:
     InputError if Ray is not installed, or the cluster does not answer or refuses the connection."""
     import logging
 
-    host, port = _parsed(address)
+    host, port = _parse_address(address)
     # Ray requests the token by itself only for "auto". An existing value of the variable has priority.
     os.environ.setdefault("RAY_AUTH_MODE", "token")
     try:
@@ -57,7 +57,7 @@ def connect_to_cluster(address: str) -> Iterator[ModuleType]:
         ) from error
     logging.getLogger("ray").setLevel(logging.CRITICAL)  # Ray raises the same errors
     # Ray prints messages about ended workers between the events of NVSim, and has no option against it.
-    vars(importlib.import_module("ray._private.worker"))["print_to_stdstream"] = _unheard
+    vars(importlib.import_module("ray._private.worker"))["print_to_stdstream"] = _ignore_event
     if port:
         try:
             socket.create_connection((host, port), timeout=_ANSWER).close()
@@ -93,7 +93,7 @@ def connect_to_cluster(address: str) -> Iterator[ModuleType]:
         ray.shutdown()
 
 
-def _unheard(*_: object, **__: object) -> None:
+def _ignore_event(*_: object, **__: object) -> None:
     pass
 
 
@@ -112,7 +112,7 @@ def _suppress_native_lines() -> Iterator[None]:
         os.close(kept)
 
 
-def _parsed(address: str) -> tuple[str, int]:
+def _parse_address(address: str) -> tuple[str, int]:
     """Host and port, ("", 0) for "auto"."""
     if address == "auto":
         return "", 0

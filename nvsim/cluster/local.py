@@ -104,13 +104,13 @@ class _PipeCaller:
     def __init__(self, connection: Connection) -> None:
         self._connection = connection
 
-    def tell(self, event: Event) -> None:
+    def send_event(self, event: Event) -> None:
         send(self._connection, event)
 
     def send(self, name: str, data: bytes) -> None:
         send(self._connection, SentFile.of(name, data))
 
-    def ready(self) -> None:
+    def wait_for_kernels(self) -> None:
         receive(self._connection)
 
 

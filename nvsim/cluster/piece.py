@@ -66,7 +66,7 @@ class StorageNotShared:
     path: str
 
     @property
-    def why(self) -> str:
+    def reason(self) -> str:
         """The reason in words, as the beginning of a message."""
         return f"A machine of the cluster cannot read {self.path}"
 
@@ -79,13 +79,13 @@ MessageStream = Generator[tuple[WorkItem, Message], None, None]
 class Caller(Protocol):
     """The process that ordered a piece, as its work sees it."""
 
-    def tell(self, event: Event) -> None:
+    def send_event(self, event: Event) -> None:
         """Sends an event."""
 
     def send(self, name: str, data: bytes) -> None:
         """Sends a file."""
 
-    def ready(self) -> None:
+    def wait_for_kernels(self) -> None:
         """Reports that all input is read, and returns when the first kernel may run."""
 
 

@@ -38,7 +38,7 @@ class Attempt:
     _done: int = 0
     _further: bool = False
 
-    def hear(self, message: Message) -> None:
+    def record_message(self, message: Message) -> None:
         """Records the progress of the piece."""
         if isinstance(message, Progress) and message.done > self._done:
             self._done, self._further = message.done, True
@@ -92,7 +92,7 @@ class RayPool:
     def __init__(self, ray: ModuleType) -> None:
         self._ray = ray
         ray.cloudpickle.register_pickle_by_value(ray_task)
-        self._serve = ray.remote(ray_task.serve)
+        self._serve = ray.remote(ray_task.run_order)
         self._warned: set[str] = set()
 
     @property
@@ -128,7 +128,7 @@ class RayPool:
                             message: Message = value
                             if isinstance(message, Log | Warning) and not message.stage:
                                 message = replace(message, stage=piece.stage)
-                            attempt.hear(message)
+                            attempt.record_message(message)
                             yield piece, message
                         elif kind == "finished":
                             del running[stream]

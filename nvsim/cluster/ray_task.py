@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 
-def serve(order: bytes, cores: int, ours: dict[str, str]) -> Iterator[list[tuple[str, object]]]:
+def run_order(order: bytes, cores: int, ours: dict[str, str]) -> Iterator[list[tuple[str, object]]]:
     """Runs a pickled order with `cores` threads if the worker has the NVSim version in `ours`.
 
     Yields pairs of a kind and a value: "began" (machine and process), "refused" (the reason), "warned" (the warning),

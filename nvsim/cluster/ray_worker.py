@@ -56,13 +56,13 @@ class _ClusterCaller:
         self.stopped = threading.Event()
         self._messages: queue.SimpleQueue[tuple[str, object]] = queue.SimpleQueue()
 
-    def tell(self, event: Event) -> None:
+    def send_event(self, event: Event) -> None:
         self.put_message("message", event)
 
     def send(self, name: str, data: bytes) -> None:
         self.put_message("message", SentFile.of(name, data))
 
-    def ready(self) -> None:
+    def wait_for_kernels(self) -> None:
         pass
 
     def put_message(self, kind: str, value: object) -> None:
@@ -93,7 +93,7 @@ class _LineForwarder(io.TextIOBase):
         *lines, self._rest = (self._rest + text).split("\n")
         for line in lines:
             if line.strip():
-                self._driver.tell(Log(line.rstrip()[:1000]))
+                self._driver.send_event(Log(line.rstrip()[:1000]))
         return len(text)
 
 

@@ -131,7 +131,7 @@ def link_writer(source: str) -> Writer:
     """A writer that links a file or a folder of the dataset; placeholders are replaced in `source`."""
 
     def write(parts: DatasetParts, path: Path, of: str) -> None:
-        _link(parts.root / _filled(source, of), path)
+        _link(parts.root / _fill_readme(source, of), path)
 
     return write
 
@@ -178,7 +178,7 @@ def _single(parts: DatasetParts, split: str) -> Iterator[dict[str, Any]]:
             yield one if codes is None else {**one, "instr_encoding": codes[k]}
 
 
-def _encoded(parts: DatasetParts, path: Path, split: str) -> None:
+def _write_encoded(parts: DatasetParts, path: Path, split: str) -> None:
     atomic.write_text(path, json.dumps(list(_items(parts, split))) + "\n")
 
 
@@ -254,7 +254,7 @@ _NO_WORD_VECTORS = (
 )
 _ANNOTATIONS = {
     "R2R/connectivity": _connectivity,
-    "R2R/annotations/R2R_{split}_enc.json": _encoded,
+    "R2R/annotations/R2R_{split}_enc.json": _write_encoded,
 }
 _SCRIPT = (
     'cd "$CHECKOUT/map_nav_src"',
@@ -493,7 +493,7 @@ def write_agent(parts: DatasetParts, name: AgentName, folder: Path) -> list[Path
     written = []
     for pattern, writer in agent.files.items():
         for of in _values(pattern, parts):
-            path = folder / _filled(pattern, of)
+            path = folder / _fill_readme(pattern, of)
             atomic.make_folder(path.parent)
             writer(parts, path, of)
             written.append(path)
@@ -516,7 +516,7 @@ def _values(pattern: str, parts: DatasetParts) -> tuple[str, ...]:
     return parts.scans if "{scan}" in pattern else ("",)
 
 
-def _filled(pattern: str, of: str) -> str:
+def _fill_readme(pattern: str, of: str) -> str:
     return pattern.format(split=of, scan=of, steps=of)
 
 

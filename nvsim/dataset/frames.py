@@ -108,7 +108,7 @@ def write_frames(
         atomic.remove_others(folder / name, names, lambda one: (one / _RECORD).is_file())
         for episode in split:
             order = _order(sources[episode.task.scan], episode, folder / name, look_down)
-            if not _finished(order):
+            if not _is_finished(order):
                 todo.append(order)
     left = sum(len(order.models) for order in todo)
     done = count - left
@@ -152,10 +152,10 @@ def _draw_part(caller: Caller, part: Sequence[_Order]) -> None:
     import numba
 
     numba.set_num_threads(1)
-    caller.ready()
+    caller.wait_for_kernels()
     for order in sorted(part, key=lambda one: str(one.models[0])):  # episodes of a model one after the other
         _draw(order)
-        caller.tell(Progress(STAGE, len(order.models), len(order.models)))
+        caller.send_event(Progress(STAGE, len(order.models), len(order.models)))
 
 
 _model = lru_cache(maxsize=2)(load_model)
@@ -170,7 +170,7 @@ def _draw(order: _Order) -> None:
         assert rgb is not None
         atomic.write_bytes(folder / "rgb" / f"{i:03d}.jpg", jpeg(as_bytes(rgb), _QUALITY, whole_chroma=False))
         if order.look_down:
-            colour, depth = _down(model, episode.camera(i, -LOOK_DOWN))
+            colour, depth = _reduce_strip(model, episode.camera(i, -LOOK_DOWN))
             atomic.write_bytes(folder / "rgb_down" / f"{i:03d}.jpg", jpeg(colour, _QUALITY, whole_chroma=False))
             atomic.write_bytes(folder / "depth_down" / f"{i:03d}.png", png(depth))
     for stale in folder.glob("*/*.*"):
@@ -180,7 +180,7 @@ def _draw(order: _Order) -> None:
     atomic.write_text(folder / _RECORD, json.dumps(about) + "\n")
 
 
-def _down(model: SubmapModel, camera: Camera) -> tuple[NDArray[np.uint8], NDArray[np.uint16]]:
+def _reduce_strip(model: SubmapModel, camera: Camera) -> tuple[NDArray[np.uint8], NDArray[np.uint16]]:
     """Colors (H, W, 3) uint8, and millimeters along the optical axis (H, W) uint16, 0 if there is no surface."""
     view = render_model(model, camera, frozenset({"rgb", "alpha", "depth"}))
     assert view.rgb is not None and view.alpha is not None and view.depth is not None
@@ -190,7 +190,7 @@ def _down(model: SubmapModel, camera: Camera) -> tuple[NDArray[np.uint8], NDArra
     return as_bytes(view.rgb), np.clip(np.rint(millimetres), 0, 65535).astype(np.uint16)
 
 
-def _finished(order: _Order) -> bool:
+def _is_finished(order: _Order) -> bool:
     path = order.episode.folder / _RECORD
     if not path.is_file():
         return False

@@ -44,16 +44,16 @@ class GoalScene:
     targets: Targets
 
     @cached_property
-    def _ways(self) -> PathGraph:
+    def _path_graph(self) -> PathGraph:
         return PathGraph.of(self.graph)
 
     @cached_property
     def _lengths(self) -> NDArray[np.float64]:
-        return self._ways.lengths(np.arange(len(self._ways.ids)))
+        return self._path_graph.lengths(np.arange(len(self._path_graph.ids)))
 
     def metres(self, start: str, end: str) -> float:
         """Returns the length of the shortest path between two viewpoints in meters."""
-        return float(self._lengths[self._ways.ids.index(start), self._ways.ids.index(end)])
+        return float(self._lengths[self._path_graph.ids.index(start), self._path_graph.ids.index(end)])
 
     def floor_at(self, id: str) -> NDArray[np.float64]:
         """Returns (3,) the floor under a viewpoint, meters, world."""

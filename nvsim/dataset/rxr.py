@@ -32,7 +32,7 @@ from nvsim.files import atomic
 from nvsim.graph.types import NavGraph
 from nvsim.r2r.episodes.episode import Episode, episode_fields, ground_truth_actions, gzip_bytes, instruction_id
 from nvsim.r2r.instructions.generating import InstructedDataset
-from nvsim.r2r.instructions.ground import wrapped
+from nvsim.r2r.instructions.ground import wrap_angle
 from nvsim.r2r.tasks.task import Task
 
 STAGE = "rxr"
@@ -95,12 +95,12 @@ def annotation_of(guide: TimedInstruction, split: str) -> dict[str, Any]:
         "annotator_id": 0,
         "language": LANGUAGE,
         "instruction": task.instructions[guide.number],
-        "timed_instruction": _timed(guide),
+        "timed_instruction": _with_times(guide),
         "edit_distance": 0.0,
     }
 
 
-def _timed(guide: TimedInstruction) -> list[dict[str, Any]]:
+def _with_times(guide: TimedInstruction) -> list[dict[str, Any]]:
     return [
         {"start_time": round(start, 2), "word": word, "end_time": round(start + WORD, 2)}
         for word, start in zip(guide.words, guide.starts.tolist())
@@ -128,7 +128,7 @@ def pose_trace_of(guide: TimedInstruction, positions: NDArray[np.floating]) -> d
     at = np.clip(np.searchsorted(np.array(begins), time + SNAPSHOT / 2, side="right") - 1, 0, k - 1)
     share = np.clip((time - np.array(begins)[at]) / (ends - np.array(begins))[at] / _TURNING, 0, 1)
     cameras = np.stack([_camera(positions[i], arrivals[i] + s * turns[i]) for i, s in zip(at, share)])
-    masks = np.stack([_swept(a, t) for a, t in zip(arrivals, turns)])
+    masks = np.stack([_pixels_seen(a, t) for a, t in zip(arrivals, turns)])
     return {
         "pano": np.array([guide.task.path[i] for i in at]),
         "time": time,
@@ -146,7 +146,7 @@ def _headings(positions: NDArray[np.float64], first: float) -> tuple[list[float]
     for a, b in zip(positions, positions[1:]):
         x, y = (b - a)[:2].tolist()
         ahead = math.atan2(x, y) if math.hypot(x, y) > 1e-6 else arrivals[-1]
-        turns.append(wrapped(ahead - arrivals[-1]))
+        turns.append(wrap_angle(ahead - arrivals[-1]))
         arrivals.append(ahead)
     return arrivals, [*turns, 0.0]
 
@@ -164,7 +164,7 @@ def _projection() -> NDArray[np.float64]:
     return np.array([[f / ASPECT, 0, 0, 0], [0, f, 0, 0], [0, 0, *depth], [0, 0, -1, 0]])
 
 
-def _swept(start: float, turn: float) -> NDArray[np.bool_]:
+def _pixels_seen(start: float, turn: float) -> NDArray[np.bool_]:
     """Returns (ROWS, COLUMNS) the pixels of a panorama that the camera shows while it turns."""
     headings = ((np.arange(COLUMNS) + 0.5) / COLUMNS - 0.5) * 2 * math.pi
     slopes = np.abs(np.tan((0.5 - (np.arange(ROWS) + 0.5) / ROWS) * math.pi)) / math.tan(VFOV / 2)
@@ -256,7 +256,7 @@ def _episode(episode: Episode, guide: TimedInstruction) -> dict[str, Any]:
         "language": LANGUAGE,
         "annotator_id": "0",
         "edit_distance": 0.0,
-        "timed_instruction": _timed(guide),
+        "timed_instruction": _with_times(guide),
     }
     ids = {"episode_id": str(guide.id), "trajectory_id": str(episode.task.path_id)}
     return {**episode_fields(episode), **ids, "instruction": about}

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from nvsim.errors import InputError
 from nvsim.events import Listener, Log, Progress, Warning
-from nvsim.graph.history import counted
+from nvsim.graph.history import count_text
 from nvsim.graph.types import NavGraph
 from nvsim.r2r.instructions.generating import InstructedDataset, instruct
 from nvsim.r2r.instructions.registers import Register
@@ -231,21 +231,23 @@ def _impassable(graphs: Sequence[NavGraph], scenes: Mapping[str, Scene], listen:
         if graph.scan not in found:
             continue
         one, scene = found[graph.scan], scenes[graph.scan]
-        climbing = sum(scene.climbs(key) for key in one.edges)
-        tight = [key for key in one.edges if not scene.climbs(key)]
-        ends = [id for id in one.ends if not scene.climbs([id])]
-        why = [f"{counted(climbing, 'edge')} on stairs, because actions are limited to one storey"] if climbing else []
+        climbing = sum(scene.uses_stairs(key) for key in one.edges)
+        tight = [key for key in one.edges if not scene.uses_stairs(key)]
+        ends = [id for id in one.ends if not scene.uses_stairs([id])]
+        why = (
+            [f"{count_text(climbing, 'edge')} on stairs, because actions are limited to one storey"] if climbing else []
+        )
         if tight:
-            named = _some([f"{a} to {b}" for a, b in tight])
-            why.append(f"{counted(len(tight), 'edge')} too narrow for a robot ({named})")
+            named = _shortened_list([f"{a} to {b}" for a, b in tight])
+            why.append(f"{count_text(len(tight), 'edge')} too narrow for a robot ({named})")
         if ends:
-            why.append(f"{counted(len(ends), 'start or goal')} without room for a robot ({_some(ends)})")
+            why.append(f"{count_text(len(ends), 'start or goal')} without room for a robot ({_shortened_list(ends)})")
         if why:
             listen(Warning(f"Paths of {graph.scan} avoid {'; '.join(why)}; see {RECORD}", STAGE))
     return found
 
 
-def _some(names: Sequence[str]) -> str:
+def _shortened_list(names: Sequence[str]) -> str:
     return ", ".join(names[:_SHOWN]) + (f", and {len(names) - _SHOWN} more" if len(names) > _SHOWN else "")
 
 

@@ -69,16 +69,16 @@ class Vocabulary:
 
 def words(text: str) -> list[str]:
     """Splits a text into lower-case words without accents, punctuation marks, and CJK characters."""
-    return "".join(_separated(text)).split()
+    return "".join(_separate_words(text)).split()
 
 
-def _separated(text: str) -> Iterator[str]:
-    for char in unicodedata.normalize("NFD", "".join(map(_cleaned, text))).lower():
+def _separate_words(text: str) -> Iterator[str]:
+    for char in unicodedata.normalize("NFD", "".join(map(_clean_text, text))).lower():
         if unicodedata.category(char) != "Mn":
             yield f" {char} " if _is_punctuation(char) else char
 
 
-def _cleaned(char: str) -> str:
+def _clean_text(char: str) -> str:
     if any(first <= ord(char) <= last for first, last in _CJK):
         return f" {char} "
     if char in "\t\n\r" or unicodedata.category(char) == "Zs":

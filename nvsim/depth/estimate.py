@@ -34,7 +34,7 @@ from nvsim.depth.fusion import FusedCells, FusedCloud, Map, fuse, joined
 from nvsim.depth.labelling import label_planes
 from nvsim.depth.planes import Plane, find_planes, is_behind_floor
 from nvsim.depth.refinement import refine, smooth_depth
-from nvsim.depth.smoothing import best_inverse_depth, smooth
+from nvsim.depth.smoothing import best_inverse_depth, smooth_cost
 from nvsim.depth.sweep import sweep
 from nvsim.depth.view import Views, Warp, neighbours
 from nvsim.depth.visibility import Carver, DepthCheck
@@ -93,32 +93,32 @@ def estimate_depth(
         for phase in PHASES:
             frames.clear_caches()
             if phase == "labelled" and frames.missing(phase):
-                parts = _fused(cameras, frames.maps["confirmed"], config, config.seen)
+                parts = _fuse_maps(cameras, frames.maps["confirmed"], config, config.min_observations)
                 frames.planes = find_planes(part.seen for part in parts)
             if phase == "finished":
-                frames.rest = _rest(cameras, frames.maps["shown"], config)
+                frames.rest = _check_of_all_maps(cameras, frames.maps["shown"], config)
             steps.begin(count - len(frames.missing(phase)))
             if elsewhere is not None and phase != "finished" and frames.missing(phase):
-                elsewhere(phase, frames.missing(phase), frames.planes, steps.tell)
-            steps.each(frames.missing(phase), partial(frames.do, phase, folder))
+                elsewhere(phase, frames.missing(phase), frames.planes, steps.report_done)
+            steps.run_for_frames(frames.missing(phase), partial(frames.do, phase, folder))
     frames.clear_caches()
     for phase in PHASES[:-1]:
         shutil.rmtree(folder / phase, ignore_errors=True)
     listen(Progress(STAGE, steps.total, steps.total))
 
-    def written(index: int) -> Float32:
+    def read_written(index: int) -> Float32:
         depth = read_depth(folder, index)
         with np.errstate(divide="ignore"):
             return np.where(depth > 0, 1 / depth, 0).astype(np.float32)
 
-    def colored(index: int) -> Map:
-        inverse = written(index)
+    def read_with_colors(index: int) -> Map:
+        inverse = read_written(index)
         return inverse, np.ones_like(inverse), views.image(index)
 
-    carver = Carver(cameras, written, config.threads)
+    carver = Carver(cameras, read_written, config.threads)
     return joined(
-        part.where(carver.standing(part.seen.points))
-        for part in fuse(cameras, colored, config.voxel, config.seen, config.threads)
+        part.select(carver.exists(part.seen.points))
+        for part in fuse(cameras, read_with_colors, config.voxel, config.min_observations, config.threads)
     )
 
 
@@ -166,35 +166,35 @@ class FramesInPhases:
 
     def _single(self, out: Path, index: int) -> None:
         if index in self._measured:
-            inverse = self._unmasked(index, inverse_depth(self._measured[index], self.views.camera(index)))
+            inverse = self._remove_masked(index, inverse_depth(self._measured[index], self.views.camera(index)))
             with np.errstate(divide="ignore"):
                 weight = np.where(inverse > 0, 1 / (_NOISE * inverse) ** 2, 0).astype(np.float32)
         else:
             inverse, weight = estimate_single_frame(self.views, index, self._config)
         write_draft(out / "single", index, inverse, weight)
 
-    def _unmasked(self, index: int, inverse: Float32) -> Float32:
+    def _remove_masked(self, index: int, inverse: Float32) -> Float32:
         """`inverse` (H, W) with 0 where the frame's mask ignores pixels."""
         usable = self.views.usable(index)
         return inverse if usable is None else np.where(usable, inverse, 0).astype(np.float32)
 
     def _confirm(self, out: Path, index: int) -> None:
-        found = self._confirmed("single", index)
+        found = self._confirm_frame("single", index)
         write_draft(out / "confirmed", index, found.inverse, found.weight)
 
     def _label(self, out: Path, index: int) -> None:
         views, config, planes = self.views, self._config, self.planes
         known = _certain(views.camera(index), *read_draft(self._folder / "confirmed", index), planes, config)
-        chosen = neighbours(views.poses, index, config.labelling, config.baseline)
+        chosen = neighbours(views.poses, index, config.labeling_sources, config.baseline)
         camera = views.camera(index)
         warps = [Warp.between(camera, views.camera(j)) for j in chosen]
         sources = [views.at(j) for j in chosen]
         found, which = label_planes(views.at(index), sources, warps, known, planes, config.labels)
-        found = self._unmasked(index, found)
+        found = self._remove_masked(index, found)
         write_draft(out / "labelled", index, found, np.where(which >= 0, 4.0, 1.0).astype(np.float32))
 
     def _show(self, out: Path, index: int) -> None:
-        found = self._confirmed("labelled", index)
+        found = self._confirm_frame("labelled", index)
         if index in self._measured:  # other maps add confirmations, but do not change the measured depth
             own, _ = self.maps["labelled"](index)
             kept = found.through <= found.views + 1
@@ -207,11 +207,11 @@ class FramesInPhases:
         kept = np.where(self.rest.contradicted_pixels(index), 0, inverse).astype(np.float32)
         write_depth(out, index, kept, np.rint(views).astype(np.uint8))
 
-    def _confirmed(self, phase: Phase, index: int) -> AgreedDepth:
+    def _confirm_frame(self, phase: Phase, index: int) -> AgreedDepth:
         config = self._config
-        near = neighbours(self.views.poses, index, config.others, config.baseline, 0.1)
+        near = neighbours(self.views.poses, index, config.compared_maps, config.baseline, 0.1)
         least = 0 if index in self._measured else config.views
-        return _confirmed(self.views, index, near, self.maps[phase], config, least)
+        return _confirm_depth(self.views, index, near, self.maps[phase], config, least)
 
 
 class _FrameWorkers:
@@ -225,25 +225,25 @@ class _FrameWorkers:
         """Start a phase in which `done` frames were processed by an earlier run."""
         self._done += done
 
-    def tell(self, index: int) -> None:
+    def report_done(self, index: int) -> None:
         """Report that a frame is done."""
         self._done += 1
         self._listen(Progress(STAGE, self._done, self.total, self._capture.frames[index].name))
 
-    def each(self, todo: list[int], work: Callable[[int], None]) -> None:
+    def run_for_frames(self, todo: list[int], work: Callable[[int], None]) -> None:
         """Run `work` for every frame of `todo`."""
         with ThreadPoolExecutor(self._config.threads) as pool:
             jobs = {pool.submit(work, i): i for i in todo}
             try:
                 for job in as_completed(jobs):
                     job.result()
-                    self.tell(jobs[job])
+                    self.report_done(jobs[job])
             except BaseException:
                 pool.shutdown(cancel_futures=True)
                 raise
 
 
-def _confirmed(
+def _confirm_depth(
     views: Views,
     index: int,
     near: list[int],
@@ -255,7 +255,7 @@ def _confirmed(
     found, weight = maps(index)
     camera = views.camera(index)
     others = [(*maps(j), Warp.between(camera, views.camera(j))) for j in near]
-    result = compare_depth_maps(found, weight, others, config.share, config.plane)
+    result = compare_depth_maps(found, weight, others, config.tolerance, config.tolerance_offset)
     known = (result.views >= least) & ((2 * result.through <= result.views) | (least == 0))
     inverse, weight = np.where(known, result.inverse, 0), np.where(known, result.weight, 0)
     return replace(result, inverse=inverse.astype(np.float32), weight=weight.astype(np.float32))
@@ -269,7 +269,7 @@ def _certain(
     config: DepthConfig,
 ) -> NDArray[np.float32]:
     """`inverse` (H, W), 1 / meters, where it is accurate and not a reflection in the floor; 0 elsewhere."""
-    sure = inverse * np.sqrt(weight) >= 1 / config.certain
+    sure = inverse * np.sqrt(weight) >= 1 / config.max_uncertainty
     rows, columns = np.nonzero(sure)
     rays = camera.rays()[rows, columns]
     depth = 1 / inverse[rows, columns, None] / (rays @ camera.rotation[:, 2])[:, None]
@@ -278,23 +278,23 @@ def _certain(
     return np.where(sure, inverse, 0).astype(np.float32)
 
 
-def _rest(cameras: list[Camera], maps: Draft, config: DepthConfig) -> DepthCheck:
+def _check_of_all_maps(cameras: list[Camera], maps: Draft, config: DepthConfig) -> DepthCheck:
     """The evidence of all depth maps of a capture, with equal weight for every pixel."""
 
     def inverse(index: int) -> Float32:
         return maps(index)[0]
 
-    def alike(index: int) -> tuple[Float32, Float32]:
+    def map_with_equal_weights(index: int) -> tuple[Float32, Float32]:
         return inverse(index), np.ones_like(inverse(index))
 
     carver, kept = Carver(cameras, inverse, config.threads), [np.empty((0, 3), np.float32)]
-    for part in _fused(cameras, alike, config, config.firm):
+    for part in _fuse_maps(cameras, map_with_equal_weights, config, config.checked_observations):
         points = part.seen.points
-        kept.append(points[carver.standing(points)])
+        kept.append(points[carver.exists(points)])
     return DepthCheck(np.concatenate(kept), cameras, inverse, config)
 
 
-def _fused(cameras: list[Camera], maps: Draft, config: DepthConfig, seen: int) -> Iterator[FusedCells]:
+def _fuse_maps(cameras: list[Camera], maps: Draft, config: DepthConfig, seen: int) -> Iterator[FusedCells]:
     """The cells of all maps with at least `seen` observations, without colors."""
 
     def read(index: int) -> Map:
@@ -319,19 +319,19 @@ def estimate_single_frame(views: Views, index: int, config: DepthConfig) -> tupl
     inverse = np.linspace(1 / config.farthest, 1 / config.nearest, config.planes)
     step = float(inverse[1] - inverse[0])
     cost = sweep(view.census, sources, turned, shifts, inverse, config.threshold)
-    total = smooth(cost, view.grey, config.small, config.large, config.fall)
+    total = smooth_cost(cost, view.grey, config.small_change_cost, config.large_change_cost, config.edge_step)
     found, margin = best_inverse_depth(total, inverse.astype(np.float32))
     found[(margin < config.margin) | (view.grey < 0)] = 0
     found = smooth_depth(found, _REACH, 2 * step)
     knowledge = np.zeros_like(found)
-    few = config.refining
+    few = config.refining_sources
     for _ in range(config.steps):
         found, knowledge = refine(
             view.grey, sources[:few], turned[:few], shifts[:few], found, config.window, step, config.noise
         )
         found = smooth_depth(found, _REACH, 0.5 * step)
     with np.errstate(divide="ignore"):
-        return found, (1 / (1 / knowledge + np.float32(config.finest**2))).astype(np.float32)
+        return found, (1 / (1 / knowledge + np.float32(config.min_deviation**2))).astype(np.float32)
 
 
 def depth_exists(folder: Path, index: int) -> bool:

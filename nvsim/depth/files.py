@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from nvsim.files.atomic import write_bytes
-from nvsim.files.images import decoded
+from nvsim.files.images import decode_pixels
 from nvsim.files.opening import read_bytes
 from nvsim.files.stored_arrays import read_arrays
 
@@ -43,7 +43,7 @@ def read_depth(folder: Path, index: int) -> NDArray[np.float32]:
     """(H, W) float32 depth in meters along the optical axis, 0 where unknown. Raises InputError if the file cannot be
     read."""
     path = depth_path(folder, index)
-    stored = decoded(read_bytes(path), path, cv2.IMREAD_UNCHANGED, what="a depth map", then=_AGAIN)
+    stored = decode_pixels(read_bytes(path), path, cv2.IMREAD_UNCHANGED, what="a depth map", then=_AGAIN)
     return np.asarray(stored, np.float32).reshape(stored.shape[:2]) / np.float32(1000)
 
 
@@ -51,7 +51,7 @@ def read_confidence(folder: Path, index: int) -> NDArray[np.uint8]:
     """(H, W) uint8, number of other views that confirm the depth. Raises InputError if it cannot be read."""
     path = confidence_path(folder, index)
     return np.asarray(
-        decoded(read_bytes(path), path, cv2.IMREAD_GRAYSCALE, what="a confidence map", then=_AGAIN), np.uint8
+        decode_pixels(read_bytes(path), path, cv2.IMREAD_GRAYSCALE, what="a confidence map", then=_AGAIN), np.uint8
     )
 
 

@@ -78,7 +78,7 @@ class FusedCells:
     colors: NDArray[np.uint8]
     views: NDArray[np.uint16]
 
-    def where(self, kept: NDArray[np.bool_]) -> FusedCells:
+    def select(self, kept: NDArray[np.bool_]) -> FusedCells:
         """The cells with True in `kept` (N,)."""
         seen = self.seen
         seen = ObservedPoints(seen.points[kept], seen.eyes[kept], seen.say[kept], seen.end)

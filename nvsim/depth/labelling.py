@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from nvsim.depth.config import LabelConfig
 from nvsim.depth.planes import Plane
-from nvsim.depth.smoothing import smooth
+from nvsim.depth.smoothing import smooth_cost
 from nvsim.depth.sweep import plane_costs
 from nvsim.depth.view import View, Warp, matrix_of
 from nvsim.geometry.camera import Camera
@@ -49,18 +49,25 @@ def label_planes(
     prior = np.array([_prior(planes[i], config) for i in chosen])
     cost = np.empty((*confirmed.shape, len(chosen) + 1), np.uint8)
     far = 1 / config.farthest
-    usual = max(_usual_image_difference(photo, confirmed, forms, config.share, far) - config.good, 0.0)
-    rule = (far, config.share, config.differ, config.worst, config.own + usual, config.unknown + usual)
+    usual = max(_usual_image_difference(photo, confirmed, forms, config.tolerance, far) - config.usual_difference, 0.0)
+    rule = (
+        far,
+        config.tolerance,
+        config.difference_cost,
+        config.max_difference_cost,
+        config.unexplained_cost + usual,
+        config.unknown_cost + usual,
+    )
     _fill(photo, confirmed, forms, extents, limits, prior, rule, cost)
-    total = smooth(cost, view.grey, int(config.change), config.change, config.fall)
-    return _chosen(total, confirmed, forms, np.asarray(chosen, np.int16), far)
+    total = smooth_cost(cost, view.grey, int(config.change_cost), config.change_cost, config.edge_step)
+    return _choose_labels(total, confirmed, forms, np.asarray(chosen, np.int16), far)
 
 
 def _prior(plane: Plane, config: LabelConfig) -> float:
     """The cost of a plane that does not depend on the images."""
     if plane.normal[2] > _LEVEL:
-        return config.floor
-    return config.tiny / (1 + plane.area / config.large)
+        return config.floor_cost
+    return config.small_plane_cost / (1 + plane.area / config.half_cost_area)
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
@@ -122,7 +129,7 @@ def _fill(
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _chosen(
+def _choose_labels(
     total: NDArray[np.int16], confirmed: Float32, forms: NDArray[np.float64], chosen: NDArray[np.int16], far: float
 ) -> tuple[Float32, NDArray[np.int16]]:
     """The inverse depth of the label with the lowest `total` (H, W, L + 1), and the index of its plane."""
@@ -175,4 +182,4 @@ def _visible(camera: Camera, planes: list[Plane], config: LabelConfig) -> list[i
             hit = (along > 0.05) & (along < config.farthest) & _inside(plane, points)
         shares.append((float(hit.mean()), i))
     order = sorted((s for s in shares if s[0] > 0.002), key=lambda s: (-s[0], s[1]))
-    return [i for _, i in order[: config.most]]
+    return [i for _, i in order[: config.max_planes]]

@@ -108,7 +108,7 @@ def _is_ground_under(top: Plane, ground: Plane) -> bool:
 
 def find_planes(parts: Iterable[ObservedPoints]) -> list[Plane]:
     """The planes that contain the points of a building, largest first. `parts` has the points in the order of x."""
-    points, eyes, say = _thinned(parts)
+    points, eyes, say = _sample_coarse_cells(parts)
     if len(points) < 100:
         return []
     normals = normals_of(points.astype(np.float32), eyes - points, 24).astype(np.float64)
@@ -144,7 +144,7 @@ def _crop_plane(plane: Plane, found: list[Plane]) -> Plane:
     return replace(plane, low=low, high=high)
 
 
-def _thinned(parts: Iterable[ObservedPoints]) -> tuple[Float64, Float64, Float64]:
+def _sample_coarse_cells(parts: Iterable[ObservedPoints]) -> tuple[Float64, Float64, Float64]:
     """Point, camera position, and weight of every coarse cell, from points that are accurate enough.
 
     The coarse cells that a later part can have too stay open: their sums go on with its points."""
@@ -237,13 +237,13 @@ def _parallel(points: Float64, say: Float64, normal: Float64, found: list[Plane]
                 inside = np.all((at >= 0) & (at < grid.shape), axis=1)
                 inside[inside] = (parts == part)[at[inside, 0], at[inside, 1]]
                 own = around[inside]
-                back = np.abs(height[own] - _hindmost(height[own], say[own])) < _THICKNESS
+                back = np.abs(height[own] - _wall_position(height[own], say[own])) < _THICKNESS
                 rows = own[back] if back.sum() >= _FEW else rows
-            found.append(_fitted(points[rows], say[rows], normal, along, up, extent))
+            found.append(_fit_plane(points[rows], say[rows], normal, along, up, extent))
     return taken
 
 
-def _hindmost(height: Float64, say: Float64) -> float:
+def _wall_position(height: Float64, say: Float64) -> float:
     """The position of a wall along its normal, from the `height` (N,) of its points and their weights `say` (N,).
 
     Points in front of and behind the wall form layers. The wall is the hindmost layer with enough weight."""
@@ -257,7 +257,7 @@ def _hindmost(height: Float64, say: Float64) -> float:
     return base + (int(strong.argmax()) + 0.5) * step
 
 
-def _fitted(
+def _fit_plane(
     points: Float64,
     say: Float64,
     normal: Float64,

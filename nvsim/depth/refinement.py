@@ -59,7 +59,7 @@ def refine(
     for grey, turned, shift in zip(sources, rotations, shifts, strict=True):
         _sample(reference, grey, turned, shift, found, moments)
         _add_image(np.asarray(cv2.blur(moments, (window, window)), np.float32), tiny, push, curve)
-    return _stepped(found, push, curve, longest, tiny), curve * np.float32(window * window / (2 * tiny))
+    return _apply_step(found, push, curve, longest, tiny), curve * np.float32(window * window / (2 * tiny))
 
 
 @njit(cache=True, nogil=True, error_model="numpy", fastmath=True)
@@ -141,7 +141,7 @@ def _add_image(moments: Float32, tiny: float, push: Float32, curve: Float32) -> 
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _stepped(found: Float32, push: Float32, curve: Float32, longest: float, tiny: float) -> Float32:
+def _apply_step(found: Float32, push: Float32, curve: Float32, longest: float, tiny: float) -> Float32:
     """`found` after its step. Steps are shorter where the images carry little information."""
     better = np.zeros_like(found)
     damping = 0.05 * tiny / (longest * longest) + 1e-9

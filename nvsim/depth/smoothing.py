@@ -47,7 +47,7 @@ def _step(
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def smooth(
+def smooth_cost(
     cost: NDArray[np.uint8], guide: NDArray[np.float32], small: int, large: float, fall: float
 ) -> NDArray[np.int16]:
     """(H, W, D) int16: `cost` (H, W, D) uint8 after smoothing. It is fastest if D is a multiple of 16.

@@ -57,7 +57,7 @@ def _count(
 
 
 @njit(cache=True, nogil=True)
-def _turn(planes: NDArray[np.uint8], cost: NDArray[np.uint8]) -> None:
+def _transpose(planes: NDArray[np.uint8], cost: NDArray[np.uint8]) -> None:
     """Transpose `planes` (D, N) into `cost` (N, D)."""
     count, size = planes.shape
     block = 64
@@ -103,7 +103,7 @@ def sweep(
     best += following
     best[:, reference == NOTHING] = 2 * WORST  # no depth fits better than another
     cost = np.empty((height * width, count), np.uint8)
-    _turn(best.reshape(count, -1), cost)
+    _transpose(best.reshape(count, -1), cost)
     return cost.reshape(height, width, count)
 
 

@@ -30,7 +30,7 @@ _AROUND = np.array(
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _compared(
+def _fill_census(
     padded: NDArray[np.float32], threshold: np.float32, offsets: NDArray[np.int64], out: NDArray[np.uint64]
 ) -> None:
     """Fill `out` (H, W). `padded` has `_UP` more rows and `_LEFT` more columns on every side. The loops run row by row
@@ -56,7 +56,7 @@ def census_of(grey: NDArray[np.float32], threshold: float) -> NDArray[np.uint64]
     of a pixel contains one, its census is `NOTHING`."""
     padded = cv2.copyMakeBorder(grey, _UP, _UP, _LEFT, _LEFT, cv2.BORDER_REPLICATE)
     out = np.empty(grey.shape, np.uint64)
-    _compared(np.asarray(padded, np.float32), np.float32(threshold), _AROUND, out)
+    _fill_census(np.asarray(padded, np.float32), np.float32(threshold), _AROUND, out)
     ignored = (grey < 0).astype(np.uint8)
     if ignored.any():
         out[cv2.dilate(ignored, np.ones((2 * _UP + 1, 2 * _LEFT + 1), np.uint8)) > 0] = NOTHING
@@ -79,7 +79,7 @@ class View:
         """The view of `frame`, with sides of at most `longest_side` pixels and a census threshold in gray levels.
 
         Raises InputError if the image cannot be read."""
-        intrinsics = frame.intrinsics.within(longest_side)
+        intrinsics = frame.intrinsics.limited_to(longest_side)
         image = read_image(frame, intrinsics)
         plain = cv2.cvtColor(image, cv2.COLOR_RGB2GRAY).astype(np.float32)
         usable = usable_pixels(frame, intrinsics)
@@ -133,7 +133,7 @@ class Views:
 
     def camera(self, index: int) -> Camera:
         frame = self.frames[index]
-        return Camera(frame.intrinsics.within(self._side), frame.camera_to_world)
+        return Camera(frame.intrinsics.limited_to(self._side), frame.camera_to_world)
 
     def image(self, index: int) -> NDArray[np.uint8]:
         """(H, W, 3) uint8 RGB of a frame. Raises InputError if the image cannot be read."""

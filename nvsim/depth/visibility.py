@@ -85,7 +85,7 @@ class Carver:
         self._positions = np.array([c.position for c in cameras]).reshape(-1, 3)
         self._reach = np.full(len(cameras), np.inf)  # meters from a camera beyond which its map has no votes
 
-    def standing(self, points: Float32) -> NDArray[np.bool_]:
+    def exists(self, points: Float32) -> NDArray[np.bool_]:
         """(N,) bool, True for `points` (N, 3) float32, meters, world, that exist."""
         if not len(points):
             return np.zeros(0, bool)
@@ -96,7 +96,7 @@ class Carver:
             counts = np.zeros((2, len(points)), np.int64)
             for i in near[first :: self._threads]:
                 inverse = self._maps(int(i))
-                self._reach[i] = _reach(self._cameras[i], inverse)
+                self._reach[i] = _farthest_vote(self._cameras[i], inverse)
                 add_depth_votes(points, self._cameras[i], inverse, counts[0], counts[1])
             return counts
 
@@ -105,7 +105,7 @@ class Carver:
         return np.asarray(shown >= _TIMES * through)
 
 
-def _reach(camera: Camera, inverse: Float32) -> float:
+def _farthest_vote(camera: Camera, inverse: Float32) -> float:
     """Meters from the camera to the farthest point for which the map `inverse` (H, W) has a vote; 0 if it has none."""
     known = inverse[inverse > 0]
     k = camera.intrinsics
@@ -114,7 +114,7 @@ def _reach(camera: Camera, inverse: Float32) -> float:
 
 
 _SAMPLES = 48  # points of a map that are projected into the other images
-_OVERLAP = 0.15  # least share of these points in the image of a witness
+_OVERLAP = 0.15  # least share of these points in the image of a checking map
 
 
 class DepthCheck:
@@ -141,15 +141,15 @@ class DepthCheck:
             return spoken
         shown, _ = self._cloud.depth(camera, farthest=1.5 * config.farthest)
         known_here = known & np.isfinite(shown)
-        spoken[known_here] = np.abs(shown[known_here] * inverse[known_here] - 1) > config.apart
+        spoken[known_here] = np.abs(shown[known_here] * inverse[known_here] - 1) > config.max_difference
         points = _points(camera, inverse)
         votes = np.zeros((2, len(points)), np.int64)
-        for other in self._witnesses(index, points):
+        for other in self._choose_check_frames(index, points):
             add_depth_votes(points, self._cameras[other], self._maps(other), votes[0], votes[1])
         spoken[known] |= votes[1] > config.seen_through * votes.sum(axis=0)
         return spoken
 
-    def _witnesses(self, index: int, points: Float32) -> list[int]:
+    def _choose_check_frames(self, index: int, points: Float32) -> list[int]:
         """Frames that show many of `points` (N, 3), each as far as possible from this frame and earlier choices."""
         some = points[:: max(len(points) // _SAMPLES, 1)]
         may = np.flatnonzero(
@@ -159,7 +159,7 @@ class DepthCheck:
         may, overlap = may[overlap >= _OVERLAP], overlap[overlap >= _OVERLAP]
         far = np.linalg.norm(self._positions[may] - self._positions[index], axis=1)
         chosen: list[int] = []
-        while len(chosen) < min(self._config.witnesses, len(may)):
+        while len(chosen) < min(self._config.checking_maps, len(may)):
             best = int((overlap * far).argmax())
             if far[best] <= 0:
                 break  # the remaining cameras are at positions of chosen cameras

@@ -20,7 +20,7 @@ from nvsim.endpoint.budget import Budget, tokens_in
 from nvsim.endpoint.connection import LARGEST, Connection, NoReply, Reply, TooLarge
 from nvsim.endpoint.options import AskingOptions, Endpoint
 from nvsim.endpoint.request import MOST_TOKENS, Answer, Request, StoredAnswers
-from nvsim.errors import InputError, shown
+from nvsim.errors import InputError, value_text
 from nvsim.events import Listener, Warning, ignore_event
 from nvsim.files.opening import parse_json
 
@@ -89,9 +89,9 @@ class Client:
         why = ""
         attempt = respelled = 0
         while attempt < self.options.attempts:
-            self._wait()
+            self._wait_for_pause_end()
             try:
-                return self._once(request)
+                return self._send_once(request)
             except _ParameterRenamed:  # repeated at once, with the endpoint's option names
                 respelled += 1
                 if respelled > _MOST_RESPELLED:
@@ -105,7 +105,7 @@ class Client:
             "stored, so run the same command again later."
         )
 
-    def _once(self, request: Request) -> Answer:
+    def _send_once(self, request: Request) -> Answer:
         spelled = dict(self._spelled)
         question: dict[str, Any] = {"model": self.endpoint.model, "messages": request.body()}
         question[spelled["tokens"]] = request.tokens
@@ -123,9 +123,9 @@ class Client:
             ) from error
         if 200 <= reply.status < 300:
             return _read(reply.content, request)
-        return self._settled(reply, spelled, request)
+        return self._handle_failure(reply, spelled, request)
 
-    def _settled(self, reply: Reply, spelled: Mapping[str, str], request: Request) -> Answer:
+    def _handle_failure(self, reply: Reply, spelled: Mapping[str, str], request: Request) -> Answer:
         """Handles an HTTP status that is not success. A content filter gives an answer that is a refusal. Everything
         else raises _Later, _Respelled, or InputError."""
         status, complaint = reply.status, _EndpointError.of(reply.content)
@@ -141,16 +141,16 @@ class Client:
         if status == 404:
             raise InputError(f"{who}: it has no model {self.endpoint.model} ({said}); check --endpoint and --model.")
         if 300 <= status < 400:
-            to = shown(reply.headers.get("location", "elsewhere"))
+            to = value_text(reply.headers.get("location", "elsewhere"))
             raise InputError(f"{who}: it redirects to {to}; give that address as --endpoint if you trust it.")
         if status in (400, 422):
             if any(word in complaint.code or word in complaint.whole for word in _FILTERED):
                 return Answer("", refusal=said or "a filter", tokens_in=tokens_in(request), counted=False)
-            if self._respell(f"{complaint.option} {complaint.whole}", spelled):
+            if self._adapt_option(f"{complaint.option} {complaint.whole}", spelled):
                 raise _ParameterRenamed
         raise InputError(f"{who}, so it rejects this request: {said}.")
 
-    def _respell(self, complaint: str, spelled: Mapping[str, str]) -> bool:
+    def _adapt_option(self, complaint: str, spelled: Mapping[str, str]) -> bool:
         """Adapts an option that the endpoint rejects; returns whether the request is worth repeating. Newer OpenAI
         models reject max_tokens, older servers max_completion_tokens, and reasoning models temperature."""
         with self._lock:
@@ -164,7 +164,7 @@ class Client:
                 return True
             return False
 
-    def _wait(self) -> None:
+    def _wait_for_pause_end(self) -> None:
         while (left := self._not_before - time.monotonic()) > 0:
             time.sleep(left)
 
@@ -217,7 +217,7 @@ class _EndpointError:
     def of(content: bytes) -> _EndpointError:
         text = content.decode(errors="replace")
         try:
-            body = _parsed(text)
+            body = _parse_json(text)
         except InputError:
             body = text
         error = body.get("error") or body if isinstance(body, dict) else body
@@ -227,7 +227,7 @@ class _EndpointError:
         return _EndpointError(said, str(fields.get("code") or ""), str(fields.get("param") or ""), str(error))
 
 
-def _parsed(text: str) -> Any:
+def _parse_json(text: str) -> Any:
     """Raises InputError if the text is not JSON, or is JSON that would take many times its length in memory."""
     return parse_json(Path("the answer"), text, "a chat completion", "check --endpoint", strict=False)
 
@@ -236,12 +236,12 @@ def _read(content: bytes, request: Request) -> Answer:
     """The answer in the body of a response. Raises _Later if the body is not a chat completion or is empty."""
     words = content.decode(errors="replace")
     try:
-        found = _parsed(words)
+        found = _parse_json(words)
         choice = found["choices"][0]
         message = choice["message"]
         text, refusal = message.get("content"), message.get("refusal")
     except (InputError, LookupError, TypeError, AttributeError) as error:
-        raise _RetryLater(f"the response is not a chat completion: {shown(words)!r}") from error
+        raise _RetryLater(f"the response is not a chat completion: {value_text(words)!r}") from error
     finish = choice.get("finish_reason")
     if isinstance(text, list):  # some servers answer in parts
         text = "".join(str(part.get("text", "")) for part in text if isinstance(part, dict))

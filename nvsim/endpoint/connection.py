@@ -14,7 +14,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from nvsim.errors import InputError, shown
+from nvsim.errors import InputError, value_text
 
 LARGEST = 16 << 20
 """Largest answer in bytes, as sent and after decompression. A million tokens take about 6 MB."""
@@ -75,9 +75,9 @@ class Connection:
         except TimeoutError as error:
             raise NoReply(f"no complete answer within {self._seconds:g} seconds") from error
         except self._http.HTTPError as error:
-            raise NoReply(f"the connection failed: {shown(error) or type(error).__name__}") from error
+            raise NoReply(f"the connection failed: {value_text(error) or type(error).__name__}") from error
         except (self._http.InvalidURL, UnicodeError) as error:
-            raise InputError(f"{url} is not a valid address ({shown(error)}); check --endpoint.") from error
+            raise InputError(f"{url} is not a valid address ({value_text(error)}); check --endpoint.") from error
 
     def close(self) -> None:
         """Closes open connections and ends the event loop."""
@@ -91,7 +91,7 @@ async def _body(response: Any) -> bytes:
     """The decompressed body of a streamed response. Raises NoReply if it is damaged, and TooLarge."""
     coding = response.headers.get("content-encoding", "identity").strip().lower()
     if coding not in ("", "identity", *_PACKED):
-        raise NoReply(f"the answer is compressed as {shown(coding)}, which was not requested")
+        raise NoReply(f"the answer is compressed as {value_text(coding)}, which was not requested")
     unpack = zlib.decompressobj(wbits=47) if coding in _PACKED else None  # 47: detect a gzip or zlib header
     sent, found = 0, bytearray()
     async for part in response.aiter_raw():
@@ -101,7 +101,7 @@ async def _body(response: Any) -> bytes:
                 part = unpack.decompress(part, LARGEST + 1 - len(found))
             except zlib.error as error:
                 if coding != "deflate" or found or sent > len(part):
-                    raise NoReply(f"the answer is damaged: {shown(error)}") from error
+                    raise NoReply(f"the answer is damaged: {value_text(error)}") from error
                 unpack = zlib.decompressobj(wbits=-15)  # some servers send deflate without a header
                 part = unpack.decompress(part, LARGEST + 1)
         found += part

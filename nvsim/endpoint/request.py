@@ -86,7 +86,7 @@ class Request:
 
     def transcript(self) -> list[dict[str, Any]]:
         """The messages for human readers: images appear as names and hashes."""
-        return [{"role": m.role, "parts": [_named(part) for part in m.parts]} for m in self.messages]
+        return [{"role": m.role, "parts": [_describe_part(part) for part in m.parts]} for m in self.messages]
 
     def body(self) -> list[dict[str, Any]]:
         """The messages in the format of chat completions. Messages without images are plain strings, which every server
@@ -107,7 +107,7 @@ def _plain(message: Message) -> bool:
     return len(message.parts) == 1 and isinstance(message.parts[0], str)
 
 
-def _named(part: Part) -> str | dict[str, str]:
+def _describe_part(part: Part) -> str | dict[str, str]:
     return part if isinstance(part, str) else {"image": part.name, "sha256": part.sha256}
 
 

@@ -24,9 +24,9 @@ from nvsim.evaluation.ablation_runs import (
     TrainingRun,
     ablation_rows,
     delete_run,
-    finished,
     preset_rows,
     progress_of_run,
+    train_or_load,
     training_run,
 )
 from nvsim.evaluation.comparison import ComparedImage, Tile, draw_comparison
@@ -101,11 +101,11 @@ class SubmapViews:
         self._frames = [read_held_out(project, truth, i) for i in frames]
         self._novel = list(novel)
         self._distance = distance
-        few = _chosen([f.floor.mean() for f in self._frames], shown)
+        few = _choose_images([f.floor.mean() for f in self._frames], shown)
         self._shown_frames = {self._frames[i].name: self._frames[i] for i in few}
         masks = [v.floor_mask() for v in self._novel]
         shares = [0.0 if m is None else float(m.mean()) for m in masks]
-        self._shown_novel = {v.name: v for v in (self._novel[i] for i in _chosen(shares, (shown + 1) // 2))}
+        self._shown_novel = {v.name: v for v in (self._novel[i] for i in _choose_images(shares, (shown + 1) // 2))}
 
     @property
     def pictures(self) -> list[ComparedImage]:
@@ -123,14 +123,14 @@ class SubmapViews:
 
         tiles: dict[str, Tile] = {}
 
-        def judged(frame: HeldOut) -> Scores:
+        def score_view(frame: HeldOut) -> Scores:
             _, rgb, alpha = render(frame.camera)
             figures = score(frame.image, rgb, alpha, frame.floor, frame.valid, self._distance)
             if frame.name in self._shown_frames:
                 tiles[f"held out: {frame.name}"] = Tile.of(rgb, alpha, figures)
             return figures
 
-        frames = [judged(frame) for frame in self._frames]
+        frames = [score_view(frame) for frame in self._frames]
         novel = [{k: v for k, v in r.items() if k.startswith("novel_")} for r in score_novel(self._novel, render)]
         for view, figures in zip(self._novel, novel, strict=True):
             if view.name in self._shown_novel:
@@ -140,7 +140,7 @@ class SubmapViews:
         return ScoredRun(frames, novel, float(str(seconds)), len(model.gaussians), tiles)
 
 
-def _chosen(shares: Sequence[float], count: int) -> list[int]:
+def _choose_images(shares: Sequence[float], count: int) -> list[int]:
     """From each of `count` sections of the trajectory, the image whose share of floor is nearest to _SHARE."""
     if not shares:
         return []
@@ -150,7 +150,7 @@ def _chosen(shares: Sequence[float], count: int) -> list[int]:
 
 @dataclass(frozen=True)
 class AblationConfig:
-    """Rows, submaps, and seeds to train and score. Empty tuples mean all. `afresh` repeats finished runs."""
+    """Rows, submaps, and seeds to train and score. Empty tuples mean all. `repeat` repeats finished runs."""
 
     tables: tuple[str, ...] = TABLES
     rows: tuple[str, ...] = ()
@@ -158,7 +158,7 @@ class AblationConfig:
     submaps: tuple[int, ...] = ()
     seeds: tuple[int, ...] = (0,)
     budget: Budget = field(default_factory=Budget)
-    afresh: bool = False
+    repeat: bool = False
 
 
 @dataclass(frozen=True, eq=False)
@@ -207,7 +207,7 @@ def evaluate_ablation(
     for (row, index, _), run in runs.items():
         titles.setdefault(run.folder, f"{row.title}, submap {index}")
         distinct.setdefault(run.folder, run)
-    if config.afresh:
+    if config.repeat:
         for run in distinct.values():
             delete_run(run)
     todo = [run for run in distinct.values() if not run.is_done]
@@ -219,7 +219,7 @@ def evaluate_ablation(
         shown += [(submap.index, picture) for picture in bench.pictures]
         views = SharedViews(project, submap)
         for run in (r for r in distinct.values() if r.submap.index == submap.index):
-            model = finished(
+            model = train_or_load(
                 project, run, views.of(run), progress_of_run(listen, STAGE, before, total, titles[run.folder])
             )
             before += run.config.steps if run in todo else 0

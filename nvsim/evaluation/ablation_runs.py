@@ -71,7 +71,7 @@ class Budget:
     image_size: int | None = None
     gaussian_cap: int | None = None
 
-    def applied(self, config: TrainingConfig) -> TrainingConfig:
+    def apply_to(self, config: TrainingConfig) -> TrainingConfig:
         ours = preset("nvsim")
         return replace(
             config,
@@ -103,18 +103,18 @@ def ablation_rows(budget: Budget, names: Sequence[str] = ()) -> tuple[AblationRo
         "+ background floor loss",
         "- alpha loss (Splatfacto-i)",
     )
-    rows = tuple(AblationRow(n, t, budget.applied(c)) for n, t, c in zip(ROWS, titles, configs, strict=True))
-    return _chosen(rows, names, "rows")
+    rows = tuple(AblationRow(n, t, budget.apply_to(c)) for n, t, c in zip(ROWS, titles, configs, strict=True))
+    return _choose_rows(rows, names, "rows")
 
 
 def preset_rows(budget: Budget, names: Sequence[str] = ()) -> tuple[AblationRow, ...]:
     """One row per preset, from plain 3DGS to `nvsim`. If `names` is not empty, only these rows. Raises InputError if a
     name is not a preset."""
     order = sorted(PRESETS, key=lambda n: _ORDER.index(n) if n in _ORDER else len(_ORDER))
-    return _chosen(tuple(AblationRow(n, n, budget.applied(preset(n))) for n in order), names, "presets")
+    return _choose_rows(tuple(AblationRow(n, n, budget.apply_to(preset(n))) for n in order), names, "presets")
 
 
-def _chosen(rows: tuple[AblationRow, ...], names: Sequence[str], what: str) -> tuple[AblationRow, ...]:
+def _choose_rows(rows: tuple[AblationRow, ...], names: Sequence[str], what: str) -> tuple[AblationRow, ...]:
     known = {row.name for row in rows}
     unknown = [n for n in names if n not in known]
     if unknown:
@@ -157,7 +157,7 @@ def runs_folder(project: Project) -> Path:
     return project.layout.root / "ablation"
 
 
-def finished(project: Project, run: TrainingRun, views: Views, listen: Listener) -> SubmapModel:
+def train_or_load(project: Project, run: TrainingRun, views: Views, listen: Listener) -> SubmapModel:
     """The model of a run. If it does not exist, it is trained, starting from a checkpoint if there is one.
 
     `views` returns the training images on demand. Raises InputError if the floor surface is missing or the disk

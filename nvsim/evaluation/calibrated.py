@@ -84,7 +84,7 @@ def text_of(found: Calibration) -> str:
     now = found.now
     lines = [
         f"Of {now['corridors']} corridors {now['accepted']} are accepted. "
-        f"Free for a point: {_sure(now, '')}; for a robot: {_sure(now, '_robot')}. "
+        f"Free for a point: {_validity_text(now, '')}; for a robot: {_validity_text(now, '_robot')}. "
         f"{now['viewpoints']} viewpoints, {now['edges']} edges, coverage {now['coverage']:.4f}.",
         "",
         f"Loosest thresholds whose validity has a 95 % interval above {found.want:g}, with the others unchanged:",
@@ -96,7 +96,7 @@ def text_of(found: Calibration) -> str:
     return "\n".join([*lines, *([found.why_none] if found.why_none else [])]) + "\n"
 
 
-def _sure(row: dict[str, Any], suffix: str) -> str:
+def _validity_text(row: dict[str, Any], suffix: str) -> str:
     return f"{row['validity' + suffix]:.4f} ({row['low' + suffix]:.4f} to {row['high' + suffix]:.4f})"
 
 

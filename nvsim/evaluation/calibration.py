@@ -39,7 +39,7 @@ class Corridors:
         at = np.array([row[e.viewpoint] for e in evidence], np.int64)
         xy = np.array([v.position[:2] for v in graph.viewpoints.values()], np.float64).reshape(-1, 2)
         self._stack = EvidenceStack(evidence, at, len(row))
-        ways = _ways(at, _end_rows(evidence, xy), len(row))
+        ways = _corridor_numbers(at, _end_rows(evidence, xy), len(row))
         _, first, self._way = np.unique(ways, return_index=True, return_inverse=True)
         starts = xy[at[first]]
         stops = np.array([evidence[i].target for i in first], np.float64).reshape(-1, 2)
@@ -68,7 +68,7 @@ def _end_rows(evidence: list[Evidence], xy: NDArray[np.float64]) -> NDArray[np.i
     return lead
 
 
-def _ways(at: NDArray[np.int64], lead: NDArray[np.int64], count: int) -> NDArray[np.int64]:
+def _corridor_numbers(at: NDArray[np.int64], lead: NDArray[np.int64], count: int) -> NDArray[np.int64]:
     """(E,) one number for all corridors between the same two viewpoints. A corridor without a viewpoint at its end has
     its own number."""
     between = np.minimum(at, lead) * count + np.maximum(at, lead)
@@ -94,7 +94,7 @@ def calibrate(
     if not graph.evidence:
         raise InputError("The graph has no evidence for new decisions; build it with `nvsim map --project`.")
     measure = _ThresholdScorer(graph, occupancy, positions, robot_radius)
-    asked = [c for c in CRITERIA if c.asked(config)]
+    asked = [c for c in CRITERIA if c.is_used(config)]
     sweeps = {}
     for criterion in asked:
         values = np.unique(np.round([*np.linspace(0, 1, _STEPS), criterion.limit(config)], 6)).tolist()
@@ -139,7 +139,7 @@ class _ThresholdScorer:
         self._included = np.array([v.included for v in graph.viewpoints.values()], bool)
         self._edges = {(min(row[a], row[b]), max(row[a], row[b])) for a, b in graph.edges}
         xy = np.array([v.position[:2] for v in graph.viewpoints.values()], np.float64).reshape(-1, 2)
-        stands = occupancy.at(xy) == FREE
+        stands = occupancy.states_at(xy) == FREE
         self._covers = [
             np.flatnonzero(visible(occupancy, place, _REACH) & self._area) if good else np.zeros(0, np.int64)
             for place, good in zip(xy, stands.tolist(), strict=True)

@@ -33,7 +33,9 @@ class ComparedImage:
     @staticmethod
     def of(name: str, image: Image, floor: NDArray[np.bool_] | None) -> ComparedImage:
         """From an image (H, W, 3) float32, 0 to 1, and its floor mask (H, W)."""
-        return ComparedImage(name, _small(image), None if floor is None else _small(_grey((~floor).astype(np.float32))))
+        return ComparedImage(
+            name, _tile_bytes(image), None if floor is None else _tile_bytes(_grey((~floor).astype(np.float32)))
+        )
 
 
 @dataclass(frozen=True, eq=False)
@@ -47,18 +49,18 @@ class Tile:
     @staticmethod
     def of(rgb: Image, alpha: Image, figures: Mapping[str, float]) -> Tile:
         """From a render (H, W, 3) and its alpha (H, W), float32, 0 to 1, and its metrics."""
-        return Tile(_small(np.clip(rgb, 0, 1)), _small(_grey(np.clip(alpha, 0, 1))), _captions(figures))
+        return Tile(_tile_bytes(np.clip(rgb, 0, 1)), _tile_bytes(_grey(np.clip(alpha, 0, 1))), _captions(figures))
 
 
 def _captions(f: Mapping[str, float]) -> tuple[str, str]:
     if "novel_psnr" in f:
-        words = _named((f["novel_psnr"], "", 1), (f["novel_psnr_down"], "steeply down ", 1))
-        return words, _named((f["novel_alpha_floor"], "alpha on floor ", 3))
-    words = _named((f["psnr"], "", 1), (f["psnr_nonfloor"], "without floor ", 1))
-    return words, _named((f["alpha_floor"], "alpha on floor ", 3), (f["alpha_nonfloor"], "other ", 3))
+        words = _metric_labels((f["novel_psnr"], "", 1), (f["novel_psnr_down"], "steeply down ", 1))
+        return words, _metric_labels((f["novel_alpha_floor"], "alpha on floor ", 3))
+    words = _metric_labels((f["psnr"], "", 1), (f["psnr_nonfloor"], "without floor ", 1))
+    return words, _metric_labels((f["alpha_floor"], "alpha on floor ", 3), (f["alpha_nonfloor"], "other ", 3))
 
 
-def _named(*figures: tuple[float, str, int]) -> str:
+def _metric_labels(*figures: tuple[float, str, int]) -> str:
     """Name and value of each metric with its number of decimals. One decimal means dB. NaN values are skipped."""
     return ", ".join(f"{n}{v:.{d}f}{' dB' if d == 1 else ''}" for v, n, d in figures if v == v)
 
@@ -105,7 +107,7 @@ def draw_comparison(
     return save_figure(figure, path)
 
 
-def _small(image: Image) -> Bytes:
+def _tile_bytes(image: Image) -> Bytes:
     height, width = image.shape[:2]
     size = (WIDTH, max(round(height * WIDTH / width), 1))
     how = cv2.INTER_AREA if width > WIDTH else cv2.INTER_LINEAR

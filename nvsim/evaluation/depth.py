@@ -82,11 +82,11 @@ def _true_depth(folder: Path, index: int, frame_name: str) -> Path | None:
 def _read_truth(path: Path) -> Float32:
     import cv2
 
-    from nvsim.files.images import decoded
+    from nvsim.files.images import decode_pixels
     from nvsim.files.opening import read_bytes
 
     again = "a depth map has one channel of 16 bits, in millimeters"
-    stored = decoded(read_bytes(path), path, cv2.IMREAD_UNCHANGED, what="a depth map", then=again)
+    stored = decode_pixels(read_bytes(path), path, cv2.IMREAD_UNCHANGED, what="a depth map", then=again)
     if stored.ndim != 2 or stored.dtype != np.uint16:
         raise InputError(f"{path} is not a depth map: it must have one channel of 16 bits; write it again.")
     return stored.astype(np.float32) / np.float32(1000)

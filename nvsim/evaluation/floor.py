@@ -99,7 +99,7 @@ def evaluate_project_floor(
     if missing is not None:
         raise InputError(f"{missing} is missing; run `nvsim floors --project` first.")
 
-    def judged(index: int) -> MaskWithTruth:
+    def mask_with_truth(index: int) -> MaskWithTruth:
         name, (width, height) = project.need_capture().frames[index].name, known.size(index)
         return MaskWithTruth(
             f"{PurePosixPath(name).stem}.png",
@@ -107,15 +107,15 @@ def evaluate_project_floor(
             *known.floor(index, width, height),
         )
 
-    figures = floor_figures(map(judged, known.frames))
+    figures = floor_figures(map(mask_with_truth, known.frames))
     found = record(project, "floors")
     figures["provider"] = (found.summary if found else {}).get("provider", "geometry")
     if cues:
-        figures |= _alone(project, known, masks, cues, semantic, normals, listen)
+        figures |= _score_single_cues(project, known, masks, cues, semantic, normals, listen)
     return figures
 
 
-def _alone(
+def _score_single_cues(
     project: Project, known: FrameTruth, masks: dict[int, Path], cues: int, semantic: str, normals: str,
     listen: Listener,
 ) -> dict[str, Any]:  # fmt: skip

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from nvsim.capture.images import read_image
 from nvsim.errors import InputError
 from nvsim.evaluation.truth import true_mask, truth_folder
-from nvsim.files.images import decoded
+from nvsim.files.images import decode_pixels
 from nvsim.files.opening import read_bytes
 from nvsim.perception.cloud_labels import FLOOR, UNKNOWN, CloudLabels
 from nvsim.perception.segment import SegmentConfig, read_mask
@@ -52,7 +52,7 @@ class FrameTruth:
         masks. Raises InputError if the true mask is missing."""
         frame = self.project.need_capture().frames[index]
         if self.labels is not None:
-            small = frame.intrinsics.within(SegmentConfig.longest_side)
+            small = frame.intrinsics.limited_to(SegmentConfig.longest_side)
             return small.width, small.height
         height, width = read_mask(self._file("floor", frame.name)).shape
         return width, height
@@ -76,7 +76,7 @@ class FrameTruth:
             return self._labels_and_normals(index, width, height)[1]
         path = self._file("normals", frame.name)
         again = "a map of normals is a PNG of (n + 1) * 127.5, black where unknown"
-        stored = decoded(read_bytes(path), path, cv2.IMREAD_COLOR, what="a map of normals", then=again)[..., ::-1]
+        stored = decode_pixels(read_bytes(path), path, cv2.IMREAD_COLOR, what="a map of normals", then=again)[..., ::-1]
         sized = cv2.resize(np.ascontiguousarray(stored), (width, height), interpolation=cv2.INTER_NEAREST)
         found = sized.astype(np.float32) / 127.5 - 1
         length = np.linalg.norm(found, axis=-1, keepdims=True)

@@ -46,7 +46,7 @@ def judge_storeys(
     row = {id: i for i, id in enumerate(ids)}
     keys = [key for key in graph.edges if key[0] in row and key[1] in row]
     ends = np.array([(row[a], row[b]) for a, b in keys], np.int64).reshape(-1, 2)
-    cuts, runs = _cuts(maps, places, floors, storeys, ends)
+    cuts, runs = _map_boundary_on_edges(maps, places, floors, storeys, ends)
     for side in (0, 1):
         for k, storey in enumerate(maps.storeys):
             here = storeys[ends[:, side]] == k
@@ -69,13 +69,13 @@ def covered_areas(
     within `reach` meters and in line of sight of the viewpoints `ids`. The second pair is limited to floor that is
     `seen`. Treads count on both storeys that they connect, and viewpoints on treads see both storeys."""
     places, floors = places_of(graph, ids)
-    storeys, walked = maps.nearest(floors), maps.beneath(trajectory[:, 2])
+    storeys, walked = maps.nearest(floors), maps.storey_under(trajectory[:, 2])
     whole, shown = np.zeros(2), np.zeros(2)
     for k, storey in enumerate(maps.storeys):
         here = storeys == k
         for stair in maps.stairs:
             if k in (stair.lower, stair.upper):
-                here |= stair.holds(places) & np.isin(storeys, (stair.lower, stair.upper))
+                here |= stair.contains(places) & np.isin(storeys, (stair.lower, stair.upper))
         area = reachable(storey.occupancy, trajectory[walked == k, :2])
         covered = visible(storey.occupancy, places[here], reach) & area
         cell = storey.occupancy.resolution**2
@@ -109,11 +109,11 @@ def _at_its_floor(
     fits = np.abs(floors - levels[storeys]) <= NEAR
     for stair in maps.stairs:
         between = (floors > levels[stair.lower] - NEAR) & (floors < levels[stair.upper] + NEAR)
-        fits |= between & stair.holds(places) & np.isin(storeys, (stair.lower, stair.upper))
+        fits |= between & stair.contains(places) & np.isin(storeys, (stair.lower, stair.upper))
     return np.asarray(fits)
 
 
-def _cuts(
+def _map_boundary_on_edges(
     maps: StoreyMaps,
     places: NDArray[np.float64],
     floors: NDArray[np.float64],
@@ -133,7 +133,7 @@ def _cuts(
     runs = ~climbs
     for stair in maps.stairs:
         low, high = np.minimum(storeys[a], storeys[b]), np.maximum(storeys[a], storeys[b])
-        runs |= (low == stair.lower) & (high == stair.upper) & stair.holds(cut)
+        runs |= (low == stair.lower) & (high == stair.upper) & stair.contains(cut)
     second = np.where(climbs[:, None], cut, places[a])
     return np.stack([cut, second], axis=1), runs
 
@@ -164,8 +164,8 @@ def evaluate_graph(
     photographed: float = MappingConfig.photographed,
 ) -> dict[str, Any]:
     """Metrics of `graph` on `occupancy`, both in one frame. `trajectory` (N, 2) in meters determines the reachable
-    area. `seen` tells whether the capture shows floor at world x, y (..., 2), such as `FloorSupport.at`. With maps of
-    several storeys both need heights: `trajectory` (N, 3) of the cameras, and `seen` at (..., 3).
+    area. `seen` tells whether the capture shows floor at world x, y (..., 2), such as `FloorSupport.is_supported`.
+    With maps of several storeys both need heights: `trajectory` (N, 3) of the cameras, and `seen` at (..., 3).
 
     nodes, edges                   included viewpoints, and edges between them
     node_validity, edge_validity   share on free cells, for a point; with _robot for a disc of `robot_radius` meters.
@@ -190,11 +190,13 @@ def evaluate_graph(
     nodes, edges = judge(graph, occupancy)
     nodes_robot, edges_robot = judge(graph, occupancy, robot_radius)
     valid = [id for id, good in nodes.items() if good]
-    around = _covered(graph, occupancy, valid, trajectory, coverage_range, seen)
+    around = _coverage_shares(graph, occupancy, valid, trajectory, coverage_range, seen)
     shares = {id: share for id in nodes if (share := graph.viewpoints[id].photographed) is not None}
     if shares:
         hazy = {id for id, share in shares.items() if share < photographed}
-        rest = _covered(graph, occupancy, [id for id in valid if id not in hazy], trajectory, coverage_range, seen)
+        rest = _coverage_shares(
+            graph, occupancy, [id for id in valid if id not in hazy], trajectory, coverage_range, seen
+        )
         around["hazy_viewpoints"] = len(hazy)
         around |= {f"{name}_without_hazy": rest[name] for name in ("coverage", "coverage_seen") if name in rest}
     groups = components(graph)
@@ -223,7 +225,7 @@ def _validity(what: str, suffix: str, judged: Mapping[Any, bool]) -> dict[str, f
     return {**figures, f"valid_{what}s{suffix}": valid}
 
 
-def _covered(
+def _coverage_shares(
     graph: NavGraph,
     occupancy: OccupancyMap | StoreyMaps,
     valid: list[str],
@@ -240,12 +242,12 @@ def _covered(
     covered = visible(occupancy, _places(graph, valid), reach) & area
     return {
         "coverage": _share(int(covered.sum()), int(area.sum())),
-        **(_seen(covered, area & seen(occupancy.centres()), occupancy) if seen is not None else {}),
+        **(_seen_coverage(covered, area & seen(occupancy.centres()), occupancy) if seen is not None else {}),
         "reachable_m2": _square_metres(area, occupancy),
     }
 
 
-def _seen(covered: NDArray[np.bool_], known: NDArray[np.bool_], occupancy: OccupancyMap) -> dict[str, float]:
+def _seen_coverage(covered: NDArray[np.bool_], known: NDArray[np.bool_], occupancy: OccupancyMap) -> dict[str, float]:
     shown = int((covered & known).sum())
     return {"coverage_seen": _share(shown, int(known.sum())), "seen_m2": _square_metres(known, occupancy)}
 

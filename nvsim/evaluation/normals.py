@@ -14,7 +14,7 @@ from nvsim.evaluation.frame_truth import frame_truth
 from nvsim.events import Listener, Progress, ignore_event
 from nvsim.geometry.camera import Camera
 from nvsim.geometry.sampling import evenly_spaced
-from nvsim.perception.main_directions import StraightNormals, straightened
+from nvsim.perception.main_directions import StraightNormals, straighten_normals
 from nvsim.perception.normals_network import installed_normals
 from nvsim.project.project import Project
 from nvsim.project.work import missing_result_error
@@ -84,7 +84,7 @@ def evaluate_project_normals(
     for done, i in enumerate(chosen):
         listen(Progress(STAGE, done, len(chosen)))
         frame = capture.frames[i]
-        small = frame.intrinsics.within(640)
+        small = frame.intrinsics.limited_to(640)
         camera = Camera(small, frame.camera.camera_to_world)
         if scene is None:
             image = read_image(frame, small)
@@ -94,5 +94,5 @@ def evaluate_project_normals(
             image = np.rint(np.clip(rgb, 0, 1) * 255).astype(np.uint8)
         seen, true = network.normals(image, camera), known.normal_map(i, small.width, small.height)
         alone.add(seen, true)
-        used.add(straightened(seen, headings), true)
+        used.add(straighten_normals(seen, headings), true)
     return used.figures() | {"network_deg": alone.figures()["normal_deg"]}

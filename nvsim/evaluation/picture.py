@@ -54,7 +54,7 @@ def draw_graph(
     if isinstance(occupancy, StoreyMaps):
         floors = places_of(graph, list(graph.viewpoints))[1]
         storeys = dict(zip(graph.viewpoints, occupancy.nearest(floors).tolist(), strict=True))
-        walked = occupancy.beneath(trajectory[:, 2])
+        walked = occupancy.storey_under(trajectory[:, 2])
         areas = [
             _area(
                 graph,

@@ -49,12 +49,12 @@ def edges_out_of_reach(graph: NavGraph) -> list[tuple[str, str]]:
     for edge in graph.edges.values():
         for a, b in ((edge.a, edge.b), (edge.b, edge.a)):
             start, end = graph.viewpoints[a], graph.viewpoints[b]
-            if start.included and end.included and not _offered(start.position, end.position):
+            if start.included and end.included and not _is_in_simulator_view(start.position, end.position):
                 found.append((a, b))
     return found
 
 
-def _offered(start: tuple[float, float, float], end: tuple[float, float, float]) -> bool:
+def _is_in_simulator_view(start: tuple[float, float, float], end: tuple[float, float, float]) -> bool:
     x, y = end[0] - start[0], end[1] - start[1]
     length, least = math.hypot(x, y), math.cos(VFOV * WIDTH / HEIGHT / 2)
     if length == 0:

@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from nvsim.capture.images import decode
-from nvsim.errors import InputError, shown
+from nvsim.errors import InputError, value_text
 from nvsim.files.opening import is_regular, read_bytes
 from nvsim.geometry.camera import Camera, Intrinsics, camera_pose
 from nvsim.geometry.directions import HEIGHT, NAMES, WIDTH, face_axes
@@ -69,10 +69,12 @@ class ScanFiles:
         names = read_scans(listed) if listed.is_file() else []
         cut = truncated_last_name(listed) if names else None
         if cut is not None:
-            found.append(f"The last line of {listed}, {shown(cut)}, is incomplete; run `nvsim export scan` again.")
+            found.append(f"The last line of {listed}, {value_text(cut)}, is incomplete; run `nvsim export scan` again.")
         for name in names:
             if name != cut and not is_regular(self.places.graphs / f"{name}{SUFFIX}"):
-                found.append(f"{listed} lists {shown(name)} without its connectivity file, so simulators stop there.")
+                found.append(
+                    f"{listed} lists {value_text(name)} without its connectivity file, so simulators stop there."
+                )
         if self.places.scan not in names:
             found.append(f"{listed} does not list {self.places.scan}; run `nvsim export scan` again.")
         drawn = set(self.viewpoints)
@@ -231,11 +233,11 @@ def direction_errors(side: int, quality: int) -> dict[str, dict[str, float]]:
         rays = camera.rays().astype(np.float64).reshape(-1, 3)
         seen = 2 * (sample_strip(strip, rays).astype(np.float64) / 255) - 1
         seen /= np.linalg.norm(seen, axis=1, keepdims=True)
-        found[name] = {"turned": _turn(rays, seen), "mean": float(np.degrees(_angles(rays, seen)).mean())}
+        found[name] = {"turned": _rotation_angle(rays, seen), "mean": float(np.degrees(_angles(rays, seen)).mean())}
     return found
 
 
-def _turn(rays: NDArray[np.float64], seen: NDArray[np.float64]) -> float:
+def _rotation_angle(rays: NDArray[np.float64], seen: NDArray[np.float64]) -> float:
     """Degrees of the rotation that best maps `rays` (N, 3) to `seen` (N, 3) (Kabsch 1976)."""
     u, _, v = np.linalg.svd(rays.T @ seen)
     u[:, -1] *= np.sign(np.linalg.det(u @ v))

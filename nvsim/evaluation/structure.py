@@ -87,7 +87,7 @@ class MapPaths:
         """Number of traversable cells."""
         return sum(len(g) for g in self._geodesics)
 
-    def stand(self) -> NDArray[np.bool_]:
+    def can_stand(self) -> NDArray[np.bool_]:
         """(N,) bool, whether the robot can stand at each place."""
         found = np.zeros(len(self.places), bool)
         for k, storey in enumerate(self.maps.storeys):
@@ -177,10 +177,10 @@ def map_structure(
     """
     ways = PathGraph.of(graph)
     over = MapPaths.of(occupancy, ways.places[:, :2], ways.floor, robot_radius)
-    return {**_near(ways, over), **_detours(ways, over)}
+    return {**_detours_of_near_pairs(ways, over), **_detours(ways, over)}
 
 
-def _near(ways: PathGraph, over: MapPaths) -> dict[str, float | int]:
+def _detours_of_near_pairs(ways: PathGraph, over: MapPaths) -> dict[str, float | int]:
     pairs = _pairs(ways, max(NEAR))
     pairs = pairs[over.straight(pairs)]
     apart = np.linalg.norm(ways.places[pairs[:, 0]] - ways.places[pairs[:, 1]], axis=1)
@@ -209,7 +209,7 @@ def _pairs(ways: PathGraph, reach: float) -> NDArray[np.int64]:
 
 
 def _detours(ways: PathGraph, map_paths: MapPaths) -> dict[str, float | int]:
-    rows = np.flatnonzero(map_paths.stand())
+    rows = np.flatnonzero(map_paths.can_stand())
     fewest, most = _SOURCES
     sources = rows[evenly_spaced_rows(len(rows), int(np.clip(_WORK // max(map_paths.cells, 1), fewest, most)))]
     along = ways.lengths(sources)[:, rows] if len(sources) else np.zeros((0, 0))

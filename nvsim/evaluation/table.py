@@ -73,10 +73,10 @@ def text_table(columns: Sequence[Column], rows: Sequence[Row], mark_best: bool =
             parts.append("  ".join(inside))
         return " | ".join(parts).rstrip()
 
-    def across(first: int, last: int) -> str:
+    def group_title(first: int, last: int) -> str:
         return columns[first].group.center(sum(widths[first:last]) + 2 * (last - first - 1))
 
-    lines = [" | ".join(across(*s) for s in spans).rstrip()] if any(c.group for c in columns) else []
+    lines = [" | ".join(group_title(*s) for s in spans).rstrip()] if any(c.group for c in columns) else []
     lines.append(line([c.title for c in columns]))
     lines.append("-+-".join("-" * (sum(widths[a:b]) + 2 * (b - a - 1)) for a, b in spans))
     return "\n".join([*lines, *(line(r) for r in cells)]) + "\n"

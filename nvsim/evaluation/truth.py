@@ -90,19 +90,19 @@ def maps_in_aligned_frame(
     turn, scale, (left, down, low) = alignment.rotation[:2, :2], alignment.scale, alignment.origin
     shift = (-left, -down)
 
-    def moved(found: OccupancyMap) -> OccupancyMap:
+    def align_map(found: OccupancyMap) -> OccupancyMap:
         near = replace(found, origin=(found.origin[0] - left, found.origin[1] - down))
         return transformed_map(near, turn, scale=scale)
 
     if isinstance(maps, OccupancyMap):
-        return moved(maps)
+        return align_map(maps)
     return StoreyMaps(
-        tuple(StoreyMap(scale * (s.floor - low), moved(s.occupancy)) for s in maps.storeys),
-        tuple(replace(s, outline=_turned(s.outline, scale * turn, shift)) for s in maps.stairs),
+        tuple(StoreyMap(scale * (s.floor - low), align_map(s.occupancy)) for s in maps.storeys),
+        tuple(replace(s, outline=_rotate_outline(s.outline, scale * turn, shift)) for s in maps.stairs),
     )
 
 
-def _turned(
+def _rotate_outline(
     outline: tuple[tuple[float, float], ...], turn: NDArray[np.float64], shift: tuple[float, float]
 ) -> tuple[tuple[float, float], ...]:
     return tuple((float(x), float(y)) for x, y in (np.array(outline) + shift) @ turn.T)

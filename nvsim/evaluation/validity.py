@@ -25,9 +25,9 @@ from nvsim.evaluation.ablation_runs import (
     Budget,
     SharedViews,
     TrainingRun,
-    finished,
     preset_rows,
     progress_of_run,
+    train_or_load,
     training_run,
 )
 from nvsim.evaluation.graph import evaluate_graph
@@ -61,7 +61,7 @@ class StoredMap:
     folder: Path
 
     @property
-    def done(self) -> Path:
+    def result_file(self) -> Path:
         return self.folder / "cell.json"
 
     @property
@@ -78,16 +78,16 @@ class StoredMap:
 
     @property
     def is_done(self) -> bool:
-        return self.done.is_file()
+        return self.result_file.is_file()
 
     def read(self) -> tuple[NavGraph | None, dict[str, Any]]:
         """The graph and its report. The graph is None if there was no free place. Raises InputError if a file is
         damaged."""
         again = "delete the folder and run the command again"
-        said = read_json(self.done, "the report of a map", again)
+        said = read_json(self.result_file, "the report of a map", again)
         report = said.get("report") if isinstance(said, dict) else None
         if not isinstance(report, dict) or not ("seconds" in report or "why" in report):
-            raise InputError(f"{self.done} is not the report of a map; {again}.")
+            raise InputError(f"{self.result_file} is not the report of a map; {again}.")
         return (None if "why" in report else decode_graph(read_bytes(self.graph))), report
 
 
@@ -136,7 +136,7 @@ def build_stored_map(
             SceneViews(scene, config),
             positions,
             floor_of(project).height_at,
-            support.at,
+            support.is_supported,
             config,
             scan=scan,
             remembered=NavGraph(scan, evidence=evidence),
@@ -148,7 +148,7 @@ def build_stored_map(
         said["report"] = result.report
     except NoViewpointFound as error:
         said["report"] = {"why": str(error)}
-    atomic.write_text(kept.done, json.dumps(said, indent=1) + "\n")
+    atomic.write_text(kept.result_file, json.dumps(said, indent=1) + "\n")
     kept.partial.unlink(missing_ok=True)
 
 
@@ -161,7 +161,7 @@ class TableConfig:
     budget, seed   of the trainings
     mapping        configuration of all maps except for their criteria
     robot_radius   meters
-    afresh         whether to rebuild existing maps
+    repeat         whether to rebuild existing maps
     """
 
     presets: tuple[str, ...] = ()
@@ -170,7 +170,7 @@ class TableConfig:
     seed: int = 0
     mapping: MappingConfig = field(default_factory=MappingConfig)
     robot_radius: float = 0.25
-    afresh: bool = False
+    repeat: bool = False
 
 
 @dataclass(frozen=True, eq=False)
@@ -218,7 +218,7 @@ def evaluate_validity(
     if not columns:
         raise InputError(f"{_left_out(wanted)} Name an available column with --columns.")
     refresh_support(project, listen)
-    runs, trained = _trained(project, rows, config.seed, listen)
+    runs, trained = _finished_runs(project, rows, config.seed, listen)
     support = project.support()
     assert support is not None
     walk = project.need_capture().positions[:, :2]
@@ -227,11 +227,13 @@ def evaluate_validity(
         known: list[StoredMap] = []  # measurements of other columns, so that each corridor is rendered once for all
         for criteria, mapping in columns.items():
             kept = stored_map_of(project, runs[row], mapping)
-            if config.afresh or not kept.is_done:
+            if config.repeat or not kept.is_done:
                 listen(Log(f"Building the map of {row.name} by {' & '.join(criteria)}.", STAGE))
                 build_stored_map(project, runs[row], mapping, kept, known, listen)
                 built += 1
-            cells.append(_evaluate_cell(row.name, criteria, kept, occupancy, walk, config.robot_radius, support.at))
+            cells.append(
+                _evaluate_cell(row.name, criteria, kept, occupancy, walk, config.robot_radius, support.is_supported)
+            )
             known.append(kept)
     reused = len(cells) - built
     return ValidityTable(
@@ -250,7 +252,7 @@ def with_criteria(config: MappingConfig, criteria: Criteria) -> MappingConfig | 
         return None
 
 
-def _trained(
+def _finished_runs(
     project: Project, rows: Sequence[AblationRow], seed: int, listen: Listener
 ) -> tuple[dict[AblationRow, list[TrainingRun]], int]:
     """The finished runs of every row, one per submap, and the number of runs that were trained."""
@@ -266,7 +268,7 @@ def _trained(
             run = runs[row][i]
             if not run.is_done:
                 title = f"{row.title}, submap {submap.index}"
-                finished(project, run, views.of(run), progress_of_run(listen, STAGE, before, total, title))
+                train_or_load(project, run, views.of(run), progress_of_run(listen, STAGE, before, total, title))
                 before += run.config.steps
     return runs, len(todo)
 

@@ -32,7 +32,7 @@ def text_of(table: ValidityTable) -> str:
             Column("detour_p95", "95 %", "detour", 2),
         ]
         rows = [
-            {**cell.figures, **{f"{k}{s}": _counted(cell, k, s) for k in _KINDS for s in ("", "_robot")}}
+            {**cell.figures, **{f"{k}{s}": _count_text(cell, k, s) for k in _KINDS for s in ("", "_robot")}}
             | {"model": cell.model}
             for cell in cells
         ]
@@ -42,7 +42,7 @@ def text_of(table: ValidityTable) -> str:
     return "\n".join([*parts, *notes, *([table.left_out] if table.left_out else [])]) + "\n"
 
 
-def _counted(cell: ValidityCell, kind: str, suffix: str) -> str:
+def _count_text(cell: ValidityCell, kind: str, suffix: str) -> str:
     f, name = cell.figures, f"{kind}_validity{suffix}"
     if not f.get(f"{kind}s"):
         return EMPTY

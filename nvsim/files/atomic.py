@@ -32,12 +32,12 @@ _REASONS = {
 def as_input_error(path: Path, error: OSError) -> InputError:
     """The error message for a failed write to `path`."""
     if error.errno in (errno.EACCES, errno.EPERM):
-        return InputError(f"Cannot write {path}: {_denied(path)}.")
+        return InputError(f"Cannot write {path}: {_permission_reason(path)}.")
     reason = _REASONS.get(error.errno or 0, f"{error.strerror or error}; check the path")
     return InputError(f"Cannot write {path}: {reason}.")
 
 
-def _denied(path: Path) -> str:
+def _permission_reason(path: Path) -> str:
     """The reason for a denied permission: the owner of the file, or of the folder that would contain it."""
     at = next((p for p in (path, *path.parents) if os.path.lexists(p)), path)
     if at == path and os.access(path, os.W_OK) and not path.is_dir():

@@ -133,7 +133,7 @@ def open_to_read(path: Path) -> GuardedConnection:
         wal = path.with_name(path.name + "-wal")
         if not wal.is_file() or wal.stat().st_size == 0:
             return _try_open(path, "mode=ro&immutable=1", Snapshot)
-        return _copied(path)
+        return _copy_to_memory(path)
 
 
 def stamp(path: Path) -> tuple[tuple[int, int], ...]:
@@ -156,7 +156,7 @@ def copy_to_memory(connection: GuardedConnection) -> Snapshot:
 
 
 def _try_open(path: Path, flags: str, kind: type[GuardedConnection]) -> GuardedConnection:
-    uri = f"file:{_quoted(path)}?{flags}"
+    uri = f"file:{_quote_name(path)}?{flags}"
     connection = sqlite3.connect(uri, uri=True, timeout=30, isolation_level=None, check_same_thread=False, factory=kind)
     connection.path = path
     try:
@@ -167,7 +167,7 @@ def _try_open(path: Path, flags: str, kind: type[GuardedConnection]) -> GuardedC
     return connection
 
 
-def _copied(path: Path) -> Snapshot:
+def _copy_to_memory(path: Path) -> Snapshot:
     """A copy in memory, with the commits that a crashed process left in the -wal file."""
     failure: OSError | sqlite3.Error | None = None
     for place in (tempfile.gettempdir(), _MEMORY):
@@ -187,7 +187,7 @@ def _copied(path: Path) -> Snapshot:
     raise sqlite3.OperationalError(f"no disk has room for a temporary copy to read ({failure})")
 
 
-def _quoted(path: Path) -> str:
+def _quote_name(path: Path) -> str:
     return str(path.resolve()).replace("%", "%25").replace("?", "%3f").replace("#", "%23")
 
 

@@ -226,7 +226,7 @@ at most ten times the length of its file."""
 _FORMATS = "PNG, JPEG, PGM, PPM, WebP, TIFF and BMP"
 
 
-def decoded(
+def decode_pixels(
     data: bytes,
     path: Path,
     flags: int,

@@ -257,7 +257,9 @@ def parse_json(path: Path, text: str, what: str, then: str, *, strict: bool = Tr
             raise InputError(f"{path} is not {what}: it has {brackets} lists and objects; {then}.")
         try:
             if strict:
-                return json.loads(text, parse_int=parse_integer, parse_constant=_refused, object_pairs_hook=_unique)
+                return json.loads(
+                    text, parse_int=parse_integer, parse_constant=_refuse_special_file, object_pairs_hook=_unique
+                )
             return json.loads(text, parse_int=parse_integer)
         except json.JSONDecodeError as error:
             why = f"line {error.lineno}: {error.msg}"
@@ -281,7 +283,7 @@ def is_number(value: object) -> bool:
     return isinstance(value, (int, float)) and type(value) is not bool and abs(value) <= sys.float_info.max
 
 
-def _refused(name: str) -> None:
+def _refuse_special_file(name: str) -> None:
     raise ValueError(f"it contains {name}, which JSON does not define")
 
 

@@ -69,7 +69,7 @@ class PanoramaSamples:
             return None
         below = np.array(self._kept)
         if self._views is not None:
-            below = _continued(below, covered_pixels(self._views, _ROWS)[_ROWS // 2 :])
+            below = _extend_panoramas(below, covered_pixels(self._views, _ROWS)[_ROWS // 2 :])
         carrier = find_carrier(below)
         return None if carrier is None else np.concatenate([np.ones_like(carrier), ~carrier])
 
@@ -101,7 +101,7 @@ def find_carrier(below: NDArray[np.uint8]) -> NDArray[np.bool_] | None:
     return carrier if _LEAST < share < _LARGEST else None
 
 
-def _continued(below: NDArray[np.uint8], seen: NDArray[np.bool_]) -> NDArray[np.uint8]:
+def _extend_panoramas(below: NDArray[np.uint8], seen: NDArray[np.bool_]) -> NDArray[np.uint8]:
     """Extends panoramas (N, R, C): the last pixel of each column that the views show, `seen` (R, C), fills the rest."""
     last = seen.sum(axis=0) - 1  # views show each column from the horizon downward without a gap
     rows = np.minimum(np.arange(len(seen))[:, None], last)

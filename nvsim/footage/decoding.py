@@ -45,7 +45,7 @@ class VideoFacts:
 
 def video_facts(path: Path) -> VideoFacts:
     """Reads the header of a video. Raises InputError if the file cannot be opened as a video."""
-    video = _opened(path)
+    video = _open_video(path)
     try:
         width, height = int(video.get(cv2.CAP_PROP_FRAME_WIDTH)), int(video.get(cv2.CAP_PROP_FRAME_HEIGHT))
         frames, rate = video.get(cv2.CAP_PROP_FRAME_COUNT), video.get(cv2.CAP_PROP_FPS)
@@ -72,7 +72,7 @@ def video_frames(path: Path, fastest: float = FASTEST) -> Iterator[VideoFrame]:
     A frame that cannot be decoded is skipped. Decoding ends where no further frame can be read. Raises InputError if
     the file cannot be opened or has no frame.
     """
-    video = _opened(path)
+    video = _open_video(path)
     number, due, last = -1, -1.0, -1.0
     try:
         while video.grab():
@@ -94,7 +94,7 @@ def video_frames(path: Path, fastest: float = FASTEST) -> Iterator[VideoFrame]:
         raise InputError(f"{path} has no frame that can be decoded; export it as MP4 with H.264 and try again.")
 
 
-def _opened(path: Path) -> cv2.VideoCapture:
+def _open_video(path: Path) -> cv2.VideoCapture:
     try:
         empty = path.stat().st_size == 0
     except OSError as error:

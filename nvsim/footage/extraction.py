@@ -117,7 +117,7 @@ def extract_frames(
         looked_at(done, total)
 
     for index, chosen in enumerate(choose_frames(footage.files, count)):
-        image = _shrunk(chosen.frame.image)
+        image = _limit_size(chosen.frame.image)
         height, width = image.shape[:2]
         size = width, height
         name = f"{chosen.clip}_{chosen.frame.number:06d}.jpg"
@@ -133,7 +133,7 @@ def extract_frames(
     if size is None:
         raise InputError(f"{footage.source} has no usable frame; choose another video.")
     table = np.concatenate(lines)
-    fisheye = find_fisheye(_matched(table, len(names)), *size)
+    fisheye = find_fisheye(_points_shared_by_frames(table, len(names)), *size)
     if fisheye is not None:
         rectify_files([folder / name for name in names], fisheye)
         table[:, 2:] = fisheye.places(table[:, 2:])
@@ -196,7 +196,9 @@ def _read(folder: Path, stamp: list[list[object]]) -> ExtractedFrames | None:
         )
 
 
-def _matched(table: NDArray[np.float64], count: int) -> list[tuple[NDArray[np.float64], NDArray[np.float64]]]:
+def _points_shared_by_frames(
+    table: NDArray[np.float64], count: int
+) -> list[tuple[NDArray[np.float64], NDArray[np.float64]]]:
     """The points that frames a few frames apart share. The rows of `table` are frame, point, x, and y."""
     found = []
     frames = [table[table[:, 0] == k, 1:] for k in range(count)]
@@ -206,7 +208,7 @@ def _matched(table: NDArray[np.float64], count: int) -> list[tuple[NDArray[np.fl
     return found
 
 
-def _shrunk(image: NDArray[np.uint8]) -> NDArray[np.uint8]:
+def _limit_size(image: NDArray[np.uint8]) -> NDArray[np.uint8]:
     scale = LONGEST_SIDE / max(image.shape[:2])
     if scale >= 1:
         return image

@@ -71,7 +71,7 @@ def choose_frames(
         for frame in video_frames(path):
             yield from chooser.looked_at(frame)
             looked_at(done + frame.number + 1, total)
-        yield from chooser.ended()
+        yield from chooser.choose_last()
         done, next_id = done + facts[clip].frames, chooser.next_id
 
 
@@ -90,7 +90,7 @@ class _Chooser:
         """Yields the frames that are chosen after `frame` was decoded."""
         candidate = _Candidate(frame, frame_without_points(shrunk_gray(frame.image)), 1.0)
         if self._latest is None:
-            yield self._chosen(candidate)
+            yield self._choose(candidate)
             return
         queue = [candidate]
         while queue:
@@ -106,18 +106,18 @@ class _Chooser:
             elif len(tracked.ids) < _FOUND * len(self._latest.ids):
                 self._held = candidate
                 continue
-            chosen = self._followed(candidate, tracked)
+            chosen = self._frame_after_tracking(candidate, tracked)
             if chosen is not None:
                 queue = [c for c in self._waiting if c.frame.number > chosen.frame.number] + queue
                 self._waiting = []
-                yield self._chosen(chosen)
+                yield self._choose(chosen)
 
-    def ended(self) -> Iterator[ChosenFrame]:
+    def choose_last(self) -> Iterator[ChosenFrame]:
         """Yields the last frame of the video if it shows more than the last chosen one."""
         if self._waiting:
-            yield self._chosen(max(self._waiting, key=lambda c: c.sharpness))
+            yield self._choose(max(self._waiting, key=lambda c: c.sharpness))
 
-    def _followed(self, candidate: _Candidate, tracked: TrackedFrame) -> _Candidate | None:
+    def _frame_after_tracking(self, candidate: _Candidate, tracked: TrackedFrame) -> _Candidate | None:
         """The frame to choose after the points were `tracked` into the candidate. None if no frame is due."""
         assert self._anchor is not None and self._latest is not None
         candidate.sharpness = self._sharp**_MEMORY * sharpness_change(self._latest, tracked)
@@ -147,7 +147,7 @@ class _Chooser:
     def _is_blurred(self, candidate: _Candidate) -> bool:
         return candidate.sharpness < _BLURRED
 
-    def _chosen(self, candidate: _Candidate) -> ChosenFrame:
+    def _choose(self, candidate: _Candidate) -> ChosenFrame:
         self._sharp, self._earlier = candidate.sharpness, None
         self._anchor = self._latest = with_new_points(candidate.tracked, self.next_id)
         self.next_id = max(self.next_id, int(self._anchor.ids.max(initial=-1)) + 1)

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from nvsim.errors import InputError
 from nvsim.files import atomic
-from nvsim.files.images import decoded
+from nvsim.files.images import decode_pixels
 from nvsim.files.opening import read_bytes
 from nvsim.files.reading import reading
 from nvsim.footage.carrier import PanoramaSamples, as_png, cut_mask, read_panorama_mask
@@ -97,7 +97,7 @@ def extract_panoramas(
         counted = done
         looked_at(done, total)
 
-    chosen = _photographs(footage, count) if footage.kind == "photographs" else _chosen(footage, count)
+    chosen = _photographs(footage, count) if footage.kind == "photographs" else _choose_panoramas(footage, count)
     names, clips, seconds, blurred = [], [], [], []
     samples = PanoramaSamples(views if footage.sides else None)
     for panorama in chosen:
@@ -158,7 +158,7 @@ def _views(footage: Footage, count: int) -> Views:
     """The views of all panoramas, `count` for each equirectangular image. Raises InputError if the sizes, frame counts,
     or proportions of the files do not match."""
     if footage.kind == "photographs":
-        return views_of(_decoded(footage.files[0]).shape[0], count)
+        return views_of(_decode(footage.files[0]).shape[0], count)
     facts = [video_facts(file) for file in footage.files]
     for file, other in zip(footage.files, facts, strict=True):
         if (other.width, other.height) != (facts[0].width, facts[0].height):
@@ -201,7 +201,7 @@ def _photographs(footage: Footage, count: Callable[[int, int], None]) -> Iterato
     """Yields each photo as a panorama. Raises InputError for a photo that is not twice as wide as high."""
     stems = [file.stem for file in footage.files]
     for number, file in enumerate(footage.files, 1):
-        image = _decoded(file)
+        image = _decode(file)
         height, width = image.shape[:2]
         if not is_equirectangular(width, height):
             raise InputError(
@@ -213,8 +213,8 @@ def _photographs(footage: Footage, count: Callable[[int, int], None]) -> Iterato
         yield _Panorama(f"{name}.jpg", 0, image)
 
 
-def _decoded(file: Path) -> NDArray[np.uint8]:
-    return decoded(read_bytes(file), file, cv2.IMREAD_COLOR, then="copy it again from the camera")
+def _decode(file: Path) -> NDArray[np.uint8]:
+    return decode_pixels(read_bytes(file), file, cv2.IMREAD_COLOR, then="copy it again from the camera")
 
 
 def _moments(footage: Footage) -> Iterator[_Panorama]:
@@ -233,7 +233,7 @@ def _moments(footage: Footage) -> Iterator[_Panorama]:
             yield _Panorama(f"{clip}_{frame.number:06d}.jpg", clip, frame.image, frame.seconds)
 
 
-def _chosen(footage: Footage, count: Callable[[int, int], None]) -> Iterator[_Panorama]:
+def _choose_panoramas(footage: Footage, count: Callable[[int, int], None]) -> Iterator[_Panorama]:
     """Yields the panoramas of videos that get a camera pose: the sharpest ones, between which the camera moved far
     enough. A rotation alone seldom requires another one, because a panorama shows every direction. If a video has at
     most 3 frames per second, all its frames are chosen."""
@@ -243,13 +243,13 @@ def _chosen(footage: Footage, count: Callable[[int, int], None]) -> Iterator[_Pa
     for panorama in _moments(footage):
         if chooser is None or chooser.clip != panorama.clip:
             if chooser is not None:
-                yield from chooser.ended()
+                yield from chooser.choose_last()
                 before += facts[chooser.clip].frames
             chooser = _Chooser(panorama.clip, footage.sides)
         yield from [panorama] if 0 < facts[panorama.clip].rate <= _THINNED else chooser.looked_at(panorama)
         count(before + int(panorama.name[:-4].rpartition("_")[2]) + 1, total)
     if chooser is not None:
-        yield from chooser.ended()
+        yield from chooser.choose_last()
 
 
 class _Chooser:
@@ -285,7 +285,7 @@ class _Chooser:
             if is_lost or moved >= _STEP:
                 yield self._choose(best)
 
-    def ended(self) -> Iterator[_Panorama]:
+    def choose_last(self) -> Iterator[_Panorama]:
         """Yields the last panorama if it shows more than the last chosen one."""
         if self._best is not None:
             yield self._choose(self._best)

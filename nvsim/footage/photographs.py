@@ -131,7 +131,7 @@ def _read(path: Path) -> _Photograph | None:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")
             with Image.open(BytesIO(data)) as image:
-                return _stored(data, image)
+                return _prepare_photo(data, image)
     # Damaged files raise many kinds of errors in the decoders and in the Exif tables.
     except (OSError, ValueError, SyntaxError, TypeError, KeyError, ArithmeticError, MemoryError, EOFError, InputError):
         return None
@@ -139,7 +139,7 @@ def _read(path: Path) -> _Photograph | None:
         return None
 
 
-def _stored(data: bytes, image: Image.Image) -> _Photograph:
+def _prepare_photo(data: bytes, image: Image.Image) -> _Photograph:
     """The photo, upright and reduced in size. Its bytes do not change if neither is needed."""
     if image.width * image.height > _LARGEST:
         raise ValueError("too many pixels")

@@ -28,7 +28,7 @@ from xml.parsers import expat
 import numpy as np
 from numpy.typing import NDArray
 
-from nvsim.errors import InputError, shown
+from nvsim.errors import InputError, value_text
 from nvsim.files.opening import is_regular, opened, read_bytes, read_text
 from nvsim.files.reading import reading
 from nvsim.footage.sources import Footage
@@ -176,7 +176,7 @@ def read_odometry(path: Path) -> PositionLog:
             except (IndexError, ValueError):
                 frame = x = y = z = math.nan
             if not (0 <= frame < 1e9 and all(abs(value) < _FARTHEST for value in (x, y, z))):
-                text = shown(",".join(row), 60)
+                text = value_text(",".join(row), 60)
                 raise InputError(f"{path}, line {rows.line_num}: {text} is not a position of a frame; {then}.")
             found[frame] = (x, -z, y)
         if not found:
@@ -240,7 +240,9 @@ class _Track:
                 seconds = (time if time.tzinfo else time.replace(tzinfo=UTC)).timestamp()
             except (ValueError, OverflowError) as error:
                 where = f"{self._path}, line {self.parser.CurrentLineNumber}"
-                raise InputError(f"{where}: {shown(self._time, 40)} is not a time; export the track again.") from error
+                raise InputError(
+                    f"{where}: {value_text(self._time, 40)} is not a time; export the track again."
+                ) from error
             self.at.append(seconds)
             self.places.append(self._point)
             self._time = None
@@ -369,7 +371,7 @@ def _degrees(latitude: str, longitude: str, where: str) -> tuple[float, float]:
     except ValueError:
         place = math.nan, math.nan
     if not (abs(place[0]) <= 90 and abs(place[1]) <= 180):
-        text = f"latitude {shown(latitude, 30)}, longitude {shown(longitude, 30)}"
+        text = f"latitude {value_text(latitude, 30)}, longitude {value_text(longitude, 30)}"
         raise InputError(f"{where}: {text} is not a position on Earth; export the track again.")
     return place
 

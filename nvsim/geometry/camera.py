@@ -30,7 +30,7 @@ class Intrinsics:
         sx, sy = width / self.width, height / self.height
         return Intrinsics(width, height, self.fx * sx, self.fy * sy, self.cx * sx, self.cy * sy)
 
-    def within(self, longest_side: int) -> Intrinsics:
+    def limited_to(self, longest_side: int) -> Intrinsics:
         """The pinhole of this view, shrunk so that neither side exceeds `longest_side` pixels; never enlarged."""
         factor = min(1.0, longest_side / max(self.width, self.height))
         return self.scaled(max(1, round(self.width * factor)), max(1, round(self.height * factor)))

@@ -64,7 +64,7 @@ class FloorSurface:
         _values(len(places)).bilinear(self.heights, *self.origin, self.spacing, places, found)
         return found.reshape(xy.shape[:-1])
 
-    def meet(
+    def distance_along_rays(
         self, origin: NDArray[np.floating], directions: NDArray[np.floating], iterations: int = 4
     ) -> NDArray[np.float32]:
         """Distances (...,) float32 in meters to the floor along unit `directions` (..., 3) from `origin` (3,), meters.

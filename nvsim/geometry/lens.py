@@ -91,17 +91,17 @@ class Lens:
         The focal lengths are kept if this leaves no pixel outside the stored image. Otherwise both are enlarged by the
         smallest sufficient factor."""
         (fx, fy), (cx, cy) = self.focal, self.principal_point
-        zoom = 1.0 if not self.is_distorted or self._covers(1.0) else self._least_zoom()
+        zoom = 1.0 if not self.is_distorted or self._sees_only_stored_pixels(1.0) else self._least_zoom()
         return Intrinsics(self.width, self.height, fx * zoom, fy * zoom, cx, cy)
 
     def _least_zoom(self) -> float:
         low, high = 1.0, 4.0
         for _ in range(20):
             middle = (low + high) / 2
-            low, high = (low, middle) if self._covers(middle) else (middle, high)
+            low, high = (low, middle) if self._sees_only_stored_pixels(middle) else (middle, high)
         return high
 
-    def _covers(self, zoom: float) -> bool:
+    def _sees_only_stored_pixels(self, zoom: float) -> bool:
         """Whether the pinhole camera with focal lengths times `zoom` sees only pixels of the stored image.
 
         Along rays from the principal point to the border, the samples must move outward (a polynomial may turn back

@@ -29,7 +29,7 @@ class Storey:
     high: float
     count: int
 
-    def holds(self, floors: NDArray[np.float64]) -> NDArray[np.bool_]:
+    def contains_floors(self, floors: NDArray[np.float64]) -> NDArray[np.bool_]:
         """(N,) bool, True for heights `floors` (N,) in meters, world z, that belong to the storey."""
         return (floors > self.low) & (floors < self.high)
 

@@ -6,7 +6,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from nvsim.errors import shown
+from nvsim.errors import value_text
 from nvsim.files.opening import is_number
 from nvsim.graph.edits import EditError
 from nvsim.graph.types import Edge, Viewpoint
@@ -34,13 +34,13 @@ class Argument:
         return self.default is NEEDED
 
 
-def checked(edit: str, arguments: tuple[Argument, ...], values: Mapping[str, Any]) -> dict[str, Any]:
+def check_arguments(edit: str, arguments: tuple[Argument, ...], values: Mapping[str, Any]) -> dict[str, Any]:
     """Return the typed values of all arguments. Raises EditError if an argument is missing, unknown, or of the wrong
     kind."""
     known = {argument.name for argument in arguments}
     for name in values:
         if name not in known:
-            raise EditError(f"{edit} has no argument {shown(repr(name))}; it takes {', '.join(sorted(known))}.")
+            raise EditError(f"{edit} has no argument {value_text(repr(name))}; it takes {', '.join(sorted(known))}.")
     found = {}
     for argument in arguments:
         value = values.get(argument.name)
@@ -53,7 +53,7 @@ def checked(edit: str, arguments: tuple[Argument, ...], values: Mapping[str, Any
         try:
             found[argument.name] = parse(value)
         except (TypeError, ValueError, KeyError, OverflowError) as error:
-            raise EditError(f"{argument.name} of {edit} is {shown(value)}; it must be {words}.") from error
+            raise EditError(f"{argument.name} of {edit} is {value_text(value)}; it must be {words}.") from error
     return found
 
 

@@ -16,13 +16,13 @@ STRIDE = 64  # edges that `fill` computes between two yields
 
 
 class ClearnessCache:
-    """Caches the clearness of edges (see `quantities.clearness`) for the graph of the last call of `follow`."""
+    """Caches the clearness of edges (see `quantities.clearness`) for the graph of the last call of `update`."""
 
     def __init__(self) -> None:
         self._graph: NavGraph | None = None
         self._values: dict[EdgeKey, float] = {}
 
-    def follow(self, graph: NavGraph | None) -> None:
+    def update(self, graph: NavGraph | None) -> None:
         """Switch to the graph after an edit and drop the values that the edit touched. Call this after every edit,
         because the changes of several edits together are not always known."""
         before, self._graph = self._graph, graph
@@ -43,7 +43,7 @@ class ClearnessCache:
 
     def at(self, graph: NavGraph, key: EdgeKey) -> float:
         """Return the clearness of an edge: 1 if every corridor along it is clear, 0 if one is blocked, NaN without
-        evidence. The value is cached only if `graph` is the graph of the last `follow`."""
+        evidence. The value is cached only if `graph` is the graph of the last `update`."""
         if graph is not self._graph:
             return clearness(graph, key)
         found = self._values.get(key)
@@ -52,7 +52,7 @@ class ClearnessCache:
         return found
 
     def fill(self) -> Iterator[None]:
-        """Compute the missing values. Yields every STRIDE edges, and stops if `follow` switches to another graph."""
+        """Compute the missing values. Yields every STRIDE edges, and stops if `update` switches to another graph."""
         graph = self._graph
         if graph is None:
             return

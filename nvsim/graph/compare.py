@@ -83,7 +83,7 @@ def compare(a: NavGraph, b: NavGraph, tolerance: float = 0.3) -> Comparison:
         if id not in matched:
             found.append(Deviation("viewpoint removed", f"Viewpoint {id} was removed.", id))
     for id, other in matched.items():
-        found += _about(a.viewpoints[id], b.viewpoints[other])
+        found += _compare_viewpoints(a.viewpoints[id], b.viewpoints[other])
     named = {key_of(in_a.get(x, x), in_a.get(y, y)) for x, y in b.edges}
     for key in sorted(named - a.edges.keys()):
         found.append(Deviation("edge added", f"{key[0]} and {key[1]} are joined by a new edge.", edge=key))
@@ -131,10 +131,10 @@ def merge(a: NavGraph, b: NavGraph, comparison: Comparison, chosen: Iterable[Dev
                     f"The edge between {d.edge[0]} and {d.edge[1]} needs viewpoint {end}; select it as well."
                 )
         change.set_edge(replace(edges[d.edge], a=d.edge[0], b=d.edge[1]))
-    return change.done()
+    return change.result()
 
 
-def _about(a: Viewpoint, b: Viewpoint) -> list[Deviation]:
+def _compare_viewpoints(a: Viewpoint, b: Viewpoint) -> list[Deviation]:
     found = []
     distance = math.dist(a.position, b.position)
     if distance > _MILLIMETRE:

@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import Any, TypeGuard
 
 from nvsim.capture.raw import FARTHEST
-from nvsim.errors import InputError, shown
+from nvsim.errors import InputError, value_text
 from nvsim.files import atomic
 from nvsim.files.opening import is_number, read_json, read_text
 from nvsim.graph.types import Edge, NavGraph, Viewpoint, edge
@@ -88,7 +88,7 @@ def read_connectivity(path: Path) -> NavGraph:
             raise InputError(f"{where} is not an object; every viewpoint needs image_id, pose and unobstructed.")
         id = entry.get("image_id")
         if not is_name(id) or "/" in id:
-            raise InputError(f"{where}: image_id is {shown(id)}; it must be a name without slashes.")
+            raise InputError(f"{where}: image_id is {value_text(id)}; it must be a name without slashes.")
         if id in viewpoints:
             raise InputError(f"{where}: image_id {id} is used twice; give every viewpoint its own id.")
         height = json_number(entry.get("height", 1.5), f"{where}: height")
@@ -109,8 +109,8 @@ def check_scan_id(scan: str) -> None:
         or scan[0] in ".-"
     ):
         raise InputError(
-            f"The scan id {shown(scan)!r} cannot be used by R2R agents; choose letters and digits, without underscore, "
-            "space or slash."
+            f"The scan id {value_text(scan)!r} cannot be used by R2R agents; choose letters and digits, without "
+            "underscore, space or slash."
         )
 
 
@@ -158,8 +158,8 @@ def scan_files(root: Path, names: Sequence[str] = ()) -> dict[str, Path]:
     for name in names:
         if name not in listed:
             raise InputError(
-                f"The scan {shown(name)} is not listed in {folder / 'scans.txt'}; choose one of "
-                f"{', '.join(map(shown, listed[:5]))}{' ...' if len(listed) > 5 else ''}."
+                f"The scan {value_text(name)} is not listed in {folder / 'scans.txt'}; choose one of "
+                f"{', '.join(map(value_text, listed[:5]))}{' ...' if len(listed) > 5 else ''}."
             )
     if not listed:
         raise InputError(f"{folder / 'scans.txt'} lists no scan; export one into the folder.")
@@ -222,12 +222,12 @@ def _flags(values: Any, count: int, where: str) -> list[bool]:
         raise InputError(f"{where} must be a list of {count} booleans, one for every entry of the file.")
     for value in values:
         if not isinstance(value, bool | int) or value not in (0, 1):
-            raise InputError(f"{where} holds {shown(value)}; only true, false, 0 and 1 are allowed.")
+            raise InputError(f"{where} holds {value_text(value)}; only true, false, 0 and 1 are allowed.")
     return [bool(value) for value in values]
 
 
 def json_number(value: Any, where: str) -> float:
     """Return a JSON value as a float. Raises InputError if it is not a finite number."""
     if not is_number(value):
-        raise InputError(f"{where} is {shown(value)}; it must be a finite number.")
+        raise InputError(f"{where} is {value_text(value)}; it must be a finite number.")
     return float(value)

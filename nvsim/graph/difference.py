@@ -13,7 +13,7 @@ from itertools import takewhile
 from types import MappingProxyType
 from typing import Any, TypeVar, cast
 
-from nvsim.graph.edits.change import copied
+from nvsim.graph.edits.change import copy_mapping
 from nvsim.graph.store import encode_evidence
 from nvsim.graph.touched_elements import TouchedElements, elements_touched_between, remember
 from nvsim.graph.types import Edge, EdgeKey, Evidence, EvidenceKey, NavGraph, Viewpoint
@@ -155,7 +155,11 @@ def apply_deltas(graph: NavGraph, deltas: Sequence[GraphDelta]) -> NavGraph:
             return apply_deltas(whole, deltas[last + 1 :])
     if not deltas:
         return graph
-    viewpoints, edges, evidence = copied(graph.viewpoints), copied(graph.edges), copied(graph.evidence)
+    viewpoints, edges, evidence = (
+        copy_mapping(graph.viewpoints),
+        copy_mapping(graph.edges),
+        copy_mapping(graph.evidence),
+    )
     touched: tuple[dict[str, None], dict[EdgeKey, None], dict[EvidenceKey, None]] = ({}, {}, {})
     turned = [False, False, False]
     for d in deltas:

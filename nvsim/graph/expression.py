@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from nvsim.errors import shown
+from nvsim.errors import value_text
 from nvsim.graph.edits.change import EditError
 from nvsim.graph.quantities import EDGES, VIEWPOINTS, Kind, QuantityInputs, Values, quantity
 from nvsim.graph.selection import NOTHING, GraphSelection
@@ -48,7 +48,7 @@ def by_expression(
     Expressions may use `and`, `or`, `not`, comparisons, `in (…)`, + - * /, numbers, strings, True, False, and abs().
     Raises EditError for any other expression and for unknown quantities.
     """
-    tree = _parsed(text)
+    tree = _parse(text)
     names = {node.id for node in ast.walk(tree) if isinstance(node, ast.Name)} - {"abs"}
     unknown = sorted(names - set(VIEWPOINTS) - set(EDGES))
     if unknown:
@@ -62,12 +62,12 @@ def by_expression(
     for each in fitting:
         ids: tuple[Any, ...] = tuple(graph.viewpoints if each == "viewpoints" else graph.edges)
         values = {name: quantity(graph, name, known, each)[1] for name in names}
-        chosen = frozenset(ids[i] for i in np.flatnonzero(_holds(tree, values, len(ids), text)).tolist())
+        chosen = frozenset(ids[i] for i in np.flatnonzero(_evaluate_condition(tree, values, len(ids), text)).tolist())
         found |= GraphSelection(viewpoints=chosen) if each == "viewpoints" else GraphSelection(edges=chosen)
     return found
 
 
-def _parsed(text: str) -> ast.expr:
+def _parse(text: str) -> ast.expr:
     if len(text) > _LONGEST:
         raise EditError(f"The expression is longer than {_LONGEST} characters.")
     try:
@@ -75,11 +75,11 @@ def _parsed(text: str) -> ast.expr:
     except (SyntaxError, ValueError, RecursionError, MemoryError) as error:
         where = f" at character {error.offset}" if isinstance(error, SyntaxError) and error.offset else ""
         raise EditError(
-            f"{shown(text)!r} is not a valid expression{where}; write, for example: degree > 4 and not reviewed."
+            f"{value_text(text)!r} is not a valid expression{where}; write, for example: degree > 4 and not reviewed."
         ) from error
 
 
-def _holds(tree: ast.expr, values: Mapping[str, Values], count: int, text: str) -> Values:
+def _evaluate_condition(tree: ast.expr, values: Mapping[str, Values], count: int, text: str) -> Values:
     with np.errstate(all="ignore"):
         try:
             found = np.asarray(_value(tree, values))
@@ -110,11 +110,11 @@ def _value(node: ast.expr, values: Mapping[str, Values]) -> Any:
         case ast.Call(func=ast.Name(id="abs"), args=[operand], keywords=[]):
             return np.abs(_number(operand, values))
         case ast.Compare(left=left, ops=ops, comparators=others):
-            return _compared(left, ops, others, values)
+            return _compare(left, ops, others, values)
     raise EditError(f"{ast.unparse(node)[:40]!r} is not allowed in an expression.")
 
 
-def _compared(left: ast.expr, ops: list[ast.cmpop], others: list[ast.expr], values: Mapping[str, Values]) -> Any:
+def _compare(left: ast.expr, ops: list[ast.cmpop], others: list[ast.expr], values: Mapping[str, Values]) -> Any:
     found: Any = True
     for op, other in zip(ops, others, strict=True):
         if isinstance(op, ast.In | ast.NotIn):

@@ -33,7 +33,7 @@ class GraphCache:
             raise IndexError(index)
         found = self._kept.get(index)
         if found is None:
-            found = self._made(index)
+            found = self._graph_at(index)
         elif index:
             self._kept[index] = self._kept.pop(index)
         return found
@@ -55,7 +55,7 @@ class GraphCache:
         self._keep(index, before, after)
         return delta
 
-    def _made(self, index: int) -> NavGraph:
+    def _graph_at(self, index: int) -> NavGraph:
         start = max(i for i in self._kept if i < index)
         graph = self._kept[start]
         if index - start > 2 * _STRIDE:

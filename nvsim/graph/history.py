@@ -127,7 +127,7 @@ class History:
         return self._clean
 
     @property
-    def clean(self) -> bool:
+    def is_saved(self) -> bool:
         """Whether the current graph is the saved one."""
         if self._clean < 0:
             return False
@@ -306,20 +306,22 @@ class History:
 def selection_text(chosen: GraphSelection) -> str:
     """Return the text of a selection step: "Select 3 viewpoints and edge 1a6a21cd – 2e24da71"."""
     kept = [
-        named(things, thing) for things, thing in ((chosen.viewpoints, "viewpoint"), (chosen.edges, "edge")) if things
+        name_or_count(things, thing)
+        for things, thing in ((chosen.viewpoints, "viewpoint"), (chosen.edges, "edge"))
+        if things
     ]
     return "Select " + (" and ".join(kept) or "nothing")
 
 
-def named(things: Collection[str | EdgeKey], thing: str) -> str:
+def name_or_count(things: Collection[str | EdgeKey], thing: str) -> str:
     """Name one element or count several: "viewpoint 1a6a21cd", "edge 1a6a21cd – 2e24da71", "3 edges"."""
     if len(things) != 1:
-        return counted(len(things), thing)
+        return count_text(len(things), thing)
     (only,) = things
     ids = (only,) if isinstance(only, str) else only
     return f"{thing} {' – '.join(id[:SHOWN] for id in ids)}"
 
 
-def counted(number: int, thing: str) -> str:
+def count_text(number: int, thing: str) -> str:
     """Return a number with its noun: "1 edge", "3 edges"."""
     return f"{number:,} {thing}" + ("" if number == 1 else "s")

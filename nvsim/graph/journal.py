@@ -227,7 +227,7 @@ class Journal:
     @property
     def _is_deleted_on_close(self) -> bool:
         """Whether closing deletes the journal."""
-        return self._plain and (self._history is None or self._history.clean)
+        return self._plain and (self._history is None or self._history.is_saved)
 
     @property
     def _lock_path(self) -> Path:

@@ -42,9 +42,7 @@ def encode_delta(delta: GraphDelta) -> bytes:
         "orders": delta.orders if any(delta.orders) else None,
     }
     # An empty `ignored` object means that no finding is ignored. The other values are omitted if they are empty.
-    text = _packed(
-        {name: value for name, value in values.items() if value or (name == "ignored" and value is not None)}
-    )
+    text = _pack({name: value for name, value in values.items() if value or (name == "ignored" and value is not None)})
     return b"".join([_PARTS, struct.pack("<I", len(text)), text, *blobs])
 
 
@@ -85,7 +83,7 @@ def _orders(values: Any) -> tuple[Runs, Runs, Runs]:
 
 def encode_selection(selection: GraphSelection) -> bytes:
     """Encode a selection, sorted, so that equal selections give equal bytes; b"" for an empty one."""
-    return _packed([sorted(selection.viewpoints), sorted(selection.edges)]) if selection else b""
+    return _pack([sorted(selection.viewpoints), sorted(selection.edges)]) if selection else b""
 
 
 def decode_selection(data: bytes) -> GraphSelection:
@@ -112,5 +110,5 @@ def fingerprint(graph: NavGraph, *, plain: bool = False) -> str:
     return hashlib.blake2b(json.dumps(held, separators=(",", ":")).encode(), digest_size=16).hexdigest()
 
 
-def _packed(values: Any) -> bytes:
+def _pack(values: Any) -> bytes:
     return zlib.compress(json.dumps(values, separators=(",", ":")).encode(), level=1)

@@ -10,9 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from nvsim.graph import edits
-from nvsim.graph.arguments import Argument, checked
+from nvsim.graph.arguments import Argument, check_arguments
 from nvsim.graph.edits import EditError, Visible
-from nvsim.graph.history import counted, named
+from nvsim.graph.history import count_text, name_or_count
 from nvsim.graph.offers import ChoiceField, MenuEntry, NumberField, SelectionNeeds, selection_arguments
 from nvsim.graph.selection import selection
 from nvsim.graph.types import NavGraph
@@ -47,7 +47,7 @@ class Operation:
     offers: tuple[MenuEntry, ...] = ()
 
 
-def _pure(function: Callable[..., NavGraph]) -> Callable[..., NavGraph]:
+def _with_graph_only(function: Callable[..., NavGraph]) -> Callable[..., NavGraph]:
     """Adapt an edit that needs only the graph and its arguments."""
     return lambda graph, surroundings, **arguments: function(graph, **arguments)
 
@@ -76,23 +76,25 @@ def _connect_visible(
     return edits.connect_visible(graph, ids, distance, surroundings.visible, steep=steep)
 
 
-def _together(graph: NavGraph, surroundings: EditContext, edits: tuple[dict[str, Any], ...], text: str) -> NavGraph:
+def _apply_edits(graph: NavGraph, surroundings: EditContext, edits: tuple[dict[str, Any], ...], text: str) -> NavGraph:
     for each in edits:
         arguments = {name: value for name, value in each.items() if name != "edit"}
         operation = OPERATIONS.get(each["edit"])
-        if operation is None or operation.function is _together:
+        if operation is None or operation.function is _apply_edits:
             raise EditError(f"There is no edit {each['edit']!r} that can be combined with others.")
-        graph = operation.function(graph, surroundings, **checked(operation.name, operation.arguments, arguments))
+        graph = operation.function(
+            graph, surroundings, **check_arguments(operation.name, operation.arguments, arguments)
+        )
     return graph
 
 
 def _viewpoints(arguments: Mapping[str, Any]) -> str:
-    return named(arguments["ids"], "viewpoint")
+    return name_or_count(arguments["ids"], "viewpoint")
 
 
-def _marked(arguments: Mapping[str, Any]) -> str:
+def _mark_text(arguments: Mapping[str, Any]) -> str:
     parts = [(arguments["viewpoints"], "viewpoint"), (arguments["edges"], "edge")]
-    return " and ".join(named(things, thing) for things, thing in parts if things) or "nothing"
+    return " and ".join(name_or_count(things, thing) for things, thing in parts if things) or "nothing"
 
 
 _IDS = Argument("ids", "viewpoints", "ids of viewpoints")
@@ -115,7 +117,7 @@ OPERATIONS: dict[str, Operation] = _table(
     Operation(
         "add_viewpoint",
         "Add a viewpoint at a position",
-        _pure(edits.place_viewpoint),
+        _with_graph_only(edits.place_viewpoint),
         (Argument("position", "place", "x, y, z of the camera in meters"), _HEIGHT, _SUBMAP, _ID),
         lambda a: "Add a viewpoint",
     ),
@@ -151,28 +153,28 @@ OPERATIONS: dict[str, Operation] = _table(
     Operation(
         "move_viewpoints",
         "Move viewpoints to given positions",
-        _pure(edits.move_viewpoints),
+        _with_graph_only(edits.move_viewpoints),
         (Argument("positions", "places", "id -> x, y, z in meters"),),
-        lambda a: f"Move {named(a['positions'], 'viewpoint')}",
+        lambda a: f"Move {name_or_count(a['positions'], 'viewpoint')}",
     ),
     Operation(
         "shift_viewpoints",
         "Move viewpoints by one offset",
-        _pure(edits.shift_viewpoints),
+        _with_graph_only(edits.shift_viewpoints),
         (_IDS, Argument("by", "place", "dx, dy, dz in meters")),
         lambda a: f"Move {_viewpoints(a)}",
     ),
     Operation(
         "remove_viewpoints",
         "Remove viewpoints with their edges and evidence",
-        _pure(edits.remove_viewpoints),
+        _with_graph_only(edits.remove_viewpoints),
         (_IDS,),
         lambda a: f"Remove {_viewpoints(a)}",
     ),
     Operation(
         "include",
         "Include viewpoints in navigation, or exclude them and keep them in the file",
-        _pure(edits.set_included),
+        _with_graph_only(edits.set_included),
         (_IDS, Argument("included", "flag", "false excludes them", True)),
         lambda a: f"{'Include' if a['included'] else 'Exclude'} {_viewpoints(a)}",
         (
@@ -199,14 +201,14 @@ OPERATIONS: dict[str, Operation] = _table(
     Operation(
         "rename_viewpoint",
         "Rename a viewpoint",
-        _pure(edits.rename_viewpoint),
+        _with_graph_only(edits.rename_viewpoint),
         (Argument("old", "name", "current id"), Argument("new", "name", "new id")),
         lambda a: "Rename a viewpoint",
     ),
     Operation(
         "set_height",
         "Set the height of cameras above the floor",
-        _pure(edits.set_height),
+        _with_graph_only(edits.set_height),
         (_IDS, Argument("height", "number", "height above the floor in meters")),
         lambda a: f"Set the height of {_viewpoints(a)} to {a['height']:g} m",
         (
@@ -224,7 +226,7 @@ OPERATIONS: dict[str, Operation] = _table(
     Operation(
         "merge_viewpoints",
         "Merge several viewpoints into one",
-        _pure(edits.merge_viewpoints),
+        _with_graph_only(edits.merge_viewpoints),
         (
             _IDS,
             Argument("into", "name", "id of the viewpoint to keep; the first by default", None),
@@ -246,7 +248,7 @@ OPERATIONS: dict[str, Operation] = _table(
     Operation(
         "straighten",
         "Move a chain of viewpoints onto the line between its ends",
-        _pure(edits.straighten),
+        _with_graph_only(edits.straighten),
         (_IDS, Argument("even", "flag", "true spaces them evenly", False)),
         lambda a: f"{'Space evenly' if a['even'] else 'Straighten'} {_viewpoints(a)}",
         (
@@ -264,7 +266,7 @@ OPERATIONS: dict[str, Operation] = _table(
     Operation(
         "align_to_lattice",
         "Align viewpoints to the lattice of the map builder",
-        _pure(edits.align_to_lattice),
+        _with_graph_only(edits.align_to_lattice),
         (
             _IDS,
             Argument("spacing", "number", "length of a step in meters", 2.5),
@@ -291,7 +293,7 @@ OPERATIONS: dict[str, Operation] = _table(
     Operation(
         "copy_by",
         "Copy viewpoints and the edges between them to another floor",
-        _pure(edits.copy_by),
+        _with_graph_only(edits.copy_by),
         (
             _IDS,
             Argument("dz", "number", "offset upward in meters"),
@@ -314,9 +316,9 @@ OPERATIONS: dict[str, Operation] = _table(
     Operation(
         "add_edges",
         "Join pairs of viewpoints",
-        _pure(edits.add_edges),
+        _with_graph_only(edits.add_edges),
         (_PAIRS,),
-        lambda a: f"Add {named(a['pairs'], 'edge')}",
+        lambda a: f"Add {name_or_count(a['pairs'], 'edge')}",
         (
             MenuEntry(
                 "join",
@@ -333,9 +335,9 @@ OPERATIONS: dict[str, Operation] = _table(
     Operation(
         "remove_edges",
         "Remove edges",
-        _pure(edits.remove_edges),
+        _with_graph_only(edits.remove_edges),
         (_PAIRS,),
-        lambda a: f"Remove {named(a['pairs'], 'edge')}",
+        lambda a: f"Remove {name_or_count(a['pairs'], 'edge')}",
     ),
     Operation(
         "connect_visible",
@@ -367,9 +369,9 @@ OPERATIONS: dict[str, Operation] = _table(
     Operation(
         "mark_reviewed",
         "Mark viewpoints and edges as reviewed",
-        _pure(edits.mark_reviewed),
+        _with_graph_only(edits.mark_reviewed),
         (*_MARKED, Argument("reviewed", "flag", "false removes the mark", True)),
-        lambda a: f"Mark {_marked(a)} as {'reviewed' if a['reviewed'] else 'not reviewed'}",
+        lambda a: f"Mark {_mark_text(a)} as {'reviewed' if a['reviewed'] else 'not reviewed'}",
         (
             MenuEntry(
                 "reviewed",
@@ -396,9 +398,9 @@ OPERATIONS: dict[str, Operation] = _table(
     Operation(
         "lock",
         "Lock viewpoints and edges against edits",
-        _pure(edits.set_locked),
+        _with_graph_only(edits.set_locked),
         (*_MARKED, Argument("locked", "flag", "false unlocks", True)),
-        lambda a: f"{'Lock' if a['locked'] else 'Unlock'} {_marked(a)}",
+        lambda a: f"{'Lock' if a['locked'] else 'Unlock'} {_mark_text(a)}",
         (
             MenuEntry(
                 "lock",
@@ -425,23 +427,23 @@ OPERATIONS: dict[str, Operation] = _table(
     Operation(
         "ignore_finding",
         "Ignore a finding for a reason",
-        _pure(edits.ignore_finding),
+        _with_graph_only(edits.ignore_finding),
         (Argument("key", "name", "key of the finding"), Argument("reason", "name", "why it is ignored")),
         lambda a: "Ignore a finding",
     ),
     Operation(
         "heed_finding",
         "Show an ignored finding again",
-        _pure(edits.heed_finding),
+        _with_graph_only(edits.heed_finding),
         (Argument("key", "name", "key of the finding"),),
         lambda a: "Show a finding again",
     ),
     Operation(
         "together",
         "Apply several edits as one step",
-        _together,
+        _apply_edits,
         (Argument("edits", "edits", "edits in order"), Argument("text", "name", "text for the history", "")),
-        lambda a: a["text"] or counted(len(a["edits"]), "edit"),
+        lambda a: a["text"] or count_text(len(a["edits"]), "edit"),
     ),
     Operation(
         "patch",

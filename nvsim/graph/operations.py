@@ -10,7 +10,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from nvsim.files.opening import parse_integer
-from nvsim.graph.arguments import checked
+from nvsim.graph.arguments import check_arguments
 from nvsim.graph.edits import EditError
 from nvsim.graph.history import History
 from nvsim.graph.operation_table import OPERATIONS, EditContext, Operation
@@ -36,14 +36,16 @@ def apply(
 ) -> NavGraph:
     """Return the graph after an operation. Raises EditError if the operation is unknown, an argument is missing,
     unknown or invalid, or the graph does not allow the edit."""
-    operation = _named(name)
-    return operation.function(graph, surroundings or EditContext(), **checked(name, operation.arguments, arguments))
+    operation = _operation(name)
+    return operation.function(
+        graph, surroundings or EditContext(), **check_arguments(name, operation.arguments, arguments)
+    )
 
 
 def describe(name: str, arguments: Mapping[str, Any]) -> str:
     """Return the text of an operation for the history, such as "Remove 3 edges". Raises EditError like `apply`."""
-    operation = _named(name)
-    return operation.words(checked(name, operation.arguments, arguments))
+    operation = _operation(name)
+    return operation.words(check_arguments(name, operation.arguments, arguments))
 
 
 def perform_operation(
@@ -102,14 +104,14 @@ def line_of(edit: Mapping[str, Any]) -> str:
     for each in arguments.get("edits") or () if name == "together" else ():
         if isinstance(each, Mapping):
             line_of(each)
-    checked(name, _named(name).arguments, arguments)
+    check_arguments(name, _operation(name).arguments, arguments)
     try:
         return json.dumps(record(name, arguments), allow_nan=False)
     except (ValueError, TypeError, RecursionError) as error:
         raise EditError(f"The arguments of {name} cannot be written: {error}.") from error
 
 
-def _named(name: str) -> Operation:
+def _operation(name: str) -> Operation:
     operation = OPERATIONS.get(name)
     if operation is None:
         shown = name if len(name) <= 60 else name[:57] + "..."

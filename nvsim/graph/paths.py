@@ -23,7 +23,7 @@ def components(graph: NavGraph) -> list[list[str]]:
     groups = []
     for start in order:
         if start not in seen:
-            group = _reached(graph, start)
+            group = _reachable_viewpoints(graph, start)
             seen.update(group)
             groups.append(sorted(group, key=order.__getitem__))
     return sorted(groups, key=lambda g: (-len(g), order[g[0]]))
@@ -34,11 +34,11 @@ def count_cut_off(graph: NavGraph, key: EdgeKey) -> int:
     if another path exists or an end is excluded."""
     if not all(graph.viewpoints[end].included for end in key):
         return 0
-    one = _reached(graph, key[0], key)
-    return 0 if key[1] in one else min(len(one), len(_reached(graph, key[1], key)))
+    one = _reachable_viewpoints(graph, key[0], key)
+    return 0 if key[1] in one else min(len(one), len(_reachable_viewpoints(graph, key[1], key)))
 
 
-def _reached(graph: NavGraph, start: str, without: EdgeKey | None = None) -> set[str]:
+def _reachable_viewpoints(graph: NavGraph, start: str, without: EdgeKey | None = None) -> set[str]:
     """Return the ids of the included viewpoints that `start` reaches without the edge `without`, including `start`."""
     seen, front, cut = {start}, [start], set(without or ())
     while front:
@@ -87,7 +87,7 @@ class PathGraph:
         path of at most `limit` meters."""
         return np.asarray(self._dijkstra(sources, limit)[0])
 
-    def tied(self, source: int) -> tuple[NDArray[np.float64], NDArray[np.int64], NDArray[np.bool_]]:
+    def shortest_paths_with_ties(self, source: int) -> tuple[NDArray[np.float64], NDArray[np.int64], NDArray[np.bool_]]:
         """Describe the shortest paths from row `source` to every viewpoint. Returns (N,) meters (infinite without a
         path), (N,) number of edges, and (N,) whether a second path is at most SAME_LENGTH longer.
 

@@ -188,7 +188,7 @@ def _map(known: QuantityInputs) -> OccupancyMap:
 
 def _is_on_free_cell(graph: NavGraph, known: QuantityInputs) -> Values:
     """1 on a free cell of the map, 0 on other cells."""
-    return (_map(known).at(places_of(graph)[:, :2]) == FREE).astype(np.float64)
+    return (_map(known).states_at(places_of(graph)[:, :2]) == FREE).astype(np.float64)
 
 
 def _runs(graph: NavGraph, known: QuantityInputs) -> Values:

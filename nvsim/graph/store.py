@@ -24,7 +24,7 @@ from typing import Any, TypeVar
 
 import numpy as np
 
-from nvsim.errors import InputError, shown
+from nvsim.errors import InputError, value_text
 from nvsim.files.opening import is_number
 from nvsim.graph.types import Edge, Evidence, NavGraph, SecondOpinion, Viewpoint
 
@@ -148,7 +148,7 @@ def decode_evidence(blob: bytes) -> Evidence:
         submap, extra = header.pop("second", (None, []))
         others = [] if submap is None else ["alpha", "up", *_optional(extra)]
         many = len(own) + len(others)
-        data = _inflated(blob[5 + size :], many * count + (count + 7) // 8)
+        data = _inflate(blob[5 + size :], many * count + (count + 7) // 8)
         planes = [np.frombuffer(data, np.uint8, count, k * count).reshape(rows, cells) for k in range(many)]
         support = np.unpackbits(np.frombuffer(data, np.uint8, offset=many * count), count=count).astype(bool)
         header["target"] = x, y = (float(header["target"][0]), float(header["target"][1]))
@@ -170,7 +170,7 @@ def decode_evidence(blob: bytes) -> Evidence:
         raise
     except Exception as error:  # any error that invalid JSON or deflated bytes cause
         raise InputError(
-            f"The stored evidence is damaged ({shown(error)}); build the graph again with `nvsim map`."
+            f"The stored evidence is damaged ({value_text(error)}); build the graph again with `nvsim map`."
         ) from error
 
 
@@ -220,7 +220,7 @@ def decode_graph(blob: bytes) -> NavGraph:
             index = json.loads(archive.read("graph.json"))
             data = archive.read("evidence.bin")
         if index["version"] != _VERSION:
-            version = shown(index["version"])
+            version = value_text(index["version"])
             raise InputError(f"The graph file is of version {version}, newer than this program; install a newer NVSim.")
         viewpoints = {row[0]: viewpoint_of(row) for row in index["viewpoints"]}
         edges = {(row[0], row[1]): edge_of(row) for row in index["edges"]}
@@ -249,7 +249,7 @@ def decode_graph(blob: bytes) -> NavGraph:
     except InputError:
         raise
     except Exception as error:  # any error that an invalid archive or invalid JSON causes
-        raise InputError(f"The graph file is damaged ({shown(error)}); export it again.") from error
+        raise InputError(f"The graph file is damaged ({value_text(error)}); export it again.") from error
 
 
 def _planes_in(evidence: Evidence) -> int:
@@ -267,7 +267,7 @@ def _check_sizes(archive: zipfile.ZipFile, size: int) -> None:
             raise ValueError(f"{name} unpacks to {entry.file_size} bytes")
 
 
-def _inflated(data: bytes, size: int) -> bytes:
+def _inflate(data: bytes, size: int) -> bytes:
     """Return deflated bytes that must be `size` long. Raises ValueError if they are not."""
     found = inflate(data, size + 1)
     if len(found) != size:

@@ -43,9 +43,9 @@ def structure(graphs: NavGraph | Iterable[NavGraph]) -> dict[str, float | int]:
         joined.add_nodes_from(range(len(ways.ids)))
         joined.add_edges_from(ways.ends.tolist())
         clustering.append(np.array(list(nx.clustering(joined).values()), np.float64))
-        of_all, of_episodes = _ties(ways)
+        of_all, of_episodes = _count_ties(ways)
         tied, episodes = tied + of_all, episodes + of_episodes
-    degree, length, apart, local = (_joined(parts) for parts in (degrees, lengths, nearest, clustering))
+    degree, length, apart, local = (_join_lengths(parts) for parts in (degrees, lengths, nearest, clustering))
     return {
         "mean_degree": _mean(degree, 2),
         "degree_p5": _percentile(degree, 5),
@@ -69,12 +69,12 @@ def evenly_spaced_rows(count: int, most: int) -> NDArray[np.int64]:
     return np.sort(np.random.default_rng(0).choice(count, most, replace=False))
 
 
-def _ties(ways: PathGraph) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+def _count_ties(ways: PathGraph) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
     """Return (2,) the numbers of tied and of all pairs, and (2,) these numbers for pairs that make episodes."""
     tied, episodes = np.zeros(2, np.int64), np.zeros(2, np.int64)
     fewest, most, least = _EPISODE
     for source in evenly_spaced_rows(len(ways.ids), EXACT).tolist():
-        far, edges, second = ways.tied(source)
+        far, edges, second = ways.shortest_paths_with_ties(source)
         pairs = np.isfinite(far) & (edges > 0)
         tied += (int((second & pairs).sum()), int(pairs.sum()))
         pairs &= (edges >= fewest) & (edges <= most) & (far >= least)
@@ -91,7 +91,7 @@ def _nearest(places: NDArray[np.float64]) -> NDArray[np.float64]:
     return np.asarray(cKDTree(places).query(places, 2)[0][:, 1])
 
 
-def _joined(parts: list[NDArray[np.float64]]) -> NDArray[np.float64]:
+def _join_lengths(parts: list[NDArray[np.float64]]) -> NDArray[np.float64]:
     return np.concatenate(parts) if parts else np.zeros(0)
 
 

@@ -27,12 +27,12 @@ class TouchedElements:
     edges: tuple[EdgeKey, ...] = ()
     evidence: tuple[EvidenceKey, ...] = ()
 
-    def then(self, later: TouchedElements) -> TouchedElements:
+    def merged_with(self, later: TouchedElements) -> TouchedElements:
         """Return the elements that this edit and a later one touched, each name once."""
         return TouchedElements(
-            _both(self.viewpoints, later.viewpoints),
-            _both(self.edges, later.edges),
-            _both(self.evidence, later.evidence),
+            _union(self.viewpoints, later.viewpoints),
+            _union(self.edges, later.edges),
+            _union(self.evidence, later.evidence),
         )
 
 
@@ -44,18 +44,18 @@ def remember(after: NavGraph, before: NavGraph, touched: TouchedElements) -> Non
 def elements_touched_between(one: NavGraph, other: NavGraph) -> TouchedElements | None:
     """Return the elements that the edits between two graphs touched, in either direction. None if no notes connect the
     graphs."""
-    return _walk(one, other) or _walk(other, one)
+    return _follow_notes(one, other) or _follow_notes(other, one)
 
 
 def shorten_note(after: NavGraph, before: NavGraph) -> None:
     """Let the note on `after` refer directly to `before`. Use this if the graphs between them are about to be
     deleted."""
-    touched = _walk(before, after)
+    touched = _follow_notes(before, after)
     if touched is not None and after is not before:
         remember(after, before, touched)
 
 
-def _walk(before: NavGraph, after: NavGraph) -> TouchedElements | None:
+def _follow_notes(before: NavGraph, after: NavGraph) -> TouchedElements | None:
     found, at = TouchedElements(), after
     for _ in range(_FAR):
         if at is before:
@@ -64,11 +64,11 @@ def _walk(before: NavGraph, after: NavGraph) -> TouchedElements | None:
         earlier = None if note is None else note[0]()
         if note is None or earlier is None:
             return None
-        found, at = (note[1].then(found) if found != TouchedElements() else note[1]), earlier
+        found, at = (note[1].merged_with(found) if found != TouchedElements() else note[1]), earlier
     return None
 
 
-def _both(first: tuple[T, ...], second: tuple[T, ...]) -> tuple[T, ...]:
+def _union(first: tuple[T, ...], second: tuple[T, ...]) -> tuple[T, ...]:
     if not first or not second:
         return first or second
     return tuple(dict.fromkeys((*first, *second)))

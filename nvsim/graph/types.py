@@ -175,7 +175,7 @@ class Evidence:
         return (self.viewpoint, self.direction)
 
 
-def _frozen(mapping: Mapping[Any, Any]) -> Mapping[Any, Any]:
+def _read_only_mapping(mapping: Mapping[Any, Any]) -> Mapping[Any, Any]:
     return mapping if isinstance(mapping, MappingProxyType) else MappingProxyType(dict(mapping))
 
 
@@ -198,7 +198,7 @@ class NavGraph:
 
     def __post_init__(self) -> None:
         for name in ("viewpoints", "edges", "evidence", "ignored"):
-            object.__setattr__(self, name, _frozen(getattr(self, name)))
+            object.__setattr__(self, name, _read_only_mapping(getattr(self, name)))
 
     @cached_property
     def adjacency(self) -> Mapping[str, tuple[str, ...]]:

@@ -105,12 +105,12 @@ def build_map(
     survey = Survey(GraphBuilder(scan, walk.storey), lattice, measurements, walk, floor_at, config)
     search = BreadthFirstSearch(survey)
 
-    def measured() -> NavGraph:
-        return NavGraph(scan, evidence={e.key: e for e in measurements.everything()})
+    def with_measurements() -> NavGraph:
+        return NavGraph(scan, evidence={e.key: e for e in measurements.all_evidence()})
 
     def keep_evidence() -> None:
         if keep is not None:
-            keep(measured())
+            keep(with_measurements())
 
     explorer = _Explorer(search, walk, config, listen, keep_evidence)
     if start is not None or config.starts == "one":
@@ -118,7 +118,7 @@ def build_map(
     if config.starts == "cover":
         explorer.cover()
         explorer.bridge()
-        explorer.beside()
+        explorer.start_beside_trajectory()
         if not scanned:
             explorer.cover_closely()
         if in_one_room:
@@ -161,11 +161,11 @@ def build_map(
         "isolated_removed": len(isolated),
         "limited": search.limited,
     }
-    _say(report, len(walk.places), disconnection, config, listen)
+    _report_build(report, len(walk.places), disconnection, config, listen)
     sentence = explain_small_graph(report, np.array(uncovered), len(walk.places))
     if sentence:
         listen(Warning(sentence, STAGE))
-    return BuildResult(graph, report, measured())
+    return BuildResult(graph, report, with_measurements())
 
 
 def _cut_detours(draft: GraphBuilder, detour: TrajectoryDetour, survey: Survey) -> int:
@@ -182,7 +182,9 @@ def _cut_detours(draft: GraphBuilder, detour: TrajectoryDetour, survey: Survey) 
     return found
 
 
-def _say(report: dict[str, Any], places: int, disconnection: str, config: MappingConfig, listen: Listener) -> None:
+def _report_build(
+    report: dict[str, Any], places: int, disconnection: str, config: MappingConfig, listen: Listener
+) -> None:
     """Report a build to the user. `disconnection` explains why parts of the graph are disconnected."""
     if report["limited"]:
         listen(
@@ -256,20 +258,20 @@ class _Explorer:
             for i in self._gaps():
                 for k in [i + d for n in range(_TRIES) for d in (-n, n + 1)]:
                     free = 0 <= k < len(self._walk.places) and k not in self._tried
-                    if free and not self._search.draft.near(self._walk.places[k], _CROWD):
+                    if free and not self._search.draft.viewpoints_near(self._walk.places[k], _CROWD):
                         progress = self._start(k) or progress
                         break
                 if progress:
                     break
 
-    def beside(self) -> None:
+    def start_beside_trajectory(self) -> None:
         """If the trajectory gave very few viewpoints, start on the known floor beside it."""
         if len(self._search.draft.viewpoints) < _FEW:
             self.begin_beside()
 
     def begin_beside(self) -> None:
         """Start on the known floor beside the trajectory."""
-        for place in self._walk.beside(self._config.half_width, _BESIDE):
+        for place in self._walk.positions_beside(self._config.half_width, _BESIDE):
             self.begin(place)
 
     def cover_closely(self) -> None:
@@ -282,11 +284,11 @@ class _Explorer:
             self._reach = usual
 
     def is_covered(self, place: NDArray[np.floating]) -> bool:
-        return self._coverer(place) is not None
+        return self._covering_viewpoint(place) is not None
 
-    def _coverer(self, place: NDArray[np.floating]) -> str | None:
+    def _covering_viewpoint(self, place: NDArray[np.floating]) -> str | None:
         """Return the nearest viewpoint in line with a position of the trajectory."""
-        for viewpoint in self._search.draft.near(place, self._reach):
+        for viewpoint in self._search.draft.viewpoints_near(place, self._reach):
             if self._walk.is_line_known(np.array(viewpoint.position), place):
                 return viewpoint.id
         return None
@@ -299,7 +301,7 @@ class _Explorer:
         for i, place in enumerate(self._walk.places):
             if i and not self._walk.joined[i - 1]:
                 last = None
-            coverer = self._coverer(place)
+            coverer = self._covering_viewpoint(place)
             if coverer is None:
                 continue
             if last is not None and not self._search.draft.is_within(last, coverer, _HOPS):
@@ -318,28 +320,28 @@ class _Explorer:
 
     def progress(self) -> None:
         """Report how many positions of the trajectory are left, or how many viewpoints wait."""
-        self._covered.look(self._search.expanded)
-        left, waiting = self._covered.left, self._search.waiting
+        self._covered.update(self._search.expanded)
+        left, waiting = self._covered.count_left, self._search.waiting
         if left:
-            self._say(f"{left} position{'s' if left > 1 else ''} of the trajectory left")
+            self._report_progress(f"{left} position{'s' if left > 1 else ''} of the trajectory left")
         else:
-            self._say(f"{waiting} of them to expand" if waiting else "joining them")
+            self._report_progress(f"{waiting} of them to expand" if waiting else "joining them")
         self._keep_now_and_then()
 
     def settling(self) -> None:
-        self._say("settling the graph")
+        self._report_progress("settling the graph")
         self._keep_now_and_then()
 
     def finish(self) -> None:
-        self._say("")
+        self._report_progress("")
 
-    def _say(self, then: str) -> None:
+    def _report_progress(self, then: str) -> None:
         """Report progress in positions of the trajectory. It is complete only at the end, without `then`."""
         found, places = len(self._search.draft.viewpoints), len(self._walk.places)
         words = f"{found} viewpoint{'' if found == 1 else 's'}" + (f", {then}" if then else "")
         if words != self._said:
             self._said = words
-            self._listen(Progress(STAGE, min(places - self._covered.left, places - bool(then)), places, words))
+            self._listen(Progress(STAGE, min(places - self._covered.count_left, places - bool(then)), places, words))
 
     def _keep_now_and_then(self) -> None:
         now = time.monotonic()

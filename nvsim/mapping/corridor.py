@@ -93,9 +93,9 @@ class Corridor:
     def ground(self, floor_at: HeightAt) -> NDArray[np.float64]:
         """Return (rows, CELLS, 3) cell centers on the floor, meters, world, read-only. In stacked storeys, it is the
         floor that continues from the start; slopes are followed row by row."""
-        return _ground(self, floor_at)
+        return _floor_points(self, floor_at)
 
-    def _ground(self, floor_at: HeightAt) -> NDArray[np.float64]:
+    def _compute_ground(self, floor_at: HeightAt) -> NDArray[np.float64]:
         ground = np.empty((self.rows, CELLS, 3))
         self._place(ground)
         if self.eye is None:
@@ -112,7 +112,7 @@ class Corridor:
         ground[..., 2] = found
         return ground
 
-    def climbs(self, floor_at: HeightAt) -> bool:
+    def uses_stairs(self, floor_at: HeightAt) -> bool:
         """Whether the corridor leads up or down stairs."""
         return abs(self.end(floor_at) - row_median(self.ground(floor_at)[0, :, 2])) > CLIMB
 
@@ -142,8 +142,8 @@ def _level(start: tuple[float, float], eye: float, floor_at: HeightAt) -> float:
 
 # The corridors of a viewpoint are used several times: to render, to measure, and to find their ends.
 @lru_cache(maxsize=1024)
-def _ground(corridor: Corridor, floor_at: HeightAt) -> NDArray[np.float64]:
-    found = corridor._ground(floor_at)
+def _floor_points(corridor: Corridor, floor_at: HeightAt) -> NDArray[np.float64]:
+    found = corridor._compute_ground(floor_at)
     found.setflags(write=False)
     return found
 
@@ -182,15 +182,15 @@ class Lattice:
         """Add a start at `xy`, from which steps descend."""
         self._at[id] = (xy, (0,) * _AXES)
 
-    def take(self, id: str, origin: str, direction: int) -> None:
+    def record_step(self, id: str, origin: str, direction: int) -> None:
         """Record that the step from `origin` leads to the viewpoint `id`."""
         start, counts = self._at[origin]
-        self._at[id] = (start, self._moved(counts, direction))
+        self._at[id] = (start, self._counts_after_step(counts, direction))
 
     def target(self, id: str, direction: int) -> tuple[float, float]:
         """Return world x, y in meters to which the step from `id` leads."""
         start, counts = self._at[id]
-        moved = self._moved(counts, direction)
+        moved = self._counts_after_step(counts, direction)
         offset = sum((n * step for n, step in zip(moved, self._steps, strict=True)), np.zeros(2))
         offset += self._random_offset(start, moved)
         return float(start[0] + offset[0]), float(start[1] + offset[1])
@@ -203,6 +203,6 @@ class Lattice:
         square, turn = (int.from_bytes(part, "big") / 2**32 for part in (drawn[:4], drawn[4:]))
         return offset_ahead(2 * math.pi * turn, self._jitter * math.sqrt(square))
 
-    def _moved(self, counts: tuple[int, ...], direction: int) -> tuple[int, ...]:
+    def _counts_after_step(self, counts: tuple[int, ...], direction: int) -> tuple[int, ...]:
         sign = 1 if direction < _AXES else -1
         return tuple(n + sign * (k == direction % _AXES) for k, n in enumerate(counts))

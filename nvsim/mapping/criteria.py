@@ -166,7 +166,7 @@ def strictest_decision(decisions: Sequence[Decision]) -> Decision:
 
 def _decision(evidence: Evidence, config: MappingConfig) -> Decision:
     corridor = corridor_of(evidence, config)
-    for criterion in _asked(CRITERIA, config):
+    for criterion in _criteria_in_use(CRITERIA, config):
         value, _ = criterion.measure(evidence, corridor)
         if not criterion.passes(value, criterion.limit(config)):
             return criterion.word
@@ -174,8 +174,8 @@ def _decision(evidence: Evidence, config: MappingConfig) -> Decision:
 
 
 @lru_cache(maxsize=16)
-def _asked(criteria: tuple[Criterion, ...], config: MappingConfig) -> tuple[Criterion, ...]:
-    return tuple(criterion for criterion in criteria if criterion.asked(config))
+def _criteria_in_use(criteria: tuple[Criterion, ...], config: MappingConfig) -> tuple[Criterion, ...]:
+    return tuple(criterion for criterion in criteria if criterion.is_used(config))
 
 
 def can_stand(around: Iterable[Evidence], config: MappingConfig) -> bool:
@@ -184,13 +184,13 @@ def can_stand(around: Iterable[Evidence], config: MappingConfig) -> bool:
     agree."""
     several = [opinions(evidence, config) for evidence in around]
     firsts = [one[0] for one in several]
-    if not _stands(firsts, config):
+    if not _can_stand(firsts, config):
         return False
     # All directions of a viewpoint were measured with the same models.
-    return not any(len(one) > 1 for one in several) or _stands([one[-1] for one in several], config)
+    return not any(len(one) > 1 for one in several) or _can_stand([one[-1] for one in several], config)
 
 
-def _stands(around: list[Evidence], config: MappingConfig) -> bool:
+def _can_stand(around: list[Evidence], config: MappingConfig) -> bool:
     if not around or floor_below(around, config)[1] < config.support:
         return False
     for criterion in standing_criteria(config):
@@ -207,7 +207,7 @@ def standing_criteria(config: MappingConfig) -> tuple[Criterion, ...]:
     and otherwise for the corridor. The upward normal contains 1 - alpha, so it adds nothing if alpha is tested."""
     over = "row" if config.rule == "worst" else "corridor"
     families = [f for f in config.criteria if f != "normal" or "alpha" not in config.criteria]
-    return tuple(c for c in CRITERIA if c.family in families and c.over == over and c.asked(config))
+    return tuple(c for c in CRITERIA if c.family in families and c.over == over and c.is_used(config))
 
 
 def floor_below(around: Iterable[Evidence], config: MappingConfig) -> tuple[float, float]:
@@ -227,7 +227,7 @@ def cells_under_robot(evidence: Evidence, config: MappingConfig) -> NDArray[np.b
     """Return (rows, cells) bool: the cells within half the corridor's width of the viewpoint. A point-like robot has
     the nearest cells."""
     grid = _Grid.of(evidence)
-    return _under(grid, max(config.half_width, grid.near + grid.depth))
+    return _cells_within(grid, max(config.half_width, grid.near + grid.depth))
 
 
 def is_sufficient(evidence: Evidence, length: float, heading: float, config: MappingConfig) -> bool:
@@ -267,7 +267,7 @@ class _Grid(NamedTuple):
 
 
 @lru_cache(maxsize=64)
-def _under(grid: _Grid, reach: float) -> NDArray[np.bool_]:
+def _cells_within(grid: _Grid, reach: float) -> NDArray[np.bool_]:
     along, across = _centres(grid)
     found = np.asarray(np.hypot(along[:, None], across[None, :]) <= reach)
     found.setflags(write=False)

@@ -58,7 +58,7 @@ class Criterion:
         """Whether only the rule "worst" uses it. The rule "mean" uses the criteria that `MEANS` names."""
         return self.field not in MEANS
 
-    def asked(self, config: MappingConfig) -> bool:
+    def is_used(self, config: MappingConfig) -> bool:
         return (not self.worst_only or config.rule == "worst") and self.chosen(config)
 
     def chosen(self, config: MappingConfig) -> bool:

@@ -29,32 +29,33 @@ def bind_tensors(tensors: Sequence[Tensor], nodes: Sequence[Node], path: Path, i
     """
     found: dict[int, Node] = {}
 
-    def wanted(i: int) -> bool:
+    def is_missing(i: int) -> bool:
         return i not in found and (inputs or not any(tensors[k].values == tensors[i].values for k in found))
 
     for i, tensor in enumerate(tensors):
-        if not wanted(i):
+        if not is_missing(i):
             continue
         named = next((n for name in tensor.names for n in nodes if n.name == name), None)
         if named is not None:
             if _exactness(tensor, named) is None:
                 raise InputError(
-                    f"{path}: {named.name} is {describe_nodes([named])}, but the description says {_said(tensor)}; "
+                    f"{path}: {named.name} is {describe_nodes([named])}, but the description says "
+                    f"{_describe_tensor(tensor)}; "
                     "correct the description, or export the file again."
                 )
             found[i] = named
     while True:
         free = [n for n in nodes if n not in found.values()]
         chosen = next(
-            ((i, n) for i, t in enumerate(tensors) if wanted(i) and (n := _best_matching_node(t, free))), None
+            ((i, n) for i, t in enumerate(tensors) if is_missing(i) and (n := _best_matching_node(t, free))), None
         )
         if chosen is None:
             break
         found[chosen[0]] = chosen[1]
     for i, tensor in enumerate(tensors):
-        if wanted(i) and not tensor.optional:
+        if is_missing(i) and not tensor.optional:
             raise InputError(
-                f"{path} has no {'input' if inputs else 'output'} that matches {_said(tensor)}; "
+                f"{path} has no {'input' if inputs else 'output'} that matches {_describe_tensor(tensor)}; "
                 f"it has {describe_nodes(nodes)}."
             )
     left = [n for n in nodes if n not in found.values()]
@@ -91,7 +92,7 @@ def _exactness(tensor: Tensor, node: Node) -> int | None:
     return sum(side == wanted for wanted, side in said)
 
 
-def _said(tensor: Tensor) -> str:
+def _describe_tensor(tensor: Tensor) -> str:
     name = " or ".join(tensor.names)
     shape = "" if tensor.shape is None else "[" + ", ".join(str(n) if n else "?" for n in tensor.shape) + "]"
     return " ".join(filter(None, (name, tensor.kind, shape)))

@@ -10,7 +10,7 @@ from typing import Any, get_args
 from nvsim.files.opening import is_regular
 from nvsim.networks.description import IMPROVES, ROLE_WORDS, SINGLE_FILES, Role
 from nvsim.networks.folder import models_folder
-from nvsim.networks.installed import InstalledModel, bundled, installed
+from nvsim.networks.installed import InstalledModel, bundled_models, installed_models
 from nvsim.networks.known_forms import known_descriptions
 
 
@@ -63,18 +63,18 @@ class Catalogue:
 
 def catalogue() -> Catalogue:
     """The installed models and the roles without one. No network is opened."""
-    models, problems = installed()
+    models, problems = installed_models()
     roles: tuple[Role, ...] = get_args(Role)
     played = {model.role for model in models}
     return Catalogue(
         models_folder(),
-        (*map(_listed, (*models, *bundled())), *_single_files()),
+        (*map(_list_model, (*models, *bundled_models())), *_single_files()),
         tuple(problems),
-        tuple(MissingRole(ROLE_WORDS[r], IMPROVES[r], _known(r)) for r in roles if r not in played),
+        tuple(MissingRole(ROLE_WORDS[r], IMPROVES[r], _known_forms(r)) for r in roles if r not in played),
     )
 
 
-def _listed(model: InstalledModel) -> ListedModel:
+def _list_model(model: InstalledModel) -> ListedModel:
     d = model.description
     title = d.title if d else f"installed as {', '.join(p.name for p in model.files)}; its form is detected on opening"
     paths = model.sources
@@ -101,7 +101,7 @@ def _single_files() -> list[ListedModel]:
     return found
 
 
-def _known(role: Role) -> tuple[KnownForm, ...]:
+def _known_forms(role: Role) -> tuple[KnownForm, ...]:
     return tuple(
         KnownForm(form, d.title, d.names, d.made_by, d.licence, d.source)
         for form, d in known_descriptions().items()

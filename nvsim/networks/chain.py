@@ -103,8 +103,8 @@ class Chain:
         self.paths = {key: folder / file.name for key, file in description.files.items()}
         asked = providers(provider)
         files = {key: shared_file(path, asked) for key, path in self.paths.items()}
-        runs = [_bound(step, self.paths[step.file], files[step.file]) for step in description.steps]
-        self.images = _sized(description, runs)
+        runs = [_bind_step(step, self.paths[step.file], files[step.file]) for step in description.steps]
+        self.images = _with_file_sizes(description, runs)
         self._ddim = {name: Ddim(scheduler) for name, scheduler in description.schedulers.items()}
         # Steps that depend on a prompt or a pair run once for each of them; all others run once per image.
         self._once: list[_BoundStep] = []
@@ -172,16 +172,16 @@ class Chain:
                 values[said.state] = ddim.step(values[said.state], values[said.prediction], int(timestep))
 
     def _once_through(self, run: _BoundStep, values: Values) -> None:
-        feed = {b.node.name: self._fed(b, values) for b in run.inputs}
+        feed = {b.node.name: self._input_array(b, values) for b in run.inputs}
         found = dict(zip(run.names, run.file.run(run.names, feed), strict=True))
         for b in run.outputs:
-            values[b.tensor.values[0]] = _copied(_changed(np.asarray(found[b.node.name]), b), b)
+            values[b.tensor.values[0]] = _repeat_for_batch(_apply_change(np.asarray(found[b.node.name]), b), b)
 
-    def _fed(self, bound: BoundTensor, values: Values) -> NDArray[Any]:
+    def _input_array(self, bound: BoundTensor, values: Values) -> NDArray[Any]:
         """The array for an input of the network."""
         parts = [self._value(name, values, bound.node) for name in bound.tensor.values]
-        value = _changed(parts[0] if len(parts) == 1 else np.concatenate(parts, axis=1), bound)
-        value = _copied(_ranked(value, bound.node), bound)
+        value = _apply_change(parts[0] if len(parts) == 1 else np.concatenate(parts, axis=1), bound)
+        value = _repeat_for_batch(_to_rank(value, bound.node), bound)
         return np.ascontiguousarray(value, TYPES.get(bound.node.type, np.float32))
 
     def _value(self, name: str, values: Values, node: Node | None = None) -> NDArray[Any]:
@@ -195,13 +195,13 @@ class Chain:
         return _constant(constant, values, node)
 
 
-def _bound(step: Step, path: Path, file: SharedFile) -> _BoundStep:
+def _bind_step(step: Step, path: Path, file: SharedFile) -> _BoundStep:
     takes, gives = file.session.signature
     inputs = bind_tensors(step.inputs, takes, path, inputs=True)
     return _BoundStep(step, path, file, inputs, bind_tensors(step.outputs, gives, path, inputs=False))
 
 
-def _sized(description: Description, runs: Sequence[_BoundStep]) -> dict[str, Preparation]:
+def _with_file_sizes(description: Description, runs: Sequence[_BoundStep]) -> dict[str, Preparation]:
     """The images of the description, in the sizes that the files require."""
     images = dict(description.images)
     for run in runs:
@@ -225,18 +225,18 @@ def _sized(description: Description, runs: Sequence[_BoundStep]) -> dict[str, Pr
     return images
 
 
-def _changed(value: NDArray[Any], bound: BoundTensor) -> NDArray[Any]:
+def _apply_change(value: NDArray[Any], bound: BoundTensor) -> NDArray[Any]:
     tensor = bound.tensor
     if tensor.item is not None:
         value = value[tensor.item : tensor.item + 1]
     return value * tensor.factor if tensor.factor != 1 else value
 
 
-def _copied(value: NDArray[Any], bound: BoundTensor) -> NDArray[Any]:
+def _repeat_for_batch(value: NDArray[Any], bound: BoundTensor) -> NDArray[Any]:
     return np.repeat(value, bound.tensor.copies, axis=0) if bound.tensor.copies > 1 else value
 
 
-def _ranked(value: NDArray[Any], node: Node) -> NDArray[Any]:
+def _to_rank(value: NDArray[Any], node: Node) -> NDArray[Any]:
     """`value` with the rank of the input `node`. Axes of length 1 are added or removed at the front. A single number is
     broadcast to an input of fixed size."""
     rank = len(node.shape)

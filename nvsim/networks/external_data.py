@@ -15,7 +15,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass, field
 from pathlib import Path, PurePosixPath, PureWindowsPath
 
-from nvsim.errors import InputError, shown
+from nvsim.errors import InputError, value_text
 from nvsim.files.opening import opened, size_of
 
 _THEN = "export it again"
@@ -67,7 +67,7 @@ def check_external_data(path: Path) -> int:
 
 def _check(path: Path, tensor: ExternalTensor, sizes: dict[Path, int]) -> None:
     """Raises InputError unless the file of a tensor may be opened. Otherwise adds its size to `sizes`."""
-    about = f"{path}: the weights {shown(tensor.name)}"
+    about = f"{path}: the weights {value_text(tensor.name)}"
     said = dict(tensor.said)
     if len(said) != len(tensor.said) or not said.get("location"):
         raise InputError(f"{about} do not name exactly one file; {_THEN}.")
@@ -76,7 +76,7 @@ def _check(path: Path, tensor: ExternalTensor, sizes: dict[Path, int]) -> None:
     outside = PurePosixPath(location).is_absolute() or PureWindowsPath(location).drive or ".." in parts
     if outside or "\\" in location or "*" in location or not location.isprintable():
         raise InputError(
-            f"{about} refer to {shown(location)!r}; only a file in the folder of the network is opened. "
+            f"{about} refer to {value_text(location)!r}; only a file in the folder of the network is opened. "
             f"Export it with the weights beside it."
         )
     file = path.parent / location
@@ -86,17 +86,19 @@ def _check(path: Path, tensor: ExternalTensor, sizes: dict[Path, int]) -> None:
     except (OSError, ValueError) as error:
         reason = "is missing" if isinstance(error, FileNotFoundError) else "cannot be read"
         raise InputError(
-            f"{path} needs the file {shown(location)} beside it, which {reason}; copy it there."
+            f"{path} needs the file {value_text(location)} beside it, which {reason}; copy it there."
         ) from error
     # A download cache has links to files in one folder. There, the weights are beside the target of the network's link.
     folders = {os.path.realpath(path.parent), os.path.dirname(os.path.realpath(path))}
     if not any(Path(real).is_relative_to(folder) for folder in folders):
         raise InputError(
-            f"{about} are in {shown(location)}, a link to a file in another folder; put the file itself beside "
+            f"{about} are in {value_text(location)}, a link to a file in another folder; put the file itself beside "
             f"{path.name}."
         )
     if not stat.S_ISREG(known.st_mode):
-        raise InputError(f"{about} are in {shown(location)}, which is not a regular file; copy the weights file there.")
+        raise InputError(
+            f"{about} are in {value_text(location)}, which is not a regular file; copy the weights file there."
+        )
     try:
         offset, length = (int(said.get(key) or 0) for key in ("offset", "length"))
         if min(offset, length) < 0:
@@ -105,7 +107,8 @@ def _check(path: Path, tensor: ExternalTensor, sizes: dict[Path, int]) -> None:
         raise InputError(f"{about} have an offset or a length that is not a number of bytes; {_THEN}.") from error
     if offset + length > known.st_size:
         raise InputError(
-            f"{about} end at byte {offset + length} of {shown(location)}, which has {known.st_size}; copy it again."
+            f"{about} end at byte {offset + length} of {value_text(location)}, which has {known.st_size}; "
+            "copy it again."
         )
     sizes[Path(real)] = known.st_size
 

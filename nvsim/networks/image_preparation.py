@@ -47,7 +47,7 @@ class Placement:
         factor = np.array([self.wide / self.width, self.high / self.height])
         return np.asarray((np.asarray(points, float) + 0.5 - (self.left, self.top)) / factor)
 
-    def back(self, values: NDArray[Any]) -> NDArray[np.float32]:
+    def to_image_size(self, values: NDArray[Any]) -> NDArray[np.float32]:
         """(..., height, width) float32 from `values` (..., h, w) that cover the network's image. Padding is cut off,
         and values are interpolated linearly."""
         h, w = values.shape[-2:]
@@ -115,7 +115,7 @@ class Preparation:
         """The network's input for an image (H, W, 3) uint8 RGB, shaped as in `__call__`, and the position of the image
         in it."""
         place = self.placement(*image.shape[:2])
-        sized: NDArray[Any] = self._sized(image, place)
+        sized: NDArray[Any] = self._resize(image, place)
         if self.colours == "BGR":
             sized = sized[..., ::-1]
         scale = self.brightest / 255 / np.array(self.std)
@@ -150,7 +150,7 @@ class Preparation:
         whole = round(steps) if self.resize in ("stretch", "crop") else -int(-(steps - 1e-9) // 1)
         return max(1, whole) * self.multiple
 
-    def _sized(self, image: Image, place: Placement) -> NDArray[Any]:
+    def _resize(self, image: Image, place: Placement) -> NDArray[Any]:
         import cv2
 
         how = {"bicubic": cv2.INTER_CUBIC, "linear": cv2.INTER_LINEAR, "area": cv2.INTER_AREA}[self.interpolation]

@@ -39,7 +39,7 @@ def add(paths: Sequence[Path], name: str = "", form: str = "", replace: bool = F
         return _install(networks, toml.parent, read_description(toml), None, name or _own_name(toml), replace, toml)
     found = _form(networks, form)
     description = known_descriptions()[found[0]]
-    chosen = name or _guessed(description, networks) or found[0]
+    chosen = name or _guess_model_name(description, networks) or found[0]
     return _install(networks, networks[0].parent, description, found, chosen, replace, None)
 
 
@@ -83,7 +83,7 @@ def _form(networks: Sequence[Path], wanted: str) -> tuple[str, dict[str, Path]]:
     return forms[0]
 
 
-def _guessed(description: Description, networks: Sequence[Path]) -> str:
+def _guess_model_name(description: Description, networks: Sequence[Path]) -> str:
     """The longest known model name whose parts all occur in the names of the files and their folder; "" if none."""
     words = " ".join([networks[0].absolute().parent.name, *(p.name for p in networks)]).lower()
     known = [n for n in description.names if all(part in words for part in n.replace(".", "-").split("-"))]
@@ -117,12 +117,12 @@ def _install(
         sums = {}
         for file in files.values():
             for each in (file.name, *file.beside):
-                sums[each] = _copied(where.get(each, where[file.name]) / each, made / each)
+                sums[each] = _copy_with_hash(where.get(each, where[file.name]) / each, made / each)
         if form is None:
             assert toml is not None
-            _copied(toml, made / DESCRIPTION)
+            _copy_with_hash(toml, made / DESCRIPTION)
         else:
-            write_text(made / DESCRIPTION, _written(form[0], files, sums))
+            write_text(made / DESCRIPTION, _toml_text(form[0], files, sums))
         model_at(made / DESCRIPTION).open("cpu")
         _install_folder(made, target)
     return model_at(target / DESCRIPTION)
@@ -152,7 +152,7 @@ def _file(path: Path) -> File:
     return File(path.name, tuple(n for n in names if is_regular(path.with_name(n))))
 
 
-def _copied(source: Path, target: Path) -> str:
+def _copy_with_hash(source: Path, target: Path) -> str:
     """Copy a file and return its SHA-256 in hexadecimal."""
     digest = hashlib.sha256()
     with opened(source) as file:
@@ -166,7 +166,7 @@ def _copied(source: Path, target: Path) -> str:
     return digest.hexdigest()
 
 
-def _written(form: str, files: dict[str, File], sums: dict[str, str]) -> str:
+def _toml_text(form: str, files: dict[str, File], sums: dict[str, str]) -> str:
     """The TOML of a model that uses a form. JSON strings are valid TOML strings."""
 
     def text(value: str) -> str:

@@ -25,7 +25,7 @@ from nvsim.networks.known_forms import (
 )
 from nvsim.networks.onnx_session import Provider, Session, Signature
 from nvsim.networks.parsing import description_in
-from nvsim.networks.toml_table import LARGEST, parsed
+from nvsim.networks.toml_table import LARGEST, parse_toml
 
 DESCRIPTION = "model.toml"
 OLD: dict[str, tuple[Role, tuple[str, ...]]] = {
@@ -74,9 +74,9 @@ class InstalledModel:
 
     def open(self, provider: Provider = "auto") -> Chain:
         """Open the model. Raises InputError if its files cannot be loaded or do not match its description."""
-        return Chain(self.description or self._recognised(), self.folder, provider)
+        return Chain(self.description or self._checked_description(), self.folder, provider)
 
-    def _recognised(self) -> Description:
+    def _checked_description(self) -> Description:
         signatures = {path: signature_of(path) for path in self.files}
         beside = self.files[0].with_suffix(".toml")
         if self.role == "normals" and is_regular(beside):
@@ -111,13 +111,13 @@ class _Problem:
     message: str
 
 
-def installed() -> tuple[list[InstalledModel], list[str]]:
+def installed_models() -> tuple[list[InstalledModel], list[str]]:
     """The models sorted by name, and a message for each invalid description."""
-    models, problems = _installed()
+    models, problems = _find_installed()
     return models, [problem.message for problem in problems]
 
 
-def _installed() -> tuple[list[InstalledModel], list[_Problem]]:
+def _find_installed() -> tuple[list[InstalledModel], list[_Problem]]:
     """The models sorted by name, and the models that cannot be used."""
     folder = models_folder()
     found: dict[str, InstalledModel] = {}
@@ -153,7 +153,7 @@ def _name_of(path: Path) -> str:
     return path.parent.name if path.name == DESCRIPTION else path.stem
 
 
-def bundled() -> list[InstalledModel]:
+def bundled_models() -> list[InstalledModel]:
     """The models that come with NVSim. Their descriptions are in `nvsim_resources/models/bundled`."""
     found = []
     for name, role in _OURS.items():
@@ -165,12 +165,12 @@ def bundled() -> list[InstalledModel]:
 
 def bundled_model(role: Role) -> InstalledModel | None:
     """The model of a role that comes with NVSim, None if there is none."""
-    return next((model for model in bundled() if model.role == role), None)
+    return next((model for model in bundled_models() if model.role == role), None)
 
 
 def models_of(role: Role) -> list[InstalledModel]:
     """The installed models of a role; models without a description are last."""
-    return sorted((m for m in installed()[0] if m.role == role), key=lambda m: (m.description is None, m.name))
+    return sorted((m for m in installed_models()[0] if m.role == role), key=lambda m: (m.description is None, m.name))
 
 
 def find_model(
@@ -181,14 +181,14 @@ def find_model(
     Without a name, it is the first installed model, or None. Raises InputError if no model has that name, or if the
     description of the model is invalid. Errors name the `purpose` of the model in place of its role, and list the
     `suitable` models in place of all installed models of the role."""
-    models, problems = _installed()
+    models, problems = _find_installed()
     fitting_role = models_of(role)
     if not name:
         incomplete = next((p for p in problems if p.role == role), None)
         if not fitting_role and incomplete is not None:
             raise InputError(incomplete.message)
         return fitting_role[0] if fitting_role else None
-    ours = bundled()
+    ours = bundled_models()
     for model in (*fitting_role, *(m for m in ours if m.role == role)):
         if name in (model.name, BUNDLED if model in ours else model.name):
             return model
@@ -221,7 +221,7 @@ def _descriptions(folder: Path) -> list[Path]:
 def _is_of_a_model(path: Path) -> bool:
     """Whether a TOML has a role or a form, or cannot be read. Descriptions of backbones in this folder have no role."""
     try:
-        values = parsed(read_text(path, "a description of a model", "save it as UTF-8", LARGEST), path)
+        values = parse_toml(read_text(path, "a description of a model", "save it as UTF-8", LARGEST), path)
     except InputError:
         return path.stem not in OLD
     return "role" in values or "form" in values

@@ -12,13 +12,13 @@ from pathlib import Path
 from typing import Any
 
 import nvsim_resources
-from nvsim.errors import InputError, shown
+from nvsim.errors import InputError, value_text
 from nvsim.files.opening import read_text
 from nvsim.networks.binding import bind_tensors, describe_nodes
 from nvsim.networks.description import Description, Role
 from nvsim.networks.onnx_session import Node, Signature
 from nvsim.networks.parsing import description_in
-from nvsim.networks.toml_table import LARGEST, TomlTable, parsed
+from nvsim.networks.toml_table import LARGEST, TomlTable, parse_toml
 
 FOLDER = Path(nvsim_resources.__file__).parent / "models"
 _AGAIN = "save it as UTF-8"
@@ -38,13 +38,13 @@ def _forms() -> tuple[str, ...]:
 def values_of(path: Path) -> dict[str, Any]:
     """The parsed TOML at `path`. If it names a form (`form = "moge-2"`), missing keys are taken from that form. Raises
     InputError if the file cannot be read or the form is unknown."""
-    values = parsed(read_text(path, "a description of a model", _AGAIN, LARGEST), path)
+    values = parse_toml(read_text(path, "a description of a model", _AGAIN, LARGEST), path)
     form = values.pop("form", None)
     if form is None:
         return values
     known = _forms()
     if form not in known:
-        raise InputError(f"{path}: form is {shown(form)}; it must be one of {', '.join(known)}.")
+        raise InputError(f"{path}: form is {value_text(form)}; it must be one of {', '.join(known)}.")
     return {**values_of(FOLDER / f"{form}.toml"), **values}
 
 
@@ -105,7 +105,7 @@ def description_from_legacy_toml(
     """The description of the `network`, as parsed TOML, from the six keys in the file at `path`.
 
     `inputs` and `outputs` are those of the network. Raises InputError if the file or the network does not fit."""
-    values = parsed(read_text(path, "a description of a network", "save it as UTF-8", LARGEST), path)
+    values = parse_toml(read_text(path, "a description of a network", "save it as UTF-8", LARGEST), path)
     for key in values:
         if key not in KEYS:
             raise InputError(f"{path} has the unknown key {key!r:.40}; the known keys are {', '.join(KEYS)}.")

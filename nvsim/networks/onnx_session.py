@@ -148,7 +148,7 @@ class SharedFile:
             return self.session.run(names, feed)
         wanted = list(dict.fromkeys(name for asked in askers for name in asked))
         for before, found in answers:
-            if all(name in found for name in names) and _same(before, feed):
+            if all(name in found for name in names) and _are_equal(before, feed):
                 return [found[name] for name in names]
         whole = dict(zip(wanted, self.session.run(wanted, feed), strict=True))
         with self._lock:
@@ -181,5 +181,5 @@ def _key(path: Path, providers: Sequence[str]) -> tuple[Any, ...] | None:
     return about.st_dev, about.st_ino, about.st_size, about.st_mtime_ns, tuple(providers)
 
 
-def _same(a: Feed, b: Feed) -> bool:
+def _are_equal(a: Feed, b: Feed) -> bool:
     return a.keys() == b.keys() and all(np.array_equal(a[name], b[name]) for name in a)

@@ -45,13 +45,13 @@ def description_in(values: dict[str, Any], path: Path) -> Description:
     description = Description(
         role=role,
         title=table.word("title", path.stem),
-        files=_each(table.table("files"), _file),
-        images=_each(table.table("images"), lambda t: preparation_in(t, needs_size=False)),
+        files=_read_tables(table.table("files"), _file),
+        images=_read_tables(table.table("images"), lambda t: preparation_in(t, needs_size=False)),
         steps=tuple(map(_step, steps)),
         result=_result(table.table("result"), role),
         points=_points(table.table("points")) if role == "prompted" else None,
-        constants=_each(table.table("constants"), _constant),
-        schedulers=_each(table.table("schedulers"), _scheduler),
+        constants=_read_tables(table.table("constants"), _constant),
+        schedulers=_read_tables(table.table("schedulers"), _scheduler),
         names=table.words("names", ()),
         made_by=table.word("made_by", ""),
         licence=table.word("licence", ""),
@@ -62,7 +62,7 @@ def description_in(values: dict[str, Any], path: Path) -> Description:
     return description
 
 
-def _each(table: TomlTable, read: Callable[[TomlTable], T]) -> dict[str, T]:
+def _read_tables(table: TomlTable, read: Callable[[TomlTable], T]) -> dict[str, T]:
     found = {}
     for key in table.keys():  # noqa: SIM118  (a Table is not a dict)
         inner = table.table(key)
@@ -193,7 +193,7 @@ def _axes(table: TomlTable) -> tuple[Direction, Direction, Direction]:
 def _check(d: Description, path: Path) -> None:
     """Raises InputError if a name refers to nothing."""
 
-    def need(name: str, known: tuple[str, ...], what: str) -> None:
+    def require_known(name: str, known: tuple[str, ...], what: str) -> None:
         if name not in known:
             raise InputError(f"{path}: {what} {name!r:.60} is unknown; it must be one of {', '.join(known) or 'none'}.")
 
@@ -203,24 +203,24 @@ def _check(d: Description, path: Path) -> None:
     known = (*d.images, *d.constants, *given_values(d.role))
     for constant in d.constants.values():
         if constant.like:  # it is created when that value exists
-            need(constant.like, tuple(v for s in d.steps for t in s.outputs for v in t.values), "the value")
+            require_known(constant.like, tuple(v for s in d.steps for t in s.outputs for v in t.values), "the value")
     for step in d.steps:
-        need(step.file, tuple(d.files), "the file")
+        require_known(step.file, tuple(d.files), "the file")
         if step.loop:
-            need(step.loop, tuple(d.schedulers), "the scheduler")
+            require_known(step.loop, tuple(d.schedulers), "the scheduler")
         for tensor in step.inputs:
             for name in tensor.values:
-                need(name, known, "the value")
+                require_known(name, known, "the value")
         known += tuple(v for tensor in step.outputs for v in tensor.values)
         if step.loop:
-            need(d.schedulers[step.loop].prediction, known, "the value")
-            need(d.schedulers[step.loop].state, known, "the value")
+            require_known(d.schedulers[step.loop].prediction, known, "the value")
+            require_known(d.schedulers[step.loop].state, known, "the value")
     result = d.result
-    need(result.value, known, "the value")
+    require_known(result.value, known, "the value")
     if result.image or not isinstance(result, MaskResult):
-        need(result.image, tuple(d.images), "the image")
+        require_known(result.image, tuple(d.images), "the image")
     for key in ("scores", "there", "descriptors", "matches", "match_scores"):
         if getattr(result, key, ""):
-            need(getattr(result, key), known, "the value")
+            require_known(getattr(result, key), known, "the value")
     if d.points is not None and d.points.image:
-        need(d.points.image, tuple(d.images), "the image")
+        require_known(d.points.image, tuple(d.images), "the image")

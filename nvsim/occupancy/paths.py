@@ -94,7 +94,7 @@ def _is_free(room: NDArray[np.bool_], r: int, c: int) -> bool:
 
 
 @njit(cache=True)
-def _walk(
+def _is_segment_free(
     room: NDArray[np.bool_],  # (rows, columns)
     r0: float,  # start of the segment, in the coordinates of `_grid`
     c0: float,
@@ -139,7 +139,7 @@ def _walk_all(
     out: NDArray[np.bool_],  # (N,)
 ) -> None:
     for i in range(len(starts)):
-        out[i] = _walk(room, starts[i, 0], starts[i, 1], ends[i, 0], ends[i, 1])
+        out[i] = _is_segment_free(room, starts[i, 0], starts[i, 1], ends[i, 0], ends[i, 1])
 
 
 @njit(cache=True)
@@ -156,4 +156,4 @@ def _see_all(
                 if out[r, c] or not free[r, c]:
                     continue
                 if (r + 0.5 - r0) ** 2 + (c + 0.5 - c0) ** 2 <= reach * reach + 1e-9:
-                    out[r, c] = _walk(free, r0, c0, r + 0.5, c + 0.5)
+                    out[r, c] = _is_segment_free(free, r0, c0, r + 0.5, c + 0.5)

@@ -105,7 +105,7 @@ class RayGrid:
         if far.any():
             ends = ends.copy()
             ends[far] = start[far] + (ends - start)[far] * (reach / length[far])[:, None]
-        self._settle(self._pass(start, ends, count))
+        self._apply_marks(self._pass(start, ends, count))
 
     def add_merged(self, points: NDArray[np.floating], places: Float64, reach: float = math.inf) -> int:
         """Add one merged scan, whose points have no known sensor position.
@@ -133,7 +133,7 @@ class RayGrid:
             for chosen in seen_from.T:
                 seen = chosen >= 0
                 count = self._pass(places[chosen[seen]], part[seen], count)
-        self._settle(count)
+        self._apply_marks(count)
         return hidden
 
     def flat(self) -> OccupancyMap:
@@ -203,5 +203,5 @@ class RayGrid:
             grown[: len(self._touched)] = self._touched
             self._touched = grown
 
-    def _settle(self, count: int) -> None:
+    def _apply_marks(self, count: int) -> None:
         ray_kernels.update_log_odds(self._marks, self._touched, count, self._log_odds, ODDS)

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from nvsim.errors import InputError
 from nvsim.files import atomic
-from nvsim.files.images import decoded
+from nvsim.files.images import decode_pixels
 from nvsim.files.opening import parse_json, read_bytes
 from nvsim.files.reading import reading
 from nvsim.occupancy.ros_description import (
@@ -155,7 +155,7 @@ def _read_picture(path: Path, named_by: Path) -> NDArray[np.uint8 | np.uint16]:
             f"{str(error).rstrip('.')} ({named_by} names it as its image; put the image there or correct the line "
             "'image:')."
         ) from error
-    picture = decoded(data, path, cv2.IMREAD_UNCHANGED, what="the image of a map", then="export the map again")
+    picture = decode_pixels(data, path, cv2.IMREAD_UNCHANGED, what="the image of a map", then="export the map again")
     if picture.dtype not in (np.uint8, np.uint16):
         raise InputError(f"{path} has pixels of type {picture.dtype}; export the map again with 8 or 16 bits.")
     if picture.ndim == 3:

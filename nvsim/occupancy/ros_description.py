@@ -11,7 +11,7 @@ from pathlib import Path, PureWindowsPath
 
 import yaml
 
-from nvsim.errors import InputError, shown
+from nvsim.errors import InputError, value_text
 from nvsim.files.opening import is_regular, read_bytes
 
 # 0.196 keeps gray 205, whose occupancy is 0.19608, unknown.
@@ -63,16 +63,16 @@ def parse_description(path: Path, text: str) -> Description:
     keys = _Keys(path, _root(path, text))
     image = keys.text("image", None)
     if not image or image in ("~", "null") or not image.isprintable() or len(image) > 500:
-        raise keys.wrong("image", "names no file; write the name of the map's image there")
+        raise keys.error("image", "names no file; write the name of the map's image there")
     resolution = keys.number("resolution", None)
     if not _FINEST <= resolution <= _COARSEST:
-        raise keys.wrong("resolution", f"is {resolution}; it must be positive, in meters per cell")
+        raise keys.error("resolution", f"is {resolution}; it must be positive, in meters per cell")
     mode = keys.text("mode", "trinary").lower()
     if mode not in ("trinary", "scale", "raw"):
-        raise keys.wrong("mode", f"{shown(mode)!r} is unknown; write trinary, scale or raw")
+        raise keys.error("mode", f"{value_text(mode)!r} is unknown; write trinary, scale or raw")
     negate = keys.text("negate", "0").lower()
     if negate not in (*_YES, *_NO):
-        raise keys.wrong("negate", f"is {shown(negate)!r}; write 0 or 1")
+        raise keys.error("negate", f"is {value_text(negate)!r}; write 0 or 1")
     return Description(
         image,
         resolution,
@@ -94,7 +94,7 @@ def _root(path: Path, text: str) -> yaml.MappingNode:
         where = f"{path}, line {mark.line + 1}" if mark is not None else str(path)
         reason = getattr(error, "problem", None) or getattr(error, "reason", None) or "it cannot be parsed"
         raise InputError(
-            f"{where}: this is not YAML ({shown(reason)}); correct the line or export the map again."
+            f"{where}: this is not YAML ({value_text(reason)}); correct the line or export the map again."
         ) from error
     except RecursionError as error:
         raise InputError(f"{path} is nested too deeply for a ROS map; export the map again.") from error
@@ -102,7 +102,7 @@ def _root(path: Path, text: str) -> yaml.MappingNode:
         return root
     if root is None:
         raise InputError(f"{path} has no line 'image:'; add it (see the ROS map_server format).")
-    raise InputError(f"{path}, line {root.start_mark.line + 1}: expected 'key: value', found {_seen(root)!r}.")
+    raise InputError(f"{path}, line {root.start_mark.line + 1}: expected 'key: value', found {_short_value(root)!r}.")
 
 
 class _Keys:
@@ -116,17 +116,19 @@ class _Keys:
             where = f"{path}, line {key.start_mark.line + 1}"
             if name == "<<":
                 raise InputError(f"{where}: merged keys (<<) are not read; write the keys out.")
-            if name in self._nodes and _seen(self._nodes[name]) != _seen(value):
-                raise InputError(f"{where}: {shown(name)} is given twice with other values; remove one of the lines.")
+            if name in self._nodes and _short_value(self._nodes[name]) != _short_value(value):
+                raise InputError(
+                    f"{where}: {value_text(name)} is given twice with other values; remove one of the lines."
+                )
             self._nodes[name] = value
 
-    def wrong(self, name: str, words: str) -> InputError:
+    def error(self, name: str, words: str) -> InputError:
         """The error about the value of a key."""
         node = self._nodes.get(name)
         line = "" if node is None else f", line {node.start_mark.line + 1}"
         return InputError(f"{self._path}{line}: {name} {words}.")
 
-    def _needed(self, name: str) -> yaml.Node:
+    def _required(self, name: str) -> yaml.Node:
         if name not in self._nodes:
             raise InputError(f"{self._path} has no line '{name}:'; add it (see the ROS map_server format).")
         return self._nodes[name]
@@ -134,29 +136,29 @@ class _Keys:
     def text(self, name: str, default: str | None) -> str:
         if name not in self._nodes and default is not None:
             return default
-        node = self._needed(name)
+        node = self._required(name)
         if not isinstance(node, yaml.ScalarNode):
-            raise self.wrong(name, f"is {_seen(node)}; it must be a single value")
+            raise self.error(name, f"is {_short_value(node)}; it must be a single value")
         return str(node.value).rstrip("\n")  # a block value ends with line breaks
 
     def number(self, name: str, default: float | None) -> float:
         if name not in self._nodes and default is not None:
             return default
-        return self._number(name, self._needed(name))
+        return self._number(name, self._required(name))
 
     def share(self, name: str, default: float) -> float:
         value = self.number(name, default)
         if not 0 <= value <= 1:
-            raise self.wrong(name, f"is {value}; it must be between 0 and 1")
+            raise self.error(name, f"is {value}; it must be between 0 and 1")
         return value
 
     def origin(self) -> tuple[float, float, float]:
-        node = self._needed("origin")
+        node = self._required("origin")
         if not isinstance(node, yaml.SequenceNode) or len(node.value) not in (2, 3):
-            raise self.wrong("origin", f"is {_seen(node)}; it must be [x, y, yaw]")
+            raise self.error("origin", f"is {_short_value(node)}; it must be [x, y, yaw]")
         x, y, yaw = (*(self._number("origin", part) for part in node.value), 0.0)[:3]
         if max(abs(x), abs(y)) > _FARTHEST:
-            raise self.wrong("origin", f"is {_seen(node)}, more than {_FARTHEST:.0e} m away; write it in meters")
+            raise self.error("origin", f"is {_short_value(node)}, more than {_FARTHEST:.0e} m away; write it in meters")
         return x, y, math.remainder(yaw, 2 * math.pi)
 
     def _number(self, name: str, node: yaml.Node) -> float:
@@ -166,16 +168,16 @@ class _Keys:
             value = math.nan
         if not math.isfinite(value):
             where = f"{self._path}, line {node.start_mark.line + 1}"
-            raise InputError(f"{where}: {name} is {_seen(node)}; it must be a number.")
+            raise InputError(f"{where}: {name} is {_short_value(node)}; it must be a number.")
         return value
 
 
-def _seen(node: yaml.Node) -> str:
+def _short_value(node: yaml.Node) -> str:
     """A value for a message, shortened. Nested lists are shown as dots."""
     if isinstance(node, yaml.SequenceNode):
-        parts = (shown(n.value) if isinstance(n, yaml.ScalarNode) else "..." for n in node.value[:4])
+        parts = (value_text(n.value) if isinstance(n, yaml.ScalarNode) else "..." for n in node.value[:4])
         return f"[{', '.join(parts)}{', ...' if len(node.value) > 4 else ''}]"[:80]
-    return repr(shown(node.value)) if isinstance(node, yaml.ScalarNode) else "a table"
+    return repr(value_text(node.value)) if isinstance(node, yaml.ScalarNode) else "a table"
 
 
 # The image ------------------------------------------------------------------------------------------------------
@@ -200,11 +202,11 @@ def find_image(path: Path, image: str) -> tuple[Path, str]:
         )
         if len(found) > 1:
             raise InputError(
-                f"{path}: its image {shown(image)} is not there, and {', '.join(p.name for p in found[:4])} beside it "
-                "differ only in case; write the name of one of them in the line 'image:'."
+                f"{path}: its image {value_text(image)} is not there, and {', '.join(p.name for p in found[:4])} "
+                "beside it differ only in case; write the name of one of them in the line 'image:'."
             )
         if found:
-            return found[0], f"{path}: its image {shown(image)} is not there; {found[0]} is used."
+            return found[0], f"{path}: its image {value_text(image)} is not there; {found[0]} is used."
     return named, ""
 
 

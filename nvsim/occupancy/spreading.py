@@ -38,7 +38,7 @@ def measure_paths(
         place[cell] = -2
         waiting -= 1
         if waiting:
-            _sink(heap, place, far, heap[waiting], waiting)
+            _sift_down(heap, place, far, heap[waiting], waiting)
         if count >= 0 and wanted[cell]:
             count -= 1
         if count == 0:
@@ -68,14 +68,14 @@ def measure_paths(
                 place[other] = waiting
                 heap[waiting] = other
                 waiting += 1
-            _rise(heap, place, far, place[other])
+            _sift_up(heap, place, far, place[other])
     # The cells that still wait may not have their shortest path.
     for k in range(waiting):
         far[heap[k]], before[heap[k]] = np.inf, -1
 
 
 @njit(cache=True, nogil=True)
-def _rise(heap: NDArray[np.int32], place: NDArray[np.int32], far: NDArray[np.float64], at: int) -> None:
+def _sift_up(heap: NDArray[np.int32], place: NDArray[np.int32], far: NDArray[np.float64], at: int) -> None:
     cell = heap[at]
     while at > 0:
         above = (at - 1) >> 1
@@ -89,7 +89,9 @@ def _rise(heap: NDArray[np.int32], place: NDArray[np.int32], far: NDArray[np.flo
 
 
 @njit(cache=True, nogil=True)
-def _sink(heap: NDArray[np.int32], place: NDArray[np.int32], far: NDArray[np.float64], cell: int, count: int) -> None:
+def _sift_down(
+    heap: NDArray[np.int32], place: NDArray[np.int32], far: NDArray[np.float64], cell: int, count: int
+) -> None:
     at = 0
     while True:
         below = 2 * at + 1

@@ -19,7 +19,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from nvsim.errors import InputError, shown
+from nvsim.errors import InputError, value_text
 from nvsim.files import atomic
 from nvsim.files.opening import read_json
 from nvsim.files.reading import reading
@@ -52,7 +52,7 @@ class Stair:
     upper: int
     outline: tuple[tuple[float, float], ...]
 
-    def holds(self, xy: NDArray[np.floating]) -> NDArray[np.bool_]:
+    def contains(self, xy: NDArray[np.floating]) -> NDArray[np.bool_]:
         """(N,) bool, True for `xy` (N, 2), meters, on the stair: a ray crosses the outline an odd number of times."""
         corners = np.array(self.outline, np.float64)
         x, y = np.asarray(xy, np.float64).reshape(-1, 2).T[..., None]
@@ -80,7 +80,7 @@ class StoreyMaps:
         levels = np.array([s.floor for s in self.storeys])
         return np.asarray(np.abs(np.asarray(floors)[:, None] - levels).argmin(axis=1), np.int64)
 
-    def beneath(self, heights: NDArray[np.floating]) -> NDArray[np.int64]:
+    def storey_under(self, heights: NDArray[np.floating]) -> NDArray[np.int64]:
         """(N,) int64 storey of cameras at `heights` (N,), meters, world z: the highest storey with its floor below the
         camera, else the lowest."""
         levels = np.array([s.floor for s in self.storeys])
@@ -169,7 +169,7 @@ def _stair(path: Path, number: int, row: dict[str, Any], storeys: int) -> Stair:
     corners = []
     for corner in outline:
         if not isinstance(corner, list) or len(corner) != 2 or not all(map(_is_length, corner)):
-            raise InputError(f"{path}: stair {number} has the corner {shown(corner)}; write [x, y] in meters.")
+            raise InputError(f"{path}: stair {number} has the corner {value_text(corner)}; write [x, y] in meters.")
         corners.append((float(corner[0]), float(corner[1])))
     return Stair(lower, upper, tuple(corners))
 

@@ -46,7 +46,7 @@ class OccupancyMap:
         rows = np.floor((xy[..., 1] - self.origin[1]) / self.resolution)
         return np.stack([rows, columns], axis=-1).astype(np.int64)
 
-    def at(self, xy: NDArray[np.floating]) -> NDArray[np.uint8]:
+    def states_at(self, xy: NDArray[np.floating]) -> NDArray[np.uint8]:
         """(...,) uint8 state at world points (..., 2), meters; UNKNOWN outside the grid."""
         index = self.index(np.asarray(xy, np.float64))
         rows, columns = self.cells.shape
@@ -99,7 +99,7 @@ def transformed_map(
     for first in range(0, len(new.cells), _ROWS):
         part = new.cells[first : first + _ROWS]
         strip = OccupancyMap(part, resolution, (new.origin[0], new.origin[1] + first * resolution))
-        part[:] = occupancy.at((strip.centres() - shift) @ turn / scale)
+        part[:] = occupancy.states_at((strip.centres() - shift) @ turn / scale)
     return new
 
 
@@ -116,13 +116,13 @@ def compare_maps(found: OccupancyMap, true: OccupancyMap) -> dict[str, Any]:
     free_cells, occupied_cells                numbers of truly free and occupied cells
     beside_m2                                 square meters that are free in `found` and unknown in `true`
     """
-    at = found.at(true.centres())
+    at = found.states_at(true.centres())
     figures: dict[str, Any] = {}
     for name in ("free", "occupied"):
         chosen = at[true.cells == _NAMES[name]]
         for what, state in _NAMES.items():
             figures[f"{name}_found_{what}"] = round(float((chosen == state).mean()), 4) if len(chosen) else None
         figures[f"{name}_cells"] = len(chosen)
-    beside = (found.cells == FREE) & (true.at(found.centres()) == UNKNOWN)
+    beside = (found.cells == FREE) & (true.states_at(found.centres()) == UNKNOWN)
     figures["beside_m2"] = round(float(np.count_nonzero(beside)) * found.resolution**2, 2)
     return figures

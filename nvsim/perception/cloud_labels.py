@@ -86,7 +86,7 @@ class CloudLabels:
         said_by, left_unsaid = self._splats
         depth, _ = said_by.depth(small)
         unsaid, _ = left_unsaid.depth(small)
-        rows, columns = np.nonzero(np.isfinite(depth) & ~_behind(depth))
+        rows, columns = np.nonzero(np.isfinite(depth) & ~_has_nearer_neighbor(depth))
         rays = small.rays()[rows, columns]
         places = small.position + (depth[rows, columns] / (rays @ small.rotation[:, 2]))[:, None] * rays
         _, index = self._tree.query(places, workers=1)
@@ -128,7 +128,7 @@ def _similar_pixels(
     return np.asarray((np.abs(off[:, 0]) < _LIGHTER) & (np.hypot(off[:, 1], off[:, 2]) < _TINGED))
 
 
-def _behind(depth: NDArray[np.float32]) -> NDArray[np.bool_]:
+def _has_nearer_neighbor(depth: NDArray[np.float32]) -> NDArray[np.bool_]:
     """(H, W) bool: whether a nearer surface is beside a pixel. On a plane the inverse depth is linear, so it differs as
     much from the greatest value around it as from the least."""
     inverse = 1 / depth

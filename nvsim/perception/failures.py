@@ -29,7 +29,7 @@ class Failures:
             self.of_frames[index] = failure
             self._write()
 
-    def forget(self, frames: Iterable[int]) -> None:
+    def remove_frames(self, frames: Iterable[int]) -> None:
         """Removes the reasons for frames whose masks are computed again."""
         gone = set(frames) & self.of_frames.keys()
         if gone:

@@ -57,7 +57,7 @@ def estimate_floor(
     walk = np.asarray(positions, np.float64).reshape(-1, 3)
     if len(walk) == 0:
         raise InputError("The capture has no frame with a pose, so NVSim cannot find the floor; check the capture.")
-    points = _below(cloud, walk)
+    points = _possible_floor_points(cloud, walk)
     found = None if points is None else _carried_height(points, walk, camera_height, above_another)
     height = found if found is not None else camera_height
     if height is None:
@@ -90,7 +90,7 @@ def estimate_floor(
     return surface
 
 
-def _below(cloud: Cloud | None, walk: Float64) -> Float64 | None:
+def _possible_floor_points(cloud: Cloud | None, walk: Float64) -> Float64 | None:
     """Points of the cloud that can be floor of this trajectory: near it and below the nearest camera. None if there are
     too few."""
     if cloud is None or len(cloud.points) == 0:
@@ -269,12 +269,12 @@ class _Grid:
                 d = d[1:] - d[:-1]
             return d
 
-        def both(order: int) -> Any:
+        def differences_along_both_axes(order: int) -> Any:
             along = kron(eye_array(self.rows), difference(self.columns, order))
             across = kron(difference(self.rows, order), eye_array(self.columns))
             return vstack([along, across]).tocsr()
 
-        bend, slope = both(2), both(1)
+        bend, slope = differences_along_both_axes(2), differences_along_both_axes(1)
         mean = float(np.average(xyz[:, 2], weights=weight))
         w = diags_array(weight)
         normal = a.T @ w @ a + stiffness * (bend.T @ bend) + 0.002 * stiffness * (slope.T @ slope)

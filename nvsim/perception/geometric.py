@@ -148,26 +148,28 @@ class GeometricFloor:
         misses stay in the masks."""
         chosen = evenly_spaced(len(cameras), self.config.glimpses)
 
-        def look(index: int) -> tuple[Projection, FloorObservation]:
-            projection = _counted(self.project(cameras[index]), usable_of(index))
+        def observe_view(index: int) -> tuple[Projection, FloorObservation]:
+            projection = _without_ignored(self.project(cameras[index]), usable_of(index))
             return projection, self._observe_floor(projection, read(index))
 
         kept: list[tuple[Mask, Float32, Float32, Image]] = []  # half of the memory of a projection
 
-        def glimpses() -> Iterator[FloorObservation]:
+        def observations() -> Iterator[FloorObservation]:
             with ThreadPoolExecutor(threads) as pool:
-                for projection, view in pool.map(look, chosen):
+                for projection, view in pool.map(observe_view, chosen):
                     kept.append((projection.hidden, projection.before, projection.distance, view.image))
                     yield view
 
-        self._appearance = FloorAppearance.learn(glimpses())
+        self._appearance = FloorAppearance.learn(observations())
         if self._appearance is None:
             return
         through = GlassVotes()
         for i, (hidden, before, distance, image) in zip(chosen, kept, strict=True):
-            camera = self._small(cameras[i])
+            camera = self._working_camera(cameras[i])
             rays = camera.rays()
-            expected, known = self._appearance.expected_colors(_ground(camera, rays, distance).astype(np.float32))
+            expected, known = self._appearance.expected_colors(
+                _ground_points(camera, rays, distance).astype(np.float32)
+            )
             hits = (camera.position + before[..., None] * rays).astype(np.float32)
             seen = self._appearance.log_colors(image)
             through.add_votes(seen, expected, hidden & known & np.isfinite(before), hits, distance - before)
@@ -204,13 +206,13 @@ class GeometricFloor:
             usual = ~self._appearance.unusual_regions(view)
             if small is not None:
                 usual |= small > (self.config.usual if depth is None else self.config.usual_thin)
-            floor = floor & (own.level | self._stairs.at(seen.ground) | usual)
+            floor = floor & (own.level | self._stairs.is_on_stairs(seen.ground) | usual)
             floor |= self._appearance.glass_regions(view, seen.hidden)
         if small is not None:
             if depth is None:
                 rim = cv2.distanceTransform(floor.astype(np.uint8), cv2.DIST_L2, 3) < self.config.rim
                 least = np.where(rim, self.config.never_edge, self.config.never)
-                floor &= (small > least) | self._stairs.at(seen.ground)
+                floor &= (small > least) | self._stairs.is_on_stairs(seen.ground)
                 floor |= seen.unsure & (small > self.config.filled)
                 beside = cv2.distanceTransform((~floor).astype(np.uint8), cv2.DIST_L2, 3) < self.config.edge
                 floor |= seen.hidden & beside & (small > self.config.filled_edge)
@@ -231,7 +233,7 @@ class GeometricFloor:
         `upward`, which can have any size."""
         import cv2
 
-        c, stairs = self.config, self._stairs.at(seen.ground)
+        c, stairs = self.config, self._stairs.is_on_stairs(seen.ground)
         floor = floor & ((looks > np.where(own.level, c.never_thin, c.doubted)) | stairs)
         front = np.zeros_like(floor)
         if upward is not None:
@@ -247,7 +249,7 @@ class GeometricFloor:
 
         height, width = seen.floor.shape
         own = cv2.resize(depth, (width, height), interpolation=cv2.INTER_NEAREST)
-        small = self._small(camera)
+        small = self._working_camera(camera)
         ground = seen.distance * (small.rays() @ small.rotation[:, 2].astype(np.float32))
         known = (own > 0) & (ground > 0)
         level = known & (np.abs(own - ground) < self.config.level * ground)
@@ -264,7 +266,7 @@ class GeometricFloor:
         if self._appearance is None:
             return grow(seen.floor, seen.floor | seen.unsure | seen.hidden, view.image).astype(np.float32)
         with np.errstate(invalid="ignore"):
-            hits = camera.position + seen.before[..., None] * self._small(camera).rays()
+            hits = camera.position + seen.before[..., None] * self._working_camera(camera).rays()
             high = hits[..., 2] - self.surface.height_at(np.nan_to_num(hits[..., :2])) > _HIGH
         standing_high = np.isfinite(seen.before) & high & ~seen.floor
         return np.where((seen.distance > 0) & ~standing_high, self._appearance.similarity(view), 0).astype(np.float32)
@@ -285,12 +287,12 @@ class GeometricFloor:
         """The floor by geometry alone, (h, w) arrays at the working size."""
         import cv2
 
-        small = self._small(camera)
+        small = self._working_camera(camera)
         rays = small.rays()
-        distance = self._stairs.meet(small.position, rays)
+        distance = self._stairs.distance_along_rays(small.position, rays)
         met = distance < self.config.farthest
         distance = np.where(met, distance, 0).astype(np.float32)
-        ground = _ground(small, rays, distance)
+        ground = _ground_points(small, rays, distance)
         floor_depth = distance * (rays @ small.rotation[:, 2].astype(np.float32))
         depth, radius = self._splats.depth(small, farthest=self.config.farthest)
         hidden = ~met | (depth < floor_depth * self.config.margin - 0.003)
@@ -301,7 +303,7 @@ class GeometricFloor:
         hidden &= ~(silhouette & (inside < self.config.shrink * radius * small.intrinsics.fx / depth))
         possible = met
         if self._standing.confirmed is not None:
-            possible = met & self._standing.confirmed.at(ground)
+            possible = met & self._standing.confirmed.is_supported(ground)
         floor: Mask = possible & ~hidden
         floor = _without_specks(floor, self.config.speck)
         nearest = np.minimum(depth, np.where(met, floor_depth, np.inf))
@@ -310,16 +312,16 @@ class GeometricFloor:
         unsure = met & ~hidden & ~floor
         return Projection(floor, possible & ~floor, unsure, scale, ground.astype(np.float32), distance, before)
 
-    def _small(self, camera: Camera) -> Camera:
-        return Camera(camera.intrinsics.within(self.config.longest_side), camera.camera_to_world)
+    def _working_camera(self, camera: Camera) -> Camera:
+        return Camera(camera.intrinsics.limited_to(self.config.longest_side), camera.camera_to_world)
 
 
-def _ground(camera: Camera, rays: Float32, distance: Float32) -> NDArray[np.float64]:
+def _ground_points(camera: Camera, rays: Float32, distance: Float32) -> NDArray[np.float64]:
     """(h, w, 2) x and y of the points `distance` (h, w) meters along the `rays` (h, w, 3) of a camera."""
     return np.asarray(camera.position[:2] + distance[..., None] * rays[..., :2], np.float64)
 
 
-def _counted(seen: Projection, usable: Mask | None) -> Projection:
+def _without_ignored(seen: Projection, usable: Mask | None) -> Projection:
     """A projection (h, w) without the floor of pixels (H, W) that are not `usable`."""
     import cv2
 

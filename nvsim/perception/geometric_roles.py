@@ -27,7 +27,7 @@ class FloorSimilarity:
 
     def floor_probability(self, image: Image, camera: Camera) -> Float32:
         """(H, W) float32, 0 to 1, for an image (H, W, 3)."""
-        return _resized(self.floor.similarity(camera, image), image)
+        return _resize_like(self.floor.similarity(camera, image), image)
 
 
 @dataclass(frozen=True)
@@ -53,7 +53,7 @@ class CloudNormals:
             toward = rays[rows, columns]
             hits = small.position + seen.before[rows, columns, None] * toward
             normals[rows, columns] = self._planes(self.cloud, hits, toward)
-        resized = _resized(normals, image)
+        resized = _resize_like(normals, image)
         length = np.linalg.norm(resized, axis=-1, keepdims=True)
         return np.where(length > 0.5, resized / np.maximum(length, 1e-6), 0).astype(np.float32)
 
@@ -68,7 +68,7 @@ class CloudNormals:
         return planes.astype(np.float32)
 
 
-def _resized(values: Float32, image: Image) -> Float32:
+def _resize_like(values: Float32, image: Image) -> Float32:
     """`values` (h, w) or (h, w, C) at the size of `image`."""
     import cv2
 

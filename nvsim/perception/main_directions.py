@@ -56,7 +56,7 @@ def main_headings(images: Iterable[Float32]) -> tuple[float, ...]:
             return tuple(found)
 
 
-def straightened(normals: Float32, headings: tuple[float, ...]) -> Float32:
+def straighten_normals(normals: Float32, headings: tuple[float, ...]) -> Float32:
     """(H, W, 3) float32: the unit normals (H, W, 3) of an image, world, with those near a main direction snapped to it.
     Directions are the vertical and the four ways of the heading that fits the image best. Zeros stay zero."""
     heading = _of_image(normals, headings)
@@ -113,7 +113,7 @@ def _share(headings: NDArray[np.float32], heading: float) -> float:
 
 @dataclass(frozen=True)
 class StraightNormals:
-    """A SurfaceNormals that applies `straightened`, with the headings of the capture, to the normals of another one."""
+    """A SurfaceNormals that applies `straighten_normals` to the normals of another one, with the capture's headings."""
 
     seen: SurfaceNormals
     headings: tuple[float, ...]
@@ -123,13 +123,13 @@ class StraightNormals:
         """Estimates the headings with `seen` on some frames spread over the trajectory. Raises InputError for an image
         that cannot be read."""
 
-        def looks() -> Iterator[Float32]:
+        def normals_of_frames() -> Iterator[Float32]:
             for frame in (frames[i] for i in evenly_spaced(len(frames), _FRAMES)):
-                small = frame.intrinsics.within(_SIDE)
+                small = frame.intrinsics.limited_to(_SIDE)
                 yield seen.normals(read_image(frame, small), Camera(small, frame.camera.camera_to_world))
 
-        return cls(seen, main_headings(looks()))
+        return cls(seen, main_headings(normals_of_frames()))
 
     def normals(self, image: Image, camera: Camera) -> Float32:
         """(H, W, 3) float32, unit length, world frame, for an image (H, W, 3); zero if unknown."""
-        return straightened(self.seen.normals(image, camera), self.headings)
+        return straighten_normals(self.seen.normals(image, camera), self.headings)

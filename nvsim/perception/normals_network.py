@@ -42,13 +42,13 @@ class NormalsNetwork:
     def normals(self, image: Image, camera: Camera) -> Float32:
         """World normals (H, W, 3), see SurfaceNormals. Raises InputError if the normals of the first image point away
         from the camera."""
-        found = self.seen(image, camera)
+        found = self.camera_normals(image, camera)
         if not self._is_checked:
             self._check(found, camera)
             self._is_checked = True
         return np.asarray(found @ camera.rotation.T.astype(np.float32), np.float32)
 
-    def seen(self, image: Image, camera: Camera | None = None) -> Float32:
+    def camera_normals(self, image: Image, camera: Camera | None = None) -> Float32:
         """(H, W, 3) float32, unit length, in the camera's frame (x right, y down, z forward), toward the camera. Zero
         where the network finds no surface. `image` is (H, W, 3) uint8 RGB. Raises InputError without a camera if the
         network needs its rays."""
@@ -61,14 +61,14 @@ class NormalsNetwork:
         for plane, direction in zip(planes, said.axes, strict=True):
             axis, sign = _SIGNS[direction]
             turned[axis] = sign * plane
-        normals = np.moveaxis(place.back(turned), 0, -1)
+        normals = np.moveaxis(place.to_image_size(turned), 0, -1)
         if said.frame == "level" and camera is not None:
             normals = np.asarray(normals @ (level_of(camera) @ camera.rotation).astype(np.float32))
         length = np.linalg.norm(normals, axis=-1, keepdims=True)
         found = np.where(length > 1e-3, normals / np.maximum(length, 1e-3), 0).astype(np.float32)
         if said.there and said.there in shown.values:
             there = self._chain.value(shown.values, said.there)
-            found[place.back(there.reshape(there.shape[-2:])) < said.least] = 0
+            found[place.to_image_size(there.reshape(there.shape[-2:])) < said.least] = 0
         return found
 
     def _planes(self, found: NDArray[np.float32]) -> NDArray[np.float32]:

@@ -59,14 +59,14 @@ def split_obstacles(
     clear = clearance + Stairs.of(surface).half_step(points)
     obstacles, height = points[above > clear], above[above > clear]
     on_floor = points[np.abs(above) <= clear]
-    feet = _feet(obstacles, height, on_floor, surface)
+    feet = _extend_to_floor(obstacles, height, on_floor, surface)
     everything = np.ascontiguousarray(np.concatenate([obstacles, feet]), np.float32)
     spacing = distance_to(everything, 4)
     # A surface with far fewer points than the rest is glass or noise: surfaces behind it are visible.
     around = _local_mean(everything, spacing)
     solid = around <= sparse * float(np.median(around)) if len(spacing) else np.empty(0, bool)
     radii = np.where(solid, np.clip(cover * spacing, 0.03, 0.2), 0.02).astype(np.float32)
-    return ObstacleCloud(everything, radii, _confirmed(on_floor, surface))
+    return ObstacleCloud(everything, radii, _confirmed_floor(on_floor, surface))
 
 
 def _local_mean(points: Float32, values: Float32) -> Float32:
@@ -81,7 +81,7 @@ def _local_mean(points: Float32, values: Float32) -> Float32:
     return mean
 
 
-def _feet(points: Float32, height: Float32, on_floor: Float32, surface: FloorSurface) -> Float32:
+def _extend_to_floor(points: Float32, height: Float32, on_floor: Float32, surface: FloorSurface) -> Float32:
     """Added points (K, 3) from the floor up to the lowest point of every low cell. Without them the floor of the next
     room would be visible under the lowest scanned row of a wall. Raised objects get none: those with floor points
     `on_floor` (M, 3) below them."""
@@ -94,7 +94,7 @@ def _feet(points: Float32, height: Float32, on_floor: Float32, surface: FloorSur
     xy = np.stack([np.bincount(cell, points[:, axis]) / number for axis in (0, 1)], axis=1)
     lowest = np.full(len(number), np.inf)
     np.minimum.at(lowest, cell, height)
-    standing = ~_raised(xy, on_floor, things)
+    standing = ~_are_raised(xy, on_floor, things)
     xy, lowest = xy[standing], lowest[standing]
     ground = surface.height_at(xy)
     layers = [
@@ -104,7 +104,7 @@ def _feet(points: Float32, height: Float32, on_floor: Float32, surface: FloorSur
     return np.concatenate(layers).astype(np.float32)
 
 
-def _raised(xy: NDArray[np.float64], on_floor: Float32, things: Float32) -> NDArray[np.bool_]:
+def _are_raised(xy: NDArray[np.float64], on_floor: Float32, things: Float32) -> NDArray[np.bool_]:
     """(N,) bool: which of the places `xy` (N, 2) of lowest object points are above visible floor. There, floor points
     (M, 3) are on all sides, and the object's points (K, 3) cover one side, as with a sofa on short legs. Legs, rails,
     and the foot of a pane that the LiDAR scan misses do not meet both conditions."""
@@ -114,14 +114,14 @@ def _raised(xy: NDArray[np.float64], on_floor: Float32, things: Float32) -> NDAr
     usual = np.median(
         floor.query_ball_point(on_floor[:: max(1, len(on_floor) // 2000), :2], _UNDER, return_length=True)
     )
-    found = _halves(floor, xy, _UNDER).min(axis=0) > 0.5 * _OPEN * usual
+    found = _counts_in_half_discs(floor, xy, _UNDER).min(axis=0) > 0.5 * _OPEN * usual
     over = cKDTree(_CELL * (0.5 + distinct_cells(np.floor(things[:, :2] / _CELL).astype(np.int64))[0]))
     cells = 0.5 * np.pi * (_OVER / _CELL) ** 2
-    found[found] = _halves(over, xy[found], _OVER).max(axis=0) > _ROOF * cells
+    found[found] = _counts_in_half_discs(over, xy[found], _OVER).max(axis=0) > _ROOF * cells
     return found
 
 
-def _halves(tree: cKDTree, xy: NDArray[np.float64], radius: float) -> NDArray[np.int64]:
+def _counts_in_half_discs(tree: cKDTree, xy: NDArray[np.float64], radius: float) -> NDArray[np.int64]:
     """(8, N) number of points of a `tree` within `radius` meters of each of `xy` (N, 2), in the half disc that faces
     each of eight directions."""
     near = tree.query_ball_point(xy, radius, workers=2)
@@ -132,7 +132,7 @@ def _halves(tree: cKDTree, xy: NDArray[np.float64], radius: float) -> NDArray[np
     return np.array([np.bincount(place[away @ (np.cos(t), np.sin(t)) > 0], minlength=len(xy)) for t in turns])
 
 
-def _confirmed(points: Float32, surface: FloorSurface) -> FloorSupport:
+def _confirmed_floor(points: Float32, surface: FloorSurface) -> FloorSupport:
     """The cells with floor points, with gaps of up to about 0.3 m closed."""
     import cv2
 

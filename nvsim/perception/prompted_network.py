@@ -40,7 +40,7 @@ class PromptedNetwork:
         shown = self._shown  # another thread can replace it with another image meanwhile
         if shown is None or not np.array_equal(shown.image, image):
             shown = self._shown = self._chain.show(image.copy())
-        placed = self._placed(points, shown)
+        placed = self._place_points(points, shown)
         labels = inside.astype(np.float32)
         if self._points.padding:
             placed, labels = np.vstack([placed, np.zeros((1, 2), np.float32)]), np.append(labels, _NO_POINT)
@@ -49,7 +49,7 @@ class PromptedNetwork:
         with reading(path, "a network that gives masks at points", "export it again"):
             return self._best(values, shown)
 
-    def _placed(self, points: NDArray[np.floating], shown: ProcessedImage) -> NDArray[np.float32]:
+    def _place_points(self, points: NDArray[np.floating], shown: ProcessedImage) -> NDArray[np.float32]:
         if self._points.image:
             return shown.placements[self._points.image].points(points)
         return np.asarray(points, np.float32) - 0.5
@@ -67,5 +67,5 @@ class PromptedNetwork:
         height, width = shown.image.shape[:2]
         own = Placement(height, width, height, width, 0, 0, width, height)
         place = shown.placements[self._result.image] if self._result.image else own
-        found: Mask = place.back(masks[best]) > 0
+        found: Mask = place.to_image_size(masks[best]) > 0
         return found

@@ -182,12 +182,12 @@ def thin_object_places(lines: RaisedLines, positions: Float64, config: LineConfi
     mislead a single camera. A line that continues such cells at their height is part of that object."""
     c = config or LineConfig()
     cells = [_cells(start, end, c.cell) for start, end in zip(lines.start, lines.end, strict=True)]
-    known = _agreed(cells, lines, positions, c)
+    known = _heights_by_agreement(cells, lines, positions, c)
     taken = np.zeros(len(lines), bool)
     while True:
         new = []
         for i in np.flatnonzero(~taken):
-            along = sum(_has(known, cell, float(lines.height[i]), c.level) for cell in cells[i])
+            along = sum(_is_known_near(known, cell, float(lines.height[i]), c.level) for cell in cells[i])
             if along >= max(2, c.overlap * len(cells[i])):
                 new.append(i)
         if not new:
@@ -210,12 +210,14 @@ def _adjacent_cells(cell: Cell) -> list[Cell]:
     return [(cell[0] + x, cell[1] + y) for x in (-1, 0, 1) for y in (-1, 0, 1)]
 
 
-def _has(known: dict[Cell, float], cell: Cell, height: float, level: float) -> bool:
+def _is_known_near(known: dict[Cell, float], cell: Cell, height: float, level: float) -> bool:
     """Whether `cell` or a cell beside it is known at about that height."""
     return any(abs(known[at] - height) <= level + 1e-9 for at in _adjacent_cells(cell) if at in known)
 
 
-def _agreed(cells: list[list[Cell]], lines: RaisedLines, positions: Float64, c: LineConfig) -> dict[Cell, float]:
+def _heights_by_agreement(
+    cells: list[list[Cell]], lines: RaisedLines, positions: Float64, c: LineConfig
+) -> dict[Cell, float]:
     """Cell -> height, for cells in which lines from enough camera places have about one height."""
     seen: dict[Cell, list[int]] = {}
     for i, of_line in enumerate(cells):

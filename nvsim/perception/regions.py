@@ -61,8 +61,8 @@ def grow_region(
         smooth = np.asarray(cv2.GaussianBlur(image, (0, 0), 1.0))
         smooth[~contested] = 0 if smooth[contested].mean() > 127 else 255
         cv2.watershed(smooth, markers)
-        result |= contested & _widened(markers == 1, markers == -1)
-    return _filled(result, _HOLE)
+        result |= contested & _widen_region(markers == 1, markers == -1)
+    return _fill_small_holes(result, _HOLE)
 
 
 def _surface(normals: Float32, image: Image, x: int, y: int) -> Mask:
@@ -86,7 +86,7 @@ def _surface(normals: Float32, image: Image, x: int, y: int) -> Mask:
     return region
 
 
-def _widened(region: Mask, border: Mask) -> Mask:
+def _widen_region(region: Mask, border: Mask) -> Mask:
     """`region` with the adjacent one-pixel lines of the watershed."""
     import cv2
 
@@ -94,7 +94,7 @@ def _widened(region: Mask, border: Mask) -> Mask:
     return wide
 
 
-def _filled(mask: Mask, share: float) -> Mask:
+def _fill_small_holes(mask: Mask, share: float) -> Mask:
     """`mask` without small holes."""
     import cv2
 

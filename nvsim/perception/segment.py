@@ -17,7 +17,7 @@ from nvsim.depth.floor_noise import flatten_floor
 from nvsim.errors import InputError
 from nvsim.events import Listener, Progress, ignore_event
 from nvsim.files.atomic import make_folder, write_bytes
-from nvsim.files.images import decoded
+from nvsim.files.images import decode_pixels
 from nvsim.files.opening import read_bytes
 from nvsim.geometry.camera import Camera, Intrinsics
 from nvsim.geometry.floor_surface import FloorSurface
@@ -76,7 +76,7 @@ def segment_capture(
     wanted = range(len(capture.frames)) if todo is None else sorted(set(todo))
     missing = [i for i in wanted if config.again or not mask_path(folder, i).exists()]
     failures = Failures(folder)
-    failures.forget(missing)
+    failures.remove_frames(missing)
     done, total = len(wanted) - len(missing), len(wanted)
     listen(Progress("floors", done, total))
     if not missing:
@@ -84,7 +84,7 @@ def segment_capture(
 
     def view(index: int) -> tuple[Camera, Intrinsics]:
         frame = capture.frames[index]
-        intrinsics = frame.intrinsics.within(config.longest_side)
+        intrinsics = frame.intrinsics.limited_to(config.longest_side)
         return frame.camera.scaled(intrinsics.width, intrinsics.height), intrinsics
 
     # The floor color is learned from the whole trajectory, also in a resumed run, so that both give equal masks.
@@ -93,7 +93,7 @@ def segment_capture(
     for i, surface in enumerate(surfaces):
         walks.setdefault(id(surface), []).append(i)
 
-    def one(index: int, provider: FloorSegmenter) -> int:
+    def segment_frame(index: int, provider: FloorSegmenter) -> int:
         camera, intrinsics = view(index)
         image = read_image(capture.frames[index], intrinsics)
         depth = None if depth_of is None else depth_of(index)
@@ -115,7 +115,7 @@ def segment_capture(
         for key in dict.fromkeys(id(surfaces[i]) for i in missing):
             floor, cloud = learnt_floor(capture, walks[key], surfaces[walks[key][0]], config)
             provider = floor if other_of is None else other_of(floor, cloud)
-            jobs = [pool.submit(one, i, provider) for i in missing if id(surfaces[i]) == key]
+            jobs = [pool.submit(segment_frame, i, provider) for i in missing if id(surfaces[i]) == key]
             try:
                 for job in as_completed(jobs):
                     index = job.result()
@@ -136,16 +136,16 @@ def learnt_floor(
 
     def camera(index: int) -> Camera:
         frame = capture.frames[index]
-        intrinsics = frame.intrinsics.within(config.longest_side)
+        intrinsics = frame.intrinsics.limited_to(config.longest_side)
         return frame.camera.scaled(intrinsics.width, intrinsics.height)
 
     def read_small(k: int) -> Image:
         frame = capture.frames[near[k]]
-        return read_image(frame, frame.intrinsics.within(config.geometric.longest_side))
+        return read_image(frame, frame.intrinsics.limited_to(config.geometric.longest_side))
 
     def usable_of(k: int) -> Mask | None:
         frame = capture.frames[near[k]]
-        return usable_pixels(frame, frame.intrinsics.within(config.geometric.longest_side))
+        return usable_pixels(frame, frame.intrinsics.limited_to(config.geometric.longest_side))
 
     cloud = capture.cloud
     if cloud is not None:
@@ -181,7 +181,7 @@ def read_mask_and_doubt(path: Path, width: int | None = None, height: int | None
     if not path.is_file():
         raise InputError(f"The floor mask {path} is missing; make the floor masks first.")
     again = "delete it and run `nvsim floors --project` again"
-    picture = decoded(read_bytes(path), path, cv2.IMREAD_GRAYSCALE, what="a floor mask", then=again)
+    picture = decode_pixels(read_bytes(path), path, cv2.IMREAD_GRAYSCALE, what="a floor mask", then=again)
     doubtful = picture == _DOUBTFUL
     layers = [np.where(doubtful, 0, picture).astype(np.uint8)]
     if doubtful.any():

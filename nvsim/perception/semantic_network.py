@@ -29,14 +29,14 @@ class SemanticNetwork:
         found = self._chain.value(shown.values, self._result.value)
         place = shown.placements[self._result.image]
         if self._result.meaning == "labels":
-            return _labelled(self._planes(found, 1, shown.values)[0], self._result.floor, place)
+            return _floor_share(self._planes(found, 1, shown.values)[0], self._result.floor, place)
         planes = self._planes(found, self._result.classes, shown.values)
-        floor = _shifted(self._result.floor, len(planes) - self._result.classes)
+        floor = _shift_classes(self._result.floor, len(planes) - self._result.classes)
         if self._result.meaning == "probabilities":
-            return np.clip(place.back(planes[list(floor)].sum(axis=0)), 0, 1)
+            return np.clip(place.to_image_size(planes[list(floor)].sum(axis=0)), 0, 1)
         if len(planes) == 1:
-            return np.asarray(1 / (1 + np.exp(-np.clip(place.back(planes[0]), -80, 80))), np.float32)
-        return _soft(planes, floor, place)
+            return np.asarray(1 / (1 + np.exp(-np.clip(place.to_image_size(planes[0]), -80, 80))), np.float32)
+        return _softmax(planes, floor, place)
 
     def people(self, image: Image) -> NDArray[np.bool_]:
         """(H, W) bool, True on people, for an image (H, W, 3) uint8 RGB.
@@ -51,14 +51,14 @@ class SemanticNetwork:
         found = self._chain.value(shown.values, self._result.value)
         place = shown.placements[self._result.image]
         if self._result.meaning == "labels":
-            return _labelled(self._planes(found, 1, shown.values)[0], self._result.people, place) > 0.5
+            return _floor_share(self._planes(found, 1, shown.values)[0], self._result.people, place) > 0.5
         planes = self._planes(found, self._result.classes, shown.values)
-        people = list(_shifted(self._result.people, len(planes) - self._result.classes))
+        people = list(_shift_classes(self._result.people, len(planes) - self._result.classes))
         if self._result.meaning == "probabilities":
-            return place.back(planes[people].sum(axis=0)) > 0.5
+            return place.to_image_size(planes[people].sum(axis=0)) > 0.5
         # Unlike that of floor, the softmax is enlarged: it takes a tenth of the time, and the mask is dilated anyway.
         likely = np.exp(planes - planes.max(axis=0))
-        return place.back(likely[people].sum(axis=0) / likely.sum(axis=0)) > 0.5
+        return place.to_image_size(likely[people].sum(axis=0) / likely.sum(axis=0)) > 0.5
 
     def _planes(self, found: NDArray[np.float32], classes: int, values: Values) -> NDArray[np.float32]:
         """(C, h, w) with the described number of classes, or one more. Raises InputError for another number."""
@@ -78,24 +78,24 @@ class SemanticNetwork:
         return planes
 
 
-def _shifted(classes: tuple[int, ...], background: int) -> tuple[int, ...]:
+def _shift_classes(classes: tuple[int, ...], background: int) -> tuple[int, ...]:
     """The numbers of `classes`, shifted by the number of `background` classes."""
     return tuple(number + background for number in classes)
 
 
-def _soft(planes: NDArray[np.float32], floor: tuple[int, ...], place: Placement) -> Float32:
+def _softmax(planes: NDArray[np.float32], floor: tuple[int, ...], place: Placement) -> Float32:
     """(H, W) softmax of logits (C, h, w), summed over the classes `floor`, at the image's size. The logits are enlarged
     rather than their softmax, one class at a time, because 150 enlarged classes need much memory."""
-    most = place.back(planes.max(axis=0))
+    most = place.to_image_size(planes.max(axis=0))
     total, ours = np.zeros_like(most), np.zeros_like(most)
     for number, plane in enumerate(planes):
-        part = np.exp(place.back(plane) - most)
+        part = np.exp(place.to_image_size(plane) - most)
         total += part
         if number in floor:
             ours += part
     return np.asarray(ours / np.maximum(total, 1e-30), np.float32)
 
 
-def _labelled(labels: NDArray[np.float32], floor: tuple[int, ...], place: Placement) -> Float32:
+def _floor_share(labels: NDArray[np.float32], floor: tuple[int, ...], place: Placement) -> Float32:
     """(H, W) 1 where `labels` (h, w) are floor, at the image's size; linear between labels."""
-    return place.back(np.isin(np.round(labels), floor).astype(np.float32))
+    return place.to_image_size(np.isin(np.round(labels), floor).astype(np.float32))

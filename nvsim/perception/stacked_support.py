@@ -31,7 +31,7 @@ class StackedSupport:
         """Square meters of known floor; stairs count on both storeys that they join."""
         return float(sum(s.cells.sum() * s.spacing**2 for s in self.storeys))
 
-    def at(self, points: NDArray[np.floating]) -> Mask:
+    def is_supported(self, points: NDArray[np.floating]) -> Mask:
         """(...) bool: whether the floor at world points (..., 3), meters, is supported, on the storey that
         `StackedFloor.storey_at` selects. Places (..., 2) are on the lowest storey."""
         chosen = self.floor.storey_at(points)
@@ -39,7 +39,7 @@ class StackedSupport:
         for k, support in enumerate(self.storeys):
             here = chosen == k
             if here.any():
-                found[here] = support.at(points[here])
+                found[here] = support.is_supported(points[here])
         return found
 
     def save(self, path: Path) -> None:

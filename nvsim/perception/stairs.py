@@ -18,7 +18,7 @@ _HALF_STEP, _GOING = 0.09, 0.3  # meters: half of the rise of a step, and its de
 _SAMPLE = 0.05  # meters between the tested points of a ray
 _CHUNK = 4096  # rays
 _ROUNDS = 4
-_DOWN = -0.02  # as FloorSurface.meet
+_DOWN = -0.02  # as FloorSurface.distance_along_rays
 
 
 @dataclass(frozen=True, eq=False)
@@ -34,7 +34,7 @@ class Stairs:
     def of(surface: FloorSurface) -> Stairs:
         """The stairs of a surface: nodes with the slope of stairs, away from drops, and one step before and behind
         them. So the first and the last riser are included."""
-        slopes = [_gentler(surface.heights.astype(np.float64), axis) / surface.spacing for axis in (0, 1)]
+        slopes = [_smaller_change(surface.heights.astype(np.float64), axis) / surface.spacing for axis in (0, 1)]
         slope = np.hypot(*slopes)
         steep = (slope > _GENTLE) & (slope < _STEEP)
         for _ in range(round(_GOING / surface.spacing) if steep.any() else 0):
@@ -44,7 +44,7 @@ class Stairs:
     def __bool__(self) -> bool:
         return bool(self.steep.any())
 
-    def at(self, xy: NDArray[np.floating]) -> Mask:
+    def is_on_stairs(self, xy: NDArray[np.floating]) -> Mask:
         """(...) bool: whether world places (..., 2 or 3), meters, are on stairs."""
         rows, columns = self.steep.shape
         with np.errstate(invalid="ignore"):
@@ -56,12 +56,12 @@ class Stairs:
 
     def half_step(self, xy: NDArray[np.floating]) -> Float32:
         """(...) float32: meters by which a tread can be above or below the surface at world places (..., 2 or 3)."""
-        return np.where(self.at(xy), np.float32(_HALF_STEP), np.float32(0))
+        return np.where(self.is_on_stairs(xy), np.float32(_HALF_STEP), np.float32(0))
 
-    def meet(self, origin: NDArray[np.floating], rays: NDArray[np.floating]) -> Float32:
+    def distance_along_rays(self, origin: NDArray[np.floating], rays: NDArray[np.floating]) -> Float32:
         """Distances (...) float32, meters, along unit `rays` (..., 3) from `origin` (3,) to the floor, inf if there is
-        none. As `FloorSurface.meet`, but on stairs also for rays that do not point down."""
-        met = self.surface.meet(origin, rays)
+        none. As `FloorSurface.distance_along_rays`, but on stairs also for rays that do not point down."""
+        met = self.surface.distance_along_rays(origin, rays)
         if not self:
             return met
         shape, flat = met.shape, rays.reshape(-1, 3).astype(np.float64)
@@ -116,7 +116,7 @@ class Stairs:
     def _meters_to_floor_behind(
         self, origin: NDArray[np.float64], rays: NDArray[np.float64], far: NDArray[np.float64]
     ) -> NDArray[np.float64]:
-        """(M,) meters to the floor behind the stairs, by the fixed-point iteration of `FloorSurface.meet`."""
+        """(M,) meters to the floor behind the stairs, by the iteration of `FloorSurface.distance_along_rays`."""
         down = rays[:, 2] < _DOWN
         slope = np.where(down, rays[:, 2], -1.0)
         distance = far
@@ -126,7 +126,7 @@ class Stairs:
         return np.where(down & (distance >= far), distance, np.inf)
 
 
-def _gentler(heights: NDArray[np.float64], axis: int) -> NDArray[np.float64]:
+def _smaller_change(heights: NDArray[np.float64], axis: int) -> NDArray[np.float64]:
     """(rows, columns) the smaller change from each node to its two neighbors along an axis: a drop is on one side."""
     change = np.abs(np.diff(heights, axis=axis))
     if not change.size:

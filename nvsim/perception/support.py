@@ -44,7 +44,7 @@ class FloorSupport:
     blocked: Mask | None = None
     thin: Mask | None = None
 
-    def at(self, xy: NDArray[np.floating]) -> Mask:
+    def is_supported(self, xy: NDArray[np.floating]) -> Mask:
         """(...) bool: whether world points (..., 2), meters, are on known floor; False outside the grid. The z of
         points (..., 3) is ignored, because there is one floor."""
         from nvsim.geometry.grid_kernels import look_up_cells
@@ -117,7 +117,7 @@ def _unsupported_places(positions: NDArray[np.floating], support: FloorSupport) 
     supported floor."""
     places = places_between(positions, _APART, STRIDE)
     far = np.linalg.norm(np.diff(places, axis=0), axis=1)
-    known = support.at(places)
+    known = support.is_supported(places)
     found = np.zeros(len(places), bool)
     starts = np.flatnonzero(known[:-1] & ~known[1:])
     for start in starts:

@@ -47,7 +47,7 @@ def adjust(cameras: Sequence[Camera], tracks: Tracks) -> AdjustedPoses:
     if not len(tracks.point):
         raise ValueError("there is no track")
     work = _AdjustmentState(cameras, tracks)
-    errors = [work.round(_ASTRAY[0 if number < 2 else 1]) for number in range(_ROUNDS) if not work.is_done]
+    errors = [work.run_round(_ASTRAY[0 if number < 2 else 1]) for number in range(_ROUNDS) if not work.is_done]
     _, _, _, counts = work.errors(_ASTRAY[1])
     features = np.bincount(tracks.frame[counts], minlength=len(cameras))
     return AdjustedPoses(work.poses, errors[0], work.error(_ASTRAY[1]), features)
@@ -102,7 +102,7 @@ class _AdjustmentState:
         _, _, far, counts = self.errors(astray)
         return float(np.median(far[counts])) if counts.any() else float("inf")
 
-    def round(self, astray: float) -> float:
+    def run_round(self, astray: float) -> float:
         """Moves cameras and points once. Returns the median error before the move, pixels."""
         from scipy.sparse.linalg import lsmr
         from scipy.spatial.transform import Rotation

@@ -44,7 +44,7 @@ class Evidence:
     def __len__(self) -> int:
         return len(self.frames)
 
-    def only(self, rows: NDArray[np.bool_]) -> Evidence:
+    def select_pairs(self, rows: NDArray[np.bool_]) -> Evidence:
         """The pairs selected by the mask `rows` (P,)."""
         return Evidence(self.frames[rows], self.lenses[rows], self.kinds, self.places[rows], self.factors[rows])
 

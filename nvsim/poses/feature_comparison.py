@@ -67,7 +67,7 @@ def compare_features(
         focal = camera.focal or estimate_focal_length(places, camera.width, camera.height, None)
         cameras.append(camera_of(camera, k + 1, focal))
 
-    def verified(features: Sequence[Features] | dict[int, Features], matches: list[np.ndarray]) -> np.ndarray:
+    def count_inliers(features: Sequence[Features] | dict[int, Features], matches: list[np.ndarray]) -> np.ndarray:
         agreeing = []
         for (i, j), own in zip(pairs, matches, strict=True):
             both = cameras[int(images.camera[i])], cameras[int(images.camera[j])]
@@ -75,7 +75,7 @@ def compare_features(
             agreeing.append(0 if found is None else len(found.matches))
         return np.array(agreeing or [0])
 
-    new, old = verified(learned, by_network), verified(sift, by_sift)
+    new, old = count_inliers(learned, by_network), count_inliers(sift, by_sift)
     return FeatureComparison(
         network.name,
         len(pairs),

@@ -40,11 +40,11 @@ class Features:
     def __len__(self) -> int:
         return len(self.places)
 
-    def first(self, most: int) -> Features:
+    def most_distinct(self, most: int) -> Features:
         """The `most` distinct features."""
-        return self.at(slice(most))
+        return self.select(slice(most))
 
-    def at(self, rows: slice | NDArray[np.int64]) -> Features:
+    def select(self, rows: slice | NDArray[np.int64]) -> Features:
         """The features at `rows`: a slice or indices (M,)."""
         return replace(self, places=self.places[rows], descriptors=self.descriptors[rows])
 

@@ -34,7 +34,7 @@ from nvsim.poses.mapping import (
     find_bends,
     global_mapping,
     poses_of,
-    triangulated,
+    triangulate_with_poses,
     with_rotation,
     without_bad_points,
 )
@@ -59,7 +59,13 @@ from nvsim.poses.pieces import (
 )
 from nvsim.poses.pose_graph import PartAnchors, keeps_shape, median_depth, without_drift
 from nvsim.poses.positioning import reconstruct_video
-from nvsim.poses.straightening import anchors_of, contradicts_floor, level_and_scale, merge_turning_pieces, straightened
+from nvsim.poses.straightening import (
+    anchors_of,
+    contradicts_floor,
+    level_and_scale,
+    merge_turning_pieces,
+    straighten_video,
+)
 from nvsim.poses.threads import thread_pool
 from nvsim.poses.two_views import TwoViews, from_matches, relative_pose
 
@@ -142,12 +148,12 @@ def find_poses(
     matches = _matches(keypoints, first, images.ordered, report_progress)
     cameras = _first_cameras(images, keypoints, matches)
     if images.ordered:
-        cameras = _calibrated(images, cameras, keypoints, matches, path, folder, report_progress, placed)
+        cameras = _calibrate(images, cameras, keypoints, matches, path, folder, report_progress, placed)
     for number in range(_MAPPINGS):
         found = _relative_poses(images, cameras, keypoints, matches, report_progress)
         views = consistent_pairs(found) if images.ordered else found
         report_progress("mapping", number, _MAPPINGS)
-        models = _mapped(images, cameras, keypoints, views, path, folder)
+        models = _map_images(images, cameras, keypoints, views, path, folder)
         if not models:
             raise InputError(
                 f"The images in {images.folder} have too little in common for poses; film more slowly, with more "
@@ -159,7 +165,7 @@ def find_poses(
         if off < _FOCAL_OFF:
             break
     inputs = _MappingInputs(images, keypoints, similar, views, path, folder, report_progress)
-    return replace(_finished(models, inputs, placed), compared=compared)
+    return replace(_finish_video(models, inputs, placed), compared=compared)
 
 
 @dataclass(frozen=True, eq=False)
@@ -177,17 +183,17 @@ class _MappingInputs:
     matches: dict[Pair, NDArray[np.uint32]] = field(default_factory=dict)
 
 
-def _finished(models: list[pycolmap.Reconstruction], inputs: _MappingInputs, placed: Placed) -> FoundPoses:
+def _finish_video(models: list[pycolmap.Reconstruction], inputs: _MappingInputs, placed: Placed) -> FoundPoses:
     """Closes the loops of the first mapping of a video, adjusts, and splits the result into its firm pieces."""
     model, loops, held = models[0], list[Pair](), False
     images = inputs.images
     if images.ordered:
         for found in models:
             correct_rotations(found, inputs.views)
-        model, views, loops = _closed(*_join_firm_pieces(None, models, inputs), inputs, False)
+        model, views, loops = _close_loops(*_join_firm_pieces(None, models, inputs), inputs, False)
         model, joined, pieces = _joined_again(model, views, inputs)
         if len(joined) > len(views):  # the joined pieces are now near enough to show places of each other again
-            model, _, loops = _closed(model, joined, inputs, False, loops)
+            model, _, loops = _close_loops(model, joined, inputs, False, loops)
             pieces = with_images_beside(model, pieces, _BESIDE * median_depth(model))
         bent = contradicts_floor(model)
         if bent or len(pieces[0]) < _ENOUGH * len(images.names):
@@ -198,12 +204,12 @@ def _finished(models: list[pycolmap.Reconstruction], inputs: _MappingInputs, pla
             if straight and len(straight[2][0]) > least and len(straight[1]) >= _LOOPS_LEFT * len(loops):
                 (model, loops, pieces), held = straight, True
     else:
-        model = _adjusted(poses_of(model), dict(model.cameras.items()), inputs, False)
+        model = _triangulate_and_adjust(poses_of(model), dict(model.cameras.items()), inputs, False)
         pieces = firmly_connected_pieces(model, images.times)
         if len(pieces) > 1:  # where the first matches suffice, those along epipolar lines are less exact
             inputs.report_progress("matches along epipolar lines", 0, 1)
             write_geometries(inputs.path, inputs.views | guided_pairs(model, inputs.keypoints, inputs.views))
-            model = _adjusted(poses_of(model), dict(model.cameras.items()), inputs, False)
+            model = _triangulate_and_adjust(poses_of(model), dict(model.cameras.items()), inputs, False)
             pieces = firmly_connected_pieces(model, images.times)
     if images.ordered:
         astray = set(contradicted_rotations(poses_of(model), inputs.views))
@@ -244,10 +250,10 @@ def _straight_videos(
             pieces += [piece_of(straight[0], p, inputs.keypoints) for p in straight[2] if len(p) >= LEAST]
     if not pieces:
         return None
-    poses, views = _joined(pieces, inputs)
+    poses, views = _join_pieces(pieces, inputs)
     write_geometries(inputs.path, views)
-    model = _adjusted(poses, dict(models[0].cameras.items()), inputs, True)
-    model, _, loops = _closed(model, views, inputs, True)
+    model = _triangulate_and_adjust(poses, dict(models[0].cameras.items()), inputs, True)
+    model, _, loops = _close_loops(model, views, inputs, True)
     return model, loops, _pieces_of_straight(model, inputs)
 
 
@@ -259,16 +265,16 @@ def _straight(
 
     Closed loops give it a shape in which the walls are measured better, so it is straightened again. If the images
     then show fewer of its points, or it breaks, the walls were not at right angles or not found."""
-    poses = straightened(models, inputs.images.folder, inputs.images.times, inputs.views)
+    poses = straighten_video(models, inputs.images.folder, inputs.images.times, inputs.views)
     if not poses:
         return None
     write_geometries(inputs.path, inputs.views)
-    base = _adjusted(poses, dict(models[0].cameras.items()), inputs, True)
-    model, _, loops = _closed(*_join_firm_pieces(base, models, inputs), inputs, True)
+    base = _triangulate_and_adjust(poses, dict(models[0].cameras.items()), inputs, True)
+    model, _, loops = _close_loops(*_join_firm_pieces(base, models, inputs), inputs, True)
     pieces = _pieces_of_straight(model, inputs)
-    poses = straightened([model], inputs.images.folder, inputs.images.times, inputs.views)
+    poses = straighten_video([model], inputs.images.folder, inputs.images.times, inputs.views)
     if loops and len(poses) == model.num_reg_images():
-        again = _adjusted(poses, dict(model.cameras.items()), inputs, True)
+        again = _triangulate_and_adjust(poses, dict(model.cameras.items()), inputs, True)
         if again.compute_num_observations() >= _KEPT * model.compute_num_observations():
             pieces_again = _pieces_of_straight(again, inputs)
             if len(pieces_again[0]) >= len(pieces[0]):
@@ -281,7 +287,7 @@ def _pieces_of_straight(model: pycolmap.Reconstruction, inputs: _MappingInputs) 
     return merge_turning_pieces(model, firm, inputs.images.folder, inputs.views)
 
 
-def _closed(
+def _close_loops(
     model: pycolmap.Reconstruction,
     views: dict[Pair, TwoViews],
     inputs: _MappingInputs,
@@ -291,7 +297,7 @@ def _closed(
     """Closes loops. Returns the reconstruction, the image pairs that connect it, and its loops. If `held`, the floor
     and the walls hold its parts. `views` contains the loops that are already `known`."""
 
-    def anchored(groups: list[list[int]]) -> PartAnchors:
+    def make_anchors(groups: list[list[int]]) -> PartAnchors:
         return anchors_of(model, groups, inputs.images.folder)
 
     seen_again, loops, tested = {pair: views[pair] for pair in known}, list(known), set(known)
@@ -299,13 +305,13 @@ def _closed(
         inputs.report_progress("loops", number, _ROUNDS)
         seen_again |= close_loops(model, inputs.keypoints, inputs.similar, tested, inputs.matches, seen_again)
         loose = firmly_connected_pieces(model, inputs.images.times, _LOOSE) if held else []
-        poses, agreeing = without_drift(model, seen_again, anchored if held else None, loose)
+        poses, agreeing = without_drift(model, seen_again, make_anchors if held else None, loose)
         # Beside known loops, a single new one can move a joined piece by decimeters.
         if len(agreeing) <= (_MORE if number else 1) * len(loops):
             break
         loops = agreeing
         write_geometries(inputs.path, views | {pair: seen_again[pair] for pair in loops})
-        closed = _adjusted(poses, dict(model.cameras.items()), inputs, held)
+        closed = _triangulate_and_adjust(poses, dict(model.cameras.items()), inputs, held)
         if not keeps_shape(model, closed):
             loops = list(known)
             break
@@ -339,7 +345,7 @@ def _joined_again(
         if number < _JOINS:
             views = views | {pair: from_matches(own) for pair, own in across.items() if pair not in views}
             write_geometries(inputs.path, views)
-            model = _adjusted(poses, dict(model.cameras.items()), inputs, False)
+            model = _triangulate_and_adjust(poses, dict(model.cameras.items()), inputs, False)
     assert best is not None
     return best
 
@@ -366,14 +372,14 @@ def _join_firm_pieces(
     first = models[0] if base is None else base
     if len(pieces) < 2:
         return first, inputs.views
-    poses, views = _joined(pieces, inputs)
+    poses, views = _join_pieces(pieces, inputs)
     if len(views) == len(inputs.views) and base is not None:
         return base, inputs.views
     write_geometries(inputs.path, views)
-    return _adjusted(poses, dict(first.cameras.items()), inputs, base is not None), views
+    return _triangulate_and_adjust(poses, dict(first.cameras.items()), inputs, base is not None), views
 
 
-def _joined(
+def _join_pieces(
     pieces: list[PosePiece], inputs: _MappingInputs
 ) -> tuple[dict[int, pycolmap.Rigid3d], dict[Pair, TwoViews]]:
     """Poses, world to camera by image number, of the pieces that match the largest one. Also the image pairs that
@@ -382,7 +388,7 @@ def _joined(
     return poses, inputs.views | {pair: from_matches(own) for pair, own in across.items() if pair not in inputs.views}
 
 
-def _adjusted(
+def _triangulate_and_adjust(
     poses: Mapping[int, pycolmap.Rigid3d], cameras: Mapping[int, pycolmap.Camera], inputs: _MappingInputs, held: bool
 ) -> pycolmap.Reconstruction:
     """Triangulates and adjusts the images at `poses`, world to camera by image number. If `held`, their unit is the
@@ -390,7 +396,7 @@ def _adjusted(
     if inputs.images.ordered:
         turned = contradicted_rotations(poses, inputs.views)
         poses = {**poses, **{n: with_rotation(poses[n], rotation) for n, rotation in turned.items()}}
-    model = triangulated(poses, cameras, inputs.path, inputs.images.folder, inputs.folder / "triangulated")
+    model = triangulate_with_poses(poses, cameras, inputs.path, inputs.images.folder, inputs.folder / "triangulated")
     for astray in (8.0, 4.0):
         adjust_all(without_bad_points(model, astray), False, poses if held else None, _HELD, coarse=True)
     return model
@@ -425,7 +431,7 @@ def _features_of(images: ImageSet, index: int, network: FeatureFinder | None) ->
     found = find_features(rgb, most, usable, _CONTRAST)
     # SIFT lists a keypoint once for each of its orientations.
     _, single = np.unique(np.round(found.places * 4).astype(np.int64), axis=0, return_index=True)
-    return found.at(np.sort(single))
+    return found.select(np.sort(single))
 
 
 def _matches(
@@ -476,7 +482,7 @@ def _first_cameras(
     return cameras
 
 
-def _calibrated(
+def _calibrate(
     images: ImageSet,
     cameras: dict[int, pycolmap.Camera],
     keypoints: list[Keypoints],
@@ -499,14 +505,14 @@ def _calibrated(
     inside = {p: own for p, own in matches.items() if start <= p[0] and p[1] < start + _SAMPLE}
     found = _relative_poses(images, cameras, keypoints, inside, report_progress)
     views = consistent_pairs(found)
-    models = _mapped(images, cameras, keypoints, views, path, folder)
+    models = _map_images(images, cameras, keypoints, views, path, folder)
     if not models or models[0].num_reg_images() < _SAMPLE // 2:
         return cameras
     placed(models)
     return _cameras_of(models[0], cameras)
 
 
-def _mapped(
+def _map_images(
     images: ImageSet,
     cameras: dict[int, pycolmap.Camera],
     keypoints: list[Keypoints],

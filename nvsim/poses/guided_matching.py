@@ -35,7 +35,7 @@ def guided_pairs(
     depth = _depths(model)
     pairs = [(i - 1, j - 1) for i in sorted(poses) for j in sorted(poses) if i < j and _overlap(poses, depth, i, j)]
 
-    def matched(pair: Pair) -> TwoViews | None:
+    def match_pair(pair: Pair) -> TwoViews | None:
         i, j = pair
         cameras = tuple(model.cameras[model.images[k + 1].camera_id] for k in pair)
         relative = poses[j + 1] * poses[i + 1].inverse()
@@ -46,7 +46,7 @@ def guided_pairs(
         return found if pair not in known or len(found.matches) > len(known[pair].matches) else None
 
     with thread_pool() as pool:
-        return {pair: views for pair, views in zip(pairs, pool.map(matched, pairs)) if views is not None}
+        return {pair: views for pair, views in zip(pairs, pool.map(match_pair, pairs)) if views is not None}
 
 
 def _depths(model: pycolmap.Reconstruction) -> dict[int, float]:
@@ -73,7 +73,7 @@ def _matches(
 ) -> NDArray[np.uint32]:
     """(M, 2) uint32 features of two images that are alike and near each other's epipolar lines. `pose` is the second
     camera from the first."""
-    one, other = (k.features.first(_FEATURES) for k in keypoints)
+    one, other = (k.features.most_distinct(_FEATURES) for k in keypoints)
     if not len(one) or not len(other):
         return np.zeros((0, 2), np.uint32)
     x, y = (_flat(camera, k.places) for camera, k in zip(cameras, (one, other)))

@@ -45,7 +45,7 @@ class PosePiece:
         pose = self.poses[number]
         return np.asarray(-pose.rotation.matrix().T @ pose.translation)
 
-    def moved(self, by: pycolmap.Sim3d) -> PosePiece:
+    def transformed(self, by: pycolmap.Sim3d) -> PosePiece:
         """The piece, transformed by a similarity."""
         matrix = by.scale * by.rotation.matrix()
         return PosePiece(
@@ -97,7 +97,7 @@ def join(
             count, by, here, there = tries[k]
             if by is None or count < _FEWEST:
                 continue
-            moved = rest[k].moved(by)
+            moved = rest[k].transformed(by)
             if not _continuous(base, moved, clips):
                 continue
             for a, b in zip(here, there, strict=True):
@@ -113,10 +113,10 @@ def join(
             break
         else:
             break
-    return base.poses, _enough(shared)
+    return base.poses, _pairs_with_enough_points(shared)
 
 
-def _enough(shared: dict[Pair, dict[int, int]]) -> dict[Pair, NDArray[np.uint32]]:
+def _pairs_with_enough_points(shared: dict[Pair, dict[int, int]]) -> dict[Pair, NDArray[np.uint32]]:
     return {pair: np.array(sorted(found.items()), np.uint32) for pair, found in shared.items() if len(found) >= 4}
 
 

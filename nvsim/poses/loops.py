@@ -70,10 +70,13 @@ def close_loops(
     listed = tested.union(candidates)
     candidates += [p for p in similar if p not in listed and p[0] + 1 in registered and p[1] + 1 in registered]
 
-    def verified(pair: Pair) -> TwoViews | None:
+    def verify_pair(pair: Pair) -> TwoViews | None:
         one, other = (keypoints[i] for i in pair)
         if pair not in matches:
-            seems = len(match_features(one.features.first(_FIRST), other.features.first(_FIRST))) >= _LOOK_ALIKE
+            seems = (
+                len(match_features(one.features.most_distinct(_FIRST), other.features.most_distinct(_FIRST)))
+                >= _LOOK_ALIKE
+            )
             matches[pair] = one.matches(other, False) if seems else np.zeros((0, 2), np.uint32)
         if len(matches[pair]) < _MATCHES:
             return None
@@ -90,7 +93,7 @@ def close_loops(
         for start in range(0, len(candidates), _AT_ONCE):
             pairs = [p for p in candidates[start : start + _AT_ONCE] if count[_parts(p)] < _PLENTY]
             tested.update(pairs)
-            for pair, views in zip(pairs, pool.map(verified, pairs), strict=True):
+            for pair, views in zip(pairs, pool.map(verify_pair, pairs), strict=True):
                 if views is not None:
                     found[pair] = views
                     count[_parts(pair)] += 1

@@ -214,7 +214,7 @@ def reconstruction_of(
     return fresh
 
 
-def triangulated(
+def triangulate_with_poses(
     poses: Mapping[int, pycolmap.Rigid3d],
     cameras: Mapping[int, pycolmap.Camera],
     path: Path,

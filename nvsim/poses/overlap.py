@@ -97,18 +97,18 @@ class _OverlapSearch:
             near += [(k - 1, k), (k, k + 1), (k - 1, k + 1)]
         self._match((self._order[a], self._order[b]) for a, b in near)
         sampled = list(self._features)
-        if self._found() < _FEW_PAIRS:
+        if self._count_found() < _FEW_PAIRS:
             self._match(self._near_by_pose(sampled))
-        if self._found() < _FEW_PAIRS:
+        if self._count_found() < _FEW_PAIRS:
             everything = [(a, b) for k, a in enumerate(sampled) for b in sampled[k + 1 :]]
             self._match(everything[k] for k in evenly_spaced(len(everything), _PAIRS))
-        strangers = self._strangers(odd if odd else range(1, count - 1) if count <= _ALL else ())
+        strangers = self._frames_unlike_neighbors(odd if odd else range(1, count - 1) if count <= _ALL else ())
         self._match((s, other) for s in strangers[:_ODD] for other in sampled)
         return Overlaps(
             tuple(found for found in self._tried.values() if found is not None), strangers, tuple(self._order)
         )
 
-    def _found(self) -> int:
+    def _count_found(self) -> int:
         return sum(found is not None for found in self._tried.values())
 
     def _match(self, pairs: Iterable[tuple[int, int]]) -> None:
@@ -158,7 +158,7 @@ class _OverlapSearch:
             pairs += [(sampled[i], sampled[j]) for j in similar[np.argsort(distance, kind="stable")[:4]] if j != i]
         return pairs
 
-    def _strangers(self, places: Iterable[int]) -> tuple[int, ...]:
+    def _frames_unlike_neighbors(self, places: Iterable[int]) -> tuple[int, ...]:
         """Frames, by their indices in file order, with many features that their neighbors do not show."""
         found = []
         for k in places:

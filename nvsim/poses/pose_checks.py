@@ -110,7 +110,7 @@ def _without_parallax(report: Report, frames: tuple[Frame, ...], evidence: Evide
     poses = np.stack([f.camera_to_world for f in frames])
     first, second = (poses[evidence.frames[:, k], :3, 3] for k in (0, 1))
     apart = np.linalg.norm(first - second, axis=1) > 1e-6 * max(1e-9, float(np.ptp(poses[:, :3, 3], axis=0).max()))
-    moved = evidence.only(apart)
+    moved = evidence.select_pairs(apart)
     if len(moved) < _PAIRS:
         return None
     poses[:, :3, 3] = 0

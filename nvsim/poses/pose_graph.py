@@ -56,7 +56,7 @@ class _Loops:
     pair: NDArray[np.int64]
     sure: NDArray[np.float64]
 
-    def at(self, rows: NDArray[np.bool_]) -> _Loops:
+    def select(self, rows: NDArray[np.bool_]) -> _Loops:
         """The points selected by the mask `rows` (M,)."""
         return _Loops(
             self.first[rows],
@@ -67,7 +67,7 @@ class _Loops:
             self.sure[rows],
         )
 
-    def weighted(self) -> _Loops:
+    def with_weights(self) -> _Loops:
         """At most 60 points of the same two parts, evenly chosen, with weights that count them as at most 15: they have
         similar errors, whichever pairs of images they come from."""
         parts = np.stack([self.first_part, self.second_part])
@@ -77,7 +77,7 @@ class _Loops:
         rank[np.argsort(group, kind="stable")] = np.concatenate([np.arange(n) for n in count])
         count = count[group]
         few = replace(self, sure=self.sure * np.minimum(1, _COUNTED / np.minimum(count, _SOLVED)) ** 0.5)
-        return few.at((count <= _SOLVED) | ((rank + 1) * _SOLVED // count > rank * _SOLVED // count))
+        return few.select((count <= _SOLVED) | ((rank + 1) * _SOLVED // count > rank * _SOLVED // count))
 
 
 @dataclass(frozen=True, eq=False)
@@ -141,21 +141,21 @@ def without_drift(
     groups = [numbers[part].tolist() for part in rows]
     anchors = empty_anchors(len(rows)) if anchored is None else anchored(groups)
     plausible = _near_pairs(seen, moves, pivot, len(pairs), _PLAUSIBLE * depth)
-    if anchored is not None and plausible.any() and _open(seen, plausible) < _CLOSED * depth:
+    if anchored is not None and plausible.any() and _loop_distance(seen, plausible) < _CLOSED * depth:
         return poses, [pair for pair, use in zip(pairs, plausible, strict=True) if use]
     for _ in range(_GROWTHS):  # closed loops bring the two views of other loops near each other
         grown = used | _near_pairs(seen, moves, pivot, len(pairs), _PLAUSIBLE * depth)
         if (grown == used).all():
             break
         used = grown
-        moves = _solve(seen.at(used[seen.pair]), pivot, joint, depth, anchors)
+        moves = _solve(seen.select(used[seen.pair]), pivot, joint, depth, anchors)
     while used.any():
         agree = used & _near_pairs(seen, moves, pivot, len(pairs), 2 * _OFF * depth)
         if (agree == used).all():
             break
         used = agree
         if used.any():
-            moves = _solve(seen.at(used[seen.pair]), pivot, joint, depth, anchors)
+            moves = _solve(seen.select(used[seen.pair]), pivot, joint, depth, anchors)
     kept = [pair for pair, use in zip(pairs, used, strict=True) if use]
     if not kept:
         return poses, []
@@ -225,7 +225,7 @@ def _shifts_of_pieces(seen: _Loops, piece: NDArray[np.int64], count: int, depth:
     return shift[piece]
 
 
-def _open(seen: _Loops, pairs: NDArray[np.bool_]) -> float:
+def _loop_distance(seen: _Loops, pairs: NDArray[np.bool_]) -> float:
     """Distance between the two views of a place: the median over the selected pairs of images."""
     off = np.linalg.norm(seen.first - seen.second, axis=1)
     return float(np.median([np.median(off[seen.pair == k]) for k in np.flatnonzero(pairs)]))
@@ -276,7 +276,7 @@ def _solve(
 ) -> NDArray[np.float64]:
     """(K, 7) for each part: logarithm of scale, rotation vector, translation."""
     slip = np.tile([FIRM[0], *[FIRM[1]] * 3, *[FIRM[2] * depth] * 3], (len(joint), 1))
-    return solve(loops.weighted(), pivot, joint, slip, anchors)
+    return solve(loops.with_weights(), pivot, joint, slip, anchors)
 
 
 def solve(

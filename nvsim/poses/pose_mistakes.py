@@ -79,12 +79,18 @@ def _conventions(poses: Float, own: str) -> Iterator[tuple[str, str, Float]]:
     # Only the rotation is wrong. Test it in each direction and with the axes in which a format may store it.
     for change, words in (
         (lambda r: np.swapaxes(r, 1, 2), "their rotations are transposed (rows and columns are exchanged)"),
-        (partial(_requaternioned, turn=1), "their quaternions are in another order (x y z w instead of w x y z)"),
-        (partial(_requaternioned, turn=-1), "their quaternions are in another order (w x y z instead of x y z w)"),
+        (
+            partial(_shift_quaternion_components, turn=1),
+            "their quaternions are in another order (x y z w instead of w x y z)",
+        ),
+        (
+            partial(_shift_quaternion_components, turn=-1),
+            "their quaternions are in another order (w x y z instead of x y z w)",
+        ),
     ):
-        yield words, "", _rotated(poses, change)
-        yield words, "", _rotated(poses @ _GL, change) @ _GL
-        yield words, "", _inverted(_rotated(_inverted(poses), change))
+        yield words, "", _change_rotations(poses, change)
+        yield words, "", _change_rotations(poses @ _GL, change) @ _GL
+        yield words, "", _invert_poses(_change_rotations(_invert_poses(poses), change))
     turn, place = poses[:, :3, :3], poses[:, :3, 3]
     mixed = "their positions and rotations are of opposite directions (camera to world and world to camera)"
     for moved in (
@@ -92,16 +98,20 @@ def _conventions(poses: Float, own: str) -> Iterator[tuple[str, str, Float]]:
         turn @ -place[..., None],
         turn @ -(place * (1, -1, -1))[..., None],
     ):
-        yield mixed, "", _placed(poses, moved[..., 0])
+        yield mixed, "", _change_positions(poses, moved[..., 0])
     for axis, name in enumerate("xyz"):
-        yield f"their positions are mirrored along {name}", "", _placed(poses, place * (1 - 2 * (np.arange(3) == axis)))
+        yield (
+            f"their positions are mirrored along {name}",
+            "",
+            _change_positions(poses, place * (1 - 2 * (np.arange(3) == axis))),
+        )
     for sign in (1, -1):
         swapped = place[:, [0, 2, 1]] * (1, sign, -sign)
-        yield "the y and z axes of their positions are exchanged", "", _placed(poses, swapped)
+        yield "the y and z axes of their positions are exchanged", "", _change_positions(poses, swapped)
     for angle, turned in ((180, [[-1, 0], [0, -1]]), (90, [[0, -1], [1, 0]]), (270, [[0, 1], [-1, 0]])):
-        yield f"the images are turned by {angle} degrees", "", _viewed(poses, np.array(turned, np.float64))
+        yield f"the images are turned by {angle} degrees", "", _change_views(poses, np.array(turned, np.float64))
     for mirror in (np.diag([-1.0, 1.0]), np.diag([1.0, -1.0])):
-        yield "the images or the world are mirrored (left-handed)", "", _viewed(poses, mirror)
+        yield "the images or the world are mirrored (left-handed)", "", _change_views(poses, mirror)
 
 
 def _words(axes: Axes, own: str) -> str:
@@ -119,49 +129,49 @@ def _orders(poses: Float, names: Sequence[str], order: Sequence[int]) -> Iterato
     by_text = sorted(order, key=lambda i: names[i])
     by_number = sorted(order, key=lambda i: [int(w) if w.isdigit() else w for w in re.split(r"(\d+)", names[i])])
     missing = np.full_like(poses, np.nan)
-    yield "they are in reverse order", "", _assigned(missing, index, poses[index[::-1]])
+    yield "they are in reverse order", "", _with_rows(missing, index, poses[index[::-1]])
     if by_text != by_number:
         words = "their order is by number, that of the images by letters (2 after 10), or the reverse"
-        yield words, "", _assigned(missing, np.array(by_number), poses[by_text])
-        yield words, "", _assigned(missing, np.array(by_text), poses[by_number])
+        yield words, "", _with_rows(missing, np.array(by_number), poses[by_text])
+        yield words, "", _with_rows(missing, np.array(by_text), poses[by_number])
     for shift in range(1, min(_SHIFTS, len(order) - 1) + 1):
         plural = "s" if shift > 1 else ""
         words = f"there is a time offset: the pose of each image is listed {shift} frame{plural} %s"
-        yield words % "later", "", _assigned(missing, index[:-shift], poses[index[shift:]])
-        yield words % "earlier", "", _assigned(missing, index[shift:], poses[index[:-shift]])
+        yield words % "later", "", _with_rows(missing, index[:-shift], poses[index[shift:]])
+        yield words % "earlier", "", _with_rows(missing, index[shift:], poses[index[:-shift]])
 
 
-def _assigned(poses: Float, rows: NDArray[np.int64], values: Float) -> Float:
+def _with_rows(poses: Float, rows: NDArray[np.int64], values: Float) -> Float:
     result = poses.copy()
     result[rows] = values
     return result
 
 
-def _rotated(poses: Float, change: Callable[[Float], Float]) -> Float:
+def _change_rotations(poses: Float, change: Callable[[Float], Float]) -> Float:
     result = poses.copy()
     result[:, :3, :3] = change(poses[:, :3, :3])
     return result
 
 
-def _placed(poses: Float, positions: Float) -> Float:
+def _change_positions(poses: Float, positions: Float) -> Float:
     result = poses.copy()
     result[:, :3, 3] = positions
     return result
 
 
-def _viewed(poses: Float, image: Float) -> Float:
+def _change_views(poses: Float, image: Float) -> Float:
     """Poses of cameras whose images are rotated or mirrored by `image` (2, 2)."""
     turned = np.eye(4)
     turned[:2, :2] = image
     return poses @ turned
 
 
-def _inverted(poses: Float) -> Float:
+def _invert_poses(poses: Float) -> Float:
     back = np.swapaxes(poses[:, :3, :3], 1, 2)
-    return _placed(_rotated(poses, lambda _: back), -(back @ poses[:, :3, 3, None])[..., 0])
+    return _change_positions(_change_rotations(poses, lambda _: back), -(back @ poses[:, :3, 3, None])[..., 0])
 
 
-def _requaternioned(rotations: Float, turn: int) -> Float:
+def _shift_quaternion_components(rotations: Float, turn: int) -> Float:
     """Rotations (N, 3, 3) whose quaternions x y z w are shifted by `turn` places."""
     from scipy.spatial.transform import Rotation
 
@@ -191,21 +201,21 @@ def _lens_explanation(poses: Float, evidence: Evidence) -> Explanation | None:
 
     rows = np.zeros(len(evidence), bool)
     rows[np.unique(np.linspace(0, len(evidence) - 1, min(_PAIRS, len(evidence))).astype(int))] = True
-    sample = evidence.only(rows)
+    sample = evidence.select_pairs(rows)
 
-    def left(change: _LensChange) -> Float:
+    def errors_after_change(change: _LensChange) -> Float:
         kinds = [change.of(lens) for lens in sample.kinds]
         # Use the longer focal length: with an ever shorter one, errors in pixels would shrink to zero.
         focal = np.maximum(sample.focal(kinds), sample.focal())
         return match_errors(poses, sample, sample.rays(kinds), focal)
 
     def cost(change: _LensChange) -> float:
-        return float(np.mean(np.log1p(left(change))))
+        return float(np.mean(np.log1p(errors_after_change(change))))
 
     factors = np.exp(np.linspace(-1, 1, 27))
     start = min(factors, key=lambda f: cost(_LensChange((f, f))))
 
-    def fitted(
+    def fit_change(
         parameters: Callable[[Float], _LensChange], first: Sequence[float], steps: Sequence[float]
     ) -> _LensChange:
         simplex = np.array([first, *(np.array(first) + np.diag(steps))])
@@ -216,15 +226,15 @@ def _lens_explanation(poses: Float, evidence: Evidence) -> Explanation | None:
 
     lens = sample.kinds[0]
     (fx, fy), (cx, cy) = lens.focal, lens.principal_point
-    options = [fitted(lambda v: _LensChange((np.exp(v[0]), np.exp(v[0]))), [np.log(start)], [0.05])]
+    options = [fit_change(lambda v: _LensChange((np.exp(v[0]), np.exp(v[0]))), [np.log(start)], [0.05])]
     if lens.is_distorted:
         options += [_LensChange(distortion=-1.0), _LensChange(distortion=0.0)]
     options += [
         _LensChange((fy / fx, fx / fy)),
         _LensChange(middle=((cy - cx) / lens.width, (cx - cy) / lens.height)),
-        fitted(lambda v: _LensChange(middle=(v[0], v[1])), [0.0, 0.0], [0.1, 0.1]),
-        fitted(lambda v: _LensChange((np.exp(v[0]), np.exp(v[1]))), [np.log(start)] * 2, [0.05, 0.05]),
-        fitted(
+        fit_change(lambda v: _LensChange(middle=(v[0], v[1])), [0.0, 0.0], [0.1, 0.1]),
+        fit_change(lambda v: _LensChange((np.exp(v[0]), np.exp(v[1]))), [np.log(start)] * 2, [0.05, 0.05]),
+        fit_change(
             lambda v: _LensChange((np.exp(v[0]), np.exp(v[0])), (v[1], v[2])),
             [np.log(start), 0.0, 0.0],
             [0.05, 0.1, 0.1],
@@ -232,7 +242,7 @@ def _lens_explanation(poses: Float, evidence: Evidence) -> Explanation | None:
     ]
     costs = [cost(option) for option in options]
     simplest = next(o for o, c in zip(options, costs, strict=True) if c < 1.2 * min(costs) + 0.03)
-    after = left(simplest)
+    after = errors_after_change(simplest)
     share, miss = float(np.mean(after < AGREES)), float(np.median(after))
     words = _lens_words(lens, simplest)
     if not words or share < _LENS_FITS[0] or miss > _LENS_FITS[1]:

@@ -42,7 +42,7 @@ class _Observations:
     keypoint: NDArray[np.int64]
     point: NDArray[np.int64]
 
-    def only(self, kept: NDArray[np.bool_]) -> _Observations:
+    def select(self, kept: NDArray[np.bool_]) -> _Observations:
         return _Observations(self.image[kept], self.keypoint[kept], np.unique(self.point[kept], return_inverse=True)[1])
 
 
@@ -61,13 +61,13 @@ def reconstruct_video(
     models = []
     for number in np.flatnonzero(np.bincount(part) >= _FEWEST):
         inside = {pair: own for pair, own in views.items() if part[pair[0]] == number}
-        model = _reconstructed(path, cameras, camera, keypoints, inside)
+        model = _reconstruct(path, cameras, camera, keypoints, inside)
         if model is not None:
             models.append(model)
     return sorted(models, key=lambda m: -m.num_reg_images())
 
 
-def _reconstructed(
+def _reconstruct(
     path: Path,
     cameras: Mapping[int, pycolmap.Camera],
     camera: NDArray[np.int64],
@@ -184,9 +184,9 @@ def _tracks(keypoints: Sequence[Keypoints], views: Mapping[Pair, TwoViews]) -> _
     apart = np.linalg.norm(places - places[first[same]], axis=1)
     is_first = np.zeros(len(node), bool)
     is_first[first] = True
-    found = found.only(is_first & ~np.isin(found.point, found.point[apart > _DOUBLE]))
+    found = found.select(is_first & ~np.isin(found.point, found.point[apart > _DOUBLE]))
     length = np.bincount(found.point)
-    found = found.only(length[found.point] >= _FEWEST)
+    found = found.select(length[found.point] >= _FEWEST)
     return _longest(found, len(keypoints)) if len(found.image) else found
 
 
@@ -201,4 +201,4 @@ def _longest(found: _Observations, images: int) -> _Observations:
         if (count[own] < _TRACKS).any():
             used[k] = True
             count[own] += 1
-    return found.only(used[found.point])
+    return found.select(used[found.point])

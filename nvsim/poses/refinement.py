@@ -66,7 +66,7 @@ def median_epipolar_error(frames: Sequence[Frame]) -> float | None:
             pairs.append((i, j))
     chosen = [pairs[k] for k in evenly_spaced(len(pairs), _SAMPLE)]
 
-    def measured(pair: tuple[int, int]) -> float | None:
+    def measure_pair(pair: tuple[int, int]) -> float | None:
         (one, first), (other, second) = (_features_of_frame(frames[k]) for k in pair)
         found = match_cameras(one, other, first, second)
         if not len(found):
@@ -75,7 +75,7 @@ def median_epipolar_error(frames: Sequence[Frame]) -> float | None:
         return float(np.median(np.abs(off)))
 
     with thread_pool() as pool:
-        distances = [off for off in pool.map(measured, chosen) if off is not None]
+        distances = [off for off in pool.map(measure_pair, chosen) if off is not None]
     return float(np.median(distances)) if len(distances) >= _FEW else None
 
 
@@ -122,7 +122,7 @@ def refine(frames: Sequence[Frame], report_progress: ProgressCallback = lambda d
 
 def _features_of_frame(frame: Frame, most: int = MOST) -> tuple[Features, Camera]:
     """The features of an image, and its camera. Empty for an image that cannot be read; other stages report it."""
-    size = frame.intrinsics.within(_LONGEST_SIDE)
+    size = frame.intrinsics.limited_to(_LONGEST_SIDE)
     camera = Camera(size, frame.camera_to_world)
     try:
         return find_features(read_image(frame, size), most, usable_pixels(frame, size)), camera

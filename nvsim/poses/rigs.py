@@ -62,10 +62,10 @@ class _Sphere:
     image: NDArray[np.int64]
     row: NDArray[np.int64]
 
-    def alike(self, other: _Sphere, most: int) -> NDArray[np.int64]:
+    def match_with(self, other: _Sphere, most: int) -> NDArray[np.int64]:
         """(M, 2) matches with another panorama, among the `most` most distinct features of each view."""
         rows, theirs = np.flatnonzero(self.row < most), np.flatnonzero(other.row < most)
-        found = match_features(self.features.at(rows), other.features.at(theirs))
+        found = match_features(self.features.select(rows), other.features.select(theirs))
         return np.stack([rows[found[:, 0]], theirs[found[:, 1]]], axis=1)
 
 
@@ -79,7 +79,7 @@ def find_rig_poses(
     if the panoramas have too little in common."""
     rig = images.rig
     assert rig is not None
-    features = [f.first(_FEATURES) for f in features_of_all(images, report_progress)]
+    features = [f.most_distinct(_FEATURES) for f in features_of_all(images, report_progress)]
     spheres = _spheres(features, rig)
     first = np.unique(rig.frame, return_index=True)[1]  # first image of each panorama
     clips = images.clips[first]
@@ -165,9 +165,9 @@ def _relative_poses(
 
     def relative(pair: Pair) -> TwoViews | None:
         one, other = (spheres[i] for i in pair)
-        if pair not in near and len(one.alike(other, _FIRST)) < _LOOK_ALIKE:
+        if pair not in near and len(one.match_with(other, _FIRST)) < _LOOK_ALIKE:
             return None
-        matches = one.alike(other, _FEATURES if pair in near else _FAR)
+        matches = one.match_with(other, _FEATURES if pair in near else _FAR)
         if len(matches) < _INLIERS:
             return None
         a, b = matches.T
@@ -203,7 +203,7 @@ def select_reliable_loops(loops: Mapping[Pair, TwoViews], chain: Mapping[Pair, T
     """Selects reliable loops: those with very many matches, and those that a nearby loop confirms with its rotation."""
     steps = {i: views.rotation for (i, j), views in chain.items() if j == i + 1}
 
-    def turned(start: int, end: int) -> NDArray[np.float64] | None:
+    def chained_rotation(start: int, end: int) -> NDArray[np.float64] | None:
         """Rotation from panorama `start` to panorama `end`, chained over the steps between them."""
         turn = np.eye(3)
         for k in range(min(start, end), max(start, end)):
@@ -218,7 +218,7 @@ def select_reliable_loops(loops: Mapping[Pair, TwoViews], chain: Mapping[Pair, T
         for (k, m), other in loops.items():
             if agreeing or (k, m) == (i, j) or abs(k - i) > _AROUND or abs(m - j) > _AROUND:
                 continue
-            before, after = turned(i, k), turned(m, j)
+            before, after = chained_rotation(i, k), chained_rotation(m, j)
             if before is not None and after is not None:
                 expected = after @ other.rotation @ before
                 agreeing = rotation_angle(expected.T @ views.rotation) < _AGREES
@@ -272,7 +272,7 @@ def firmly_connected_panoramas(seen: Observations, frame: NDArray[np.int64]) -> 
     cuts = []
     for k in range(1, len(kept)):
         before, after = (np.isin(frame, near) for near in (kept[max(0, k - _BEFORE) : k], kept[k : k + _BEFORE]))
-        if _shared(seen, before, after) >= _FIRM:
+        if _count_shared_points(seen, before, after) >= _FIRM:
             continue
         before, after = (np.isin(frame, near) for near in (kept[max(0, k - _NEARBY) : k], kept[k : k + _NEARBY]))
         if scale_deviation(seen, before, after) > _TOO_LOOSE:
@@ -285,6 +285,6 @@ def firmly_connected_panoramas(seen: Observations, frame: NDArray[np.int64]) -> 
     return sorted((np.sort(piece) for piece in pieces), key=len, reverse=True)
 
 
-def _shared(seen: Observations, one: NDArray[np.bool_], other: NDArray[np.bool_]) -> int:
+def _count_shared_points(seen: Observations, one: NDArray[np.bool_], other: NDArray[np.bool_]) -> int:
     """How many points are visible both in the images `one` (I,) and in the images `other` (I,)."""
     return len(np.intersect1d(seen.point[one[seen.image]], seen.point[other[seen.image]]))

@@ -66,7 +66,7 @@ class _UprightPart:
     up: NDArray[np.float64]
     wall: NDArray[np.float64]
 
-    def turned(self, rotation: NDArray[np.float64], scale: float) -> _UprightPart:
+    def rotated(self, rotation: NDArray[np.float64], scale: float) -> _UprightPart:
         return replace(self, height=self.height * scale, up=rotation @ self.up, wall=rotation @ self.wall)
 
 
@@ -80,7 +80,7 @@ class _Timeline:
     rotating: NDArray[np.bool_]
 
 
-def straightened(
+def straighten_video(
     models: Sequence[pycolmap.Reconstruction],
     folder: Path,
     times: NDArray[np.float64],
@@ -103,13 +103,13 @@ def straightened(
             if not last < first <= last + _MISSING:
                 continue
             turn = _turned_on(poses, own)
-            own = {n: _placed(pose, turn, 1.0, np.zeros(3), np.zeros(3)) for n, pose in own.items()}
+            own = {n: _move_pose(pose, turn, 1.0, np.zeros(3), np.zeros(3)) for n, pose in own.items()}
             start = _dead_reckoned_centers(poses, own, {}, timeline)[first]
-            own = {n: _placed(pose, np.eye(3), 1.0, center_of(own[first]), start) for n, pose in own.items()}
-            own_parts = [part.turned(turn, 1.0) for part in own_parts]
+            own = {n: _move_pose(pose, np.eye(3), 1.0, center_of(own[first]), start) for n, pose in own.items()}
+            own_parts = [part.rotated(turn, 1.0) for part in own_parts]
         poses |= own
         parts += own_parts
-    return _solved(poses, parts) if parts else {}
+    return _solve(poses, parts) if parts else {}
 
 
 def level_and_scale(model: pycolmap.Reconstruction, folder: Path) -> bool:
@@ -298,21 +298,21 @@ def _upright(
         ups = np.nansum([p.up for p in own], axis=0)
         turn = smallest_rotation(level @ ups, _UP) @ level if ups.any() else level
         numbers = seen.numbers[run].tolist()
-        here = {n: _placed(given[n], turn, scale, center_of(given[numbers[0]]), np.zeros(3)) for n in numbers}
-        between = {n: _placed(given[n], level, 1.0, np.zeros(3), np.zeros(3)) for n in waiting}
+        here = {n: _move_pose(given[n], turn, scale, center_of(given[numbers[0]]), np.zeros(3)) for n in numbers}
+        between = {n: _move_pose(given[n], level, 1.0, np.zeros(3), np.zeros(3)) for n in waiting}
         if poses:
             centers = _dead_reckoned_centers(poses, here, between, timeline)
-            here = {n: _placed(pose, np.eye(3), 1.0, np.zeros(3), centers[numbers[0]]) for n, pose in here.items()}
+            here = {n: _move_pose(pose, np.eye(3), 1.0, np.zeros(3), centers[numbers[0]]) for n, pose in here.items()}
         else:
             centers = _dead_reckoned_centers({}, here, between, timeline)
-        poses |= {n: _centered(pose, centers[n]) for n, pose in between.items()} | here
+        poses |= {n: _center_pose(pose, centers[n]) for n, pose in between.items()} | here
         parts += [_UprightPart(waiting, -1, np.nan, _UNKNOWN, _UNKNOWN)] if waiting else []
-        parts += [part.turned(turn, scale) for part in own]
+        parts += [part.rotated(turn, scale) for part in own]
         waiting = []
     if poses and waiting:
-        between = {n: _placed(given[n], level, 1.0, np.zeros(3), np.zeros(3)) for n in waiting}
+        between = {n: _move_pose(given[n], level, 1.0, np.zeros(3), np.zeros(3)) for n in waiting}
         centers = _dead_reckoned_centers(poses, {}, between, timeline)
-        poses |= {n: _centered(pose, centers[n]) for n, pose in between.items()}
+        poses |= {n: _center_pose(pose, centers[n]) for n, pose in between.items()}
         parts.append(_UprightPart(waiting, -1, np.nan, _UNKNOWN, _UNKNOWN))
     return poses, parts
 
@@ -423,7 +423,7 @@ def _dead_reckoned_centers(
     for at, n in zip(numbers, numbers[1:]):
         step = _Step(poses[at], poses[n], float(times[n - 1] - times[at - 1]))
         share = ((times[n - 1] + times[at - 1]) / 2 - times[first - 1]) / max(times[last - 1] - times[first - 1], 1e-9)
-        now = _usual_speed(step.turned / max(step.seconds, 1e-9))
+        now = _usual_speed(step.rotation_degrees / max(step.seconds, 1e-9))
         one, other = (velocity * min(_FASTER, now / usual) for velocity, usual in (known[0], known[-1]))
         velocity = one * (1 - share) + other * share
         seconds = step.seconds * float(np.mean(~timeline.rotating[at - 1 : n - 1]))
@@ -449,7 +449,7 @@ class _Step:
         return np.array([[x, y], [y, -x]]) / max(float(np.hypot(x, y)), 1e-9)
 
     @property
-    def turned(self) -> float:
+    def rotation_degrees(self) -> float:
         """Rotation in degrees."""
         return rotation_angle(self.other.rotation.matrix() @ self.one.rotation.matrix().T)
 
@@ -465,7 +465,7 @@ def _velocity(poses: Poses, at: int, timeline: _Timeline) -> tuple[NDArray[np.fl
     if seconds <= 0:
         return np.zeros(2), 1.0
     moved = [step.axes @ (center_of(step.other) - center_of(step.one))[:2] for step in steps]
-    turned = sum(step.turned for step in steps)
+    turned = sum(step.rotation_degrees for step in steps)
     return np.sum(moved, axis=0) / seconds, _usual_speed(turned / seconds)
 
 
@@ -474,7 +474,7 @@ def _usual_speed(rate: float) -> float:
     return 1 / (1 + (rate / _SLOWING) ** 4)
 
 
-def _solved(poses: Poses, parts: list[_UprightPart]) -> Poses:
+def _solve(poses: Poses, parts: list[_UprightPart]) -> Poses:
     """The poses after one adjustment of all parts to their floor heights, verticals, and walls."""
     pivot = np.array([np.mean([center_of(poses[n]) for n in p.numbers], axis=0) for p in parts])
     joint = np.array([center_of(poses[p.numbers[0]]) for p in parts[1:]]).reshape(-1, 3)
@@ -484,11 +484,11 @@ def _solved(poses: Poses, parts: list[_UprightPart]) -> Poses:
     return {n: transform_pose(poses[n], moves[k], pivot[k]) for k, part in enumerate(parts) for n in part.numbers}
 
 
-def _centered(pose: pycolmap.Rigid3d, center: NDArray[np.float64]) -> pycolmap.Rigid3d:
+def _center_pose(pose: pycolmap.Rigid3d, center: NDArray[np.float64]) -> pycolmap.Rigid3d:
     return pycolmap.Rigid3d(pose.rotation, -pose.rotation.matrix() @ center)
 
 
-def _placed(
+def _move_pose(
     pose: pycolmap.Rigid3d,
     turn: NDArray[np.float64],
     scale: float,

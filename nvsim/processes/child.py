@@ -38,8 +38,8 @@ RequestT = TypeVar("RequestT")
 AnswerT = TypeVar("AnswerT")
 Worker = Callable[[], Callable[[RequestT], AnswerT]]
 """A module-level class whose instances answer requests in `__call__`. The child imports its module when it starts, so
-the module should import little. If instances have an attribute `tell`, the child replaces it with a function. That
-function sends its argument to the `hear` callback of `Child.ask`; only the thread that answers may call it."""
+the module should import little. If instances have an attribute `send_event`, the child replaces it with a function.
+That function sends its argument to the `hear` callback of `Child.ask`; only the thread that answers may call it."""
 _START = 120.0
 """Seconds in which a child must start. A busy machine needs several."""
 _LOOK = 0.1  # seconds between two checks of the processor time
@@ -178,15 +178,15 @@ class _Process:
                 self._end_late(limits.seconds)
             return receive(self._connection)
         until = time.monotonic() + (math.inf if limits.seconds is None else limits.seconds)
-        before = self._computed()
+        before = self._processor_seconds()
         while not self._connection.poll(min(_LOOK, max(until - time.monotonic(), 0.0))):
             if time.monotonic() > until:
                 self._end_late(limits.seconds)
-            if self._computed() - before > limits.computing:
+            if self._processor_seconds() - before > limits.computing:
                 self._end_late(limits.computing)
         return receive(self._connection)
 
-    def _computed(self) -> float:
+    def _processor_seconds(self) -> float:
         """Seconds of processor time that the process has taken."""
         try:
             times = psutil.Process(self._process.id).cpu_times()
@@ -215,11 +215,11 @@ _idle: dict[Worker[Any, Any], _Process] = {}
 _idle_lock = threading.Lock()
 
 
-def _forget() -> None:
+def _drop_children() -> None:
     """Drops the children in a forked process, because they belong to the parent process."""
     global _idle_lock
     _idle_lock = threading.Lock()
     _idle.clear()
 
 
-os.register_at_fork(after_in_child=_forget)
+os.register_at_fork(after_in_child=_drop_children)

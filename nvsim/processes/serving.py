@@ -38,8 +38,8 @@ def answer_requests(pipe: Connection, worker: str) -> None:
     try:
         module, _, name = worker.partition(":")
         answer = getattr(importlib.import_module(module), name)()
-        if hasattr(answer, "tell"):
-            answer.tell = lambda value: send(pipe, Notice(value))
+        if hasattr(answer, "send_event"):
+            answer.send_event = lambda value: send(pipe, Notice(value))
         send(pipe, Answer(None))
     except Exception:
         send(pipe, Answer(None))
@@ -49,10 +49,10 @@ def answer_requests(pipe: Connection, worker: str) -> None:
     while True:
         request = receive(pipe)
         limit_memory(request.memory)
-        send(pipe, _answered(answer, request.value))
+        send(pipe, _answer_or_error(answer, request.value))
 
 
-def _answered(answer: Any, request: Any) -> Answer | ReportedInputError | OutOfMemory | ReportedBug:
+def _answer_or_error(answer: Any, request: Any) -> Answer | ReportedInputError | OutOfMemory | ReportedBug:
     try:
         return Answer(answer(request))
     except InputError as error:

@@ -115,7 +115,7 @@ def replaced_result_sentence(project: Project, stage: str, only: tuple[int, ...]
     found = now.in_use(stage, project.root)
     if found is None:
         return ""
-    former = stage == "train" and stage in now.former
+    former = stage == "train" and stage in now.stages_of_previous_cut
     if stage == "train" and only and not former and found.parts:
         found = StageResult({number: part for number, part in found.parts.items() if number in only})
         if not found.parts:
@@ -127,7 +127,7 @@ def replaced_result_sentence(project: Project, stage: str, only: tuple[int, ...]
     if former:
         end = "the old ones stay until the new ones of all submaps are finished"
     instead = "replaces the earlier result, which `nvsim restore` can restore until then"
-    then = instead if stage in now.kept else "can be restored afterwards"
+    then = instead if stage in now.restorable_stages else "can be restored afterwards"
     return f"{stage} replaces {describe(found, stage, former)}; {end}, and {then}."
 
 
@@ -140,14 +140,14 @@ def report_replaced_result(project: Project, stage: str, listen: Listener, only:
 
 def describe(result: StageResult, stage: str, former: bool = False) -> str:
     """A result in words, for example "the models of 3 submaps (2000 steps, finished 2026-11-22 05:31)"."""
-    what, figures = _what(result, stage)
+    what, figures = _describe_result(result, stage)
     ended = max((part.finished for part in result.parts.values()), default=0.0)
     when = [time.strftime("finished %Y-%m-%d %H:%M", time.localtime(ended))] if ended else []
     about = ", ".join([*figures, *when])
     return f"{what}{' of the previous cut' if former else ''}{f' ({about})' if about else ''}"
 
 
-def _what(result: StageResult, stage: str) -> tuple[str, list[str]]:
+def _describe_result(result: StageResult, stage: str) -> tuple[str, list[str]]:
     parts = result.parts
     summary = parts[min(parts)].summary if parts else {}
     if stage == "train":

@@ -100,7 +100,7 @@ class CandidateMaker:
         from nvsim.perception.segment import SegmentConfig
 
         frame = project.need_capture().frames[index]
-        size = frame.intrinsics.within(SegmentConfig().longest_side)
+        size = frame.intrinsics.limited_to(SegmentConfig().longest_side)
         camera = frame.camera.scaled(size.width, size.height)
         _write(path, self._hybrid(index, provider).steps(camera, read_image(frame, size)))
         return path
@@ -154,7 +154,7 @@ class CandidateMaker:
                 "as prompted.encoder.onnx and prompted.decoder.onnx."
             )
         frame = self._project.need_capture().frames[index]
-        size = frame.intrinsics.within(_FINE)
+        size = frame.intrinsics.limited_to(_FINE)
         image = read_image(frame, size)
         pixels = np.asarray(points, float) * (size.width, size.height)
         nothing = np.zeros(image.shape[:2], bool)

@@ -85,7 +85,7 @@ def _detour_between(project: Project) -> TrajectoryDetour | None:
     capture, support = project.capture(), project.support()
     if capture is None or support is None or not capture.trajectory_counts:
         return None
-    return TrajectoryDetour(Walk(capture.positions, support.at))
+    return TrajectoryDetour(Walk(capture.positions, support.is_supported))
 
 
 def submaps_without_model(project: Project) -> frozenset[int]:

@@ -161,7 +161,7 @@ class Layout:
     def checkpoint(self, submap: int) -> Path:
         return self.checkpoints / f"submap_{submap:03d}.ckpt"
 
-    def live(self, submap: int) -> Path:
+    def live_model(self, submap: int) -> Path:
         """A recent state of a model whose training runs or was interrupted, for display only."""
         return self.checkpoints / f"live_{submap:03d}"
 

@@ -132,12 +132,12 @@ def trained_key(project: Project, submap: int) -> str:
 def waiting_submaps(project: Project) -> tuple[int, ...]:
     """Submaps of the newest cut that are trained while the models of a previous cut are in use."""
     found = project.stage_results()
-    return tuple(sorted(_newest(found).parts)) if TRAIN in found.former else ()
+    return tuple(sorted(_newest(found).parts)) if TRAIN in found.stages_of_previous_cut else ()
 
 
 def _newest(found: StageResults) -> StageResult:
     """The finished models of the newest cut, which may not be in use yet."""
-    if TRAIN not in found.former:
+    if TRAIN not in found.stages_of_previous_cut:
         return found.get("in use", TRAIN) or StageResult()
     waiting, newest = found.get("next", TRAIN), found.places["cut/submaps"]
     if waiting is None or waiting.files.get("cut/train") != newest:
@@ -157,7 +157,7 @@ def add_model(project: Project, submap: int, seconds: float, figures: dict[str, 
     files = found.made_at(TRAIN, submap)
     used, former = True, found.in_use(TRAIN, root)
     found = found.without_unfinished(TRAIN, submap)
-    if TRAIN in found.former:
+    if TRAIN in found.stages_of_previous_cut:
         new = _newest(found)
         new = StageResult({**new.parts, submap: part}, {**new.files, **files})
         used = set(new.parts) >= {s.index for s in project.submaps()}
@@ -177,7 +177,7 @@ def add_model(project: Project, submap: int, seconds: float, figures: dict[str, 
             "next", TRAIN, None
         )
     project.set_stage_results(found)
-    remove_folder(project.layout.live(submap))
+    remove_folder(project.layout.live_model(submap))
     project.layout.checkpoint(submap).unlink(missing_ok=True)
     results.remove_unreferenced_files(found, root)
     return used
@@ -190,7 +190,7 @@ def clear_unfinished(project: Project, of_others: Iterable[int]) -> None:
     left = {part for stage, part in found.unfinished if stage == TRAIN}
     wanted = left & set(of_others)
     project.set_stage_results(found := found.without_unfinished(TRAIN, *(left - wanted)))
-    keep = {p for part in wanted for p in (layout.checkpoint(part), layout.live(part))}
+    keep = {p for part in wanted for p in (layout.checkpoint(part), layout.live_model(part))}
     for path in [*layout.checkpoints.glob("submap_*.ckpt"), *layout.checkpoints.glob("live_*")]:
         if path in keep:
             continue

@@ -100,7 +100,7 @@ def observed_occupancy(
         resolution *= 2
     columns, rows = grid_size(low, high, resolution, "the cameras")
     empty = OccupancyMap(np.full((rows, columns), UNKNOWN, np.uint8), resolution, (float(low[0]), float(low[1])))
-    cells = np.where(support.at(empty.centres()), FREE, UNKNOWN)
+    cells = np.where(support.is_supported(empty.centres()), FREE, UNKNOWN)
     band, counts = Heights(), np.zeros(rows * columns, np.int64)
     for start in range(0, len(points), _BLOCK):
         part = points[start : start + _BLOCK]

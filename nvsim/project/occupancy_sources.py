@@ -153,14 +153,14 @@ def _of_models(capture: Capture, project: Project) -> MeasuredRays | None:
 
     def sweeps(floor: FloorSurface) -> Iterator[Sweep]:
         for frame in capture.frames:
-            camera = Camera(frame.intrinsics.within(_RENDERED), frame.camera_to_world)
+            camera = Camera(frame.intrinsics.limited_to(_RENDERED), frame.camera_to_world)
             output = render_scene(scene, camera, frozenset({"alpha", "depth"}))[1]
             assert output.alpha is not None and output.depth is not None
             stands = output.alpha >= _STANDS
             seen = sweep_of_depth(camera, np.where(stands, output.depth, 0))
             # Gaussians exclude the floor, so pixels that they do not cover show floor.
             rays = camera.rays()
-            along = floor.meet(camera.position, rays)
+            along = floor.distance_along_rays(camera.position, rays)
             bare = ~stands & (along <= reach)
             ground = camera.position + along[bare, None] * rays[bare]
             yield Sweep(seen.origin, np.concatenate([seen.points, ground]))

@@ -28,7 +28,7 @@ class PhotographedDirections:
         self._trained = {submap.index: submap.frames for submap in project.submaps("train")}
         self._images: tuple[int, list[TrainingImage] | None] = -1, None
 
-    def at(self, position: NDArray[np.floating]) -> NDArray[np.bool_]:
+    def photographed_mask(self, position: NDArray[np.floating]) -> NDArray[np.bool_]:
         """(6, S, S) bool: the directions around `position` (3,), meters, that show a surface which training images
         show. The faces are those of `photographed_directions`. Raises InputError if the model cannot be read."""
         submap = self._scene.nearest(position)
@@ -39,10 +39,10 @@ class PhotographedDirections:
         return photographed_directions(model, position, self._images[1], self._backend)
 
     def shares(self, graph: NavGraph, ids: Iterable[str]) -> dict[str, float]:
-        """The photographed share of viewpoints by id, 0 to 1. Raises InputError like `at`."""
+        """The photographed share of viewpoints by id, 0 to 1. Raises InputError like `photographed_mask`."""
         places = {id: np.array(graph.viewpoints[id].position) for id in ids}
         order = sorted(places, key=lambda id: self._scene.nearest(places[id]))
-        found = {id: round(share_of_sphere(self.at(places[id])), 4) for id in order}
+        found = {id: round(share_of_sphere(self.photographed_mask(places[id])), 4) for id in order}
         return {id: found[id] for id in places}
 
 

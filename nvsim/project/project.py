@@ -293,7 +293,7 @@ class Project:
         """
         submaps, layout = self.submaps("train"), self.layout
         live = live and not self.uses_previous_submaps("train")
-        places = [[layout.model(s.index), *([layout.live(s.index)] if live else [])] for s in submaps]
+        places = [[layout.model(s.index), *([layout.live_model(s.index)] if live else [])] for s in submaps]
         found = [next((f for f in folders if (f / "model.json").is_file()), None) for folders in places]
         if not any(found):
             return None
@@ -329,7 +329,7 @@ class Project:
 
     def uses_previous_submaps(self, stage: StageName) -> bool:
         """Whether the result of `stage` in use belongs to an older cut into submaps than the newest."""
-        return stage in self.stage_results().former
+        return stage in self.stage_results().stages_of_previous_cut
 
     def mask_path(self, frame: int) -> Path:
         """The floor mask in use of a frame: the user's correction, or the mask of the floors stage."""
@@ -384,7 +384,7 @@ class Project:
         for stage in FROM_A_CUT:
             if found.in_use(stage, self.root) is not None:
                 found = found.completed("in use", stage, {f"cut/{stage}": newest})
-            if stage in found.kept:
+            if stage in found.restorable_stages:
                 found = found.completed("previous", stage, {f"cut/{stage}": newest})
         self.set_stage_results(found)
 

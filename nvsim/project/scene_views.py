@@ -42,9 +42,9 @@ class SceneViews:
     ) -> tuple[int, list[RenderOutput]]:
         """The submap nearest to `position` (3,), and one view per camera, rendered in its mask (H, W) bool."""
         index, model = self._scene.model_at(position)
-        return index, self._rendered(model, cameras, masks)
+        return index, self._render_views(model, cameras, masks)
 
-    def another(self, position: NDArray[np.floating]) -> int | None:
+    def second_submap(self, position: NDArray[np.floating]) -> int | None:
         """A second submap that was trained on the frame nearest to `position` (3,), see SceneModel.second."""
         return self._scene.second(position)
 
@@ -56,7 +56,7 @@ class SceneViews:
         self, submap: int, cameras: Sequence[Camera], masks: Sequence[NDArray[np.bool_]]
     ) -> list[RenderOutput]:
         """One view per camera from the model of one submap, rendered in its mask (H, W) bool."""
-        return self._rendered(self._scene.model(submap), cameras, masks)
+        return self._render_views(self._scene.model(submap), cameras, masks)
 
     def panorama(self, sphere: Sphere, mask: NDArray[np.bool_], submap: int | None = None) -> tuple[int, RenderOutput]:
         """The submap nearest to the sphere, or `submap`, and its equirectangular image rendered in `mask` (H, W)
@@ -77,7 +77,7 @@ class SceneViews:
         """The Gaussians of a submap's model."""
         return self._scene.model(submap).gaussians
 
-    def _rendered(
+    def _render_views(
         self, model: SubmapModel, cameras: Sequence[Camera], masks: Sequence[NDArray[np.bool_]]
     ) -> list[RenderOutput]:
         from nvsim.render.scene import render_regions

@@ -14,7 +14,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from nvsim.errors import InputError, shown
+from nvsim.errors import InputError, value_text
 from nvsim.files import atomic
 from nvsim.files.opening import read_json
 from nvsim.graph.paths import SAME_LENGTH
@@ -58,10 +58,10 @@ class Review:
         """Sets the state of a verdict. Raises ValueError if `state` is not in STATES."""
         if state not in STATES:
             raise ValueError(f"{state!r} is none of {STATES}")
-        self._put(key, replace(self[key], state=state))
+        self._store_verdict(key, replace(self[key], state=state))
 
     def set_instructions(self, key: Key, instructions: Iterable[str] | None) -> None:
-        self._put(key, replace(self[key], instructions=None if instructions is None else tuple(instructions)))
+        self._store_verdict(key, replace(self[key], instructions=None if instructions is None else tuple(instructions)))
 
     def undo(self) -> Key | None:
         """Reverts the last change since the review was opened. Returns the task's key, or None without a change."""
@@ -86,7 +86,7 @@ class Review:
         atomic.make_folder(path.parent)
         atomic.write_text(path, json.dumps({"format": FORMAT, "tasks": rows}, indent=1) + "\n")
 
-    def _put(self, key: Key, verdict: Verdict) -> None:
+    def _store_verdict(self, key: Key, verdict: Verdict) -> None:
         if verdict != self[key]:
             self._before.append((key, self[key]))
             self._verdicts[key] = verdict
@@ -105,13 +105,13 @@ def read_review(path: Path) -> Review:
 
 def _row(item: Any, where: str) -> tuple[Key, Verdict]:
     if not isinstance(item, dict):
-        raise InputError(f"{where} is {shown(item)}; it must be an object with split, path_id, scan and state.")
+        raise InputError(f"{where} is {value_text(item)}; it must be an object with split, path_id, scan and state.")
     split, id, scan = item.get("split"), item.get("path_id"), item.get("scan")
     state, texts = item.get("state"), item.get("instructions")
     named = isinstance(split, str) and isinstance(id, int) and isinstance(scan, str)
     valid_texts = texts is None or (isinstance(texts, list) and all(isinstance(text, str) for text in texts))
     if not named or state not in STATES or not valid_texts:
-        raise InputError(f"{where} is invalid ({shown(item)}); correct it, or move the file away.")
+        raise InputError(f"{where} is invalid ({value_text(item)}); correct it, or move the file away.")
     return (str(split), int(id), str(scan)), Verdict(str(state), None if texts is None else tuple(texts))  # type: ignore[arg-type]
 
 

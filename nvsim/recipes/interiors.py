@@ -62,10 +62,10 @@ def _scene(number: int, rng: np.random.Generator) -> Scene:
     boxes = list(scene.boxes)
     for room in scene.plan.rooms:
         for rect in room.rects:
-            boxes += _clutter(rect.grown(-0.15), rng, 0 if style == "bare" else rng.uniform(0.0, 0.6))
+            boxes += _clutter(rect.expanded(-0.15), rng, 0 if style == "bare" else rng.uniform(0.0, 0.6))
             if style != "bare":
-                boxes += _along_a_wall(rect.grown(-0.05), rng) if rng.random() < 0.7 else ()
-                boxes += _amid(rect.grown(-0.3), rng)
+                boxes += _along_a_wall(rect.expanded(-0.05), rng) if rng.random() < 0.7 else ()
+                boxes += _central_furniture(rect.expanded(-0.3), rng)
             boxes += _under_the_ceiling(rect, rng)
     boxes += [thing for top in _tops(boxes) if rng.random() < 0.6 for thing in _things_on(top, rng)]
     return dataclasses.replace(scene, boxes=tuple(boxes), solids=make_solids(scene.storeys, boxes))
@@ -87,7 +87,9 @@ def _clutter(rect: Rect, rng: np.random.Generator, density: float) -> Iterator[B
             w, d, h = rng.uniform(0.02, 0.12), rng.uniform(0.02, 0.12), rng.uniform(0.3, 2.5)
         w, d = min(w, 0.45 * (rect.x1 - rect.x0)), min(d, 0.45 * (rect.y1 - rect.y0))
         x, y = rng.uniform(rect.x0, rect.x1 - w), rng.uniform(rect.y0, rect.y1 - d)
-        paint = Paint(str(rng.choice(["plain", "wood", "cloth", "carton", "drawers", "books", "stone"])), _tone(rng))
+        paint = Paint(
+            str(rng.choice(["plain", "wood", "cloth", "carton", "drawers", "books", "stone"])), _random_color(rng)
+        )
 
         if kind in _TABLES:
             h, t, leg = rng.uniform(0.3, 1.0), rng.uniform(0.02, 0.08), rng.uniform(0.02, 0.06)
@@ -137,21 +139,21 @@ def _along_a_wall(rect: Rect, rng: np.random.Generator) -> Iterator[Box]:
         return _box((rect.x0 + x0, rect.y0 + y0, low), (rect.x0 + x1, rect.y0 + y1, high), paint)
 
     dull = rng.uniform(0.03, 0.15)
-    tone = _tone(rng) if rng.random() < 0.7 else (dull, dull, dull)
+    tone = _random_color(rng) if rng.random() < 0.7 else (dull, dull, dull)
     front = Paint(str(rng.choice(("drawers", "wood", "plain") if kind == 0 else ("cloth", "plain"))), tone)
     yield box(0, depth, 0, height, front)
     if kind == 0:
-        top = Paint(str(rng.choice(["wood", "stone", "plain"])), _tone(rng))
+        top = Paint(str(rng.choice(["wood", "stone", "plain"])), _random_color(rng))
         yield box(0, depth + rng.uniform(0, 0.04), height, height + 0.04, top)
         if rng.random() < 0.5:  # wall cupboards of a kitchen, and the panel below them
             low = height + rng.uniform(0.4, 0.6)
             yield box(0, 0.35, low, low + rng.uniform(0.4, 0.8), front)
-            yield box(0, 0.01, height + 0.04, low, Paint("plain", _tone(rng)))
+            yield box(0, 0.01, height + 0.04, low, Paint("plain", _random_color(rng)))
     elif kind == 1:
         yield box(0, rng.uniform(0.12, 0.3), height, height + rng.uniform(0.3, 0.5), front)
 
 
-def _amid(rect: Rect, rng: np.random.Generator) -> Iterator[Box]:
+def _central_furniture(rect: Rect, rng: np.random.Generator) -> Iterator[Box]:
     """A large table, a kitchen island, a bed with pillows, or nothing: surfaces that fill the view of a near camera."""
     kind = int(rng.integers(5))
     least, most = (((0.7, 1.2), (1.5, 2.8)), ((0.6, 1.0), (1.2, 2.6)), ((0.9, 1.8), (2.0, 2.2)))[min(kind, 2)]
@@ -164,21 +166,25 @@ def _amid(rect: Rect, rng: np.random.Generator) -> Iterator[Box]:
     low, high = ((0.65, 1.1), (0.85, 1.0), (0.35, 0.7))[kind]
     h = rng.uniform(low, high)
     if kind == 0:
-        t, leg, wood = rng.uniform(0.02, 0.07), rng.uniform(0.03, 0.09), Paint("wood", _tone(rng))
+        t, leg, wood = rng.uniform(0.02, 0.07), rng.uniform(0.03, 0.09), Paint("wood", _random_color(rng))
         yield _box((x, y, h - t), (x + w, y + d, h), wood)
         for lx, ly in ((0, 0), (w - leg, 0), (0, d - leg), (w - leg, d - leg)):
             yield _box((x + lx, y + ly, 0), (x + lx + leg, y + ly + leg, h - t), wood)
     elif kind == 1:
         yield _box(
-            (x, y, 0), (x + w, y + d, h - 0.04), Paint(str(rng.choice(["drawers", "wood", "plain"])), _tone(rng))
+            (x, y, 0),
+            (x + w, y + d, h - 0.04),
+            Paint(str(rng.choice(["drawers", "wood", "plain"])), _random_color(rng)),
         )
-        yield _box((x - 0.02, y - 0.02, h - 0.04), (x + w + 0.02, y + d + 0.02, h), Paint("stone", _tone(rng)))
+        yield _box((x - 0.02, y - 0.02, h - 0.04), (x + w + 0.02, y + d + 0.02, h), Paint("stone", _random_color(rng)))
     else:
-        cloth = Paint("cloth", _tone(rng))
+        cloth = Paint("cloth", _random_color(rng))
         yield _box((x, y, 0), (x + w, y + d, h), cloth)
         for k in range(int(rng.integers(1, 3))):
             yield _box(
-                (x + 0.05 + 0.5 * k, y + 0.05, h), (x + 0.5 + 0.5 * k, y + 0.4, h + 0.15), Paint("cloth", _tone(rng))
+                (x + 0.05 + 0.5 * k, y + 0.05, h),
+                (x + 0.5 + 0.5 * k, y + 0.4, h + 0.15),
+                Paint("cloth", _random_color(rng)),
             )
 
 
@@ -196,7 +202,7 @@ def _things_on(top: Box, rng: np.random.Generator) -> Iterator[Box]:
             continue
         x, y = rng.uniform(ground.x0, ground.x1 - w), rng.uniform(ground.y0, ground.y1 - d)
         tall = 0.003 if rng.random() < 0.25 else rng.uniform(0.02, 0.4)
-        paint = Paint(str(rng.choice(["plain", "wood", "cloth", "carton", "books"])), _tone(rng))
+        paint = Paint(str(rng.choice(["plain", "wood", "cloth", "carton", "books"])), _random_color(rng))
         yield _box((x, y, h), (x + w, y + d, h + tall), paint)
 
 
@@ -207,7 +213,7 @@ def _under_the_ceiling(rect: Rect, rng: np.random.Generator) -> Iterator[Box]:
     turned = bool(rng.random() < 0.5)
     across = (rect.y1 - rect.y0) if turned else (rect.x1 - rect.x0)
     drop, pale = rng.uniform(0.08, 0.45), rng.uniform(0.3, 0.95)
-    paint = Paint("plain", (pale, pale, pale)) if rng.random() < 0.7 else Paint("wood", _tone(rng))
+    paint = Paint("plain", (pale, pale, pale)) if rng.random() < 0.7 else Paint("wood", _random_color(rng))
     if rng.random() < 0.6:  # beams
         width, step = rng.uniform(0.08, 0.4), rng.uniform(0.8, 3.0)
         spans = [(a, a + width) for a in np.arange(rng.uniform(0, step), across - width, step)]
@@ -226,7 +232,7 @@ def _box(low: tuple[float, float, float], high: tuple[float, float, float], pain
     return Box((x0, y0, z0), (x1, y1, z1), paint)
 
 
-def _tone(rng: np.random.Generator) -> tuple[float, float, float]:
+def _random_color(rng: np.random.Generator) -> tuple[float, float, float]:
     r, g, b = colour(rng)
     return float(r), float(g), float(b)
 
@@ -241,12 +247,12 @@ def _cameras(scene: Scene, rng: np.random.Generator, upright: bool, tries: int) 
             pose, field = _at_furniture(tops[int(rng.integers(len(tops)))], rng), rng.uniform(40, 80)
             if not _inside(scene, pose[:3, 3]):
                 yield Camera(
-                    Intrinsics.from_fov(columns, rows, np.radians(field * columns / SIZE[1])), _rolled(pose, rng)
+                    Intrinsics.from_fov(columns, rows, np.radians(field * columns / SIZE[1])), _roll_camera(pose, rng)
                 )
             continue
         storey = scene.storeys[int(rng.integers(len(scene.storeys)))]
         room = storey.plan.rooms[int(rng.integers(len(storey.plan.rooms)))]
-        rect = room.rects[int(rng.integers(len(room.rects)))].grown(-0.3)
+        rect = room.rects[int(rng.integers(len(room.rects)))].expanded(-0.3)
         position = np.array([
             rng.uniform(rect.x0, max(rect.x0, rect.x1)), rng.uniform(rect.y0, max(rect.y0, rect.y1)),
             storey.floor + rng.uniform(0.4, 1.9),
@@ -255,7 +261,7 @@ def _cameras(scene: Scene, rng: np.random.Generator, upright: bool, tries: int) 
             continue
         way = rng.random()
         elevation = rng.normal(0, 8) if way < 0.45 else rng.uniform(-60, 15) if way < 0.75 else rng.normal(-45, 4)
-        pose = _rolled(camera_pose(position, rng.uniform(0, 2 * np.pi), np.radians(elevation)), rng)
+        pose = _roll_camera(camera_pose(position, rng.uniform(0, 2 * np.pi), np.radians(elevation)), rng)
         yield Camera(Intrinsics.from_fov(columns, rows, np.radians(rng.uniform(45, 100) * columns / SIZE[1])), pose)
 
 
@@ -264,7 +270,7 @@ def _inside(scene: Scene, position: NDArray[np.float64]) -> bool:
     return bool(((position > scene.solids.lo - 0.15) & (position < scene.solids.hi + 0.15)).all(axis=1).any())
 
 
-def _rolled(pose: NDArray[np.float64], rng: np.random.Generator) -> NDArray[np.float64]:
+def _roll_camera(pose: NDArray[np.float64], rng: np.random.Generator) -> NDArray[np.float64]:
     """The pose (4, 4), turned by a few degrees about the optical axis."""
     roll = np.radians(rng.normal(0, 4))
     pose[:3, :3] = pose[:3, :3] @ np.array(
@@ -296,11 +302,11 @@ def _crowd(scene: Scene, camera: Camera, rng: np.random.Generator) -> tuple[NDAr
         if rng.random() < 0.5:  # a person
             for r, low, high in ((0.12, 0.12, 0.8), (rng.uniform(0.17, 0.24), 0.95, 1.35), (0.11, 1.55, 1.65)):
                 capsules.append((x, y, level + low, level + high, r))
-                colours.append(_tone(rng))
+                colours.append(_random_color(rng))
         else:
             r = rng.uniform(0.05, 0.4)
             capsules.append((x, y, level, level + rng.uniform(0.1, 2.5), r))
-            colours.append(_tone(rng))
+            colours.append(_random_color(rng))
     if not capsules:
         return np.empty((0, 5)), np.empty((0, 3))
     return np.array(capsules), np.array(colours)

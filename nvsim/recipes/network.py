@@ -233,7 +233,7 @@ def export(network: InteriorNetwork, folder: Path) -> Path:
             output_names=["floor", "normals"],
             dynamic_axes={"image": sides, "rays": sides, "floor": {2: "h", 3: "w"}, "normals": {2: "h", 3: "w"}},
         )  # fmt: skip
-        data = _halved(onnx.load(Path(scratch) / NAME), onnx).SerializeToString()
+        data = _to_half_precision(onnx.load(Path(scratch) / NAME), onnx).SerializeToString()
     make_folder(folder)
     path = folder / NAME
     write_bytes(path, data)
@@ -265,7 +265,7 @@ def _onnx() -> Any:
     return onnx
 
 
-def _halved(model: Any, onnx: Any) -> Any:
+def _to_half_precision(model: Any, onnx: Any) -> Any:
     """The ONNX `model` with its large tensors stored in 16 bits. A cast node follows each; onnxruntime runs it once
     when it loads the model."""
     graph, casts = model.graph, []

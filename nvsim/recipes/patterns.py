@@ -121,18 +121,18 @@ def _flat(rows: int, columns: int, tone: Tone) -> Image:
     return np.broadcast_to(np.asarray(tone, np.float32), (rows, columns, 3)).copy()
 
 
-def _noise(rows: int, columns: int, metres: float, texel: float, rng: Rng) -> Image:
+def _noise_pattern(rows: int, columns: int, metres: float, texel: float, rng: Rng) -> Image:
     return smooth_noise(rows, columns, (max(metres / texel, 1.0),) * 2, rng)
 
 
-def _plain(rows: int, columns: int, texel: float, rng: Rng) -> Image:
-    soft = _noise(rows, columns, rng.uniform(0.3, 1.5), texel, rng)
+def _plain_pattern(rows: int, columns: int, texel: float, rng: Rng) -> Image:
+    soft = _noise_pattern(rows, columns, rng.uniform(0.3, 1.5), texel, rng)
     return _flat(rows, columns, colour(rng)) * (1 + rng.uniform(0, 0.05) * soft[..., None])
 
 
 def _carpet(rows: int, columns: int, texel: float, rng: Rng) -> Image:
     fine = rng.standard_normal((rows, columns)).astype(np.float32) * rng.uniform(0.02, 0.12)
-    coarse = sum(_noise(rows, columns, rng.uniform(*s), texel, rng) for s in ((0.02, 0.06), (0.1, 0.8)))
+    coarse = sum(_noise_pattern(rows, columns, rng.uniform(*s), texel, rng) for s in ((0.02, 0.06), (0.1, 0.8)))
     image = _flat(rows, columns, colour(rng)) * (1 + (fine + rng.uniform(0, 0.06) * np.asarray(coarse))[..., None])
     if rng.random() < 0.4:
         size = rng.uniform(0.3, 0.7)
@@ -153,14 +153,14 @@ def _tiles(rows: int, columns: int, texel: float, rng: Rng) -> Image:
     chequered = rng.random() < 0.25
     image = np.where((((i + j) % 2) * chequered)[..., None] > 0, second, first).astype(np.float32)
     tone = rng.normal(0, rng.uniform(0, 0.08), (64, 64))[j % 64, i % 64]
-    tone = tone + rng.uniform(0, 0.06) * _noise(rows, columns, rng.uniform(0.03, 0.3), texel, rng)
+    tone = tone + rng.uniform(0, 0.06) * _noise_pattern(rows, columns, rng.uniform(0.03, 0.3), texel, rng)
     image = image * (1 + tone[..., None])
     y, x = ((np.arange(n) + 0.5) * texel for n in (rows, columns))
     image[(np.mod(y, size) < gap)[:, None] | (np.mod(x, size) < gap)[None, :]] = first * rng.uniform(0.5, 1.3)
     return image
 
 
-def _planks(rows: int, columns: int, texel: float, rng: Rng) -> Image:
+def _plank_pattern(rows: int, columns: int, texel: float, rng: Rng) -> Image:
     if rng.random() < 0.5:
         return _planks_along(columns, rows, texel, rng).transpose(1, 0, 2)
     return _planks_along(rows, columns, texel, rng)
@@ -182,11 +182,11 @@ def _planks_along(rows: int, columns: int, texel: float, rng: Rng) -> Image:
 
 def _stone(rows: int, columns: int, texel: float, rng: Rng) -> Image:
     sizes = np.geomspace(0.04, 1.0, 4)
-    rough = sum(_noise(rows, columns, s, texel, rng) * s**0.5 for s in sizes)
+    rough = sum(_noise_pattern(rows, columns, s, texel, rng) * s**0.5 for s in sizes)
     if rng.random() < 0.4:
         rough = np.sin(np.asarray(rough) * rng.uniform(2, 6))  # veins
     if rng.random() < 0.3:
-        rough = np.where(_noise(rows, columns, 0.02, texel, rng) > 1.2, 2.0, rough)  # chips
+        rough = np.where(_noise_pattern(rows, columns, 0.02, texel, rng) > 1.2, 2.0, rough)  # chips
     shade = 1 + rng.uniform(0.02, 0.15) * np.asarray(rough)[..., None]
     return np.asarray(_flat(rows, columns, colour(rng)) * shade, np.float32)
 
@@ -209,5 +209,6 @@ def _collage(rows: int, columns: int, texel: float, rng: Rng) -> Image:
 
 
 _KINDS: tuple[Callable[[int, int, float, Rng], Image], ...] = (
-    _plain, _plain, _carpet, _carpet, _tiles, _tiles, _planks, _planks, _stone, _stripes, _collage,
+    _plain_pattern, _plain_pattern, _carpet, _carpet, _tiles, _tiles, _plank_pattern, _plank_pattern, _stone, _stripes,
+    _collage,
 )  # fmt: skip

@@ -44,7 +44,7 @@ class Training:
         self._learning = trunk | rest
         self._averaged = {name: p.detach().clone() for name, p in self._learning.items()}
 
-    def take(self, source: Path) -> None:
+    def initialize_from(self, source: Path) -> None:
         """Copies the weights of another training (folder or ONNX file) as initial weights. Raises InputError if it has
         a different network."""
         weights = weights_of(source)
@@ -156,7 +156,7 @@ def train(
     if checkpoint.is_file():
         training.restore(checkpoint)
     elif start is not None:
-        training.take(start)
+        training.initialize_from(start)
     recent: list[dict[str, float]] = []
     listen(Progress(STAGE, training.step, config.steps))
     while training.step < config.steps:

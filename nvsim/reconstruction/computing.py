@@ -77,7 +77,7 @@ def compute_poses(
         raise InputError(f"{source} is a 360 degree capture, to which --features and --people do not apply; omit them.")
     if known is not None and _is_current(known, footage, stamp, options, networks) and _is_whole(folder, known):
         listen(Log(f"The poses in {folder} are up to date.", STAGE))
-        return _report_end(_usable(_measured(known, footage, folder), chosen), listen)
+        return _report_end(_usable(_add_measured_scales(known, footage, folder), chosen), listen)
     begun = _begun(folder)
     _refuse_other(folder, stamp, known, begun)
     settings = begun.settings if begun is not None else SETTINGS if known is None else known.settings
@@ -89,10 +89,10 @@ def compute_poses(
         discard(folder)
     listen(Progress(STAGE, 0, _WHOLE, _STEPS["frames" if footage.kind == "video" else "photographs"][2]))
     report = _computed_in_child(_Request(footage, folder, stamp, options, networks, digests), listen)
-    return _report_end(_usable(_measured(report, footage, folder), chosen), listen)
+    return _report_end(_usable(_add_measured_scales(report, footage, folder), chosen), listen)
 
 
-def _measured(report: PosesReport, footage: Footage, folder: Path) -> PosesReport:
+def _add_measured_scales(report: PosesReport, footage: Footage, folder: Path) -> PosesReport:
     """Adds the scales from recorded positions to `report` and to its file in `folder`."""
     from nvsim.reconstruction.metric_scale import with_measured_scales
 
@@ -228,14 +228,14 @@ class _Request:
 def _computed_in_child(request: _Request, listen: Listener) -> PosesReport:
     from nvsim.processes.child import Child
 
-    def hear(event: object) -> None:
+    def forward_event(event: object) -> None:
         if isinstance(event, Progress | Log | Warning):
             listen(event)
 
     then = "film a shorter video, or compute on a machine with more memory"
     child: Child[_Request, PosesReport] = Child(PoseWorker, str(request.footage.source), then)
     try:
-        return child.ask(request, hear=hear)
+        return child.ask(request, hear=forward_event)
     finally:
         child.close()
 
@@ -243,14 +243,14 @@ def _computed_in_child(request: _Request, listen: Listener) -> PosesReport:
 class PoseWorker:
     """Computes poses in the child process."""
 
-    def tell(self, event: Progress | Log | Warning) -> None:
+    def send_event(self, event: Progress | Log | Warning) -> None:
         """Sends an event to the parent. The child process replaces this method."""
 
     def __call__(self, request: _Request) -> PosesReport:
-        return _computed(request, self.tell)
+        return _compute(request, self.send_event)
 
 
-def _computed(request: _Request, tell: Callable[[Progress | Log | Warning], None]) -> PosesReport:
+def _compute(request: _Request, tell: Callable[[Progress | Log | Warning], None]) -> PosesReport:
     import json
 
     from nvsim.reconstruction.image_sets import store_images
@@ -278,7 +278,7 @@ def _computed(request: _Request, tell: Callable[[Progress | Log | Warning], None
         report, model = pose_panoramas(
             footage, options or CutOptions(), request.stamp, folder / IMAGES, work, progress, tell
         )
-        return _stored(report, [model], folder)
+        return _store_report(report, [model], folder)
     atomic.remove(folder / MASKS)
     stored = store_images(footage, folder / IMAGES, progress, tell)
     images, masked = request.networks.without_people(stored.images, folder / MASKS, progress)
@@ -321,13 +321,13 @@ def _computed(request: _Request, tell: Callable[[Progress | Log | Warning], None
         networks=request.digests,
         compared=found.compared,
     )
-    report = _stored(report, found.models, folder)
+    report = _store_report(report, found.models, folder)
     for name in bridges:  # otherwise the check of the capture warns of images without a pose
         (folder / IMAGES / name).unlink(missing_ok=True)
     return report
 
 
-def _stored(report: PosesReport, models: Sequence[pycolmap.Reconstruction], folder: Path) -> PosesReport:
+def _store_report(report: PosesReport, models: Sequence[pycolmap.Reconstruction], folder: Path) -> PosesReport:
     """Writes the report and the models of the pieces that can be imported to `folder`. Returns the report."""
     work = folder / WORK
     for number, model in enumerate(models[: report.models]):

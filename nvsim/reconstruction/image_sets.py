@@ -112,13 +112,13 @@ def _rectify_photographs(paths: list[Path], camera: UnknownCamera) -> Fisheye | 
         return None
     near = list(zip(paths, paths[1:]))
     near = near[:: max(1, -(-len(near) // PAIRS))]
-    lens = find_fisheye([_matched(*pair) for pair in near], camera.width, camera.height)
+    lens = find_fisheye([_match_photos(*pair) for pair in near], camera.width, camera.height)
     if lens is not None:
         rectify_files(paths, lens)
     return lens
 
 
-def _matched(first: Path, second: Path) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def _match_photos(first: Path, second: Path) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Matched pixels (M, 2), (M, 2) of two photos."""
     one, other = _features_of(first), _features_of(second)
     rows = match_features(one, other)

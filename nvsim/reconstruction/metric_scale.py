@@ -105,7 +105,7 @@ def judge(poses: NDArray[np.float64], known: CameraPositions, upright: bool) -> 
     source, target = poses[:, :3, 3], known.places
     count = len(np.unique(np.round(target, 3), axis=0)) if len(target) else 0
     if count < _FEWEST:
-        return _refused(
+        return _refused_scale(
             known, f"only {count} different positions belong to frames with a pose, at least {_FEWEST} are needed"
         )
     if known.is_gps:  # use horizontal positions only
@@ -116,15 +116,15 @@ def judge(poses: NDArray[np.float64], known: CameraPositions, upright: bool) -> 
     share = float(fit.agrees.mean())
     uncertainty = max(fit.uncertainty, 0.0 if known.is_gps else _AR_DRIFT)
     if spread < _WIDE * error:
-        return _refused(
+        return _refused_scale(
             known,
             f"the cameras spread by {spread:.2g} m around their middle, less than {_WIDE:g} times the error of a "
             f"position ({error:.2g} m)",
         )
     if share < _AGREEING:
-        return _refused(known, f"only {100 * share:.0f} % of the positions fit the poses, at least 70 % must")
+        return _refused_scale(known, f"only {100 * share:.0f} % of the positions fit the poses, at least 70 % must")
     if uncertainty > _SURE:
-        return _refused(known, f"the scale would be uncertain by {100 * uncertainty:.0f} %, more than 5 %")
+        return _refused_scale(known, f"the scale would be uncertain by {100 * uncertainty:.0f} %, more than 5 %")
     return MeasuredScale(
         source=known.source,
         refused="",
@@ -133,15 +133,15 @@ def judge(poses: NDArray[np.float64], known: CameraPositions, upright: bool) -> 
         positions=len(target),
         agreeing=int(fit.agrees.sum()),
         residual_m=round(fit.residual, 3),
-        up=() if upright or known.is_gps else _up(fit, source),
+        up=() if upright or known.is_gps else _vertical(fit, source),
     )
 
 
-def _refused(known: CameraPositions, why: str) -> MeasuredScale:
+def _refused_scale(known: CameraPositions, why: str) -> MeasuredScale:
     return MeasuredScale(known.source, why, positions=len(known.names))
 
 
-def _up(fit: Similarity, source: NDArray[np.float64]) -> tuple[float, ...]:
+def _vertical(fit: Similarity, source: NDArray[np.float64]) -> tuple[float, ...]:
     """The vertical in the frame of the poses. Empty if the trajectory is too straight to determine it."""
     centered = source[fit.agrees] - source[fit.agrees].mean(axis=0)
     aside = fit.scale * float(np.linalg.svd(centered, compute_uv=False)[1]) / np.sqrt(len(centered))
@@ -173,7 +173,7 @@ def with_measured_scales(report: PosesReport, footage: Footage, folder: Path) ->
     models = [folder / "sparse" / str(piece) for piece in range(report.models)]
     models = [model for model in models if any(is_regular(model / f"images.{end}") for end in ("bin", "txt"))]
     measured = [
-        _measured(model, sources, faults, piece < len(report.upright) and report.upright[piece])
+        _measure_scale(model, sources, faults, piece < len(report.upright) and report.upright[piece])
         for piece, model in enumerate(models)
         if sources or faults
     ]
@@ -185,7 +185,9 @@ def _stamp(footage: Footage) -> Stamp:
     return tuple((str(path), stat.st_size, stat.st_mtime_ns) for path, stat in found)
 
 
-def _measured(model: Path, sources: list[CameraPositions], faults: list[MeasuredScale], upright: bool) -> MeasuredScale:
+def _measure_scale(
+    model: Path, sources: list[CameraPositions], faults: list[MeasuredScale], upright: bool
+) -> MeasuredScale:
     """The scale from the first source that gives one, or else the reason why the first source gives none."""
     frames = [frame for frame in colmap.read(model, Findings()).frames if frame.camera_to_world is not None]
     poses = {frame.name.removeprefix("side0/"): frame.camera_to_world for frame in frames}

@@ -118,7 +118,7 @@ class PoseNetworks:
             image = cv2.imread(str(images.folder / name), cv2.IMREAD_COLOR)
             if image is None:
                 continue
-            people = _dilated(network.people(np.asarray(image[..., ::-1], np.uint8)))
+            people = _dilate(network.people(np.asarray(image[..., ::-1], np.uint8)))
             shares.append(float(people.mean()))
             if people.any():
                 path = mask_path(folder, name)
@@ -151,7 +151,7 @@ SAME_NETWORKS = PoseNetworks()
 """Keeps the networks of the poses in the folder."""
 
 
-def _dilated(people: NDArray[np.bool_]) -> NDArray[np.bool_]:
+def _dilate(people: NDArray[np.bool_]) -> NDArray[np.bool_]:
     import cv2
 
     side = 2 * round(_GROWN * max(people.shape)) + 1

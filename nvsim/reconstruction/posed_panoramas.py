@@ -22,7 +22,7 @@ from nvsim.capture.types import MaskFile
 from nvsim.errors import InputError
 from nvsim.events import Done, Listener, Log, Progress
 from nvsim.files import atomic
-from nvsim.files.images import decoded
+from nvsim.files.images import decode_pixels
 from nvsim.files.opening import is_regular, read_bytes, read_json
 from nvsim.files.reading import reading
 from nvsim.footage.cut_options import MASKS, VIEWS, WHOLE, CutOptions, refuse_mask_in_output
@@ -194,7 +194,7 @@ def _image(file: Path, listed: str, where: str) -> NDArray[np.uint8]:
     """Reads a panorama, (H, 2H, 3) uint8 BGR."""
     import cv2
 
-    image = decoded(read_bytes(file.parent / listed.replace("\\", "/")), file.parent / listed, cv2.IMREAD_COLOR)
+    image = decode_pixels(read_bytes(file.parent / listed.replace("\\", "/")), file.parent / listed, cv2.IMREAD_COLOR)
     height, width = image.shape[:2]
     if not is_equirectangular(width, height):
         raise InputError(

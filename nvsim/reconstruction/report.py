@@ -8,7 +8,7 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from nvsim.errors import shown
+from nvsim.errors import value_text
 from nvsim.files import atomic
 from nvsim.files.opening import is_number, is_regular, read_json
 from nvsim.files.reading import reading
@@ -241,7 +241,7 @@ def read_report(folder: Path) -> PosesReport | None:
         return None
     data = read_json(path, "a report about poses", "remove it and compute the poses again", _LARGEST)
     with reading(path, "a report about poses", "remove it and compute the poses again"):
-        return _parsed(data)
+        return _parse(data)
 
 
 def report_beside(source: Path) -> PosesReport | None:
@@ -287,7 +287,7 @@ def rows(report: PosesReport) -> dict[str, str]:
         found["Loops"] = f"{report.loops:,} pairs of frames show a place again" if report.loops else _NO_LOOPS
     found |= {"Residual": f"{report.residual_px:.2f} pixels", "Time": f"{report.seconds:.0f} s"}
     if report.compared is not None:
-        found["Features"] = _compared(report.compared)
+        found["Features"] = _comparison_text(report.compared)
     for use, name, _ in report.networks:
         if use == "people":
             found["People"] = f"{report.masked:.1f} % of the pixels are masked, by {name}"
@@ -311,7 +311,7 @@ def rows(report: PosesReport) -> dict[str, str]:
     return found
 
 
-def _compared(compared: FeatureComparison) -> str:
+def _comparison_text(compared: FeatureComparison) -> str:
     def figures(k: int) -> str:
         return (
             f"{compared.matches[k]:.0f} verified matches per pair, {100 * compared.verified[k]:.0f} % of pairs verified"
@@ -329,7 +329,7 @@ _NO_LOOPS = "none: the video never returns to an earlier place, so errors can ac
 
 
 # Any: JSON from a file that any program may have written.
-def _parsed(data: Any) -> PosesReport:
+def _parse(data: Any) -> PosesReport:
     """Converts JSON to a report. Raises ValueError, KeyError, or TypeError for other content."""
     if not isinstance(data, Mapping):
         raise ValueError("it is not an object")
@@ -356,7 +356,7 @@ def _parsed(data: Any) -> PosesReport:
         upright=tuple(value is True for value in data.get("upright", ())),
         masked=_figure(data.get("masked", 0.0)),
         mask=_stamp(data.get("mask", ())),
-        measured=tuple(_measured(one) for one in data.get("measured", ())),
+        measured=tuple(_parse_scale(one) for one in data.get("measured", ())),
         bridges=_count(data.get("bridges", 0)),
         fisheye=tuple(_figure(angle) for angle in data.get("fisheye", ())),
         networks=tuple((_text(use), _text(name), _text(digest)) for use, name, digest in data.get("networks", ())),
@@ -374,7 +374,7 @@ def _comparison(data: Any) -> FeatureComparison:
     return FeatureComparison(_text(data["network"]), _count(data["pairs"]), (network, sift), (verified, by_sift))
 
 
-def _measured(data: Any) -> MeasuredScale:
+def _parse_scale(data: Any) -> MeasuredScale:
     refused, scale, up = _text(data["refused"]), _figure(data["scale"]), tuple(data["up"])
     if not refused and not scale > 0:
         raise ValueError("a measured scale is 0")
@@ -406,11 +406,11 @@ def _text(value: Any) -> str:
 
 def _count(value: Any) -> int:
     if type(value) is not int or not 0 <= value < 1 << 63:
-        raise ValueError(f"{shown(value)} is not a count")
+        raise ValueError(f"{value_text(value)} is not a count")
     return value
 
 
 def _figure(value: Any) -> float:
     if not is_number(value) or not 0 <= value < 1e15:
-        raise ValueError(f"{shown(value)} is not a number in range")
+        raise ValueError(f"{value_text(value)} is not a number in range")
     return float(value)

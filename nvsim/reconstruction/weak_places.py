@@ -80,19 +80,19 @@ class _Tracks:
         """Number of points of a frame."""
         return len(self._own[k])
 
-    def _shared(self, k: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    def _shared_pixels(self, k: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Pixels (N, 2) of the points that both frame `k` and the next one show, in each of them."""
         (one, other), point = self._own[k : k + 2], self._frames.point
         _, a, b = np.intersect1d(point[one], point[other], assume_unique=True, return_indices=True)
         return self._frames.places[one[a]], self._frames.places[other[b]]
 
-    def shared(self, k: int) -> int:
+    def count_shared(self, k: int) -> int:
         """Number of points that both frame `k` and the next one show."""
-        return len(self._shared(k)[0])
+        return len(self._shared_pixels(k)[0])
 
-    def turn(self, k: int) -> float:
+    def rotation_degrees(self, k: int) -> float:
         """Degrees by which the camera rotated from frame `k` to the next one if it only rotated, otherwise 0."""
-        places = self._shared(k)
+        places = self._shared_pixels(k)
         moved = float(np.median(np.linalg.norm(places[1] - places[0], axis=1))) if len(places[0]) >= 8 else 0.0
         if moved <= 0.01 * self._frames.width:
             return 0.0
@@ -117,10 +117,10 @@ def _cause(frames: ExtractedFrames, tracks: _Tracks, first: int, last: int) -> C
     if np.median([tracks.count(k) for k in middle]) < _BLANK:
         return BLANK
     steps = [int(k) for k in inside[:-1]]
-    if steps and min(tracks.shared(k) for k in steps) < _FIRM:
+    if steps and min(tracks.count_shared(k) for k in steps) < _FIRM:
         return APART
     around = [k for k in range(first - _AROUND, last + _AROUND) if 0 <= k < len(frames.names) - 1]
     around = [k for k in around if frames.clips[k] == frames.clips[k + 1]]
-    if sum(tracks.turn(k) for k in around) >= _TURNED:
+    if sum(tracks.rotation_degrees(k) for k in around) >= _TURNED:
         return TURN
     return UNCLEAR

@@ -46,7 +46,7 @@ def depth_key(
 
 
 @njit(forceinline=True, fastmath=True, error_model="numpy")
-def _scaled(whole: np.int32, f: np.float32) -> np.float32:
+def _scale_by_power(whole: np.int32, f: np.float32) -> np.float32:
     # The exponent bits hold `whole`; the rest is the degree 5 minimax polynomial of 2^f over [-0.5, 0.5].
     p = _F(1.32764719e-3)
     p = p * f + _F(9.67554121e-3)
@@ -62,14 +62,14 @@ def _scaled(whole: np.int32, f: np.float32) -> np.float32:
 def exp2(t: np.float32) -> np.float32:
     """2^t in single precision for |t| < 126, relative error below 3e-7."""
     whole = np.int32(t + math.copysign(_F(0.5), t))
-    return _scaled(whole, t - _F(whole))
+    return _scale_by_power(whole, t - _F(whole))
 
 
 @njit(forceinline=True, fastmath=True, error_model="numpy")
 def exp2_below(t: np.float32) -> np.float32:
     """2^t for -126 < t < 0.5, without the sign test."""
     whole = np.int32(t - _F(0.5))
-    return _scaled(whole, t - _F(whole))
+    return _scale_by_power(whole, t - _F(whole))
 
 
 @njit(forceinline=True, fastmath=True, error_model="numpy")

@@ -21,7 +21,7 @@ from nvsim.splats.types import FloorTexture
 
 _F = np.float32
 _ZERO, _ONE, _HALF = _F(0), _F(1), _F(0.5)
-FLATTEST = _F(-0.02)  # as FloorSurface.meet
+FLATTEST = _F(-0.02)  # as FloorSurface.distance_along_rays
 ITERATIONS = 4
 CLOSE = _F(1e-5)  # meters; further iterations change nothing
 
@@ -118,7 +118,7 @@ def distance_to_floor(
     dy: np.float32,
     dz: np.float32,
 ) -> np.float32:
-    """FloorSurface.meet: meters along the unit direction from the camera, -1 if the ray does not meet the floor.
+    """FloorSurface.distance_along_rays: meters along the unit direction from the camera, -1 if there is none.
     `heights` is (rows, columns), `grid` (3,)."""
     if not dz < FLATTEST:
         return -_ONE

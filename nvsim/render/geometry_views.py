@@ -71,7 +71,7 @@ def _pool(threads: int) -> ThreadPoolExecutor:
 _nearby: WeakKeyDictionary[Gaussians, NeighborGroups] = WeakKeyDictionary()
 
 
-def nearby(gaussians: Gaussians) -> NeighborGroups:
+def neighbor_groups(gaussians: Gaussians) -> NeighborGroups:
     """The groups of neighbors of Gaussians that do not change, computed once."""
     if gaussians not in _nearby:
         _nearby[gaussians] = NeighborGroups(gaussians)
@@ -84,12 +84,12 @@ def render_geometry_views(
     """For each camera, the requested tiles (lines, columns) of its model's view, in the `channels` except color.
     Gaussians that are too wide to be splatted are drawn by rays, in front of all others."""
     for model in models:
-        nearby(model.gaussians)  # before the threads, which would compute it several times
+        neighbor_groups(model.gaussians)  # before the threads, which would compute it several times
 
     def draw(i: int, workspace: RenderBuffers) -> RenderOutput:
         model, (camera, tiles) = models[i], views[i]
         # Few Gaussians are needed, and without colors they do not depend on the position.
-        rows = nearby(model.gaussians).rows(camera, tiles)
+        rows = neighbor_groups(model.gaussians).rows(camera, tiles)
         wide = is_wide(model.gaussians, rows, camera)
         splats, asked = gray_gaussians(model.gaussians, rows[~wide]), (channels | {"alpha"}) - {"rgb"}
         view = render_over(splats, camera, asked, model.antialiased, tiles, "numba", workspace=workspace)[0]

@@ -56,14 +56,14 @@ def render_over(
         from nvsim.render import gsplat_backend
 
         whole, left = gsplat_backend.render_over(gaussians, camera, channels, antialiased, lasting)
-        return (whole, left) if tiles is None else _only(whole, left, tiles)
+        return (whole, left) if tiles is None else _clear_other_tiles(whole, left, tiles)
     if workspace is not None:
-        return _drawn(gaussians, camera, channels, antialiased, tiles, workspace)
+        return _render_gaussians(gaussians, camera, channels, antialiased, tiles, workspace)
     with LOCK:
-        return _drawn(gaussians, camera, channels, antialiased, tiles, _workspace)
+        return _render_gaussians(gaussians, camera, channels, antialiased, tiles, _workspace)
 
 
-def _drawn(
+def _render_gaussians(
     gaussians: Gaussians,
     camera: Camera,
     channels: frozenset[str],
@@ -90,7 +90,9 @@ def _drawn(
     return output, transmittance
 
 
-def _only(output: RenderOutput, transmittance: Float32, tiles: NDArray[np.bool_]) -> tuple[RenderOutput, Float32]:
+def _clear_other_tiles(
+    output: RenderOutput, transmittance: Float32, tiles: NDArray[np.bool_]
+) -> tuple[RenderOutput, Float32]:
     # For a backend that can only render whole views.
     inside = pixels_of(tiles, *transmittance.shape)
     for channel in (output.rgb, output.alpha, output.depth, output.normal):

@@ -125,8 +125,8 @@ class RenderBuffers:
         self._columns, self._lines = -(-k.width // kernel_types.TILE), -(-k.height // kernel_types.TILE)
         count = self._columns * self._lines
         if len(self._rows) < n:
-            self._rows = np.empty((_grown(n), kernel_types.WIDTH), np.float32)
-            self._ids = np.empty(_grown(n), np.int32)
+            self._rows = np.empty((_size_with_reserve(n), kernel_types.WIDTH), np.float32)
+            self._ids = np.empty(_size_with_reserve(n), np.int32)
         if self._cursors.shape != (self.threads, count):
             self._cursors = np.empty((self.threads, count), np.int32)
             self._offsets = np.empty(count + 1, np.int64)
@@ -166,10 +166,10 @@ class RenderBuffers:
         total, longest = find_tile_starts(self._cursors, self._offsets)
         self._entries = int(total)
         if len(self._pairs) < total:
-            self._pairs = np.empty(_grown(total), np.uint64)
-            self._order = np.empty(_grown(total), np.int32)
+            self._pairs = np.empty(_size_with_reserve(total), np.uint64)
+            self._order = np.empty(_size_with_reserve(total), np.int32)
         if self._spare.shape[0] != self.threads or self._spare.shape[1] < longest:
-            self._spare = np.empty((self.threads, _grown(longest)), np.uint64)
+            self._spare = np.empty((self.threads, _size_with_reserve(longest)), np.uint64)
         rows = self._rows[: self.count]
         scatter(
             rows,
@@ -198,7 +198,7 @@ class RenderBuffers:
         """Computes the gradients of the splats from those of the images: `d_rgb` (H, W, 3), `d_alpha` (H, W), and
         `d_depth` (H, W). `transmittance` (H, W) is that of `draw`."""
         if self._gradients.shape[0] != self.threads or self._gradients.shape[1] < self.count:
-            self._gradients = np.empty((self.threads, _grown(self.count), GRADIENT_WIDTH), np.float32)
+            self._gradients = np.empty((self.threads, _size_with_reserve(self.count), GRADIENT_WIDTH), np.float32)
         draw_gradient(
             self._rows[: self.count],
             self._order,
@@ -252,6 +252,6 @@ class RenderBuffers:
         return np.asarray(d_matrix.sum(axis=0), np.float32)
 
 
-def _grown(needed: Whole) -> int:
+def _size_with_reserve(needed: Whole) -> int:
     # A quarter more than requested, so that a scene that grows step by step does not allocate at every step.
     return int(needed) + int(needed) // 4 + 64

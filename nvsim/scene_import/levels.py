@@ -98,7 +98,7 @@ class _Columns:
         np.cumsum(full, axis=2, out=counts[:, :, 1:])
         return _Columns(counts, low)
 
-    def between(self, points: NDArray[np.float64], low: float, high: float) -> NDArray[np.int64]:
+    def count_between(self, points: NDArray[np.float64], low: float, high: float) -> NDArray[np.int64]:
         """(N,) number of occupied voxels from `low` to `high` meters above points (N, 3)."""
         at = np.floor((points - self.low) / _VOXEL).astype(np.int64)
         top = self.counts.shape[2] - 1
@@ -119,8 +119,8 @@ def floor_heights(surface: SurfacePoints) -> tuple[list[float], str]:
     if columns is None:
         return [], "floor"
     level = surface.points[horizontal(surface)]
-    standing = level[columns.between(level, *HEADROOM) <= 1]
-    covered = standing[columns.between(standing, *CEILING) > 0]
+    standing = level[columns.count_between(level, *HEADROOM) <= 1]
+    covered = standing[columns.count_between(standing, *CEILING) > 0]
     heights = _peaks(covered)
     if heights:
         return heights, ""
@@ -133,7 +133,7 @@ def standing_points(surface: SurfacePoints) -> NDArray[np.float64]:
     if columns is None:
         return np.zeros((0, 3))
     level = surface.points[horizontal(surface)]
-    return np.asarray(level[columns.between(level, *HEADROOM) <= 1])
+    return np.asarray(level[columns.count_between(level, *HEADROOM) <= 1])
 
 
 def _peaks(points: NDArray[np.float64]) -> list[float]:
@@ -205,7 +205,7 @@ def known_floor(
     floor = surface.height_at(grid.centres()).astype(np.float64)
     slabs = [_FLOOR, _BODY, _WALL, (CEILING[0], above)]
     near = (gaussians.means[:, 2] > height - 2.0) & (gaussians.means[:, 2] < height + above + 1.0)
-    cover, body, wall, ceiling = slab_cover(_chosen(gaussians, near), grid, floor, slabs)
+    cover, body, wall, ceiling = slab_cover(_select_gaussians(gaussians, near), grid, floor, slabs)
     roofed = ndimage.binary_closing(np.pad(ceiling > _COVERED, 40), _disc(round(_BRIDGED / SPACING / 4)), iterations=4)
     known = ndimage.binary_closing(np.pad(cover > _COVERED, 40), _disc(3))[40:-40, 40:-40]
     enclosure, roofed = _enclosure(wall > _COVERED), roofed[40:-40, 40:-40]
@@ -236,7 +236,7 @@ def _level(gaussians: Gaussians, surface: FloorSurface, height: float, above: fl
     return Level(height, surface, grid, known, free, np.column_stack([places, z]), ceiling)
 
 
-def _chosen(g: Gaussians, rows: NDArray[np.bool_]) -> Gaussians:
+def _select_gaussians(g: Gaussians, rows: NDArray[np.bool_]) -> Gaussians:
     return Gaussians(g.means[rows], g.log_scales[rows], g.quats[rows], g.opacity_logits[rows], g.sh[rows, :1])
 
 

@@ -86,7 +86,7 @@ def _path_up(
     path = [end]
     while before[path[-1]] >= 0:
         path.append(int(before[path[-1]]))
-    return _evened(nodes[path[::-1]])
+    return _resample_path(nodes[path[::-1]])
 
 
 def _is_free(level: Level, points: NDArray[np.float64]) -> NDArray[np.bool_]:
@@ -97,7 +97,7 @@ def _is_free(level: Level, points: NDArray[np.float64]) -> NDArray[np.bool_]:
     return found
 
 
-def _evened(path: NDArray[np.float64]) -> NDArray[np.float64]:
+def _resample_path(path: NDArray[np.float64]) -> NDArray[np.float64]:
     """The path (N, 3) with equal distances and without the corners of treads."""
     along = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(path[:, :2], axis=0), axis=1))])
     count = max(_SMOOTH, round(float(along[-1]) / _SPACING) + 1)

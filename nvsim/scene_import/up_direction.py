@@ -50,22 +50,22 @@ def find_up(
     if len(normals) < _FEW:
         return None
     axes = [given] if given is not None else _candidates(normals)
-    refined = [_refined(surface, axis) for axis in axes]
-    planes = [_Planes.across(surface, axis) for axis in refined]
+    refined = [_refine_up(surface, axis) for axis in axes]
+    planes = [_Planes.planes_across(surface, axis) for axis in refined]
     best = int(np.argmax([one.score for one in planes]))
     up, share = refined[best], planes[best].score
     if given is not None:
-        return UpDirection(_snapped(up), True, share)
+        return UpDirection(_snap_to_axis(up), True, share)
     evidence = planes[best].evidence_of_up(surface, up)
     sure = abs(evidence) > 1.0
     sign = np.sign(evidence if sure else up @ convention) or 1.0
-    return UpDirection(_snapped(sign * up), sure, share)
+    return UpDirection(_snap_to_axis(sign * up), sure, share)
 
 
 def storey_height(surface: SurfacePoints, up: NDArray[np.float64]) -> float | None:
     """The usual distance from a floor to its ceiling along `up` (3,), in the unit of the surface; None if there are no
     two planes."""
-    gaps = np.diff(_Planes.across(surface, up).levels())
+    gaps = np.diff(_Planes.planes_across(surface, up).levels())
     return float(np.median(gaps[gaps > _STOREY * gaps.max()])) if len(gaps) else None
 
 
@@ -89,7 +89,7 @@ class _Planes:
     total: int
 
     @staticmethod
-    def across(surface: SurfacePoints, axis: NDArray[np.float64]) -> _Planes:
+    def planes_across(surface: SurfacePoints, axis: NDArray[np.float64]) -> _Planes:
         heights = surface.points @ axis
         low, high = (float(h) for h in np.percentile(heights, [1, 99]))
         span = max(high - low, 1e-9)
@@ -119,7 +119,7 @@ class _Planes:
         return float(np.sqrt(total))
 
     @property
-    def largest(self) -> float:
+    def height_of_largest(self) -> float:
         """Height of the largest plane."""
         return self.low + (int(self.bins.argmax()) + 0.5) * self.size
 
@@ -185,11 +185,11 @@ def _mean_axis(normals: NDArray[np.float64], axis: NDArray[np.float64]) -> NDArr
     return np.asarray(axis)
 
 
-def _refined(surface: SurfacePoints, axis: NDArray[np.float64]) -> NDArray[np.float64]:
+def _refine_up(surface: SurfacePoints, axis: NDArray[np.float64]) -> NDArray[np.float64]:
     """The common normal of the large planes across an axis, if it is near the axis."""
     up = axis
     for tolerance in (4.0, 3.0, 2.0, 1.5):
-        planes = _Planes.across(surface, up)
+        planes = _Planes.planes_across(surface, up)
         spread, points = np.zeros((3, 3)), surface.points[planes.open]
         for level in planes.levels():
             near = points[np.abs(planes.heights - level) < tolerance * planes.size]
@@ -206,7 +206,7 @@ def _refined(surface: SurfacePoints, axis: NDArray[np.float64]) -> NDArray[np.fl
     return np.asarray(up)
 
 
-def _snapped(up: NDArray[np.float64]) -> NDArray[np.float64]:
+def _snap_to_axis(up: NDArray[np.float64]) -> NDArray[np.float64]:
     """`up`, or the axis of the file that is within half a degree of it."""
     k = int(np.argmax(np.abs(up)))
     axis = np.zeros(3)

@@ -169,17 +169,19 @@ def read_appearance(data: Mapping[str, Any] | None, tensors: Mapping[str, np.nda
     if data is None:
         return None
 
-    def under(prefix: str) -> dict[str, np.ndarray]:
+    def arrays_with_prefix(prefix: str) -> dict[str, np.ndarray]:
         found = {n.removeprefix(prefix): a for n, a in tensors.items() if n.startswith(prefix)}
         return {name: np.array(array, np.float32, order="C") for name, array in found.items()}
 
-    embedding = Embedding(under(_EMBEDDING), int(data["octaves"]), float(data["period"]), bool(data["nearest"]))
+    embedding = Embedding(
+        arrays_with_prefix(_EMBEDDING), int(data["octaves"]), float(data["period"]), bool(data["nearest"])
+    )
     features = np.array(tensors[_FEATURES], np.float32, order="C")
     middle = np.array(data["middle"], np.float64)
     if len(features) != count or middle.shape != (3,):
         raise ValueError(f"features of {len(features)} Gaussians for {count}")
     if data["kind"] == "linear":
-        return LinearAppearance(embedding, under(_WEIGHTS), features, middle)
+        return LinearAppearance(embedding, arrays_with_prefix(_WEIGHTS), features, middle)
     if data["kind"] == "network":
-        return NetworkAppearance(embedding, under(_WEIGHTS), features, middle, float(data["cell"]))
+        return NetworkAppearance(embedding, arrays_with_prefix(_WEIGHTS), features, middle, float(data["cell"]))
     raise ValueError(f"appearance of kind {data['kind']!r}")

@@ -23,7 +23,7 @@ import numpy as np
 import safetensors
 import safetensors.numpy
 
-from nvsim.errors import InputError, shown
+from nvsim.errors import InputError, value_text
 from nvsim.files import atomic
 from nvsim.files.opening import opened, read_json, refuse_placeholder
 from nvsim.geometry.floor_surface import FloorSurface
@@ -49,20 +49,20 @@ def check_model(model: SubmapModel) -> None:
     if model.background is not None:
         _check_embedding(model.background.octaves, model.background.period)
         _check_finite("background", *model.background.weights.values())
-        if _embeds(model.background.weights):
+        if _has_embedding(model.background.weights):
             model.background.coefficients(middle)
     if model.appearance is not None:
         embedding = model.appearance.embedding
         _check_embedding(embedding.octaves, embedding.period)
         _check_finite("appearance", *embedding.weights.values(), *model.appearance.weights.values())
         _check_finite("appearance", model.appearance.features, model.appearance.middle)
-        if len(model.gaussians) and _embeds(embedding.weights):
+        if len(model.gaussians) and _has_embedding(embedding.weights):
             g, first = model.gaussians, slice(0, 1)
             one = Gaussians(*(a[first] for a in (g.means, g.log_scales, g.quats, g.opacity_logits, g.sh)))
             model.appearance.of_rows(np.array([0])).coloured(one, model.appearance.middle)
 
 
-def _embeds(weights: dict[str, np.ndarray]) -> bool:
+def _has_embedding(weights: dict[str, np.ndarray]) -> bool:
     return "embed.0.weight" in weights or "index.vectors" in weights
 
 
@@ -130,7 +130,7 @@ def load_model(folder: Path) -> SubmapModel:
     for attempt in range(_ATTEMPTS):
         data = _read_description(folder)
         try:
-            return _loaded(folder, data)
+            return _load(folder, data)
         except InputError:
             # Another process may have replaced the model and removed its files after the description was read.
             if attempt + 1 == _ATTEMPTS or _read_description(folder) == data:
@@ -139,7 +139,7 @@ def load_model(folder: Path) -> SubmapModel:
 
 
 @contextlib.contextmanager
-def _described(folder: Path) -> Iterator[None]:
+def _description_errors(folder: Path) -> Iterator[None]:
     """Turns errors in its body into an InputError: the description is damaged, or the system cannot read the files."""
     try:
         yield
@@ -153,12 +153,12 @@ def _described(folder: Path) -> Iterator[None]:
         ) from error
 
 
-def _loaded(folder: Path, data: dict[str, Any]) -> SubmapModel:
-    with _described(folder):
-        return _assembled(folder, data)
+def _load(folder: Path, data: dict[str, Any]) -> SubmapModel:
+    with _description_errors(folder):
+        return _read_model(folder, data)
 
 
-def _assembled(folder: Path, data: dict[str, Any]) -> SubmapModel:
+def _read_model(folder: Path, data: dict[str, Any]) -> SubmapModel:
     paths = gaussians_path, networks_path = _paths(folder, data)
     _check_sizes(paths, data["files"])
     stamps = {path.name: _stamp(path) for path in paths}
@@ -175,7 +175,9 @@ def _assembled(folder: Path, data: dict[str, Any]) -> SubmapModel:
         gaussians,
         _background(data["background"], tensors),
         _texture(data["texture"], tensors),
-        FloorSurface(_owned(tensors["floor.heights"]), _pair(data["floor"]["origin"]), float(data["floor"]["spacing"])),
+        FloorSurface(
+            _writable_copy(tensors["floor.heights"]), _pair(data["floor"]["origin"]), float(data["floor"]["spacing"])
+        ),
         bool(data["antialiased"]),
         dict(data["info"]),
         read_appearance(data.get("appearance"), tensors, len(gaussians)),
@@ -199,7 +201,7 @@ def memory_needed(folder: Path) -> int:
     """Bytes that the arrays of the model in `folder` will need, computed before they are read. At least as many as
     scene.memory_of returns after loading. Raises InputError if the description is missing or damaged."""
     data = _read_description(folder)
-    with _described(folder):
+    with _description_errors(folder):
         colours = 3 * (int(data["sh_degree"]) + 1) ** 2
         values = 11 + colours * (1 if data.get("appearance") is None else 2)
         path = _paths(folder, data)[1]
@@ -214,7 +216,7 @@ def memory_needed(folder: Path) -> int:
 def gaussian_count(folder: Path) -> int:
     """The number of Gaussians of the model in `folder`. Raises InputError if its description is missing or damaged."""
     data = _read_description(folder)
-    with _described(folder):
+    with _description_errors(folder):
         return int(data["count"])
 
 
@@ -226,8 +228,8 @@ def _read_description(folder: Path) -> dict[str, Any]:
         raise InputError(f"{path} does not describe a submap model; choose a folder that `nvsim train` wrote.")
     if data.get("version") not in (_OLD_VERSION, VERSION):
         raise InputError(
-            f"{path} has version {shown(data.get('version'))}, but this program reads version {VERSION}; update the"
-            " program."
+            f"{path} has version {value_text(data.get('version'))}, but this program reads version {VERSION}; update "
+            "the program."
         )
     return data
 
@@ -288,18 +290,18 @@ def _background(data: dict[str, Any] | None, tensors: dict[str, np.ndarray]) -> 
     if data is None:
         return None
     prefix = "background."
-    weights = {name.removeprefix(prefix): _owned(w) for name, w in tensors.items() if name.startswith(prefix)}
+    weights = {name.removeprefix(prefix): _writable_copy(w) for name, w in tensors.items() if name.startswith(prefix)}
     return Background(weights, int(data["octaves"]), float(data["period"]), bool(data.get("nearest", False)))
 
 
 def _texture(data: dict[str, Any] | None, tensors: dict[str, np.ndarray]) -> FloorTexture | None:
     if data is None:
         return None
-    levels = tuple(_owned(tensors[f"texture.{i}"]) for i in range(int(data["levels"])))
+    levels = tuple(_writable_copy(tensors[f"texture.{i}"]) for i in range(int(data["levels"])))
     return FloorTexture(levels, _pair(data["low"]), _pair(data["high"]))
 
 
-def _owned(array: np.ndarray) -> np.ndarray:
+def _writable_copy(array: np.ndarray) -> np.ndarray:
     # Copies, because arrays from safetensors may be read-only.
     return np.array(array, np.float32, order="C")
 

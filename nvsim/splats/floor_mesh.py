@@ -96,17 +96,17 @@ def _picture(model: SubmapModel, low: NDArray[np.float64], high: NDArray[np.floa
     levels = model.texture.levels
     rows, columns = max(levels, key=lambda level: level.size).shape[:2]
 
-    def fitted(image: NDArray[np.float32], how: int = cv2.INTER_LINEAR) -> NDArray[np.float32]:
+    def fit(image: NDArray[np.float32], how: int = cv2.INTER_LINEAR) -> NDArray[np.float32]:
         return np.asarray(cv2.resize(image, (columns, rows), interpolation=how), np.float32)
 
-    colour = fitted(_shade(model, low, high))
+    colour = fit(_shade(model, low, high))
     known = np.zeros((rows, columns), np.bool_)
     for index, level in enumerate(levels):
-        colour += fitted(level)
+        colour += fit(level)
         if index > 0 or len(levels) == 1:  # the coarsest texels extend far beyond the observed floor
             # Texels that no image shows keep their initial value 0.
             touched = np.asarray(level.any(axis=2), np.float32)
-            known |= fitted(touched, cv2.INTER_NEAREST) > 0
+            known |= fit(touched, cv2.INTER_NEAREST) > 0
     image = np.empty((rows, columns, 4), np.uint8)
     image[..., :3] = np.round(255 * np.clip(colour, 0, 1))
     image[..., 3] = 255 * known

@@ -163,9 +163,9 @@ def read_ply(path: Path) -> tuple[Gaussians, bool | None]:
             raise InputError(f"{path} does not begin like a PLY file; choose a PLY file of Gaussians.")
         rows = binary_rows(path, begin, size_of(file))
         if rows is None:
-            gaussians = read_ascii(path, file, begin, _prepared)
+            gaussians = read_ascii(path, file, begin, _prepare_arrays)
         else:
-            gaussians, targets = _prepared(path, rows.count, rows.layout.names or ())
+            gaussians, targets = _prepare_arrays(path, rows.count, rows.layout.names or ())
             for _ in _blocks(path, file, rows, targets):
                 pass
     return gaussians, _render_mode(begin)
@@ -185,7 +185,7 @@ def read_gaussians(path: Path, hashed: bool) -> tuple[Gaussians, str | None]:
             columns = () if rows is None else rows.layout.names or ()
             if not begin.startswith(b"ply") or rows is None or any(rows.layout[c] != np.dtype("<f4") for c in columns):
                 raise InputError("It is not a PLY file of float32 in little-endian order.")
-            gaussians, targets = _prepared(path, rows.count, columns)
+            gaussians, targets = _prepare_arrays(path, rows.count, columns)
         except InputError as error:
             raise InputError(
                 f"{path} is truncated or does not have the layout that NVSim writes; train this submap again."
@@ -216,7 +216,9 @@ def _blocks(
         yield part
 
 
-def _prepared(path: Path, n: int, properties: tuple[str, ...]) -> tuple[Gaussians, dict[str, NDArray[np.float32]]]:
+def _prepare_arrays(
+    path: Path, n: int, properties: tuple[str, ...]
+) -> tuple[Gaussians, dict[str, NDArray[np.float32]]]:
     """Arrays for `n` Gaussians, and for each property the view (n,) of them that stores it. Raises InputError if
     properties are missing."""
     missing = [name for name in (*_MEAN, *_DC, "opacity", *_SCALE, *_ROTATION) if name not in properties]

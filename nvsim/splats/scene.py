@@ -89,7 +89,7 @@ class SceneModel:
     def memory(self) -> int:
         """Bytes of the models in memory and of those that are being loaded."""
         with self._changed:
-            return self._taken()
+            return self._memory_in_use()
 
     def nearest(self, position: NDArray[np.floating]) -> int:
         """Index of the submap whose core camera is nearest to `position` (3,), meters, world, among those with a model
@@ -163,7 +163,7 @@ class SceneModel:
                 self._loading[index] = needed
                 self._unload_least_used(keep=0)
                 # A model that is being loaded ahead can be unloaded only after it is loaded.
-                while self._taken() > self._budget and len(self._loading) > 1:
+                while self._memory_in_use() > self._budget and len(self._loading) > 1:
                     self._changed.wait()
                     self._unload_least_used(keep=0)
             model = None
@@ -245,10 +245,10 @@ class SceneModel:
 
     def _unload_least_used(self, keep: int) -> None:
         """Unloads the least recently used models while the budget is exceeded, except the last `keep`."""
-        while len(self._loaded) > keep and self._taken() > self._budget:
+        while len(self._loaded) > keep and self._memory_in_use() > self._budget:
             self._loaded.popitem(last=False)
 
-    def _taken(self) -> int:
+    def _memory_in_use(self) -> int:
         return sum(map(memory_of, self._loaded.values())) + sum(self._loading.values())
 
     def _distances(self, position: NDArray[np.floating]) -> NDArray[np.float64]:

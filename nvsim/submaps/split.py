@@ -29,7 +29,7 @@ class TrajectoryStoreys:
     levels: NDArray[np.float64]
     part: NDArray[np.int64]
 
-    def on(self, storey: int) -> NDArray[np.bool_]:
+    def cameras_of_storey(self, storey: int) -> NDArray[np.bool_]:
         """(N,) bool, True for cameras on a storey and on the stairs that lead to it."""
         return np.asarray(np.abs(self.part - 2 * storey) <= 1)
 
@@ -153,9 +153,9 @@ def split(positions: NDArray[np.floating], config: SubmapConfig | None = None) -
         return ()
     parts = storeys_of(points).part
     several = len(np.unique(parts))
-    clustered, member = _thinned(points if several == 1 else points + np.outer(parts, [0.0, 0.0, _APART]))
+    clustered, member = _represent_points(points if several == 1 else points + np.outer(parts, [0.0, 0.0, _APART]))
     most = len(np.unique(clustered, axis=0))
-    merges = _ward(clustered)
+    merges = _ward_merges(clustered)
     reach = np.where(parts % 2 == 1, max(config.overlap, _CLIMBED), config.overlap)
     if config.count is not None:
         return _cut(points, merges, member, min(config.count, most), reach)
@@ -180,7 +180,7 @@ def describe(submaps: tuple[Submap, ...], positions: NDArray[np.floating]) -> tu
     return tuple(rows)
 
 
-def _thinned(points: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
+def _represent_points(points: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
     """At most _MOST_CLUSTERED points (means over cubes) that represent all, and the index of each point's mean."""
     if len(points) <= _MOST_CLUSTERED:
         return points, np.arange(len(points))
@@ -198,7 +198,7 @@ def _thinned(points: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[
     return means, member
 
 
-def _ward(points: NDArray[np.float64]) -> NDArray[np.int64]:
+def _ward_merges(points: NDArray[np.float64]) -> NDArray[np.int64]:
     """(N - 1, 2) merges in the order of Ward's criterion: ids below N are points, and N + i is the result of merge i.
     The whole tree is computed once, so that testing another number of clusters is cheap."""
     from scipy.cluster.hierarchy import ward

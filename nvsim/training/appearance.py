@@ -164,9 +164,9 @@ class NetworkColours:
     def evaluate(self, embedding: torch.Tensor, features: torch.Tensor) -> torch.Tensor:
         """(V, 3 K) coefficients for `features` (V, F)."""
         p, e = self._parameters, self._size
-        first = p.on(features, "colour.0.weight")
+        first = p.tensor_on_device(features, "colour.0.weight")
         # The contribution of the embedding to the first layer is equal for all Gaussians.
-        shared = torch.mv(first[:, :e], embedding) + p.on(features, "colour.0.bias")
+        shared = torch.mv(first[:, :e], embedding) + p.tensor_on_device(features, "colour.0.bias")
         h = torch.relu(torch.addmm(shared, features, first[:, e:].T))
         for i in range(1, self._depth):
             h = torch.relu(p.linear(f"colour.{i}", h))

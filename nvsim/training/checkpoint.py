@@ -41,13 +41,13 @@ class Stateful(Protocol):
         """Restores the `arrays` of `state` in a part made from identical inputs."""
 
 
-def gather(parts: Mapping[str, Stateful]) -> Arrays:
+def arrays_of_parts(parts: Mapping[str, Stateful]) -> Arrays:
     """The arrays of all parts, named PART/NAME, of any shape."""
     return {f"{part}/{name}": array for part, one in parts.items() for name, array in one.state().items()}
 
 
 def restore_parts(parts: Mapping[str, Stateful], arrays: Arrays) -> None:
-    """Restores every part from the arrays of `gather`."""
+    """Restores every part from the arrays of `arrays_of_parts`."""
     for part, one in parts.items():
         prefix = f"{part}/"
         one.restore({name.removeprefix(prefix): a for name, a in arrays.items() if name.startswith(prefix)})
@@ -73,7 +73,7 @@ def check_shapes(now: Arrays, stored: Arrays, of_gaussians: set[str]) -> None:
 @dataclass(frozen=True, eq=False)
 class Checkpoint:
     """step    number of completed updates
-    arrays     named as in `gather`
+    arrays     named as in `arrays_of_parts`
     progress   JSON-compatible: random state, order of the views, running figures, number of threads
     """
 

@@ -103,7 +103,7 @@ def initial_gaussians(
     count = max(int(config.gaussian_cap * config.seed_share), 1)
     cloud = triangulated_cloud(views) if cloud is None else cloud
     points, colors = visible_points(views, cloud)
-    points, colors = _above(points, colors, floor, config)
+    points, colors = _points_above_floor(points, colors, floor, config)
     surface = points
     most = count if cloud.is_dense else int(count * SPARSE_SHARE)
     if len(points) > most:
@@ -112,7 +112,7 @@ def initial_gaussians(
         points, colors = points[chosen], colors[chosen]
     if not cloud.is_dense or len(points) < FEW:
         more, more_colors = guessed_points(views, points, floor, count - len(points), rng)
-        more, more_colors = _above(more, more_colors, floor, config)
+        more, more_colors = _points_above_floor(more, more_colors, floor, config)
         points, colors = np.concatenate([points, more]), np.concatenate([colors, more_colors])
     made = gaussians_at(points, colors, config.sh_degree, config.seed_opacity)
     made.log_scales += np.float32(np.log(config.seed_size))
@@ -166,7 +166,9 @@ def _pixel_colors(views: Sequence[TrainingView], points: Float32, best: NDArray[
     return colors
 
 
-def _above(points: Float32, colors: Float32, floor: FloorSurface, config: TrainingConfig) -> tuple[Float32, Float32]:
+def _points_above_floor(
+    points: Float32, colors: Float32, floor: FloorSurface, config: TrainingConfig
+) -> tuple[Float32, Float32]:
     if config.seed_height <= 0:
         return points, colors
     above = points[:, 2] > floor.height_at(points[:, :2]) + config.seed_height

@@ -197,7 +197,7 @@ class ModelFit:
             self.begin_view(camera, view.name)
             rgb, transmittance = self.draw(camera, sh_degree)
             background = self.paint(camera, transmittance, view.floor)
-            watch.lap("background")
+            watch.record_lap("background")
             loss = canvas.loss
             if self.exposure is not None:
                 self.exposure.apply(index, rgb, background)
@@ -212,7 +212,7 @@ class ModelFit:
                 values = replace(values, total=values.total + more)
             if self.exposure is not None:
                 self.exposure.learn(index, rgb, background, loss.d_rgb, loss.d_background)
-            watch.lap("loss")
+            watch.record_lap("loss")
             self.held.differentiate(transmittance, loss.d_rgb, loss.d_alpha, watch)
             if self.networks is not None and self._painter is not None:
                 self.networks.backdrop_gradient(evaluate_gradient(camera, loss.d_background, canvas.rows))
@@ -220,7 +220,7 @@ class ModelFit:
                 self.networks.propagate_gradients()
             if self.texture is not None and self.config.loss.floor > 0:
                 self.texture.collect(canvas.hits, view.floor, loss.d_background)
-            watch.lap("background_backward")
+            watch.record_lap("background_backward")
         self.parts = watch.laps
         return values
 
@@ -249,9 +249,9 @@ class ModelFit:
         """Replaces the Gaussians. Survivors keep their moments, new ones start with zero moments."""
         self.held.refine(refinement)
 
-    def forget(self, name: str) -> None:
+    def reset_moments(self, name: str) -> None:
         """Sets both moments of a group of the Gaussians to zero."""
-        self.held.forget(name)
+        self.held.reset_moments(name)
 
     def state(self) -> dict[str, NDArray[np.generic]]:
         """All arrays that a step changes, by name, of any shape."""

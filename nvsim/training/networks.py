@@ -33,7 +33,7 @@ class PositionEmbedding:
         self._parameters = Parameters(layers, random_generator(seed, 0))
         self.values, self.gradient = self._parameters.values, self._parameters.gradient
 
-    def at(self, position: NDArray[np.floating], name: str | None) -> torch.Tensor:
+    def embedding_at(self, position: NDArray[np.floating], name: str | None) -> torch.Tensor:
         """(E,) for a camera at `position` (3,), meters. The training view `name` is ignored."""
         x = torch.from_numpy(np.asarray(position, np.float32)) / PERIOD
         phases = x[:, None] * (2.0 ** torch.arange(OCTAVES))
@@ -60,7 +60,7 @@ class IndexEmbedding:
         self._vectors = torch.from_numpy(self.values).requires_grad_()
         self._vectors.grad = torch.from_numpy(self.gradient)
 
-    def at(self, position: NDArray[np.floating], name: str | None) -> torch.Tensor:
+    def embedding_at(self, position: NDArray[np.floating], name: str | None) -> torch.Tensor:
         """(E,) the vector of the training view `name`. Without a name, the vector that the exported model uses at
         `position` (3,), meters."""
         if name is None:
@@ -104,7 +104,7 @@ class BackgroundNetwork:
             tensors["base.weight"].mul_(0.1)
             tensors["base.bias"].copy_(torch.from_numpy(np.asarray(colour, np.float32) / DC))
 
-    def at(self, embedding: torch.Tensor, degree: int = 4) -> torch.Tensor:
+    def coefficients(self, embedding: torch.Tensor, degree: int = 4) -> torch.Tensor:
         """(25, 3) coefficients for `embedding` (E,); those above `degree` are zero."""
         h = embedding
         for i in range(self._depth):
@@ -157,7 +157,7 @@ class Networks:
 
     def select_embedding(self, position: NDArray[np.floating], name: str | None = None) -> None:
         """Selects the embedding of the training view `name`, or, without a name, of another view at `position` (3,)."""
-        self._taken = self.embedding.at(position, name)
+        self._taken = self.embedding.embedding_at(position, name)
         self.seen = self._taken.detach().requires_grad_()
         for part in (self.embedding, self.background, self.colours):
             if part is not None:
@@ -168,7 +168,7 @@ class Networks:
         assert self.background is not None
         interval = self._config.appearance.background_interval
         degree = min(4, int(share / interval)) if interval > 0 else 4
-        self._coefficients = self.background.at(self.seen, degree)
+        self._coefficients = self.background.coefficients(self.seen, degree)
         return np.asarray(self._coefficients.detach().numpy(), np.float32)
 
     def backdrop_gradient(self, d_coefficients: Float32) -> None:

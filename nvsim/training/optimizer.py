@@ -46,9 +46,11 @@ class Parameters:
 
     def linear(self, name: str, x: torch.Tensor) -> torch.Tensor:
         """(..., out) of `x` (..., in), on the device of `x`. Gradients are transferred back to `gradient`."""
-        return torch.nn.functional.linear(x, self.on(x, f"{name}.weight"), self.on(x, f"{name}.bias"))
+        return torch.nn.functional.linear(
+            x, self.tensor_on_device(x, f"{name}.weight"), self.tensor_on_device(x, f"{name}.bias")
+        )
 
-    def on(self, x: torch.Tensor, name: str) -> torch.Tensor:
+    def tensor_on_device(self, x: torch.Tensor, name: str) -> torch.Tensor:
         """The tensor `name`, (out, in) or (out,), on the device of `x` (any shape)."""
         return self.tensors[name].to(x.device)
 

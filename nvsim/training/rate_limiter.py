@@ -17,7 +17,7 @@ class RateLimiter:
         """Whether the task is due at the time `now`, seconds."""
         return now - self._last >= self._pause
 
-    def done(self, began: float, ended: float) -> None:
+    def record_run(self, began: float, ended: float) -> None:
         """Records that the task ran from `began` to `ended`, seconds."""
         self._last = ended
         self._pause = min(self._most, max(self._least, (ended - began) / self._share))

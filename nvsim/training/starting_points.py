@@ -81,7 +81,7 @@ def guessed_points(
         chosen = rng.choice(candidates, n)
         width = view.image.shape[1]
         pixels = np.stack([chosen % width, chosen // width], axis=1) + 0.5
-        inverse = _inverse_depths(pixels, _known(view, points, floor), rng)
+        inverse = _inverse_depths(pixels, _known_depths(view, points, floor), rng)
         rays = view.camera.rays().reshape(-1, 3)[chosen]
         along = rays @ view.camera.rotation[:, 2]
         found.append((view.camera.position + rays / (inverse * along)[:, None]).astype(np.float32))
@@ -89,7 +89,7 @@ def guessed_points(
     return np.concatenate(found), np.concatenate(colors)
 
 
-def _known(view: TrainingView, points: Float32, floor: FloorSurface) -> NDArray[np.float64]:
+def _known_depths(view: TrainingView, points: Float32, floor: FloorSurface) -> NDArray[np.float64]:
     """(K, 3): x, y in pixels and inverse depth in 1/m of the known depths in a view."""
     k = view.camera.intrinsics
     pixels, depth = view.camera.project(points)
@@ -98,7 +98,7 @@ def _known(view: TrainingView, points: Float32, floor: FloorSurface) -> NDArray[
     columns = np.flatnonzero(view.floor.any(axis=0))
     rows = view.floor[:, columns].argmax(axis=0)
     rays = view.camera.rays()[rows, columns]
-    distance = floor.meet(view.camera.position, rays) * (rays @ view.camera.rotation[:, 2])
+    distance = floor.distance_along_rays(view.camera.position, rays) * (rays @ view.camera.rotation[:, 2])
     met = np.isfinite(distance) & (distance > 0.2)
     edge = np.column_stack([columns[met] + 0.5, rows[met] + 0.5, 1 / distance[met]])
     return np.concatenate([cloud, edge])

@@ -125,7 +125,7 @@ class _TrainingRun:
         self._views = views
         self._sizes = [list(views)]
         for _ in range(config.coarse_levels if config.coarse_share > 0 else 0):
-            self._sizes.append([v.halved() for v in self._sizes[-1]])
+            self._sizes.append([v.at_half_size() for v in self._sizes[-1]])
         self._rng = np.random.default_rng(seed)
         gaussians = initial_gaussians(views, cloud, floor, config, self._rng)
         networks, texture = initial_floor_paint(self._sizes[min(1, len(self._sizes) - 1)], floor, config, seed)
@@ -156,7 +156,7 @@ class _TrainingRun:
         with reading(path, "a checkpoint of this training", "delete it to train from the start"):
             of_gaussians = {"fit/sums"}
             of_gaussians |= {f"fit/{n}.{p}" for n in self.fit.held.names for p in ("values", "first", "second")}
-            files.check_shapes(files.gather(self._parts), found.arrays, of_gaussians)
+            files.check_shapes(files.arrays_of_parts(self._parts), found.arrays, of_gaussians)
             files.restore_parts(self._parts, found.arrays)
             self._rng.bit_generator.state = progress["random"]
             self._order = [range(len(self._views))[index] for index in progress["order"]]
@@ -193,11 +193,11 @@ class _TrainingRun:
                 reported, counted = now, self._step
             if preview is not None and (last or shown.is_due(now)):
                 self._show(preview, None if last else live, watched)
-                shown.done(now, time.monotonic())
+                shown.record_run(now, time.monotonic())
             now = time.monotonic()
             if self._path is not None and (last or saved.is_due(now)):
                 self._save(self._path)
-                saved.done(now, time.monotonic())
+                saved.record_run(now, time.monotonic())
         return self.fit.model(self._info())
 
     def _advance(self) -> LossValues:
@@ -254,7 +254,7 @@ class _TrainingRun:
             "run": self._name,
             "threads": numba.get_num_threads(),
         }
-        files.save(path, files.Checkpoint(self._step, files.gather(self._parts), progress), self._key)
+        files.save(path, files.Checkpoint(self._step, files.arrays_of_parts(self._parts), progress), self._key)
 
     def _info(self) -> dict[str, object]:
         return {
@@ -313,10 +313,10 @@ class PreviewFiles:
         write_bytes(self._path, data)
         path = self._path.with_name(f"{self._path.stem}_{self._run}_{step:07d}.jpg")
         write_bytes(path, data)
-        self._tidy(step)
+        self._remove_old_files(step)
         return path
 
-    def _tidy(self, step: int) -> None:
+    def _remove_old_files(self, step: int) -> None:
         found = _runs(self._path)
         for run in sorted(found.keys() - {self._run})[: -(KEPT_RUNS - 1)]:
             _remove(found[run].values())

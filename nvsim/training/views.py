@@ -35,16 +35,18 @@ class TrainingView:
                 f"{self.name}: image {self.image.shape} and mask {self.floor.shape} do not fit {k.width}x{k.height}"
             )
 
-    def halved(self) -> TrainingView:
+    def at_half_size(self) -> TrainingView:
         """The view at half its size, resampled by area."""
         k = self.camera.intrinsics
         width, height = max(1, round(k.width / 2)), max(1, round(k.height / 2))
         image = np.asarray(cv2.resize(self.image, (width, height), interpolation=cv2.INTER_AREA), np.uint8)
 
-        def mostly(mask: NDArray[np.bool_], most: float = 0.5) -> NDArray[np.bool_]:
+        def covers_most(mask: NDArray[np.bool_], most: float = 0.5) -> NDArray[np.bool_]:
             share = cv2.resize(mask.astype(np.float32), (width, height), interpolation=cv2.INTER_AREA)
             return np.asarray(share > most)
 
-        doubtful = None if self.doubtful is None else mostly(self.doubtful)
-        usable = None if self.usable is None else mostly(self.usable, 0.999)
-        return TrainingView(self.name, self.camera.scaled(width, height), image, mostly(self.floor), doubtful, usable)
+        doubtful = None if self.doubtful is None else covers_most(self.doubtful)
+        usable = None if self.usable is None else covers_most(self.usable, 0.999)
+        return TrainingView(
+            self.name, self.camera.scaled(width, height), image, covers_most(self.floor), doubtful, usable
+        )

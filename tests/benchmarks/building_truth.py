@@ -116,7 +116,7 @@ def _made(scene: Scene) -> dict[str, np.ndarray]:
 
     for position, frame in enumerate(submap.frames):
         kind = "held_out" if position % HOLD_OUT == HOLD_OUT // 2 else "training"
-        person = see(kind, frame, scene.camera(frame), scene.present(frame))
+        person = see(kind, frame, scene.camera(frame), scene.people_in_frame(frame))
         if kind == "training" and person.mean() > PERSON:
             see("haunted", frame, scene.camera(frame), nobody)
             rows[-1] = (*rows[-1][:6], person)

@@ -85,7 +85,7 @@ def brushing() -> str:
         canvas.refresh(box)
 
     brush = Brush(painted, lambda: None, lambda _: None, canvas.update)
-    brush.take(correction)
+    brush.set_correction(correction)
     brush.radius = 60.0
     canvas.tool = brush
     canvas.resize(1100, 800)

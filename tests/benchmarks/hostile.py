@@ -210,10 +210,10 @@ def play_window(root: Path) -> int:
         action.trigger()
     for _ in range(40):
         QTest.qWait(200)
-        if not any(h.state in ("queued", "running") and h.ours for h in session.window.jobs.handles):
+        if not any(h.state in ("queued", "running") and h.is_own for h in session.window.jobs.handles):
             break
     for handle in session.window.jobs.handles:
-        if handle.ours and handle.state in ("queued", "running"):
+        if handle.is_own and handle.state in ("queued", "running"):
             session.window.jobs.cancel(handle)
     QTest.qWait(300)
     session.close()

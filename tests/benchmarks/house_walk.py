@@ -24,7 +24,7 @@ from harness import report
 from nvsim.capture.images import read_image
 from nvsim.capture.read import read
 from nvsim.capture.types import Capture, Cloud
-from nvsim.cli.arguments import Inline, given
+from nvsim.cli.arguments import Inline, value_of_flag
 from nvsim.evaluation.scores import psnr
 from nvsim.geometry.camera import Camera
 from nvsim.geometry.floor_surface import FloorSurface
@@ -53,7 +53,7 @@ class Arguments:
 
 
 def main() -> None:
-    name = given(sys.argv[1:], "--preset", "nvsim")
+    name = value_of_flag(sys.argv[1:], "--preset", "nvsim")
     arguments = tyro.cli(Arguments, default=Arguments(preset=name, config=preset(name)), description=__doc__)
     capture = read(arguments.data / "kapture")
     members = largest_cluster(capture)

@@ -393,7 +393,7 @@ def remember() -> None:
     for module in (nvsim.poses.overlap, nvsim.poses.refinement):
         module.find_features = seen  # type: ignore[attr-defined]
     for module in (nvsim.poses.overlap, nvsim.poses.refinement):
-        module.alike = matched  # type: ignore[attr-defined]
+        module.match_with = matched  # type: ignore[attr-defined]
 
 
 def sentences(path: Path) -> set[str]:

@@ -28,9 +28,9 @@ def measure(folder: Path) -> dict[str, float]:
 
     def read_piece(_: int) -> None:
         for at, event in events.read(BYTES_A_LOOK):
-            history.hear(at, event)
+            history.receive(at, event)
 
-    while events.behind:
+    while events.has_unread_events:
         pieces += times(read_piece, 1)
     jobs = JobList(folder / "p.nvsim")
     for _ in range(JOBS):

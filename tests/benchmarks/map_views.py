@@ -89,19 +89,19 @@ def measured(
     source, floor = SceneViews(scene, config), floor_of(project).height_at
 
     def built(config: MappingConfig) -> Any:
-        return build_map(source, capture.positions, floor, support.at, config, scan="views")
+        return build_map(source, capture.positions, floor, support.is_supported, config, scan="views")
 
     built(replace(config, max_viewpoints=1))
     started = time.process_time()
     result = built(config)
     seconds = time.process_time() - started
     occupancy = true_occupancy(project, truth, "aligned")
-    figures = evaluate_graph(result.graph, occupancy, capture.positions, seen=support.at)
+    figures = evaluate_graph(result.graph, occupancy, capture.positions, seen=support.is_supported)
     each = seconds / max(1, result.report["rendered_viewpoints"])
-    high, off = off_straight(scene, source, capture.positions, floor, support.at, config)
+    high, off = off_straight(scene, source, capture.positions, floor, support.is_supported, config)
     found = {"alpha_too_high": high, "alpha_off": off, "seconds_per_viewpoint": round(each, 3), "report": result.report}
     if first is not None:
-        found[AGREES] = agreement(*first, source, floor, support.at, config)
+        found[AGREES] = agreement(*first, source, floor, support.is_supported, config)
     return {**figures, **found}, result.graph
 
 

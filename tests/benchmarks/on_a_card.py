@@ -28,9 +28,9 @@ from typing import Any
 import torch
 import tyro
 
-from nvsim.benchmarks.card import about
+from nvsim.benchmarks.card import describe_device
 from nvsim.benchmarks.random_room import random_room
-from nvsim.benchmarks.render import inside_view, turning
+from nvsim.benchmarks.render import inside_view, turn_camera_stepwise
 from nvsim.render import autograd, gsplat_backend
 from nvsim.render.backends import missing_for_gsplat
 from nvsim.splats.types import Gaussians
@@ -63,7 +63,7 @@ def main() -> int:
         {(c, SIZES[min(1, len(sizes) - 1)]) for c in counts} | {(counts[min(1, len(counts) - 1)], s) for s in sizes}
     )
     tasks: list[tuple[str, Callable[[], Any]]] = [
-        ("about", about),
+        ("about", describe_device),
         ("agreement", agreement),
         *((f"render {c} {w}x{h}", lambda c=c, w=w, h=h: render(c, w, h)) for c, (w, h) in pairs),
         *((f"step {c} {w}x{h}", lambda c=c, w=w, h=h: step(c, w, h)) for c, (w, h) in pairs),
@@ -107,7 +107,7 @@ def agreement(device: str = "cuda", count: int = 20_000, width: int = 320, heigh
     room = random_room(count)
     rows = []
     for antialiased in (True, False):
-        for camera in turning(inside_view(width, height), 101)[::50]:
+        for camera in turn_camera_stepwise(inside_view(width, height), 101)[::50]:
             row: dict[str, float] = {"antialiased": antialiased, **images(room, camera, antialiased, device)}
             row |= gradients(room, camera, antialiased, device)
             rows.append(row)

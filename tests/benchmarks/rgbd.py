@@ -65,7 +65,7 @@ def rgbd_capture(capture: Path, folder: Path, config: Any, noise: float, width: 
     textures = textures_of(scene)
     tree = json.loads((folder / "transforms.json").read_text())
     for number, frame in enumerate(tree["frames"]):
-        depth = np.asarray(render(scene.camera(number), scene.solids, textures, *scene.present(number)).depth)
+        depth = np.asarray(render(scene.camera(number), scene.solids, textures, *scene.people_in_frame(number)).depth)
         height, size = round(width * depth.shape[0] / depth.shape[1]), depth.shape[1]
         if width != size:
             depth = cv2.resize(depth, (width, height), interpolation=cv2.INTER_NEAREST)

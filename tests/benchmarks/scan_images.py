@@ -96,7 +96,7 @@ def depth(project, truth):
         true = true / (rays @ camera.rotation[:, 2])
         model = scene.model_at(camera.position)[1]
         _, solid = draw_surround(model, camera.position, focal_of(SIDE)).colour_and_solid(camera)
-        floor = model.floor.meet(camera.position, rays)
+        floor = model.floor.distance_along_rays(camera.position, rays)
         alpha, weighted = solid[..., 0], solid[..., 1]
         behind = np.where(np.isfinite(floor), floor, 0)
         ways = {

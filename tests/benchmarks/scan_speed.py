@@ -19,7 +19,7 @@ import tyro
 from nvsim.geometry.directions import sweep
 from nvsim.project.project import Project
 from nvsim.r2r.observations.layout import ScanPlaces, ScanSettings
-from nvsim.r2r.observations.record import written
+from nvsim.r2r.observations.record import write_part
 from nvsim.r2r.observations.skybox import Images, as_bytes, encode_images, focal_of, skybox_of
 from nvsim.r2r.observations.surround import draw_surround
 
@@ -46,7 +46,7 @@ def measure(project: Project, count: int) -> None:
             places = ScanPlaces(Path(folder), "scan")
             files = encode_images(Images(strip, views), v, settings, places)
             clock.append(time.process_time())
-            written(places.root, files, "")
+            write_part(places.root, files, "")
             clock.append(time.process_time())
             rows.append(np.diff(clock))
     names = ("draw narrow views", "sample faces and depth", "sample 36 views", "encode", "hash and write")

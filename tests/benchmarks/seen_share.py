@@ -100,9 +100,9 @@ def _measured(project: Project, building: Scene, count: int) -> dict[str, float]
             assert view.rgb is not None
             error.append(((np.clip(view.rgb, 0, 1) - np.clip(true, 0, 1)) ** 2).mean(axis=2))
         errors.append(np.array(error).reshape(6, SIDE, _FINE, SIDE, _FINE).mean(axis=(2, 4)))
-        directions.at(at)  # compiles, and renders the training images
+        directions.photographed_mask(at)  # compiles, and renders the training images
         started = time.process_time()
-        masks.append(directions.at(at))
+        masks.append(directions.photographed_mask(at))
         seconds += time.process_time() - started
         dense.append(share_of_sphere(photographed_directions(scene.model(scene.nearest(at)), at, None)))
         print(

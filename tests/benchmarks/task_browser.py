@@ -98,7 +98,7 @@ def main() -> None:
         QTest.qWait(300)
         part.open(folder)
         print("opens:       ", waited(lambda: panel.model.rowCount() == PATHS))
-        part.play(folder / "submission.json")
+        part.read_submission(folder / "submission.json")
         print("trajectories:", waited(lambda: bool(panel.model.episodes)))
         bar = panel.table.verticalScrollBar()
 

@@ -62,7 +62,7 @@ def main() -> int:
         places = np.asarray(places, float)
         flat = np.concatenate([places[..., :2], np.full((*places.shape[:-1], 1), moved(feet)[..., 2].mean())], axis=-1)
         back = (flat - true_center) @ turn + center
-        return np.asarray(support.at(back[..., :2]), bool)
+        return np.asarray(support.is_supported(back[..., :2]), bool)
 
     feet = np.array([v.position for v in graph.viewpoints.values()])
     moved_viewpoints = {

@@ -121,13 +121,13 @@ def test_a_framebuffer_shows_the_last_view_until_the_next_is_ready(opengl: None)
     shown = renderer.draw(model, second, target)
     assert shown in (CAMERA, second)  # it did not wait
     assert psnr(seen(), by_kernels(model, shown)) > 50
-    renderer.settle()
+    renderer.wait_until_ready()
     assert renderer.draw(model, second, target) is second
     assert psnr(seen(), by_kernels(model, second)) > 50
     target.viewport = (1, 0, 160, 118)
     half = replace(second, intrinsics=second.intrinsics.scaled(80, 59))
     renderer.draw(model, half, target)
-    renderer.settle()
+    renderer.wait_until_ready()
     assert renderer.draw(model, half, target) is half
     enlarged = seen()[1:, 1:].reshape(59, 2, 80, 2, 3).mean(axis=(1, 3))
     assert psnr(enlarged, by_kernels(model, half)) > 25

@@ -6,8 +6,8 @@ from nvsim_app.processes.serving import Requests
 
 
 def until_asked(requests: Requests, source: object) -> None:
-    requests.tell("busy")
-    requests.take()
+    requests.send_unasked("busy")
+    requests.wait_for_request()
 
 
 def nothing(requests: Requests, source: object) -> None:

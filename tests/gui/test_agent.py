@@ -295,10 +295,10 @@ def test_the_selection_and_the_map_follow(hands: Hands) -> None:
     hands.turn_to()
     plan = hands.window.panels["map"]
     x, y = hands.state.location.x, hands.state.location.y
-    plan.see(x + 20, y + 20, 6, 6)  # elsewhere
+    plan.restore_range(x + 20, y + 20, 6, 6)  # elsewhere
     hands.press(K.Key_1)
     assert hands.document.selection.viewpoint == hands.state.location.viewpointId
-    left, bottom, width, height = plan.seen
+    left, bottom, width, height = plan.visible_range
     assert left < hands.state.location.x < left + width and bottom < hands.state.location.y < bottom + height
 
 
@@ -521,7 +521,7 @@ def test_a_graph_without_images_is_walked_and_says_so(
 ) -> None:
     hands = opened(exported(tmp_path), make_window, qtbot)
     hands.begin()
-    assert hands.state.scanId == "room" and "no skyboxes are beside the file" in hands.walk.no_image
+    assert hands.state.scanId == "room" and "the folder of the file has no skyboxes" in hands.walk.no_image
     hands.turn_to()
     hands.press(K.Key_1)
     assert hands.state.step > 0

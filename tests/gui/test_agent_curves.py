@@ -22,8 +22,8 @@ def test_loss_and_success_of_an_agent_are_drawn_alone(qtbot: Any) -> None:
     plots.show_job(cast(Any, SimpleNamespace(number=1, history=report)))
     assert plots.empty.isVisible()
     for step in range(10, 210, 10):
-        report.hear(time.time(), Metric("r2r train", "loss", 3 / step, step))
-    report.hear(time.time(), Metric("r2r train", "success", 0.4, 200))
+        report.receive(time.time(), Metric("r2r train", "loss", 3 / step, step))
+    report.receive(time.time(), Metric("r2r train", "success", 0.4, 200))
     plots.refresh()
     qtbot.waitUntil(lambda: "success" in plots.plots and not plots.empty.isVisible(), timeout=5000)
     assert [name for name, plot in plots.plots.items() if plot.isVisible()] == ["loss", "success"]

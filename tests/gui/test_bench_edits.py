@@ -44,7 +44,7 @@ def test_the_command_asks_a_window_where_there_is_qt(
     known = {"edit_p95_ms": 4.0, "open_s": 0.1, "save_s": 0.1, "select_delete_undo_ms": 40.0}
     asked: list[list[str]] = []
     monkeypatch.setattr(graph, "measure", lambda edits, viewpoints: dict(known))
-    monkeypatch.setattr(bench_window, "installed", lambda: qt)
+    monkeypatch.setattr(bench_window, "is_window_installed", lambda: qt)
     monkeypatch.setattr(bench_window, "measured_by_window", lambda given: asked.append(given) or {"paint_p95_ms": 20.0})
     assert main(["bench", "graph", "--json", "--edits", "7"]) == 0
     expected = known | ({"paint_p95_ms": 20.0} if qt else {})

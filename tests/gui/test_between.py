@@ -60,7 +60,7 @@ def test_the_line_that_is_drawn_says_it_as_well(
     free = document.graph.neighbours(a)[0]
     hand.hover(hand.foot(document.graph_arrays.index[free]))
     hand.key(Qt.Key.Key_Shift)
-    assert path_between(document, a, free).speaks == 1
+    assert path_between(document, a, free).support_of_edge == 1
 
 
 @pytest.mark.parametrize("mode", ["add_edge", "add_viewpoint", "measure"])

@@ -86,7 +86,7 @@ def test_the_page_shows_a_row_and_curves_for_every_threshold_that_decides(part: 
     part.show_panel()
     assert part.calibrations.busy and "every value" in part.panel.status.text()
     done(part, qtbot)
-    found, panel = part.calibrations.found, part.panel
+    found, panel = part.calibrations.last_result, part.panel
     assert found is not None and panel.model.rowCount() == len(found.sweeps) > 3
     for row, field in enumerate(found.sweeps):
         panel.list.setCurrentIndex(panel.model.index(row, 0))
@@ -121,8 +121,8 @@ def test_a_suggestion_goes_to_its_slider_and_no_further(part: CalibratePart, qtb
     assert part.context.document.contents.thresholds == before
     assert panel.obstacle == "the slider already has the suggested value" and not panel.take.isEnabled()
     assert panel.plot.now[0].value() == pytest.approx(value)
-    other = next(f for f in part.calibrations.found.sweeps if f != field)
-    assert part.calibrations.moved(other) == (field,) and part.calibrations.moved(field) == ()
+    other = next(f for f in part.calibrations.last_result.sweeps if f != field)
+    assert part.calibrations.changed_thresholds(other) == (field,) and part.calibrations.changed_thresholds(field) == ()
     panel.list.setCurrentIndex(panel.model.index(panel.model.rows.index(other), 0))
     assert "Other sliders have moved" in panel.status.text()
 

@@ -25,14 +25,14 @@ drags = st.floats(-40, 40)
 
 @given(poses, drags, drags)
 def test_orbit_keeps_the_pivot_and_its_distance(pose: ViewPose, dx: float, dy: float) -> None:
-    after = cameras.orbited(pose, dx, dy)
+    after = cameras.orbit_pose(pose, dx, dy)
     assert np.allclose(after.pivot, pose.pivot, atol=1e-6)
     assert math.isclose(float(np.linalg.norm(after.pivot - after.position)), pose.reach, rel_tol=1e-9)
 
 
 @given(poses, drags, drags)
 def test_pan_keeps_the_pivot_under_the_cursor(pose: ViewPose, dx: float, dy: float) -> None:
-    after = cameras.panned(pose, dx, dy, 600)
+    after = cameras.pan_pose(pose, dx, dy, 600)
     before_pixel, _ = pose.camera(800, 600).project(pose.pivot)
     pixel, _ = after.camera(800, 600).project(pose.pivot)
     assert np.allclose(pixel - before_pixel, (dx, dy), atol=1e-6)
@@ -59,14 +59,14 @@ def test_zoom_can_always_go_on() -> None:
 
 @given(poses, drags, drags)
 def test_looking_around_stays_in_place_and_never_turns_over(pose: ViewPose, dx: float, dy: float) -> None:
-    after = cameras.turned(pose, dx, dy)
+    after = cameras.turn_pose(pose, dx, dy)
     assert after.position == pose.position
     assert abs(after.elevation) <= math.pi / 2
     assert after.axes[2, 1] <= 1e-9  # the picture's down never points up
 
 
 def test_flying_forward_at_heading_east_moves_along_x() -> None:
-    after = cameras.flown(ViewPose((1, 2, 3), heading=math.pi / 2), forward=2.0, right=0.0, up=0.5)
+    after = cameras.fly_pose(ViewPose((1, 2, 3), heading=math.pi / 2), forward=2.0, right=0.0, up=0.5)
     assert np.allclose(after.position, (3, 2, 3.5))
 
 

@@ -55,7 +55,7 @@ def made(count: int) -> Callable[[], int]:
 def test_nothing_is_walked_through_while_much_is_read(kept: Collecting, walks: list[int]) -> None:
     keep = made(3 * application.MANY)
     assert walks == []
-    kept.look()
+    kept.collect_if_idle()
     assert walks == [] and gc.get_freeze_count() > keep()  # put aside, not walked through
 
 
@@ -65,7 +65,7 @@ def test_young_circles_are_freed_also_while_the_picture_moves(
     moving[0] = True
     gone = weakref.ref(Knot())
     keep = made(2 * application.YOUNG)
-    kept.look()
+    kept.collect_if_idle()
     assert gone() is None and keep() and 2 not in walks
 
 
@@ -74,17 +74,17 @@ def test_everything_is_looked_at_only_while_nothing_moves(
 ) -> None:
     moving[0] = True
     for _ in range(2 * application.THOROUGH):
-        kept.look()
+        kept.collect_if_idle()
     assert 2 not in walks
     moving[0] = False
-    kept.look()
+    kept.collect_if_idle()
     assert 2 in walks
 
 
 def test_what_a_closed_project_left_in_circles_is_freed(kept: Collecting, qtbot: QtBot) -> None:
     gone = weakref.ref(Knot())
     keep = made(2 * application.MANY)
-    kept.look()
+    kept.collect_if_idle()
     assert gone() is not None and keep()  # aside
     kept.begin_anew()
     qtbot.waitUntil(lambda: gone() is None, timeout=20_000)

@@ -447,7 +447,7 @@ def test_a_single_proposed_edge_is_taken_by_the_right_button(window: MainWindow,
     ends = arrays.feet[[arrays.index[id] for id in pairs[0]]]
     way = ends[0] + np.linspace(0.2, 0.8, 31)[:, None] * (ends[1] - ends[0])
     pointers = [Pointer(plan, QPointF(*pixel)) for pixel in plan.project(way)[0]]
-    at = next(p for p in pointers if part.under(p) == pairs[0] and p.viewpoint is None)
+    at = next(p for p in pointers if part.proposal_under(p) == pairs[0] and p.viewpoint is None)
     actions = {action.text(): action for action in context.menu(at).actions()}
     actions["Accept this proposed edge"].trigger()
     assert pairs[0] in document.graph.edges and part.proposals.edges == (pairs[1],)

@@ -20,4 +20,4 @@ def test_connecting_what_sees_each_other_adds_no_edge_through_the_furniture(docu
         ends = [after.viewpoints[id].position for id in (a, b)]
         for share in (0.0, 0.25, 0.5, 0.75, 1.0):
             place = np.array([p + share * (q - p) for p, q in zip(*ends, strict=True)])
-            assert occupancy.at(place[:2]) == FREE
+            assert occupancy.states_at(place[:2]) == FREE

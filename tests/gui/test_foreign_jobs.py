@@ -52,7 +52,7 @@ def test_run_everything_runs_nothing_that_came_with_the_project(
     assert [h.state for h in found.args[0]] == ["foreign", "foreign"]
     qtbot.waitUntil(lambda: session.window.actions_table["run_everything"].isEnabled(), timeout=SECONDS)
     session.window.actions_table["run_everything"].trigger()
-    own = [h for h in jobs.handles if h.ours]
+    own = [h for h in jobs.handles if h.is_own]
     qtbot.waitUntil(lambda: own[0].state in ("done", "failed"), timeout=SECONDS)
     jobs.begin_waiting()
     jobs.resume(jobs.handles[1])
@@ -74,7 +74,7 @@ def test_run_everything_runs_nothing_that_came_with_the_project(
 def test_what_leads_out_of_the_project_can_be_looked_at_but_not_ordered(project: Path, qtbot: QtBot) -> None:
     foreign(project, "export r2r", "--project", str(project), "--out", "/tmp/somewhere else")
     queue = JobQueue()
-    queue.follow(project)
+    queue.set_project(project)
     dialog = ImportedJobDialog(queue, queue.handles[0].job)
     qtbot.addWidget(dialog)
     assert "--out '/tmp/somewhere else'" in dialog.command.toPlainText()
@@ -89,13 +89,13 @@ def test_what_leads_out_of_the_project_can_be_looked_at_but_not_ordered(project:
 def test_what_the_user_orders_here_after_a_look_is_run(project: Path, qtbot: QtBot) -> None:
     foreign(project, "submaps", "--project", str(project), "--count", "1")
     queue = JobQueue()
-    queue.follow(project)
+    queue.set_project(project)
     (handle,) = queue.handles
     dialog = ImportedJobDialog(queue, handle.job)
     qtbot.addWidget(dialog)
     assert dialog.order.isEnabled()
     qtbot.mouseClick(dialog.order, Qt.MouseButton.LeftButton)
-    assert handle.ours
+    assert handle.is_own
     qtbot.waitUntil(lambda: handle.state in ("done", "failed"), timeout=SECONDS)
     queue.stop()
 
@@ -105,7 +105,7 @@ def test_a_picture_that_a_job_tells_of_is_looked_for_among_those_of_the_project(
     folder = foreign(project, "train", state="failed")
     (folder / "events.jsonl").write_text(event_line(Preview("train", str(tmp_path / "pipe.jpg")), 1.0))
     queue = JobQueue()
-    queue.follow(project)
+    queue.set_project(project)
     (handle,) = queue.handles
     handle.read_events()
     (project / "pictures").mkdir(exist_ok=True)
@@ -138,7 +138,7 @@ def test_places_that_came_with_the_settings_of_a_project_are_not_used(project: P
 def test_a_project_does_not_choose_the_machines_that_a_job_talks_to(project: Path, qtbot: QtBot) -> None:
     foreign(project, "train", "--project", str(project), "--executor", "ray", "--address", "theirs:6379")
     queue = JobQueue()
-    queue.follow(project)
+    queue.set_project(project)
     with pytest.raises(InputError, match="would run on a cluster at theirs:6379"):
         queue.order_again(queue.handles[0].job)
     queue.stop()

@@ -422,7 +422,7 @@ def test_points_wait_for_the_normals_and_then_take_the_whole_floor(opened, qtbot
     place = browser.page.canvas.panes()[0].to_canvas(x, y).toPoint()
     qtbot.mouseClick(browser.page.canvas, LEFT, pos=place)
     assert correction.prompts == ()
-    browser.candidates.take(2, steps_of(browser))
+    browser.candidates.receive(2, steps_of(browser))
     assert len(correction.prompts) == 1 and correction.mask[y, x]
     missed = floor[:, :110] & ~correction.mask[:, :110]
     assert missed.mean() < 0.1 * floor[:, :110].mean()
@@ -627,12 +627,12 @@ def test_a_prompted_network_of_the_users_own_answers_points(
     assert correction.mask[60, 320] and "is running" not in browser.page.hint.text()
     # A network that cannot be used is said so once; surfaces grow in its place.
     (tmp_path / "prompted.decoder.onnx").write_bytes(b"broken")
-    browser.candidates.rest()
+    browser.candidates.stop_process()
     monkeypatch.setattr(FrameLink, "ask_candidates", lambda self, frame: None)
     (pane,) = canvas.panes()  # the words below it may take another line now
     qtbot.mouseClick(canvas, RIGHT, pos=pane.to_canvas(320, 60).toPoint())
     qtbot.waitUntil(lambda: any("cannot be loaded" in t for t in opened[0].notice_area.texts), timeout=30_000)
-    browser.candidates.take(2, steps_of(browser))
+    browser.candidates.receive(2, steps_of(browser))
     assert len(correction.prompts) == 2 and not correction.mask[60, 320]
 
 

@@ -233,7 +233,7 @@ def test_thumbnails_and_coverage_come_from_the_process_and_stay_on_disk(qtbot: Q
     assert "corrected by hand" in index(3).data(Qt.ItemDataRole.ToolTipRole)
     assert panel.thumbnails.pixmap(0).width() == 160
     assert thumbnail_path(Layout(project), document.contents.capture.frames[0].image_path).is_file()
-    link.rest()
+    link.stop_process()
     assert not link.running
     # A second window needs no process for what is on disk.
     again = FramePanel(document, FrameLink())
@@ -256,7 +256,7 @@ def test_a_killed_process_is_started_again_and_an_unreadable_image_is_asked_for_
     os.kill(link.process_id, signal.SIGKILL)
     with qtbot.waitSignal(link.thumbnailMade, timeout=PATIENCE):
         link.ask_thumbnails([4])
-    link.rest()
+    link.stop_process()
 
 
 def test_a_restarted_process_repeats_no_finished_request(qtbot: QtBot, tmp_path: Path) -> None:
@@ -275,7 +275,7 @@ def test_a_restarted_process_repeats_no_finished_request(qtbot: QtBot, tmp_path:
     link.ask_thumbnails([3])
     qtbot.waitUntil(lambda: 3 in made, timeout=PATIENCE)
     assert made == [1, 0, 3] and len(shares) == heard
-    link.rest()
+    link.stop_process()
 
 
 def test_two_thousand_frames_scroll_smoothly(qtbot: QtBot, tmp_path: Path) -> None:

@@ -132,6 +132,6 @@ def test_a_picture_is_averaged_when_it_is_painted_small(qapp) -> None:
     stripes = np.zeros((64, 64, 3), np.uint8)
     stripes[:, ::2] = 200
     photo = pictures.photo(stripes)
-    small = photo.shrunk(16, 16)
-    assert abs(small.pixelColor(8, 8).red() - 100) < 8 and photo.shrunk(16, 16) is small
-    assert photo.shrunk(60, 60) is photo.image
+    small = photo.scaled_down(16, 16)
+    assert abs(small.pixelColor(8, 8).red() - 100) < 8 and photo.scaled_down(16, 16) is small
+    assert photo.scaled_down(60, 60) is photo.image

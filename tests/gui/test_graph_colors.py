@@ -120,7 +120,7 @@ def test_the_legend_is_below_the_map_and_covers_no_viewpoint(
 
     qtbot.waitUntil(whole)
     document.editing.run("remove_edges", {"pairs": [list(key) for key in list(document.graph.edges)[:30]]})
-    qtbot.waitUntil(lambda: not window.part(ColoringPart)._legend.pending)
+    qtbot.waitUntil(lambda: not window.part(ColoringPart)._legend.is_outdated)
     qtbot.wait(50)
     assert whole(), "an entry is cut off after an edit"
     assert view.legend.height() < 0.4 * view.height()

@@ -99,7 +99,7 @@ def test_the_panorama_shows_north_in_the_middle_and_comes_coarse_first() -> None
     drawing.begin(PanoramaRequest("here", eye, (96, 192)))
     made = [p for p in (drawing.step() for _ in range(60)) if p is not None]
     assert [p.width for p in made] == [96, 192] and [p.final for p in made] == [False, True]
-    assert not drawing.waits and drawing.step() is None
+    assert not drawing.has_waiting_views and drawing.step() is None
     alpha = made[1].pixels["alpha"][..., 0].astype(float) / 255
     assert alpha.shape == (96, 192)
     for place, expected in (((3.9, 3.7, 0.75), 0.99), ((4.0, 7.5, 0.0), 0.0), ((6.7, 7.0, 1.1), 0.99)):

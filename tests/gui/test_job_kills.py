@@ -88,7 +88,7 @@ def job_of(project: Path) -> Job:
 def steps_of(job: Job) -> list[int]:
     """Steps of the progress that the job told."""
     file, steps = EventFile(job.events), []
-    while file.behind:
+    while file.has_unread_events:
         steps += [int(getattr(e, "done", -1)) for _, e in file.read() if type(e).__name__ == "Progress"]
     return steps
 

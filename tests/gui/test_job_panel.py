@@ -69,7 +69,7 @@ def pipeline(tmp_path: Path, qtbot: QtBot, monkeypatch: pytest.MonkeyPatch) -> I
     qtbot.addWidget(panel)
     made = Pipeline(queue, panel)
     monkeypatch.setattr(nvsim_app.jobs.queue, "start_worker", lambda root, number, threads: made.started.append(number))
-    queue.follow(jobs.root)
+    queue.set_project(jobs.root)
     made.set(1, "running")
     panel.resize(1300, 240)
     panel.show()
@@ -78,7 +78,7 @@ def pipeline(tmp_path: Path, qtbot: QtBot, monkeypatch: pytest.MonkeyPatch) -> I
     yield made
     for handle in queue.handles:
         worker_lock.release(handle.job.folder)
-    queue.follow(None)
+    queue.set_project(None)
 
 
 def test_rows_are_updated_in_place_while_a_job_runs(pipeline: Pipeline, qtbot: QtBot) -> None:
@@ -196,7 +196,7 @@ def test_a_click_counts_if_the_list_changes_while_the_button_is_pressed(pipeline
     assert QApplication.widgetAt(pause.mapToGlobal(pause.rect().center())) is pause
     qtbot.mousePress(pause, Qt.MouseButton.LeftButton)
     job = jobs.add("export splats", ["--project", str(jobs.root)], "Export")
-    pipeline.queue.forget(pipeline.handle(3))
+    pipeline.queue.remove(pipeline.handle(3))
     pipeline.queue._update_jobs()
     assert [row.handle and row.handle.number for row in pipeline.panel.model.rows] == [1, 2, job.number]
     QApplication.processEvents()
@@ -209,9 +209,9 @@ def test_a_click_counts_if_the_list_changes_while_the_button_is_pressed(pipeline
 
 def test_removing_the_selected_job_shows_the_running_one(pipeline: Pipeline, qtbot: QtBot) -> None:
     pipeline.click_row(qtbot, 2)
-    pipeline.queue.forget(pipeline.handle(3))
+    pipeline.queue.remove(pipeline.handle(3))
     assert pipeline.panel.handle is pipeline.handle(1)
     pipeline.set(1, "done")
     pipeline.click_row(qtbot, 0)
-    pipeline.queue.forget(pipeline.handle(1))
+    pipeline.queue.remove(pipeline.handle(1))
     assert pipeline.panel.handle is pipeline.handle(2)

@@ -37,7 +37,7 @@ def project(tmp_path: Path) -> Path:
 @pytest.fixture
 def queue(qtbot: QtBot, project: Path) -> JobQueue:
     made = JobQueue()
-    made.follow(project)
+    made.set_project(project)
     return made
 
 
@@ -96,7 +96,7 @@ def test_a_job_outlives_the_process_that_ordered_it(qtbot: QtBot, project: Path)
     ended = subprocess.run([sys.executable, "-c", program, str(project)], check=False, capture_output=True)
     assert ended.returncode == -9, ended.stderr
     queue = JobQueue()
-    queue.follow(project)
+    queue.set_project(project)
     assert queue.handles[0].state in ("queued", "running")
     until(qtbot, queue.handles[0], "done")
 
@@ -120,7 +120,7 @@ def test_a_job_that_was_stopped_shows_how_far_it_came_and_where(qtbot: QtBot, pr
     jobs.ask(job.number, wish)
     panel = JobPanel(queue := JobQueue())
     qtbot.addWidget(panel)
-    queue.follow(project)
+    queue.set_project(project)
     qtbot.waitUntil(lambda: panel.model.rows[0].share == 0.25, timeout=SECONDS)
     row = panel.model.rows[0]
     assert row.note == "Stopped at 25 % of train: submap 0, step 300"
@@ -128,7 +128,7 @@ def test_a_job_that_was_stopped_shows_how_far_it_came_and_where(qtbot: QtBot, pr
     usable = {command.text() for command in commands if command.isEnabled()}
     stopped = {"Continue", "Settings…", "Remove", "Copy command"}
     assert usable == stopped | ({"Cancel"} if wish == "pause" else set())
-    queue.follow(None)
+    queue.set_project(None)
 
 
 @pytest.mark.parametrize("state", ["queued", "failed", "interrupted"])
@@ -140,19 +140,19 @@ def test_a_job_that_nobody_looked_at_shows_how_far_it_came_too(qtbot: QtBot, pro
     panel = JobPanel(queue := JobQueue())
     qtbot.addWidget(panel)
     other = jobs.add("map", ["--project", str(project)], "Map")  # the newest, whose details are shown
-    queue.follow(project)
+    queue.set_project(project)
     qtbot.waitUntil(lambda: {r.handle.number: r.share for r in panel.model.rows}[job.number] == 0.75, timeout=5000)
     assert panel.handle is not None and panel.handle.number == other.number
     painted = {row.handle.number: row for row in panel.model.rows}[job.number]
     assert painted.note == ("" if state == "queued" else "The disk is full.")
-    queue.follow(None)
+    queue.set_project(None)
 
 
 def test_what_waits_for_a_person_is_found_when_the_project_opens(qtbot: QtBot, project: Path) -> None:
     job = JobList(project).add("submaps", ["--project", str(project), "--count", "2"], "Cut")
     queue = JobQueue()
     with qtbot.waitSignal(queue.found) as found:
-        queue.follow(project)
+        queue.set_project(project)
     assert [h.number for h in found.args[0]] == [job.number]
     queue.begin_waiting()
     until(qtbot, queue.handles[0], "done")
@@ -160,12 +160,12 @@ def test_what_waits_for_a_person_is_found_when_the_project_opens(qtbot: QtBot, p
 
 def test_rate_and_time_left_come_from_the_last_half_minute() -> None:
     history = JobReport()
-    history.hear(0.0, Log("Started."))
+    history.receive(0.0, Log("Started."))
     for second in range(100):
-        history.hear(second, Progress("train", (5 if second < 50 else 10) * second, 2000))
+        history.receive(second, Progress("train", (5 if second < 50 else 10) * second, 2000))
     assert history.rate == pytest.approx(10)
     assert history.seconds_left == pytest.approx((2000 - 990) / 10)
-    history.hear(100.0, Progress("map", 0, 10))
+    history.receive(100.0, Progress("map", 0, 10))
     assert history.rate is None and history.share == 0
 
 
@@ -182,9 +182,9 @@ def test_a_series_goes_back_with_the_checkpoint_and_never_grows_without_end() ->
 
 def test_metrics_of_submaps_stay_apart_and_a_failure_is_kept() -> None:
     history = JobReport()
-    history.hear(0.0, Metric("train", "psnr", 20.0, 10, 0))
-    history.hear(0.0, Metric("train", "psnr", 22.0, 10, 1))
-    history.hear(1.0, Failed("train", "the disk is full", 2))
+    history.receive(0.0, Metric("train", "psnr", 20.0, 10, 0))
+    history.receive(0.0, Metric("train", "psnr", 22.0, 10, 1))
+    history.receive(1.0, Failed("train", "the disk is full", 2))
     assert [s.values for s in history.series["psnr"].values()] == [[20.0], [22.0]]
     assert history.failure == "the disk is full"
 
@@ -205,7 +205,7 @@ def test_the_workers_of_a_job_on_a_cluster_are_shown_with_their_pieces(qtbot: Qt
     qtbot.addWidget(panel)
     panel.resize(900, 240)
     panel.show()
-    queue.follow(project)
+    queue.set_project(project)
     handle = queue.handle(afar.number)
     assert handle is not None
     panel.choose(handle)
@@ -228,8 +228,8 @@ def test_the_workers_of_a_job_on_a_cluster_are_shown_with_their_pieces(qtbot: Qt
 def test_workers_that_were_told_of_longest_ago_are_forgotten() -> None:
     report = JobReport()
     for i in range(MOST_WORKERS + 5):
-        report.hear(float(i), Worker("train", f"process {i}", 0, "submap 0", "works"))
+        report.receive(float(i), Worker("train", f"process {i}", 0, "submap 0", "works"))
     assert len(report.workers) == MOST_WORKERS
     assert "process 4" not in report.workers and "process 5" in report.workers
-    report.hear(1.0, Log("Continued."))
+    report.receive(1.0, Log("Continued."))
     assert not report.workers

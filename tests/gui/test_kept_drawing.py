@@ -101,16 +101,16 @@ def grabbed(view: MapView) -> np.ndarray:
 
 def test_what_changed_is_known_for_a_few_edits_only(document: Document) -> None:
     arrays, rng = document.graph_arrays, random.Random(4)
-    assert document.graph_changes.since(arrays) is None  # nothing is known to have changed since
+    assert document.graph_changes.changed_segments_since(arrays) is None  # nothing is known to have changed since
     id = next(iter(document.graph_arrays.ids))
     document.editing.run("shift_viewpoints", {"ids": [id], "by": [0.4, 0.0, 0.0]})
-    places = document.graph_changes.since(arrays)
+    places = document.graph_changes.changed_segments_since(arrays)
     assert places is not None
     x = arrays.feet[0, 0]
     assert {round(v, 6) for v in places[:, :, 0].ravel()} >= {round(x, 6), round(x + 0.4, 6)}
     for _ in range(60):
         document.editing.run(*random_edit(document, rng))
-    assert document.graph_changes.since(arrays) is None
+    assert document.graph_changes.changed_segments_since(arrays) is None
     document.editing.close()
 
 

@@ -121,7 +121,7 @@ def test_names_of_viewpoints_do_not_lie_on_each_other(
 
     monkeypatch.setattr(labels, "paint_label", noted)
     view = ViewPose((7.0, 0.5, 1.4), elevation=-0.1).camera(160, 120)
-    seen = overlays.graph.seen(view)
+    seen = overlays.graph.projected_viewpoints(view)
     farthest = document.graph_arrays.ids[next(r for r in seen.order if seen.depths[r] < labels.LABEL_DISTANCE)]
     document.select(viewpoint=farthest)
     painted(overlays, view)

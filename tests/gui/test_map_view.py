@@ -96,7 +96,7 @@ def test_north_is_up_and_occupancy_lies_under_the_graph(plan: MapView, document:
     tones = colors.OCCUPANCY_DARK if theme.is_dark(plan.palette()) else colors.OCCUPANCY_LIGHT
     occupancy = document.contents.occupancy
     for x, y in ((4.0, 3.7), (1.0, 6.0), (9.0, 3.0), (-0.5, 4.0)):
-        state = occupancy.at(np.array([x, y]))
+        state = occupancy.states_at(np.array([x, y]))
         name = "occupied" if state == OCCUPIED else "free" if state == 0 else "unknown"
         place = place_of(plan, x, y) * ratio
         assert picture.pixelColor(place) == QColor(*tones[name]), (x, y)
@@ -110,14 +110,14 @@ def test_a_selected_submap_stands_out(plan: MapView, document: Document) -> None
 
 def test_the_whole_map_comes_into_view_by_a_command_and_a_button(window: MainWindow, document: Document) -> None:
     view = window.part(MapPart).view
-    view.see(3.0, 3.0, 2.0, 2.0)
-    assert view.seen is not None and view.seen[2] < 9
+    view.restore_range(3.0, 3.0, 2.0, 2.0)
+    assert view.visible_range is not None and view.visible_range[2] < 9
     window.actions_table["whole_map"].trigger()
-    x, y, width, height = view.seen
+    x, y, width, height = view.visible_range
     assert x <= 0.0 and y <= 0.0 and x + width >= demo_room.WIDTH and y + height >= demo_room.DEPTH
-    view.see(3.0, 3.0, 2.0, 2.0)
+    view.restore_range(3.0, 3.0, 2.0, 2.0)
     view.frame.whole.click()
-    assert view.seen[2] >= demo_room.WIDTH
+    assert view.visible_range[2] >= demo_room.WIDTH
 
 
 def test_the_scale_bar_fits_from_the_first_moment(window: MainWindow, qtbot: QtBot) -> None:
@@ -136,12 +136,12 @@ def test_the_scale_bar_fits_and_the_place_under_the_cursor_is_told(window: MainW
     view = window.part(MapPart).view
     sizes = []
     for metres in (2.0, 20.0, 200.0):
-        view.see(0.0, 0.0, metres, metres)
+        view.restore_range(0.0, 0.0, metres, metres)
         view._scale.updateBar()
         sizes.append(view._scale.size)
         assert 15 < view._scale.size / view.plot.getViewBox().viewPixelSize()[0] <= 110
     assert sizes == sorted(set(sizes))
-    view.see(0.0, 0.0, 14.0, 9.0)
+    view.restore_range(0.0, 0.0, 14.0, 9.0)
     point = view.to_pixels(np.array([[3.0, 2.0]]))[0]
     qtbot.mouseMove(view.canvas, QPointF(*point).toPoint())
     qtbot.waitUntil(lambda: not view.frame.coordinates.isHidden(), timeout=3000)

@@ -97,7 +97,7 @@ def test_details_explain_every_direction_of_a_viewpoint(document: Document, qtbo
 def test_the_empty_state_offers_buttons_for_the_missing_stage(qtbot: QtBot) -> None:
     state = EmptyState()
     qtbot.addWidget(state)
-    state.say("No graph.", "map")
+    state.show_message("No graph.", "map")
     assert state.sentence.text() == "No graph." and state.stage.text() == "Build the map only"
     with qtbot.waitSignal(state.stageWanted) as wanted:
         qtbot.mouseClick(state.stage, Qt.MouseButton.LeftButton)

@@ -180,7 +180,7 @@ def test_texts_from_outside_are_text_in_the_whole_window(attacked: MainWindow, f
         Failed(hostile.text(fifo), hostile.text(fifo), 1),
         Progress(hostile.text(fifo), 1, 2, hostile.text(fifo)),
     ):
-        handle.history.hear(1.7e9, event)
+        handle.history.receive(1.7e9, event)
     window.panels["jobs"].choose(handle)
     window.panels["jobs"].offer.show_jobs([handle])
     window.jobs.changed.emit()
@@ -250,7 +250,7 @@ def test_texts_of_pages_menus_and_results_are_text(attacked: MainWindow, fifo: P
         replace(document.contents, capture=None, graph=None, submaps=(), scene_stamp=None, occupancy=None)
     )
     window.start.show_recent(part.projects.paths)
-    window.empty.say(evil, "import")
+    window.empty.show_message(evil, "import")
     assert _shown(window) == []
 
 

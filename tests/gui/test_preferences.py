@@ -57,7 +57,7 @@ def test_every_length_that_is_shown_is_in_feet(window: MainWindow, document: Doc
     assert plan._scale.text.toPlainText().endswith(" ft")
     shown = float(plan._scale.text.toPlainText().split()[0])
     assert plan._scale.size == pytest.approx(shown * 0.3048)
-    plan.frame.say((3.048, 6.096))
+    plan.frame.show_position((3.048, 6.096))
     assert plan.frame.coordinates.text() == "10.00, 20.00 ft"
     window.preferences.set("units", "metres")
     assert f"{height:.2f} m" in texts(window) and plan._scale.text.toPlainText().endswith(" m")

@@ -181,9 +181,9 @@ def test_a_snapshot_follows_what_others_write_later(project: Path, monkeypatch: 
 
 
 def test_a_snapshot_cannot_be_written(left_by_a_kill: Path) -> None:
-    from nvsim.files.databases import _copied
+    from nvsim.files.databases import _copy_to_memory
 
-    copy = _copied(Layout(left_by_a_kill).database)
+    copy = _copy_to_memory(Layout(left_by_a_kill).database)
     with pytest.raises(sqlite3.OperationalError, match="readonly"):
         copy.execute("DELETE FROM meta")
     copy.close()

@@ -38,7 +38,7 @@ def test_whatever_is_answered_becomes_tables() -> None:
     assert list(tables) == [SUMMARY, "Submaps", "Per frame", "Ablation"]
     assert tables[SUMMARY].rows == (("PSNR", 20.5), ("LPIPS", None))
     assert tables["Submaps"].columns == ("submap", "psnr", "frames") and tables["Submaps"].rows[1][0] == "1"
-    assert tables["Per frame"].plotted == [1]
+    assert tables["Per frame"].columns_to_plot == [1]
 
 
 def test_a_table_survives_the_way_through_csv_and_tabs() -> None:

@@ -105,7 +105,7 @@ def test_going_back_is_undone_by_going_forward(headings: list[int], data: st.Dat
         state = states.back()
         if state is None:
             break
-        states.settle(state)
+        states.replace_current(state)
         walked.append(state)
     for state in reversed(walked[:-1]):
         assert states.forward() == state
@@ -197,7 +197,7 @@ def test_a_project_opens_as_it_was_left(
     first_map.centre_on(3.0, 2.0, 1.5)
     keys.add()
     first.panels["inspector"].view.set_view_center(1.0, -0.3, 2.0)
-    seen = first_map.seen
+    seen = first_map.visible_range
     first.close()
 
     again = Document()
@@ -205,7 +205,10 @@ def test_a_project_opens_as_it_was_left(
     again.set_contents(demo_room.contents(Path("demo.nvsim")))
     assert second.scene.pose == POSE and second.scene.channel == "normal"
     assert again.selection.viewpoint == document.graph_arrays.ids[4]
-    assert second.panels["map"].seen == pytest.approx(seen) and second.panels["inspector"].view.view_center[0] == 1.0
+    assert (
+        second.panels["map"].visible_range == pytest.approx(seen)
+        and second.panels["inspector"].view.view_center[0] == 1.0
+    )
     assert second.part(CameraPathPart).poses == [POSE]
     # Another project has a camera of its own, and this one keeps what is left now.
     second.scene.navigation.set_pose(replace(POSE, heading=0.3))

@@ -31,15 +31,15 @@ def test_the_ones_that_cover_most_stay_in_their_order() -> None:
 
 def test_no_budget_and_a_large_one_change_nothing() -> None:
     m, budget = model(), SplatBudget()
-    assert budget.within(m, 0) is m and budget.within(m, 500) is m
+    assert budget.limit_model(m, 0) is m and budget.limit_model(m, 500) is m
 
 
 def test_the_thinned_model_is_kept_until_model_or_budget_change() -> None:
     m, budget = model(), SplatBudget()
-    few = budget.within(m, 50)
-    assert len(few.gaussians) == 50 and budget.within(m, 50) is few
-    assert len(budget.within(m, 60).gaussians) == 60
-    assert budget.within(model(), 60) is not budget.within(m, 60)
+    few = budget.limit_model(m, 50)
+    assert len(few.gaussians) == 50 and budget.limit_model(m, 50) is few
+    assert len(budget.limit_model(m, 60).gaussians) == 60
+    assert budget.limit_model(model(), 60) is not budget.limit_model(m, 60)
 
 
 def test_colours_that_depend_on_the_position_stay_with_their_gaussians() -> None:
@@ -48,7 +48,7 @@ def test_colours_that_depend_on_the_position_stay_with_their_gaussians() -> None
     embedding = Embedding.__new__(Embedding)
     appearance = LinearAppearance(embedding, {}, rng.random((500, 3)).astype(np.float32), np.zeros(3))
     appearance._kept.sh = "of all"
-    few = SplatBudget().within(replace(m, appearance=appearance), 50)
+    few = SplatBudget().limit_model(replace(m, appearance=appearance), 50)
     rows = largest_gaussians(m.gaussians, 50)
     assert few.appearance is not None
     assert np.array_equal(few.appearance.features, appearance.features[rows])

@@ -16,7 +16,7 @@ def test_no_button_of_the_bar_is_cut(qtbot: QtBot, width: int) -> None:
     parent.resize(width, 500)
     bar = StageBar(parent)
     parent.show()
-    bar.say("The submaps have no model yet. Training takes about 20 minutes on this machine.", "train")
+    bar.show_message("The submaps have no model yet. Training takes about 20 minutes on this machine.", "train")
     qtbot.waitUntil(bar.isVisible)
     assert parent.rect().contains(bar.geometry())
     for button in (bar.everything, bar.stage, bar.settings):

@@ -148,8 +148,8 @@ def test_recent_projects_have_an_image_and_those_that_are_gone_can_be_forgotten(
     page = session.window.start
     assert session.window.centre.currentWidget() is page
     qtbot.waitUntil(page.recent.hasFocus, timeout=5000)
-    assert page.recent.current == house and page.recent.gone == ()
-    qtbot.waitUntil(lambda: page.recent.gone == (gone,), timeout=SECONDS)
+    assert page.recent.current == house and page.recent.missing_projects == ()
+    qtbot.waitUntil(lambda: page.recent.missing_projects == (gone,), timeout=SECONDS)
     assert not page.recent.item(0).icon().isNull() and page.recent.item(1).icon().isNull()
     page.grab()
     qtbot.keyClick(page.recent, Qt.Key.Key_Down)

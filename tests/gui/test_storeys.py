@@ -96,11 +96,11 @@ def test_other_storeys_are_drawn_faintly_and_left_alone(hand: Hand) -> None:
     graph = move_viewpoints(document.graph, {id: (x + 0.4, y + 0.3, z) for id, (x, y, z) in above.items()})
     document.set_contents(replace(document.contents, graph=graph))
     table["storey_up"].trigger()
-    upper = document.storeys.others(document.graph_arrays)
+    upper = document.storeys.other_storeys(document.graph_arrays)
     assert len(upper.ids) == 22 and set(upper.feet[:, 2].round()) == {UP}
     faint = widget.grab().toImage()
     table["storey_others"].trigger()
-    assert not document.storeys.others(document.graph_arrays).ids
+    assert not document.storeys.other_storeys(document.graph_arrays).ids
     assert widget.grab().toImage() != faint
     table["storey_others"].trigger()
     assert widget.grab().toImage() == faint
@@ -123,7 +123,7 @@ def test_what_is_behind_a_wall_is_faint(window: MainWindow, document: Document) 
     document.set_contents(replace(document.contents, occupancy=walled))
     scene = window.scene
     scene.navigation.set_pose(ViewPose(tuple(eye), np.pi / 2, -0.1))
-    view = scene.overlays.graph.seen(scene.overlay_camera)
+    view = scene.overlays.graph.projected_viewpoints(scene.overlay_camera)
     assert scene.overlays.graph.hidden(view).sum() == (feet[:, 0] > wall).sum() > 3
     faint = scene.grab().toImage()
     window.actions_table["fade_hidden"].trigger()

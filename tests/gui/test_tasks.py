@@ -41,7 +41,7 @@ def test_tasks_are_judged_rewritten_and_flagged(window: MainWindow, qtbot: QtBot
     written = read_tasks(tmp_path / "reviewed" / "R2R_train.json")
     assert [(t.scan, t.instructions) for t in written] == [(graph.scan, ("Walk on.",)), ("elsewhere", ("Go on.",))]
     write_submission(tmp_path / "s.json", {"0_0": [(edges[0][0], 0.0, 0.0), (edges[0][1], 0.0, 0.0)]})
-    part.play(tmp_path / "s.json")
+    part.read_submission(tmp_path / "s.json")
     qtbot.waitUntil(lambda: "0_0" in panel.model.episodes)
     assert panel.model.episodes["0_0"].spl == 1.0 and "SPL 1.00" in panel.words.text()
     qtbot.keyClick(panel.table, Qt.Key.Key_Right)
@@ -70,7 +70,7 @@ def test_any_instructions_trajectory_is_walked_by_keys(window: MainWindow, qtbot
     part.open(tmp_path / "R2R_train.json", tmp_path / "R2R_test.json")
     panel = part.panel
     qtbot.waitUntil(lambda: panel.model.rowCount() == 2)
-    part.play(tmp_path / "s.json")
+    part.read_submission(tmp_path / "s.json")
     qtbot.waitUntil(lambda: len(panel.model.episodes) == 2)
     assert panel.shown is not None and len(panel.shown.poses) == 1  # the worst is the one that stays
     qtbot.keyClick(panel.table, Qt.Key.Key_1)

@@ -12,7 +12,7 @@ from pytestqt.qtbot import QtBot
 from nvsim.mapping.config import MappingConfig
 from nvsim_app.state.document import Document
 from nvsim_app.thresholds.slider import FIXED, preset, thresholds, with_value
-from nvsim_app.thresholds.threshold_preview import ends
+from nvsim_app.thresholds.threshold_preview import changed_segments
 from nvsim_app.wiring.inspector import InspectorPart
 from nvsim_app.wiring.thresholds import ThresholdPart
 from nvsim_app.wiring.window import MainWindow
@@ -34,7 +34,7 @@ def test_every_threshold_has_a_slider_or_a_reason_to_have_none() -> None:
     assert named == set(vars(MappingConfig()))
     for threshold in thresholds():
         for config in (MappingConfig(), MappingConfig.paper()):
-            value = threshold.of(config)
+            value = threshold.value_in(config)
             assert threshold.to_value(threshold.to_step(value)) == pytest.approx(value)
 
 
@@ -57,7 +57,7 @@ def test_a_slider_counts_and_draws_what_would_disappear(part: ThresholdPart, doc
     gone = len(outcome.lost_edges)
     assert f"−{gone:,}" in part.panel.outcome.text() and "last edge" in part.panel.notes.text()
     assert row.figure.value() == 0.0 and row.name.font().bold()
-    assert ends(part.trial, document)["disappear"].shape == (gone, 2, 3)
+    assert changed_segments(part.trial, document)["disappear"].shape == (gone, 2, 3)
     x, _ = part._marks._items["disappear"].getData()
     assert len(x) == 2 * gone
     picture = part.context.scene.grab().toImage()

@@ -65,13 +65,13 @@ def shown(project: Path, qtbot: QtBot) -> Iterator[tuple[TrainingWindow, int, in
     first = trained(project, "a0", [20, 60, 100, 140])
     second = trained(project, "a1", [50, 100, 200])
     queue = JobQueue()
-    queue.follow(project)
+    queue.set_project(project)
     window = TrainingWindow(queue)
     window.show()
     qtbot.waitUntil(lambda: window.images.step == 200 and window.images.canvas._render is not None, timeout=10_000)
     yield window, first, second
     window.close()
-    queue.follow(None)
+    queue.set_project(None)
 
 
 def levels(window: TrainingWindow) -> tuple[int, int]:
@@ -147,14 +147,14 @@ def test_a_run_of_another_submap_says_that_it_has_no_curves_of_this(project: Pat
     other = trained(project, "a0", [10, 20], submap=1)
     trained(project, "a1", [10, 20], submap=0)
     queue = JobQueue()
-    queue.follow(project)
+    queue.set_project(project)
     window = TrainingWindow(queue)
     qtbot.addWidget(window)
     window.show()
     qtbot.waitUntil(lambda: window.submap.currentData() == 0, timeout=10_000)
     window.other.setCurrentIndex(window.other.findData(other))
     qtbot.waitUntil(lambda: "no curves of submap 0" in window.legend.text(), timeout=10_000)
-    queue.follow(None)
+    queue.set_project(None)
     qtbot.waitUntil(lambda: window.images.canvas._photo is None, timeout=5000)
     assert window.run.count() == 0
     window.close()
@@ -182,16 +182,16 @@ def test_smoothing_is_the_exponential_mean_and_leaves_what_was_measured_behind(s
 def test_what_came_after_a_checkpoint_is_no_image_of_the_run(tmp_path: Path) -> None:
     report = JobReport()
     for step in (10, 20, 30, 15):
-        report.hear(0.0, Preview("train", f"{step}.jpg", "", step, 2))
+        report.receive(0.0, Preview("train", f"{step}.jpg", "", step, 2))
     assert list(report.images["submap 2"]) == [10, 15]
-    report.hear(0.0, Preview("train", "preview_001.jpg", "of an older version"))
+    report.receive(0.0, Preview("train", "preview_001.jpg", "of an older version"))
     assert list(report.images) == ["submap 2", "preview_001.jpg"]
 
 
 def test_the_small_preview_shows_the_newest_image_of_each_submap(project: Path, qtbot: QtBot) -> None:
     number = trained(project, "a0", [50, 100, 200])
     queue = JobQueue()
-    queue.follow(project)
+    queue.set_project(project)
     preview = JobPreview()
     qtbot.addWidget(preview)
     handle = queue.handle(number)
@@ -200,7 +200,7 @@ def test_the_small_preview_shows_the_newest_image_of_each_submap(project: Path, 
     qtbot.waitUntil(lambda: bool(preview.pictures) or preview.refresh(), timeout=10_000)
     (pixmap,) = preview.pictures
     assert pixmap.toImage().pixelColor(100, 20).red() == pytest.approx(200, abs=4)
-    queue.follow(None)
+    queue.set_project(None)
     preview.close()
 
 

@@ -12,7 +12,7 @@ from PySide6.QtCore import Qt
 from pytestqt.qtbot import QtBot
 
 from nvsim.graph.types import NavGraph
-from nvsim_app.painting.cameras import ViewPose, walked
+from nvsim_app.painting.cameras import ViewPose, walk_pose
 from nvsim_app.state.document import Document
 from nvsim_app.state.free_floor import FreeFloor
 from nvsim_app.wiring.window import MainWindow
@@ -20,8 +20,8 @@ from nvsim_app.wiring.window import MainWindow
 
 def test_a_step_ahead_follows_the_heading_and_not_the_eyes() -> None:
     down = ViewPose((0, 0, 1.5), heading=pi / 2, elevation=-1.5)
-    assert np.allclose(walked(down, 2.0, 0.0).position, (2, 0, 1.5))
-    assert np.allclose(walked(down, 0.0, 1.0).position, (0, -1, 1.5))
+    assert np.allclose(walk_pose(down, 2.0, 0.0).position, (2, 0, 1.5))
+    assert np.allclose(walk_pose(down, 0.0, 1.0).position, (0, -1, 1.5))
 
 
 def walk_from(window: MainWindow, qtbot: QtBot, pose: ViewPose) -> None:
@@ -62,13 +62,13 @@ def test_from_above_a_walk_begins_where_somebody_stood_near_what_one_looks_at(
 def test_walls_and_furniture_stop_a_walk_and_one_slides_along_them(window: MainWindow, qtbot: QtBot) -> None:
     view = window.scene
     walk_from(window, qtbot, ViewPose((7.8, 3.0, 1.5), heading=pi / 2))
-    assert view.places.walk.free(7.8, 3.0, 1.5) and not view.places.walk.free(8.8, 3.0, 1.5)
+    assert view.places.walk_limits.free(7.8, 3.0, 1.5) and not view.places.walk_limits.free(8.8, 3.0, 1.5)
     held(window, qtbot, Qt.Key.Key_W, lambda: view.pose.position[0] > 8.3)
     qtbot.keyPress(view, Qt.Key.Key_W)
     qtbot.wait(400)
     qtbot.keyRelease(view, Qt.Key.Key_W)
     assert view.pose.position[0] < 8.5, "the shelf begins at 8.6"
-    view.navigation.walk(view.places.walk, replace(view.pose, heading=pi / 4))
+    view.navigation.walk(view.places.walk_limits, replace(view.pose, heading=pi / 4))
     held(window, qtbot, Qt.Key.Key_W, lambda: view.pose.position[1] > 4.0)
     assert view.pose.position[0] < 8.5
 
@@ -86,7 +86,7 @@ def test_without_a_map_evidence_stops_a_walk_and_without_that_the_places_where_s
     window: MainWindow, document: Document
 ) -> None:
     document.set_contents(replace(document.contents, occupancy=None))
-    free = window.scene.places.walk.free
+    free = window.scene.places.walk_limits.free
     assert free(7.8, 3.0, 1.5) and not free(8.9, 3.1, 1.5), "Gaussians of the shelf are in the evidence"
     graph = document.contents.graph
     document.set_contents(replace(document.contents, graph=replace(graph, evidence={})))

@@ -27,7 +27,7 @@ def test_on_a_machine_that_compiles_everything_follows_at_once(painter: Painter,
     monkeypatch.setattr(warming, "COLD", 0.0)
     made = Warming(painter)
     made.begin()
-    assert not made.waits
+    assert not made.has_waiting_kernels
 
 
 def test_on_one_that_has_compiled_the_rest_is_left_to_the_pauses(painter: Painter, monkeypatch) -> None:
@@ -35,7 +35,7 @@ def test_on_one_that_has_compiled_the_rest_is_left_to_the_pauses(painter: Painte
     made = Warming(painter)
     made.begin()
     steps = 0
-    while made.waits:
+    while made.has_waiting_kernels:
         made.step()
         steps += 1
     assert steps > 4  # so that a picture that is asked for meanwhile waits for one small view only
@@ -44,7 +44,7 @@ def test_on_one_that_has_compiled_the_rest_is_left_to_the_pauses(painter: Painte
 def test_a_source_that_draws_by_itself_has_nothing_to_compile() -> None:
     made = Warming(Painter(RoomSource().open()))
     made.begin()
-    assert not made.waits
+    assert not made.has_waiting_kernels
 
 
 def test_whoever_waits_for_a_compilation_hears_why(qtbot: QtBot, tmp_path: Path, monkeypatch) -> None:

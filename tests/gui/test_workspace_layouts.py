@@ -119,7 +119,7 @@ def test_a_file_that_is_read_again_keeps_sizes_and_front_tabs(window: MainWindow
     window.show_dock("history")
     contents, before = document.contents, arrangement(window)
     document.set_contents(Contents(contents.path, reading=True))
-    assert window.panels["validation"].nothing == "Checking…"  # the graph is not read yet
+    assert window.panels["validation"].reason_for_no_findings == "Checking…"  # the graph is not read yet
     document.set_contents(contents)
     assert arrangement(window) == before
 
@@ -136,7 +136,7 @@ def test_one_key_shows_one_view_alone_and_the_same_key_brings_all_back(
     qtbot.waitUntil(lambda: QApplication.focusWidget() is not None, timeout=5000)
     wide = focused.width()
     qtbot.keyClick(window, Qt.Key.Key_F12)
-    assert part.alone and shown(window) == (set() if name == "scene" else {"map"})
+    assert part.shows_one_view and shown(window) == (set() if name == "scene" else {"map"})
     assert window.centre.isVisible() == (name == "scene")
     qtbot.waitUntil(lambda: focused.width() > 1.5 * wide, timeout=5000)
     if name == "map":
@@ -144,7 +144,7 @@ def test_one_key_shows_one_view_alone_and_the_same_key_brings_all_back(
         assert window.centre.isVisible()
     else:
         qtbot.keyClick(window, Qt.Key.Key_F12)
-    assert not part.alone and shown(window) == before
+    assert not part.shows_one_view and shown(window) == before
 
 
 def test_a_workspace_leaves_no_tab_bar_behind(window: MainWindow, qtbot: QtBot) -> None:

@@ -18,7 +18,7 @@ def add(caller: Caller, a: int, b: int) -> tuple[int, int, int]:
     import numba
 
     print("said aside", file=sys.stderr)
-    caller.tell(Progress("sums", 1, 1))
+    caller.send_event(Progress("sums", 1, 1))
     return a + b, numba.get_num_threads(), os.getpid()
 
 
@@ -44,7 +44,7 @@ def die(caller: Caller, folder: Path, times: int, further: bool) -> int:
     """Is killed so many times, each time a step further on where it says so."""
     tried = len(list(folder.iterdir()))
     (folder / str(tried)).touch()
-    caller.tell(Progress("sums", tried + 1 if further else 1, 100))
+    caller.send_event(Progress("sums", tried + 1 if further else 1, 100))
     time.sleep(0.4)  # until it is heard
     if tried < times:
         os.kill(os.getpid(), signal.SIGKILL)
@@ -62,5 +62,5 @@ def count_slowly(caller: Caller, path: Path) -> None:
     """Writes where it is for a minute."""
     for i in range(600):
         path.write_text(str(i))
-        caller.tell(Log(str(i), "sums"))
+        caller.send_event(Log(str(i), "sums"))
         time.sleep(0.1)

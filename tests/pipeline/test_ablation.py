@@ -168,10 +168,10 @@ def test_a_run_that_is_cut_off_goes_on_from_its_checkpoint_and_ends_with_the_sam
         run = training_run(project, project.need_submaps()[0], row.config, 0)
         # Kernels that a process has just compiled round differently from those it reads from the cache, so that the
         # run to compare with is made here as well.
-        evaluate_ablation(project, replace(config, afresh=True), ignore_event)
+        evaluate_ablation(project, replace(config, repeat=True), ignore_event)
         whole = load_model(run.model_folder).gaussians.means
         with pytest.raises(Killed):
-            evaluate_ablation(project, replace(config, afresh=True), kill)
+            evaluate_ablation(project, replace(config, repeat=True), kill)
         assert run.checkpoint.is_file() and not run.is_done
         resumed = evaluate_ablation(project, config, seen.append)
     assert any(isinstance(e, Log) and "continues from step" in e.text for e in seen)

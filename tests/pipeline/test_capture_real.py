@@ -98,7 +98,7 @@ def test_a_camera_height_makes_the_bedroom_metric(shared_data: Path) -> None:
     floor = np.percentile(capture.cloud.points[:, 2], 1)
     assert np.median(capture.positions[:, 2]) - floor == pytest.approx(1.5, abs=0.15)
     frame = capture.frames[0]
-    assert read_image(frame, frame.intrinsics.within(640)).shape == (360, 640, 3)
+    assert read_image(frame, frame.intrinsics.limited_to(640)).shape == (360, 640, 3)
 
 
 def test_the_robot_with_empty_images_is_refused_and_every_empty_image_named(shared_data: Path) -> None:

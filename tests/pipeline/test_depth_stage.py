@@ -179,7 +179,7 @@ def test_a_capture_with_a_scan_skips_it_in_no_time_and_says_so(
     depths.run(scanned, "auto", DepthConfig(), heard.append)
     assert time.monotonic() - started < 0.5
     assert [e.summary for e in heard if isinstance(e, Done)] == ["no depth is estimated: the capture has a LiDAR scan"]
-    assert "depth" in scanned.stage_results().done and scanned.scan() is with_scan
+    assert "depth" in scanned.stage_results().finished_stages and scanned.scan() is with_scan
     assert not scanned.layout.depth.exists() and kept_results(scanned) == ()
     heard.clear()
     depths.run(scanned, "auto", CONFIG, heard.append)
@@ -256,7 +256,7 @@ def test_floors_without_scan_and_depth_warn(building: Path, tmp_path: Path, caps
     assert "up to date" in capsys.readouterr().err, "as are floors of before there was a depth stage"
     with Project.open(tmp_path / "rooms.nvsim") as opened:
         found = opened.stage_results()
-    assert first_outdated_stage(found.outdated, found.former) is None
+    assert first_outdated_stage(found.outdated, found.stages_of_previous_cut) is None
 
 
 def test_the_window_shows_the_cloud_of_the_images(project: Project) -> None:

@@ -245,11 +245,11 @@ def test_a_live_model_that_vanishes_while_it_is_read_gives_way_to_the_finished_o
     layout = project.layout
     model = load_model(layout.model(0))
     shutil.rmtree(layout.model(0))
-    save_model(replace(model, info={"steps": 3}), layout.live(0))
+    save_model(replace(model, info={"steps": 3}), layout.live_model(0))
     scene = project.scene(live=True)
     assert scene is not None
     save_model(model, layout.model(0))
-    results.remove_folder(layout.live(0))
+    results.remove_folder(layout.live_model(0))
     assert scene.model(0).info["steps"] == 12
 
 

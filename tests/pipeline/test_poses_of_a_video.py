@@ -18,7 +18,7 @@ from nvsim.poses import from_images
 from nvsim.poses.from_images import FoundPoses, find_poses
 from nvsim.poses.image_pairs import neighbor_pairs
 from nvsim.poses.image_set import ImageSet, UnknownCamera, times_of
-from nvsim.poses.mapping import consistent_pairs, keep_images, poses_of, triangulated
+from nvsim.poses.mapping import consistent_pairs, keep_images, poses_of, triangulate_with_poses
 from nvsim.poses.match_database import keypoints_of, write_geometries
 from nvsim.poses.pieces import split_into_pieces
 from nvsim.poses.pose_graph import transform_pose
@@ -127,7 +127,7 @@ def test_a_bend_is_straightened_by_what_both_stretches_show(
     pivot = np.asarray(poses.model.images[last].projection_center())
     move = np.array([0.15, 0.0, 0.0, 0.1, 0.0, 0.0, 0.0])  # 15 percent larger, and turned by 6 degrees
     bent = {n: transform_pose(one, move, pivot) if n > last else one for n, one in straight.items()}
-    model = triangulated(bent, dict(poses.model.cameras.items()), path, images.folder, tmp_path / "bent")
+    model = triangulate_with_poses(bent, dict(poses.model.cameras.items()), path, images.folder, tmp_path / "bent")
     assert last in from_images._bends(model, inputs)
     mended, joined, pieces = from_images._joined_again(model, views, inputs)
     assert len(pieces[0]) >= 0.9 * len(straight)
@@ -140,9 +140,9 @@ def test_a_bend_is_straightened_by_what_both_stretches_show(
 
     assert off(poses_of(mended)) < 0.03 * far < off(bent)
     assert len(joined) > len(views)
-    closed, again, loops = from_images._closed(mended, joined, inputs, False)
+    closed, again, loops = from_images._close_loops(mended, joined, inputs, False)
     assert loops and off(poses_of(closed)) < 0.03 * far
-    same, _, known = from_images._closed(closed, again, inputs, False, loops)
+    same, _, known = from_images._close_loops(closed, again, inputs, False, loops)
     assert set(loops) <= set(known) and off(poses_of(same)) < 0.03 * far
 
 

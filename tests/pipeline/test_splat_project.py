@@ -29,7 +29,7 @@ def project(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 def test_the_project_has_the_stages_of_splats_alone(project: Path) -> None:
     with Project.open(project) as opened:
-        assert opened.stage_results().done == {"import", "floors", "map"}
+        assert opened.stage_results().finished_stages == {"import", "floors", "map"}
         capture = opened.need_capture()
         assert capture.frames == () and not capture.has_images and len(capture.positions) > 10
         assert not opened.layout.masks.exists() and opened.scene() is not None

@@ -61,7 +61,10 @@ class Columns:
             first, open_ways = np.full(_AZIMUTHS, 2 * _FAR), np.arange(_AZIMUTHS)
             along = np.arange(0, _FAR, _STEP)
             for block in np.split(along, range(_BLOCK, len(along), _BLOCK)):
-                hit = self._map.at(np.array(xy) + block[None, :, None] * _DIRECTIONS[open_ways, None, :]) == OCCUPIED
+                hit = (
+                    self._map.states_at(np.array(xy) + block[None, :, None] * _DIRECTIONS[open_ways, None, :])
+                    == OCCUPIED
+                )
                 met = hit.any(axis=1)
                 first[open_ways[met]] = block[np.argmax(hit[met], axis=1)]
                 open_ways = open_ways[~met]
@@ -70,7 +73,7 @@ class Columns:
 
     def support(self, xy: NDArray[np.floating]) -> NDArray[np.bool_]:
         """Floor that is known: free cells."""
-        return self._map.at(xy) == FREE
+        return self._map.states_at(xy) == FREE
 
 
 def flat_floor(xy: NDArray[np.floating]) -> NDArray[np.floating]:

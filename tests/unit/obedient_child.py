@@ -12,7 +12,7 @@ from nvsim.errors import InputError
 class Obedient:
     """Does what a request says."""
 
-    def tell(self, value: object) -> None:
+    def send_event(self, value: object) -> None:
         """Replaced in the child."""
 
     def __call__(self, request: tuple) -> object:
@@ -23,7 +23,7 @@ class Obedient:
                 return value, value
             case ("tell", values):
                 for value in values:
-                    self.tell(value)
+                    self.send_event(value)
                 return "told"
             case ("refuse",):
                 raise InputError("No; ask for another.")

@@ -11,7 +11,7 @@ import pytest
 
 from nvsim.cli import console
 from nvsim.cli.commands.stages import Map
-from nvsim.cli.guard import guarded
+from nvsim.cli.guard import run_guarded
 from nvsim.cli.main import COMMANDS, main
 from nvsim.cli.options import _OPTION, options_of, rename_options
 from nvsim.errors import InputError
@@ -112,7 +112,7 @@ def test_events_and_failures_pass_there(capsys: pytest.CaptureFixture[str], monk
 
     monkeypatch.setattr(Map, "run", work)
     with console.redirect_events(heard.append):
-        assert guarded("run", Map, ["--project", "x"]) == 2
+        assert run_guarded("run", Map, ["--project", "x"]) == 2
     texts = [getattr(event, "text", "") or getattr(event, "summary", "") or event.message for event in heard]  # type: ignore[union-attr]
     assert texts[:3] == ["4000 steps (--train.scanless.steps)", "wide (--map.margin)", "see --depth.steps"]
     assert texts[3] == "too few --depth.steps"  # of the stage that was at work

@@ -111,7 +111,7 @@ def test_occupancy_agrees_with_the_cloud(building: Path) -> None:
     row, column = np.moveaxis(grid.index(solid[:, :2]), -1, 0)
     assert (near[row, column] < 0.08).mean() > 0.999
     floor = points[np.abs(points[:, 2]) < 0.02]
-    assert (grid.at(floor[:, :2]) == FREE).mean() > 0.85
+    assert (grid.states_at(floor[:, :2]) == FREE).mean() > 0.85
     hit = np.zeros(grid.cells.shape, bool)
     hit[row, column] = True
     edge = (grid.cells == OCCUPIED) & ndimage.binary_dilation(grid.cells == FREE)
@@ -134,7 +134,7 @@ def test_glass_blocks_the_map_but_hardly_the_scanner(building: Path) -> None:
     (pane,) = [b for b in scene.boxes if b.glass]
     lo, hi = np.array(pane.lo), np.array(pane.hi)
     middle = (lo + hi)[:2] / 2
-    assert grid.at(middle) == OCCUPIED
+    assert grid.states_at(middle) == OCCUPIED
     inside = (points > lo - (0.04, 0.04, -0.1)).all(1) & (points < hi + (0.04, 0.04, -0.1)).all(1)
     area = max(hi[0] - lo[0], hi[1] - lo[1]) * 2.5
     assert 0 < inside.sum() < 0.5 * area / 0.045**2
@@ -145,7 +145,7 @@ def test_the_step_is_an_obstacle(building: Path) -> None:
     steps = [b for b in scene.boxes if b.hi[2] == 0.15]
     assert steps
     for b in steps:
-        assert grid.at(np.array([(b.lo[0] + b.hi[0]) / 2, (b.lo[1] + b.hi[1]) / 2])) == OCCUPIED
+        assert grid.states_at(np.array([(b.lo[0] + b.hi[0]) / 2, (b.lo[1] + b.hi[1]) / 2])) == OCCUPIED
 
 
 def test_floors_have_visible_texture() -> None:

@@ -55,7 +55,7 @@ def test_the_walk_visits_every_room(full: Scene) -> None:
 
 def test_the_walk_keeps_its_clearance_in_free_space(full: Scene) -> None:
     grid = occupancy(full)
-    assert (grid.at(full.path[:, :2]) == FREE).all()
+    assert (grid.states_at(full.path[:, :2]) == FREE).all()
     clearance = ndimage.distance_transform_edt(grid.cells != OCCUPIED) * grid.resolution
     row, column = np.moveaxis(grid.index(full.path[:, :2]), -1, 0)
     assert clearance[row, column].min() >= 0.3
@@ -82,7 +82,7 @@ def test_doors_are_as_wide_as_doors(full: Scene) -> None:
 
 
 def test_people_stand_in_some_frames_only_and_off_the_way(full: Scene) -> None:
-    present = np.array([len(full.present(f)[0]) > 0 for f in range(len(full.walk))])
+    present = np.array([len(full.people_in_frame(f)[0]) > 0 for f in range(len(full.walk))])
     assert 0.03 < present.mean() < 0.2
     for person in full.people:
         near = np.hypot(*(full.walk[person.first : person.last + 1, :2] - person.capsules[2, :2]).T)

@@ -122,7 +122,7 @@ def test_the_camera_keeps_its_height_up_and_down(house: Scene) -> None:
 def test_the_walk_is_free_on_the_map_of_its_storey(house: Scene) -> None:
     for storey in true_occupancy(house).storeys:
         here = house.path[np.abs(house.path[:, 3] - storey.floor) < 1.5]
-        assert len(here) > 500 and (storey.occupancy.at(here[:, :2]) == FREE).all()
+        assert len(here) > 500 and (storey.occupancy.states_at(here[:, :2]) == FREE).all()
 
 
 def test_maps_agree_with_the_boxes_of_their_storey(house: Scene) -> None:
@@ -150,12 +150,12 @@ def test_treads_are_free_on_both_maps_and_the_landings_on_one(house: Scene) -> N
     lower, upper = (s.occupancy for s in maps.storeys)
     (stair,) = maps.stairs
     for rect, _ in flight.treads():
-        assert lower.at(np.array(rect.centre)) == upper.at(np.array(rect.centre)) == FREE
-        assert stair.holds(np.array([rect.centre])).all()
+        assert lower.states_at(np.array(rect.centre)) == upper.states_at(np.array(rect.centre)) == FREE
+        assert stair.contains(np.array([rect.centre])).all()
     before, behind = flight.foot - 0.6 * flight.direction, np.array(flight.head) + 0.6 * flight.direction
-    assert lower.at(before) == FREE and upper.at(before) != FREE
-    assert upper.at(behind) == FREE and lower.at(behind) == UNKNOWN
-    assert not stair.holds(np.array([before, behind])).any()
+    assert lower.states_at(before) == FREE and upper.states_at(before) != FREE
+    assert upper.states_at(behind) == FREE and lower.states_at(behind) == UNKNOWN
+    assert not stair.contains(np.array([before, behind])).any()
 
 
 def test_masks_call_steps_floor_treads_and_risers_alike() -> None:
@@ -173,7 +173,7 @@ def test_masks_call_steps_floor_treads_and_risers_alike() -> None:
         view = render(camera, scene.solids, textures, NOBODY, np.empty((0, 3)))
         points = camera.position + view.depth[..., None] * (camera.rays() / (camera.rays() @ camera.rotation[:, 2:]))
         mask = floor_mask(scene, view)
-        ahead = flight.along(points[..., :2])
+        ahead = flight.distance_along(points[..., :2])
         upright = np.abs(ahead / GOING - np.round(ahead / GOING)) < 1e-3
         beside = np.abs((points[..., :2] - flight.foot) @ [flight.direction[1], -flight.direction[0]])
         riser = upright & (ahead > -0.01) & (ahead < LENGTH - 0.01) & (beside < flight.width / 2 - 0.01)

@@ -33,11 +33,11 @@ def test_panes_stand_in_the_way_and_the_scanner_looks_through_them(glass: Scene)
     for pane in panes:
         lo, hi = np.array(pane.lo), np.array(pane.hi)
         if lo[2] < 1:
-            assert grid.at((lo + hi)[:2] / 2) == OCCUPIED
+            assert grid.states_at((lo + hi)[:2] / 2) == OCCUPIED
         middle = lo + 0.2 * (hi - lo), hi - 0.2 * (hi - lo)
         thick = np.where(hi - lo < 0.03, 0.03, 0.0)
         assert not ((points > middle[0] - thick) & (points < middle[1] + thick)).all(axis=1).any()
-    beyond = sum(occupancy(glass).at(points[:, :2]) == OCCUPIED)
+    beyond = sum(occupancy(glass).states_at(points[:, :2]) == OCCUPIED)
     assert beyond > 1000, "walls and furniture are in the scan"
 
 

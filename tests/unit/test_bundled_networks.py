@@ -20,7 +20,7 @@ from nvsim.evaluation.normals import Angles
 from nvsim.geometry.camera import Camera, Intrinsics, camera_pose
 from nvsim.mapping.config import MappingConfig
 from nvsim.networks.chain import Chain
-from nvsim.networks.installed import bundled, bundled_model, find_model
+from nvsim.networks.installed import bundled_model, bundled_models, find_model
 from nvsim.networks.onnx_session import shared_file
 from nvsim.perception.normals_network import NormalsNetwork, installed_normals
 from nvsim.perception.semantic_network import SemanticNetwork
@@ -48,7 +48,7 @@ def test_they_are_small_and_hold_what_was_described(
     capsys: pytest.CaptureFixture[str], tmp_path: Path, monkeypatch
 ) -> None:
     monkeypatch.setenv("NVSIM_MODELS", str(tmp_path))
-    assert {m.name: m.role for m in bundled()} == {"bundled-floor": "semantic", "bundled-normals": "normals"}
+    assert {m.name: m.role for m in bundled_models()} == {"bundled-floor": "semantic", "bundled-normals": "normals"}
     assert max(path.stat().st_size for path in FOLDER.glob("*.onnx")) <= 6e6
     assert (FOLDER / "card.md").is_file()
     assert main(["models", "check"]) == 0 and "bundled-normals: " in capsys.readouterr().out
@@ -89,7 +89,7 @@ def test_they_know_floor_and_normals_of_the_built_in_building(building: tuple[Sc
 
 def test_a_network_that_takes_rays_says_that_it_needs_a_camera() -> None:
     with pytest.raises(InputError, match="needs the camera"):
-        installed_normals("bundled").seen(np.zeros((48, 64, 3), np.uint8))
+        installed_normals("bundled").camera_normals(np.zeros((48, 64, 3), np.uint8))
 
 
 def test_a_map_of_panoramas_refuses_it() -> None:

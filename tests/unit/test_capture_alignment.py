@@ -152,7 +152,9 @@ def write_images_alone(folder: Path, rotation: np.ndarray, unit: float) -> Path:
     frames = []
     for i in range(40):
         place = np.array([1.2 + 0.09 * i, 1.5 + 0.8 * (i % 2), EYE_HEIGHT])
-        view = photograph(f"{i:04d}", Camera(k.scaled(960, 720), camera_pose(place, 0.8 * (i % 4), -0.45))).halved()
+        view = photograph(
+            f"{i:04d}", Camera(k.scaled(960, 720), camera_pose(place, 0.8 * (i % 4), -0.45))
+        ).at_half_size()
         cv2.imwrite(str(folder / f"{view.name}.png"), view.image[..., ::-1])
         pose = np.eye(4)
         pose[:3, :3] = rotation @ view.camera.rotation @ np.diag([1.0, -1, -1])  # OpenGL's axes

@@ -162,7 +162,7 @@ def test_a_mask_is_undistorted_like_its_image(tmp_path: Path) -> None:
     expected = usable[mapping[..., 1].clip(0, 239), mapping[..., 0].clip(0, 319)]
     assert not (found & ~expected).any()  # what any ignored pixel is part of is ignored
     assert np.count_nonzero(found != expected) < 400  # a border of a pixel
-    small = usable_pixels(frame, k.within(80))
+    small = usable_pixels(frame, k.limited_to(80))
     assert small is not None and small.shape == (60, 80) and 0.05 < (~small).mean() < 0.09
 
 
@@ -190,10 +190,10 @@ def test_ignored_pixels_say_neither_floor_nor_anything_else() -> None:
     cameras, place = [camera] * 8, np.array([0.0, 1.5])
     floor, nothing = np.ones((48, 64), bool), np.zeros((48, 64), bool)
     masks = [floor] * 2 + [nothing] * 6  # something stands there in most of the images
-    assert not observe(cameras, masks, FloorSurface.flat(0.0), None).at(place)
+    assert not observe(cameras, masks, FloorSurface.flat(0.0), None).is_supported(place)
     ignored = [None, None, *[nothing] * 6]
-    assert observe(cameras, masks, FloorSurface.flat(0.0), None, usable=ignored).at(place)
-    assert not observe(cameras, masks, FloorSurface.flat(0.0), None, usable=[nothing] * 8).at(place)
+    assert observe(cameras, masks, FloorSurface.flat(0.0), None, usable=ignored).is_supported(place)
+    assert not observe(cameras, masks, FloorSurface.flat(0.0), None, usable=[nothing] * 8).is_supported(place)
 
 
 @pytest.mark.parametrize("name", ["nvsim", "splatfacto-w"])

@@ -74,7 +74,7 @@ def test_edits_of_a_project_can_be_undone_and_replayed(project: Path, file: Path
     with Project.open(project) as opened, Journal.open(Layout(project).edits) as journal:
         graph = opened.need_graph()
         history = journal.history(graph)
-        assert history.clean and ("door", "v0") in graph.edges
+        assert history.is_saved and ("door", "v0") in graph.edges
         assert history.undo() and history.undo() and same_graph(history.graph, row())
 
 

@@ -50,10 +50,10 @@ def test_memory_is_doubled_for_who_was_killed_for_it_up_to_the_largest_machine()
 def test_losses_count_in_a_row_only() -> None:
     attempt = Attempt(PIECE, PIECE.bytes)
     for step in range(1, 6):
-        attempt.hear(Progress("train", step, 10))
+        attempt.record_message(Progress("train", step, 10))
         attempt.prepare_restart(False, GB)
     attempt.prepare_restart(False, GB)
-    attempt.hear(Progress("train", 3, 10))  # it was there before
+    attempt.record_message(Progress("train", 3, 10))  # it was there before
     with pytest.raises(InputError, match="without progress"):
         attempt.prepare_restart(False, GB)
 

@@ -127,7 +127,7 @@ def test_memory_grows_with_the_cloud_and_not_with_the_images(tmp_path: Path, mon
     monkeypatch.setattr(fusion, "_CHUNK", 500)
     monkeypatch.setattr(estimate, "_KEPT_MAPS", 8)
     monkeypatch.setattr(estimate, "_KEPT_VIEWS", 8)
-    monkeypatch.setattr(DepthConfig, "witnesses", 2)
+    monkeypatch.setattr(DepthConfig, "checking_maps", 2)
     config = DepthConfig(longest_side=80, voxel=0.03, threads=1)
 
     def peak_and_size(frames: int) -> tuple[int, int]:

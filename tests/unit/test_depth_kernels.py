@@ -8,7 +8,7 @@ import pytest
 
 from nvsim.depth.agreement import compare_depth_maps
 from nvsim.depth.refinement import refine, smooth_depth
-from nvsim.depth.smoothing import best_inverse_depth, smooth
+from nvsim.depth.smoothing import best_inverse_depth, smooth_cost
 from nvsim.depth.sweep import WORST, sweep, turned_census
 from nvsim.depth.view import View, Warp, census_of, neighbours
 from nvsim.geometry.camera import Camera, Intrinsics
@@ -134,13 +134,13 @@ def test_smoothing_is_the_recurrence_along_eight_directions() -> None:
                     padded = np.pad(before, 1, constant_values=1e9)
                     path[y, x] += np.minimum(np.minimum(before, np.minimum(padded[:-2], padded[2:]) + 4), price)
         expected += path
-    assert np.array_equal(smooth(cost, guide, 4, 30.0, 5.0), expected)
+    assert np.array_equal(smooth_cost(cost, guide, 4, 30.0, 5.0), expected)
 
 
 def test_a_slanted_wall_is_found_to_within_two_per_cent(wall) -> None:
     cost, inverse = swept(wall, 64)
     view, truth, sources, warps = wall
-    found, margin = best_inverse_depth(smooth(cost, view.grey, 4, 40.0, 8.0), inverse.astype(np.float32))
+    found, margin = best_inverse_depth(smooth_cost(cost, view.grey, 4, 40.0, 8.0), inverse.astype(np.float32))
     error = np.abs(found / truth - 1)[8:-8, 8:-8]
     assert np.median(error) < 0.015 and np.mean(error < 0.05) > 0.95 and np.median(margin) > 0.1
 

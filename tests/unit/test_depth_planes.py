@@ -168,7 +168,7 @@ def test_points_that_more_maps_see_through_than_show_are_taken_away() -> None:
         cameras.append(camera)
         maps.append((1 / depth).astype(np.float32))
     points = np.concatenate([wall, leg, air, [[0.0, 0.0, -1.0]]]).astype(np.float32)
-    kept = Carver(cameras, maps.__getitem__, 2).standing(points)
+    kept = Carver(cameras, maps.__getitem__, 2).exists(points)
     assert kept[:102].all() and not kept[102:104].any()
     assert kept[104]  # behind all cameras: nothing speaks against it
 
@@ -182,8 +182,8 @@ def test_a_thin_top_stays_that_few_near_cameras_show_and_many_far_ones_look_past
         pose[2, 3] = z
         cameras.append(Camera(lens, pose))
         maps.append(np.full((60, 80), 1 / ((10.0 if z >= 8 else 14.0) - z), np.float32))
-    assert Carver(cameras, maps.__getitem__, 2).standing(top).all()
-    assert not Carver(cameras[2:] + cameras[:1], (maps[2:] + maps[2:3]).__getitem__, 2).standing(top).any()
+    assert Carver(cameras, maps.__getitem__, 2).exists(top).all()
+    assert not Carver(cameras[2:] + cameras[:1], (maps[2:] + maps[2:3]).__getitem__, 2).exists(top).any()
 
 
 @pytest.mark.parametrize("setting", ["planes", "nearest", "longest_side", "threads", "voxel", "noise"])
@@ -195,5 +195,5 @@ def test_a_setting_that_makes_no_sense_is_one_sentence(setting: str) -> None:
 def test_constants_identify_a_result_and_the_number_of_threads_does_not(monkeypatch: pytest.MonkeyPatch) -> None:
     assert key_of(DepthConfig(threads=7).key) == "94d033b987643284569f8cc3", "stored results would look outdated"
     assert DepthConfig(steps=2).key != DepthConfig().key
-    monkeypatch.setattr(DepthConfig, "labels", LabelConfig(most=23))
+    monkeypatch.setattr(DepthConfig, "labels", LabelConfig(max_planes=23))
     assert key_of(DepthConfig().key) != "94d033b987643284569f8cc3"

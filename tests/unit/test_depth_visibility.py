@@ -33,8 +33,8 @@ def points() -> np.ndarray:
     return np.concatenate([wall, post]).astype(np.float32)
 
 
-class WithoutWitnesses(DepthConfig):
-    witnesses = 0
+class WithoutCheckingMaps(DepthConfig):
+    checking_maps = 0
 
 
 def said_against(
@@ -58,7 +58,7 @@ def test_nothing_is_said_against_what_is_true_but_beside_borders() -> None:
 def test_a_map_that_looks_through_a_wall_is_contradicted_by_what_stands_there() -> None:
     wrong = true_map(CAMERAS[HERE])
     wrong[10:30, 5:25] = 1 / 5.5
-    spoken = said_against(wrong, config=WithoutWitnesses)
+    spoken = said_against(wrong, config=WithoutCheckingMaps)
     assert spoken[10:30, 5:25].all()
     assert not spoken[35:, 5:25].any()
 
@@ -68,7 +68,7 @@ def test_a_depth_in_the_air_is_contradicted_by_who_sees_through_it_though_no_clo
     wrong[10:30, 5:25] = 1 / 3.0
     nothing = np.empty((0, 3), np.float32)
     assert said_against(wrong, nothing)[10:30, 5:25].all()
-    assert not said_against(wrong, nothing, WithoutWitnesses).any()
+    assert not said_against(wrong, nothing, WithoutCheckingMaps).any()
 
 
 @pytest.mark.parametrize("off", [0.97, 1.03])

@@ -42,7 +42,7 @@ def test_each_row_of_the_ablation_changes_only_its_own_part() -> None:
     assert (floor.loss.suppression, floor.loss.floor) == (1.0, 1.0)
     assert replace(floor, loss=replace(floor.loss, floor=0.0)) == suppression
     assert replace(floor, loss=replace(floor.loss, alpha=0.0)) == ours
-    assert ours == BUDGET.applied(preset("splatfacto-i")) and base == BUDGET.applied(preset("splatfacto-w"))
+    assert ours == BUDGET.apply_to(preset("splatfacto-i")) and base == BUDGET.apply_to(preset("splatfacto-w"))
 
 
 def test_every_row_has_the_same_budget_and_its_preset_s_own_ways() -> None:

@@ -254,4 +254,4 @@ def test_an_outline_holds_what_opencv_says_it_holds(seed: int) -> None:
     stair = Stair(0, 1, tuple((float(x), float(y)) for x, y in corners.astype(np.float32)))
     places = rng.uniform(-2, 2, (500, 2)).astype(np.float32)
     sides = [cv2.pointPolygonTest(corners.astype(np.float32), tuple(map(float, p)), False) > 0 for p in places]
-    assert stair.holds(places).tolist() == sides and 50 < sum(sides) < 450
+    assert stair.contains(places).tolist() == sides and 50 < sum(sides) < 450

@@ -211,7 +211,7 @@ def test_the_building_s_novel_views_lie_beside_its_walk_and_look_away_from_it() 
     for camera in cameras:
         away = np.linalg.norm(scene.walk[:, :2] - camera.position[:2], axis=1)
         assert BESIDE[0] <= away.min() <= BESIDE[1]
-        assert grid.at(camera.position[:2]) == 0
+        assert grid.states_at(camera.position[:2]) == 0
         # Where the walk turns in place several frames are equally near.
         headings = scene.walk[away < away.min() + 1e-6, 2]
         cosines = np.column_stack([np.sin(headings), np.cos(headings)]) @ camera.rotation[:2, 2]

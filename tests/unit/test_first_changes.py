@@ -130,7 +130,7 @@ def test_an_edge_criterion_does_not_change_the_papers_map(monkeypatch: pytest.Mo
     assert decide(evidence, paper) == decide(evidence, added) == "open"
     monkeypatch.setattr(criteria, "CRITERIA", (*criteria.CRITERIA, row))
     assert decide(evidence, replace(added, rule="worst")) == "unknown"
-    assert decide(evidence, added) == "open" and not row.asked(added)
+    assert decide(evidence, added) == "open" and not row.is_used(added)
     assert added.key == paper.key, "a map of the paper stays valid"
     assert "mean_support" in replace(added, rule="worst").key[MappingConfig.__name__]
 

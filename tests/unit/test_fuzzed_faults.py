@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 
 from nvsim.capture.moved_files import FolderFiles
-from nvsim.errors import InputError, shown
+from nvsim.errors import InputError, value_text
 from nvsim.events import from_json
 from nvsim.files.images import image_size_of
-from nvsim.graph.arguments import Argument, checked
+from nvsim.graph.arguments import Argument, check_arguments
 from nvsim.graph.edits import EditError
 from nvsim.project.state import results
 from nvsim.project.state.cuts import load_cut, save_cut
@@ -23,7 +23,7 @@ from nvsim.submaps.split import Submap
 
 @pytest.mark.parametrize("text", ["\x1b[2J", "a\nb", "\u202e", "\ud800", "\0"])
 def test_what_cannot_be_printed_is_escaped_in_every_sentence(text: str) -> None:
-    for sentence in (str(InputError(f"There is no {text}.")), str(EditError(f"There is no {text}.")), shown(text)):
+    for sentence in (str(InputError(f"There is no {text}.")), str(EditError(f"There is no {text}.")), value_text(text)):
         assert sentence.isprintable() and "\\" in sentence
 
 
@@ -47,7 +47,7 @@ def test_a_path_of_usual_length_stays_whole() -> None:
 def test_an_unknown_argument_of_an_edit_is_named() -> None:
     arguments = (Argument("ids", "names", "the viewpoints"),)
     with pytest.raises(EditError, match=r"remove has no argument 'other'; it takes ids\."):
-        checked("remove", arguments, {"other": 1})
+        check_arguments("remove", arguments, {"other": 1})
 
 
 def test_an_event_with_an_unknown_field_is_refused_in_one_line() -> None:

@@ -56,6 +56,6 @@ def test_rays_meet_a_ramp_where_geometry_says():
     ramp = FloorSurface(np.tile(0.1 * x, (2, 1)), (0.0, 0.0), 1.0)
     origin = np.array([2.0, 0.5, 2.0])
     direction = np.array([0.6, 0.0, -0.8])
-    t = ramp.meet(origin, direction[None], iterations=20)[0]
+    t = ramp.distance_along_rays(origin, direction[None], iterations=20)[0]
     assert abs(t - 1.8 / 0.86) < 1e-4  # 2 - 0.8 t = 0.1 (2 + 0.6 t)
-    assert np.isinf(ramp.meet(origin, np.array([[0.0, 0.0, 1.0]]))[0])
+    assert np.isinf(ramp.distance_along_rays(origin, np.array([[0.0, 0.0, 1.0]]))[0])

@@ -37,7 +37,7 @@ def measured(viewpoints: int = 60) -> NavGraph:
 def test_what_is_kept_is_what_one_would_work_out_anew() -> None:
     rng, kept = random.Random(3), ClearnessCache()
     history = History(measured())
-    kept.follow(history.graph)
+    kept.update(history.graph)
     for _ in kept.fill():
         pass
     edits = 0
@@ -60,7 +60,7 @@ def test_what_is_kept_is_what_one_would_work_out_anew() -> None:
         if edits % 4 == 0:
             history.undo()
         edits += 1
-        kept.follow(history.graph)
+        kept.update(history.graph)
         now = history.graph
         assert [kept.at(now, key) for key in now.edges] == pytest.approx(
             [clearness(now, key) for key in now.edges], nan_ok=True
@@ -75,14 +75,14 @@ def test_only_what_an_edit_touched_is_worked_out_again(monkeypatch: pytest.Monke
         return clearness(graph, key)
 
     monkeypatch.setattr(clearness_cache, "clearness", counted)
-    kept.follow(history.graph)
+    kept.update(history.graph)
     for _ in kept.fill():
         pass
     assert sorted(asked) == sorted(history.graph.edges)
     asked.clear()
     id = next(iter(history.graph.viewpoints))
     perform_operation(history, "shift_viewpoints", {"ids": [id], "by": [0.5, 0.0, 0.0]})
-    kept.follow(history.graph)
+    kept.update(history.graph)
     for _ in kept.fill():
         pass
     around = {id, *history.graph.neighbours(id)}
@@ -92,7 +92,7 @@ def test_only_what_an_edit_touched_is_worked_out_again(monkeypatch: pytest.Monke
 
 def test_quantities_and_expressions_may_ask_what_is_kept() -> None:
     graph, kept = measured(), ClearnessCache()
-    kept.follow(graph)
+    kept.update(graph)
     for name in ("evidence", "alpha"):
         plain = quantity(graph, name, kind="edges")[1]
         assert quantity(graph, name, QuantityInputs(clearness=kept.at), "edges")[1] == pytest.approx(plain, nan_ok=True)
@@ -100,8 +100,8 @@ def test_quantities_and_expressions_may_ask_what_is_kept() -> None:
 
 def test_filling_stops_when_another_graph_is_followed() -> None:
     graph, kept = measured(), ClearnessCache()
-    kept.follow(graph)
+    kept.update(graph)
     steps = kept.fill()
     next(steps)
-    kept.follow(None)
+    kept.update(None)
     assert list(steps) == []

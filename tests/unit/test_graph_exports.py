@@ -177,7 +177,7 @@ def test_visible_is_line_of_sight_where_a_map_can_tell() -> None:
     assert seen is not None and lines_of_sight(graph, None) is None
     for a, b in itertools.permutations(graph.viewpoints.values(), 2):
         along = np.linspace(a.position, b.position, 5000)  # small steps in place of a walk from cell to cell
-        clear = not occupancy.at(along[:, :2]).any() and np.ptp(along[:, 2]) < 1
+        clear = not occupancy.states_at(along[:, :2]).any() and np.ptp(along[:, 2]) < 1
         wanted = {a.id, b.id} == {"b", "c"} or (clear and math.dist(a.position, b.position) < 16)
         assert seen(a, b) == wanted, f"{a.id} {b.id}"
     told = {a + b for a in places for b in places if a < b and seen(graph.viewpoints[a], graph.viewpoints[b])}

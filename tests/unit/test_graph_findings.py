@@ -244,10 +244,10 @@ def test_a_sight_line_meets_what_fine_samples_meet() -> None:
     context, crossed = Context(occupancy=occupancy), 0
     for a, b in rng.uniform((-1.5, -2.5), (8.5, 5.5), (400, 2, 2)):
         samples = a + np.linspace(0, 1, 4000)[:, None] * (b - a)
-        expected = bool((occupancy.at(samples) == 1).any())
+        expected = bool((occupancy.states_at(samples) == 1).any())
         crossed += expected
         # A step of a quarter cell may pass over a corner; nothing more.
-        shares = (occupancy.at(samples) == 1).mean() * np.linalg.norm(b - a) / 0.1
+        shares = (occupancy.states_at(samples) == 1).mean() * np.linalg.norm(b - a) / 0.1
         assert context.crosses_obstacle(tuple(a), tuple(b)) == expected or shares < 0.3
     assert 100 < crossed < 390
 

@@ -296,15 +296,17 @@ def test_connecting_what_is_visible_asks_the_file_where_there_is_no_map(tmp_path
         entry["included"], entry["visible"] = True, [i == 0 and j in (1, 2) for j in range(4)]
     file = opened(tmp_path, json.dumps(listed))
     ids = list(file.graph.viewpoints)
-    joined = edits.connect_visible(file.graph, ids, 100.0, file.sight())
+    joined = edits.connect_visible(file.graph, ids, 100.0, file.visibility())
     assert set(joined.edges) == {(ids[0], ids[1]), (ids[0], ids[2])}
     more = edits.place_viewpoint(file.graph, (1.0, 1.0, 1.5), id="new")
-    assert len(edits.connect_visible(more, more.viewpoints, 100.0, file.sight()).edges) == 2 + 4, (
+    assert len(edits.connect_visible(more, more.viewpoints, 100.0, file.visibility()).edges) == 2 + 4, (
         "of it nothing is known"
     )
     for entry in listed:
         del entry["visible"]
-    assert opened(tmp_path, json.dumps(listed), "other").sight() is None
+    assert opened(tmp_path, json.dumps(listed), "other").visibility() is None
     for entry in listed:
         entry["visible"] = entry["unobstructed"]
-    assert opened(tmp_path, json.dumps(listed), "copied").sight() is None, "that says nothing but which edges there are"
+    assert opened(tmp_path, json.dumps(listed), "copied").visibility() is None, (
+        "that says nothing but which edges there are"
+    )

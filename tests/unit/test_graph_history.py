@@ -71,9 +71,9 @@ def test_a_new_drag_or_a_save_begins_a_new_step() -> None:
     drag(2, "drag 2")
     history.mark_saved()
     drag(3, "drag 2")
-    assert len(history.steps) == 4 and not history.clean
+    assert len(history.steps) == 4 and not history.is_saved
     history.undo()
-    assert history.clean
+    assert history.is_saved
 
 
 def test_a_click_does_not_cost_what_was_undone() -> None:
@@ -91,12 +91,12 @@ def test_the_clean_mark_survives_selections_and_is_lost_with_its_step() -> None:
     history.select(selection(["v4"]))
     history.mark_saved()
     history.select(selection(["v3"]))
-    assert history.clean
+    assert history.is_saved
     history.go_to(0)
-    assert not history.clean
+    assert not history.is_saved
     perform_operation(history, "remove_edges", {"pairs": [["v1", "v2"]]})
     history.undo()
-    assert not history.clean, "the saved graph is nowhere in the history any more"
+    assert not history.is_saved, "the saved graph is nowhere in the history any more"
 
 
 def test_listeners_hear_each_change_once_with_both_graphs() -> None:

@@ -54,7 +54,7 @@ def assert_same_history(a: History, b: History) -> None:
     assert [(s.text, s.selection, s.edit, s.merge, s.operation, s.when) for s in a.steps[1:]] == [
         (s.text, s.selection, s.edit, s.merge, s.operation, s.when) for s in b.steps[1:]
     ]
-    assert a.index == b.index and a.clean == b.clean and a.selection == b.selection
+    assert a.index == b.index and a.is_saved == b.is_saved and a.selection == b.selection
     assert all(same_graph(a.graph_at(i), b.graph_at(i)) for i in range(len(a.steps)))
 
 
@@ -99,8 +99,8 @@ def test_what_is_saved_and_closed_goes_on_from_there(tmp_path: Path) -> None:
         saved = history.graph
     with Journal.open(path) as journal:
         history = journal.history(saved)
-        assert history.clean and journal.recovered == 0 and len(history.steps) > 3
-        assert history.go_to(0) and not history.clean
+        assert history.is_saved and journal.recovered == 0 and len(history.steps) > 3
+        assert history.go_to(0) and not history.is_saved
 
 
 def test_a_save_that_the_journal_did_not_hear_of_is_recognised(tmp_path: Path) -> None:
@@ -110,7 +110,7 @@ def test_a_save_that_the_journal_did_not_hear_of_is_recognised(tmp_path: Path) -
         edited(history)
     with Journal.open(path) as journal:
         again = journal.history(history.graph)
-        assert again.clean and journal.recovered == 0 and len(again.steps) == len(history.steps)
+        assert again.is_saved and journal.recovered == 0 and len(again.steps) == len(history.steps)
 
 
 def test_edits_after_a_save_that_was_not_heard_of_come_back_as_unsaved(tmp_path: Path) -> None:
@@ -122,9 +122,9 @@ def test_edits_after_a_save_that_was_not_heard_of_come_back_as_unsaved(tmp_path:
         perform_operation(history, "remove_edges", {"pairs": [["v0", "v1"]]})
     with Journal.open(path) as journal:
         again = journal.history(saved)
-        assert journal.recovered == 1 and not again.clean and again.undo_text == "Remove edge v0 – v1"
+        assert journal.recovered == 1 and not again.is_saved and again.undo_text == "Remove edge v0 – v1"
         again.undo()
-        assert again.clean
+        assert again.is_saved
 
 
 def test_a_file_changed_outside_wins_and_what_was_unsaved_is_an_undo_away(tmp_path: Path) -> None:
@@ -135,14 +135,14 @@ def test_a_file_changed_outside_wins_and_what_was_unsaved_is_an_undo_away(tmp_pa
     other = edits.remove_viewpoints(row(), ["v0"])
     with Journal.open(path) as journal:
         again = journal.history(other)
-        assert again.graph is other and again.clean and again.undo_text == OUTSIDE and journal.recovered == 4
+        assert again.graph is other and again.is_saved and again.undo_text == OUTSIDE and journal.recovered == 4
         assert not again.steps[-1].edit
         again.undo()
-        assert same_graph(again.graph, history.graph) and not again.clean
+        assert same_graph(again.graph, history.graph) and not again.is_saved
         again.redo()
     with Journal.open(path) as journal:
         once_more = journal.history(other)
-        assert once_more.clean and len(once_more.steps) == len(again.steps), (
+        assert once_more.is_saved and len(once_more.steps) == len(again.steps), (
             "what was outside is outside after reopening"
         )
         assert once_more.steps[-1] == again.steps[-1]
@@ -311,7 +311,7 @@ def test_a_journal_is_trimmed_down_to_the_current_step_and_no_further(
     with Journal.open(path) as journal:
         again = journal.history(row())
         assert len(again.steps) == len(history.steps) - 4 and again.index == 1
-        assert again.saved_index == -1 and not again.clean  # what the file holds is before the first step now
+        assert again.saved_index == -1 and not again.is_saved  # what the file holds is before the first step now
         assert same_graph(again.graph, history.graph)
 
 

@@ -152,11 +152,11 @@ class EditorMachine(RuleBasedStateMachine):
     def save(self) -> None:
         self.saved = decode_graph(encode_graph(self.history.graph))
         self.history.mark_saved()
-        assert self.history.clean
+        assert self.history.is_saved
 
     @rule(changed=st.booleans())
     def reopen(self, changed: bool) -> None:
-        clean = self.history.clean
+        clean = self.history.is_saved
         self.journal.close()
         self.journal = Journal.open(self.path)
         if changed and self.history.steps[1:]:
@@ -165,10 +165,10 @@ class EditorMachine(RuleBasedStateMachine):
         if not any(step.changes for step in self.history.steps):
             self.model, self.at = [(self.saved, GraphSelection())], 0  # nothing is kept of mere looking
         if changed and len(self.history.steps) > 1 and self.history.undo_text == "Changed outside the editor":
-            assert same_graph(self.history.graph, self.saved) and self.history.clean
+            assert same_graph(self.history.graph, self.saved) and self.history.is_saved
             self._follow()
         else:
-            assert not clean or self.history.clean
+            assert not clean or self.history.is_saved
 
     def _check_change(self, before: NavGraph, after: NavGraph) -> None:
         """The notes that edits leave give the same difference and delta as comparing everything."""

@@ -19,8 +19,15 @@ def test_a_house_of_three_floors_with_stairs_has_three_storeys() -> None:
     assert [round(s.floor, 1) for s in found] == [0.0, 3.0, 6.0]
     assert sum(s.count for s in found) == 98
     first, second, _ = found
-    assert first.holds(np.array([-5.0, 0.0, 1.2, 2.4, 3.0])).tolist() == [True, True, True, True, False]
-    assert second.holds(np.array([0.0, 0.6, 2.4, 3.0, 5.4, 6.0])).tolist() == [False, True, True, True, True, False]
+    assert first.contains_floors(np.array([-5.0, 0.0, 1.2, 2.4, 3.0])).tolist() == [True, True, True, True, False]
+    assert second.contains_floors(np.array([0.0, 0.6, 2.4, 3.0, 5.4, 6.0])).tolist() == [
+        False,
+        True,
+        True,
+        True,
+        True,
+        False,
+    ]
 
 
 def test_a_ramp_and_a_few_outliers_are_one_storey() -> None:
@@ -46,7 +53,9 @@ def test_everything_stands_on_some_storey_and_no_floor_on_two(floors: list[float
     found = storeys(heights)
     assert bool(found) == bool(floors) and sum(s.count for s in found) == len(floors)
     if found:
-        held = np.array([s.holds(heights) for s in found])
+        held = np.array([s.contains_floors(heights) for s in found])
         assert held.any(axis=0).all()
         for i, storey in enumerate(found):
-            assert [s.holds(np.array([storey.floor]))[0] for s in found] == [j == i for j in range(len(found))]
+            assert [s.contains_floors(np.array([storey.floor]))[0] for s in found] == [
+                j == i for j in range(len(found))
+            ]

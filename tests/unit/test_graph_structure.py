@@ -70,7 +70,7 @@ def test_ties_are_those_that_a_list_of_shortest_paths_has(seed: int) -> None:
     reference.add_weighted_edges_from((a, b, math.dist(places[a], places[b])) for a, b in kept)
     ways, found, expected = PathGraph.of(graph), [], []
     for i, a in enumerate(names):
-        far, edges, second = ways.tied(i)
+        far, edges, second = ways.shortest_paths_with_ties(i)
         for j, b in enumerate(names):
             if i == j:
                 continue
@@ -130,7 +130,7 @@ def test_ways_between_storeys_lead_over_the_middles_of_their_stairs() -> None:
     maps = StoreyMaps(tuple(StoreyMap(3.0 * k, room(12, 4)) for k in range(3)), (stair(0, 1.0), stair(1, 7.0)))
     places = np.array([[1.0, 2.0], [2.0, 2.0], [6.0, 2.0], [11.0, 2.0], [6.0, 2.0]])
     ways = MapPaths.of(maps, places, np.array([0.0, 0.1, 2.9, 6.0, 9.5]), 0.25)
-    assert ways.storeys.tolist() == [0, 0, 1, 2, 2] and ways.stand().all()
+    assert ways.storeys.tolist() == [0, 0, 1, 2, 2] and ways.can_stand().all()
     found = ways.lengths(np.array([0, 3]), np.arange(5))
     climb = 1.0  # hypot(4, 3) - 4
     expected = [[0, 1, 2 + 3 + climb, 2 + 6 + 2 + 2 * climb, 2 + 6 + 3 + 2 * climb], [0, 0, 3 + 2 + climb, 0, 5]]

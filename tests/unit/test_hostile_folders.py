@@ -35,7 +35,7 @@ def write_lmdb(target: Path, made: set[str] | None = None) -> list[bool]:
     from nvsim.r2r.features.candidate_views import growing_lmdb
 
     with growing_lmdb(target, "m", 1 << 20, 4) as growing:
-        there = [growing.has(key, b"k") for key in KEYS]
+        there = [growing.contains(key, b"k") for key in KEYS]
         for key in KEYS if made is None else made:
             growing.store(key, b"k", np.zeros((3, 4), np.float32))
         growing.finish(set(KEYS))

@@ -87,7 +87,7 @@ def test_the_window_continues_a_command_in_its_folder(root: Path) -> None:
     worker_lock.release(job.folder)  # as if it was killed
     (job,) = jobs.jobs()
     assert job.status.state == "interrupted" and job.resumable
-    jobs.again(job.number)
+    jobs.requeue(job.number)
     subprocess.run([sys.executable, "-m", "nvsim.cli.worker", str(root), "1"], cwd="/", check=True, timeout=60)
     assert jobs.jobs()[0].status.state == "done" and (root.parent / "out" / "scans.txt").is_file()
 
@@ -98,7 +98,7 @@ def test_a_command_that_the_window_does_not_offer_cannot_be_continued(root: Path
     worker_lock.release(job.folder)
     assert jobs.jobs()[0].status.state == "interrupted" and not jobs.jobs()[0].resumable
     with pytest.raises(InputError, match="cannot be a job"):
-        jobs.again(job.number)
+        jobs.requeue(job.number)
 
 
 def test_a_command_runs_without_a_place_for_the_secret(root: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -155,7 +155,7 @@ def test_an_order_that_was_not_given_here_is_foreign_and_never_taken(jobs: JobLi
         assert needed(JobList(jobs.root)).status.state == "foreign"
         assert jobs.claim() is None and jobs.claim(1) is None
         with pytest.raises(InputError, match="ordered elsewhere"):
-            jobs.again(1)
+            jobs.requeue(1)
 
 
 def test_an_order_does_not_travel_to_another_project_or_number(jobs: JobList, tmp_path: Path) -> None:
@@ -316,7 +316,7 @@ def test_what_is_no_file_is_not_opened(jobs: JobList, tmp_path: Path, name: str,
             target.write_text("untouched")
         place.symlink_to(target)
     file = EventFile(place)
-    assert file.read() == [] and not file.behind
+    assert file.read() == [] and not file.has_unread_events
     for job in jobs.jobs():
         with contextlib.suppress(InputError):  # a sentence
             jobs.ask(job.number, "cancel")
@@ -363,7 +363,7 @@ def test_of_a_huge_file_of_events_only_the_end_is_read(tmp_path: Path) -> None:
         most = max(most, len(events._rest))
         if found:
             break
-    assert [event for _, event in found] == [Log("last")] and most <= MOST_LINE and not events.behind
+    assert [event for _, event in found] == [Log("last")] and most <= MOST_LINE and not events.has_unread_events
 
 
 @pytest.mark.parametrize(
@@ -377,6 +377,6 @@ def test_an_event_of_a_wrong_type_is_left_out(tmp_path: Path, line: str) -> None
     path = tmp_path / "events.jsonl"
     path.write_text(line + "\n" + event_line(Log("fine"), 1.0))
     file, heard = EventFile(path), []
-    while file.behind:
+    while file.has_unread_events:
         heard += file.read()
     assert [event for _, event in heard] == [Log("fine")]

@@ -101,7 +101,7 @@ def test_a_killed_job_is_interrupted_and_can_be_run_again(jobs: JobList) -> None
     found = wait_for(jobs, job.number, "interrupted")  # although nobody has waited for it: a zombie is dead
     assert "ended without an error" in found.status.message
     process.wait()
-    jobs.again(job.number)
+    jobs.requeue(job.number)
     assert state(jobs, job.number) == "queued"
     assert jobs.claim() is not None
 
@@ -123,10 +123,10 @@ def test_the_exit_code_says_how_it_ended(jobs: JobList, code: int, becomes: str)
 
 def test_a_removed_job_is_named(jobs: JobList) -> None:
     job = jobs.add("train", [], "Train")
-    jobs.forget(job.number)
+    jobs.remove(job.number)
     assert jobs.jobs() == []
     with pytest.raises(InputError, match="no job 1"):
-        jobs.again(job.number)
+        jobs.requeue(job.number)
 
 
 def test_old_jobs_are_cleared_away_but_none_that_waits(jobs: JobList) -> None:
@@ -155,12 +155,12 @@ def test_events_keep_their_time_through_the_file() -> None:
 def test_a_growing_file_is_read_once_and_a_line_cut_off_by_a_kill_is_skipped(tmp_path: Path) -> None:
     path = tmp_path / "events.jsonl"
     file = EventFile(path)
-    assert file.read() == [] and not file.behind
+    assert file.read() == [] and not file.has_unread_events
     whole = event_line(Progress("train", 1, 2), 1.0)
     path.write_text(whole[:-10])
     assert file.read() == []
     with open(path, "a") as out:
         out.write(whole[-10:] + '{"at": 2.0, "eve\n' + event_line(Log("x"), 3.0))
-    assert file.behind
+    assert file.has_unread_events
     assert [type(e).__name__ for _, e in file.read()] == ["Progress", "Log"]
     assert file.read() == []

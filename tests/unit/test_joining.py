@@ -58,7 +58,7 @@ def assert_at(found: dict[int, pycolmap.Rigid3d], true: dict[int, pycolmap.Rigid
 
 def test_two_pieces_of_a_known_similarity_join_exactly() -> None:
     poses = walk()
-    base, other = piece(poses, 1, 24, numbers(0, 200)), piece(poses, 25, 40, numbers(120, 300)).moved(APART)
+    base, other = piece(poses, 1, 24, numbers(0, 200)), piece(poses, 25, 40, numbers(120, 300)).transformed(APART)
     found, shared = join([other, base], ONE_VIDEO)
     assert sorted(found) == list(range(1, 41))
     assert_at(found, poses, 1e-6)
@@ -75,7 +75,7 @@ def test_wrong_likenesses_among_right_ones_do_not_move_a_piece() -> None:
     points = second.points.copy()
     points[:40] = points[np.random.default_rng(3).permutation(40)]
     wrong = PosePiece(second.numbers, second.poses, points, second.looks, second.seen)
-    found, _ = join([piece(poses, 1, 24, numbers(0, 200), 0.005), wrong.moved(APART)], ONE_VIDEO)
+    found, _ = join([piece(poses, 1, 24, numbers(0, 200), 0.005), wrong.transformed(APART)], ONE_VIDEO)
     assert sorted(found) == list(range(1, 41))
     assert_at(found, poses, 0.05)
 
@@ -84,8 +84,8 @@ def test_a_third_piece_joins_by_what_the_second_shows() -> None:
     poses = walk(60)
     parts = [
         piece(poses, 1, 24, numbers(0, 200)),
-        piece(poses, 25, 42, numbers(120, 320)).moved(APART),
-        piece(poses, 43, 60, numbers(240, 440)).moved(APART.inverse()),
+        piece(poses, 25, 42, numbers(120, 320)).transformed(APART),
+        piece(poses, 43, 60, numbers(240, 440)).transformed(APART.inverse()),
     ]
     found, _ = join(parts, ONE_VIDEO)
     assert sorted(found) == list(range(1, 61))
@@ -94,7 +94,7 @@ def test_a_third_piece_joins_by_what_the_second_shows() -> None:
 
 def test_few_common_points_join_nothing() -> None:
     poses = walk()
-    base, other = piece(poses, 1, 24, numbers(0, 200)), piece(poses, 25, 40, numbers(190, 390)).moved(APART)
+    base, other = piece(poses, 1, 24, numbers(0, 200)), piece(poses, 25, 40, numbers(190, 390)).transformed(APART)
     found, shared = join([base, other], ONE_VIDEO)
     assert sorted(found) == list(range(1, 25)) and shared == {}
     assert all(found[n] is base.poses[n] for n in found)
@@ -113,7 +113,7 @@ def test_a_similarity_that_makes_a_jump_in_time_is_refused() -> None:
     poses = walk()
     # The second piece shows a copy of the first one's room that is 20 meters away from the camera's path.
     far = {n: pose(p.rotation.matrix(), center_of(p) + [0, 20.0, 0]) for n, p in poses.items()}
-    base, other = piece(poses, 1, 24, numbers(0, 200)), piece(far, 25, 40, numbers(120, 300)).moved(APART)
+    base, other = piece(poses, 1, 24, numbers(0, 200)), piece(far, 25, 40, numbers(120, 300)).transformed(APART)
     found, _ = join([base, other], ONE_VIDEO)
     assert sorted(found) == list(range(1, 25))
 
@@ -121,7 +121,7 @@ def test_a_similarity_that_makes_a_jump_in_time_is_refused() -> None:
 def test_a_second_video_may_begin_anywhere() -> None:
     poses = walk()
     far = {n: pose(p.rotation.matrix(), center_of(p) + [0, 20.0, 0]) for n, p in poses.items()}
-    base, other = piece(poses, 1, 24, numbers(0, 200)), piece(far, 25, 40, numbers(120, 300)).moved(APART)
+    base, other = piece(poses, 1, 24, numbers(0, 200)), piece(far, 25, 40, numbers(120, 300)).transformed(APART)
     found, _ = join([base, other], (np.arange(40) >= 24).astype(np.int64))
     assert sorted(found) == list(range(1, 41))
     assert_at(found, poses | {n: far[n] for n in range(25, 41)}, 1e-6)
@@ -131,7 +131,7 @@ def test_common_points_on_a_line_leave_a_turn_open_and_join_nothing() -> None:
     poses = walk()
     line = np.array([1.0, 3, 0]) + np.linspace(0, 4, 80)[:, None] * [1, 0.2, 0.1]
     base = piece(poses, 1, 24, numbers(0, 80), points=line)
-    other = piece(poses, 25, 40, numbers(0, 80), points=line).moved(APART)
+    other = piece(poses, 25, 40, numbers(0, 80), points=line).transformed(APART)
     assert sorted(join([base, other], ONE_VIDEO)[0]) == list(range(1, 25))
 
 
@@ -142,7 +142,7 @@ def test_many_points_may_be_near_each_other_and_few_may_not() -> None:
 
     def joined(count: int) -> int:
         base = piece(poses, 1, 24, numbers(0, count), points=counter[:count])
-        other = piece(poses, 25, 40, numbers(0, count), points=counter[:count]).moved(APART)
+        other = piece(poses, 25, 40, numbers(0, count), points=counter[:count]).transformed(APART)
         return len(join([base, other], ONE_VIDEO)[0])
 
     assert joined(600) == 40
@@ -157,7 +157,7 @@ def test_images_of_two_pieces_may_alternate() -> None:
         kept = one.numbers[first::2]
         return PosePiece(kept, {int(n): poses[int(n)] for n in kept}, one.points, one.looks, one.seen)
 
-    found, _ = join([every_second(base, 0), every_second(other, 1).moved(APART)], ONE_VIDEO)
+    found, _ = join([every_second(base, 0), every_second(other, 1).transformed(APART)], ONE_VIDEO)
     assert sorted(found) == list(range(1, 41))
 
 
@@ -184,6 +184,6 @@ def test_a_piece_has_the_points_that_its_features_show() -> None:
         expected = np.sqrt(table[which] / table[which].sum(dtype=float))
         assert np.allclose(place, points[which]) and np.allclose(look, expected, atol=1e-4)
         assert all(shown_by[n][k] == which and n < 9 for n, k in seen)
-    moved = found.moved(APART)
+    moved = found.transformed(APART)
     assert np.allclose(moved.points, [APART * p for p in found.points])
     assert np.allclose(moved.center(3), APART * found.center(3))

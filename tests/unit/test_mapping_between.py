@@ -25,7 +25,7 @@ def test_a_post_is_found_by_the_evidence_and_by_the_map_at_its_place() -> None:
     assert found.blocked == pytest.approx(0.55, abs=0.06) and found.unknown == pytest.approx(0.3 / 1.4, abs=0.05)
     there, back = found.ways
     assert there.source and there.found.decision != OPEN and back.source == "", "nothing was measured from the new one"
-    assert found.speaks == -1
+    assert found.support_of_edge == -1
     assert found.sentence.startswith(f"There is no edge, because seen from {start_of(graph)} ")
 
 
@@ -34,7 +34,7 @@ def test_free_floor_speaks_for_an_edge_and_the_verdicts_are_those_of_the_builder
     graph = with_neighbour(built(plan), 0.0, 1.2)
     id = start_of(graph)
     found = explain_path(graph, id, "beside", CONFIG, plan)
-    assert found.blocked is None and found.unknown == 0.0 and found.speaks == 1
+    assert found.blocked is None and found.unknown == 0.0 and found.support_of_edge == 1
     asked = {m.criterion.field for m in found.ways[0].found.measures if m.decides}
     assert {"tau_alpha", "tau_normal", "support"} <= asked and all(m.passes for m in found.ways[0].found.measures)
     joined = explain_path(edits.add_edge(graph, id, "beside"), id, "beside", CONFIG, plan)
@@ -49,9 +49,9 @@ def test_without_evidence_the_map_speaks_and_without_that_nothing_does() -> None
     plan = room(6, 4)
     graph = replace(with_neighbour(built(plan), 0.0, 1.2), evidence={})
     id = start_of(graph)
-    assert explain_path(graph, id, "beside", CONFIG, plan).speaks == 1
-    assert explain_path(graph, id, "beside", CONFIG, fill(plan, 2.5, 2.4, 3.5, 2.6, OCCUPIED)).speaks == -1
+    assert explain_path(graph, id, "beside", CONFIG, plan).support_of_edge == 1
+    assert explain_path(graph, id, "beside", CONFIG, fill(plan, 2.5, 2.4, 3.5, 2.6, OCCUPIED)).support_of_edge == -1
     nothing = explain_path(graph, id, "beside", CONFIG)
-    assert nothing.speaks == 0 and nothing.sentence == (
+    assert nothing.support_of_edge == 0 and nothing.sentence == (
         "There is no edge, and nothing was measured along the 1.20 m between them."
     )

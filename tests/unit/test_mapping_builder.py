@@ -48,7 +48,7 @@ def place(graph: NavGraph, id: str) -> NDArray[np.float64]:
 
 
 def assert_valid(graph: NavGraph, occupancy: OccupancyMap) -> None:
-    assert all(occupancy.at(place(graph, id)) == FREE for id in graph.viewpoints)
+    assert all(occupancy.states_at(place(graph, id)) == FREE for id in graph.viewpoints)
     assert all(segment_is_free(occupancy, place(graph, a), place(graph, b)) for a, b in graph.edges)
 
 

@@ -129,7 +129,7 @@ def test_only_what_the_regions_see_is_rendered() -> None:
     assert part.shares[0] < 0.4
     near, aside = Corridor((4.7, 4.5), (4.7, 6.0)), Corridor((4.7, 4.5), (4.7, 2.0))
     view = render_pitched_views(part, np.array([4.7, 4.5, 1.3]), {0: [near]}, flat_floor, PANORAMA)[0]
-    assert view.shows(near, flat_floor) and not view.shows(aside, flat_floor)
+    assert view.shows_corridor(near, flat_floor) and not view.shows_corridor(aside, flat_floor)
 
 
 def test_a_map_of_panoramas_is_that_of_pitched_views_and_evidence_says_which_it_is() -> None:

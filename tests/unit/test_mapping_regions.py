@@ -73,9 +73,9 @@ def test_a_view_says_which_corridors_it_shows() -> None:
     position, config = np.array([4.5, 4.5, 1.3]), MappingConfig()
     ahead, aside = Corridor((4.5, 4.5), (4.5, 7.0)), Corridor((4.5, 4.5), (5.4, 6.8))
     view = render_pitched_views(Source(whole=False), position, {0: [ahead]}, flat_floor, config)[0]
-    assert view.shows(ahead, flat_floor) and not view.shows(aside, flat_floor)
+    assert view.shows_corridor(ahead, flat_floor) and not view.shows_corridor(aside, flat_floor)
     both = render_pitched_views(Source(whole=False), position, {0: [ahead, aside]}, flat_floor, config)[0]
-    assert both.shows(aside, flat_floor)
+    assert both.shows_corridor(aside, flat_floor)
     for corridor in (ahead, aside):
         truth = render_pitched_views(Source(whole=True), position, {0: [corridor]}, flat_floor, config)[0]
         a, b = (measure(v, "v", 0, corridor, flat_floor, inside) for v in (both, truth))

@@ -53,7 +53,7 @@ def test_every_corridor_is_decided_as_one_by_one(config: MappingConfig) -> None:
     found = Rethresholder(graph, walk).decide(config)
     evidence = list(graph.evidence.values())
     assert [decision_names()[c] for c in found.codes] == [decide(e, config) for e in evidence]
-    stands = Rethresholder(graph)._stack.stands(config)
+    stands = Rethresholder(graph)._stack.can_stand(config)
     for id, stand in zip(graph.viewpoints, stands, strict=True):
         around = [e for e in evidence if e.viewpoint == id and e.direction < 8]
         assert stand == can_stand(around, config)

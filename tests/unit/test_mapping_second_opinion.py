@@ -43,7 +43,7 @@ class Pair(Columns):
         super().__init__(ROOM)
         self.second = Columns(FLOATER)
 
-    def another(self, position: NDArray[np.floating]) -> int | None:
+    def second_submap(self, position: NDArray[np.floating]) -> int | None:
         return 1 if OVERLAP[0] <= position[0] <= OVERLAP[1] else None
 
     def trained_at(self, submap: int, positions: NDArray[np.floating]) -> NDArray[np.bool_]:
@@ -68,7 +68,7 @@ def crosses(graph: NavGraph, key: tuple[str, str]) -> bool:
     """Whether an edge meets what floats in the second model."""
     a, b = (np.array(graph.viewpoints[end].position[:2]) for end in key)
     along = a + np.linspace(0, 1, 200)[:, None] * (b - a)
-    return bool((FLOATER.at(along) == OCCUPIED).any())
+    return bool((FLOATER.states_at(along) == OCCUPIED).any())
 
 
 def test_no_edge_leads_through_what_one_of_two_models_shows() -> None:

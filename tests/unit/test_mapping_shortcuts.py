@@ -59,13 +59,13 @@ def test_a_way_keeps_to_the_middle_and_goes_around_what_was_shut() -> None:
     occupancy = fill(fill(room(6, 5), 1.5, 2.0, 4.0, 3.0, OCCUPIED), 1.5, 0.0, 4.0, 0.6, OCCUPIED)
     floor, _ = known(occupancy)
     start, end = np.array([0.8, 1.6, 1.2]), np.array([3.4, 1.3, 1.2])
-    way = floor.way(start, end, 6.0)
+    way = floor.find_path(start, end, 6.0)
     assert np.linalg.norm(np.diff(way[:, :2], axis=0), axis=1).max() < 0.25
     between = way[(way[:, 0] > 1.8) & (way[:, 0] < 3.2)]
     np.testing.assert_allclose(between[:, 1], 1.3, atol=0.25)
-    floor.shut(np.array([2.5, 1.3, 1.2]), 0.8)
-    assert not len(floor.way(start, end, 3.0)), "the passage is shut, and there is no other in reach"
-    assert len(WideKnownFloor(floor._walk, 0.9).way(start, end, 6.0)) == 0, "too narrow for a wide robot"
+    floor.close_floor(np.array([2.5, 1.3, 1.2]), 0.8)
+    assert not len(floor.find_path(start, end, 3.0)), "the passage is shut, and there is no other in reach"
+    assert len(WideKnownFloor(floor._walk, 0.9).find_path(start, end, 6.0)) == 0, "too narrow for a wide robot"
 
 
 def test_a_window_tells_the_clearance_of_its_places_also_where_much_was_shut() -> None:
@@ -73,7 +73,7 @@ def test_a_window_tells_the_clearance_of_its_places_also_where_much_was_shut() -
     rng = np.random.default_rng(0)
     places = np.column_stack([rng.uniform((-2, -2), (7, 7), (60, 2)), rng.choice([1.2, 4.5], 60)])
     for place in places:
-        floor.shut(place, 0.3)
+        floor.close_floor(place, 0.3)
     x, y = 0.6 + 0.1 * np.arange(-40, 41), 2.4 + 0.1 * np.arange(-40, 41)
     grid = np.stack([*np.meshgrid(x, y), np.full((len(y), len(x)), 1.2)], axis=-1)
     before = WideKnownFloor(floor._walk, HALF_WIDTH).clearance_over(x, y, 1.2)
@@ -88,7 +88,7 @@ def test_a_window_tells_the_clearance_of_its_places_also_where_much_was_shut() -
 def test_what_is_shut_out_of_reach_changes_no_way() -> None:
     floor, _ = known(room(6, 5))
     place = np.array([0.65, 2.55, 1.2])
-    floor.shut(np.array([2.0, 2.5, 1.2]), 0.3)
+    floor.close_floor(np.array([2.0, 2.5, 1.2]), 0.3)
     assert floor.is_affected_since(0, place, 2.0) and not floor.is_affected_since(floor.closed_count, place, 2.0)
     assert not floor.is_affected_since(0, place, 0.9), "too far"
     assert not floor.is_affected_since(0, place + [0, 0, 3.0], 2.0), "another storey"

@@ -46,18 +46,18 @@ def test_a_corridor_follows_the_floor_up_and_down_a_stair(start: float, end: flo
     middle = ground[:, 5:13]  # within the walls beside the stair
     np.testing.assert_allclose(middle[..., 2], true_floor(middle[..., 0]), atol=0.07)
     assert corridor.end(FLOOR.height_at) == pytest.approx(float(true_floor(np.array(end))), abs=0.07)
-    assert SUPPORT.at(middle).all()
+    assert SUPPORT.is_supported(middle).all()
 
 
 @pytest.mark.parametrize(("eye", "height"), [(EYE, 0.0), (3 + EYE, 3.0)])
 def test_a_corridor_in_a_room_stays_on_its_storey(eye: float, height: float) -> None:
     corridor = Corridor((8.0, 4.0), (10.5, 4.0), eye)
     assert (corridor.ground(FLOOR.height_at)[..., 2] == height).all()
-    assert SUPPORT.at(corridor.ground(FLOOR.height_at)).all()
+    assert SUPPORT.is_supported(corridor.ground(FLOOR.height_at)).all()
 
 
 def test_the_nearest_camera_is_that_of_the_storey() -> None:
-    path = Walk(walk(), SUPPORT.at)
+    path = Walk(walk(), SUPPORT.is_supported)
     assert [path.storey(z) for z in (0.0, EYE, 2.5, 3.2, 3 + EYE)] == [0, 0, 0, 1, 1]
     below, above = np.array([8.0, 3.5, EYE]), np.array([8.0, 3.5, 3 + EYE])
     assert path.height(below) == pytest.approx(EYE) and path.distance(below) == pytest.approx(2.5, abs=0.05)
@@ -70,7 +70,7 @@ def test_the_nearest_camera_is_that_of_the_storey() -> None:
 
 
 def test_lines_and_clearance_are_those_of_the_storey() -> None:
-    path = Walk(walk(), SUPPORT.at)
+    path = Walk(walk(), SUPPORT.is_supported)
     a, b = np.array([1.5, 3.0, EYE]), np.array([6.0, 3.0, EYE])
     up = np.array([0, 0, 3.0])
     assert path.is_line_known(a, b) and not path.is_line_known(a + up, b + up)
@@ -79,14 +79,14 @@ def test_lines_and_clearance_are_those_of_the_storey() -> None:
     for place, clearance in zip(path.places, path.clearance, strict=True):
         on_stair = 2.3 < place[0] < 6.7 and 0 < place[1] < 1
         assert 0.35 < clearance < 0.7 if on_stair else clearance > 0.25
-    rooms = path.beside(0.3, 0.5)
+    rooms = path.positions_beside(0.3, 0.5)
     assert {round(z, 1) for z in rooms[:, 2] if abs(z - EYE) < 0.01 or abs(z - 3 - EYE) < 0.01} == {EYE, 3 + EYE}
-    assert SUPPORT.at(rooms).all()
+    assert SUPPORT.is_supported(rooms).all()
 
 
 def test_of_one_storey_the_height_of_a_place_counts_for_nothing() -> None:
     flat = walk()[:60]
-    known = SUPPORT.storeys[0].at
+    known = SUPPORT.storeys[0].is_supported
     path = Walk(flat, known)
     for place in np.random.default_rng(0).uniform((-1, 0, -5), (7, 6, 9), (50, 3)):
         nearest = float(np.hypot(*(flat[:, :2] - place[:2]).T).min())
@@ -110,17 +110,20 @@ def viewpoint(id: str, x: float, y: float, floor: float) -> Viewpoint:
 
 def test_a_corridor_does_not_join_what_lies_over_one_another() -> None:
     config = MappingConfig()
-    measurements = Measurements(Clear(), FLOOR.height_at, SUPPORT.at, config, Lattice(config))
+    measurements = Measurements(Clear(), FLOOR.height_at, SUPPORT.is_supported, config, Lattice(config))
     a, same, over = viewpoint("a", 8, 2, 0), viewpoint("b", 9, 3, 0), viewpoint("c", 9, 3, 3)
-    assert measurements.between(a, same).support.all() and not measurements.between(a, over).support.any()
-    assert measurements.between(viewpoint("d", 8, 2, 3), over).support.all()
-    up = measurements.between(viewpoint("e", 3.4, 0.5, 0.84), viewpoint("f", 5.8, 0.5, 2.28)).support
+    assert (
+        measurements.corridor_evidence(a, same).support.all()
+        and not measurements.corridor_evidence(a, over).support.any()
+    )
+    assert measurements.corridor_evidence(viewpoint("d", 8, 2, 3), over).support.all()
+    up = measurements.corridor_evidence(viewpoint("e", 3.4, 0.5, 0.84), viewpoint("f", 5.8, 0.5, 2.28)).support
     assert up[:, 5:13].all(), "up the stair they are joined"
 
 
 def test_a_step_arrives_on_the_floor_that_it_follows() -> None:
     config = MappingConfig()
-    measurements = Measurements(Clear(), FLOOR.height_at, SUPPORT.at, config, Lattice(config))
+    measurements = Measurements(Clear(), FLOOR.height_at, SUPPORT.is_supported, config, Lattice(config))
     for x, y, floor, target, arrives in (
         (1.0, 0.5, 0.0, (3.5, 0.5), 0.9),
         (6.0, 0.5, 2.4, (8.5, 0.5), 3.0),
@@ -142,7 +145,7 @@ class Walls(Clear):
         shape = masks[0].shape
         return [RenderOutput(alpha=np.ones(shape, np.float32), normal=np.zeros((*shape, 3), np.float32))] * len(masks)
 
-    def another(self, position):  # type: ignore[no-untyped-def]
+    def second_submap(self, position):  # type: ignore[no-untyped-def]
         return 1
 
     def trained_at(self, submap, positions):  # type: ignore[no-untyped-def]
@@ -155,8 +158,8 @@ class Walls(Clear):
 def test_the_last_steps_that_are_seen_edge_on_from_below_are_left_to_the_corridor_back() -> None:
     low, high = viewpoint("a", 4.2, 0.5, 1.32), viewpoint("b", 6.7, 0.5, 2.82)
     config = MappingConfig()
-    measurements = Measurements(Walls(), FLOOR.height_at, SUPPORT.at, config, Lattice(config))
-    up, down = measurements.between(low, high), measurements.between(high, low)
+    measurements = Measurements(Walls(), FLOOR.height_at, SUPPORT.is_supported, config, Lattice(config))
+    up, down = measurements.corridor_evidence(low, high), measurements.corridor_evidence(high, low)
     corridor = Corridor((4.2, 0.5), (6.7, 0.5), 1.32 + EYE)
     ground = corridor.ground(FLOOR.height_at)[:, 5:13]
     over, distance = 1.32 + EYE - ground[..., 2], np.hypot(ground[..., 0] - 4.2, ground[..., 1] - 0.5)
@@ -164,8 +167,8 @@ def test_the_last_steps_that_are_seen_edge_on_from_below_are_left_to_the_corrido
     assert (over < 0).any() and (over > 0.15 * distance).any(), "some of it lies over the eye, and some is seen"
     assert (down.alpha == 255).all(), "from above all of it is seen"
     alone = MappingConfig(both_ways=False)
-    paper = Measurements(Walls(), FLOOR.height_at, SUPPORT.at, alone, Lattice(alone))
-    assert (paper.between(low, high).alpha == 255).all(), "where nobody asks for the way back it is no floor"
+    paper = Measurements(Walls(), FLOOR.height_at, SUPPORT.is_supported, alone, Lattice(alone))
+    assert (paper.corridor_evidence(low, high).alpha == 255).all(), "where nobody asks for the way back it is no floor"
 
 
 class Doubted(Walls):
@@ -176,8 +179,8 @@ class Doubted(Walls):
 
 def test_a_model_has_an_opinion_on_the_part_of_a_corridor_that_it_was_trained_on() -> None:
     config = MappingConfig()
-    measurements = Measurements(Doubted(), FLOOR.height_at, SUPPORT.at, config, Lattice(config))
-    down = measurements.between(viewpoint("b", 4.6, 0.5, 1.56), viewpoint("a", 2.2, 0.5, 0.12))
+    measurements = Measurements(Doubted(), FLOOR.height_at, SUPPORT.is_supported, config, Lattice(config))
+    down = measurements.corridor_evidence(viewpoint("b", 4.6, 0.5, 1.56), viewpoint("a", 2.2, 0.5, 0.12))
     floor = Corridor((4.6, 0.5), (2.2, 0.5), 1.56 + EYE).ground(FLOOR.height_at)[:, 9, 2]
     assert down.second is not None and (down.alpha == 0).all()
     np.testing.assert_array_equal(down.second.alpha[:, 9], np.where(floor < 1.0, 255, 0))
@@ -187,16 +190,18 @@ def test_a_model_has_an_opinion_on_the_part_of_a_corridor_that_it_was_trained_on
 def test_what_somebody_walked_over_is_floor_by_a_stair_and_nowhere_else() -> None:
     config = MappingConfig()
     traversed = TraversedFloor(walk())
-    measurements = Measurements(Walls(), FLOOR.height_at, SUPPORT.at, config, Lattice(config), (), traversed)
+    measurements = Measurements(Walls(), FLOOR.height_at, SUPPORT.is_supported, config, Lattice(config), (), traversed)
     low, high = viewpoint("a", 3.2, 0.5, 0.72), viewpoint("b", 4.8, 0.5, 1.68)
-    for corridor in (measurements.between(low, high), measurements.between(high, low)):
+    for corridor in (measurements.corridor_evidence(low, high), measurements.corridor_evidence(high, low)):
         assert (corridor.alpha[:16, 5:13] == 0).all(), "the cameras climbed along y = 0.5"
         assert (corridor.alpha[:16, [0, 17]] == 255).all(), "and not within reach of the walls"
     room = viewpoint("c", 5.5, 3.5, 0), viewpoint("d", 4.5, 4.7, 0)
-    assert (measurements.between(*room).alpha == 255).all(), "in a room the views decide, walked or not"
+    assert (measurements.corridor_evidence(*room).alpha == 255).all(), "in a room the views decide, walked or not"
     unsupported = MappingConfig(support=0)
-    paper = Measurements(Walls(), FLOOR.height_at, SUPPORT.at, unsupported, Lattice(unsupported), (), traversed)
-    assert (paper.between(high, low).alpha == 255).all(), "and without known floor everywhere"
+    paper = Measurements(
+        Walls(), FLOOR.height_at, SUPPORT.is_supported, unsupported, Lattice(unsupported), (), traversed
+    )
+    assert (paper.corridor_evidence(high, low).alpha == 255).all(), "and without known floor everywhere"
 
 
 def test_trodden_is_what_lies_beside_a_carried_camera_and_not_where_nobody_walked_between_two() -> None:
@@ -208,22 +213,24 @@ def test_trodden_is_what_lies_beside_a_carried_camera_and_not_where_nobody_walke
     near = np.linalg.norm(slow[:, :2] - places[:, None, :2], axis=-1)
     by = ((near < 0.4) & (over > 0.3) & (over < 2.5)).any(axis=1)
     edge = np.abs(np.where((over > 0.3) & (over < 2.5), near, 9).min(axis=1) - 0.4) < 0.01
-    np.testing.assert_array_equal(TraversedFloor(path).at(places)[~edge], by[~edge])
-    assert by.any() and not TraversedFloor(path).at(np.array([3.0, 1.0, 0.0]))
-    assert TraversedFloor(path[:1]).at(np.array([0.1, 0.0, 0.0]))
+    np.testing.assert_array_equal(TraversedFloor(path).is_traversed(places)[~edge], by[~edge])
+    assert by.any() and not TraversedFloor(path).is_traversed(np.array([3.0, 1.0, 0.0]))
+    assert TraversedFloor(path[:1]).is_traversed(np.array([0.1, 0.0, 0.0]))
 
 
 def test_without_a_scan_nothing_stands_where_somebody_walked() -> None:
     places = np.random.default_rng(0).uniform((2.5, -0.5, -0.5), (5.5, 1.5, 2.0), (500, 3))
     told, silent = TraversedFloor(walk(), scanned=False), TraversedFloor(walk())
-    assert not silent.is_surely_traversed(places).any() and silent.at(places).any()
+    assert not silent.is_surely_traversed(places).any() and silent.is_traversed(places).any()
     found = told.is_surely_traversed(places)
-    assert found.any() and (told.at(places) | ~found).all(), "nor where it would not beside a stair"
+    assert found.any() and (told.is_traversed(places) | ~found).all(), "nor where it would not beside a stair"
     config = MappingConfig()
     room = viewpoint("c", 1.4, 0.5, 0), viewpoint("d", 0.4, 0.5, 0)
     assert told.is_surely_traversed(np.array([[1.0, 0.5, 0.0]])).all()
     alphas = [
-        Measurements(Walls(), FLOOR.height_at, SUPPORT.at, config, Lattice(config), (), traversed).between(*room).alpha
+        Measurements(Walls(), FLOOR.height_at, SUPPORT.is_supported, config, Lattice(config), (), traversed)
+        .corridor_evidence(*room)
+        .alpha
         for traversed in (told, silent)
     ]
     assert (alphas[0][:6, 5:13] == 0).all() and (alphas[1] == 255).all()
@@ -246,6 +253,6 @@ def test_the_nearest_camera_tells_whether_somebody_walked_over_a_place() -> None
 def test_new_viewpoints_by_a_stair_are_measured_as_the_builder_measures_them() -> None:
     ends = {"a": viewpoint("a", 3.2, 0.5, 0.72), "b": viewpoint("b", 4.8, 0.5, 1.68)}
     graph, config = NavGraph("stair", ends), MappingConfig(second_opinion=False)
-    place = Walls(), FLOOR.height_at, SUPPORT.at, config
+    place = Walls(), FLOOR.height_at, SUPPORT.is_supported, config
     assert measure_new_viewpoints(graph, ["b"], *place, traversed=TraversedFloor(walk())).proposed == (("a", "b"),)
     assert measure_new_viewpoints(graph, ["b"], *place).proposed == ()

@@ -13,7 +13,7 @@ from prompted_networks import pair
 
 from nvsim.cli.main import main
 from nvsim.errors import InputError
-from nvsim.networks.installed import find_model, installed
+from nvsim.networks.installed import find_model, installed_models
 from nvsim.perception.normals_network import installed_normals
 from nvsim.perception.prompted_network import PromptedNetwork
 
@@ -67,7 +67,7 @@ def test_what_is_not_installed_is_listed_with_where_it_comes_from_and_what_it_im
 def test_the_files_of_old_are_found_beside_new_models_and_come_after_them(models: Path, tmp_path: Path, capsys) -> None:
     models.mkdir()
     own(models / "normals.onnx")
-    assert [m.name for m in installed()[0]] == ["normals"] and installed_normals() is not None
+    assert [m.name for m in installed_models()[0]] == ["normals"] and installed_normals() is not None
     assert main(["models", "add", str(moge(tmp_path / "x.onnx")), "--name", "mine"]) == 0
     assert find_model("normals").name == "mine" and find_model("normals", "normals").name == "normals"  # type: ignore[union-attr]
     metric3d(models / "lpips.onnx")

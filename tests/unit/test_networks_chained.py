@@ -63,13 +63,13 @@ ends_at_one = true
 """
     image, floor = picture()
     network = NormalsNetwork(described("geowizard", *files, more=said))
-    found = network.seen(image)
+    found = network.camera_normals(image)
     # The latents are an eighth as fine: 768 pixels across are 96.
     for mask, normal in ((floor, FLOOR), (~floor, WALL)):
         assert np.abs(found[inner(mask, 4)] - normal).max() < 0.03
-    assert np.array_equal(found, network.seen(image))
+    assert np.array_equal(found, network.camera_normals(image))
     # As published it ends a step before: the first beta's share of noise stays.
-    rough = NormalsNetwork(described("geowizard", *files)).seen(image)
+    rough = NormalsNetwork(described("geowizard", *files)).camera_normals(image)
     assert 0.01 < np.abs(rough[inner(floor, 4)] - FLOOR).max() < 0.8
 
 

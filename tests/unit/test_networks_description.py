@@ -16,7 +16,7 @@ from nvsim.networks.description import Description
 from nvsim.networks.image_preparation import Preparation
 from nvsim.networks.known_forms import FOLDER, known_descriptions, values_of
 from nvsim.networks.parsing import description_in
-from nvsim.networks.toml_table import parsed
+from nvsim.networks.toml_table import parse_toml
 
 PATH = Path("model.toml")
 FORMS = sorted(path.stem for path in FOLDER.glob("*.toml"))
@@ -142,6 +142,6 @@ def test_an_image_lies_within_what_the_network_looks_at(
 def test_the_page_shows_a_description_and_names_every_form() -> None:
     page = (Path(__file__).parents[2] / "resources" / "docs" / "networks.md").read_text()
     (example,) = re.findall(r"^```toml\n(.*?)^```", page, re.MULTILINE | re.DOTALL)
-    found = description_in(parsed(example, PATH), PATH)
+    found = description_in(parse_toml(example, PATH), PATH)
     assert found.title == "DSINE" and found.images["photo"].multiple == 32
     assert [form for form in FORMS if f"`{form}`" not in page] == []

@@ -77,7 +77,7 @@ def test_a_matcher_gets_keypoints_in_its_convention(tmp_path: Path, of_colmap: b
     """By keypoints, COLMAP's form matches equal pixels, and the other form equal places over half the longer side."""
     both = network(tmp_path, of_colmap, by_keypoints)
     one = both.find(image(), 200)
-    shuffled = one.at(np.random.default_rng(1).permutation(len(one)))
+    shuffled = one.select(np.random.default_rng(1).permutation(len(one)))
     other = Features(shuffled.places * 2, shuffled.descriptors, shuffled.matcher, (600, 420))
     if by_keypoints and of_colmap:
         other = Features(shuffled.places, shuffled.descriptors, shuffled.matcher, (600, 420))
@@ -117,5 +117,5 @@ def test_the_comparison_counts_matches_that_agree_with_a_relative_pose(tmp_path:
     good, bad = network(tmp_path), network(tmp_path, seed=-1)
     lost = compare_features(shown, sift, bad, lambda i: bad.find(images[i], 1000))
     assert lost.verified[0] < 0.5 < lost.verified[1] and not lost.is_network_used
-    won = compare_features(shown, [f.first(3) for f in sift], good, lambda i: good.find(images[i], 1000))
+    won = compare_features(shown, [f.most_distinct(3) for f in sift], good, lambda i: good.find(images[i], 1000))
     assert won.verified[1] == 0 < won.verified[0] and won.matches[0] > 20 and won.is_network_used

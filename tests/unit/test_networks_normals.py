@@ -37,7 +37,7 @@ def test_normals_lie_where_they_were_seen_whatever_lies_beside_the_image(
     tmp_path: Path, form: str, size: tuple[int, int]
 ) -> None:
     image, floor = picture(*size)
-    found = NormalsNetwork(opened(tmp_path, form)).seen(image)
+    found = NormalsNetwork(opened(tmp_path, form)).camera_normals(image)
     assert found.shape == (*size, 3)
     for mask, normal in ((floor, FLOOR), (~floor, WALL)):
         assert np.abs(found[inner(mask, 2)] - normal).max() < 0.02
@@ -80,10 +80,10 @@ def test_the_number_of_tokens_is_given_as_the_file_has_it(tmp_path: Path) -> Non
     model.graph.input[1].type.tensor_type.shape.dim.add().dim_value = 1  # some exports take (1,), not a number
     onnx.save(model, path)
     image, floor = picture()
-    assert np.abs(NormalsNetwork(described("moge-2", path)).seen(image)[inner(floor)] - FLOOR).max() < 0.02
+    assert np.abs(NormalsNetwork(described("moge-2", path)).camera_normals(image)[inner(floor)] - FLOOR).max() < 0.02
 
 
 def test_an_output_of_another_layout_is_refused(tmp_path: Path) -> None:
     said = '[result]\nvalue = "normals"\nimage = "photo"\nlayout = "NHWC"\naxes = ["right", "down", "forward"]\n'
     with pytest.raises(InputError, match=r"no normals .three or four values.*correct the layout"):
-        NormalsNetwork(opened(tmp_path, "metric3d", said)).seen(picture()[0])
+        NormalsNetwork(opened(tmp_path, "metric3d", said)).camera_normals(picture()[0])

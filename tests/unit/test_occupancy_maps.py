@@ -36,7 +36,7 @@ YAML = (
 def test_first_picture_row_is_the_highest_y(tmp_path: Path) -> None:
     found = read_map(ros_pair(tmp_path, YAML, [[0, 254], [205, 254]]))
     assert found.cells.tolist() == [[UNKNOWN, FREE], [OCCUPIED, FREE]]
-    assert found.at(np.array([[-0.95, 2.15], [-0.95, 2.05], [-0.85, 2.05], [5, 5]])).tolist() == [
+    assert found.states_at(np.array([[-0.95, 2.15], [-0.95, 2.05], [-0.85, 2.05], [5, 5]])).tolist() == [
         OCCUPIED,
         UNKNOWN,
         FREE,
@@ -338,7 +338,7 @@ def test_segments_agree_with_dense_sampling(seed: int) -> None:
     cells = (rng.uniform(size=(12, 12)) < 0.15).astype(np.uint8)
     occupancy = OccupancyMap(cells, 0.5, (0.0, 0.0))
     a, b = rng.uniform(0.01, 5.99, (2, 2))
-    sampled = occupancy.at(a + np.linspace(0, 1, 20001)[:, None] * (b - a))
+    sampled = occupancy.states_at(a + np.linspace(0, 1, 20001)[:, None] * (b - a))
     assert segment_is_free(occupancy, a, b) == bool((sampled == FREE).all())
 
 

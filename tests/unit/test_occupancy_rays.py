@@ -169,9 +169,9 @@ def test_a_ramp_is_free_and_a_box_on_it_is_not() -> None:
         seen = np.concatenate([ground(ramp, 1.9), box])
         made.add(seen, np.array(sensor))
     found = made.flat()
-    assert found.at(np.array([[1.0, 0.3], [1.0, 0.7], [0.8, 0.5], [1.2, 0.5]])).tolist() == [OCCUPIED] * 4
+    assert found.states_at(np.array([[1.0, 0.3], [1.0, 0.7], [0.8, 0.5], [1.2, 0.5]])).tolist() == [OCCUPIED] * 4
     walked = np.array([[x, y] for x in np.arange(-1.7, 1.7, 0.1) for y in (-1.0, 0.0, 1.2)])
-    assert (found.at(walked) == FREE).all()
+    assert (found.states_at(walked) == FREE).all()
 
 
 def test_a_column_is_free_only_where_a_ray_passed_at_its_foot() -> None:
@@ -179,7 +179,7 @@ def test_a_column_is_free_only_where_a_ray_passed_at_its_foot() -> None:
     made.add(np.array([[1.5, 0.01, 1.21]]), np.array([-1.5, 0.01, 1.21]))
     made.add(np.array([[1.5, 0.51, 0.21]]), np.array([-1.5, 0.51, 0.21]))
     found = made.flat()
-    assert found.at(np.array([[0.0, 0.01], [0.0, 0.51], [1.5, 0.01]])).tolist() == [UNKNOWN, FREE, OCCUPIED]
+    assert found.states_at(np.array([[0.0, 0.01], [0.0, 0.51], [1.5, 0.01]])).tolist() == [UNKNOWN, FREE, OCCUPIED]
 
 
 @pytest.mark.parametrize(("height", "expected"), [(0.8, FREE), (0.2, OCCUPIED)])
@@ -187,7 +187,7 @@ def test_what_floats_is_free_and_what_stands_is_not(height: float, expected: int
     made = grid(0.05, 2.0, Heights())
     for sensor in ([-1.5, -1.0, 1.2], [1.4, 1.3, 1.2]):
         made.add(np.concatenate([ground(FloorSurface.flat(0.0), 1.9), [[0.31, 0.31, height]]]), np.array(sensor))
-    assert made.flat().at(np.array([[0.31, 0.31]])).tolist() == [expected]
+    assert made.flat().states_at(np.array([[0.31, 0.31]])).tolist() == [expected]
 
 
 def test_a_merged_scan_frees_nothing_behind_its_own_walls() -> None:
@@ -197,8 +197,8 @@ def test_a_merged_scan_frees_nothing_behind_its_own_walls() -> None:
     hidden = made.add_merged(np.concatenate([wall, floor]), np.array([[-1.0, 0.0, 1.2], [-0.8, 0.9, 1.2]]))
     found = made.flat()
     behind = np.array([[x, y] for x in np.arange(0.2, 1.7, 0.1) for y in np.arange(-1.5, 1.5, 0.1)])
-    assert (found.at(behind) == UNKNOWN).all() and (found.at(-behind) == FREE).all()
-    assert (found.at(np.array([[0.01, y] for y in np.arange(-1.8, 1.8, 0.05)])) == OCCUPIED).all()
+    assert (found.states_at(behind) == UNKNOWN).all() and (found.states_at(-behind) == FREE).all()
+    assert (found.states_at(np.array([[0.01, y] for y in np.arange(-1.8, 1.8, 0.05)])) == OCCUPIED).all()
     assert np.count_nonzero(floor[:, 0] > 0.1) <= hidden <= np.count_nonzero(floor[:, 0] > 0) + 0.05 * len(wall)
 
 

@@ -101,8 +101,8 @@ def test_what_is_stepped_over_or_walked_under_is_free(tmp_path: Path) -> None:
     rays = find_rays(capture, None)
     on_the_box = np.array([[x, y] for x in (0.7, 0.9, 1.1) for y in (-0.4, 0.0)])
     over = build_occupancy(capture, None, rays, heights=Heights(1.0, 1.5))
-    assert (over.occupancy.at(on_the_box) == FREE).all()
-    assert (build_occupancy(capture, None, rays).occupancy.at(on_the_box) != FREE).all()
+    assert (over.occupancy.states_at(on_the_box) == FREE).all()
+    assert (build_occupancy(capture, None, rays).occupancy.states_at(on_the_box) != FREE).all()
 
 
 def test_where_somebody_walked_is_free_whatever_rays_say(tmp_path: Path) -> None:
@@ -119,7 +119,7 @@ def test_where_somebody_walked_is_free_whatever_rays_say(tmp_path: Path) -> None
     through = replace(capture, frames=tuple(frames), cloud=None)
     free, rays_alone = (build_occupancy(through, None, rays, walked=walked).occupancy for walked in (0.2, 0.0))
     on_the_box = np.array([0.9, -0.2])
-    assert free.at(on_the_box) == FREE and rays_alone.at(on_the_box) != FREE
+    assert free.states_at(on_the_box) == FREE and rays_alone.states_at(on_the_box) != FREE
     new = free.cells != rays_alone.cells
     beside = np.abs(free.centres()[new][:, 1] + 0.2)
     assert beside.max() < 0.21 and (free.cells[new] == FREE).all()

@@ -41,7 +41,7 @@ def test_a_right_angle_keeps_every_cell(tmp_path: Path, yaw: str) -> None:
     assert sorted(after.cells.shape) == sorted(before.cells.shape)
     corner = np.array(before.origin)
     places = corner + (before.centres() - corner) @ rotation(float(yaw)).T
-    assert np.array_equal(after.at(places), before.cells)
+    assert np.array_equal(after.states_at(places), before.cells)
     assert np.bincount(after.cells.ravel()).tolist() == np.bincount(before.cells.ravel()).tolist()
 
 
@@ -56,7 +56,7 @@ def test_every_cell_has_the_state_that_the_map_has_at_its_middle(
     back = corner + (after.centres() - corner) @ rotation(yaw)
     quarter = math.remainder(yaw, math.pi / 2)
     if abs(quarter) > 1e-4:
-        assert np.array_equal(after.cells, before.at(back)) and after.resolution == before.resolution
+        assert np.array_equal(after.cells, before.states_at(back)) and after.resolution == before.resolution
     # Nothing lies beside the new grid.
     ends = corner + np.array([[0.01, 0.01], [3.49, 0.01], [0.01, 2.24], [3.49, 2.24]]) @ rotation(yaw).T
     index = after.index(ends)

@@ -72,7 +72,7 @@ def test_builder_stack_explanation_inspector_details_and_findings_say_the_same(
     decision = decide(evidence, config)
     stack = EvidenceStack([evidence], np.zeros(1, np.int64), 1)
     assert decision_names()[int(stack.decide(config)[0])] == decision
-    assert stack.stands(config).tolist() == [can_stand([evidence], config)]
+    assert stack.can_stand(config).tolist() == [can_stand([evidence], config)]
     found = explain(evidence, config)
     assert found.decision == decision
     graph = graph_with(evidence)

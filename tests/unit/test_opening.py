@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from nvsim.cli.guard import guarded
+from nvsim.cli.guard import run_guarded
 from nvsim.errors import InputError
 from nvsim.files.atomic import write_text
 from nvsim.files.opening import NotPlainFile, open_own_file, plain_file, read_bytes
@@ -168,7 +168,7 @@ def test_a_traceback_goes_to_a_file_whose_name_nobody_could_take_before(
 
     monkeypatch.setattr("nvsim.cli.arguments.parse", lambda command, argv, verb: command())
     monkeypatch.setattr("signal.signal", lambda number, handler: None)
-    assert guarded("check", Fails, []) == 1
+    assert run_guarded("check", Fails, []) == 1
     assert letter.read_text() == LETTER
     (log,) = (path for path in shared.iterdir() if not path.is_symlink())
     assert "a mistake of ours" in log.read_text() and str(log) in capsys.readouterr().err

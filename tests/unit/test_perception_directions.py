@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from nvsim.perception.main_directions import main_headings, straightened
+from nvsim.perception.main_directions import main_headings, straighten_normals
 
 
 def noisy(normals: np.ndarray, degrees: float) -> np.ndarray:
@@ -42,9 +42,9 @@ def test_a_capture_corrects_the_heading_of_an_image(heading: float, off: float) 
     headings = main_headings(images)
     assert len(headings) == 1 and distance(headings[0], heading) < 0.02
     seen = noisy(room(heading, off), 4)
-    found = straightened(seen, headings)
+    found = straighten_normals(seen, headings)
     assert angle_between(found, room(heading)) < 1.5 < angle_between(seen, room(heading))
-    assert np.allclose(straightened(found, headings), found, atol=1e-6)
+    assert np.allclose(straighten_normals(found, headings), found, atol=1e-6)
     assert np.allclose(np.linalg.norm(found, axis=-1), 1, atol=1e-3)
 
 
@@ -53,13 +53,13 @@ def test_two_wings_have_two_headings_and_each_image_is_of_one() -> None:
     headings = main_headings(wings)
     assert len(headings) == 2 and distance(headings[0], 0.1) < 0.02 and distance(headings[1], 0.8) < 0.02
     for heading in (0.1, 0.8):
-        assert angle_between(straightened(noisy(room(heading), 5), headings), room(heading)) < 1.0
+        assert angle_between(straighten_normals(noisy(room(heading), 5), headings), room(heading)) < 1.0
 
 
 def test_a_room_askew_keeps_its_walls() -> None:
     headings = main_headings([room(0.1)] * 9)
     seen = noisy(room(0.6), 2)
-    found = straightened(seen, headings)
+    found = straighten_normals(seen, headings)
     assert np.array_equal(found[20:60], seen[20:60])
     assert np.array_equal(found[62:, :, 2], np.ones((18, 120), np.float32))  # floor is floor there too
 
@@ -69,10 +69,10 @@ def test_round_walls_stay_and_ramps_too() -> None:
     tower = room(0.0)
     tower[20:60] = np.stack([np.cos(angles), np.sin(angles), 0 * angles], -1)
     assert main_headings([tower] * 4) == ()
-    assert np.array_equal(straightened(tower, ()), tower)
+    assert np.array_equal(straighten_normals(tower, ()), tower)
     slope = np.radians(25)
     tower[60:] = (0, np.sin(slope), np.cos(slope))
-    assert np.array_equal(straightened(tower, (0.0,))[60:], tower[60:])
+    assert np.array_equal(straighten_normals(tower, (0.0,))[60:], tower[60:])
 
 
 @pytest.mark.parametrize("images", [[], [np.zeros((80, 120, 3), np.float32)], [room(0.3)[:20]]])
@@ -83,4 +83,4 @@ def test_without_walls_there_is_no_heading(images: list[np.ndarray]) -> None:
 def test_what_is_unknown_stays_so() -> None:
     seen = room(0.3)
     seen[:, :7] = 0
-    assert not straightened(seen, main_headings([seen]))[:, :7].any()
+    assert not straighten_normals(seen, main_headings([seen]))[:, :7].any()

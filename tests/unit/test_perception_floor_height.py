@@ -213,7 +213,9 @@ def test_the_ceiling_of_the_storey_below_is_not_the_floor(slab, more):
 def test_a_stair_is_followed_with_its_landings():
     scene = make_scene(BuildingConfig(seed=1, size="small", storeys=2))
     flight = scene.plan.flight
-    near = scene.walk[(np.abs(flight.along(scene.walk[:, :2]) - 2.4) < 4) & (np.abs(scene.walk[:, 3] - 1.5) <= 1.5)]
+    near = scene.walk[
+        (np.abs(flight.distance_along(scene.walk[:, :2]) - 2.4) < 4) & (np.abs(scene.walk[:, 3] - 1.5) <= 1.5)
+    ]
     surface = stair_floor(np.column_stack([near[:, :2], near[:, 3] + 1.3]), 1.3)
     along = np.arange(-0.5, 5.5, 0.05)[:, None]
     middle = flight.foot + along * flight.direction

@@ -93,7 +93,7 @@ def test_learning_from_a_view_keeps_half_of_its_projection_in_memory():
     config = GeometricConfig(longest_side=100)
     provider = GeometricFloor(scan(), FLAT, config)
     images = [truth(camera(k))[1] for k in range(len(EYES))]
-    size = camera(0).intrinsics.within(config.longest_side)
+    size = camera(0).intrinsics.limited_to(config.longest_side)
 
     def peak(rounds: int) -> int:
         views = list(range(len(EYES))) * rounds
@@ -147,7 +147,9 @@ def test_the_depth_of_the_image_itself_says_what_the_cloud_does_not():
 def test_one_point_of_a_scan_supports_its_cell_and_one_that_images_gave_does_not():
     def supported(points: np.ndarray, normals: np.ndarray | None) -> bool:
         cloud = Cloud(points.astype(np.float32), normals=normals)
-        return bool(observe([camera(0)], [np.zeros((180, 240), bool)], FLAT, cloud).at(np.array([1.02, 1.02])))
+        return bool(
+            observe([camera(0)], [np.zeros((180, 240), bool)], FLAT, cloud).is_supported(np.array([1.02, 1.02]))
+        )
 
     one = np.array([[1.02, 1.02, 0.0]])
     up = np.array([[0.0, 0.0, 1.0]], np.float32)
@@ -310,7 +312,7 @@ def test_support_is_the_floor_of_the_room_and_neither_the_box_nor_beyond_the_wal
         near = np.hypot(*(np.moveaxis(grid, -1, 0) - view.position[:2, None, None])) < 5.8
         seen |= framed & near & mask[row.clip(0, 179), column.clip(0, 239)]
     for cloud, known in ((None, seen), (scan(), np.ones_like(seen))):
-        support = observe(views, masks, FLAT, cloud, SupportConfig(views=1)).at(grid)
+        support = observe(views, masks, FLAT, cloud, SupportConfig(views=1)).is_supported(grid)
         assert support[inside & ~near_box & known].mean() > 0.97
         assert not support[beyond].any() and not support[core].any()
 
@@ -322,8 +324,8 @@ def test_glass_that_masks_look_through_still_takes_support_away():
     cloud = Cloud(np.concatenate([scan().points, pane.astype(np.float32)]))
     support = observe(views, masks, FLAT, cloud, SupportConfig(spacing=0.1))
     along = np.column_stack([np.arange(0.55, 5.5, 0.1), np.full(50, 3.65)])
-    assert support.at(along).mean() < 0.05
-    assert support.at(along + [0, 0.3]).mean() > 0.95
+    assert support.is_supported(along).mean() < 0.05
+    assert support.is_supported(along + [0, 0.3]).mean() > 0.95
 
 
 def test_support_is_read_as_written_and_a_broken_file_is_refused(tmp_path: Path):
@@ -331,7 +333,7 @@ def test_support_is_read_as_written_and_a_broken_file_is_refused(tmp_path: Path)
     support.save(tmp_path / "support.npz")
     again = FloorSupport.load(tmp_path / "support.npz")
     assert np.array_equal(again.cells, support.cells) and (again.origin, again.spacing) == ((-1.5, 2.0), 0.08)
-    assert not support.at(np.array([[100.0, 0.0], [np.inf, 0.0]])).any()
+    assert not support.is_supported(np.array([[100.0, 0.0], [np.inf, 0.0]])).any()
     (tmp_path / "broken.npz").write_bytes((tmp_path / "support.npz").read_bytes()[:60])
     for name in ("broken.npz", "absent.npz"):
         with pytest.raises(InputError, match=name):

@@ -54,7 +54,7 @@ def test_the_normals_of_every_form_come_out_alike(tmp_path: Path, form: str) -> 
     else:
         {"metric3d": metric3d, "moge": moge}[form](path)
     image, floor = picture()
-    found = opened(path).seen(image)
+    found = opened(path).camera_normals(image)
     assert found.shape == (90, 150, 3) and found.dtype == np.float32
     for mask, normal in ((floor, FLOOR), (~floor, WALL)):
         assert np.abs(found[inner(mask)] - normal).max() < 0.02
@@ -76,7 +76,7 @@ def test_the_normals_are_turned_into_the_world(tmp_path: Path, heading: float) -
 def test_where_a_network_says_that_there_is_nothing_there_is_no_normal(tmp_path: Path) -> None:
     image, floor = picture()
     image[:20] = 0  # black is sky to it
-    found = opened(moge(tmp_path / "n.onnx")).seen(image)
+    found = opened(moge(tmp_path / "n.onnx")).camera_normals(image)
     assert not found[:18].any() and np.abs(found[inner(floor)] - FLOOR).max() < 0.02
 
 

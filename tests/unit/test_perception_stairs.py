@@ -24,11 +24,13 @@ def below() -> FloorSurface:
 def test_a_stair_is_where_the_surface_is_as_steep_as_steps_are_and_nowhere_else() -> None:
     stairs = Stairs.of(below())
     x, y = np.meshgrid(np.arange(2.3, 6.8, 0.1), np.arange(0.1, 1.0, 0.1))
-    assert stairs.at(np.stack([x, y], axis=-1)).all()
+    assert stairs.is_on_stairs(np.stack([x, y], axis=-1)).all()
     x, y = np.meshgrid(np.arange(2.7, 11.0, 0.1), np.arange(1.3, 7.0, 0.1))
-    assert not stairs.at(np.stack([x, y], axis=-1)).any(), "the room beside the stair, behind a drop"
-    assert stairs.at(np.array([1.8, 0.5])) and not stairs.at(np.array([[1.5, 0.5], [1.0, 0.5]])).any(), "a step before"
-    assert not stairs.at(np.array([[50.0, 0.5], [np.nan, 0.5]])).any(), "outside the surface"
+    assert not stairs.is_on_stairs(np.stack([x, y], axis=-1)).any(), "the room beside the stair, behind a drop"
+    assert (
+        stairs.is_on_stairs(np.array([1.8, 0.5])) and not stairs.is_on_stairs(np.array([[1.5, 0.5], [1.0, 0.5]])).any()
+    ), "a step before"
+    assert not stairs.is_on_stairs(np.array([[50.0, 0.5], [np.nan, 0.5]])).any(), "outside the surface"
 
 
 @pytest.mark.parametrize("slope", [0.0, 0.1, 0.3, 3.0])
@@ -43,7 +45,9 @@ def test_without_stairs_rays_meet_the_floor_as_they_do() -> None:
     rays = rng.standard_normal((500, 3))
     rays /= np.linalg.norm(rays, axis=1, keepdims=True)
     eye = np.array([9.0, 9.0, 1.5])
-    np.testing.assert_array_equal(Stairs.of(surface).meet(eye, rays), surface.meet(eye, rays))
+    np.testing.assert_array_equal(
+        Stairs.of(surface).distance_along_rays(eye, rays), surface.distance_along_rays(eye, rays)
+    )
 
 
 def test_rays_meet_the_slope_where_the_plane_through_it_is_also_upwards() -> None:
@@ -58,7 +62,7 @@ def test_rays_meet_the_slope_where_the_plane_through_it_is_also_upwards() -> Non
         ends = eye + along[:, None] * rays
         on = (along > 0) & (ends[:, 0] > 2.15) & (ends[:, 0] < 6.85) & (ends[:, 1] > 0.05) & (ends[:, 1] < 0.95)
         on &= eye[2] + (2 - eye[0]) / rays[:, 0] * rays[:, 2] > 0 if x < 2 else True  # not into the ground before it
-        np.testing.assert_allclose(stairs.meet(eye, rays)[on], along[on], atol=0.01)
+        np.testing.assert_allclose(stairs.distance_along_rays(eye, rays)[on], along[on], atol=0.01)
         upwards += int((on & (rays[:, 2] > -0.02)).sum())
     assert upwards > 30, "rays that do not point down are among them"
 
@@ -68,12 +72,12 @@ def test_the_side_of_a_stair_is_no_floor_and_the_floor_before_it_and_behind_it_i
     eye = np.array([5.0, 4.0, 1.5])
     toward = np.array([[5.0, 3.0, 0.0], [5.0, 0.5, 1.0], [5.0, -1.0, 0.0]]) - eye
     toward /= np.linalg.norm(toward, axis=1, keepdims=True)
-    distance = stairs.meet(eye, toward)
+    distance = stairs.distance_along_rays(eye, toward)
     assert distance[0] == pytest.approx(np.linalg.norm([0, 1.0, 1.5]), abs=1e-3)
     assert np.isinf(distance[1]) and np.isinf(distance[2])
     over = np.array([[4.0, -3.0, 0.0]]) - [4.0, 0.5, 9.0]  # from above, over the stair, onto the floor behind it
     length = float(np.linalg.norm(over))
-    assert stairs.meet(np.array([4.0, 0.5, 9.0]), over / length)[0] == pytest.approx(length, abs=1e-3)
+    assert stairs.distance_along_rays(np.array([4.0, 0.5, 9.0]), over / length)[0] == pytest.approx(length, abs=1e-3)
 
 
 def steps() -> Cloud:
@@ -96,7 +100,7 @@ def test_treads_and_risers_do_not_stand_on_the_stair_and_a_post_does() -> None:
     assert np.abs(found.points[on][:, 0] - 4.5).max() < 0.1
     assert found.confirmed is not None
     x = np.arange(2.5, 6.5, 0.1)
-    assert found.confirmed.at(np.column_stack([x, np.full_like(x, 0.3)])).all()
+    assert found.confirmed.is_supported(np.column_stack([x, np.full_like(x, 0.3)])).all()
 
 
 @pytest.mark.parametrize("up", [True, False])
@@ -109,7 +113,7 @@ def test_steps_are_floor_to_a_camera_that_climbs_and_to_one_that_descends(up: bo
     pose[:3, 3] = [3.0, 0.3, SLOPE + 1.4] if up else [6.0, 0.3, 4 * SLOPE + 1.4]
     camera = Camera(Intrinsics(160, 120, 100.0, 100.0, 80.0, 60.0), pose)
     seen = GeometricFloor(steps(), below()).project(camera)
-    stair = Stairs.of(below()).at(seen.ground) & (seen.distance > 0)
+    stair = Stairs.of(below()).is_on_stairs(seen.ground) & (seen.distance > 0)
     stair &= np.abs(seen.ground[..., 1] - 0.5) < 0.45
     assert stair.mean() > 0.1
     assert seen.floor[stair].mean() > 0.9

@@ -18,16 +18,16 @@ def test_the_walk_supports_the_ground_around_it_also_outside_the_old_grid():
     x, y = np.meshgrid(np.arange(-2, 3, 0.037), np.arange(-2, 2, 0.037))
     xy = np.stack([x, y], -1)
     distance = np.min([np.hypot(x - p[0], y - p[1]) for p in walk], axis=0)
-    assert after.at(xy)[distance < 0.22].all()
-    assert not after.at(xy)[distance > 0.38].any()
+    assert after.is_supported(xy)[distance < 0.22].all()
+    assert not after.is_supported(xy)[distance > 0.38].any()
 
 
 def test_what_was_supported_stays():
     before = FloorSupport(np.ones((3, 3), bool), (5.0, 5.0), 0.1)
     after = before.with_trajectory_floor(np.array([[0.0, 0.0, 1.0]]))
     xy = np.stack(np.meshgrid(np.arange(5.05, 5.3, 0.1), np.arange(5.05, 5.3, 0.1)), -1)
-    assert after.at(xy).all()
-    assert not after.at(np.array([2.5, 2.5]))
+    assert after.is_supported(xy).all()
+    assert not after.is_supported(np.array([2.5, 2.5]))
 
 
 def test_no_positions_add_no_floor() -> None:
@@ -56,7 +56,11 @@ def test_what_the_depth_of_images_shows_standing_under_a_camera_is_no_floor():
     known = np.zeros((10, 10), bool)
     known[9, 9] = True  # floor that was seen stays
     after = FloorSupport(known, (0.0, 0.0), 0.1, blocked).with_trajectory_floor(np.array([[0.5, 0.5, 1.4]]), radius=0.3)
-    assert after.at(np.array([0.5, 0.35])) and not after.at(np.array([0.5, 0.65])) and after.at(np.array([0.95, 0.95]))
+    assert (
+        after.is_supported(np.array([0.5, 0.35]))
+        and not after.is_supported(np.array([0.5, 0.65]))
+        and after.is_supported(np.array([0.95, 0.95]))
+    )
 
 
 def crossed(standing: slice, walk: np.ndarray, thin: slice | None = None) -> FloorSupport:
@@ -72,12 +76,18 @@ def crossed(standing: slice, walk: np.ndarray, thin: slice | None = None) -> Flo
 def test_who_walked_through_what_images_show_across_a_door_walked_over_floor():
     walk = np.column_stack([np.arange(0.25, 3.9, 0.3), np.full(13, 1.05), np.full(13, 1.4)])
     door = np.array([2.05, 1.05]), np.array([2.05, 1.35]), np.array([2.05, 0.2])
-    assert [bool(crossed(slice(20, 23), walk).at(place)) for place in door] == [True, True, False], "an open door"
-    assert not crossed(slice(20, 28), walk).at(door[0]), "a table is longer than a step: a hand reached over it"
-    assert not crossed(slice(20, 40), walk).at(door[0]), "who did not come out of it did not walk through it"
-    assert not crossed(slice(20, 20), walk, slice(20, 22)).at(door[0]), "a bar is stepped over"
+    assert [bool(crossed(slice(20, 23), walk).is_supported(place)) for place in door] == [True, True, False], (
+        "an open door"
+    )
+    assert not crossed(slice(20, 28), walk).is_supported(door[0]), (
+        "a table is longer than a step: a hand reached over it"
+    )
+    assert not crossed(slice(20, 40), walk).is_supported(door[0]), "who did not come out of it did not walk through it"
+    assert not crossed(slice(20, 20), walk, slice(20, 22)).is_supported(door[0]), "a bar is stepped over"
     far = walk[[0, -1]]
-    assert not crossed(slice(20, 23), far).at(door[0]), "nobody knows how the camera got from one to the other"
+    assert not crossed(slice(20, 23), far).is_supported(door[0]), (
+        "nobody knows how the camera got from one to the other"
+    )
 
 
 def test_a_wall_that_images_continue_across_the_foot_of_a_door_is_no_wall():
@@ -95,7 +105,7 @@ def test_a_wall_that_images_continue_across_the_foot_of_a_door_is_no_wall():
         cloud = Cloud(points, None, "scan", normals)
         assert cloud.is_estimated.any() == (kind == "guessed")
         known = observe([camera], [np.zeros((48, 64), bool)], FloorSurface.flat(0.0), cloud)
-        assert bool(known.at(np.array([1.02, 0.5]))) == open_, (z, kind)
+        assert bool(known.is_supported(np.array([1.02, 0.5]))) == open_, (z, kind)
 
 
 def test_a_cloud_in_many_blocks_supports_the_same_floor(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -122,13 +132,19 @@ def test_each_storey_has_its_own_known_floor(tmp_path) -> None:
     lower[1, 2] = upper[5, 0] = True
     support = StackedSupport(floor, (FloorSupport(lower, (0.0, 0.0), 0.1), FloorSupport(upper, (-1.0, 2.0), 0.1)))
     points = np.array([[0.25, 0.15, 1.3], [0.25, 0.15, 4.3], [-0.95, 2.55, 1.3], [-0.95, 2.55, 4.3], [99, 99, 4.3]])
-    assert support.at(points).tolist() == [True, False, False, True, False]
-    assert support.at(points[:, :2]).tolist() == [True, True, False, False, False], "without a height the lowest"
-    assert support.at(points.reshape(5, 1, 3)).shape == (5, 1) and support.area == pytest.approx(0.02)
+    assert support.is_supported(points).tolist() == [True, False, False, True, False]
+    assert support.is_supported(points[:, :2]).tolist() == [True, True, False, False, False], (
+        "without a height the lowest"
+    )
+    assert support.is_supported(points.reshape(5, 1, 3)).shape == (5, 1) and support.area == pytest.approx(0.02)
     path = tmp_path / "support.npz"
     support.save(path)
     again = StackedSupport.load(path, floor)
-    assert is_stacked(path) and np.array_equal(again.at(points), support.at(points)) and again.area == support.area
+    assert (
+        is_stacked(path)
+        and np.array_equal(again.is_supported(points), support.is_supported(points))
+        and again.area == support.area
+    )
     with pytest.raises(InputError, match="nvsim floors"):
         StackedSupport.load(path, FloorSurface.flat(0.0))
     with pytest.raises(InputError, match="nvsim floors"):
@@ -144,4 +160,4 @@ def test_each_storey_has_its_own_known_floor(tmp_path) -> None:
 def test_one_floor_knows_of_points_what_it_knows_of_places() -> None:
     support = FloorSupport(np.random.default_rng(0).random((7, 9)) > 0.5, (-1.5, 2.0), 0.3)
     points = np.random.default_rng(1).uniform(-3, 6, (100, 3))
-    assert np.array_equal(support.at(points), support.at(points[:, :2]))
+    assert np.array_equal(support.is_supported(points), support.is_supported(points[:, :2]))

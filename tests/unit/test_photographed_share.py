@@ -166,7 +166,7 @@ class OneSided:
     def nearest(self, position: NDArray[np.floating]) -> int:
         return 0
 
-    def at(self, position: NDArray[np.floating]) -> NDArray[np.bool_]:
+    def photographed_mask(self, position: NDArray[np.floating]) -> NDArray[np.bool_]:
         faces = np.ones((6, SIDE, SIDE), bool)
         if position[0] > 0:
             faces[[0, 2, 3, 4, 5]] = False  # the front is the second view of the cube

@@ -284,7 +284,7 @@ def test_failures_are_kept_over_an_interruption_and_what_makes_no_sense_is_left_
     Failures(tmp_path).add(5, "short")
     found = Failures(tmp_path)
     assert found.of_frames == {3: "beyond", 5: "short"}
-    found.forget([3, 4])
+    found.remove_frames([3, 4])
     assert read_failures(tmp_path) == {5: "short"}
     (tmp_path / NAME).write_text(json.dumps({"1": "short", "2": "late", "x": "short", "-3": "short", "4": 5}))
     assert read_failures(tmp_path) == {1: "short"}

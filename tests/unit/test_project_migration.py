@@ -117,8 +117,11 @@ def check_results(project: Project) -> None:
     )
     assert capture_config(project).hold_out == 4
     assert found.part("train") == StagePart("k", 0.5, 40.0, '{"steps": 12}', batch="b")
-    assert found.done == {"import", "submaps", "floors", "train"} and found.kept == {"import", "map"}
-    assert found.outdated == {"floors"} and found.former == {"train"}
+    assert found.finished_stages == {"import", "submaps", "floors", "train"} and found.restorable_stages == {
+        "import",
+        "map",
+    }
+    assert found.outdated == {"floors"} and found.stages_of_previous_cut == {"train"}
     assert found.places == {
         "imported": "imported",
         "cut/submaps": "cuts/2.npz",

@@ -42,7 +42,7 @@ def project(tmp_path: Path) -> Iterator[Project]:
 
 
 def test_each_model_replaces_one_and_the_models_before_the_batch_are_restored(project: Project) -> None:
-    assert project.stage_results().kept == frozenset()
+    assert project.stage_results().restorable_stages == frozenset()
     assert train(project, 0, 16) and in_use(project) == ["16", "12"]
     assert train(project, 1, 16) and in_use(project) == ["16", "16"]
     assert "16 steps" in replaced_result_sentence(project, "train")

@@ -82,7 +82,7 @@ def test_what_ended_before_the_import_is_outdated(tmp_path: Path) -> None:
             found = found.with_result("in use", stage, StageResult({0: StagePart("k", 1.0, at)}))
         project.set_stage_results(found)
         assert project.stage_results() == found
-    assert found.done == {"import", "submaps", "floors"} and found.outdated == {"submaps"}
+    assert found.finished_stages == {"import", "submaps", "floors"} and found.outdated == {"submaps"}
 
 
 def test_the_help_loads_nothing_heavy() -> None:

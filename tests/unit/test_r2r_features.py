@@ -236,7 +236,7 @@ def test_after_kill_9_the_same_command_goes_on_and_the_file_is_the_same(tmp_path
 def rows_of(target: Path, made_by: str, wanted: list[bytes]) -> list[float]:
     """The rows that another run takes over; it then fails, so that they stay."""
     with pytest.raises(InputError, match="stop"), kept_rows(target, made_by) as kept:
-        found = [float(kept.get(f"k{i}")) for i, mark in enumerate(wanted) if kept.has(f"k{i}", mark)]
+        found = [float(kept.get(f"k{i}")) for i, mark in enumerate(wanted) if kept.contains(f"k{i}", mark)]
         raise InputError("stop")
     return found
 

@@ -27,9 +27,9 @@ from nvsim.r2r.instructions.ground import (
     Step,
     continues_leg,
     is_bend,
-    rounded,
+    round_legs,
     turn_before_step,
-    wrapped,
+    wrap_angle,
 )
 from nvsim.r2r.instructions.registers import Register
 from nvsim.r2r.instructions.short_wording import short_instruction
@@ -95,8 +95,8 @@ def test_stairs_are_said_with_their_height_and_where_they_end() -> None:
     back = ground.legs([4, 3, 2, 1, 0], math.radians(270))
     assert [sorted(leg.cues) for leg in back] == [[Cue("to stairs", "down")], [Cue("stairs", "bottom")], []]
     (partway,) = ground.legs([1, 2], 0.0)
-    assert not partway.cues and rounded([partway], "words")[0].metres == 1.0
-    text = instruction_of(rounded([there[1]], "words"), "words", Random(0))
+    assert not partway.cues and round_legs([partway], "words")[0].metres == 1.0
+    text = instruction_of(round_legs([there[1]], "words"), "words", Random(0))
     assert "stairs" in text and "2.5 metres" in text and ("top" in text or "all the way up" in text)
 
 
@@ -104,7 +104,7 @@ def test_stairs_are_said_with_their_height_and_where_they_end() -> None:
     "degrees, word", [(10, "ahead"), (-50, "slightly left"), (100, "right"), (-130, "sharply left"), (-175, "around")]
 )
 def test_turns_are_said_in_the_nearest_word(degrees: float, word: str) -> None:
-    (leg,) = rounded([Leg(math.radians(degrees), 2.4, "level")], "words")
+    (leg,) = round_legs([Leg(math.radians(degrees), 2.4, "level")], "words")
     assert leg == Leg(TURN_TO[word], 2.0, "level")
     assert abs(math.degrees(leg.turn) - degrees) <= 22.5 or word == "around"
 
@@ -131,7 +131,7 @@ def read(text: str, detail: Detail) -> list[Leg]:
         }
         hour = re.search(r"(\d+) o'clock", words)
         if detail == "clock" and hour:
-            turn = wrapped(math.radians(30 * int(hour[1])))
+            turn = wrap_angle(math.radians(30 * int(hour[1])))
         elif any(phrase in words for phrase in AHEAD_PHRASES):
             turn = 0.0
         elif detail == "degrees":
@@ -152,7 +152,7 @@ def test_every_fact_can_be_read_back_from_the_words(detail: Detail) -> None:
             Leg(random.uniform(-math.pi, math.pi), random.uniform(0.3, 15), random.choice(["level", "up", "down"]))
             for _ in range(random.randint(1, 6))
         ]
-        said = rounded(legs, detail)
+        said = round_legs(legs, detail)
         text = instruction_of(said, detail, random)
         found = read(text, detail)
         assert [
@@ -202,7 +202,7 @@ def test_the_follower_is_one_that_weighs_all_paths_one_by_one() -> None:
                 bend = 0.0 if continues_leg(said[k].slope, turn, step) else (turn / math.radians(70)) ** 2
                 share(i + 1, after, k, walked + step.metres, cost + bend)
             if (ended or k < 0) and k + 1 < len(said) and step.slope == said[k + 1].slope:
-                off = wrapped(turn_before_step(facing, step) - said[k + 1].turn)
+                off = wrap_angle(turn_before_step(facing, step) - said[k + 1].turn)
                 if abs(off) <= math.radians(60):
                     new = (0.0 if k < 0 else here) + (off / math.radians(22.5)) ** 2
                     share(i + 1, after, k + 1, step.metres, new)
@@ -222,7 +222,7 @@ def test_the_follower_is_one_that_weighs_all_paths_one_by_one() -> None:
             continue
         # At most 3 m: no path of more than four steps of these lengths is as short.
         goal = min(paths, key=lambda path: abs(sum(leg.metres for leg in ground.legs(path, heading)) - 3))
-        said = rounded(ground.legs(goal, heading), "words")
+        said = round_legs(ground.legs(goal, heading), "words")
         best = min((cost, path) for path in paths for cost in costs(path, heading, said))
         found = find_described_path(ground, start, heading, said)
         assert found is not None and min(costs(found, heading, said)) == pytest.approx(best[0])
@@ -276,9 +276,9 @@ def test_a_register_has_its_length_and_its_unit(register: Register) -> None:
 
 def test_a_rough_distance_is_understood_and_paces_are_counted() -> None:
     ground = row_of(*((0, float(y), 1) for y in range(12)))
-    rough = rounded([Leg(0.0, 2.2, "level", measure="roughly")], "words")
+    rough = round_legs([Leg(0.0, 2.2, "level", measure="roughly")], "words")
     assert rough[0].metres == 2.5 and find_described_path(ground, 0, 0.0, rough) is None  # 2 or 3 m
-    paces = rounded([Leg(0.0, 4.1, "level", measure="paces")], "words")
+    paces = round_legs([Leg(0.0, 4.1, "level", measure="paces")], "words")
     assert paces[0].metres == pytest.approx(4) and find_described_path(ground, 0, 0.0, paces) == [0, 1, 2, 3, 4]
     assert "eight " in short_instruction(paces, "words", Random(0))
     words = short_instruction(rough, "words", Random(0))

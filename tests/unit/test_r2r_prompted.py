@@ -206,13 +206,13 @@ def oracle(graph: NavGraph, goals: dict[str, str], starts: dict[str, str]) -> Be
         walked = [int(k) for k in re.search(r"Trajectory: ([\d ]+)", asked.words)[1].split()]
         places = Places(graph, starts[name[1]])
         for number in walked[1:]:
-            places.go(next(id for id, k in places.number.items() if k == number))
-        assert len(asked.images) == min(20, len(places.seen_from) - (places.here in places.seen_from))
+            places.move_to(next(id for id, k in places.number.items() if k == number))
+        assert len(asked.images) == min(20, len(places.seen_from) - (places.current in places.seen_from))
         stop = next((letter for letter, words in actions.items() if words.startswith("stop")), None)
-        if places.here == goals[name[1]]:
+        if places.current == goals[name[1]]:
             letter = stop or "A"  # too early to stop: off and back
         else:
-            to = nx.shortest_path(agents, places.here, goals[name[1]], "weight")[1]
+            to = nx.shortest_path(agents, places.current, goals[name[1]], "weight")[1]
             number = places.number[to]
             letter = next(a for a, words in actions.items() if re.search(rf"to place {number}\b", words))
         return said(json.dumps({"thought": "on my way", "plan": f"{len(walked)} places", "action": letter}), 1000, 30)
@@ -286,7 +286,7 @@ def test_every_step_says_what_is_known_of_the_map(scans: Path, tasks: Path, tmp_
     task = read_tasks(tasks)[0]
     places = Places(GRAPH, task.path[0])
     for id in task.path[1:]:
-        places.go(id)
+        places.move_to(id)
     ids = {number: id for id, number in places.number.items()}
     lines = re.findall(r"Place (\d+) is joined to ([\d, ]+)\.", one[-1])
     assert {ids[int(k)] for k, _ in lines} == set(task.path)

@@ -105,7 +105,7 @@ def test_the_teacher_leads_along_the_shortest_path(folder: Path, world: World) -
         here = np.array([world.row["H0", id] for id in ids])
         goals = np.full(len(here), world.row["H0", goal])
         assert world.metres(here, goals) == pytest.approx([far[id][goal] for id in ids], abs=1e-5)
-        for id, after in zip(ids, world.after(here, world.teacher(here, goals)).tolist()):
+        for id, after in zip(ids, world.rows_after(here, world.shortest_path_slots(here, goals)).tolist()):
             on = world.keys[after][1]
             step = 0.0 if on == id else graph.edges[id, on]["weight"]
             assert (on == id) == (id == goal) and step + far[on][goal] == pytest.approx(far[id][goal], abs=1e-5)
@@ -114,10 +114,10 @@ def test_the_teacher_leads_along_the_shortest_path(folder: Path, world: World) -
 def test_moves_are_felt_and_end_in_the_trajectory(trainer: Trainer) -> None:
     world, episodes = trainer.world, trainer.train[:4]
     walkers = AgentBatch(world, episodes, 4)
-    assert walkers.sight(np.arange(4)).moved.tolist() == [[0, 0, 0, 0, 1, 0]] * 4
+    assert walkers.observe(np.arange(4)).moved.tolist() == [[0, 0, 0, 0, 1, 0]] * 4
     looked, at, everybody = walkers.heading.copy(), walkers.rows.copy(), np.arange(4)
-    walkers.go(everybody, np.array([STOP, 1, 1, 1]))
-    moved = walkers.sight(everybody).moved.numpy()
+    walkers.move(everybody, np.array([STOP, 1, 1, 1]))
+    moved = walkers.observe(everybody).moved.numpy()
     assert moved[0].tolist() == [0, 0, 0, 0, 1, 0] and [len(t) for t in walkers.trajectories] == [1, 2, 2, 2]
     for i in (1, 2, 3):
         heading, metres = world.heading[at[i], 0], world.distance[at[i], 0]

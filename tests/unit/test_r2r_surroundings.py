@@ -72,7 +72,7 @@ def test_a_colour_between_two_names_has_none(rgb: tuple[int, int, int]) -> None:
 
 
 def test_things_are_found_in_their_colour_and_shape_and_nothing_else(house: Seen) -> None:
-    things = {thing.look: thing for thing in house[1].things}
+    things = {thing.color_and_shape: thing for thing in house[1].things}
     assert set(things) == {("blue", "sofa"), ("red", "tall")} and len(house[1].things) == 2
     sofa, cabinet = things["blue", "sofa"], things["red", "tall"]
     assert sofa.middle == pytest.approx((2.2, 4.4), abs=0.15) and sofa.top == pytest.approx(0.82, abs=0.06)

@@ -272,7 +272,7 @@ def test_no_path_uses_what_a_robot_cannot_use() -> None:
     edges, ends = (("0r00", "0r01"), ("1r11", "1r12")), ("2r00", "2r33")
     bounds = PathBounds(ties=True)
     whole = eligible_paths(PathGraph.of(graph), bounds)
-    reduced = whole.without(edges, ends)
+    reduced = whole.excluding(edges, ends)
     paths = [[reduced.ids[i] for i in reduced.path(k)] for k in range(len(reduced.rows))]
     expected = []
     for k in range(len(whole.rows)):

@@ -106,12 +106,12 @@ def test_nothing_leads_over_what_stands() -> None:
     masks = [np.ones((LENS.height, LENS.width), bool)] * 2
     bar = np.column_stack([np.arange(-0.5, 0.5, 0.05), np.zeros(20)])
     known = observe([view, view], masks, FloorSurface.flat(0.0), None, raised=bar)
-    assert not known.at(bar).any() and not known.at(bar + [0.0, 0.04]).any()
-    assert known.at(bar + [0.0, 0.2]).all() and known.at(bar - [0.0, 0.2]).all()
+    assert not known.is_supported(bar).any() and not known.is_supported(bar + [0.0, 0.04]).any()
+    assert known.is_supported(bar + [0.0, 0.2]).all() and known.is_supported(bar - [0.0, 0.2]).all()
     under_the_walk = known.with_trajectory_floor(np.column_stack([bar, np.full(20, 1.5)]))
-    assert not under_the_walk.at(bar).any(), "a hand reaches over it"
+    assert not under_the_walk.is_supported(bar).any(), "a hand reaches over it"
     rows = np.arange(0.0, 0.1, 0.01)
     for start in rows:  # the rows of a corridor lie 0.1 m apart
         steps = np.column_stack([np.zeros(8), -0.4 + start + 0.1 * np.arange(8)])
-        assert not known.at(steps).all(), "no row of cells steps over it"
+        assert not known.is_supported(steps).all(), "no row of cells steps over it"
     assert LineConfig().lowest == 0.1

@@ -98,11 +98,11 @@ def test_a_training_that_was_cut_off_ends_with_the_same_weights(shards: Shards, 
     for name, weight in whole.state_dict().items():
         assert torch.equal(weight, resumed.state_dict()[name]), name
     started = Training(CONFIG)
-    started.take(tmp_path / "a")
+    started.initialize_from(tmp_path / "a")
     assert torch.equal(started.network.floor[0].weight, whole.floor[0].weight)
     save_file({"average/floor.0.weight": whole.floor[0].weight}, tmp_path / CHECKPOINT)
     with pytest.raises(InputError, match="has a different network"):
-        started.take(tmp_path)
+        started.initialize_from(tmp_path)
     (tmp_path / "b" / CHECKPOINT).write_bytes(b"something else")
     with pytest.raises(Exception, match="delete it to begin again"):
         train(tmp_path / "b", shards, [1, 1], CONFIG)
@@ -124,7 +124,7 @@ def test_an_export_answers_as_the_network_does(views: list[Example], tmp_path: P
     assert np.abs(shown.values["floor"] - logits.numpy()).max() < 0.02 * max(1, float(logits.abs().max()))
     assert probability.shape == example.floor.shape and 0 <= probability.min() <= probability.max() <= 1
     untrained = NormalsNetwork(model_at(tmp_path / "normals.toml").open("cpu"))
-    found = untrained.seen(example.image, example.camera)  # which way it faces is chance, and not asked
+    found = untrained.camera_normals(example.image, example.camera)  # which way it faces is chance, and not asked
     assert np.allclose(np.linalg.norm(found, axis=-1), 1, atol=1e-3) and directions.shape[1] == 3
 
 

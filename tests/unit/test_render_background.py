@@ -61,7 +61,7 @@ def plain(model, camera):
     if model.texture is None:
         return image
     t = model.texture
-    distance = model.floor.meet(camera.position, rays).astype(np.float64)
+    distance = model.floor.distance_along_rays(camera.position, rays).astype(np.float64)
     hit = np.isfinite(distance)
     distance = np.where(hit, distance, 0)
     xy = camera.position[:2] + distance[..., None] * rays[..., :2]
@@ -89,7 +89,7 @@ def test_far_floor_fades_to_the_mean_of_its_texture_instead_of_aliasing():
     model = SubmapModel(Gaussians.empty(), None, fine, FloorSurface.flat(0))
     camera = Camera(Intrinsics.from_fov(96, 64, 1.2), camera_pose(np.array([0.0, -9.0, 1.5]), 0.0))
     image = render_background(model, camera)
-    distance = model.floor.meet(camera.position, camera.rays())
+    distance = model.floor.distance_along_rays(camera.position, camera.rays())
     far = np.isfinite(distance) & (distance > 9)
     assert far.any()
     assert np.abs(image[far]).max() < 1e-6

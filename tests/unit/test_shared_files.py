@@ -12,7 +12,7 @@ from pathlib import Path
 
 import pytest
 
-from nvsim.cli.guard import guarded
+from nvsim.cli.guard import run_guarded
 from nvsim.errors import InputError
 from nvsim.files import atomic
 from nvsim.files.databases import sqlite_error
@@ -91,7 +91,7 @@ def test_a_file_system_without_locks_is_named(tmp_path: Path, monkeypatch: pytes
             lambda: Project.open(root, writable=True),
             lambda: jobs.add("map", ["--project", str(root)], "map"),
             lambda: jobs.claim(job.number),
-            lambda: jobs.forget(job.number),
+            lambda: jobs.remove(job.number),
         ):
             with pytest.raises(
                 InputError, match="cannot lock files .some network file systems cannot.; choose a folder"
@@ -135,7 +135,7 @@ def test_a_disk_that_refuses_anywhere_is_named(
         raise OSError(number, os.strerror(number), str(tmp_path / "x"))
 
     monkeypatch.setattr(GraphLog, "run", fail)
-    assert guarded("graph log", GraphLog, ["x"]) == 2
+    assert run_guarded("graph log", GraphLog, ["x"]) == 2
     assert f"Cannot write {tmp_path / 'x'}: {words}" in capsys.readouterr().err
 
 

@@ -54,7 +54,7 @@ def _fill_memory(requests: Requests, source: object) -> int:
 
 
 def _wait(requests: Requests, source: object) -> None:
-    requests.tell(os.getpid())
+    requests.send_unasked(os.getpid())
     time.sleep(60)
 
 

@@ -12,7 +12,7 @@ from pathlib import Path
 
 import pytest
 
-from nvsim.cli.guard import CommandStopped, guarded
+from nvsim.cli.guard import CommandStopped, run_guarded
 
 PROGRAM = "import sys, MatterSim; print(MatterSim.Simulator.__module__, sys.argv[1:])"
 
@@ -52,7 +52,7 @@ def test_a_stop_before_the_program_runs_does_not_offer_to_continue(capsys: pytes
     try:
         said = {}
         for verb in ("r2r python", "map"):
-            assert guarded(verb, Starting, []) == 130
+            assert run_guarded(verb, Starting, []) == 130
             said[verb] = capsys.readouterr().err
     finally:
         for number, handler in handlers.items():

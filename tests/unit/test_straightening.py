@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from nvsim.geometry.rotation import rotation_angle
 from nvsim.poses import straightening
 from nvsim.poses.pieces import names_in, with_images_beside, with_single_images
-from nvsim.poses.straightening import contradicts_floor, level_and_scale, merge_turning_pieces, straightened
+from nvsim.poses.straightening import contradicts_floor, level_and_scale, merge_turning_pieces, straighten_video
 from nvsim.poses.two_views import TwoViews, from_matches
 
 HIGH, STEP = 1.5, 0.4  # meters
@@ -102,7 +102,7 @@ def distances(found: dict[int, pycolmap.Rigid3d], true: dict[int, pycolmap.Rigid
 def test_legs_of_any_scale_are_one_walk_again(tmp_path: Path, scales: list[float]) -> None:
     true = true_walk(edge=EDGE)
     model = slipped(true, scales, turned(60, (1, 2, 3)))
-    found = straightened([model], tmp_path, TIMES, {})
+    found = straighten_video([model], tmp_path, TIMES, {})
     assert set(found) == set(true)
     assert distances(found, true).max() < 1.5 * STEP  # the camera stops faster than assumed
     for n, one in found.items():  # z is up, and its rotations are those of the walk but for one about the vertical
@@ -166,7 +166,7 @@ def test_two_reconstructions_that_follow_each_other_are_one_walk(tmp_path: Path)
     turn = turned(130, (1, 0, 1))
     second.transform(pycolmap.Sim3d(0.4, pycolmap.Rotation3d(turn), np.array([3.0, -2, 1])))
     assert names_in(first) and names_in(second)
-    found = straightened([second, first], tmp_path, TIMES, {})
+    found = straighten_video([second, first], tmp_path, TIMES, {})
     assert set(found) == set(true)
     assert distances(found, true).max() < 1.5 * STEP  # the camera stops faster than assumed
 
@@ -177,7 +177,7 @@ def test_without_a_floor_nothing_is_straightened(tmp_path: Path) -> None:
     points = np.concatenate([center_of(p) + rng.uniform(-5, 5, (60, 3)) for p in true.values()])
     points[:, 2] = rng.uniform(0.9, 2.6, len(points))
     shown, places = seen_from(true, points, 7.0)
-    assert straightened([reconstruction(true, points, shown, places)], tmp_path, TIMES, {}) == {}
+    assert straighten_video([reconstruction(true, points, shown, places)], tmp_path, TIMES, {}) == {}
 
 
 def test_pieces_are_one_only_if_the_building_is_the_same_on_both_sides(tmp_path: Path) -> None:

@@ -35,7 +35,10 @@ def test_every_camera_is_on_its_storey_or_its_stair(storeys: int) -> None:
     np.testing.assert_allclose(found.levels, 1.3 + 2.9 * np.arange(storeys), atol=0.05)
     wrong = found.part != parts
     assert wrong.sum() <= 2 * (storeys - 1), "the first and the last step are as good as the floor"
-    assert found.on(0).sum() >= 70 and found.on(1).sum() > found.on(0).sum() - 1
+    assert (
+        found.cameras_of_storey(0).sum() >= 70
+        and found.cameras_of_storey(1).sum() > found.cameras_of_storey(0).sum() - 1
+    )
     assert found.nearest(np.array([0.0, 1.3, 4.0])).tolist() == [0, 0, 1]
 
 

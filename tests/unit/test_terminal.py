@@ -16,7 +16,7 @@ from capture_samples import room, walk, write_nerfstudio
 from nvsim.cli import terminal
 from nvsim.cli.console import event_listener
 from nvsim.cli.main import COMMANDS, main
-from nvsim.cli.terminal import guarded_stream, guarded_terminal, say
+from nvsim.cli.terminal import guarded_stream, guarded_terminal, print_lines
 from nvsim.events import Done, Failed, Log, Progress, Warning
 from nvsim.plain_text import UNSEEN, printable
 
@@ -181,7 +181,7 @@ def test_text_of_any_origin_is_guarded() -> None:
 
 
 def test_say_prints_each_text_as_one_line(capsys: pytest.CaptureFixture[str]) -> None:
-    say("one\ntwo", Path("a\u2028b"))
+    print_lines("one\ntwo", Path("a\u2028b"))
     assert capsys.readouterr().out == "one\\ntwo\na‹U+2028›b\n"
 
 
@@ -192,7 +192,7 @@ def test_letters_of_all_scripts_stay() -> None:
 
 
 def test_json_stays_json_whatever_it_holds(capsys: pytest.CaptureFixture[str]) -> None:
-    say(terminal.as_json({"name": EVIL + FORGED}))
+    print_lines(terminal.as_json({"name": EVIL + FORGED}))
     assert json.loads(capsys.readouterr().out) == {"name": EVIL + FORGED}
 
 
@@ -200,13 +200,13 @@ def test_a_traceback_in_a_log_is_readable(tmp_path: Path, monkeypatch: pytest.Mo
     import tempfile
 
     from nvsim.cli.commands.graph_edit import GraphLog
-    from nvsim.cli.guard import guarded
+    from nvsim.cli.guard import run_guarded
 
     def crash(_: object) -> int:
         raise RuntimeError(EVIL)
 
     monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
     monkeypatch.setattr(GraphLog, "run", crash)
-    assert guarded("graph log", GraphLog, ["x"]) == 1
+    assert run_guarded("graph log", GraphLog, ["x"]) == 1
     (log,) = tmp_path.glob("*.log")
     assert not unseen(log.read_text()) and "RuntimeError: \\x1b]0;PWN" in log.read_text()

@@ -155,7 +155,7 @@ def room() -> SyntheticRoom:
 
 def test_an_index_embedding_learns_the_row_of_the_view_and_no_other(room: SyntheticRoom) -> None:
     made = IndexEmbedding(AppearanceConfig(), room.views, 0, shared=False)
-    made.at(room.views[3].camera.position, room.views[3].name).sum().backward()
+    made.embedding_at(room.views[3].camera.position, room.views[3].name).sum().backward()
     np.testing.assert_array_equal(np.flatnonzero(made.gradient.any(axis=1)), [3])
     mean = made.exported().at(np.zeros(3))
     np.testing.assert_allclose(mean, made.values.mean(axis=0), rtol=1e-5)
@@ -185,7 +185,7 @@ def test_without_an_embedding_the_background_is_the_same_everywhere(room: Synthe
 
 def test_position_gradients_reach_the_network(room: SyntheticRoom) -> None:
     made = PositionEmbedding(AppearanceConfig(), 0)
-    made.at(np.array([1.0, 2.0, 3.0]), None).sum().backward()
+    made.embedding_at(np.array([1.0, 2.0, 3.0]), None).sum().backward()
     assert made.gradient.any()
 
 

@@ -41,7 +41,7 @@ def hits_of(camera: Camera, floor: FloorSurface) -> np.ndarray:
 @pytest.mark.parametrize("position", [(0.0, 0.0, 0.0), (3.0, -7.5, 1.3), (40.0, 25.0, 2.0)])
 def test_network_equals_its_export(position: tuple[float, float, float]) -> None:
     made, embedding = network(), PositionEmbedding(LOOK, 3)
-    ours = made.at(embedding.at(np.array(position), None)).detach().numpy()
+    ours = made.coefficients(embedding.embedding_at(np.array(position), None)).detach().numpy()
     exported = made.exported(embedding.exported())
     np.testing.assert_allclose(ours, exported.coefficients(np.array(position)), atol=1e-5)
 
@@ -49,7 +49,7 @@ def test_network_equals_its_export(position: tuple[float, float, float]) -> None
 @pytest.mark.parametrize("degree", [0, 2])
 def test_degrees_that_have_not_joined_yet_are_zero_and_get_no_gradient(degree: int) -> None:
     made, used = network(), (degree + 1) ** 2
-    coefficients = made.at(torch.ones(LOOK.size), degree)
+    coefficients = made.coefficients(torch.ones(LOOK.size), degree)
     assert coefficients[:used].abs().min() > 0
     assert not coefficients[used:].detach().numpy().any()
     coefficients.backward(torch.ones_like(coefficients))
@@ -60,7 +60,7 @@ def test_degrees_that_have_not_joined_yet_are_zero_and_get_no_gradient(degree: i
 
 def test_network_starts_near_the_given_colour_in_every_direction() -> None:
     made = BackgroundNetwork(LOOK, 0, np.array([0.7, 0.5, 0.2]))
-    coefficients = made.at(torch.zeros(LOOK.size)).detach().numpy()
+    coefficients = made.coefficients(torch.zeros(LOOK.size)).detach().numpy()
     assert not coefficients[1:].any()
     np.testing.assert_allclose(coefficients[0] * 0.2820948, [0.7, 0.5, 0.2], atol=0.1)
 
@@ -86,7 +86,7 @@ def test_hits_lie_where_the_floor_surface_is_met(curved: bool) -> None:
         heights = np.random.default_rng(4).uniform(0, 0.1, (9, 8)).astype(np.float32)
         floor = FloorSurface(heights, (-1.0, -2.0), 1.0)
     hits, rays = hits_of(CAMERA, floor), CAMERA.rays()
-    distance = floor.meet(CAMERA.position, rays)
+    distance = floor.distance_along_rays(CAMERA.position, rays)
     met = np.isfinite(distance)
     np.testing.assert_array_equal(hits[2] > 0, met)
     expected = CAMERA.position[:2] + distance[met, None] * rays[met][:, :2]

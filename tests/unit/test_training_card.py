@@ -116,7 +116,7 @@ def test_strategies_change_what_is_on_the_card(
     left = fit.gaussians.opacity_logits
     left[:] = -3.0  # as a reset does, in place
     np.testing.assert_array_equal(fit.state()["opacity_logits.values"], np.float32(-3.0))
-    fit.forget("opacity_logits")
+    fit.reset_moments("opacity_logits")
     assert not fit.state()["opacity_logits.second"].any()
 
 

@@ -24,7 +24,7 @@ def times(limiter: RateLimiter, cost: float, until: float) -> list[float]:
     while now < until:
         if limiter.is_due(now):
             found.append(now)
-            limiter.done(now, now + cost)
+            limiter.record_run(now, now + cost)
             now += cost
         now += 0.1
     return found

@@ -18,7 +18,7 @@ from nvsim.training.strategies.adaptive import Adaptive, Capped
 from nvsim.training.strategies.choice import strategy_of
 from nvsim.training.strategies.config import AdaptiveConfig, CappedConfig, DensifyConfig, McmcConfig
 from nvsim.training.strategies.division import divide, find_removable, opacities, split
-from nvsim.training.strategies.mcmc import Mcmc, relocated
+from nvsim.training.strategies.mcmc import Mcmc, relocate_opacities
 from nvsim.training.strategies.types import Refinement
 
 FLOOR = FloorSurface.flat(0.0)
@@ -42,7 +42,7 @@ class FakeModel:
         self.gaussians = Gaussians(*(np.concatenate([old[refinement.kept], born]) for old, born in pairs))
         self.clear()
 
-    def forget(self, name: str) -> None:
+    def reset_moments(self, name: str) -> None:
         self.forgotten.append(name)
 
 
@@ -197,7 +197,7 @@ def replace_every(model: FakeModel, strategy: Adaptive) -> FakeModel:
 
 @pytest.mark.parametrize(("opacity", "count"), [(0.1, 2), (0.5, 2), (0.9, 3), (0.99, 5), (0.7, 12), (0.95, 51)])
 def test_relocated_gaussians_cover_what_one_did(opacity: float, count: int) -> None:
-    each, shrink = relocated(np.array([opacity]), np.array([count]))
+    each, shrink = relocate_opacities(np.array([opacity]), np.array([count]))
     x, sigma = np.linspace(-40, 40, 400_001), 1.7
     one = opacity * np.exp(-(x**2) / (2 * sigma**2))
     several = 1 - (1 - each[0] * np.exp(-(x**2) / (2 * (shrink[0] * sigma) ** 2))) ** count
@@ -206,7 +206,7 @@ def test_relocated_gaussians_cover_what_one_did(opacity: float, count: int) -> N
 
 
 def test_a_gaussian_that_nothing_joins_stays_as_it_is() -> None:
-    each, shrink = relocated(np.array([0.3, 0.8]), np.array([1, 1]))
+    each, shrink = relocate_opacities(np.array([0.3, 0.8]), np.array([1, 1]))
     np.testing.assert_allclose(each, [0.3, 0.8], rtol=1e-12)
     np.testing.assert_allclose(shrink, 1, rtol=1e-12)
 

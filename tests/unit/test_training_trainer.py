@@ -299,7 +299,7 @@ def test_no_views_is_a_sentence(room: SyntheticRoom) -> None:
 
 
 def test_views_of_several_sizes_train_together(room: SyntheticRoom) -> None:
-    views = [room.views[0].halved(), *room.views[1:]]
+    views = [room.views[0].at_half_size(), *room.views[1:]]
     model = train_submap(views, room.cloud, room.floor, replace(SMALL, steps=12))
     assert np.isfinite(model.gaussians.means).all()
 

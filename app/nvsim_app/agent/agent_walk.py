@@ -57,7 +57,7 @@ class AgentLink(SideProcess):
         super().open(source)
         self._ask_again()
 
-    def forget(self) -> None:
+    def reset(self) -> None:
         """Ends the process and discards the graph and the newest walk."""
         self.close()
         self.cancel(WalkRequest)
@@ -162,7 +162,7 @@ class AgentWalk(QObject):
         self.pixels, self.no_image, self.drawing = None, "", False
         self._asked = False
         self._waiting.clear()
-        self.link.forget()
+        self.link.reset()
         self.changed.emit()
 
     def draw_from(self, source: AgentSource) -> None:
@@ -175,23 +175,23 @@ class AgentWalk(QObject):
 
     def turn(self, right: int, up: int) -> None:
         """Turns by 30 degrees. Only the signs are used: positive is right and up."""
-        self._then(lambda: self._go_on(Step("", right, up)))
+        self._run_when_answered(lambda: self._go_on(Step("", right, up)))
 
-    def take(self, index: int) -> None:
+    def move_to_location(self, index: int) -> None:
         """Moves to the navigable location with this index; 0 is the action to stay."""
-        self._then(lambda: self._take(index))
+        self._run_when_answered(lambda: self._move_to_location(index))
 
     def take_viewpoint(self, id: str) -> None:
         """Moves to the navigable location with this viewpoint id."""
-        self._then(lambda: self._take(self.index_of(id)))
+        self._run_when_answered(lambda: self._move_to_location(self.index_of(id)))
 
-    def back(self) -> None:
+    def undo_action(self) -> None:
         """Undoes the last action, without adding to the trajectory."""
-        self._then(lambda: self._retrace(1))
+        self._run_when_answered(lambda: self._undo_to(1))
 
     def home(self) -> None:
         """Undoes all actions."""
-        self._then(lambda: self._retrace(len(self._walk.steps) if self._walk else 0))
+        self._run_when_answered(lambda: self._undo_to(len(self._walk.steps) if self._walk else 0))
 
     def set_restricted(self, on: bool) -> None:
         """Sets whether only locations in the horizontal field of view are navigable."""
@@ -204,7 +204,7 @@ class AgentWalk(QObject):
         places = () if self.state is None else self.state.navigableLocations
         return next((i for i, place in enumerate(places) if i and place.viewpointId == id), -1)
 
-    def _then(self, what: Callable[[], None]) -> None:
+    def _run_when_answered(self, what: Callable[[], None]) -> None:
         """Runs an action when the pending answer has arrived, because location indices refer to the current state."""
         if self._walk is None or self.state is None:
             return
@@ -213,7 +213,7 @@ class AgentWalk(QObject):
         elif len(self._waiting) < _WAITING:
             self._waiting.append(what)
 
-    def _take(self, index: int) -> None:
+    def _move_to_location(self, index: int) -> None:
         places = () if self.state is None else self.state.navigableLocations
         if 0 <= index < len(places):
             self._go_on(Step(places[index].viewpointId if index else ""))
@@ -223,7 +223,7 @@ class AgentWalk(QObject):
             many = f"The navigable locations are 0 to {len(places) - 1}" if len(places) > 1 else "None is in view"
             self.refused.emit(f"There is no navigable location {index}. {many}; turn to see others.")
 
-    def _retrace(self, steps: int) -> None:
+    def _undo_to(self, steps: int) -> None:
         assert self._walk is not None
         if not self._walk.steps:
             self.refused.emit("The agent is at its start.")
@@ -232,7 +232,7 @@ class AgentWalk(QObject):
 
     def _go_on(self, step: Step) -> None:
         assert self._walk is not None
-        self._ask(self._walk.then(step))
+        self._ask(self._walk.with_step(step))
 
     # The simulator ------------------------------------------------------------------------------------------------
 

@@ -93,17 +93,17 @@ def serve(requests: Requests, source: AgentSource) -> None:
     ground = _WindowSimulator(source)
     drawing = _StateRenderer(source, requests)
     while True:
-        number, request = requests.take()
+        number, request = requests.wait_for_request()
         assert isinstance(request, WalkRequest)
         if request.graph is not None:
             ground.walk_on(request.graph)
         try:
-            state, trajectory = ground.after(request.walk)
+            state, trajectory = ground.state_after(request.walk)
         except _StepNotPossible as step:
             requests.answer(number, RefusedStep(request.number, step.at, str(step)))
             continue
         requests.answer(number, WalkState(request.number, _values(state), trajectory), more=True)
-        drawing.want(number, request.number, ground.scan, state)
+        drawing.render_state(number, request.number, ground.scan, state)
 
 
 class _StepNotPossible(Exception):
@@ -132,7 +132,7 @@ class _WindowSimulator:
         turned = [self._rotations.get(id, rotation) for id, rotation in zip(graph.ids, level.rotation, strict=True)]
         self.scan = replace(level, rotation=np.array(turned).reshape(-1, 3, 3))
 
-    def after(self, walk: Walk) -> tuple[SimState, tuple[Pose, ...]]:
+    def state_after(self, walk: Walk) -> tuple[SimState, tuple[Pose, ...]]:
         """The state after a walk. Raises _Impossible."""
         simulator = self._simulator(walk.restricted)
         start = walk.start
@@ -178,7 +178,7 @@ class _StateRenderer:
         self._wake = threading.Condition()
         threading.Thread(target=self._run, name="drawing", daemon=True).start()
 
-    def want(self, request: int, number: int, scan: Scan, state: SimState) -> None:
+    def render_state(self, request: int, number: int, scan: Scan, state: SimState) -> None:
         """Renders a state. `request` is the number for the answer, and `number` is that of the walk."""
         with self._wake:
             self._wanted = request, number, scan, state.location.ix, state.heading, state.elevation

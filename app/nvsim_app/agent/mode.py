@@ -77,8 +77,8 @@ class AgentMode(Mode):
             right, up = _TURNS[key]
             return lambda: walk.turn(right, up)
         if key in _DIGITS:
-            return lambda: walk.take(_DIGITS[key])
-        return {Qt.Key.Key_Backspace: walk.back, Qt.Key.Key_Home: walk.home}.get(key)
+            return lambda: walk.move_to_location(_DIGITS[key])
+        return {Qt.Key.Key_Backspace: walk.undo_action, Qt.Key.Key_Home: walk.home}.get(key)
 
     # Mouse ----------------------------------------------------------------------------------------------------------
 
@@ -106,20 +106,20 @@ class AgentMode(Mode):
         self._paint_agent(painter, surface, state)
         self._paint_locations(painter, surface, state)
 
-    def _feet(self, ids: list[str]) -> NDArray[np.float64]:
+    def _floor_points(self, ids: list[str]) -> NDArray[np.float64]:
         """(N, 3) floor points of the viewpoints that are in the graph, meters, world."""
         arrays = self.context.document.graph_arrays
         return arrays.feet[arrays.viewpoint_rows(ids)]
 
     def _paint_trail(self, painter: QPainter, surface: GraphSurface) -> None:
         way = [pose.viewpoint for pose in self._walk.trajectory]
-        feet = self._feet([id for before, id in zip(["", *way], way) if id != before])
+        feet = self._floor_points([id for before, id in zip(["", *way], way) if id != before])
         if len(feet) > 1:
             line(painter, surface, feet[:-1], feet[1:], colors.AGENT, 4.0, Qt.PenStyle.SolidLine)
             dots(painter, surface, feet, colors.AGENT, 4.5)
 
     def _paint_agent(self, painter: QPainter, surface: GraphSurface, state: AgentState) -> None:
-        feet = self._feet([state.location.viewpointId])
+        feet = self._floor_points([state.location.viewpointId])
         if not len(feet):
             return
         foot = feet[0]

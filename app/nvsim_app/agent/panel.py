@@ -86,7 +86,7 @@ class AgentPanel(QWidget):
         self.image.toggled.connect(self.imageChosen)
         self.copy_state.clicked.connect(self.copyStateWanted)
         self.copy_trajectory.clicked.connect(self.copyTrajectoryWanted)
-        self.table.activated.connect(self._take)
+        self.table.activated.connect(self._choose_location)
         self.table.selectionModel().currentRowChanged.connect(self._on_current)
         self.hint = Hint(self.table, lambda: "" if walk.active else _NOTHING)
         walk.changed.connect(self.refresh)
@@ -144,7 +144,7 @@ class AgentPanel(QWidget):
             widget.setEnabled(state is not None)
         self.hint.refresh()
 
-    def _take(self, index: QModelIndex) -> None:
+    def _choose_location(self, index: QModelIndex) -> None:
         if index.row() > 0:
             self.taken.emit(self.model.row(index.row())[1].viewpointId)
 

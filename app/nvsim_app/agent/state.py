@@ -46,10 +46,10 @@ class Walk:
     steps: tuple[Step, ...] = ()
     restricted: bool = True
 
-    def then(self, step: Step) -> Walk:
+    def with_step(self, step: Step) -> Walk:
         return replace(self, steps=(*self.steps, step))
 
-    def back(self) -> Walk:
+    def without_last_step(self) -> Walk:
         """The walk without its last step."""
         return replace(self, steps=self.steps[:-1])
 

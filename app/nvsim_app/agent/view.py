@@ -176,15 +176,15 @@ class AgentView(QWidget):
 
     def spot(self, mark: LocationMark) -> QPointF:
         """The position of a mark in the widget, pixels."""
-        return self._at(mark.x, mark.y)
+        return self._to_widget(mark.x, mark.y)
 
-    def _at(self, x: float, y: float) -> QPointF:
+    def _to_widget(self, x: float, y: float) -> QPointF:
         box = self.box
         return QPointF(box.x() + x * box.width() / WIDTH, box.y() + y * box.height() / HEIGHT)
 
-    def under(self, point: QPointF) -> int:
+    def location_under(self, point: QPointF) -> int:
         """The index of the location whose mark is nearest to `point` and within reach, -1 for none."""
-        reached = [(_apart(self.spot(mark), point), mark.index) for mark in self.marks]
+        reached = [(_distance(self.spot(mark), point), mark.index) for mark in self.marks]
         near = [found for found in reached if found[0] <= _REACH]
         return min(near)[1] if near else -1
 
@@ -230,7 +230,7 @@ class AgentView(QWidget):
 
     def _paint_foot(self, painter: QPainter, mark: LocationMark) -> None:
         assert mark.foot is not None
-        spot, foot = self.spot(mark), self._at(*mark.foot)
+        spot, foot = self.spot(mark), self._to_widget(*mark.foot)
         painter.setPen(QPen(QColor(0, 0, 0, 120), 3.4))
         painter.drawLine(spot, foot)
         painter.setPen(QPen(QColor(colors.AGENT), 1.8))
@@ -284,7 +284,7 @@ class AgentView(QWidget):
     # Mouse --------------------------------------------------------------------------------------------------------
 
     def mouseMoveEvent(self, event: QMouseEvent) -> None:
-        index = self.under(event.position())
+        index = self.location_under(event.position())
         if index != self.pointed:
             self.point(index)
             self.pointedAt.emit(index)
@@ -300,10 +300,10 @@ class AgentView(QWidget):
         super().leaveEvent(event)
 
     def mousePressEvent(self, event: QMouseEvent) -> None:
-        index = self.under(event.position())
+        index = self.location_under(event.position())
         if event.button() == Qt.MouseButton.LeftButton and index > 0:
             self.taken.emit(self._viewpoint(index))
 
 
-def _apart(one: QPointF, other: QPointF) -> float:
+def _distance(one: QPointF, other: QPointF) -> float:
     return float(np.hypot(one.x() - other.x(), one.y() - other.y()))

@@ -47,7 +47,7 @@ def graph_views(window: MainWindow, figures: dict[str, float | str | None]) -> I
     yield 0.3
 
     def pan_scene(step: int) -> None:
-        scene.navigation.set_pose(cameras.turned(scene.pose, 0.01 if step % 60 < 30 else -0.01, 0.0))
+        scene.navigation.set_pose(cameras.turn_pose(scene.pose, 0.01 if step % 60 < 30 else -0.01, 0.0))
         scene.repaint()
 
     figures["scene_pan_fps"] = _rate(pan_scene)
@@ -179,7 +179,7 @@ def run_event_loop(done: Callable[[], bool], least: float = 0.0) -> float:
 
 
 class PaintRecorder(QObject):
-    """Records which of some widgets were painted since `forget`."""
+    """Records which of some widgets were painted since `clear`."""
 
     def __init__(self, widgets: Sequence[QWidget]) -> None:
         super().__init__()
@@ -187,7 +187,7 @@ class PaintRecorder(QObject):
         for widget in widgets:
             widget.installEventFilter(self)
 
-    def forget(self) -> None:
+    def clear(self) -> None:
         self._painted.clear()
 
     @property
@@ -212,7 +212,7 @@ def _single(document: Document, views: PaintRecorder, rng: random.Random, after:
     times, editing, limit = _Times(), document.editing, time.perf_counter() + PATIENCE
     while time.perf_counter() < limit:
         name, arguments = random_edit(document, rng)
-        views.forget()
+        views.clear()
         begin = time.perf_counter()
         if not editing.run(name, arguments):
             continue

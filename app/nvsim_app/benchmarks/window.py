@@ -158,7 +158,7 @@ class WindowBenchmark(QObject):
         yield lambda: not self._scene.drawing
         yield from self._fly()
         self._note_gaps()
-        yield from self._rest()
+        yield from self._measure_rest()
         yield from self._visit()
         self._note_memory()
         yield from graph_views(self._session.window, self.figures)
@@ -183,8 +183,8 @@ class WindowBenchmark(QObject):
         home, navigation, begin = self._scene.pose, self._scene.navigation, time.perf_counter()
         while time.perf_counter() < end:
             seconds = time.perf_counter() - begin
-            pose = cameras.turned(home, tau * seconds / FLIGHT, 0.15 * sin(seconds))
-            navigation.set_pose(cameras.flown(pose, 0.5 * sin(seconds), 0.0, 0.0))
+            pose = cameras.turn_pose(home, tau * seconds / FLIGHT, 0.15 * sin(seconds))
+            navigation.set_pose(cameras.fly_pose(pose, 0.5 * sin(seconds), 0.0, 0.0))
             yield 0.012
         navigation.set_pose(home)
 
@@ -199,12 +199,12 @@ class WindowBenchmark(QObject):
             widths = sorted(p.request.camera.intrinsics.width for p in moving)
             self.figures["moving_width"] = widths[len(widths) // 2]
 
-    def _rest(self) -> Iterator[Wait]:
+    def _measure_rest(self) -> Iterator[Wait]:
         times: list[float] = []
         for _ in range(RESTS):
             yield 0.15
             self._shown.clear()
-            self._scene.navigation.set_pose(cameras.turned(self._scene.pose, 0.05, 0.0))
+            self._scene.navigation.set_pose(cameras.turn_pose(self._scene.pose, 0.05, 0.0))
             begin = time.perf_counter()
             yield lambda: any(not picture.request.moving for _, picture in self._shown)
             times += [1e3 * (at - begin) for at, picture in self._shown if not picture.request.moving][:1]

@@ -73,14 +73,14 @@ def compile_renderers() -> None:
         painter.paint(camera, channel, CPU, moving=True)
     warming = Warming(painter)
     warming.begin()
-    while warming.waits:
+    while warming.has_waiting_kernels:
         warming.step()
     Sorter().prepare(model, camera, np.empty((0, QUAD_WIDTH), np.float32))
 
 
 def serve(requests: Requests, source: object) -> None:
     """The work of a side process: compiles the kernels, and tells if that is necessary."""
-    compile_once(requests.tell)
+    compile_once(requests.send_unasked)
 
 
 def main() -> int:

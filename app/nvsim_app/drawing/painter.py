@@ -163,7 +163,7 @@ class Painter:
             submap, view = self._opened(camera, CHANNELS[channel])
             return submap, picture(view, channel), CPU
         submap, model = self._opened.at(camera)
-        model = self._budget.within(model, budget)
+        model = self._budget.limit_model(model, budget)
         both = channel == "rgb" and wanted == AUTOMATIC
         self._still = camera if both and not moving else None
         if channel == "rgb" and (wanted == OPENGL or (both and self._choice.faster(submap) == OPENGL)):
@@ -177,7 +177,7 @@ class Painter:
         """Whether the source consists of models, which the kernels render. Other sources render images themselves."""
         return isinstance(self._opened, Models)
 
-    def look(self, camera: Camera, channels: frozenset[str]) -> tuple[int, RenderOutput]:
+    def render_view(self, camera: Camera, channels: frozenset[str]) -> tuple[int, RenderOutput]:
         """The submap index and the view that the CPU kernels render. Models without a background are rendered over
         black."""
         if not isinstance(self._opened, Models):
@@ -188,8 +188,8 @@ class Painter:
         return submap, render_model(model, camera, channels)
 
     def look_around(self, camera: Camera, channels: frozenset[str]) -> tuple[int, RenderOutput]:
-        """Like `look`, but rendered like the map builder's views (`render_regions`): Gaussians that are large relative
-        to their depth are evaluated per ray."""
+        """Like `render_view`, but rendered like the map builder's views (`render_regions`): Gaussians that are large
+        relative to their depth are evaluated per ray."""
         if not isinstance(self._opened, Models):
             return self._opened(camera, channels)
         from nvsim.render.scene import render_regions
@@ -218,10 +218,10 @@ class Painter:
         elif self._by_opengl(model, camera, insisted=False) is None:
             return False
         if self._choice.add(submap, name, 1e3 * (time.perf_counter() - begin)):
-            self._conclude(submap)
+            self._report_choice(submap)
         return True
 
-    def _conclude(self, submap: int) -> None:
+    def _report_choice(self, submap: int) -> None:
         best = self._choice.best(submap)
         driver = "" if self._card is None else f" ({self._card.name})"
         self.remarks.append(
@@ -234,7 +234,7 @@ class Painter:
             self._hopeless = True
             self.release()
 
-    def rest(self) -> None:
+    def pause_comparison(self) -> None:
         """Stops the comparison of renderers until the next still image."""
         self._still = None
 

@@ -60,7 +60,7 @@ class PanoramaDrawing:
         self._steps: Iterator[Panorama | None] | None = None
 
     @property
-    def waits(self) -> bool:
+    def has_waiting_views(self) -> bool:
         """Whether views of a panorama remain to be rendered."""
         return self._steps is not None
 

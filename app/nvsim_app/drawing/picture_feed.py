@@ -181,7 +181,7 @@ class PictureFeed(QObject):
             self.link.open(source)
         self.changed.emit()
 
-    def follow(self) -> bool:
+    def request_after_move(self) -> bool:
         """Requests an image after the camera moved. Returns whether one will come; if so, do not repaint before."""
         self._rest.start()
         if not self.link.ready:

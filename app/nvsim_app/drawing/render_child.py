@@ -48,7 +48,7 @@ class ProjectSource:
 
     def open(self) -> Models:
         models = ProjectModels(self)
-        return Models(models.at, models.territory)
+        return Models(models.model_for, models.territory)
 
 
 class ProjectModels:
@@ -62,7 +62,7 @@ class ProjectModels:
         self._stamp = self._live_stamp()
         self._load()
 
-    def at(self, camera: Camera) -> tuple[int, SubmapModel]:
+    def model_for(self, camera: Camera) -> tuple[int, SubmapModel]:
         """The index and the model of the submap that renders this camera. A camera above the rooms gets WHOLE and the
         model without ceilings."""
         if self._stamp and time.monotonic() - self._looked > LOOK_AGAIN:
@@ -91,7 +91,7 @@ class ProjectModels:
         if scene is None:
             raise InputError(f"{self._source.path} has no trained model.")
         self._scene = scene
-        self._cutaway = Cutaway(scene, submaps, None if support is None else support.at)
+        self._cutaway = Cutaway(scene, submaps, None if support is None else support.is_supported)
         self.territory = SubmapGrid(submaps)
 
 
@@ -155,7 +155,7 @@ def serve(requests: Requests, source: RenderSource) -> None:
     panorama = 0  # number of its request
     while True:
         _use_the_pause(painter, panoramas, panorama, warming, requests)
-        number, request = requests.take()
+        number, request = requests.wait_for_request()
         if isinstance(request, PanoramaRequest):
             panoramas.begin(request)
             panorama = number
@@ -170,7 +170,7 @@ def _use_the_pause(
     """Works in small steps until the next request arrives: renders the requested panorama, compiles the kernels of
     panoramas, then compares the renderers."""
     try:
-        while not requests.waiting and panoramas.waits:
+        while not requests.waiting and panoramas.has_waiting_views:
             finished = panoramas.step()
             if finished is not None:
                 requests.answer(panorama, finished, more=not finished.final)
@@ -178,7 +178,7 @@ def _use_the_pause(
         panoramas.stop()
         requests.answer(panorama, RenderError(f"The panorama could not be rendered: {error}", traceback.format_exc()))
     try:
-        while not requests.waiting and warming.waits:
+        while not requests.waiting and warming.has_waiting_kernels:
             warming.step()
     except Exception as error:  # a request for a panorama will report the error again
         warming.stop()
@@ -188,20 +188,20 @@ def _use_the_pause(
             pass
     except Exception as error:  # images do not depend on the comparison
         painter.remarks.append(LogRemark(f"The renderers could not be compared: {error}", traceback.format_exc(), True))
-        painter.rest()
+        painter.pause_comparison()
     _send_remarks(painter, requests)
 
 
 def _send_remarks(painter: Painter, requests: Requests) -> None:
     while painter.remarks:
-        requests.tell(painter.remarks.pop(0))
+        requests.send_unasked(painter.remarks.pop(0))
 
 
 def _answer(painter: Painter, request: Request) -> Picture | RenderError:
     begin = time.perf_counter()
     try:
         if request.values and request.channel in MEASURED:
-            submap, view = painter.look(request.camera, CHANNELS[request.channel])
+            submap, view = painter.render_view(request.camera, CHANNELS[request.channel])
             pixels, values = picture(view, request.channel), measured(view, request.channel)
             return Picture(request, pixels, submap, 1e3 * (time.perf_counter() - begin), CPU, values)
         submap, pixels, renderer = painter.paint(

@@ -82,7 +82,7 @@ class SplatBudget:
     def __init__(self) -> None:
         self._last: _ThinnedModel | None = None
 
-    def within(self, model: SubmapModel, count: int) -> SubmapModel:
+    def limit_model(self, model: SubmapModel, count: int) -> SubmapModel:
         """`model` with at most `count` Gaussians; 0 means all."""
         if count <= 0 or len(model.gaussians) <= count:
             return model

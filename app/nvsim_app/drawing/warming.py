@@ -25,9 +25,9 @@ class Warming:
         self._panorama = PanoramaDrawing(painter.look_around)
 
     @property
-    def waits(self) -> bool:
+    def has_waiting_kernels(self) -> bool:
         """Whether kernels of panoramas may remain to be compiled."""
-        return self._panorama.waits
+        return self._panorama.has_waiting_views
 
     def begin(self) -> None:
         """Renders a small image. If that was slow because of compilation, panoramas are compiled immediately too, so
@@ -37,7 +37,7 @@ class Warming:
         if not self._painter.by_kernels:
             return
         self._panorama.begin(PanoramaRequest("warming", (0.0, 0.0, 0.0), (2 * _SIDE,)))
-        while time.perf_counter() - begin > COLD and self.waits:
+        while time.perf_counter() - begin > COLD and self.has_waiting_kernels:
             self.step()
 
     def step(self) -> None:

@@ -154,7 +154,7 @@ def arguments_of(fields: Sequence[Field], changed: Mapping[str, Any]) -> list[st
             continue
         value = changed[field.path]
         if field.kind == "switch":
-            words.append(field.flag if value else _off(field.flag))
+            words.append(field.flag if value else negated_flag(field.flag))
         elif field.kind == "several":
             words += [field.flag, *(str(v) for v in value)]
         else:
@@ -162,7 +162,7 @@ def arguments_of(fields: Sequence[Field], changed: Mapping[str, Any]) -> list[st
     return words
 
 
-def _off(flag: str) -> str:
+def negated_flag(flag: str) -> str:
     """--a.b.c -> --a.b.no-c"""
     head, dot, tail = flag.removeprefix("--").rpartition(".")
     return f"--{head}{dot}no-{tail}"
@@ -205,7 +205,7 @@ class Settings:
         fitting = {f.path: _fitting(f, stored[f.path]) for f in fields}
         places = {f.path: str(v) for f in fields if _is_place(f) and isinstance(v := fitting[f.path], str | bool) and v}
         strange = {path for path, place in places.items() if not self._is_inside(path, place)}
-        if strange and not self._proven(verb, places, stored.get(PROOF)):
+        if strange and not self._is_proven(verb, places, stored.get(PROOF)):
             fitting = {path: value for path, value in fitting.items() if path not in strange}
         return {path: value for path, value in fitting.items() if value is not _UNFIT}
 
@@ -231,7 +231,7 @@ class Settings:
             return False
         return Path(place).expanduser().resolve().is_relative_to(self._path.parent.resolve())
 
-    def _proven(self, verb: str, places: Mapping[str, str], proof: object) -> bool:
+    def _is_proven(self, verb: str, places: Mapping[str, str], proof: object) -> bool:
         return self._path is not None and is_order_proven(self._path.parent, _WHAT, [verb, dict(places)], proof)
 
     def arguments(self, verb: str) -> list[str]:

@@ -219,7 +219,7 @@ class CommandForm(QDialog):
         self._middle.addWidget(widget)
         self.resize(self.width() + widget.sizeHint().width() + 40, self.height())
 
-    def hold(self, sentence: str) -> None:
+    def block_start(self, sentence: str) -> None:
         """Shows why the command cannot start although its options are valid, and disables Start; "" enables it.
         Flags in the sentence are replaced by the names of the options."""
         for row in self.rows.values():

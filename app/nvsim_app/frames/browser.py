@@ -94,8 +94,8 @@ class FrameBrowser(QObject):
         page.gainChanged.connect(page.canvas.set_gain)
         page.keyed.connect(self._on_key)
         page.layers.changed.connect(self._on_layer)
-        page.canvas.zoomChanged.connect(self.render.soon)
-        page.canvas.modeChanged.connect(self.render.soon)
+        page.canvas.zoomChanged.connect(self.render.schedule)
+        page.canvas.modeChanged.connect(self.render.schedule)
 
     # Interface of the window ------------------------------------------------------------------------------------
 
@@ -111,7 +111,7 @@ class FrameBrowser(QObject):
             return
         self._document.select(frame=index)
         self.opened.emit()
-        self._take(index)
+        self._open_frame(index)
         self._scene.navigation.set_pose(cameras.seen_from_frame(capture.frames[index].camera))
         self.page.canvas.setFocus()
 
@@ -148,11 +148,11 @@ class FrameBrowser(QObject):
         """Writes pending corrections and ends the thread and the process. The page must not be used afterwards."""
         self.corrector.close()
         self._reader.stop()
-        self.candidates.rest()
+        self.candidates.stop_process()
 
     # The frame on the page --------------------------------------------------------------------------------------
 
-    def _take(self, index: int) -> None:
+    def _open_frame(self, index: int) -> None:
         capture, path = self._document.contents.capture, self._document.path
         if capture is None or path is None or index == self.index:
             return
@@ -186,8 +186,8 @@ class FrameBrowser(QObject):
         for layer in self.layers:
             layer.painted = None
         self._show_mask(matter)
-        self.page.layers.offer(OF_DEPTH, matter.depth is not None)
-        self.page.layers.offer(OF_MASK, matter.ignored is not None)
+        self.page.layers.show_optional(OF_DEPTH, matter.depth is not None)
+        self.page.layers.show_optional(OF_MASK, matter.ignored is not None)
         if matter.ignored is not None:
             self._layer["ignored"].painted = pictures.tint(matter.ignored, self._layer["ignored"].color)
         if matter.depth is not None and matter.views is not None:
@@ -202,7 +202,7 @@ class FrameBrowser(QObject):
         if self.tool == "points":
             self.candidates.prepare_points()
         if any(self._layer[name].shown for name in CANDIDATES):
-            self.candidates.want()
+            self.candidates.request_once()
         self._show_over_scene()
 
     def _show_mask(self, matter: FrameData) -> None:
@@ -265,7 +265,7 @@ class FrameBrowser(QObject):
     # Following the document -------------------------------------------------------------------------------------
 
     def _on_project(self) -> None:
-        self.corrector.forget()
+        self.corrector.reset()
         self._clear_page()
 
     def _on_contents(self, parts: frozenset[str]) -> None:
@@ -277,18 +277,18 @@ class FrameBrowser(QObject):
         elif parts & {"capture", "submaps"}:
             # The masks may have changed.
             index, self.index = self.index, None
-            self._take(index)
+            self._open_frame(index)
         elif "scene_stamp" in parts:
-            self.render.soon()
+            self.render.schedule()
 
     def _on_selection(self) -> None:
         frame = self._document.selection.frame
         if frame is not None and (self.is_open or self.over_scene.shown):
-            self._take(frame)
+            self._open_frame(frame)
 
     def _on_layer(self, layer: FrameLayer) -> None:
         if layer.name in CANDIDATES and layer.shown and layer.painted is None:
-            self.candidates.want()
+            self.candidates.request_once()
 
     def _on_failure(self, failure: Failure) -> None:
         self._notices.error(failure.sentence)

@@ -134,7 +134,7 @@ class Canvas(QWidget):
 
     # Values -----------------------------------------------------------------------------------------------------
 
-    def _what(self, number: int) -> str:
+    def _content_of_pane(self, number: int) -> str:
         """The content of the pane with this number: "photo", "render", or the mode."""
         both = {"beside": ("photo", "render")[number], "blink": ("photo", "render")[self._phase]}
         return both.get(self.mode, self.mode)
@@ -153,7 +153,7 @@ class Canvas(QWidget):
     @property
     def legends(self) -> list[ImageValues]:
         """The distinct readings of all visible images of numbers."""
-        shown = [r for number in range(len(self.panes())) for _, r in self._readings(self._what(number))]
+        shown = [r for number in range(len(self.panes())) for _, r in self._readings(self._content_of_pane(number))]
         return list({id(r): r for r in shown}.values())
 
     @property
@@ -163,12 +163,12 @@ class Canvas(QWidget):
             return []
         for number, pane in enumerate(self.panes()):
             if pane.rect.contains(self._hover):
-                what = self._what(number)
+                what = self._content_of_pane(number)
                 if what == "wipe" and self._hover.x() < pane.rect.left() + self.divider * pane.rect.width():
                     what = "photo"
                 x, y = pane.to_image(self._hover)
                 share = x / self._size[0], y / self._size[1]
-                found = [(name, r, r.at(*share)) for name, r in self._readings(what)]
+                found = [(name, r, r.value_at(*share)) for name, r in self._readings(what)]
                 return [row for row in found if row[2] is not None]
         return []
 
@@ -234,7 +234,7 @@ class Canvas(QWidget):
 
     def _paint_pane(self, painter: QPainter, pane: Pane, number: int) -> None:
         painter.setRenderHint(QPainter.RenderHint.SmoothPixmapTransform, pane.scale < 3)
-        what = self._what(number)
+        what = self._content_of_pane(number)
         edge = pane.rect.left() + self.divider * pane.rect.width()
         if what == "wipe":
             self._paint_picture(painter, pane, "photo")
@@ -285,7 +285,7 @@ class Canvas(QWidget):
             painted = self._difference
         ratio = self.devicePixelRatioF()
         target = pane.image_rect
-        image = painted.shrunk(round(target.width() * ratio), round(target.height() * ratio))
+        image = painted.scaled_down(round(target.width() * ratio), round(target.height() * ratio))
         painter.drawImage(target, image)
 
     def _paint_divider(self, painter: QPainter, pane: Pane, edge: float) -> None:
@@ -296,7 +296,7 @@ class Canvas(QWidget):
         painter.drawLine(QPointF(edge, top), QPointF(edge, bottom))
         painter.setBrush(QColor("#ffffff"))
         painter.setPen(QPen(QColor(0, 0, 0, 120), 1))
-        grip = self._grip(pane)
+        grip = self._handle_center(pane)
         painter.drawEllipse(grip, 11, 11)
         painter.setPen(QPen(QColor("#444b55"), 1.8))
         for way in (-1, 1):
@@ -304,7 +304,7 @@ class Canvas(QWidget):
                 [grip + QPointF(way * 3, -3.5), grip + QPointF(way * 6.5, 0), grip + QPointF(way * 3, 3.5)]
             )
 
-    def _grip(self, pane: Pane) -> QPointF:
+    def _handle_center(self, pane: Pane) -> QPointF:
         """The center of the round handle. It is near the bottom, so that it does not cover the compared content."""
         return QPointF(pane.rect.left() + self.divider * pane.rect.width(), pane.rect.bottom() - 34)
 
@@ -315,7 +315,7 @@ class Canvas(QWidget):
         divider."""
         if self.mode != "wipe":
             return False
-        away = point - self._grip(pane)
+        away = point - self._handle_center(pane)
         if self.tool is not None:
             return QPointF.dotProduct(away, away) < 14**2
         return abs(away.x()) < _GRIP
@@ -343,7 +343,7 @@ class Canvas(QWidget):
             self.divider = min(max(share, 0.0), 1.0)
             self.update()
         elif self._dragged is not None:
-            self.set_zoom(pane.dragged(event.position() - self._dragged))
+            self.set_zoom(pane.zoom_after_drag(event.position() - self._dragged))
             self._dragged = event.position()
         elif self.tool is not None and self.tool.move(event, pane):
             pass

@@ -61,7 +61,7 @@ class Corrector(QObject):
         self._save = QTimer(self, singleShot=True, interval=_PAUSE)
         self._save.timeout.connect(self.flush)
 
-    def forget(self) -> None:
+    def reset(self) -> None:
         """Closes the frame and discards all histories, because the project changed."""
         self.close()
         self._kept.clear()
@@ -84,7 +84,7 @@ class Corrector(QObject):
             self._kept.popitem(last=False)
         self.correction = known
         for tool in (self.brush, self.points):
-            tool.take(known)
+            tool.set_correction(known)
 
     def close(self) -> None:
         """Writes pending changes and closes the frame."""
@@ -93,22 +93,22 @@ class Corrector(QObject):
         self._prompts = []
         self._by_color = self._asked = False
         for tool in (self.brush, self.points):
-            tool.take(None)
+            tool.set_correction(None)
 
     # Steps ------------------------------------------------------------------------------------------------------
 
     def undo(self) -> None:
         if self.correction is not None:
-            self._after(self.correction.undo())
+            self._on_edited(self.correction.undo())
 
     def redo(self) -> None:
         if self.correction is not None:
-            self._after(self.correction.redo())
+            self._on_edited(self.correction.redo())
 
     def revert(self) -> None:
         """Restores the mask that the floors stage found."""
         if self.correction is not None:
-            self._after(self.correction.revert())
+            self._on_edited(self.correction.revert())
 
     def take_candidate(self, name: str) -> None:
         """Uses a mask of the hybrid segmentation as floor mask. `name` is an attribute of HybridSteps."""
@@ -118,14 +118,14 @@ class Corrector(QObject):
             height, width = self.correction.mask.shape
             mask = getattr(self._steps, name).astype(np.float32)
             larger = np.asarray(cv2.resize(mask, (width, height), interpolation=cv2.INTER_LINEAR)) > 0.5
-            self._after(self.correction.replace(larger, "Use a candidate mask"))
+            self._on_edited(self.correction.replace(larger, "Use a candidate mask"))
 
     def _on_step(self) -> None:
         self._unsaved = True
         self._save.start()
         self.stepped.emit()
 
-    def _after(self, box: Box | None) -> None:
+    def _on_edited(self, box: Box | None) -> None:
         if box is not None:
             self.changed.emit(box)
             self._on_step()
@@ -146,7 +146,7 @@ class Corrector(QObject):
         if self._matter is None or index != self._matter.index or not self._prompts or self.correction is None:
             return
         self._asked = False
-        self._after(self.correction.prompt(self._prompts.pop(0), add, take))
+        self._on_edited(self.correction.prompt(self._prompts.pop(0), add, take))
         self._apply_waiting_points()
 
     def use_surface_growing(self) -> None:
@@ -167,12 +167,14 @@ class Corrector(QObject):
                 self._asked = True
                 self.promptWanted.emit(matter.index, [(p.x, p.y, p.floor) for p in prompts])
             elif self._steps is not None or self._by_color:
-                self._after(correction.prompt(self._prompts.pop(0), *surfaces(prompts, *self._small(matter.image))))
+                self._on_edited(
+                    correction.prompt(self._prompts.pop(0), *surfaces(prompts, *self._resized_normals(matter.image)))
+                )
             else:
                 break
         self.waiting.emit(bool(self._prompts))
 
-    def _small(self, image: NDArray[np.uint8]) -> tuple[NDArray[np.float32], NDArray[np.uint8]]:
+    def _resized_normals(self, image: NDArray[np.uint8]) -> tuple[NDArray[np.float32], NDArray[np.uint8]]:
         """The normals, zero if unknown, and the image resized to their size."""
         import cv2
 
@@ -227,7 +229,7 @@ class Candidates(QObject):
         self.link.candidatesMade.connect(lambda index, file: reader.read_candidates(index, Path(file)))
         self.link.prompted.connect(corrector.apply_network_masks)
         self.link.failed.connect(self._on_failed)
-        reader.candidatesRead.connect(self.take)
+        reader.candidatesRead.connect(self.receive)
         corrector.promptWanted.connect(self._on_prompt)
         corrector.waiting.connect(self._on_waiting)
 
@@ -243,7 +245,7 @@ class Candidates(QObject):
         self._root, self._index, self._asked, self._waits = root, index, False, False
         self._made = False
 
-    def want(self) -> None:
+    def request_once(self) -> None:
         """Requests the candidates of the open frame, once."""
         if self._root is None or self._index is None or self._asked or self._made:
             return
@@ -262,9 +264,9 @@ class Candidates(QObject):
             network = False
         self._corrector.use_network(network)
         if not network:
-            self.want()
+            self.request_once()
 
-    def take(self, index: int, steps: HybridSteps) -> None:
+    def receive(self, index: int, steps: HybridSteps) -> None:
         """Receives the candidates of a frame."""
         if index != self._index:
             return
@@ -273,15 +275,15 @@ class Candidates(QObject):
         self._corrector.set_normals(steps)
         self.changed.emit()
 
-    def rest(self) -> None:
+    def stop_process(self) -> None:
         """Ends the process."""
-        self.link.rest()
+        self.link.stop_process()
 
     def _on_failed(self, what: str, index: int, sentence: str) -> None:
         self._notices.warning(sentence)
         if what == "prompt" or index == -1:
             self._corrector.use_surface_growing()
-            self.want()
+            self.request_once()
         if what != "prompt" and index in (self._index, -1):
             self._asked, self._made = False, True
             self._corrector.set_normals(None)

@@ -69,7 +69,7 @@ def read_frame_data(layout: Layout, frame: Frame, index: int) -> FrameData:
     from nvsim.perception.failures import read_failures
     from nvsim.perception.segment import read_mask
 
-    size = frame.intrinsics.within(LARGEST)
+    size = frame.intrinsics.limited_to(LARGEST)
     image = read_image(frame, size)
     mask = machine = None
     path = layout.mask_in_use(frame.name, index)
@@ -213,9 +213,9 @@ class FrameRender(QObject):
         self._soon = QTimer(self, singleShot=True, interval=30)
         self._soon.timeout.connect(self.wanted)
         scene.link.arrived.connect(self._on_picture)
-        scene.link.opened.connect(self.soon)
+        scene.link.opened.connect(self.schedule)
 
-    def soon(self) -> None:
+    def schedule(self) -> None:
         """Schedules `wanted` after the frame or its scale changed. Repeated calls delay it."""
         self._soon.start()
 

@@ -99,9 +99,9 @@ class LayerList(QWidget):
             self.boxes[layer.name], self.sliders[layer.name] = box, slider
         grid.setRowStretch(2 * len(layers), 1)
         self._grid, self._rows = grid, {layer.name: row for row, layer in enumerate(reversed(layers))}
-        self.offer((*OF_DEPTH, *OF_MASK), False)
+        self.show_optional((*OF_DEPTH, *OF_MASK), False)
 
-    def offer(self, names: tuple[str, ...], there: bool) -> None:
+    def show_optional(self, names: tuple[str, ...], there: bool) -> None:
         """Shows or hides the rows of optional layers."""
         for name in names:
             self.boxes[name].setVisible(there)

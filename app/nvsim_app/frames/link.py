@@ -61,7 +61,7 @@ class FrameLink(QObject):
 
     def open(self, root: Path | None) -> None:
         """Sets the project of all later requests."""
-        self.rest()
+        self.stop_process()
         self._root = root
 
     def set_project(self, root: Path) -> None:
@@ -85,7 +85,7 @@ class FrameLink(QObject):
         """Requests the masks of the prompted network for points: x, y in shares of the image, True for floor."""
         self._ask(worker.PromptRequest(frame, tuple(points)))
 
-    def rest(self) -> None:
+    def stop_process(self) -> None:
         """Ends the process and drops all requests. The next request starts another process."""
         self._idle.stop()
         self._process.close()
@@ -107,7 +107,7 @@ class FrameLink(QObject):
         if self._process.unanswered:
             self._idle.start()
         else:
-            self.rest()
+            self.stop_process()
 
     def _on_heard(self, message: object) -> None:
         self._idle.start()

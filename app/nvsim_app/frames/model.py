@@ -76,14 +76,14 @@ class Thumbnails(QObject):
             frame = self._wanted.pop()
             if frame < len(capture.frames):
                 path = thumbnail_path(Layout(root), capture.frames[frame].image_path)
-                if not self._take(frame, path) and frame not in self._missing:
+                if not self._store_thumbnail(frame, path) and frame not in self._missing:
                     self._missing.append(frame)
                     self._ask.start()
             if time.perf_counter() > end:
                 self._load.start()
                 return
 
-    def _take(self, frame: int, path: Path) -> bool:
+    def _store_thumbnail(self, frame: int, path: Path) -> bool:
         pixmap = QPixmap(str(path))
         if pixmap.isNull():
             return False
@@ -98,7 +98,7 @@ class Thumbnails(QObject):
         self._link.ask_thumbnails(newest)
 
     def _on_made(self, frame: int, file: str) -> None:
-        if not self._take(frame, Path(file)):
+        if not self._store_thumbnail(frame, Path(file)):
             self._hopeless.add(frame)
 
     def _on_failed(self, what: str, frame: int, sentence: str) -> None:

@@ -95,7 +95,7 @@ class FramePage(QWidget):
         layout.addLayout(low)
         self.show_mode("wipe")
         self.show_brush(None)
-        self._dress()
+        self._apply_palette()
 
     def fill(self, back: Iterable[QAction], modes: Iterable[QAction], tools: Iterable[QAction | None]) -> None:
         """Adds buttons for the window's commands; None adds a separator."""
@@ -124,10 +124,10 @@ class FramePage(QWidget):
 
     def changeEvent(self, event: QEvent) -> None:
         if event.type() == QEvent.Type.PaletteChange:
-            self._dress()
+            self._apply_palette()
         super().changeEvent(event)
 
-    def _dress(self) -> None:
+    def _apply_palette(self) -> None:
         """Sets the icon of the overflow buttons, which the style draws in black and which is invisible in the dark
         theme."""
         for bar in self.findChildren(QToolBar):

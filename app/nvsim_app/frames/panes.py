@@ -69,7 +69,7 @@ class Pane:
         middle = self.rect.center()
         return Zoom(scale, x - (at.x() - middle.x()) / scale, y - (at.y() - middle.y()) / scale)
 
-    def dragged(self, by: QPointF) -> Zoom:
+    def zoom_after_drag(self, by: QPointF) -> Zoom:
         """The zoom moved by this number of canvas pixels. The center of the pane stays within the image."""
         if not self.zoom.scale:
             return self.zoom

@@ -39,7 +39,7 @@ class PaintedImage:
         """Width and height."""
         return self.image.width(), self.image.height()
 
-    def shrunk(self, width: int, height: int) -> QImage:
+    def scaled_down(self, width: int, height: int) -> QImage:
         """The image, smoothly scaled to this size if it is much larger, because painting it reduced would drop pixels.
         The last result is cached."""
         if width * 1.5 > self.image.width():
@@ -114,7 +114,7 @@ def difference(photographed: PaintedImage, rendered: PaintedImage, gain: float) 
 
     width, height = rendered.size
     mode, smooth = Qt.AspectRatioMode.IgnoreAspectRatio, Qt.TransformationMode.SmoothTransformation
-    scaled = photographed.shrunk(width, height).scaled(width, height, mode, smooth).convertToFormat(_RGB32)
+    scaled = photographed.scaled_down(width, height).scaled(width, height, mode, smooth).convertToFormat(_RGB32)
     a = np.frombuffer(scaled.constBits(), np.uint8).reshape(height, scaled.bytesPerLine() // 4, 4)[:, :width]
     b = rendered.pixels.view(np.uint8).reshape(height, width, 4)
     off = np.maximum(a, b) - np.minimum(a, b)

@@ -44,7 +44,7 @@ class Brush:
         self._cursor: QPointF | None = None
         self._straight = False
 
-    def take(self, correction: Correction | None) -> None:
+    def set_correction(self, correction: Correction | None) -> None:
         """Sets the correction of another frame; None disables the tool."""
         self.correction, self._anchor, self._last = correction, None, None
 
@@ -68,10 +68,10 @@ class Brush:
         self._straight = bool(event.modifiers() & _SHIFT)
         if self._last is not None:
             self._step(pane.to_image(event.position()))
-        self._follow(pane)
+        self._repaint_cursor(pane)
         return True
 
-    def _follow(self, pane: Pane) -> None:
+    def _repaint_cursor(self, pane: Pane) -> None:
         """Repaints the old and the new area of the cursor."""
         assert self._cursor is not None
         reach = self.radius * pane.scale + 3
@@ -126,7 +126,7 @@ class Points:
         self.correction: Correction | None = None
         self._placed = placed
 
-    def take(self, correction: Correction | None) -> None:
+    def set_correction(self, correction: Correction | None) -> None:
         """Sets the correction of another frame; None disables the tool."""
         self.correction = correction
 

@@ -119,10 +119,10 @@ class Worker:
         them."""
         while True:
             while self._requests.waiting or (not self._thumbnails and self._coverage is None):
-                self._hear(*self._requests.take())
+                self._receive(*self._requests.wait_for_request())
             self._step()
 
-    def _hear(self, number: int, request: Request) -> None:
+    def _receive(self, number: int, request: Request) -> None:
         if isinstance(request, ThumbnailRequest):
             self._number, self._thumbnails = number, list(request.frames)[::-1]
         elif isinstance(request, CoverageRequest):
@@ -173,7 +173,7 @@ class Worker:
         layout, capture = self._project.layout, self._project.capture()
         frames = capture.frames if capture is not None else ()
         corrected = corrected_frames(layout, frames)
-        kept = _kept(layout.cache / COVERAGE)
+        kept = _read_cache(layout.cache / COVERAGE)
         shares: dict[int, float] = {}
         for index, frame in enumerate(frames):
             path = layout.correction(frame.name) if index in corrected else layout.mask(index)
@@ -228,7 +228,7 @@ def _result_or_failure(what: str, frame: int, make: Callable[[int], object]) -> 
         return FailedRequest(what, frame, f"Unexpected error: {error}")
 
 
-def _kept(path: Path) -> dict[str, Any]:
+def _read_cache(path: Path) -> dict[str, Any]:
     """The cached shares: path of a mask -> [modification time, floor share]; empty if the cache is damaged."""
     from nvsim.files.opening import read_json
 

@@ -243,7 +243,7 @@ class InspectorPanel(QScrollArea):
             button.setEnabled(drawn or channel == "rgb")
             shown = f"Show {CHANNELS[channel].lower()} in the panorama"
             button.setToolTip(
-                tooltip_text(shown) if button.isEnabled() else "The images beside a graph file have only colors"
+                tooltip_text(shown) if button.isEnabled() else "The images of a graph file have colors only"
             )
 
     def _on_current(self, index: QModelIndex) -> None:

@@ -259,7 +259,7 @@ class PanoramaView(QWidget):
 
     # Events ----------------------------------------------------------------------------------------------------
 
-    def _under(self, point: QPointF) -> Direction | None:
+    def _direction_under(self, point: QPointF) -> Direction | None:
         if not self.shows_regions:
             return None
         return direction_hit(self._inspection.directions, self._inspection.eye, *self.to_angles(point))
@@ -273,7 +273,7 @@ class PanoramaView(QWidget):
         if self.channel in OF_CHANNEL:
             self.update()
         if self._pressed is None:
-            near = self.neighbours.under(event.position())
+            near = self.neighbours.neighbor_under(event.position())
             if near != self.neighbours.hovered:
                 self.neighbours.hovered = near
                 self.update()
@@ -281,7 +281,7 @@ class PanoramaView(QWidget):
                 self.setCursor(Qt.CursorShape.PointingHandCursor)
                 self.setToolTip("Click to go to this viewpoint")
                 return
-            under = self._under(event.position())
+            under = self._direction_under(event.position())
             self._inspection.point(under)
             self.setCursor(_cursor(under))
             self.setToolTip("" if under is None else tooltip_text(under.sentence))
@@ -298,17 +298,17 @@ class PanoramaView(QWidget):
     def mouseReleaseEvent(self, event: QMouseEvent) -> None:
         clicked = self._pressed is not None and not self._dragged
         self._pressed = None
-        near = self.neighbours.under(event.position())
+        near = self.neighbours.neighbor_under(event.position())
         if clicked and event.button() == Qt.MouseButton.LeftButton and near is not None:
             self.walked.emit(near)
             return
-        under = self._under(event.position())
+        under = self._direction_under(event.position())
         self.setCursor(_cursor(under))
         if clicked and event.button() == Qt.MouseButton.LeftButton and under is not None:
             self.chosen.emit(under)
 
     def mouseDoubleClickEvent(self, event: QMouseEvent) -> None:
-        if self._under(event.position()) is None:
+        if self._direction_under(event.position()) is None:
             self._zoom, self._elevation = 1.0, _DOWN
             self.update()
 

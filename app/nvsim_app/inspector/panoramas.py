@@ -99,7 +99,7 @@ class Panoramas(QObject):
         if self._reader is not None:
             self._reader.join()
 
-    def forget(self) -> None:
+    def clear_caches(self) -> None:
         """Empties the caches and repeats the request, because the models changed."""
         self._kept.clear()
         self._sketches.clear()
@@ -126,7 +126,7 @@ class Panoramas(QObject):
         if pixels is not None:
             self._on_panorama(Panorama(place, pixels.shape[1], {"rgb": pixels}, -1, 0.0, True))
         else:
-            self._troubles[place] = trouble or "There is no image of this viewpoint beside the file."
+            self._troubles[place] = trouble or "The folder of the file has no image of this viewpoint."
             self.arrived.emit()
         self._wait.start()  # another panorama may be requested meanwhile
 

@@ -149,7 +149,7 @@ class NeighbourMarks:
         self._ids: list[str] = []
         self.hovered: str | None = None
 
-    def under(self, point: QPointF) -> str | None:
+    def neighbor_under(self, point: QPointF) -> str | None:
         """The id of the neighbor whose mark is under `point`, None if there is none."""
         if not self._ids:
             return None

@@ -7,7 +7,7 @@ from collections import deque
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from nvsim.cli.arguments import given
+from nvsim.cli.arguments import value_of_flag
 from nvsim.events import Done, Event, Failed, Log, Metric, Preview, Progress, Warning, Worker
 from nvsim.files.opening import is_folder
 from nvsim.project.jobs.joblist import Job
@@ -57,7 +57,7 @@ class LogLine:
 
 
 class JobReport:
-    """The collected state of a job. `hear` adds an event."""
+    """The collected state of a job. `receive` adds an event."""
 
     def __init__(self) -> None:
         self.progress: Progress | None = None
@@ -70,7 +70,7 @@ class JobReport:
         self.workers: dict[str, tuple[float, Worker]] = {}  # name -> time and content of its last event
         self._marks: deque[tuple[float, int]] = deque()
 
-    def hear(self, at: float, event: Event) -> None:
+    def receive(self, at: float, event: Event) -> None:
         if isinstance(event, Progress):
             self._on_progress(at, event)
         elif isinstance(event, Metric):
@@ -79,12 +79,12 @@ class JobReport:
             self._on_image(event)
         elif isinstance(event, Done):
             self.results[event.stage] = event.results
-            self._say(at, "done", event.stage, event.summary)
+            self._add_line(at, "done", event.stage, event.summary)
         elif isinstance(event, Failed):
             self.failure = event.message
-            self._say(at, "error", event.stage, event.message)
+            self._add_line(at, "error", event.stage, event.message)
         elif isinstance(event, Warning):
-            self._say(at, "warning", event.stage, event.text)
+            self._add_line(at, "warning", event.stage, event.text)
         elif isinstance(event, Worker):
             self.workers.pop(event.name, None)  # moves the worker to the end, so that the oldest is removed first
             self.workers[event.name] = (at, event)
@@ -95,7 +95,7 @@ class JobReport:
                 self._marks.clear()
                 self.failure = ""
                 self.workers.clear()
-            self._say(at, "log", event.stage, event.text)
+            self._add_line(at, "log", event.stage, event.text)
 
     def _on_image(self, event: Preview) -> None:
         name = image_key(event.submap) if event.submap >= 0 else event.path
@@ -103,7 +103,7 @@ class JobReport:
         # If training resumed from a checkpoint, drop later images.
         self.images[name] = {step: one for step, one in known.items() if step < event.step} | {event.step: event}
 
-    def _say(self, at: float, kind: str, stage: str, text: str) -> None:
+    def _add_line(self, at: float, kind: str, stage: str, text: str) -> None:
         self.line_count += 1
         self.lines.append(LogLine(at, kind, f"{stage}: {text}" if stage else text))
 
@@ -141,8 +141,8 @@ def folder_of(job: Job) -> Path | None:
     if job.order.verb not in EXPORTS or not job.ours:
         return None
     words = list(job.order.arguments)
-    named = given(words, "--out", "")
+    named = value_of_flag(words, "--out", "")
     if not named and job.order.verb == "export features":
-        named = os.path.join(given(words, "--folder", ""), "features")
+        named = os.path.join(value_of_flag(words, "--folder", ""), "features")
     folder = Path(named).absolute()
     return folder if named and "\0" not in named and is_folder(folder) else None

@@ -25,7 +25,7 @@ from nvsim.capture.findings import (
     grouped,
 )
 from nvsim.capture.summary import Summary
-from nvsim.errors import shown
+from nvsim.errors import value_text
 from nvsim.events import Failed, from_json
 from nvsim.reconstruction.footage_check import VideoFile
 from nvsim_app.processes.child import ChildProgram
@@ -187,7 +187,7 @@ def result_of(text: str) -> CheckResult:
 # Any, here and below: unchecked JSON.
 def _finding(tree: Any) -> Finding:
     if tree["severity"] not in SEVERITIES:
-        raise ValueError(f"not a finding of a data check: {shown(tree)}")
+        raise ValueError(f"not a finding of a data check: {value_text(tree)}")
     frames = tuple(str(name) for name in tree.get("frames", ()))
     message, where, consequence = (str(tree[key]) for key in ("message", "where", "consequence"))
     return Finding(tree["severity"], message, where, consequence, frames, str(tree.get("fix", "")))

@@ -58,7 +58,7 @@ class JobHandle(QObject):
         return self.state == "running"
 
     @property
-    def ours(self) -> bool:
+    def is_own(self) -> bool:
         """Whether this user ordered the job on this machine. Other jobs never run by themselves."""
         return self.job.ours
 
@@ -97,7 +97,7 @@ class JobHandle(QObject):
         return f"{100 * self.history.share:.0f} % of {progress.stage}: {progress.detail}".rstrip(": ")
 
     @property
-    def worked(self) -> float:
+    def work_seconds(self) -> float:
         """Seconds of work without pauses."""
         status = self.job.status
         now = time.time() - status.started if self.running and status.started else 0.0
@@ -107,13 +107,13 @@ class JobHandle(QObject):
         """Reads the events since the last call, and adds them to the history."""
         events = self._file.read(BYTES_A_LOOK)
         for at, event in events:
-            self.history.hear(at, event)
+            self.history.receive(at, event)
         return [event for _, event in events]
 
     @property
-    def behind(self) -> bool:
+    def has_unread_events(self) -> bool:
         """Whether there are unread events."""
-        return self._file.behind
+        return self._file.has_unread_events
 
 
 class JobQueue(QObject):
@@ -145,7 +145,7 @@ class JobQueue(QObject):
 
     # The project ------------------------------------------------------------------------------------------------
 
-    def follow(self, project: Path | None) -> None:
+    def set_project(self, project: Path | None) -> None:
         """Shows the jobs of `project`; None shows none."""
         root = None if project is None else Path(project).absolute()
         if root == self.project:
@@ -175,10 +175,10 @@ class JobQueue(QObject):
         """Stops polling. The jobs continue."""
         self._timer.stop()
 
-    def watch(self, handle: JobHandle) -> None:
+    def read_events_of(self, handle: JobHandle) -> None:
         """Reads the events of a job even if it has ended."""
         self._watched.add(handle.number)
-        if handle.behind:
+        if handle.has_unread_events:
             self._timer.setInterval(HASTY)
 
     # Jobs -------------------------------------------------------------------------------------------------------
@@ -224,7 +224,7 @@ class JobQueue(QObject):
         allowed = [h for h in handles if not self.why_not_resume(h)]
         for handle in allowed:
             if handle.state != "queued":
-                self._jobs.again(handle.number)
+                self._jobs.requeue(handle.number)
         light = [h.number for h in allowed if not h.job.order.heavy]
         heavy = [h.number for h in allowed if h.job.order.heavy]
         for number in (*light, *sorted(heavy)[:1]):  # the worker starts the next heavy job itself
@@ -234,7 +234,7 @@ class JobQueue(QObject):
     def why_not_resume(self, handle: JobHandle) -> str:
         """Why a job cannot be continued or started now, "" if it can. A waiting job needs the results of those before
         it, so these come first."""
-        if not handle.ours:
+        if not handle.is_own:
             return ELSEWHERE
         if not handle.job.resumable:
             return "it was started in a terminal; run it there again"
@@ -275,11 +275,11 @@ class JobQueue(QObject):
         if self._jobs is not None and not self.busy:
             self._begin(self._jobs, None)
 
-    def forget(self, handle: JobHandle) -> None:
+    def remove(self, handle: JobHandle) -> None:
         """Removes a job that does not run from the list."""
         if self._jobs is not None and not handle.running:
             with contextlib.suppress(InputError):  # the job may be removed already
-                self._jobs.forget(handle.number)
+                self._jobs.remove(handle.number)
             self._update_jobs()
 
     def _ask(self, handle: JobHandle, wish: Wish) -> None:
@@ -318,9 +318,11 @@ class JobQueue(QObject):
             gone.deleteLater()
         self.handles = handles
         heard_from = self._read_some_events()
-        self._hasten()
+        self._kill_late_jobs()
         waiting = any(h.state in ("running", "queued") for h in handles)
-        self._timer.setInterval(HASTY if heard_from is not None and heard_from.behind else LIVELY if waiting else CALM)
+        self._timer.setInterval(
+            HASTY if heard_from is not None and heard_from.has_unread_events else LIVELY if waiting else CALM
+        )
         if changed:
             self.changed.emit()
         if heard_from is not None:
@@ -334,14 +336,14 @@ class JobQueue(QObject):
     def _read_some_events(self) -> JobHandle | None:
         """Reads some events of one job, running jobs first. Returns the job, None if there are no events."""
         for handle in sorted(self.handles, key=lambda h: (not h.running, -h.number)):
-            unfinished = handle.ours and handle.state != "done"  # its row shows its progress
-            if (handle.running or unfinished or handle.number in self._watched) and handle.behind:
+            unfinished = handle.is_own and handle.state != "done"  # its row shows its progress
+            if (handle.running or unfinished or handle.number in self._watched) and handle.has_unread_events:
                 for event in handle.read_events():
                     self.heard.emit(handle, event)
                 return handle
         return None
 
-    def _hasten(self) -> None:
+    def _kill_late_jobs(self) -> None:
         """Kills jobs that have not ended within PATIENCE seconds of a request."""
         for handle in self.running:
             if handle.wish is not None and time.monotonic() - handle.asked > PATIENCE and self._jobs is not None:

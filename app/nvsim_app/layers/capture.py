@@ -44,7 +44,7 @@ class CloudLayer(Layer):
     def missing(self) -> str:
         return "" if self._document.contents.scan_cloud is not None else "there is no point cloud"
 
-    def forget(self) -> None:
+    def release_project(self) -> None:
         self._dots = None
 
     def paint(self, painter: QPainter, camera: Camera) -> None:
@@ -135,7 +135,7 @@ class FrustumLayer(Layer):
     def missing(self) -> str:
         return "" if len(self._document.trajectory.positions) else STAGE["import"].missing
 
-    def forget(self) -> None:
+    def release_project(self) -> None:
         self._of, self._starts, self._ends = None, np.zeros((0, 8, 3)), np.zeros((0, 8, 3))
 
     def paint(self, painter: QPainter, camera: Camera) -> None:

@@ -97,13 +97,13 @@ class OccupancyLayer(Layer):
         rays = _RAYS_MOVING if self.moving else _RAYS
         key = (camera, occupancy, round(floor, 2), rays)
         if key != self._key:
-            self._key, self._image = key, self._drawn(camera, occupancy, floor, rays)
+            self._key, self._image = key, self._pixel_colors(camera, occupancy, floor, rays)
         height, width = self._image.shape
         picture = QImage(self._image.data, width, height, 4 * width, QImage.Format.Format_ARGB32_Premultiplied)
         painter.setRenderHint(QPainter.RenderHint.SmoothPixmapTransform)
         painter.drawImage(QRectF(0, 0, k.width, k.height), picture)
 
-    def _drawn(self, camera: Camera, occupancy: OccupancyMap, floor: float, rays: int) -> NDArray[np.uint32]:
+    def _pixel_colors(self, camera: Camera, occupancy: OccupancyMap, floor: float, rays: int) -> NDArray[np.uint32]:
         """(H, W) premultiplied colors, one per ray."""
         if self._of is not occupancy:
             self._tones = np.zeros(occupancy.cells.shape, np.uint32)

@@ -119,7 +119,7 @@ class GraphLayer(Layer):
     def missing(self) -> str:
         return "" if self._document.graph_arrays.ids else STAGE["map"].missing
 
-    def seen(self, camera: Camera) -> ProjectedViewpoints:
+    def projected_viewpoints(self, camera: Camera) -> ProjectedViewpoints:
         """The viewpoints projected to `camera`. The result is cached for repeated calls."""
         arrays = self._document.shown_arrays
         if self._latest is None or self._latest.camera is not camera or self._latest.arrays is not arrays:
@@ -145,19 +145,19 @@ class GraphLayer(Layer):
         arrays = self._document.shown_arrays
         if not arrays.ids:
             return
-        view = self.seen(camera)
+        view = self.projected_viewpoints(camera)
         if len(arrays.edges) > LARGE:
             k = camera.intrinsics
-            manner = self._ink.manner(len(view.lines[0]), arrays.included[view.order])
+            manner = self._ink.paint_styles(len(view.lines[0]), arrays.included[view.order])
 
             def draw(target: QPainter, within: QRectF | None) -> None:
                 self._paint_all(target, view, within)
 
-            def touched(drawn: object) -> QRectF | None:
-                return _outline(camera, self._document.graph_changes.since(drawn))
+            def changed_area(drawn: object) -> QRectF | None:
+                return _outline(camera, self._document.graph_changes.changed_segments_since(drawn))
 
-            whole, key = self._document.graph_arrays, (camera, manner, self._document.storeys.between)
-            self._kept.paint(painter, k.width, k.height, key, draw, whole, touched)
+            whole, key = self._document.graph_arrays, (camera, manner, self._document.storeys.height_range)
+            self._kept.paint(painter, k.width, k.height, key, draw, whole, changed_area)
         else:
             hidden = self.hidden(view)
             if hidden.any():
@@ -167,7 +167,7 @@ class GraphLayer(Layer):
                 painter.setOpacity(opacity)
                 view = view.part(~hidden, touching=False)
             self._paint_all(painter, view)
-        self._paint_marked(painter, self.seen(camera))
+        self._paint_marked(painter, self.projected_viewpoints(camera))
 
     def _paint_all(self, painter: QPainter, view: ProjectedViewpoints, within: QRectF | None = None) -> None:
         self._ink.draw_edges(painter, *view.lines, within)
@@ -236,4 +236,4 @@ def are_behind_walls(
     places = eye[:2] + share[None, :, None] * way[:, None, :2]
     height = (1.0 - share)[None, :] * -way[:, 2:]  # above the floor at the foot
     counts = (way[:, 2:] > -_ABOVE) & (height < WALL) & ((1.0 - share)[None, :] * length[:, None] > _NEAR)
-    return np.asarray(((occupancy.at(places) == OCCUPIED) & counts).any(axis=1), np.bool_)
+    return np.asarray(((occupancy.states_at(places) == OCCUPIED) & counts).any(axis=1), np.bool_)

@@ -40,7 +40,7 @@ class LabelLayer(Layer):
         arrays, graph = self._document.shown_arrays, self._document.graph
         if not arrays.ids or not self._graph.shown:
             return
-        view = self._graph.seen(camera)
+        view = self._graph.projected_viewpoints(camera)
         selected = arrays.index.get(self._document.selection.viewpoint or "")
         hovered = arrays.index.get(self._graph.hovered or "")
         hidden = self._graph.hidden(view)

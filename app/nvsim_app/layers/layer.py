@@ -44,7 +44,7 @@ class Layer:
         """Why there is nothing to paint, as text; "" if there is something."""
         return ""
 
-    def forget(self) -> None:
+    def release_project(self) -> None:
         """Releases what the layer keeps of the project, which is left."""
 
     def paint(self, painter: QPainter, camera: Camera) -> None:

@@ -64,14 +64,14 @@ class InkLabel(Label):
 
     def set_ink(self, ink: str) -> None:
         self._ink = ink
-        self._dress()
+        self._apply_palette()
 
     def changeEvent(self, event: QEvent) -> None:
         if event.type() == QEvent.Type.PaletteChange and hasattr(self, "_ink"):
-            self._dress()
+            self._apply_palette()
         super().changeEvent(event)
 
-    def _dress(self) -> None:
+    def _apply_palette(self) -> None:
         wanted = QColor(colors.text(self._ink)) if self._ink else QApplication.palette().windowText().color()
         if self.palette().windowText().color() != wanted:
             palette = QPalette()  # the other colors remain those of the theme
@@ -129,7 +129,7 @@ class Hint(Label):
         area.viewport().installEventFilter(self)
         self.refresh()
 
-    def follow(self, view: QAbstractItemView) -> Hint:
+    def refresh_with(self, view: QAbstractItemView) -> Hint:
         """Refreshes whenever the rows of `view` change."""
         model = view.model()
         for changed in (model.modelReset, model.rowsInserted, model.rowsRemoved, model.layoutChanged):

@@ -108,7 +108,7 @@ _BARE = re.compile(rf"(?<![\w/.-])nvsim ({'|'.join(sorted(map(re.escape, _LABELS
 _SHORT = frozenset({"ssim", "lpips", "csv", "sh", "mcmc", "dc", "a2c"})
 _MOST = 10_000  # characters
 _CLEARER = {
-    "afresh": "Train again",
+    "repeat": "Repeat finished runs",
     "also": "More projects",
     "force": "Write despite errors",
     "for_": "Folders for agents",

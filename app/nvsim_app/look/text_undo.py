@@ -39,7 +39,7 @@ class TextUndo(QObject):
         if now is not None:
             now.installEventFilter(self)
 
-    def _has(self, widget: QWidget) -> bool:
+    def _is_in_window(self, widget: QWidget) -> bool:
         """Whether a widget is in the window or in one of its dialogs."""
         window: QWidget | None = widget.window()
         while window is not None and window is not self._window:
@@ -53,7 +53,7 @@ class TextUndo(QObject):
         action = next((each for each in (self._undo, self._redo) if each.shortcut() == keys), None)
         if action is None or not isinstance(watched, QWidget) or QApplication.activeModalWidget() is not None:
             return False
-        if not self._has(watched):
+        if not self._is_in_window(watched):
             return False  # another main window watches it
         text = _text_of(watched)
         if text is not None and (text.isUndoAvailable() if action is self._undo else text.isRedoAvailable()):

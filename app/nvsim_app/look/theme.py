@@ -137,19 +137,19 @@ class Plot(pg.PlotWidget):
         self.hideButtons()
         self.setMouseEnabled(x=False, y=False)
         self._ready = True
-        self.dress()
+        self.apply_palette()
 
     def show_title(self, words: str) -> None:
         """Shows a title above the plot."""
         self._words = words
-        self.dress()
+        self.apply_palette()
 
     def label_axes(self, bottom: str, left: str) -> None:
         """Sets the labels of the axes, including the unit."""
         self.setLabel("bottom", escape_html(bottom))
         self.setLabel("left", escape_html(left))
 
-    def dress(self) -> None:
+    def apply_palette(self) -> None:
         """Applies the colors of the palette."""
         palette = self.palette()
         self.setBackground(palette.base().color())
@@ -162,4 +162,4 @@ class Plot(pg.PlotWidget):
     def changeEvent(self, event: QEvent) -> None:
         super().changeEvent(event)
         if event.type() == QEvent.Type.PaletteChange and self._ready:
-            self.dress()
+            self.apply_palette()

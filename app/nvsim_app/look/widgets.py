@@ -214,14 +214,14 @@ class FocusRing(QWidget):
     def _on_focus(self, _: QWidget | None, now: QWidget | None) -> None:
         if self.around is not None and isValid(self.around):
             self.around.removeEventFilter(self)
-            self.around.destroyed.disconnect(self._forget)
+            self.around.destroyed.disconnect(self._hide_ring)
         self.around = now if now is not None and now.window() is self.window() and not isinstance(now, _OWN) else None
         if self.around is not None:
             self.around.installEventFilter(self)
-            self.around.destroyed.connect(self._forget)
+            self.around.destroyed.connect(self._hide_ring)
         self._place()
 
-    def _forget(self) -> None:
+    def _hide_ring(self) -> None:
         self.around = None
         self.hide()
 

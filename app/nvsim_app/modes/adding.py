@@ -48,7 +48,7 @@ class AddEdgeMode(Mode):
         elif self._existing_start is None:
             self._begin(there)
         else:
-            self._join(there, pointer.adds)
+            self._join(there, pointer.adds_to_selection)
         return True
 
     def takes_drag(self, start: Pointer) -> bool:
@@ -66,7 +66,7 @@ class AddEdgeMode(Mode):
             self.cancel()
             self.context.editing.refuse("The edge must end at a viewpoint.")
         elif there != self._existing_start:
-            self._join(there, now.adds)
+            self._join(there, now.adds_to_selection)
 
     def hover(self, pointer: Pointer) -> bool:
         pointer.surface.widget.setCursor(self.cursor)
@@ -74,7 +74,7 @@ class AddEdgeMode(Mode):
         self.context.refresh()
         return True
 
-    def away(self) -> None:
+    def on_pointer_left(self) -> None:
         self._now = None
 
     def cancel(self) -> bool:
@@ -123,7 +123,7 @@ class AddEdgeMode(Mode):
         if end is None:
             return
         found = None if there is None else self._path_evidence(start, there)
-        ink = GHOST if found is None else _INKS[found.speaks]
+        ink = GHOST if found is None else _INKS[found.support_of_edge]
         line(painter, surface, foot, np.array(end), ink)
         away = lengths.length(float(np.linalg.norm(np.array(end) - foot)))
         label(painter, QPointF(now.point), f"connect, {away}" if there is not None else away)
@@ -156,8 +156,8 @@ class AddViewpointMode(Mode):
             # A click on an existing viewpoint selects it, so that the chain can continue from there.
             editing.select(GraphSelection(frozenset({there})))
             return True
-        join = self._joined() if pointer.adds else None
-        frame, edge = self._snapped(pointer)
+        join = self._joined() if pointer.adds_to_selection else None
+        frame, edge = self._snap_targets(pointer)
         place = pointer.surface.floor_point(pointer.point)
         if frame is not None:
             x, y, z = (float(v) for v in self.context.document.trajectory.positions[frame])
@@ -172,7 +172,7 @@ class AddViewpointMode(Mode):
 
     def hover(self, pointer: Pointer) -> bool:
         pointer.surface.widget.setCursor(self.cursor)
-        frame, edge = self._snapped(pointer)
+        frame, edge = self._snap_targets(pointer)
         place = pointer.surface.floor_point(pointer.point)
         if pointer.viewpoint is not None:
             words = "select this viewpoint"
@@ -186,18 +186,18 @@ class AddViewpointMode(Mode):
             words = "split this edge with a viewpoint"
         elif place is None:
             words = "no floor here"
-        elif pointer.adds and self._joined() is not None:
+        elif pointer.adds_to_selection and self._joined() is not None:
             words = "add a viewpoint and connect it"
         else:
             words = "add a viewpoint"
         self._ghost = None if place is None else (pointer.surface, pointer.point, np.array(place), words)
-        self._joins = pointer.adds
+        self._joins = pointer.adds_to_selection
         self.context.refresh()
         return True
 
     _joins = False
 
-    def away(self) -> None:
+    def on_pointer_left(self) -> None:
         self._ghost = None
 
     def cancel(self) -> bool:
@@ -212,11 +212,11 @@ class AddViewpointMode(Mode):
         chosen = self.context.editing.selection.viewpoints
         return next(iter(chosen)) if len(chosen) == 1 else None
 
-    def _snapped(self, pointer: Pointer) -> tuple[int | None, tuple[str, str] | None]:
+    def _snap_targets(self, pointer: Pointer) -> tuple[int | None, tuple[str, str] | None]:
         if pointer.free:
             return None, None
         edge = pointer.edge
-        if edge is not None and not pointer.adds:
+        if edge is not None and not pointer.adds_to_selection:
             return None, edge
         return pointer.surface.pick_frame(pointer.point), None
 

@@ -53,7 +53,7 @@ class ModeController(QObject):
         self._reviewed = ReviewMarks(document)
         self._refusal = ""
         self._fade = QTimer(self, singleShot=True, interval=REFUSAL)
-        self._fade.timeout.connect(self._forget)
+        self._fade.timeout.connect(self._clear_refusal)
         document.editing.refused.connect(self._refuse)
         document.graphChanged.connect(self._on_edit)
         document.selectionChanged.connect(self.refresh)
@@ -130,18 +130,18 @@ class ModeController(QObject):
         """Clears the refusal, because the graph changed."""
         if self._refusal:
             self._fade.stop()
-            self._forget()
+            self._clear_refusal()
         self.refresh()
 
     def _on_project(self) -> None:
         """Clears all labels at the mouse pointer, because they are about the previous project."""
         self.give_up()
-        self.current.away()
+        self.current.on_pointer_left()
         for canvas in self.canvases:
             canvas.cursor_at = None
         if self._refusal:
             self._fade.stop()
-            self._forget()
+            self._clear_refusal()
         self.refresh()
 
     def _refuse(self, sentence: str) -> None:
@@ -150,7 +150,7 @@ class ModeController(QObject):
         self.said.emit(self._refusal)
         self.refresh()
 
-    def _forget(self) -> None:
+    def _clear_refusal(self) -> None:
         self._refusal = ""
         self.said.emit(self.current.hint)
         self.refresh()
@@ -174,7 +174,7 @@ class ModeOverlay(QWidget):
             self.resize(self.surface.widget.size())
         elif event.type() == QEvent.Type.Leave:
             self.cursor_at = None
-            self._stage.current.away()
+            self._stage.current.on_pointer_left()
             self.surface.widget.update()
         return False
 

@@ -65,7 +65,7 @@ class ReviewMarks:
         self._drawn: tuple[GraphArrays | None, NDArray[np.float64], NDArray[np.float64]] = (None, _NO, _NO)
         self._tick, self._lock = _tick(), _lock()
         document.contentsChanged.connect(self._on_contents)
-        document.graphChanged.connect(self._follow)
+        document.graphChanged.connect(self._update_marks)
         self._read(document.graph)
 
     def _on_contents(self, parts: frozenset[str]) -> None:
@@ -80,7 +80,7 @@ class ReviewMarks:
         self._locked = {name for name, thing in things if thing.locked}
         self._drawn = (None, _NO, _NO)
 
-    def _follow(self, change: Difference) -> None:
+    def _update_marks(self, change: Difference) -> None:
         graph = self._document.graph
         if graph is None:
             return

@@ -63,7 +63,7 @@ class MeasureMode(Mode):
         self.context.refresh()
         return True
 
-    def away(self) -> None:
+    def on_pointer_left(self) -> None:
         self._now = None
 
     def cancel(self) -> bool:

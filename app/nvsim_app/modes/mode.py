@@ -33,11 +33,11 @@ class Pointer:
     modifiers: Qt.KeyboardModifier = _M.NoModifier
 
     @property
-    def adds(self) -> bool:
+    def adds_to_selection(self) -> bool:
         return bool(self.modifiers & _M.ShiftModifier)
 
     @property
-    def toggles(self) -> bool:
+    def toggles_selection(self) -> bool:
         return bool(self.modifiers & _M.ControlModifier)
 
     @property
@@ -105,7 +105,7 @@ class Mode:
         """Handles a move without a button. Returns True to turn off the view's own hover effect."""
         return False
 
-    def away(self) -> None:
+    def on_pointer_left(self) -> None:
         """Called when the pointer leaves the view. Removes the hints at the pointer."""
 
     def takes_key(self, event: QKeyEvent) -> bool:

@@ -27,9 +27,9 @@ def choose(
     """Selects these items and deselects all others. With Shift, adds them; with Ctrl, toggles them."""
     found = GraphSelection(frozenset(viewpoints), frozenset(edges))
     now = context.editing.selection
-    if pointer.toggles:
+    if pointer.toggles_selection:
         found = GraphSelection(now.viewpoints ^ found.viewpoints, now.edges ^ found.edges)
-    elif pointer.adds:
+    elif pointer.adds_to_selection:
         found = GraphSelection(now.viewpoints | found.viewpoints, now.edges | found.edges)
     context.editing.select(found)
 
@@ -45,7 +45,7 @@ def select_at_pointer(context: ModeContext, pointer: Pointer) -> bool:
     if edge is not None:
         choose(context, pointer, edges=[edge])
         return True
-    return pointer.adds or pointer.toggles
+    return pointer.adds_to_selection or pointer.toggles_selection
 
 
 NUDGE = 0.05  # meters
@@ -83,7 +83,7 @@ class SelectMode(Mode):
     # Dragging --------------------------------------------------------------------------------------------------
 
     def takes_drag(self, start: Pointer) -> bool:
-        if start.toggles:
+        if start.toggles_selection:
             return True  # Ctrl, because Shift moves the camera sideways
         viewpoint = start.viewpoint
         # Only selected viewpoints move, because a drag that turns the camera often starts on a viewpoint.

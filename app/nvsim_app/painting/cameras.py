@@ -55,27 +55,27 @@ class ViewPose:
         return Camera(intrinsics, camera_pose(np.asarray(self.position, np.float64), self.heading, self.elevation))
 
 
-def _at(position: NDArray[np.float64]) -> tuple[float, float, float]:
+def _to_tuple(position: NDArray[np.float64]) -> tuple[float, float, float]:
     return (float(position[0]), float(position[1]), float(position[2]))
 
 
-def turned(pose: ViewPose, right: float, up: float) -> ViewPose:
+def turn_pose(pose: ViewPose, right: float, up: float) -> ViewPose:
     """The pose turned by `right` and `up` radians without moving."""
     elevation = min(max(pose.elevation + up, -pi / 2), pi / 2)
     return replace(pose, heading=(pose.heading + right + pi) % (2 * pi) - pi, elevation=elevation)
 
 
-def orbited(pose: ViewPose, dx: float, dy: float) -> ViewPose:
+def orbit_pose(pose: ViewPose, dx: float, dy: float) -> ViewPose:
     """The pose after a drag of (dx, dy) pixels that orbits around the pivot."""
-    after = turned(pose, dx * RADIANS_PER_PIXEL, -dy * RADIANS_PER_PIXEL)
-    return replace(after, position=_at(pose.pivot - pose.reach * after.axes[:, 2]))
+    after = turn_pose(pose, dx * RADIANS_PER_PIXEL, -dy * RADIANS_PER_PIXEL)
+    return replace(after, position=_to_tuple(pose.pivot - pose.reach * after.axes[:, 2]))
 
 
-def panned(pose: ViewPose, dx: float, dy: float, picture_height: int) -> ViewPose:
+def pan_pose(pose: ViewPose, dx: float, dy: float, picture_height: int) -> ViewPose:
     """The pose after a drag of (dx, dy) pixels that moves sideways. The pivot stays under the cursor."""
     metres = 2 * pose.reach * tan(pose.fov / 2) / picture_height
     axes = pose.axes
-    return replace(pose, position=_at(np.asarray(pose.position) - metres * (dx * axes[:, 0] + dy * axes[:, 1])))
+    return replace(pose, position=_to_tuple(np.asarray(pose.position) - metres * (dx * axes[:, 0] + dy * axes[:, 1])))
 
 
 def zoomed(pose: ViewPose, factor: float, toward: NDArray[np.float64] | None = None) -> ViewPose:
@@ -89,17 +89,17 @@ def zoomed(pose: ViewPose, factor: float, toward: NDArray[np.float64] | None = N
     if toward is not None and float(toward @ axes[:, 2]) > 0.1:
         ray = toward / float(toward @ axes[:, 2])
     reach = min(max(pose.reach * factor, NEAREST_PIVOT), FARTHEST_PIVOT)
-    return replace(pose, position=_at(np.asarray(pose.position) + step * ray), reach=reach)
+    return replace(pose, position=_to_tuple(np.asarray(pose.position) + step * ray), reach=reach)
 
 
-def flown(pose: ViewPose, forward: float, right: float, up: float) -> ViewPose:
+def fly_pose(pose: ViewPose, forward: float, right: float, up: float) -> ViewPose:
     """The pose moved along the optical axis, to the right, and along world z, all in meters."""
     axes = pose.axes
     shift = forward * axes[:, 2] + right * axes[:, 0] + np.array([0.0, 0.0, up])
-    return replace(pose, position=_at(np.asarray(pose.position) + shift))
+    return replace(pose, position=_to_tuple(np.asarray(pose.position) + shift))
 
 
-def walked(pose: ViewPose, forward: float, right: float) -> ViewPose:
+def walk_pose(pose: ViewPose, forward: float, right: float) -> ViewPose:
     """The pose moved horizontally: along the heading and to the right, in meters. The elevation is ignored."""
     x, y, z = pose.position
     ahead = sin(pose.heading), cos(pose.heading)
@@ -113,7 +113,7 @@ def seen_from_frame(camera: Camera) -> ViewPose:
     forward = camera.rotation[:, 2]
     heading, elevation = atan2(forward[0], forward[1]), atan2(forward[2], hypot(forward[0], forward[1]))
     fov = 2 * atan(camera.intrinsics.height / 2 / camera.intrinsics.fy)
-    return ViewPose(_at(camera.position), heading, elevation, REACH, fov)
+    return ViewPose(_to_tuple(camera.position), heading, elevation, REACH, fov)
 
 
 def top_view(points: NDArray[np.float64], aspect: float = 1.6) -> ViewPose:
@@ -132,12 +132,12 @@ def overview(points: NDArray[np.float64]) -> ViewPose:
     # Two meters more, so that walls around the trajectory are visible.
     reach = (float(np.linalg.norm(high - low)) / 2 + 2.0) / sin(fov / 2)
     pose = ViewPose((0.0, 0.0, 0.0), radians(-25), radians(-42), reach, fov)
-    return replace(pose, position=_at((low + high) / 2 - reach * pose.axes[:, 2]))
+    return replace(pose, position=_to_tuple((low + high) / 2 - reach * pose.axes[:, 2]))
 
 
 def focused(pose: ViewPose, point: NDArray[np.float64], reach: float = REACH) -> ViewPose:
     """The pose that looks at `point` (3,) in meters, world, from a distance of `reach` meters without turning."""
-    return replace(pose, position=_at(point - reach * pose.axes[:, 2]), reach=reach)
+    return replace(pose, position=_to_tuple(point - reach * pose.axes[:, 2]), reach=reach)
 
 
 def view_along_edge(pose: ViewPose, eyes: NDArray[np.float64], feet: NDArray[np.float64]) -> ViewPose:
@@ -151,7 +151,7 @@ def view_along_edge(pose: ViewPose, eyes: NDArray[np.float64], feet: NDArray[np.
     flat = hypot(way[0], way[1])
     down = max(atan2(way[2], flat), -radians(STEEPEST))
     reach = max(flat, NEAREST_PIVOT)
-    return replace(pose, position=_at(eye), heading=atan2(way[0], way[1]), elevation=down, reach=reach)
+    return replace(pose, position=_to_tuple(eye), heading=atan2(way[0], way[1]), elevation=down, reach=reach)
 
 
 def interpolate_poses(a: ViewPose, b: ViewPose, share: float) -> ViewPose:
@@ -159,16 +159,16 @@ def interpolate_poses(a: ViewPose, b: ViewPose, share: float) -> ViewPose:
     t = share * share * (3 - 2 * share)
     turn = (b.heading - a.heading + pi) % (2 * pi) - pi
 
-    def mix(x: float, y: float) -> float:
+    def interpolate(x: float, y: float) -> float:
         return x + (y - x) * t
 
-    x, y, z = (mix(p, q) for p, q in zip(a.position, b.position, strict=True))
+    x, y, z = (interpolate(p, q) for p, q in zip(a.position, b.position, strict=True))
     return ViewPose(
         (x, y, z),
         a.heading + turn * t,
-        mix(a.elevation, b.elevation),
-        exp(mix(log(a.reach), log(b.reach))),
-        mix(a.fov, b.fov),
+        interpolate(a.elevation, b.elevation),
+        exp(interpolate(log(a.reach), log(b.reach))),
+        interpolate(a.fov, b.fov),
     )
 
 

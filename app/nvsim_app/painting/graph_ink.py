@@ -129,7 +129,7 @@ class GraphInk:
         depends on the number of lines. If `within` is given, lines outside it are skipped."""
         many = len(lines) > SMOOTH_LINES
         if within is not None:
-            rows = _reaching(lines, within)
+            rows = _lines_in_box(lines, within)
             lines, depth = lines[rows], None if depth is None else depth[rows]
         color = QColor(colors.EDGE)
         if many:
@@ -183,7 +183,7 @@ class GraphInk:
             self._primitives.draw_sprites(painter, pixels[rows[~small]], radii[rows[~small]] / 12, sprite)
 
     @staticmethod
-    def manner(lines: int, included: NDArray[np.bool_]) -> tuple[bool, bool, bool]:
+    def paint_styles(lines: int, included: NDArray[np.bool_]) -> tuple[bool, bool, bool]:
         """Whether the fast style is used for this number of lines, of included viewpoints, and of other viewpoints.
         `included` is (N,) bool."""
         used = int(np.count_nonzero(included))
@@ -215,7 +215,7 @@ class GraphInk:
         return self._stamps[key]
 
 
-def _reaching(lines: NDArray[np.floating], box: QRectF) -> NDArray[np.int64]:
+def _lines_in_box(lines: NDArray[np.floating], box: QRectF) -> NDArray[np.int64]:
     """(K,) rows of `lines` (N, 4) whose bounding boxes, including the pen width, intersect the box."""
     x1, y1, x2, y2 = lines.T
     wide = 4.0  # pixels, the widest pen with antialiasing

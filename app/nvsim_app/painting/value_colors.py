@@ -110,7 +110,7 @@ MOST_VIEWS = 8
 """Number of confirming images with the brightest color; more images have the same color."""
 
 
-def _nowhere(value: object) -> None:
+def _no_position(value: object) -> None:
     """The share of scales without a bar: always None."""
 
 
@@ -128,7 +128,7 @@ class ValueScale:
 
     title: str
     words: Callable[[Any], str]  # Any: a number, or (3,) of a normal
-    share: Callable[[Any], float | None] = _nowhere
+    share: Callable[[Any], float | None] = _no_position
     colours: NDArray[np.uint8] = field(default_factory=lambda: np.zeros((0, 3), np.uint8))
     marks: tuple[tuple[float, str], ...] = ()
     swatches: tuple[tuple[tuple[int, int, int], str], ...] = ()
@@ -141,7 +141,7 @@ class ImageValues:
     scale: ValueScale
     values: NDArray[Any]
 
-    def at(self, x: float, y: float) -> Any:
+    def value_at(self, x: float, y: float) -> Any:
         """The value at x, y in shares of the width and the height: a scalar or (3,). None outside the image."""
         height, width = self.values.shape[:2]
         if not (0 <= x < 1 and 0 <= y < 1):

@@ -101,7 +101,7 @@ def matching_entries(entries: list[PaletteEntry], typed: str, recent: list[str])
     """The entries that match, best first, unavailable ones last. Without typed text, recent entries are first."""
     if not typed.strip():
         order = {title: i for i, title in enumerate(recent)}
-        return sorted(entries, key=lambda e: (bool(e.reason), order.get(_bare(e.title), len(order))))
+        return sorted(entries, key=lambda e: (bool(e.reason), order.get(_without_state(e.title), len(order))))
     scored = []
     for entry in entries:
         found = match_score(typed, entry.title)
@@ -141,5 +141,5 @@ def places(
     return [*found, *frames]
 
 
-def _bare(title: str) -> str:
+def _without_state(title: str) -> str:
     return title.removesuffix(" (on)").removesuffix(" (off)")

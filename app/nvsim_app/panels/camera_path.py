@@ -45,7 +45,7 @@ class CameraPathPanel(QWidget):
         self.keys = QListWidget()
         self.keys.setAccessibleName("Views of the path")
         self.keys.setToolTip("Double-click to go there")
-        self.hint = Hint(self.keys, self._missing).follow(self.keys)
+        self.hint = Hint(self.keys, self._missing).refresh_with(self.keys)
         self.add, self.remove = QPushButton("Add view"), QPushButton("Remove")
         self.add.setToolTip("Add the current view as the next key pose")
         self.play = QPushButton("Play")

@@ -108,9 +108,11 @@ class CaptureFixes(QWidget):
         row.setContentsMargins(0, 0, 0, 0)
         for button in (self.axes, self.folder, self.leave_out, self.scale, self.take_back):
             row.addWidget(button)
-        self.offer(None, None, 0, True)
+        self.show_fixes(None, None, 0, True)
 
-    def offer(self, result: CheckResult | None, chosen: FindingGroup | None, left_out: int, own_images: bool) -> None:
+    def show_fixes(
+        self, result: CheckResult | None, chosen: FindingGroup | None, left_out: int, own_images: bool
+    ) -> None:
         """Shows the buttons that fix `result`; None hides all buttons.
 
         The frames to leave out are those of the `chosen` finding if it has any, otherwise all frames with errors.
@@ -185,22 +187,22 @@ class TrajectoryMap(QWidget):
         pixels = min(room.width() / max(right - left, 1e-6), room.height() / max(high - low, 1e-6))
         middle = room.center()
 
-        def at(place: tuple[float, float]) -> QPointF:
+        def to_pixel(place: tuple[float, float]) -> QPointF:
             x, y = place
             return QPointF(middle.x() + pixels * (x - (left + right) / 2), middle.y() - pixels * (y - (low + high) / 2))
 
         painter.setBrush(Qt.BrushStyle.NoBrush)
         painter.setPen(QPen(QColor(colors.NODE), 1.6))
         for path in summary.paths:
-            painter.drawPolyline(QPolygonF([at(place) for place in path]))
+            painter.drawPolyline(QPolygonF([to_pixel(place) for place in path]))
         painter.setPen(QPen(QColor(colors.text("blocked")), 1.6))
-        for spot in map(at, summary.faulty):
+        for spot in map(to_pixel, summary.faulty):
             painter.drawLine(spot + QPointF(-3.5, -3.5), spot + QPointF(3.5, 3.5))
             painter.drawLine(spot + QPointF(-3.5, 3.5), spot + QPointF(3.5, -3.5))
         painter.setPen(Qt.PenStyle.NoPen)
         painter.setBrush(self.palette().text())
         for path in summary.paths:
-            painter.drawEllipse(at(path[0]), 3.5, 3.5)
+            painter.drawEllipse(to_pixel(path[0]), 3.5, 3.5)
         self._scale(painter, pixels, "m" if summary.scale_known else "units")
 
     def _scale(self, painter: QPainter, pixels: float, unit: str) -> None:

@@ -28,7 +28,7 @@ class DeferredRefresh(QObject):
         self._panel, self._renew = panel, renew
         self._stale = False
         self._timer = QTimer(self, singleShot=True, interval=milliseconds)
-        self._timer.timeout.connect(self._fire)
+        self._timer.timeout.connect(self._refresh_if_visible)
         self._steps: Iterator[object] | None = None
         self._slices = QTimer(self, singleShot=True, interval=1)
         self._slices.timeout.connect(self._go_on)
@@ -39,7 +39,7 @@ class DeferredRefresh(QObject):
         return self._panel.isVisible() and not self._panel.visibleRegion().isEmpty()
 
     @property
-    def pending(self) -> bool:
+    def is_outdated(self) -> bool:
         """Whether the panel does not show the newest state yet."""
         return self._stale or self._steps is not None
 
@@ -50,7 +50,7 @@ class DeferredRefresh(QObject):
         if self.in_sight:
             self._timer.start()
 
-    def follow(self, document: Document) -> None:
+    def refresh_after_edits_of(self, document: Document) -> None:
         """Marks the panel whenever the graph changes."""
         document.graphChanged.connect(self.mark)
         document.contentsChanged.connect(self._on_contents)
@@ -61,11 +61,11 @@ class DeferredRefresh(QObject):
 
     def finish(self, _: object = None) -> None:
         """Updates the panel at once."""
-        self.done()
+        self.cancel()
         for _ in self._renew() or ():
             pass
 
-    def done(self) -> None:
+    def cancel(self) -> None:
         """Cancels the pending update, because the panel was updated by other means."""
         self._stale = False
         self._timer.stop()
@@ -75,7 +75,7 @@ class DeferredRefresh(QObject):
         self._steps = None
         self._slices.stop()
 
-    def _fire(self) -> None:
+    def _refresh_if_visible(self) -> None:
         if self._stale and self.in_sight:
             self._stale = False
             self._steps = self._renew()

@@ -44,7 +44,7 @@ class Form(QDialog):
         label.setMinimumWidth(300)
         rows = QFormLayout()
         for field in fields:
-            rows.addRow(field.title, self._made(field))
+            rows.addRow(field.title, self._make_widget(field))
         self.buttons = DialogButtons(self)
         self.apply = self.buttons.addButton(button, QDialogButtonBox.ButtonRole.AcceptRole)
         self.buttons.addButton(QDialogButtonBox.StandardButton.Close)
@@ -56,7 +56,7 @@ class Form(QDialog):
         layout.addLayout(rows)
         layout.addWidget(self.buttons)
 
-    def _made(self, field: NumberField | ChoiceField) -> QWidget:
+    def _make_widget(self, field: NumberField | ChoiceField) -> QWidget:
         stored = self._settings.value(f"forms/{self._key}/{field.name}")
         if isinstance(field, ChoiceField):
             choice = QComboBox(self)

@@ -126,7 +126,7 @@ class FramePanel(QWidget):
         self.list.setAccessibleName("Frames")
         self.list.setModel(self.filter)
         self.list.setItemDelegate(FrameDelegate(self.list))
-        self.hint = Hint(self.list, self._missing).follow(self.list)
+        self.hint = Hint(self.list, self._missing).refresh_with(self.list)
         self.list.selectionModel().currentChanged.connect(self._on_current)
         self.list.chosen.connect(lambda index: self.opened.emit(self.filter.mapToSource(index).row()))
         # A filter that hides the selected row makes another row current, which is not the user's choice.

@@ -61,7 +61,7 @@ class HistogramPanel(QWidget):
         self.region.setZValue(10)
         self.plot.addItem(self.bars)
         self.plot.addItem(self.region)
-        self.region.sigRegionChanged.connect(self._say)
+        self.region.sigRegionChanged.connect(self._show_counts)
         self.region.sigRegionChangeFinished.connect(self.select_range)
         self._none = QPushButton("Whole range", self)
         self._none.setToolTip("Extend the region to all values without selecting anything")
@@ -77,7 +77,7 @@ class HistogramPanel(QWidget):
         layout.addWidget(self.plot)
         self.refresh = DeferredRefresh(self, self._renewal, SETTLE)
         self.refresh.mark()
-        self.refresh.follow(document)
+        self.refresh.refresh_after_edits_of(document)
         self.choice.currentIndexChanged.connect(self.refresh.finish)
 
     def _renewal(self) -> Iterator[None]:
@@ -138,13 +138,13 @@ class HistogramPanel(QWidget):
         self._quiet = True
         self.region.setRegion(self._bounds())
         self._quiet = False
-        self._say()
+        self._show_counts()
 
     def _bounds(self) -> tuple[float, float]:
         _, edges = _histogram_of(self._values)
         return float(edges[0]), float(edges[-1])
 
-    def _say(self) -> None:
+    def _show_counts(self) -> None:
         low, high = self.region.getRegion()
         self.words.setText(f"{low:.4g} to {high:.4g}: {len(self.chosen):,} of {len(self._ids):,}")
 

@@ -96,14 +96,14 @@ class HistoryPanel(QWidget):
         self.list.setUniformItemSizes(True)
         self.list.setFrameShape(self.list.Shape.NoFrame)
         self.list.setToolTip("Click a step to go to it")
-        self.list.clicked.connect(self._go)
+        self.list.clicked.connect(self._go_to_row)
         document.editing.stepsChanged.connect(self._show_current)
         layout = QVBoxLayout(self)
         layout.setContentsMargins(0, 0, 0, 0)
         layout.addWidget(self.list)
         self._show_current()
 
-    def _go(self, index: QModelIndex) -> None:
+    def _go_to_row(self, index: QModelIndex) -> None:
         self._document.editing.go_to(index.row())
 
     def _show_current(self) -> None:

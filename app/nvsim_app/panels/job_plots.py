@@ -139,7 +139,7 @@ class JobPlots(QWidget):
         self._submap = submap
         self.draw()
 
-    def smooth(self, weight: float) -> None:
+    def set_smoothing(self, weight: float) -> None:
         """Draws exponential means with this weight (see `smoothed`), and the measured values faintly behind them."""
         self._weight = weight
         self.draw()

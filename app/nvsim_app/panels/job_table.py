@@ -92,7 +92,7 @@ class JobRow:
             history.rate if running else None,
             history.seconds_left if running else None,
             status.started or (handle.job.order.ordered if handle.state in ("queued", "foreign") else None),
-            handle.worked if handle.worked else None,
+            handle.work_seconds if handle.work_seconds else None,
             handle.message,
         )
 
@@ -197,7 +197,7 @@ class JobWorkers(QWidget):
         self.refresh()
 
     @property
-    def any(self) -> bool:
+    def has_workers(self) -> bool:
         """Whether the job has workers."""
         return self._handle is not None and bool(self._handle.history.workers)
 
@@ -275,5 +275,5 @@ class ImportedJobDialog(QDialog):
     def _on_remove(self) -> None:
         handle = self._queue.handle(self._job.number)
         if handle is not None:
-            self._queue.forget(handle)
+            self._queue.remove(handle)
         self.accept()

@@ -173,7 +173,7 @@ class JobPanel(QWidget):
         self.offer = WaitingJobsBar(self.queue, self)
         self.table = table(self.model, self, "Jobs")
         self._shape_table()
-        self.hint = Hint(self.table, self._missing).follow(self.table)
+        self.hint = Hint(self.table, self._missing).refresh_with(self.table)
         self.plots, self.preview, self.log = JobPlots(self), JobPreview(self), JobLog(self)
         self.tabs = QTabWidget(self)
         self.tabs.setDocumentMode(True)
@@ -269,7 +269,7 @@ class JobPanel(QWidget):
         self._chosen = key
         handle = self.handle
         if handle is not None:
-            self.queue.watch(handle)
+            self.queue.read_events_of(handle)
         for part in (self.plots, self.preview, self.log, self.workers):
             part.show_job(handle)
         self._show_workers()
@@ -285,10 +285,10 @@ class JobPanel(QWidget):
                 buttons.done.connect(partial(self._do, row.handle.number))
                 self.table.setIndexWidget(self.model.index(place, BUTTONS), buttons)
             self._buttons[row.handle] = buttons
-        self._follow()
+        self._select_running()
         self._show_buttons()
 
-    def _follow(self) -> None:
+    def _select_running(self) -> None:
         """Selects the running job, unless the user selected another one. Without a running job, the selection stays."""
         rows = self.model.rows
         keys = [row.handle for row in rows]
@@ -305,7 +305,7 @@ class JobPanel(QWidget):
 
     def _on_changed(self) -> None:
         self.offer.check()
-        self._follow()
+        self._select_running()
         self._show_buttons()
         self._refresh_shown()
 
@@ -318,8 +318,8 @@ class JobPanel(QWidget):
 
     def _show_workers(self) -> None:
         """Shows the tab of workers only for jobs that run on a cluster."""
-        if self.tabs.isTabVisible(self._workers_tab) != self.workers.any:
-            self.tabs.setTabVisible(self._workers_tab, self.workers.any)
+        if self.tabs.isTabVisible(self._workers_tab) != self.workers.has_workers:
+            self.tabs.setTabVisible(self._workers_tab, self.workers.has_workers)
 
     def _show_buttons(self) -> None:
         verb = "" if self.handle is None else self.handle.job.order.verb
@@ -338,7 +338,7 @@ class JobPanel(QWidget):
             "pause": "" if state in ("running", "queued") and not asked else _is(state),
             "resume": self.queue.why_not_resume(handle),
             "cancel": "" if state in ("running", "queued", "paused", "interrupted") else _is(state),
-            "inspect": "it was ordered here" if handle.ours else "",
+            "inspect": "it was ordered here" if handle.is_own else "",
             "settings": "it is running" if state in ("running", "queued") else "",
             "folder": "" if folder_of(handle.job) else "it wrote no folder",
             "copy": "",
@@ -368,7 +368,7 @@ class JobPanel(QWidget):
         elif name == "copy":
             QGuiApplication.clipboard().setText(command_line(order.verb, order.arguments))
         elif name == "remove":
-            self.queue.forget(handle)
+            self.queue.remove(handle)
 
     def _on_large(self) -> None:
         if self.handle is not None:

@@ -23,16 +23,16 @@ class LayersPanel(QScrollArea):
         self.boxes: dict[str, QCheckBox] = {}
         self.sliders: dict[str, QSlider] = {}
         self._names: tuple[str, ...] = ()
-        overlays.changed.connect(self._follow)
-        document.contentsChanged.connect(self._follow)
-        document.selectionChanged.connect(self._follow)
-        self._follow()
+        overlays.changed.connect(self._update_rows)
+        document.contentsChanged.connect(self._update_rows)
+        document.selectionChanged.connect(self._update_rows)
+        self._update_rows()
 
     def showEvent(self, event: QShowEvent) -> None:
-        self._follow()
+        self._update_rows()
         super().showEvent(event)
 
-    def _follow(self, _: object = None) -> None:
+    def _update_rows(self, _: object = None) -> None:
         names = tuple(layer.name for layer in self._overlays.layers)
         if names != self._names:
             self._names = names

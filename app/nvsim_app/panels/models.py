@@ -83,7 +83,7 @@ class ModelsWindow(QDialog):
         layout.addLayout(below)
         self.resize(940, 560)
         models.changed.connect(self._refresh)
-        models.failed.connect(self._say)
+        models.failed.connect(self._show_state)
         self._refresh()
 
     def _button(self, box: QDialogButtonBox, words: str, about: str, do: Callable[[], object]) -> QPushButton:
@@ -100,7 +100,7 @@ class ModelsWindow(QDialog):
         self.folder.setText(f"Networks are stored in {found['folder']}" if found else "")
         self.tree.clear()
         if found:
-            self._group("Installed", [self._installed(row) for row in found["models"]] or [_nothing()])
+            self._group("Installed", [self._installed(row) for row in found["models"]] or [_placeholder_item()])
             for lacking in found["lacking"]:
                 rows = [_known(row, lacking) for row in lacking["known"]]
                 self._group(f"Not installed: {lacking['role']}", rows)
@@ -110,8 +110,8 @@ class ModelsWindow(QDialog):
         self._choose(self._models.added or chosen)
         self._models.added = ""
         problems = found.get("problems", [])
-        self._say(self._models.doing or (problems[0] if problems else ""))
-        self._offer()
+        self._show_state(self._models.doing or (problems[0] if problems else ""))
+        self._update_buttons()
 
     def _group(self, title: str, rows: list[QTreeWidgetItem]) -> None:
         head = QTreeWidgetItem(self.tree, [title])
@@ -151,9 +151,9 @@ class ModelsWindow(QDialog):
         item = self.tree.currentItem()
         row = None if item is None else item.data(0, _ROW)
         self.details.setPlainText("\n\n".join(filter(None, row["lines"])) if row else "")
-        self._offer()
+        self._update_buttons()
 
-    def _offer(self) -> None:
+    def _update_buttons(self) -> None:
         item = self.tree.currentItem()
         row = None if item is None else item.data(0, _ROW)
         busy = self._models.doing
@@ -163,7 +163,7 @@ class ModelsWindow(QDialog):
         self.add_button.setEnabled(not busy)
         self.open_button.setEnabled(bool(self._models.found))
 
-    def _say(self, words: str) -> None:
+    def _show_state(self, words: str) -> None:
         self.state.setText(words)
 
     # Actions ------------------------------------------------------------------------------------------------------
@@ -186,7 +186,7 @@ class ModelsWindow(QDialog):
         if folder.is_dir():
             QDesktopServices.openUrl(QUrl.fromLocalFile(str(folder)))
         else:
-            self._say(f"{folder} is created when the first network is installed.")
+            self._show_state(f"{folder} is created when the first network is installed.")
 
 
 def _known(row: dict[str, Any], lacking: dict[str, Any]) -> QTreeWidgetItem:
@@ -197,7 +197,7 @@ def _known(row: dict[str, Any], lacking: dict[str, Any]) -> QTreeWidgetItem:
     return item
 
 
-def _nothing() -> QTreeWidgetItem:
+def _placeholder_item() -> QTreeWidgetItem:
     item = QTreeWidgetItem(["no network yet", ""])
     item.setData(0, _ROW, {"name": "", "lines": ["Select Install… to add one."], "installed": False})
     return item

@@ -360,7 +360,9 @@ class NewProjectDialog(QDialog):
         problem = self._problem()
         self.problem.setText(problem)
         checking = self.check.running or self._due.isActive()
-        self.mending.offer(None if checking else result, self.findings.chosen, len(self.left_out), not self._beside)
+        self.mending.show_fixes(
+            None if checking else result, self.findings.chosen, len(self.left_out), not self._beside
+        )
         ready = result is not None and not result.refused and not result.needs_scale and not problem and not checking
         self.run_button.setEnabled(ready)
         self.import_button.setEnabled(ready)

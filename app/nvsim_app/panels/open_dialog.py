@@ -75,10 +75,10 @@ class OpenDialog(QDialog):
         )
         self.model: TableModel[Entry] = TableModel(columns, self, about=lambda entry: str(entry.path))
         self.list = table(self.model, self, "Contents of the folder")
-        self.list.selectionModel().selectionChanged.connect(self._say)
+        self.list.selectionModel().selectionChanged.connect(self._update_target)
         self.list.doubleClicked.connect(self.open_target)
         self.list.installEventFilter(self)
-        self._hint = Hint(self.list, self._nothing).follow(self.list)
+        self._hint = Hint(self.list, self._reason_for_no_entries).refresh_with(self.list)
         self.says = Label(self)
         self.says.setWordWrap(True)
         self.says.setFont(type_font(bold=True))
@@ -159,7 +159,7 @@ class OpenDialog(QDialog):
             words.append("the folder has more entries than are listed; type a path")
         self.rest.setText("; ".join(words))
         self._hint.refresh()
-        self._say()
+        self._update_target()
 
     def _icon(self, entry: Entry) -> QIcon:
         icon = QStyle.StandardPixmap.SP_DirIcon if entry.is_folder else QStyle.StandardPixmap.SP_FileIcon
@@ -174,7 +174,7 @@ class OpenDialog(QDialog):
         text = self.line.text().strip()
         return "" if not text or text.endswith(("/", "\\")) else Path(text).name
 
-    def _nothing(self) -> str:
+    def _reason_for_no_entries(self) -> str:
         if self.model.rowCount():
             return ""
         if self._trouble:
@@ -197,7 +197,7 @@ class OpenDialog(QDialog):
             return None
         return listing.folder, listing.kind
 
-    def _say(self, *_: object) -> None:
+    def _update_target(self, *_: object) -> None:
         target = self.target
         inside = self.entry is not None and self.entry.is_folder
         self.ok.setEnabled(target is not None)

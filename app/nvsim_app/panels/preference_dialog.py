@@ -79,7 +79,7 @@ class PreferenceDialog(QDialog):
             box.setLayout(rows)
             mine = [p for p in PREFERENCES if p.group == title]
             for preference in mine:
-                editor = self.editors[preference.key] = self._made(preference, box)
+                editor = self.editors[preference.key] = self._make_editor(preference, box)
                 rows.addRow(preference.title, editor)
             column.addWidget(box)
             self._groups.append((box, rows, mine))
@@ -92,8 +92,8 @@ class PreferenceDialog(QDialog):
         area.setFocusPolicy(Qt.FocusPolicy.NoFocus)
         return area
 
-    def _made(self, preference: Preference, parent: QWidget) -> _Editor:
-        value, take = self._preferences[preference.key], partial(self._take, preference.key)
+    def _make_editor(self, preference: Preference, parent: QWidget) -> _Editor:
+        value, take = self._preferences[preference.key], partial(self._store_value, preference.key)
         editor: _Editor
         if preference.choices:
             editor = QComboBox(parent)
@@ -126,7 +126,7 @@ class PreferenceDialog(QDialog):
             return True
         return super().eventFilter(watched, event)
 
-    def _take(self, key: str, value: Value) -> None:
+    def _store_value(self, key: str, value: Value) -> None:
         self._preferences.set(key, value)
 
     def _take_choice(self, key: str, _: int) -> None:
@@ -274,7 +274,7 @@ class KeyPage(QWidget):
         self.view.doubleClicked.connect(self.editor.setFocus)
         bindings.changed.connect(self._on_changed)
         self._typed = ""
-        self._say("")
+        self._show_message("")
         self._show()
 
     def _view(self) -> QTableView:
@@ -314,12 +314,12 @@ class KeyPage(QWidget):
     def _bind(self) -> None:
         row, keys = self.current, self.editor.keySequence().toString()
         if row is not None and row.id and keys and keys != self._bindings.keys(row):
-            self._say(self._bindings.bind(row.id, keys))
+            self._show_message(self._bindings.bind(row.id, keys))
             self._show()
 
     def _clear(self) -> None:
         if (row := self.current) is not None and row.id:
-            self._say(self._bindings.bind(row.id, ""))
+            self._show_message(self._bindings.bind(row.id, ""))
             self._show()
 
     def _reset(self) -> None:
@@ -339,11 +339,11 @@ class KeyPage(QWidget):
 
     def _on_changed(self) -> None:
         self.table.refresh()
-        self._say("")
+        self._show_message("")
         self._show()
         self._filter()
 
-    def _say(self, refusal: str) -> None:
+    def _show_message(self, refusal: str) -> None:
         found = self.table.conflicts
         both = f"{len(found)} commands share their keys with another command; these keys run none of them."
         self.words.setText(refusal or (both if found else "There are no conflicts."))

@@ -210,7 +210,7 @@ class KeyBindings(QObject):
         self._table, self._settings, self._fly = table, settings, fly
         self._flights = {id: flight.key for id, flight in FLIGHTS.items()}
         commands = (
-            KeyRow(e.id, e.text.replace("&", "").rstrip("…"), e.menu.replace("&", ""), _portable(e.shortcut))
+            KeyRow(e.id, e.text.replace("&", "").rstrip("…"), e.menu.replace("&", ""), _key_text(e.shortcut))
             for e in table.entries
         )
         flights = (KeyRow(id, flight.title, "3D view", flight.key) for id, flight in FLIGHTS.items())
@@ -219,7 +219,7 @@ class KeyBindings(QObject):
         for id in self._of:
             stored = settings.value(_PREFIX + id)
             if stored is not None and not self._why_not(id, str(stored)):
-                self._take(id, _portable(str(stored)))
+                self._bind_keys(id, _key_text(str(stored)))
         self._fly(flight_directions(self._flights))
 
     def keys(self, row: KeyRow) -> str:
@@ -230,14 +230,14 @@ class KeyBindings(QObject):
 
     def bind(self, id: str, keys: str) -> str:
         """Sets the keys of a command or flight; "" removes them. Returns "" or the reason why the keys are refused."""
-        reason, keys = self._why_not(id, keys), _portable(keys)
+        reason, keys = self._why_not(id, keys), _key_text(keys)
         if reason:
             return reason
         if keys == self._of[id].default:
             self._settings.remove(_PREFIX + id)
         else:
             self._settings.setValue(_PREFIX + id, keys)
-        self._take(id, keys)
+        self._bind_keys(id, keys)
         self._fly(flight_directions(self._flights))
         self.changed.emit()
         return ""
@@ -271,12 +271,12 @@ class KeyBindings(QObject):
             return f"{keys} is not a key."
         return ""
 
-    def _take(self, id: str, keys: str) -> None:
+    def _bind_keys(self, id: str, keys: str) -> None:
         if id in FLIGHTS:
             self._flights[id] = keys
         else:
             self._table.bind(id, keys)
 
 
-def _portable(keys: str) -> str:
+def _key_text(keys: str) -> str:
     return QKeySequence(keys).toString()

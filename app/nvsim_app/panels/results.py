@@ -50,12 +50,12 @@ class ResultModel(TableModel[tuple[Any, ...]]):
 
 
 def _column(table: ResultTable, place: int) -> Column[tuple[Any, ...]]:
-    def exact(row: tuple[Any, ...]) -> str:
+    def exact_text(row: tuple[Any, ...]) -> str:
         return repr(row[place]) if isinstance(row[place], float) else ""
 
     number = any(isinstance(row[place], int | float) for row in table.rows)
     title = plain(result_title(table.columns[place]), CAPTION)
-    return Column(title, itemgetter(place), value_words, about=exact, number=number)
+    return Column(title, itemgetter(place), value_words, about=exact_text, number=number)
 
 
 class ResultPanel(QWidget):
@@ -180,14 +180,14 @@ class ResultPanel(QWidget):
         former = self.columns.currentText()
         self.columns.blockSignals(True)
         self.columns.clear()
-        self.columns.addItems([plain(result_title(self.table.columns[i]), CAPTION) for i in self.table.plotted])
+        self.columns.addItems([plain(result_title(self.table.columns[i]), CAPTION) for i in self.table.columns_to_plot])
         self.columns.setCurrentText(former)
         self.columns.blockSignals(False)
         self._draw()
 
     def _draw(self) -> None:
         self.plot.clear()
-        plotted, chosen = self.table.plotted, self.columns.currentIndex()
+        plotted, chosen = self.table.columns_to_plot, self.columns.currentIndex()
         shown = 0 <= chosen < len(plotted)
         for widget in (self.columns, self.save_plot):
             widget.setVisible(shown)

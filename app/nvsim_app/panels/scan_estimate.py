@@ -12,7 +12,7 @@ from PySide6.QtCore import QObject, QSize, Qt, Signal
 from PySide6.QtGui import QPalette
 from PySide6.QtWidgets import QFrame, QGridLayout, QPushButton, QVBoxLayout, QWidget
 
-from nvsim.graph.history import counted
+from nvsim.graph.history import count_text
 from nvsim.networks.folder import models_folder
 from nvsim.r2r.features.layouts import LAYOUTS, Layout, feature_maker, missing_package_error, network_name
 from nvsim.r2r.observations.estimate import size_words
@@ -139,7 +139,7 @@ class ScanEstimatePanel(QFrame):
         self.show_unsaved("", False)
         self.findings.hide()
         self.estimate: ScanEstimate | None = None
-        self._wait()
+        self._gray_out()
 
     def _words(self, ink: str = "") -> Label:
         label = InkLabel(ink, self)
@@ -161,10 +161,10 @@ class ScanEstimatePanel(QFrame):
     def ask_again(self) -> None:
         """Requests a new estimate after a change outside the options."""
         if self._arguments is not None:
-            self._wait()
+            self._gray_out()
             self.question.start(self._project, self._arguments)
 
-    def _wait(self) -> None:
+    def _gray_out(self) -> None:
         """Grays out the previous estimate until the new one arrives."""
         for widget in (self.rows, self.room, self.there):
             widget.setEnabled(False)
@@ -183,13 +183,15 @@ class ScanEstimatePanel(QFrame):
         self.estimate = found
         self._fill(found)
         self.title.setText(
-            f"Scan {found.scans[0]}" if len(found.scans) == 1 else f"{len(found.scans)} scans, {_ends(found.scans)}"
+            f"Scan {found.scans[0]}"
+            if len(found.scans) == 1
+            else f"{len(found.scans)} scans, {_first_and_last(found.scans)}"
         )
         self.room.setText(f"Takes {found.time}.\nFree disk space there: {size_words(found.free)}.")
         there = found.drawn - found.todo
         self.there.setText(
-            f"{there} of {counted(found.drawn, 'viewpoint')} {'is' if there == 1 else 'are'} already there, with the "
-            "same settings."
+            f"{there} of {count_text(found.drawn, 'viewpoint')} {'is' if there == 1 else 'are'} already there, "
+            "with the same settings."
         )
         self.there.setVisible(there > 0)
         self.shortage.setText(found.shortage)
@@ -227,7 +229,7 @@ class ScanEstimatePanel(QFrame):
         self.room.show()
 
 
-def _ends(names: Sequence[str]) -> str:
+def _first_and_last(names: Sequence[str]) -> str:
     return f"{names[0]} to {names[-1]}"
 
 

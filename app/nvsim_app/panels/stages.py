@@ -65,7 +65,7 @@ class StageBar(QWidget):
         parent.installEventFilter(self)
         self.hide()
 
-    def say(self, sentence: str, verb: str) -> None:
+    def show_message(self, sentence: str, verb: str) -> None:
         """Offers the stage `verb`. Hides the bar if `verb` is not a stage that can be started."""
         self._verb = verb
         self.sentence.setText(sentence)
@@ -188,20 +188,20 @@ class EmptyState(QWidget):
         layout.addSpacing(6)
         layout.addLayout(buttons)
         layout.addStretch(3)
-        self.dress()
-        self.say("")
+        self.apply_palette()
+        self.show_message("")
 
     def _button(self, text: str, handler: object) -> QPushButton:
         button = QPushButton(text, self)
         button.clicked.connect(handler)
         return button
 
-    def dress(self) -> None:
+    def apply_palette(self) -> None:
         """Draws the logo in the colors of the palette."""
         self._logo = icon("nvsim", self.palette()).pixmap(48, 48)
         self._mark.setPixmap(self._logo)
 
-    def say(self, sentence: str, verb: str = "", image: QImage | None = None) -> None:
+    def show_message(self, sentence: str, verb: str = "", image: QImage | None = None) -> None:
         """Shows a sentence. `verb` is the missing stage, or "" if no stage can be started. `image` is shown above the
         sentence in place of the logo."""
         self._verb = verb

@@ -151,7 +151,7 @@ class RecentList(QListWidget):
         return None if item is None else self._path(item)
 
     @property
-    def gone(self) -> tuple[Path, ...]:
+    def missing_projects(self) -> tuple[Path, ...]:
         """The projects whose folder is known to be missing."""
         return tuple(self._path(item) for item in self._items() if item.data(_GONE))
 
@@ -316,7 +316,7 @@ class StartPage(QWidget):
         layout = QVBoxLayout(self)
         layout.setContentsMargins(2 * GRID, 2 * GRID, 2 * GRID, 2 * GRID)
         layout.addLayout(both, 1)
-        self.dress()
+        self.apply_palette()
         self.show_recent(())
 
     def minimumSizeHint(self) -> QSize:
@@ -331,7 +331,7 @@ class StartPage(QWidget):
         button.clicked.connect(wanted)
         return button
 
-    def dress(self) -> None:
+    def apply_palette(self) -> None:
         """Draws the logo in the colors of the palette."""
         self._mark.setPixmap(icon("nvsim", self.palette()).pixmap(40, 40))
 
@@ -357,7 +357,7 @@ class StartPage(QWidget):
     def changeEvent(self, event: QEvent) -> None:
         super().changeEvent(event)
         if event.type() == QEvent.Type.PaletteChange:
-            self.dress()
+            self.apply_palette()
 
     def showEvent(self, event: QShowEvent) -> None:
         super().showEvent(event)

@@ -81,7 +81,7 @@ class SubmapPanel(QWidget):
         header = self.table.horizontalHeader()
         header.setStretchLastSection(False)  # otherwise the column keeps the width of a wider panel
         header.setSectionResizeMode(len(COLUMNS) - 1, header.ResizeMode.Stretch)
-        self.hint = Hint(self.table, self._missing).follow(self.table)
+        self.hint = Hint(self.table, self._missing).refresh_with(self.table)
         self.table.selectionModel().selectionChanged.connect(self._on_selected)
         self.model.modelReset.connect(self._show_selection)
         document.selectionChanged.connect(self._show_selection)

@@ -23,7 +23,7 @@ from nvsim.errors import InputError
 from nvsim.graph.clearness_cache import ClearnessCache
 from nvsim.graph.edits import EditError
 from nvsim.graph.expression import by_expression
-from nvsim.graph.history import counted
+from nvsim.graph.history import count_text
 from nvsim.graph.quantities import QuantityInputs
 from nvsim.graph.selection import GraphSelection
 from nvsim.graph.types import EdgeKey, NavGraph
@@ -80,7 +80,7 @@ class TablePanel(QWidget):
             view.selectionModel().selectionChanged.connect(self._on_rows)
             view.doubleClicked.connect(self._activate)
         self.refresh = DeferredRefresh(self, self._renewal, SETTLE)
-        self.refresh.follow(document)
+        self.refresh.refresh_after_edits_of(document)
         document.projectLeft.connect(self.filter.clear)
         document.editing.selectionChanged.connect(self._show_selection)
         for model in self._models:
@@ -141,13 +141,13 @@ class TablePanel(QWidget):
         if not text or graph is None:
             return None
         try:
-            return self._kept(graph, text)
+            return self._matching_elements(graph, text)
         except (EditError, InputError) as error:
             self.trouble.setText(str(error))
             self.trouble.show()
             return None
 
-    def _kept(self, graph: NavGraph, text: str) -> GraphSelection:
+    def _matching_elements(self, graph: NavGraph, text: str) -> GraphSelection:
         """The viewpoints and edges that match. A part of an id matches all that contain it. An expression about one
         kind keeps all items of the other kind."""
         if _ID.fullmatch(text) and any(text in id for id in graph.viewpoints):
@@ -192,8 +192,8 @@ class TablePanel(QWidget):
 
     def _show_selection(self) -> None:
         chosen = self._document.editing.selection
-        words = [counted(len(chosen.viewpoints), "viewpoint") if chosen.viewpoints else "",
-                 counted(len(chosen.edges), "edge") if chosen.edges else ""]  # fmt: skip
+        words = [count_text(len(chosen.viewpoints), "viewpoint") if chosen.viewpoints else "",
+                 count_text(len(chosen.edges), "edge") if chosen.edges else ""]  # fmt: skip
         self.count.setText(", ".join(w for w in words if w) + (" selected" if any(words) else ""))
         if self._linking:
             return
@@ -233,7 +233,7 @@ _WIDTH = 76  # pixels
 _ORIGIN = "Created by a step of the search, a merge, a user, or a file"
 
 
-def _yes(value: object) -> str:
+def _yes_or_dash(value: object) -> str:
     return "yes" if value else "–"
 
 
@@ -258,9 +258,9 @@ def viewpoint_columns(graph: NavGraph) -> tuple[Column[str], ...]:
                number=True, width=_WIDTH),
         length("Height", "Height above the floor", None),
         *(length(title, "Camera position", axis) for axis, title in enumerate("xyz")),
-        Column("Included", lambda id: of[id].included, _yes, "Whether agents use it", width=_WIDTH),
-        Column("Reviewed", lambda id: of[id].reviewed, _yes, "Whether a user reviewed it", width=_WIDTH),
-        Column("Locked", lambda id: of[id].locked, _yes, "Whether it is protected from edits", width=_WIDTH),
+        Column("Included", lambda id: of[id].included, _yes_or_dash, "Whether agents use it", width=_WIDTH),
+        Column("Reviewed", lambda id: of[id].reviewed, _yes_or_dash, "Whether a user reviewed it", width=_WIDTH),
+        Column("Locked", lambda id: of[id].locked, _yes_or_dash, "Whether it is protected from edits", width=_WIDTH),
         Column("Origin", lambda id: of[id].origin, str, _ORIGIN, width=_WIDTH),
     )  # fmt: skip
 
@@ -280,7 +280,7 @@ def edge_columns(graph: NavGraph, evidence: ClearnessCache) -> tuple[Column[Edge
         Column("Evidence", lambda key: evidence.at(graph, key), _share,
                "1 if every measured corridor is clear, 0 if one is blocked; – without evidence",
                number=True, width=_WIDTH),
-        Column("Reviewed", lambda key: of[key].reviewed, _yes, "Whether a user reviewed it", width=_WIDTH),
-        Column("Locked", lambda key: of[key].locked, _yes, "Whether it is protected from edits", width=_WIDTH),
+        Column("Reviewed", lambda key: of[key].reviewed, _yes_or_dash, "Whether a user reviewed it", width=_WIDTH),
+        Column("Locked", lambda key: of[key].locked, _yes_or_dash, "Whether it is protected from edits", width=_WIDTH),
         Column("Origin", lambda key: of[key].origin, str, _ORIGIN, width=_WIDTH),
     )  # fmt: skip

@@ -202,7 +202,7 @@ class TaskPanel(QWidget):
         self.slider.valueChanged.connect(self.stepped)
         self._pace = QTimer(self, interval=_WALK)
         self._pace.timeout.connect(self._go_on)
-        self.walk.toggled.connect(self._walk)
+        self.walk.toggled.connect(self._set_walking)
         self.which.currentIndexChanged.connect(self._on_which)
         self._typed = QTimer(self, singleShot=True, interval=_PAUSE)
         self._typed.timeout.connect(self.keep)
@@ -236,13 +236,13 @@ class TaskPanel(QWidget):
         self.table.fit()
         words, split, wanted = self.text.text().lower(), self.split.currentText(), self.state.currentText()
         split = split if self.split.currentIndex() > 0 else ""
-        rows = [e for e in self.entries if self._passes(e, words, split, wanted)]
+        rows = [e for e in self.entries if self._passes_filters(e, words, split, wanted)]
         if self.order.currentIndex() == 1:
             rows.sort(key=lambda e: -d.ne if (d := model.episode(e)) else 1.0)
         if rows == model.rows and before is not None:  # keep typed text and the step
             self.table.viewport().update()
             self._steps()
-            self.say()
+            self.show_summary()
             self.chosen.emit()
             return
         model.show(rows)
@@ -257,9 +257,9 @@ class TaskPanel(QWidget):
             self.refilter()
         else:
             self.table.viewport().update()
-        self.say()
+        self.show_summary()
 
-    def _passes(self, entry: TaskEntry, words: str, split: str, wanted: str) -> bool:
+    def _passes_filters(self, entry: TaskEntry, words: str, split: str, wanted: str) -> bool:
         if split and entry.split != split:
             return False
         verdict = self.model.review[entry.key]
@@ -282,7 +282,7 @@ class TaskPanel(QWidget):
         self._list_instructions()
         self.fill()
         self._steps(0)
-        self.say()
+        self.show_summary()
         self.chosen.emit()
 
     def fill(self) -> None:
@@ -312,10 +312,10 @@ class TaskPanel(QWidget):
 
     def _on_which(self) -> None:
         self._steps(0)
-        self.say()
+        self.show_summary()
         self.chosen.emit()
 
-    def _walk(self, on: bool) -> None:
+    def _set_walking(self, on: bool) -> None:
         """Starts at the current step, or at the first step if the walk had ended."""
         if on and self.slider.value() == self.slider.maximum():
             self.slider.setValue(0)
@@ -337,7 +337,7 @@ class TaskPanel(QWidget):
             self.editor.document().setModified(False)
             self.written.emit([t.strip() for t in self.editor.toPlainText().splitlines() if t.strip()])
 
-    def say(self) -> None:
+    def show_summary(self) -> None:
         """Shows a summary of the selected task."""
         entry = self.current
         if entry is None:

@@ -143,14 +143,14 @@ class TrainingWindow(QDialog):
 
     def _on_run(self) -> None:
         if self.handle is not None:
-            self._queue.watch(self.handle)
+            self._queue.read_events_of(self.handle)
         self._list_others()
         self._list_submaps()
         self._show()
 
     def _on_other(self) -> None:
         if self.other_handle is not None:
-            self._queue.watch(self.other_handle)
+            self._queue.read_events_of(self.other_handle)
         self._show()
 
     def _on_submap(self) -> None:
@@ -177,7 +177,7 @@ class TrainingWindow(QDialog):
     def _on_smoothing(self) -> None:
         weight = self.smoothing.value() / 100
         self.smoothed.setText(f"{weight:.2f}")
-        self.plots.smooth(weight)
+        self.plots.set_smoothing(weight)
 
     def _say_legend(self) -> None:
         """States which curves belong to which run."""
@@ -187,7 +187,7 @@ class TrainingWindow(QDialog):
             submap = self.submap.currentData()
             trained = {s for one in other.history.series.values() for s in one}
             words += f" Dashed: {_words(other)}."
-            if not other.behind and (not trained or (submap is not None and submap not in trained)):
+            if not other.has_unread_events and (not trained or (submap is not None and submap not in trained)):
                 words += " It has no curves." if submap is None else f" It has no curves of submap {submap}."
         self.legend.setText(words)
         self.legend.setVisible(bool(words))

@@ -24,7 +24,7 @@ from PySide6.QtWidgets import (
 )
 
 from nvsim.graph.findings import SEVERITIES, Finding, Fix
-from nvsim.graph.history import counted
+from nvsim.graph.history import count_text
 from nvsim.graph.paths import count_cut_off
 from nvsim.graph.selection import GraphSelection
 from nvsim_app.layers.labels import short_ids
@@ -253,7 +253,7 @@ class ValidationPanel(QWidget):
     @property
     def pending(self) -> bool:
         """Whether the list does not show all findings of the graph yet."""
-        return self._soon.pending or not self._complete
+        return self._soon.is_outdated or not self._complete
 
     def _on_findings(self) -> None:
         """Updates the list soon. Until then, a list of another graph, or one out of sight, shows no findings."""
@@ -297,10 +297,10 @@ class ValidationPanel(QWidget):
         self.model.renew()
         if complete:
             for severity, box in self.boxes.items():
-                box.setText(counted(counts[severity], severity))
+                box.setText(count_text(counts[severity], severity))
             self.tree.setVisible(bool(self.model.groups))
             self.clean.setVisible(not self.model.groups)
-            self.clean.setText(self.nothing)
+            self.clean.setText(self.reason_for_no_findings)
         else:
             self._show_checking()
         at = QModelIndex() if kept is None else self.model.index_of(kept.key)
@@ -318,7 +318,7 @@ class ValidationPanel(QWidget):
         self._enable()
 
     @property
-    def nothing(self) -> str:
+    def reason_for_no_findings(self) -> str:
         """Why the list is empty."""
         if not self._complete:
             return "Checking…"
@@ -358,7 +358,7 @@ class ValidationPanel(QWidget):
         group = self.group
         fixes = [] if group is None else _fixes(group, number)
         if group is not None and fixes:
-            text = f"Fix {counted(len(fixes), 'finding')}: {fixes[0].text[0].lower()}{fixes[0].text[1:]}"
+            text = f"Fix {count_text(len(fixes), 'finding')}: {fixes[0].text[0].lower()}{fixes[0].text[1:]}"
             operations = [(fix.operation, fix.arguments) for fix in fixes]
             self._document.editing.run_all(operations, text, skips=True)
 
@@ -384,7 +384,7 @@ class ValidationPanel(QWidget):
     def _apply(self, fix: Fix) -> None:
         self._document.editing.run(fix.operation, fix.arguments)
 
-    def _parting(self, fixes: tuple[Fix, ...]) -> str:
+    def _removal_effect(self, fixes: tuple[Fix, ...]) -> str:
         """The effect of removing the edge, as a sentence that follows the finding."""
         graph = self._document.graph
         pairs: list[list[str]] = next((fix.arguments["pairs"] for fix in fixes if fix.operation == "remove_edges"), [])
@@ -392,7 +392,7 @@ class ValidationPanel(QWidget):
         if graph is None or len(keys) != 1 or keys[0] not in graph.edges:
             return ""
         lost = count_cut_off(graph, keys[0])
-        return f" Removing it disconnects {counted(lost, 'viewpoint')} from the others." if lost else ""
+        return f" Removing it disconnects {count_text(lost, 'viewpoint')} from the others." if lost else ""
 
     def _on_filter(self) -> None:
         self.model.severities = frozenset(s for s, box in self.boxes.items() if box.isChecked())
@@ -417,7 +417,7 @@ class ValidationPanel(QWidget):
         finding, graph, editing = self.current, self._document.graph, self._document.editing
         fixes = () if finding is None else finding.fixes
         group = self.group
-        effect = self._parting(fixes).strip()
+        effect = self._removal_effect(fixes).strip()
         self.sentence.setText(effect)
         self.sentence.setVisible(bool(effect))
         ignored = finding is not None and graph is not None and bool(finding.ignored_by(graph.ignored))

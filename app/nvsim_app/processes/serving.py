@@ -72,14 +72,14 @@ class Requests:
 
     @property
     def waiting(self) -> bool:
-        """Whether `take` returns at once."""
-        self._offer()
+        """Whether `wait_for_request` returns at once."""
+        self._send_ready()
         return self._connection.poll()
 
-    def take(self) -> tuple[int, Any]:
+    def wait_for_request(self) -> tuple[int, Any]:
         """Waits for the next request. Returns its number, which its answers need, and the request. Raises
         WindowClosed."""
-        self._offer()
+        self._send_ready()
         try:
             self._number, request = receive(self._connection)
         except (EOFError, OSError):
@@ -96,7 +96,7 @@ class Requests:
         """Ends a request that needs no further answer. Raises WindowClosed."""
         self.answer(number, None)
 
-    def tell(self, value: object) -> None:
+    def send_unasked(self, value: object) -> None:
         """Sends a message that answers no request. Raises WindowClosed."""
         self.send(Notice(value))
 
@@ -108,7 +108,7 @@ class Requests:
         except OSError:
             raise WindowClosed from None
 
-    def _offer(self) -> None:
+    def _send_ready(self) -> None:
         if self._freed != self._number:
             self._freed = self._number
             self.send(ReadyMessage(self._number))

@@ -98,12 +98,12 @@ class SideProcess(QObject):
     def close(self) -> None:
         """Ends the process, and returns after it has ended. You can call it more than once."""
         self._given_up = False
-        self._leave()
+        self._disconnect()
 
     def _start(self) -> None:
         self._running.append(Child(self._program, self._source, self._arrived.emit))
 
-    def _leave(self) -> None:
+    def _disconnect(self) -> None:
         self._ready, self._sent = False, None
         for asked in self._asked.values():
             asked.sent = False
@@ -150,7 +150,7 @@ class SideProcess(QObject):
             self._send()
 
     def _on_end(self, end: EndMessage) -> None:
-        self._leave()
+        self._disconnect()
         if not end.crashed or self._crashes >= self._program.restarts:
             self._given_up = bool(end.sentence)
             self.ended.emit(end)

@@ -51,7 +51,7 @@ class Collecting(QObject):
         gc.disable()
         gc.freeze()
         self._timer = QTimer(self, interval=PERIOD)
-        self._timer.timeout.connect(self.look)
+        self._timer.timeout.connect(self.collect_if_idle)
         self._timer.start()
         self._anew = QTimer(self, singleShot=True, interval=0)
         self._anew.timeout.connect(self._clear)
@@ -60,7 +60,7 @@ class Collecting(QObject):
         """Collects everything, including frozen objects. Call it when a project is closed, before another is read."""
         self._anew.start()  # after all references are released
 
-    def look(self) -> None:
+    def collect_if_idle(self) -> None:
         """Freezes loaded data or collects objects, depending on the number of new objects and on movement."""
         made = gc.get_count()[0]
         self._looks += 1
@@ -260,7 +260,7 @@ def _shoot_when_settled(app: QApplication, session: Session, path: Path, seconds
     limit = 1e3 * (seconds if seconds is not None else SETTLE)
     timer = QTimer(app, interval=200)
 
-    def look() -> None:
+    def check_settled() -> None:
         scene, contents = session.window.scene, session.document.contents
         read = contents.capture is not None or contents.path is None or clock.elapsed() > 3000
         wants = contents.scene_stamp is not None and not session.window.notice_area.texts
@@ -276,5 +276,5 @@ def _shoot_when_settled(app: QApplication, session: Session, path: Path, seconds
                 print(error, file=sys.stderr)
             app.quit()
 
-    timer.timeout.connect(look)
+    timer.timeout.connect(check_settled)
     timer.start()

@@ -101,7 +101,7 @@ _XCB = {
 _WINDOWLESS = ("offscreen", "minimal", "vnc")
 
 
-def _loads(library: str) -> bool:
+def _can_load(library: str) -> bool:
     try:
         ctypes.CDLL(library)
     except OSError:
@@ -127,7 +127,7 @@ def _display_answers() -> bool:
 
 def why_no_window(
     environment: Mapping[str, str] = os.environ,
-    loads: Callable[[str], bool] = _loads,
+    loads: Callable[[str], bool] = _can_load,
     display_answers: Callable[[], bool] = _display_answers,
     platform: str = sys.platform,
 ) -> str | None:

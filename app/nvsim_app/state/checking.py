@@ -74,7 +74,7 @@ class Checking:
         if self._graph is not None:
             self.schedule_validation(self._graph, self._file)
 
-    def forget(self) -> None:
+    def reset(self) -> None:
         """Stops the validation and drops the graph and its findings."""
         self._graph, self._file, self._validator, self._look = None, None, None, None
         self._begin.stop()
@@ -93,7 +93,7 @@ class Checking:
         self._look = _PendingValidation(graph, validator, validator.beginning(graph, context))
         self._go_on(AT_ONCE if len(graph.edges) < LARGE else SLICE)
 
-    def follow(self, before: NavGraph, after: NavGraph, changed: Difference) -> None:
+    def update(self, before: NavGraph, after: NavGraph, changed: Difference) -> None:
         """Updates the findings after an edit."""
         self._graph = after
         if self._validator is not None:

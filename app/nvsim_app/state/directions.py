@@ -126,7 +126,7 @@ class Direction:
             if self.joined:
                 return f"An edge {way}, although a threshold is not met: {words}."
             return f"No edge {way}: {words}."
-        near = explanation.tightest
+        near = explanation.closest_to_limit
         measured = f"{near.name} {two_decimals(near.value)}, threshold {two_decimals(near.limit)}"
         if self.joined:
             return f"An edge {way}, {lengths.length(e.length)}: all thresholds are met; the closest is {measured}."

@@ -40,7 +40,7 @@ class Storeys(QObject):
         self._beside: tuple[object, object, GraphArrays] = (None, None, GraphArrays())
         self._shown = GraphArrays()
 
-    def look(self, arrays: GraphArrays, *, anew: bool = False) -> None:
+    def update(self, arrays: GraphArrays, *, anew: bool = False) -> None:
         """Updates the storeys after a change of the graph. The displayed storey is kept if there is still one at its
         height, unless `anew`."""
         before, was = self.storey, (self.found, self.chosen)
@@ -57,7 +57,7 @@ class Storeys(QObject):
         return None if self.chosen is None else self.found[self.chosen]
 
     @property
-    def between(self) -> tuple[float, float] | None:
+    def height_range(self) -> tuple[float, float] | None:
         """The minimum and maximum height of the displayed storey in meters, world; None if all are displayed."""
         storey = self.storey
         return None if storey is None else (storey.low, storey.high)
@@ -73,14 +73,14 @@ class Storeys(QObject):
         first = 0 if by > 0 else len(self.found) - 1
         self.choose(first if self.chosen is None else min(max(self.chosen + by, 0), len(self.found) - 1))
 
-    def follow(self, arrays: GraphArrays, ids: frozenset[str]) -> None:
+    def show_storey_of(self, arrays: GraphArrays, ids: frozenset[str]) -> None:
         """Displays the storey of the selected viewpoints `ids` if none of them is displayed. If they are on several
         storeys, displays all."""
         if self.chosen is None or not ids:
             return
         floors = arrays.feet[arrays.viewpoint_rows(ids), 2]
-        if len(floors) and not self.found[self.chosen].holds(floors).any():
-            holding = [i for i, s in enumerate(self.found) if s.holds(floors).all()]
+        if len(floors) and not self.found[self.chosen].contains_floors(floors).any():
+            holding = [i for i, s in enumerate(self.found) if s.contains_floors(floors).all()]
             self.choose(holding[0] if holding else None)
 
     def shown(self, arrays: GraphArrays) -> GraphArrays:
@@ -89,7 +89,7 @@ class Storeys(QObject):
         if storey is None:
             return arrays
         if self._of is not arrays:
-            self._of, self._shown = arrays, _kept(arrays, storey.holds(arrays.feet[:, 2]))
+            self._of, self._shown = arrays, _select_viewpoints(arrays, storey.contains_floors(arrays.feet[:, 2]))
         return self._shown
 
     def fade_others(self, on: bool) -> None:
@@ -97,17 +97,17 @@ class Storeys(QObject):
             self.others_faded = on
             self.changed.emit()
 
-    def others(self, arrays: GraphArrays) -> GraphArrays:
+    def other_storeys(self, arrays: GraphArrays) -> GraphArrays:
         """The part of `arrays` that is drawn faintly and cannot be picked with the mouse."""
         storey = self.storey
         if storey is None or not self.others_faded:
             return GraphArrays()
         if self._beside[0] is not arrays or self._beside[1] is not storey:
-            self._beside = arrays, storey, _kept(arrays, ~storey.holds(arrays.feet[:, 2]))
+            self._beside = arrays, storey, _select_viewpoints(arrays, ~storey.contains_floors(arrays.feet[:, 2]))
         return self._beside[2]
 
 
-def _kept(arrays: GraphArrays, keep: np.ndarray) -> GraphArrays:
+def _select_viewpoints(arrays: GraphArrays, keep: np.ndarray) -> GraphArrays:
     rows = np.flatnonzero(keep)
     ids = tuple(arrays.ids[row] for row in rows)
     moved_to = np.cumsum(keep) - 1
@@ -223,9 +223,9 @@ class Document(QObject):
             restored = self.editing.history is not again and bool(self.editing.selection)
             ready = contents.arrays if self.graph is contents.arrays_of else None
             self.graph_arrays = GraphArrays.of(self.graph) if ready is None else ready
-            self.graph_changes.forget()
-            self.storeys.look(self.graph_arrays, anew=before.path != contents.path)
-            self.evidence.follow(self.graph)
+            self.graph_changes.clear()
+            self.storeys.update(self.graph_arrays, anew=before.path != contents.path)
+            self.evidence.update(self.graph)
         if changed & {"graph", "occupancy", "capture", "context"}:
             self.editing.set_thresholds(contents.thresholds)
             self.editing.set_surroundings(contents.occupancy, self.trajectory.positions)
@@ -246,7 +246,7 @@ class Document(QObject):
             return
         if restored:
             self._selection = self._chosen()
-        gone = not self._holds(self._selection)
+        gone = not self._is_selectable(self._selection)
         if gone:  # before receivers use the selection
             self._selection = Selection()
         self.contentsChanged.emit(changed)
@@ -256,9 +256,9 @@ class Document(QObject):
     def select(self, *, viewpoint: str | None = None, frame: int | None = None, submap: int | None = None) -> None:
         """Selects one object, or nothing."""
         wanted = Selection(viewpoint, frame, submap)
-        if wanted != self._selection and self._holds(wanted):
+        if wanted != self._selection and self._is_selectable(wanted):
             self._selection = wanted
-            self.storeys.follow(self.graph_arrays, frozenset({wanted.viewpoint} if wanted.viewpoint else ()))
+            self.storeys.show_storey_of(self.graph_arrays, frozenset({wanted.viewpoint} if wanted.viewpoint else ()))
             self._lead_editing()
             self.selectionChanged.emit()
         elif wanted == self._selection and self.editing.selection:
@@ -295,7 +295,7 @@ class Document(QObject):
         if self._following:
             return
         chosen = self.editing.selection
-        self.storeys.follow(self.graph_arrays, chosen.viewpoints.union(*chosen.edges))
+        self.storeys.show_storey_of(self.graph_arrays, chosen.viewpoints.union(*chosen.edges))
         if chosen.viewpoints or chosen.edges or self._selection.viewpoint is not None:
             self._selection = self._chosen()
         self.selectionChanged.emit()
@@ -311,13 +311,13 @@ class Document(QObject):
         self.graph_arrays = GraphArrays() if graph is None else before.updated(graph, change)
         self.graph_changes.note(before, self.graph_arrays, change)
         if change.added_viewpoints or change.removed_viewpoints or change.changed_viewpoints:
-            self.storeys.look(self.graph_arrays)
-        self.evidence.follow(graph)
-        if not self._holds(self._selection):
+            self.storeys.update(self.graph_arrays)
+        self.evidence.update(graph)
+        if not self._is_selectable(self._selection):
             self._selection = Selection()
         self.graphChanged.emit(change)
 
-    def _holds(self, selection: Selection) -> bool:
+    def _is_selectable(self, selection: Selection) -> bool:
         if selection.viewpoint is not None:
             return selection.viewpoint in self.graph_arrays.index
         if selection.frame is not None:

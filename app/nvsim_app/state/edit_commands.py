@@ -6,7 +6,7 @@ from collections.abc import Iterable
 from typing import TYPE_CHECKING, Any
 
 from nvsim.graph.edits import new_id
-from nvsim.graph.history import counted
+from nvsim.graph.history import count_text
 from nvsim.graph.selection import NOTHING, GraphSelection
 
 if TYPE_CHECKING:
@@ -82,5 +82,5 @@ def remove_selection(editing: Editing) -> None:
     if edges:
         steps.append(("remove_edges", {"pairs": [list(key) for key in edges]}))
     if steps:
-        words = f"Remove {counted(len(chosen.viewpoints), 'viewpoint')} and {counted(len(edges), 'edge')}"
+        words = f"Remove {count_text(len(chosen.viewpoints), 'viewpoint')} and {count_text(len(edges), 'edge')}"
         editing.run_all(steps, words if len(steps) > 1 else "", selection=NOTHING)

@@ -88,7 +88,7 @@ class Editing(QObject):
     @property
     def dirty(self) -> bool:
         """Whether there are unsaved edits."""
-        return self.history is not None and not self.history.clean
+        return self.history is not None and not self.history.is_saved
 
     # Opening and closing -----------------------------------------------------------------------------------------
 
@@ -118,7 +118,7 @@ class Editing(QObject):
             return True
         if self.locked:
             return False
-        if self.history.clean:
+        if self.history.is_saved:
             self.history.replace_from_outside("Map built again by a job", graph)
         else:
             self.notified.emit(
@@ -131,7 +131,7 @@ class Editing(QObject):
         """Closes the graph. All edits are in the journal when this returns."""
         self._keeping.close()
         self.history, self.file, self.locked = None, None, ""
-        self.checking.forget()
+        self.checking.reset()
 
     def save(self, wait: bool = False) -> None:
         """Writes the graph to the project or its file in a thread. With `wait`, returns after writing."""
@@ -245,7 +245,7 @@ class Editing(QObject):
         if occupancy is not None:
             visible = partial(_see_each_other, occupancy)
         elif self.file is not None:
-            visible = self.file.sight()
+            visible = self.file.visibility()
         self._surroundings = EditContext(visible, trajectory)
 
     def set_thresholds(self, config: MappingConfig) -> None:
@@ -285,7 +285,7 @@ class Editing(QObject):
     def _on_change(self, change: HistoryChange) -> None:
         if change.before_graph is not change.after_graph:
             changed = difference(change.before_graph, change.after_graph)
-            self.checking.follow(change.before_graph, change.after_graph, changed)
+            self.checking.update(change.before_graph, change.after_graph, changed)
             self.graphChanged.emit(changed)
         if change.selection_changed:
             self.selectionChanged.emit()

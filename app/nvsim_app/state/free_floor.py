@@ -83,7 +83,7 @@ class FreeFloor:
         answer = self._on_map(x, y)
         if answer is None:
             answer = self._by_evidence(x, y, floor)
-        return self._near(x, y, floor) if answer is None else answer
+        return self._is_near_trajectory(x, y, floor) if answer is None else answer
 
     def _on_map(self, x: float, y: float) -> bool | None:
         """Free or occupied according to the map. None if there is no map, if the position is unknown, or if the
@@ -91,7 +91,7 @@ class FreeFloor:
         occupancy = self._document.contents.occupancy
         if occupancy is None or len(self._document.storeys.found) > 1:
             return None
-        found = occupancy.at(SHOULDER * np.array([(0, 0), (1, 0), (-1, 0), (0, 1), (0, -1)]) + (x, y))
+        found = occupancy.states_at(SHOULDER * np.array([(0, 0), (1, 0), (-1, 0), (0, 1), (0, -1)]) + (x, y))
         if (found == OCCUPIED).any():
             return False
         return True if found[0] == FREE else None
@@ -116,7 +116,7 @@ class FreeFloor:
                 answer = answer if alpha is None else False
         return answer
 
-    def _near(self, x: float, y: float, floor: float) -> bool:
+    def _is_near_trajectory(self, x: float, y: float, floor: float) -> bool:
         arrays = self._document.graph_arrays
         way = self.places - (x, y, floor)
         near = (np.hypot(way[:, 0], way[:, 1]) < AROUND) & (np.abs(way[:, 2]) < _STOREY)

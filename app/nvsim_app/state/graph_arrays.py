@@ -74,10 +74,10 @@ class GraphArrays:
         small = len(self.ids) // 4 + 16
         if len(change.added_viewpoints) + len(change.removed_viewpoints) + len(change.changed_viewpoints) > small:
             return GraphArrays.of(graph)
-        edges = self._without(self.edges, change.removed_edges)
+        edges = self._without_edges(self.edges, change.removed_edges)
         arrays = self
         if change.removed_viewpoints:
-            arrays, edges = self._shrunk(change.removed_viewpoints, edges)
+            arrays, edges = self._without_viewpoints(change.removed_viewpoints, edges)
         if change.added_viewpoints:
             added = GraphArrays.of(NavGraph("", {id: graph.viewpoints[id] for id in change.added_viewpoints}))
             count = len(arrays.ids)
@@ -118,10 +118,12 @@ class GraphArrays:
         """(K,) int64 rows of the viewpoints in `ids` that exist."""
         return np.array([self.index[id] for id in ids if id in self.index], np.int64)
 
-    def _without(self, edges: NDArray[np.int64], keys: tuple[tuple[str, str], ...]) -> NDArray[np.int64]:
+    def _without_edges(self, edges: NDArray[np.int64], keys: tuple[tuple[str, str], ...]) -> NDArray[np.int64]:
         return np.delete(edges, self.edge_rows(keys), axis=0) if keys else edges
 
-    def _shrunk(self, gone: tuple[str, ...], edges: NDArray[np.int64]) -> tuple[GraphArrays, NDArray[np.int64]]:
+    def _without_viewpoints(
+        self, gone: tuple[str, ...], edges: NDArray[np.int64]
+    ) -> tuple[GraphArrays, NDArray[np.int64]]:
         keep = np.ones(len(self.ids), bool)
         keep[self.viewpoint_rows(gone)] = False
         moved_to = np.cumsum(keep) - 1
@@ -204,7 +206,7 @@ class GraphChanges:
     def __init__(self) -> None:
         self._steps: deque[tuple[ReferenceType[GraphArrays], NDArray[np.float64] | None]] = deque(maxlen=STEPS)
 
-    def forget(self) -> None:
+    def clear(self) -> None:
         """Discards all changes, because another graph was opened."""
         self._steps.clear()
 
@@ -217,7 +219,7 @@ class GraphChanges:
             places = np.concatenate([_places(before, ids, keys), _places(after, ids, keys)])
         self._steps.append((ref(before), places))
 
-    def since(self, drawn: object) -> NDArray[np.float64] | None:
+    def changed_segments_since(self, drawn: object) -> NDArray[np.float64] | None:
         """(K, 2, 3) meters, world: the floor segments of added, removed, and moved edges since the arrays `drawn`.
         Viewpoints are segments of length 0. None if the changes are not known."""
         found: list[NDArray[np.float64]] = []

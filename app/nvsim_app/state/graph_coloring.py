@@ -65,7 +65,7 @@ def coloring(document: Document, by: str) -> Coloring | None:
     slack = smallest_margin(config) if few else lambda g, key: config.row_alpha - 1.0 + document.evidence.at(g, key)
     known = QuantityInputs(document.contents.occupancy, slack)
 
-    def of(kind: str, bins: _Bins) -> dict[object, int]:
+    def groups_of(kind: str, bins: _Bins) -> dict[object, int]:
         names, values = quantity(graph, by, known, kind)  # type: ignore[arg-type]
         return dict(zip(names, bins(values.astype(np.float64)).tolist(), strict=True))
 
@@ -74,7 +74,9 @@ def coloring(document: Document, by: str) -> Coloring | None:
             Group(c, w, mark)
             for mark, (c, w) in enumerate(zip(_DEGREES, ("none", "1", "2", "3", "4 or 5", "6 or more"), strict=True))
         ]
-        return _made("Neighbors", groups, of("viewpoints", lambda v: np.searchsorted([0.5, 1.5, 2.5, 3.5, 5.5], v)), {})
+        return _make_coloring(
+            "Neighbors", groups, groups_of("viewpoints", lambda v: np.searchsorted([0.5, 1.5, 2.5, 3.5, 5.5], v)), {}
+        )
     if by == "evidence":
         # Most margins of a graph are alike, so fixed limits would give one color to all edges.
         keys, measured = quantity(graph, by, known, "edges")
@@ -92,7 +94,7 @@ def coloring(document: Document, by: str) -> Coloring | None:
             return np.where(np.isnan(values), len(groups) - 1, found)
 
         title = "Evidence" if few else "Evidence (worst row of alpha)"
-        return _made(title, groups, of("viewpoints", bins), dict(zip(keys, bins(margins).tolist())))
+        return _make_coloring(title, groups, groups_of("viewpoints", bins), dict(zip(keys, bins(margins).tolist())))
     if by == "photographed":
         limits = [config.photographed, (1 + config.photographed) / 2]
         groups = [
@@ -105,13 +107,13 @@ def coloring(document: Document, by: str) -> Coloring | None:
         def shares(values: NDArray[np.float64]) -> NDArray[np.int64]:
             return np.where(np.isnan(values), 3, np.searchsorted(limits, values, side="right"))
 
-        return _made("Photographed directions", groups, of("viewpoints", shares), {})
+        return _make_coloring("Photographed directions", groups, groups_of("viewpoints", shares), {})
     if by in ("reviewed", "validity"):
         yes, no = ("reviewed", "not reviewed") if by == "reviewed" else ("free on the map", "not free on the map")
         groups = [Group(_NONE if by == "reviewed" else _STEPS[0], no, 1), Group(_STEPS[3], yes)]
         title = "Reviewed" if by == "reviewed" else "Validity"
-        return _made(title, groups, of("viewpoints", _whole), of("edges", _whole))
-    found = of("viewpoints", _whole), of("edges", _whole)
+        return _make_coloring(title, groups, groups_of("viewpoints", _to_integers), groups_of("edges", _to_integers))
+    found = groups_of("viewpoints", _to_integers), groups_of("edges", _to_integers)
     numbers = sorted({*found[0].values(), *found[1].values()})
     row = {number: i for i, number in enumerate(numbers)}
     title, noun = {"storey": ("Storeys", "storey"), "component": ("Components", "component")}.get(
@@ -120,12 +122,14 @@ def coloring(document: Document, by: str) -> Coloring | None:
     groups = [
         Group(colors.submap_color(n), f"{noun} {n}" if n >= 0 else "none", mark) for mark, n in enumerate(numbers)
     ]
-    return _made(title, groups, *({name: row[n] for name, n in each.items()} for each in found))
+    return _make_coloring(title, groups, *({name: row[n] for name, n in each.items()} for each in found))
 
 
-def _whole(values: NDArray[np.float64]) -> NDArray[np.int64]:
+def _to_integers(values: NDArray[np.float64]) -> NDArray[np.int64]:
     return values.astype(np.int64)
 
 
-def _made(title: str, groups: list[Group], viewpoints: Mapping[object, int], edges: Mapping[object, int]) -> Coloring:
+def _make_coloring(
+    title: str, groups: list[Group], viewpoints: Mapping[object, int], edges: Mapping[object, int]
+) -> Coloring:
     return Coloring(title, tuple(groups), viewpoints, edges)  # type: ignore[arg-type]

@@ -6,7 +6,7 @@ from __future__ import annotations
 import math
 
 from nvsim.graph.findings.elements import slope
-from nvsim.graph.history import counted
+from nvsim.graph.history import count_text
 from nvsim.graph.review import distance
 from nvsim.graph.selection import GraphSelection
 from nvsim.graph.types import Edge, EdgeKey, NavGraph, Viewpoint
@@ -115,7 +115,7 @@ def selection_details(graph: NavGraph, chosen: GraphSelection) -> tuple[str, dic
     ids = [id for id in chosen.viewpoints if id in graph.viewpoints]
     keys = [key for key in chosen.edges if key in graph.edges]
     parts = [(len(ids), "viewpoint"), (len(keys), "edge")]
-    title = " and ".join(counted(number, thing) for number, thing in parts if number)
+    title = " and ".join(count_text(number, thing) for number, thing in parts if number)
     if len(ids) + len(keys) > MOST:
         return title, {}
     things: list[Viewpoint | Edge] = [*(graph.viewpoints[id] for id in ids), *(graph.edges[key] for key in keys)]

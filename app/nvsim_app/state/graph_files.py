@@ -38,7 +38,7 @@ class GraphFile(Protocol):
         """Writes the graph. Returns a notice for the user, "" for none. Raises InputError if it cannot be written."""
         ...
 
-    def sight(self, unknown: bool = True) -> Visible | None:
+    def visibility(self, unknown: bool = True) -> Visible | None:
         """The visibility between viewpoints from the lists of the file, with `unknown` for pairs that are not listed.
         None if there are no lists."""
         ...
@@ -73,7 +73,7 @@ class ProjectGraph:
             project.set_graph(graph)
         return ""
 
-    def sight(self, unknown: bool = True) -> Visible | None:
+    def visibility(self, unknown: bool = True) -> Visible | None:
         return None
 
     def context(self, known: Context) -> Context:
@@ -114,13 +114,13 @@ class ForeignGraph:
         self.save_copy(graph, path)
         return path
 
-    def sight(self, unknown: bool = True) -> Visible | None:
-        return self._file.sight(unknown)
+    def visibility(self, unknown: bool = True) -> Visible | None:
+        return self._file.visibility(unknown)
 
     @property
     def pictured(self) -> bool:
         """Whether there are images of viewpoints beside the file."""
-        return self._file.beside.pictures is not None
+        return self._file.nearby_files.pictures is not None
 
     @property
     def path(self) -> Path:
@@ -129,7 +129,7 @@ class ForeignGraph:
     @property
     def skyboxes(self) -> Path | None:
         """The folder of skyboxes beside the file, in the layout of Matterport3DSimulator; None if there is none."""
-        found = self._file.beside.pictures
+        found = self._file.nearby_files.pictures
         return found if found is not None and found.name == FOLDER else None
 
     def panorama(self, id: str) -> NDArray[np.uint8] | None:

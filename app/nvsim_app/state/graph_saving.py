@@ -7,7 +7,7 @@ import threading
 from PySide6.QtCore import QObject, QTimer, Signal
 
 from nvsim.errors import InputError
-from nvsim.graph.history import History, counted
+from nvsim.graph.history import History, count_text
 from nvsim.graph.journal import Journal
 from nvsim.graph.types import NavGraph
 from nvsim_app.state.graph_files import GraphFile
@@ -55,7 +55,7 @@ class GraphSaving(QObject):
                 count = self._journal.recovered
                 were, them = ("was", "it") if count == 1 else ("were", "them")
                 self.notified.emit(
-                    f"{counted(count, 'unsaved edit')} {were} restored; the history lists {them}, and you can undo "
+                    f"{count_text(count, 'unsaved edit')} {were} restored; the history lists {them}, and you can undo "
                     f"{them} there."
                 )
         return self._history, locked
@@ -114,5 +114,5 @@ class GraphSaving(QObject):
             self.saved.emit()
             if words:
                 self.notified.emit(words)
-            if not history.clean:
+            if not history.is_saved:
                 self.notified.emit("The graph was saved; edits that you made during saving are not saved yet.")

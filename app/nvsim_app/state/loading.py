@@ -257,7 +257,7 @@ class ProjectReader:
             "capture": project.capture,
             "cloud": lambda: None if depth is None else project.scan(),
             "submaps": project.submaps,
-            "stages": lambda: states.done,
+            "stages": lambda: states.finished_stages,
             "results": lambda: self._results(stamps["results"]),
             "graph": project.graph,
             "scene_stamp": lambda: models,
@@ -283,13 +283,13 @@ class ProjectReader:
                 held_out, height = self._as_imported()
                 self._contents = replace(self._contents, held_out=held_out, camera_height=height, poses=self._poses())
             if part in ("capture", "scene_stamp"):
-                self._contents = replace(self._contents, modified_time=self._made())
+                self._contents = replace(self._contents, modified_time=self._modification_time())
             if part == "stages":
                 self._contents = replace(
                     self._contents,
                     outdated_stages=states.outdated,
-                    stages_of_previous_cut=states.former,
-                    restorable_stages=states.kept,
+                    stages_of_previous_cut=states.stages_of_previous_cut,
+                    restorable_stages=states.restorable_stages,
                 )
             if part == "graph":
                 self._contents = with_derived_arrays(replace(self._contents, thresholds=thresholds_of(project)))
@@ -393,7 +393,7 @@ class ProjectReader:
         self._stamps[part] = max(stamps)
         return max(stamps)[1]
 
-    def _made(self) -> float:
+    def _modification_time(self) -> float:
         files = [self._project.layout.imported / "capture.json", *(f / "model.json" for f in self._folders().values())]
         return max((stamp[0] / 1e9 for file in files if (stamp := _file_stamp(file)) is not None), default=0.0)
 
@@ -409,7 +409,7 @@ class ProjectReader:
             return ("former", *found)
         # The renderer checks for new states of these by itself. Submaps with a finished model do not show them.
         live = sorted(p.parent.name for p in layout.checkpoints.glob("live_*/model.json"))
-        found += [name for name in live if name not in {layout.live(i).name for i in folders}]
+        found += [name for name in live if name not in {layout.live_model(i).name for i in folders}]
         return tuple(found) or None
 
     def _training(self) -> dict[int, int]:

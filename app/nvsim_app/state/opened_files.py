@@ -36,8 +36,8 @@ class GraphSource:
         """Reads the file, and the map and the cloud beside it. Raises InputError with the entry and the reason if a
         file is damaged."""
         file = ForeignFile.open(self.path)
-        child = None if file.beside.map is None else start_reading(file.beside.map)
-        cloud = file.beside.points()
+        child = None if file.nearby_files.map is None else start_reading(file.nearby_files.map)
+        cloud = file.nearby_files.points()
         occupancy = None if child is None else child.result()
         return with_derived_arrays(
             Contents(

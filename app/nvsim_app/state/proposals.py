@@ -20,7 +20,7 @@ class _ProposalBasis:
         ends = {id: graph.viewpoints[id].position for id in key if id in graph.viewpoints}
         return _ProposalBasis(ends, tuple(graph.evidence[row] for id in ends for row in graph.evidence_of.get(id, ())))
 
-    def hold(self, graph: NavGraph) -> bool:
+    def is_unchanged_in(self, graph: NavGraph) -> bool:
         """Whether all of it is in `graph`, which contains the ends. An undo restores identical objects."""
         return all(graph.viewpoints[id].position == at for id, at in self.positions.items()) and all(
             graph.evidence.get(found.key) is found for found in self.evidence
@@ -60,7 +60,7 @@ class Proposals:
         self.edges = tuple(dict.fromkeys((*self.edges, *edges)))
         self.doubted = tuple(dict.fromkeys((*self.doubted, *doubted)))
 
-    def without(self, edge: EdgeKey) -> None:
+    def remove_edge(self, edge: EdgeKey) -> None:
         """Removes the proposal of an edge."""
         self.edges = tuple(key for key in self.edges if key != edge)
 
@@ -77,7 +77,7 @@ class Proposals:
             self._grounds = {
                 key: grounds
                 for key, grounds in self._grounds.items()
-                if all(end in graph.viewpoints for end in key) and grounds.hold(graph)
+                if all(end in graph.viewpoints for end in key) and grounds.is_unchanged_in(graph)
             }
             self.edges = tuple(key for key in self.edges if key in self._grounds and key not in graph.edges)
             self.doubted = tuple(key for key in self.doubted if key in self._grounds and key in graph.edges)

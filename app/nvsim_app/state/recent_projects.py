@@ -33,7 +33,7 @@ class RecentProjects:
         path = project.absolute()
         self._keep([path, *(p for p in self.paths if p != path)])
 
-    def forget(self, project: Path) -> None:
+    def remove(self, project: Path) -> None:
         """Removes a project from the list. Its files are not changed."""
         self._keep([p for p in self.paths if p != project])
 

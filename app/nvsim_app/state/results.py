@@ -61,7 +61,7 @@ class ResultTable:
         return [float(v) if _is_number(v) else float("nan") for v in (row[column] for row in self.rows)]
 
     @property
-    def plotted(self) -> list[int]:
+    def columns_to_plot(self) -> list[int]:
         """The columns to plot: those with different numbers that are not an index. None for a summary, whose rows have
         different units."""
         found: list[int] = []
@@ -130,13 +130,13 @@ def _is_rows(value: object) -> bool:
 
 
 def _table(name: str, rows: Sequence[Mapping[str, Any]]) -> ResultTable:
-    columns = [c for c in dict.fromkeys(k for r in rows for k in r) if any(_fits(r.get(c)) for r in rows)]
-    cells = tuple(tuple(r.get(c) if _fits(r.get(c)) else None for c in columns) for r in rows)
+    columns = [c for c in dict.fromkeys(k for r in rows for k in r) if any(_is_single_value(r.get(c)) for r in rows)]
+    cells = tuple(tuple(r.get(c) if _is_single_value(r.get(c)) else None for c in columns) for r in rows)
     words = result_title(name)
     return ResultTable(words[:1].upper() + words[1:], tuple(columns), cells)
 
 
-def _fits(value: object) -> bool:
+def _is_single_value(value: object) -> bool:
     return value is not None and not isinstance(value, dict | list | tuple)
 
 

@@ -186,10 +186,10 @@ def _work(requests: Requests, task: ModelTask) -> Found:
 
         found["added"] = add(list(task.add)).name
     if task.check:
-        from nvsim.networks.installed import bundled, installed
+        from nvsim.networks.installed import bundled_models, installed_models
         from nvsim.perception.checking import check
 
-        known = {model.name: model for model in (*installed()[0], *bundled())}
+        known = {model.name: model for model in (*installed_models()[0], *bundled_models())}
         found["checked"] = {name: asdict(check(known[name])) for name in task.check if name in known}
     found["catalogue"] = catalogue().as_dict()
     return found
@@ -254,7 +254,7 @@ def look_at(project: Path) -> ProjectPreview:
         return ProjectPreview(False, b"")
     for image in _images(project):
         try:
-            return ProjectPreview(True, _small(image))
+            return ProjectPreview(True, _preview_bytes(image))
         except InputError:
             continue
     return ProjectPreview(True, b"")
@@ -280,7 +280,7 @@ def _images(project: Path) -> Iterator[Path]:
     yield from thumbnails[len(thumbnails) // 2 :][:1]
 
 
-def _small(image: Path) -> bytes:
+def _preview_bytes(image: Path) -> bytes:
     """The image as JPEG, reduced so that it just covers PICTURE. Raises InputError if the file is not an image."""
     import cv2
 
@@ -294,9 +294,9 @@ def _small(image: Path) -> bytes:
     return bytes(cv2.imencode(".jpg", cv2.cvtColor(small, cv2.COLOR_RGB2BGR), [cv2.IMWRITE_JPEG_QUALITY, 85])[1])
 
 
-def _look(requests: Requests, projects: tuple[Path, ...]) -> dict[Path, ProjectPreview]:
+def _look_at_projects(requests: Requests, projects: tuple[Path, ...]) -> dict[Path, ProjectPreview]:
     return {project: look_at(project) for project in projects}
 
 
-RECENT = ChildProgram(_look, "recent projects", "Recent projects cannot be checked", memory=1 << 30)
+RECENT = ChildProgram(_look_at_projects, "recent projects", "Recent projects cannot be checked", memory=1 << 30)
 """Paths of projects -> path -> Looked"""

@@ -100,12 +100,12 @@ class ViewStates:
         return self._states[self._at] if self._at >= 0 else None
 
     @property
-    def before(self) -> ViewState | None:
+    def previous(self) -> ViewState | None:
         """The view that `back` goes to, None if there is none."""
         return self._states[self._at - 1] if self._at > 0 else None
 
     @property
-    def after(self) -> ViewState | None:
+    def next(self) -> ViewState | None:
         """The view that `forward` goes to, None if there is none."""
         return self._states[self._at + 1] if self._at + 1 < len(self._states) else None
 
@@ -118,11 +118,11 @@ class ViewStates:
             return
         what = frozenset(changes(current, state))
         if not what:
-            self.settle(state)
+            self.replace_current(state)
             return
         fade = all(key.startswith("fade") for key in what)
         drags = fade and self._fading is not None and self._fading[0] == what and now - self._fading[1] < MERGED
-        kept = self._at if drags and self.after is None else self._at + 1
+        kept = self._at if drags and self.next is None else self._at + 1
         self._states = [*self._states[:kept], state][-MOST:]
         self._at = len(self._states) - 1
         self._fading = (what, now) if fade else None
@@ -132,20 +132,20 @@ class ViewStates:
         if self.current is not None:
             self.record(replace(self.current, pose=pose), now)
 
-    def settle(self, state: ViewState) -> None:
+    def replace_current(self, state: ViewState) -> None:
         """Replaces the current view without a new step, for example if a layer was added or could not be restored."""
         if self._at >= 0:
             self._states[self._at] = state
 
     def back(self) -> ViewState | None:
         """Goes to the previous view; None at the first."""
-        return self._go(self._at - 1)
+        return self._go_to(self._at - 1)
 
     def forward(self) -> ViewState | None:
         """Goes to the next view; None at the last."""
-        return self._go(self._at + 1)
+        return self._go_to(self._at + 1)
 
-    def _go(self, index: int) -> ViewState | None:
+    def _go_to(self, index: int) -> ViewState | None:
         if not 0 <= index < len(self._states):
             return None
         self._at, self._fading = index, None

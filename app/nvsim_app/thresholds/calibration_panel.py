@@ -67,7 +67,7 @@ class CalibrationPlot(QWidget):
         self._want = pg.InfiniteLine(angle=0, pen=pg.mkPen(colors.UNDECIDED, style=Qt.PenStyle.DashLine))
         self.plots["validity"].addItem(self._want)
         self.now, self.suggested = ([self._mark(plot, kind) for plot in self.plots.values()] for kind in (0, 1))
-        self._dress()
+        self._apply_palette()
 
     def _mark(self, plot: pg.PlotWidget, kind: int) -> pg.InfiniteLine:
         tone, words = (self.palette().text().color(), "now") if kind == 0 else (QColor(colors.WARNING), "suggested")
@@ -96,18 +96,18 @@ class CalibrationPlot(QWidget):
     def show_marks(self, now: float, suggested: float | None) -> None:
         """Marks the current value and the suggested value."""
         for line in self.now:
-            _put(line, now)
+            _place_line(line, now)
         for line in self.suggested:
             line.setVisible(suggested is not None)
             if suggested is not None:
-                _put(line, suggested)
+                _place_line(line, suggested)
 
     def changeEvent(self, event: QEvent) -> None:
         if event.type() == QEvent.Type.PaletteChange:
-            self._dress()
+            self._apply_palette()
         super().changeEvent(event)
 
-    def _dress(self) -> None:
+    def _apply_palette(self) -> None:
         palette = self.palette()
         # Long titles would make a narrow plot wider than its space.
         size, ink = title_size(), palette.text().color()
@@ -122,7 +122,7 @@ class CalibrationPlot(QWidget):
             line.label.setColor(palette.text().color())
 
 
-def _put(line: pg.InfiniteLine, value: float) -> None:
+def _place_line(line: pg.InfiniteLine, value: float) -> None:
     side = 1.0 if value > 0.5 else 0.0  # so that the label stays inside the plot
     line.label.anchors = [(side, 0.5), (side, 0.5)]
     line.setValue(value)
@@ -268,7 +268,7 @@ class CalibrationPanel(QWidget):
     @property
     def obstacle(self) -> str | None:
         """The reason why no suggestion can be taken; None if one can."""
-        if self._calibrations.found is None or not self.chosen:
+        if self._calibrations.last_result is None or not self.chosen:
             return "nothing is calculated yet"
         if not self._calibrations.is_of_this_graph:
             return "the graph has changed since this was calculated"
@@ -282,7 +282,7 @@ class CalibrationPanel(QWidget):
     # Showing ---------------------------------------------------------------------------------------------------
 
     def refresh(self) -> None:
-        found, chosen = self._calibrations.found, self.chosen
+        found, chosen = self._calibrations.last_result, self.chosen
         self.frame.setVisible(self._calibrations.truth is not None)
         with QSignalBlocker(self.frame):
             self.frame.setChecked(self._calibrations.in_capture)
@@ -299,7 +299,7 @@ class CalibrationPanel(QWidget):
 
     def _show_chosen(self, *_: object) -> None:
         self.status.setText(status(self._calibrations, self._document, self.chosen))
-        found, field = self._calibrations.found, self.chosen
+        found, field = self._calibrations.last_result, self.chosen
         obstacle = self.obstacle
         self.take.setEnabled(obstacle is None)
         self.take.setToolTip(

@@ -47,7 +47,7 @@ class Calibrations(QObject):
         return self._process.running
 
     @property
-    def found(self) -> Calibration | None:
+    def last_result(self) -> Calibration | None:
         """The last result, even if it is out of date; None before the first."""
         return None if self._last is None else self._last[1].found
 
@@ -90,23 +90,23 @@ class Calibrations(QObject):
 
     def suggestion(self, field: str, judge: Judge) -> Row:
         """The suggestion of the last result for a threshold."""
-        assert self.found is not None
-        return next(row for row in self.found.suggested if (row["criterion"], row["judge"]) == (field, judge))
+        assert self.last_result is not None
+        return next(row for row in self.last_result.suggested if (row["criterion"], row["judge"]) == (field, judge))
 
-    def now(self, field: str) -> Row:
+    def figures_now(self, field: str) -> Row:
         """The figures at the slider's value of a threshold."""
-        return self.at(field, self.value(field))
+        return self.figures_at(field, self.value(field))
 
-    def at(self, field: str, value: float) -> Row:
+    def figures_at(self, field: str, value: float) -> Row:
         """The figures at a value of a threshold, or at the nearest calculated value."""
-        assert self.found is not None
-        return min(self.found.sweeps[field], key=lambda row: abs(row["threshold"] - value))
+        assert self.last_result is not None
+        return min(self.last_result.sweeps[field], key=lambda row: abs(row["threshold"] - value))
 
     def value(self, field: str) -> float:
         """The slider's value of a threshold."""
         return float(getattr(self._trial.config, field))
 
-    def moved(self, field: str) -> tuple[str, ...]:
+    def changed_thresholds(self, field: str) -> tuple[str, ...]:
         """Thresholds other than `field` whose value differs from the last result's."""
         if self._last is None:
             return ()
@@ -124,12 +124,12 @@ _NAMES = {t.field: t.name for t in thresholds()}
 
 def cells(state: Calibrations, field: str, judge: Judge) -> list[str]:
     """The cells of a row: threshold, current value, suggested value, and the effect of the suggestion."""
-    now, then = state.now(field), state.suggestion(field, judge)
+    now, then = state.figures_now(field), state.suggestion(field, judge)
     free = f"{now['validity' + _suffix(judge)]:.3f}"
     found = [_NAMES.get(field, field), f"{state.value(field):.2f}"]
     if then["threshold"] is None:
         return [*found, "none", free, "", ""]
-    row = state.at(field, then["threshold"])
+    row = state.figures_at(field, then["threshold"])
     return [
         *(*found, f"{then['threshold']:.2f}", f"{free} → {then['validity']:.3f}"),
         *(f"{row['coverage'] - now['coverage']:+.3f}", f"{row['edges'] - now['edges']:+d}"),
@@ -138,9 +138,9 @@ def cells(state: Calibrations, field: str, judge: Judge) -> list[str]:
 
 def sentences(state: Calibrations, field: str, judge: Judge) -> str:
     """The figures of a threshold at its current value, and with the suggestion."""
-    found, suffix = state.found, _suffix(judge)
+    found, suffix = state.last_result, _suffix(judge)
     assert found is not None
-    now, then = state.now(field), state.suggestion(field, judge)
+    now, then = state.figures_now(field), state.suggestion(field, judge)
     words = f"Now {state.value(field):.2f}: {_figures(now, suffix)}. "
     if then["threshold"] is None:
         return words + (
@@ -148,7 +148,7 @@ def sentences(state: Calibrations, field: str, judge: Judge) -> str:
             f"{then['best_low']:.3f}. A suggestion needs at least {cases_needed(found.want)} accepted corridors, "
             f"all of them free; {now['accepted']} are accepted now."
         )
-    row = state.at(field, then["threshold"])
+    row = state.figures_at(field, then["threshold"])
     words += f"{then['threshold']:.2f} would give {_figures(row, suffix)}"
     steps = "step opens" if row["beyond"] == 1 else "steps open"
     return words + (f"; {row['beyond']} {steps} towards new places, use Build again." if row["beyond"] else ".")
@@ -156,7 +156,7 @@ def sentences(state: Calibrations, field: str, judge: Judge) -> str:
 
 def status(state: Calibrations, document: Document, chosen: str) -> str:
     """The status of the calibration, or the missing input."""
-    found = state.found
+    found = state.last_result
     if state.busy:
         return "Evaluating the graph with every value of every threshold…"
     if state.trouble:
@@ -171,7 +171,7 @@ def status(state: Calibrations, document: Document, chosen: str) -> str:
         return "The graph has changed since; select Calculate to evaluate it again."
     if found.want != state.want:
         return f"This is for surely {found.want:g}; select Calculate to find the loosest values for {state.want:g}."
-    if chosen and state.moved(chosen):
+    if chosen and state.changed_thresholds(chosen):
         return "Other sliders have moved since; select Calculate to update the figures."
     now, judge = found.now, "/".join(state.map.parts[-2:])
     return f"{now['accepted']:,} of {now['corridors']:,} corridors are accepted, judged by {plain(judge, 60)}."

@@ -163,10 +163,10 @@ class ThresholdPanel(QScrollArea):
             with QSignalBlocker(box):
                 box.setChecked(family in config.criteria)
         for threshold in thresholds():
-            marks = {name: threshold.of(source) for name, source in sources.items()}
+            marks = {name: threshold.value_in(source) for name, source in sources.items()}
             self.rows[threshold.field].setVisible(not threshold.family or threshold.family in config.criteria)
             decides = config.rule == "worst" or not threshold.worst_only
-            self.rows[threshold.field].show_value(threshold.of(config), marks, decides)
+            self.rows[threshold.field].show_value(threshold.value_in(config), marks, decides)
         shown = [row.name for row in self.rows.values() if not row.isHidden()]
         width = max(name.fontMetrics().horizontalAdvance(name.text()) for name in shown) + 8
         for name in shown:
@@ -228,22 +228,22 @@ def side_effect_notes(outcome: ThresholdEffect) -> list[str]:
     """The side effects of an outcome, one sentence each."""
     found = []
     if outcome.isolated_viewpoints:
-        verb = _things(outcome.isolated_viewpoints, "viewpoint loses its", "viewpoints lose their")
+        verb = _singular_or_plural(outcome.isolated_viewpoints, "viewpoint loses its", "viewpoints lose their")
         found.append(f"{outcome.isolated_viewpoints:,} {verb} last edge.")
     if outcome.kept_by_user:
-        verb = _things(outcome.kept_by_user, "edge stays", "edges stay")
+        verb = _singular_or_plural(outcome.kept_by_user, "edge stays", "edges stay")
         found.append(f"{outcome.kept_by_user:,} {verb}: added or locked by a user.")
     if outcome.one_way_measured:
         found.append(f"For {outcome.one_way_measured:,} new edges, the opposite direction was not measured.")
     if outcome.new_steps:
-        verb = _things(outcome.new_steps, "step leads", "steps lead")
+        verb = _singular_or_plural(outcome.new_steps, "step leads", "steps lead")
         found.append(f"{outcome.new_steps:,} {verb} to places without a viewpoint; only Build again explores them.")
     return found
 
 
 def _edges(count: int) -> str:
-    return _things(count, "edge", "edges")
+    return _singular_or_plural(count, "edge", "edges")
 
 
-def _things(count: int, one: str, many: str) -> str:
+def _singular_or_plural(count: int, one: str, many: str) -> str:
     return one if count == 1 else many

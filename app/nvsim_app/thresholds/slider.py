@@ -40,7 +40,7 @@ class Threshold:
     worst_only: bool = False
     family: str = ""
 
-    def of(self, config: MappingConfig) -> float:
+    def value_in(self, config: MappingConfig) -> float:
         return float(getattr(config, self.field))
 
     @property

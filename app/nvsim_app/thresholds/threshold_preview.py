@@ -145,7 +145,7 @@ _MANY = 800  # lines in view; more wide lines would make the slider stutter
 _LIFT = 0.02  # meters above the existing edges
 
 
-def ends(trial: ThresholdPreview, document: Document) -> dict[str, NDArray[np.float64]]:
+def changed_segments(trial: ThresholdPreview, document: Document) -> dict[str, NDArray[np.float64]]:
     """The segments that would "appear" and "disappear", each (M, 2, 3) world positions on the floor in meters."""
     outcome, redecider = trial.outcome, trial.redecider
     nothing = np.zeros((0, 2, 3))
@@ -185,7 +185,7 @@ class PreviewLayer(Layer):
         if not self._trial.outcome:
             return
         if self._of is not self._trial.outcome:
-            self._ends, self._of = ends(self._trial, self._document), self._trial.outcome
+            self._ends, self._of = changed_segments(self._trial, self._document), self._trial.outcome
         for name, tone in _TONES.items():
             places = self._ends[name] + [0.0, 0.0, _LIFT]
             lines, _, depth = projected_segments(camera, places[:, 0], places[:, 1])
@@ -219,7 +219,7 @@ class PreviewMarks(QObject):
         if self._of is self._trial.outcome:
             return
         self._of = self._trial.outcome
-        for name, places in ends(self._trial, self._document).items():
+        for name, places in changed_segments(self._trial, self._document).items():
             flat = places.reshape(-1, 3)
             few = len(places) <= _MANY
             style = Qt.PenStyle.DashLine if name == "appear" and few else Qt.PenStyle.SolidLine

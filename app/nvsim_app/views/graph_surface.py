@@ -112,7 +112,7 @@ class _Surface:
             return None
         pixels, depths = self.project(walk)
         if storey is not None:
-            depths = np.where(storey.holds(walk[:, 2]), depths, 0.0)
+            depths = np.where(storey.contains_floors(walk[:, 2]), depths, 0.0)
         return nearest_point(pixels, depths, (point.x(), point.y()), FRAME_REACH)
 
     def polygon_selection(self, polygon: Sequence[QPointF]) -> frozenset[str]:
@@ -190,7 +190,7 @@ class SceneSurface(_Surface):
 
     def disc_radii(self) -> NDArray[np.float64]:
         """(N, 2) horizontal and vertical radii of the discs in pixels."""
-        return self._view.overlays.graph.seen(self._view.overlay_camera).radii
+        return self._view.overlays.graph.projected_viewpoints(self._view.overlay_camera).radii
 
     def pick_viewpoint(self, point: QPointF) -> str | None:
         return super().pick_viewpoint(point) if self._view.overlays["graph"].shown else None

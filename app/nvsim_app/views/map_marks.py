@@ -120,7 +120,7 @@ class MapFrame:
         self.coordinates.hide()
         self.show(False)
 
-    def take(self, action: QAction) -> None:
+    def set_action(self, action: QAction) -> None:
         """Sets the action of the button."""
         self.whole.setDefaultAction(action)
         self.place()
@@ -141,7 +141,7 @@ class MapFrame:
         self.north.setVisible(on)
         self.whole.setVisible(on)
 
-    def say(self, place: tuple[float, float] | None) -> None:
+    def show_position(self, place: tuple[float, float] | None) -> None:
         """Shows the position (x, y) under the cursor in meters; None hides it."""
         self.coordinates.setVisible(place is not None)
         if place is not None:
@@ -222,16 +222,18 @@ class GraphItem(pg.GraphicsObject):
             if self._latest is None or self._latest[0] is not arrays or self._latest[1] != place:
                 self._latest = arrays, place, self._visible_elements(arrays, pixels, (width, height))
             seen = self._latest[2]
-            manner = self._ink.manner(len(seen[0]), arrays.included[seen[1]])
+            manner = self._ink.paint_styles(len(seen[0]), arrays.included[seen[1]])
 
             def draw(target: QPainter, within: QRectF | None) -> None:
                 self._draw(target, arrays, pixels, radius, seen, within)
 
-            def touched(drawn: object) -> QRectF | None:
-                return _outline(self._document.graph_changes.since(drawn), origin, axes, (width, height))
+            def changed_area(drawn: object) -> QRectF | None:
+                return _outline(
+                    self._document.graph_changes.changed_segments_since(drawn), origin, axes, (width, height)
+                )
 
-            view = (radius, place, manner, self._document.storeys.between)
-            self._kept.paint(painter, width, height, view, draw, self._document.graph_arrays, touched)
+            view = (radius, place, manner, self._document.storeys.height_range)
+            self._kept.paint(painter, width, height, view, draw, self._document.graph_arrays, changed_area)
         else:
             self._draw(painter, arrays, pixels, radius, self._visible_elements(arrays, pixels, (width, height)))
         selected = arrays.index.get(self._document.selection.viewpoint or "")

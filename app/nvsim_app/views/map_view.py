@@ -99,7 +99,7 @@ class MapView(QWidget):
         document.graphChanged.connect(self._draw_graph)
         document.selectionChanged.connect(self._draw_selection)
         document.unitsChanged.connect(self._scale.updateBar)
-        self._dress()
+        self._apply_palette()
         self._on_contents(frozenset(CONTENT_PARTS))
 
     def show_hovered(self, viewpoint: str | None) -> None:
@@ -110,19 +110,19 @@ class MapView(QWidget):
 
     def eventFilter(self, watched: QObject, event: QEvent) -> bool:
         if event.type() == QEvent.Type.MouseMove and isinstance(event, QMouseEvent) and not event.buttons():
-            self.frame.say(self.to_world(event.position()) if self._framed else None)
-            hovered = self._under(event.position())
+            self.frame.show_position(self.to_world(event.position()) if self._framed else None)
+            hovered = self._viewpoint_under(event.position())
             if hovered != self.graph.hovered:
                 self.show_hovered(hovered)
                 self.hovered.emit(hovered)
         elif event.type() == QEvent.Type.Leave:
-            self.frame.say(None)
+            self.frame.show_position(None)
             if self.graph.hovered is not None:
                 self.show_hovered(None)
                 self.hovered.emit(None)
         return super().eventFilter(watched, event)
 
-    def _under(self, point: QPointF) -> str | None:
+    def _viewpoint_under(self, point: QPointF) -> str | None:
         x, y = self.to_world(point)
         reach = PICK_PIXELS * self.plot.getViewBox().viewPixelSize()[0]
         row = _nearest(self._document.shown_arrays.positions, QPointF(x, y), reach)
@@ -148,15 +148,15 @@ class MapView(QWidget):
 
     def to_pixels(self, xy: np.ndarray) -> np.ndarray:
         """(N, 2) pixels of world x, y (N, 2) in meters."""
-        zero = self._exact(0.0, 0.0)
-        return zero + xy[:, :1] * (self._exact(1.0, 0.0) - zero) + xy[:, 1:2] * (self._exact(0.0, 1.0) - zero)
+        zero = self._to_pixel(0.0, 0.0)
+        return zero + xy[:, :1] * (self._to_pixel(1.0, 0.0) - zero) + xy[:, 1:2] * (self._to_pixel(0.0, 1.0) - zero)
 
     def to_world(self, point: QPointF) -> tuple[float, float]:
         """World x, y in meters at a pixel."""
         place = self.plot.getViewBox().mapSceneToView(self.plot.viewportTransform().inverted()[0].map(point))
         return place.x(), place.y()
 
-    def _exact(self, x: float, y: float) -> np.ndarray:
+    def _to_pixel(self, x: float, y: float) -> np.ndarray:
         pixel = self.plot.viewportTransform().map(self.plot.getViewBox().mapViewToScene(QPointF(x, y)))
         return np.array([pixel.x(), pixel.y()])
 
@@ -207,15 +207,15 @@ class MapView(QWidget):
         self.plot.setRange(QRectF(x, y, width * metre, height * metre), padding=0)
 
     @property
-    def seen(self) -> tuple[float, float, float, float] | None:
+    def visible_range(self) -> tuple[float, float, float, float] | None:
         """x, y, width, height of the requested range in meters; None if the map is empty."""
         if not self._framed:
             return None
         (x, right), (y, top) = self.plot.getViewBox().targetRange()
         return float(x), float(y), float(right - x), float(top - y)
 
-    def see(self, x: float, y: float, width: float, height: float) -> None:
-        """Restores the range of `seen`, and disables the initial zoom to everything."""
+    def restore_range(self, x: float, y: float, width: float, height: float) -> None:
+        """Restores the range of `visible_range`, and disables the initial zoom to everything."""
         if width > 0 and height > 0:
             self._framed, self._fitted = True, None
             self._scale.show()
@@ -334,10 +334,10 @@ class MapView(QWidget):
 
     def changeEvent(self, event: QEvent) -> None:
         if event.type() == QEvent.Type.PaletteChange:
-            self._dress()
+            self._apply_palette()
         super().changeEvent(event)
 
-    def _dress(self) -> None:
+    def _apply_palette(self) -> None:
         tones = colors.OCCUPANCY_DARK if is_dark(self.palette()) else colors.OCCUPANCY_LIGHT
         self.plot.setBackground(QColor(*tones["unknown"]))
         ink = self.palette().text().color()

@@ -150,14 +150,14 @@ class Navigation(QObject):
     def set_pose(self, pose: ViewPose) -> None:
         """Moves the camera immediately and ends a walk."""
         self._end_walk()
-        self._set(pose)
+        self._set_pose(pose)
 
     def go_to(self, pose: ViewPose) -> None:
         """Moves the camera to `pose` in an animation, and ends a walk."""
         self._end_walk()
         self._fly(pose)
 
-    def _set(self, pose: ViewPose) -> None:
+    def _set_pose(self, pose: ViewPose) -> None:
         self._flight = None
         if pose != self.pose:
             self.pose = pose
@@ -192,11 +192,11 @@ class Navigation(QObject):
         down = -dy if self.hands.upside_down else dy
         if motion == "look" or (motion == "turn" and self.walking is not None):
             angle = cameras.RADIANS_PER_PIXEL * 0.8 * share
-            self._set(cameras.turned(self.pose, dx * angle, -down * angle))
+            self._set_pose(cameras.turn_pose(self.pose, dx * angle, -down * angle))
         elif motion == "shift":
-            self.set_pose(cameras.panned(self.pose, dx, dy, max(1, self._view.height())))
+            self.set_pose(cameras.pan_pose(self.pose, dx, dy, max(1, self._view.height())))
         elif motion == "turn":
-            self.set_pose(cameras.orbited(self.pose, dx * share, down * share))
+            self.set_pose(cameras.orbit_pose(self.pose, dx * share, down * share))
         return True
 
     def release(self) -> bool:
@@ -213,7 +213,7 @@ class Navigation(QObject):
             return
         notches *= -self.hands.rolling if self.hands.backwards else self.hands.rolling
         if self.walking is not None:
-            self._set(self._stepped(self.pose, _NOTCH * notches, 0.0))
+            self._set_pose(self._step_with_obstacles(self.pose, _NOTCH * notches, 0.0))
             return
         camera = self.pose.camera(max(1, self._view.width()), max(1, self._view.height()))
         k, at = camera.intrinsics, event.position()
@@ -262,17 +262,17 @@ class Navigation(QObject):
             ways = self.hands.keys
             forward, right, up = (metres * sum(ways[k][i] for k in self._held if k in ways) for i in range(3))
             if self.walking is None:
-                self.set_pose(cameras.flown(self.pose, forward, right, up))
+                self.set_pose(cameras.fly_pose(self.pose, forward, right, up))
             else:
-                self._set(self._settled(self._stepped(self.pose, forward, right), elapsed))
+                self._set_pose(self._adjust_height(self._step_with_obstacles(self.pose, forward, right), elapsed))
         if not self._held and self._flight is None:
             self._timer.stop()
 
-    def _stepped(self, pose: ViewPose, forward: float, right: float) -> ViewPose:
+    def _step_with_obstacles(self, pose: ViewPose, forward: float, right: float) -> ViewPose:
         """The pose after a horizontal step. The step ends at obstacles and slides along walls."""
         assert self.walking is not None
         x, y, z = pose.position
-        goal = cameras.walked(pose, forward, right).position
+        goal = cameras.walk_pose(pose, forward, right).position
         pieces = max(1, ceil(hypot(goal[0] - x, goal[1] - y) / _PIECE))
         dx, dy = (goal[0] - x) / pieces, (goal[1] - y) / pieces
         for _ in range(pieces):
@@ -282,7 +282,7 @@ class Navigation(QObject):
                     break
         return replace(pose, position=(x, y, z))
 
-    def _settled(self, pose: ViewPose, elapsed: float) -> ViewPose:
+    def _adjust_height(self, pose: ViewPose, elapsed: float) -> ViewPose:
         """`pose` with its height moved gradually to the eye level, so that steps in the floor are smooth."""
         assert self.walking is not None
         x, y, z = pose.position

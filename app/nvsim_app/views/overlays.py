@@ -48,12 +48,12 @@ class Overlays(QObject):
             SelectedFrameLayer(document),
         ):
             self.add(layer)
-        document.projectLeft.connect(self._forget)
+        document.projectLeft.connect(self._release_project)
 
-    def _forget(self) -> None:
+    def _release_project(self) -> None:
         for layer in self._layers:
             if isinstance(layer, Layer):
-                layer.forget()
+                layer.release_project()
 
     @property
     def layers(self) -> tuple[PaintsOver, ...]:

@@ -181,7 +181,7 @@ class SceneView(QWidget):
 
     def _on_moved(self) -> None:
         self.poseChanged.emit(self.pose)
-        if not self.feed.follow():
+        if not self.feed.request_after_move():
             self.update()
 
     def _on_project(self) -> None:
@@ -189,7 +189,7 @@ class SceneView(QWidget):
 
     def _on_contents(self, parts: frozenset[str]) -> None:
         if len(self._document.extent) and self.pose == self._placed:
-            self._placed = self.places.first
+            self._placed = self.places.initial_pose
             self.navigation.set_pose(self._placed)
         self.update()
 
@@ -314,7 +314,7 @@ class Places:
         self._ground = FreeFloor(document)
 
     @property
-    def first(self) -> ViewPose:
+    def initial_pose(self) -> ViewPose:
         """The initial pose: the first frame of the trajectory; without a reconstruction, an overview of trajectory and
         graph."""
         contents = self._document.contents
@@ -324,7 +324,7 @@ class Places:
 
     def home(self) -> None:
         if len(self._document.extent):
-            self._navigation.go_to(self.first)
+            self._navigation.go_to(self.initial_pose)
 
     def show_overview(self) -> None:
         extent = self._document.extent
@@ -353,7 +353,7 @@ class Places:
             self._navigation.go_to(cameras.seen_from_frame(capture.frames[index].camera))
 
     @property
-    def walk(self) -> WalkLimits:
+    def walk_limits(self) -> WalkLimits:
         """The constraints of walking in this document."""
         return WalkLimits(self.eye_level, self._is_free)
 

@@ -66,7 +66,7 @@ class AgentPart(Part):
 
     def _connect(self, document: Document) -> None:
         walk, view, panel, window = self.walk, self.view, self.panel, self.context.window
-        walk.changed.connect(self._follow)
+        walk.changed.connect(self._follow_agent)
         walk.refused.connect(document.editing.refuse)
         walk.said.connect(self.context.notices.info)
         walk.failed.connect(self._on_failed)
@@ -80,7 +80,7 @@ class AgentPart(Part):
         panel.copyStateWanted.connect(self.copy_state)
         panel.copyTrajectoryWanted.connect(self.copy_trajectory)
         window.centre.currentChanged.connect(self._on_page)
-        document.projectLeft.connect(self._leave)
+        document.projectLeft.connect(self._leave_mode)
         document.contentsChanged.connect(self._on_contents)
 
     def docks(self) -> tuple[Dock, ...]:
@@ -144,13 +144,13 @@ class AgentPart(Part):
         assert isinstance(dock, QDockWidget)
         return dock
 
-    def _leave(self) -> None:
+    def _leave_mode(self) -> None:
         if self.context.modes.current is self.mode:
             self.context.modes.choose("select")
 
     def _on_ended(self, why: str) -> None:
         self.context.notices.add("warning", why)
-        self._leave()
+        self._leave_mode()
 
     def _on_failed(self, why: str, trace: str) -> None:
         self.context.notices.add("warning", why, trace)
@@ -173,7 +173,9 @@ class AgentPart(Part):
         file = contents.graph_file
         if isinstance(file, ForeignGraph):
             lacking = (
-                "" if file.skyboxes is not None else "no skyboxes are beside the file; the map and the state work."
+                ""
+                if file.skyboxes is not None
+                else "the folder of the file has no skyboxes; the map and the state work."
             )
             return AgentSource(None, file.path, file.skyboxes, lacking)
         lacking = f"{STAGE['train'].missing}; the map and the state work."
@@ -185,14 +187,14 @@ class AgentPart(Part):
         if not self.walk.active:
             return
         if self.context.document.graph is None:
-            self._leave()
+            self._leave_mode()
             return
         if "graph" in parts:
             self.walk.follow_graph()
         if "scene_stamp" in parts:
             self.walk.draw_from(self._source())
 
-    def _follow(self) -> None:
+    def _follow_agent(self) -> None:
         """Follows a move or a turn of the agent."""
         state, document = self.walk.state, self.context.document
         self.context.modes.refresh()

@@ -63,19 +63,19 @@ class LookPart(Part):
     def _set_dark(self, dark: bool) -> None:
         name = "dark" if dark else "light"
         if self.context.preferences["theme"] == name:  # the window was started with another theme
-            self._dress()
+            self._apply_theme()
         self.context.preferences.set("theme", name)
 
     def _on_preference(self, key: str) -> None:
         if key == "theme":
-            self._dress()
+            self._apply_theme()
 
     def _on_desktop(self) -> None:
         """Follows a change of the desktop's theme."""
         if self.context.preferences["theme"] == theme.SYSTEM:
-            self._dress()
+            self._apply_theme()
 
-    def _dress(self) -> None:
+    def _apply_theme(self) -> None:
         app = QApplication.instance()
         assert isinstance(app, QApplication)
         theme.apply(app, str(self.context.preferences["theme"]))
@@ -124,7 +124,7 @@ class FocusPart(Part):
         ]
         index = (here[0] + by) % len(panes) if here else 0
         title, pane = panes[index]
-        first = _first(pane)
+        first = _first_control(pane)
         if first is not None:
             pane.window().activateWindow()
             first.setFocus(Qt.FocusReason.ShortcutFocusReason)
@@ -137,7 +137,7 @@ def _in_front(panel: QWidget) -> bool:
     return window.rect().intersects(QRect(panel.mapTo(window, panel.rect().topLeft()), panel.size()))
 
 
-def _first(pane: QWidget) -> QWidget | None:
+def _first_control(pane: QWidget) -> QWidget | None:
     """The first control of a pane that accepts the keyboard focus."""
     each: QWidget | None = pane
     for _ in range(2000):
@@ -163,7 +163,7 @@ class PalettePart(Part):
     def __init__(self, context: WindowContext) -> None:
         super().__init__(context)
         self._recent: list[str] = []
-        self.view = PaletteView(self._offer, context.window)
+        self.view = PaletteView(self._matching_entries, context.window)
         self.view.ran.connect(self._on_ran)
 
     def handlers(self) -> Mapping[str, Callable[..., object]]:
@@ -177,7 +177,7 @@ class PalettePart(Part):
     def store(self, settings: QSettings) -> None:
         settings.setValue("palette/recent", self._recent)
 
-    def _offer(self, typed: str) -> list[PaletteEntry]:
+    def _matching_entries(self, typed: str) -> list[PaletteEntry]:
         document = self.context.document
         own = [e for e in commands(self.context.window.actions_table, document) if e.title != "Command palette"]
         return [

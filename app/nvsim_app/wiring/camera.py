@@ -51,7 +51,7 @@ class CameraPart(Part):
             "above": scene.look_from_above,
             "turn_up": self.context.window.turnWanted.emit,
             "focus": self._focus,
-            "walk": self._walk,
+            "walk": self._set_walking,
             "previous_frame": lambda: self._step_frame(-1),
             "next_frame": lambda: self._step_frame(1),
         }
@@ -76,12 +76,12 @@ class CameraPart(Part):
     def _end_walk(self) -> None:
         self.context.window.actions_table["walk"].setChecked(False)
 
-    def _walk(self, on: bool) -> None:
+    def _set_walking(self, on: bool) -> None:
         scene = self.context.scene
         if not on:
             scene.navigation.walk(None)
         elif scene.navigation.walking is None:
-            scene.navigation.walk(scene.places.walk, scene.places.walk_start)
+            scene.navigation.walk(scene.places.walk_limits, scene.places.walk_start)
 
 
 class ViewPart(Part):

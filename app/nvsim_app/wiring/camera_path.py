@@ -50,7 +50,7 @@ class CameraPathPart(Part):
         self.panel.added.connect(self.add)
         self.panel.removed.connect(self.remove)
         self.panel.chosen.connect(self._go_to)
-        self.panel.played.connect(self._play)
+        self.panel.played.connect(self._set_playing)
         self.panel.pictureWanted.connect(self._choose_picture)
         self.panel.videoWanted.connect(self._choose_video)
         context.scene.link.arrived.connect(self._on_picture)
@@ -117,7 +117,7 @@ class CameraPathPart(Part):
     def _keys(self) -> list[KeyPose]:
         return [KeyPose(p.position, p.heading, p.elevation, p.fov) for p in self.poses]
 
-    def _play(self, on: bool) -> None:
+    def _set_playing(self, on: bool) -> None:
         self._begun = time.monotonic()
         (self._ticks.start if on and len(self.poses) > 1 else self._ticks.stop)()
 

@@ -116,7 +116,7 @@ class CheckPart(Part):
         self.context.window.show_dock("validation")
         found = self.panel.step()
         if found is None:
-            self.context.notices.info(self.panel.nothing)
+            self.context.notices.info(self.panel.reason_for_no_findings)
         else:
             self._show(selection_of(found))
             self._described, self._why = selection_of(found), ""
@@ -198,7 +198,7 @@ class ComparePart(Part):
         self.panel.merged.connect(self.merge)
         self.panel.activated.connect(self._show)
         self._soon = QTimer(self, singleShot=True, interval=SETTLE)
-        self._soon.timeout.connect(self._again)
+        self._soon.timeout.connect(self._compare_again)
         context.document.graphChanged.connect(self._on_edit)
         context.document.projectChanged.connect(self.close)
         self._steps = DeferredRefresh(self.panel, self._on_steps, SETTLE)
@@ -224,16 +224,18 @@ class ComparePart(Part):
             other = read_graph(path)
             self.context.notices.resolve("compare")
             if self._editing.graph is not None:
-                self._set(ComparedGraphs.of(path.name, self._editing.graph, other))
+                self._set_compared(ComparedGraphs.of(path.name, self._editing.graph, other))
 
     def compare_with_step(self, index: int) -> None:
         """Compares with the graph after a step of the history."""
         history = self._editing.history
         if history is not None and 0 <= index < len(history.steps):
-            self._set(ComparedGraphs.of(f"After “{history.steps[index].text}”", history.graph, history.graph_at(index)))
+            self._set_compared(
+                ComparedGraphs.of(f"After “{history.steps[index].text}”", history.graph, history.graph_at(index))
+            )
 
     def close(self) -> None:
-        self._set(None)
+        self._set_compared(None)
 
     def merge(self, chosen: list[Deviation]) -> None:
         """Applies the selected differences, as one step."""
@@ -251,7 +253,7 @@ class ComparePart(Part):
             f"Merge {count:,} {'difference' if count == 1 else 'differences'} from {compared.name}", graph
         )
 
-    def _set(self, compared: ComparedGraphs | None) -> None:
+    def _set_compared(self, compared: ComparedGraphs | None) -> None:
         if compared is None and self.panel.compared is None:
             return
         self.panel.show_compared(compared)
@@ -261,10 +263,10 @@ class ComparePart(Part):
         if self.panel.compared is not None:
             self._soon.start()
 
-    def _again(self) -> None:
+    def _compare_again(self) -> None:
         before, graph = self.panel.compared, self._editing.graph
         if before is not None and graph is not None:
-            self._set(ComparedGraphs.of(before.name, graph, before.other))
+            self._set_compared(ComparedGraphs.of(before.name, graph, before.other))
 
     def _on_steps(self) -> None:
         history = self._editing.history

@@ -241,7 +241,7 @@ class StoreyPart(Part):
                "&View", 5, "Alt+PgUp", enabled=with_storeys),
         Action("storey_down", "Storey &below", "Show only the next lower storey of the graph", "&View", 5, "Alt+PgDown",
                enabled=with_storeys),
-        Action("storey_others", "&Fade other storeys", "Draw the other storeys faintly, beside the visible one",
+        Action("storey_others", "&Fade other storeys", "Draw the other storeys faintly, in addition to the visible one",
                "&View", 5, check="on", enabled=with_storeys),
         Action("fade_hidden", "Fade items behind &walls",
                "Draw items faintly in 3D if the occupancy map has walls before them", "&View", 5, check="on",
@@ -294,7 +294,7 @@ class StoreyPart(Part):
 
     def paint(self, painter: QPainter, surface: GraphSurface) -> None:
         """Draws the other storeys with thin dotted lines and small rings."""
-        arrays = self._storeys.others(self.context.document.graph_arrays)
+        arrays = self._storeys.other_storeys(self.context.document.graph_arrays)
         if not arrays.ids or not surface.shows_graph:
             return
         ends = arrays.feet[arrays.edges]

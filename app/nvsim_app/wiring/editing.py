@@ -231,14 +231,14 @@ class AutosavePart(Part):
         self.timer = QTimer(self, singleShot=True)
         self.timer.timeout.connect(self._save)
         context.preferences.changed.connect(self._on_preference)
-        context.document.editing.stepsChanged.connect(self._follow)
+        context.document.editing.stepsChanged.connect(self._start_timer)
 
     def _on_preference(self, key: str) -> None:
         if key == _KEY:
             self.timer.stop()
-            self._follow()
+            self._start_timer()
 
-    def _follow(self) -> None:
+    def _start_timer(self) -> None:
         """Starts the timer at the first unsaved edit."""
         minutes = self.context.preferences.number(_KEY)
         if not minutes or can_save(self.context.document) is not None:
@@ -258,10 +258,10 @@ _IRREGULAR = {"take": "took", "draw": "drew", "make": "made", "undo": "undid", "
 def past_tense(text: str) -> str:
     """Converts the first verb to the past tense: "Remove 3 viewpoints" becomes "Removed 3 viewpoints"."""
     verb, space, rest = text.partition(" ")
-    return f"{_past(verb)}{space}{rest}"
+    return f"{_past_tense(verb)}{space}{rest}"
 
 
-def _past(verb: str) -> str:
+def _past_tense(verb: str) -> str:
     word = verb.lower()
     if word in _SAME or not word.isalpha():
         return verb

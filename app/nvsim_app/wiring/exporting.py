@@ -20,7 +20,7 @@ from nvsim.figures import DASHES, SHAPES
 from nvsim.files.opening import is_folder
 from nvsim.files.user_folders import home_folder
 from nvsim.graph.exports import ColorGroups, LegendRow, draw
-from nvsim.graph.history import counted
+from nvsim.graph.history import count_text
 from nvsim.graph.offers import ChoiceField
 from nvsim.graph.types import NavGraph
 from nvsim.occupancy.types import OccupancyMap
@@ -237,7 +237,7 @@ class ScanForm(QObject):
         if editing.history is not None and self._unsaved:
             count = editing.history.edits_since_saved()
             are = "is" if count == 1 else "are"
-            words = f"{counted(count, 'edit')} of the graph {are} not saved; the scan is made from the saved graph."
+            words = f"{count_text(count, 'edit')} of the graph {are} not saved; the scan is made from the saved graph."
         self.panel.show_unsaved(words, editing.writable)
         if before and not self._unsaved:
             self.panel.ask_again()
@@ -251,7 +251,7 @@ class ScanForm(QObject):
         waits = bool(sentence) and any(h.state in ("running", "queued") for h in self._context.jobs.handles)
         if waits:
             self.panel.title.setText("Not possible yet; the running jobs may change that.")
-        self._form.hold("" if waits else sentence)
+        self._form.block_start("" if waits else sentence)
         self.panel.findings.setVisible("--force" in sentence)
 
     def _show_findings(self) -> None:
@@ -277,7 +277,7 @@ class FeaturesForm(QObject):
         a = parse(command_of(FEATURES), ["--project", str(project), *arguments], FEATURES)
         self.panel.show_makers(a.layout, a.model, a.projection)
         sentence = next((said for said in (missing_package_error(LAYOUTS[name]) for name in a.layout) if said), "")
-        self._form.hold(sentence or self._without_scan(a.folder or project.absolute().parent / "scans"))
+        self._form.block_start(sentence or self._without_scan(a.folder or project.absolute().parent / "scans"))
 
     def _without_scan(self, folder: Path) -> str:
         """The reason to disable the form if there is no exported scan; "" if there is one, or if a job may write it."""

@@ -112,7 +112,7 @@ class RecentPart(Part):
         self._process.ended.connect(self._on_looked)
         # Slow work starts after the window is on the screen, and not if a project is opened at once.
         self._soon = QTimer(self, singleShot=True, interval=_SOON)
-        self._soon.timeout.connect(self._look)
+        self._soon.timeout.connect(self._look_at_projects)
         self._seen: tuple[Picture, QImage] | None = None  # the last sharp image of the open project
 
     def restore(self, settings: QSettings) -> None:
@@ -125,7 +125,7 @@ class RecentPart(Part):
                 following = menu.actions()[menu.actions().index(opening) + 1]
                 menu.insertMenu(following, self._menu)
         window.start.recentWanted.connect(self.open)
-        window.start.forgetWanted.connect(self.forget)
+        window.start.forgetWanted.connect(self.remove)
         self.context.scene.pictureShown.connect(self._on_picture)
         document.projectLeft.connect(self._keep_view)
         document.projectChanged.connect(self._on_project)
@@ -138,15 +138,15 @@ class RecentPart(Part):
 
     def open(self, path: Path) -> None:
         """Opens a project of the list. If it does not exist, a notice says so."""
-        if path in self.context.window.start.recent.gone and not path.exists():
+        if path in self.context.window.start.recent.missing_projects and not path.exists():
             self.context.notices.error(f"{path} does not exist; restore it, or remove it from the list with Del.")
-            self._look()
+            self._look_at_projects()
         else:
             self.context.window.projectChosen.emit(path)
 
-    def forget(self, path: Path) -> None:
+    def remove(self, path: Path) -> None:
         """Removes a project from the list."""
-        self.projects.forget(path)
+        self.projects.remove(path)
         self._show()
 
     def _on_project(self) -> None:
@@ -162,7 +162,7 @@ class RecentPart(Part):
         self._process.close()
         self._soon.start()
 
-    def _look(self) -> None:
+    def _look_at_projects(self) -> None:
         paths = self.projects.paths
         if paths and self.context.document.path is None:
             self._process.open(paths)

@@ -82,7 +82,7 @@ class FramePart(Part):
         self.panel.opened.connect(self.browser.open)
         context.window.centre.addWidget(self.browser.page)
         self.browser.opened.connect(lambda: context.window.show_page(self.browser.page))
-        self.browser.left.connect(self._leave)
+        self.browser.left.connect(self._close_page)
         self.browser.taken.connect(self._tell_page)
         context.window.centre.currentChanged.connect(self._tell_page)
         self.browser.toolChanged.connect(self._show_tool)
@@ -97,7 +97,7 @@ class FramePart(Part):
         corrector = self.browser.corrector
         handlers: dict[str, Callable[..., object]] = {
             "open_frame": self._open,
-            "leave_frame": self._leave,
+            "leave_frame": self._close_page,
             "help_frames": lambda: open_help("frames", self.context.window),
             "mask_undo": corrector.undo,
             "mask_redo": corrector.redo,
@@ -125,7 +125,7 @@ class FramePart(Part):
         )
         self.context.part(ResultPart).gathered.connect(self._on_results)
         for channel in CHANNELS:
-            table[channel].triggered.connect(self.browser.render.soon)
+            table[channel].triggered.connect(self.browser.render.schedule)
         self.browser.page.layers.remember(str(settings.value("frame/layers", "")))
         mode = settings.value("frame/mode", "wipe")
         if mode in MODES:
@@ -160,7 +160,7 @@ class FramePart(Part):
         if state.frame is not None and state.frame != now:
             self.browser.open(state.frame)
         elif state.frame is None and now is not None:
-            self._leave()
+            self._close_page()
 
     def _on_results(self, results: list[EvaluationResult]) -> None:
         self.state.show_scores(newest_scores(results))
@@ -174,7 +174,7 @@ class FramePart(Part):
         is_open = self.context.window.centre.currentWidget() is self.browser.page
         self.context.document.set_page_frame(self.browser.index if is_open else None)
 
-    def _leave(self) -> None:
+    def _close_page(self) -> None:
         self.browser.corrector.flush()
         self.context.window.show_page(None)
         self.context.scene.setFocus()

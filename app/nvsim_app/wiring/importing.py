@@ -127,7 +127,7 @@ class ReimportPart(Part):
 
     def _options_ordered(self) -> list[str]:
         """The options of the last ordered import, whose capture was refused."""
-        imports = [h.job.order for h in self.context.jobs.handles if h.job.order.verb == "import" and h.ours]
+        imports = [h.job.order for h in self.context.jobs.handles if h.job.order.verb == "import" and h.is_own]
         ordered = [order for order in imports if not order.folder]  # of the window
         return without_option(ordered[-1].arguments[3:], "--model") if ordered else []
 

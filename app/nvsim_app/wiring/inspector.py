@@ -47,9 +47,9 @@ class InspectorPart(Part):
         self.panel = InspectorPanel(self.inspection, self.panoramas)
         self._seen = self._only_in_front = False
         self.layer = RegionLayer(self.inspection)
-        self.panel.chosen.connect(self._go)
-        self.panel.view.walked.connect(self._walk)
-        self.inspection.changed.connect(self._follow)
+        self.panel.chosen.connect(self._go_in_direction)
+        self.panel.view.walked.connect(self._walk_to)
+        self.inspection.changed.connect(self._request_panorama)
         self.inspection.pointed.connect(context.scene.update)
         context.document.contentsChanged.connect(self._on_contents)
         context.document.unitsChanged.connect(self.inspection.changed)
@@ -74,7 +74,7 @@ class InspectorPart(Part):
         dock.visibilityChanged.connect(self._on_seen)
         self.panel.set_channel(str(settings.value("inspector/channel", "rgb")))
         self.panel.regions.setChecked(settings.value("inspector/regions", "true") in (True, "true"))
-        self._follow()
+        self._request_panorama()
 
     def store(self, settings: QSettings) -> None:
         self.panoramas.close()
@@ -85,7 +85,7 @@ class InspectorPart(Part):
         # To Qt, a panel behind another tab is visible, but this signal tells whether it can be seen.
         self._seen = seen
         self._draw_regions()
-        self._follow()
+        self._request_panorama()
 
     def draw_only_in_front(self, on: bool) -> None:
         """If `on`, draws regions in the views only while the panel is in front, because the views follow an agent."""
@@ -117,10 +117,10 @@ class InspectorPart(Part):
     def _on_contents(self, parts: frozenset[str]) -> None:
         opened = "graph" in parts and isinstance(self.context.document.contents.graph_file, ForeignGraph)
         if "scene_stamp" in parts or opened:
-            self.panoramas.forget()
-            self._follow()
+            self.panoramas.clear_caches()
+            self._request_panorama()
 
-    def _follow(self) -> None:
+    def _request_panorama(self) -> None:
         """Requests the panorama while the panel is visible."""
         contents, id = self.context.document.contents, self.inspection.viewpoint
         file = contents.graph_file if isinstance(contents.graph_file, ForeignGraph) else None
@@ -132,12 +132,12 @@ class InspectorPart(Part):
             self.panoramas.request((x, y, z), None if file is None else partial(file.panorama, id))
         self.panel.enable_channels(file is None)
         lacking = f"{STAGE['train'].missing}, so there is nothing to show"
-        lacking = "There are no images beside the file." if file else sentence(lacking)
+        lacking = "The folder of the file has no images." if file else sentence(lacking)
         self.panel.view.hint = "" if there else lacking
         self.panel.view.update()
         self.context.scene.update()
 
-    def _walk(self, id: str) -> None:
+    def _walk_to(self, id: str) -> None:
         """Goes to a neighbor, and looks in the direction of the move."""
         document = self.context.document
         row = document.graph_arrays.index.get(id)
@@ -146,7 +146,7 @@ class InspectorPart(Part):
             document.select(viewpoint=id)
             self.context.scene.go_to_position(document.graph_arrays.positions[row], float(np.arctan2(way[0], way[1])))
 
-    def _go(self, direction: Direction) -> None:
+    def _go_in_direction(self, direction: Direction) -> None:
         """Goes to the viewpoint in this direction, and looks ahead. If there is none, a notice gives the reason."""
         document = self.context.document
         row = document.graph_arrays.index.get(direction.neighbour)

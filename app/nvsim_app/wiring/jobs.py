@@ -41,7 +41,7 @@ def _name(verb: str) -> str:
     return f"job_{verb.replace(' ', '_')}"
 
 
-def _about(verb: str) -> str:
+def _notice_subject(verb: str) -> str:
     """What the notices about a job of this command are about."""
     return f"job {verb}"
 
@@ -123,7 +123,7 @@ class JobsPart(Part):
             chosen = Settings(project).arguments(verb) if arguments is None else list(arguments)
             words = ["--project", str(project), *chosen, *(["--json"] if row.prints_figures else [])]
             handle = self.context.jobs.start(verb, words, project, row.title, row.heavy)
-            self.context.notices.resolve(_about(verb))
+            self.context.notices.resolve(_notice_subject(verb))
             self.show_panel()
             return handle
         return None
@@ -194,7 +194,7 @@ class JobsPart(Part):
         missing = contents.missing
         waiting = any(h.state in ("running", "queued") for h in jobs.handles)
         verb = "" if not missing or waiting else contents.missing_verb
-        self.bar.say(missing, verb)
+        self.bar.show_message(missing, verb)
         self._say_what_comes()
 
     def _say_what_comes(self) -> None:
@@ -206,14 +206,14 @@ class JobsPart(Part):
         if not missing or document.contents.capture is not None or document.project is None:
             return
         if making is None:
-            window.empty.say(missing, document.contents.missing_verb)
+            window.empty.show_message(missing, document.contents.missing_verb)
         elif (chosen := document.contents.chosen) is not None:
             sentence = f"{making.title} …\n{chosen.count:,} images chosen so far"
             if chosen != self._chosen:
                 self._chosen, self._frame = chosen, read_picture(chosen.last)
-            window.empty.say(sentence, image=self._frame)
+            window.empty.show_message(sentence, image=self._frame)
         else:
-            window.empty.say(f"{making.title} …")
+            window.empty.show_message(f"{making.title} …")
 
     def _open_again(self, handle: JobHandle) -> None:
         if handle.job.order.verb in (*PIPELINE, *EVALUATIONS, *EXPORTS, *_AGENTS):
@@ -228,7 +228,7 @@ class JobsPart(Part):
             scene.set_channel(scene.channel)
 
     def _on_ended(self, handle: JobHandle) -> None:
-        notices, state, about = self.context.notices, handle.state, _about(handle.job.order.verb)
+        notices, state, about = self.context.notices, handle.state, _notice_subject(handle.job.order.verb)
         if state == "done":
             default = "the figures are in Results" if handle.job.order.verb in EVALUATIONS else "done"
             notices.info(f"{handle.title}: {handle.message or default}", about=about)

@@ -8,7 +8,7 @@ from functools import partial
 from PySide6.QtCore import QSettings
 from PySide6.QtWidgets import QMenu
 
-from nvsim.graph.history import counted
+from nvsim.graph.history import count_text
 from nvsim.graph.selection import GraphSelection
 from nvsim.graph.types import Edge, Viewpoint
 from nvsim_app.actions import Action
@@ -69,7 +69,7 @@ class ModePart(Part):
         super().__init__(context)
         self.stage = context.modes
         self.stage.changed.connect(self._show)
-        self.stage.said.connect(self._say)
+        self.stage.said.connect(self._show_hint)
         context.document.graphChanged.connect(self._leave_when_locked)
 
     def handlers(self) -> Mapping[str, Callable[..., object]]:
@@ -98,7 +98,7 @@ class ModePart(Part):
     def _show(self, name: str) -> None:
         self.context.window.actions_table[f"mode_{name}"].setChecked(True)
 
-    def _say(self, text: str) -> None:
+    def _show_hint(self, text: str) -> None:
         self.context.window.statusBar().showMessage(plain(text))
 
     def _leave_when_locked(self, _: object) -> None:
@@ -152,7 +152,7 @@ class ContextPart(Part):
 
     def _add_ghost(self, menu: QMenu, pointer: Pointer) -> None:
         proposing = self.context.part(ProposePart)
-        ghost = proposing.under(pointer)
+        ghost = proposing.proposal_under(pointer)
         if ghost is not None and pointer.viewpoint is None:
             menu.addAction("Accept this proposed edge", partial(proposing.accept_edge, ghost))
             menu.addAction("Dismiss it", partial(proposing.dismiss_edge, ghost))
@@ -160,7 +160,7 @@ class ContextPart(Part):
     def _fill_for_things(self, menu: QMenu) -> None:
         graph, chosen = self.context.document.graph, self.context.document.editing.selection
         parts = [(len(chosen.viewpoints), "viewpoint"), (len(chosen.edges), "edge")]
-        words = " and ".join(counted(n, thing) for n, thing in parts if n)
+        words = " and ".join(count_text(n, thing) for n, thing in parts if n)
         if len(chosen.viewpoints) + len(chosen.edges) == 1:
             ids = (*chosen.viewpoints, *(end for key in chosen.edges for end in key))
             words = " – ".join(short_id(graph, id) for id in ids)

@@ -77,7 +77,7 @@ class MapPart(Part):
         return {"whole_map": self.view.show_whole}
 
     def restore(self, settings: QSettings) -> None:
-        self.view.frame.take(self.context.window.actions_table["whole_map"])
+        self.view.frame.set_action(self.context.window.actions_table["whole_map"])
 
     def _forget_hovered(self) -> None:
         self.view.show_hovered(None)
@@ -144,7 +144,7 @@ class LayersPart(Part):
     def __init__(self, context: WindowContext) -> None:
         super().__init__(context)
         self._stand_in = ""  # layer that is shown because there is no reconstruction
-        context.scene.overlays.changed.connect(self._follow)
+        context.scene.overlays.changed.connect(self._update_commands)
         context.document.projectLeft.connect(self._hide_stand_in)
         context.document.contentsChanged.connect(self._on_contents)
 
@@ -198,7 +198,7 @@ class LayersPart(Part):
         if stand_in:
             self.context.scene.overlays.set_shown(stand_in, False)
 
-    def _follow(self) -> None:
+    def _update_commands(self) -> None:
         """Updates the commands after any change of the layers."""
         table = self.context.window.actions_table
         for action in self.ACTIONS:
@@ -218,7 +218,7 @@ class ResultPart(Part):
         self._read: dict[int, EvaluationResult | None] = {}  # number of a finished job -> its result
         w.document.contentsChanged.connect(self._on_contents)
         w.document.projectChanged.connect(self._on_project)
-        w.jobs.changed.connect(self._gather)
+        w.jobs.changed.connect(self._collect_results)
         w.jobs.ended.connect(self._on_ended)
         return (
             Dock("results", "Results", self.panel, "bottom", tab="jobs", needs=with_results,
@@ -227,19 +227,19 @@ class ResultPart(Part):
 
     def _on_project(self) -> None:
         self._read.clear()
-        self._gather()
+        self._collect_results()
 
     def _on_contents(self, parts: frozenset[str]) -> None:
         if "results" in parts:
-            self._gather()
+            self._collect_results()
 
     def _on_ended(self, handle: JobHandle) -> None:
         if handle.job.order.verb in EVALUATIONS and handle.state == "done":
             self._read.pop(handle.number, None)  # the job may have run again
-            self._gather()
+            self._collect_results()
             self.context.window.front_dock("results")
 
-    def _gather(self) -> None:
+    def _collect_results(self) -> None:
         found = []
         for handle in self.context.jobs.handles:
             if handle.state == "done":
@@ -280,11 +280,11 @@ class ModelsPart(Part):
         """Shows the window. There is only one."""
         if self.page is None:
             self.page = ModelsWindow(self.models, self.context.window)
-            self.page.destroyed.connect(self._forget)
+            self.page.destroyed.connect(self._close_window)
         self.models.list()
         show_and_focus(self.page)
         return self.page
 
-    def _forget(self) -> None:
+    def _close_window(self) -> None:
         self.page = None
         self.models.stop()

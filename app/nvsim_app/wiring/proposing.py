@@ -14,7 +14,7 @@ from PySide6.QtGui import QPainter
 from nvsim.errors import InputError
 from nvsim.graph.difference import Difference
 from nvsim.graph.edits import EditError
-from nvsim.graph.history import counted
+from nvsim.graph.history import count_text
 from nvsim.graph.proposals import PlaceProposal, propose_edges, propose_viewpoints
 from nvsim.graph.selection import GraphSelection
 from nvsim.graph.types import EdgeKey
@@ -134,7 +134,7 @@ class ProposePart(Part):
             editing.amend("Measure edited viewpoints", with_new_viewpoints(graph, fresh))
             self.proposals.add(editing.graph or graph, found.proposed, found.doubted)
             self._prune()
-            self._tell()
+            self._announce_change()
             if found.proposed:
                 count = len(found.proposed)
                 self.context.notices.info(
@@ -151,17 +151,17 @@ class ProposePart(Part):
         if graph is not None:
             slack = smallest_margin(document.contents.thresholds)
             file = document.contents.graph_file
-            seen = None if file is None or occupancy is not None else file.sight(unknown=False)
-            self._think(lambda: (tuple(p.edge for p in propose_edges(graph, occupancy, slack, visible=seen)), ()))
+            seen = None if file is None or occupancy is not None else file.visibility(unknown=False)
+            self._start_work(lambda: (tuple(p.edge for p in propose_edges(graph, occupancy, slack, visible=seen)), ()))
 
     def propose_viewpoints(self) -> None:
         """Searches the whole map, in a thread."""
         document = self.context.document
         graph, occupancy = document.graph, document.contents.occupancy
         if graph is not None and occupancy is not None:
-            self._think(lambda: ((), propose_viewpoints(graph, occupancy)))
+            self._start_work(lambda: ((), propose_viewpoints(graph, occupancy)))
 
-    def _think(self, work: Callable[[], tuple[tuple[EdgeKey, ...], tuple[PlaceProposal, ...]]]) -> None:
+    def _start_work(self, work: Callable[[], tuple[tuple[EdgeKey, ...], tuple[PlaceProposal, ...]]]) -> None:
         if self._thread is not None and self._thread.is_alive():
             return
 
@@ -184,8 +184,8 @@ class ProposePart(Part):
             return
         self.proposals.add(graph, edges, (), places)
         self._prune()
-        self._tell()
-        words = counted(len(places), "viewpoint") if places else counted(len(edges), "edge")
+        self._announce_change()
+        words = count_text(len(places), "viewpoint") if places else count_text(len(edges), "edge")
         if edges or places:
             one = len(edges) + len(places) == 1
             self.context.notices.info(
@@ -208,12 +208,12 @@ class ProposePart(Part):
             steps.append(("add_edges", {"pairs": pairs}))
         if steps:
             chosen = GraphSelection(frozenset(place.new_id for place in places)) if places else None
-            text = f"Add {counted(len(places), 'proposed viewpoint')}" if places else ""
+            text = f"Add {count_text(len(places), 'proposed viewpoint')}" if places else ""
             editing.run_all(steps, text, selection=chosen)
 
-    def under(self, pointer: Pointer) -> EdgeKey | None:
+    def proposal_under(self, pointer: Pointer) -> EdgeKey | None:
         """The proposed edge under the mouse pointer."""
-        keys, ends = self._ghosts(self.proposals.edges)
+        keys, ends = self._visible_proposals(self.proposals.edges)
         lines, index, depths = pointer.surface.segments(ends[:, 0], ends[:, 1])
         row = nearest_segment(lines, depths, (pointer.point.x(), pointer.point.y()), EDGE_REACH)
         return None if row is None else keys[int(index[row])]
@@ -224,10 +224,10 @@ class ProposePart(Part):
 
     def dismiss_edge(self, edge: EdgeKey) -> None:
         """Dismisses one proposed edge."""
-        self.proposals.without(edge)
-        self._tell()
+        self.proposals.remove_edge(edge)
+        self._announce_change()
 
-    def _ghosts(self, edges: tuple[EdgeKey, ...]) -> tuple[list[EdgeKey], NDArray[np.float64]]:
+    def _visible_proposals(self, edges: tuple[EdgeKey, ...]) -> tuple[list[EdgeKey], NDArray[np.float64]]:
         """The edges whose ends are visible, and their ends on the floor, (N, 2, 3) world meters."""
         arrays = self.context.document.shown_arrays
         keys = [(a, b) for a, b in edges if a in arrays.index and b in arrays.index]
@@ -236,19 +236,19 @@ class ProposePart(Part):
 
     def dismiss(self) -> None:
         self.proposals.clear()
-        self._tell()
+        self._announce_change()
 
     def _prune(self) -> None:
         if self.proposals.prune(self.context.document.graph):
-            self._tell()
+            self._announce_change()
 
-    def _tell(self) -> None:
+    def _announce_change(self) -> None:
         self.context.document.editing.stepsChanged.emit()
         self.context.modes.refresh()
 
     def paint(self, painter: QPainter, surface: GraphSurface) -> None:
         for edges, color in ((self.proposals.edges, colors.OPEN), (self.proposals.doubted, colors.BLOCKED)):
-            keys, ends = self._ghosts(edges)
+            keys, ends = self._visible_proposals(edges)
             if keys:
                 line(painter, surface, ends[:, 0], ends[:, 1], color, 3.0, Qt.PenStyle.DashLine)
         arrays, places = self.context.document.graph_arrays, self.proposals.places
@@ -275,7 +275,7 @@ def _with_grounds(document: Document) -> Reason:
     if (first := with_map(document)) is None or document.graph is None or not document.editing.writable:
         return first
     file = document.contents.graph_file
-    if document.graph.evidence or (file is not None and file.sight() is not None):
+    if document.graph.evidence or (file is not None and file.visibility() is not None):
         return None
     return "there is neither evidence nor a map to propose from"
 

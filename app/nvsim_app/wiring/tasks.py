@@ -62,10 +62,10 @@ class TaskPart(Part):
         panel.stepped.connect(self.step)
         panel.visited.connect(self.visit)
         self._soon = QTimer(self, singleShot=True, interval=SETTLE)
-        self._soon.timeout.connect(self.look)
+        self._soon.timeout.connect(self.update_findings)
         context.document.graphChanged.connect(self._on_graph)
-        context.document.projectChanged.connect(self._leave)
-        context.document.unitsChanged.connect(panel.say)
+        context.document.projectChanged.connect(self._close_tasks)
+        context.document.unitsChanged.connect(panel.show_summary)
         context.jobs.ended.connect(self._on_ended)
         context.modes.layers.append(self.paint)
 
@@ -91,7 +91,7 @@ class TaskPart(Part):
     def _choose_trajectories(self) -> None:
         name, _ = QFileDialog.getOpenFileName(self.context.window, "Trajectories", "", "Submission (*.json)")
         if name:
-            self.play(Path(name))
+            self.read_submission(Path(name))
 
     def docks(self) -> tuple[Dock, ...]:
         return (Dock("tasks", "Tasks", self.panel, "right", tab="details", needs=with_editing),)
@@ -104,13 +104,13 @@ class TaskPart(Part):
 
     def open(self, *paths: Path) -> None:
         """Reads files or a folder of tasks in the background. A read error becomes a notice."""
-        self._behind("open", lambda: read_folder(*paths), self._show)
+        self._run_in_background("open", lambda: read_folder(*paths), self._show)
 
-    def play(self, path: Path) -> None:
+    def read_submission(self, path: Path) -> None:
         """Reads a submission in the background. A read error becomes a notice."""
-        self._behind("play", lambda: read_submission(path), self._take)
+        self._run_in_background("play", lambda: read_submission(path), self._set_trajectories)
 
-    def _behind(self, what: str, work: Callable[[], Any], then: Callable[[Any], None]) -> None:
+    def _run_in_background(self, what: str, work: Callable[[], Any], then: Callable[[Any], None]) -> None:
         """Runs `work` in a thread and passes its result to `then`, unless `what` was started again meanwhile."""
         self._turns[what] += 1
         turn = self._turns[what]
@@ -138,13 +138,13 @@ class TaskPart(Part):
         self._review_file, self._all = folder.review_file, folder.entries
         self.panel.show_entries(mine, folder.review)
         self.context.window.show_dock("tasks")
-        self.look()
+        self.update_findings()
 
-    def _take(self, trajectories: dict[str, list[Pose]]) -> None:
+    def _set_trajectories(self, trajectories: dict[str, list[Pose]]) -> None:
         self._trajectories = trajectories
-        self.look()
+        self.update_findings()
 
-    def look(self) -> None:
+    def update_findings(self) -> None:
         """Finds broken tasks and scores the trajectories, in the background."""
         graph, entries, walked = self.context.document.graph, self.panel.entries, self._trajectories
         if graph is None or not entries:
@@ -157,14 +157,14 @@ class TaskPart(Part):
                 scored_episodes([e.task for e in entries], walked, distances) if walked else {},
             )
 
-        self._behind("look", work, self._mark)
+        self._run_in_background("look", work, self._mark)
 
     def _mark(self, found: tuple[Any, Any]) -> None:
         model = self.panel.model
         model.faults, model.episodes = found
         self.panel.refilter()
 
-    def _leave(self) -> None:
+    def _close_tasks(self) -> None:
         self.panel.keep()
         self._turns.update(("open", "play", "look"))
         self._review_file, self._all, self._trajectories = None, (), {}
@@ -217,14 +217,14 @@ class TaskPart(Part):
         rows = [arrays.index[id] for id in ids if id in arrays.index]
         return arrays.feet[rows].reshape(-1, 3)
 
-    def _walked(self, entry: TaskEntry) -> list[str]:
+    def _shown_path(self, entry: TaskEntry) -> list[str]:
         did = self.panel.shown
         return [pose[0] for pose in did.poses] if did else list(entry.task.path)
 
     def step(self, number: int) -> None:
         """Goes to a step of the trajectory or the path, and looks in the direction of travel."""
         entry, graph = self.panel.current, self.context.document.graph
-        ids = [] if entry is None else self._walked(entry)
+        ids = [] if entry is None else self._shown_path(entry)
         if entry is None or graph is None or number >= len(ids) or ids[number] not in graph.viewpoints:
             return
         here, heading = np.array(graph.viewpoints[ids[number]].position), entry.task.heading
@@ -259,7 +259,7 @@ class TaskPart(Part):
         dots(painter, surface, path[:1], colors.OPEN, 6.0)
         dots(painter, surface, path[-1:], colors.BLOCKED, 7.0)
         if did is not None:
-            walked = self._places(self._walked(entry))
+            walked = self._places(self._shown_path(entry))
             line(painter, surface, walked[:-1], walked[1:], colors.AGENT, 2.6)
-        at = self._walked(entry)[self.panel.slider.value() : self.panel.slider.value() + 1]
+        at = self._shown_path(entry)[self.panel.slider.value() : self.panel.slider.value() + 1]
         dots(painter, surface, self._places(at), colors.AGENT, 8.0, filled=False)

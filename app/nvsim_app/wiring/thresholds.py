@@ -63,8 +63,8 @@ class ThresholdPart(Part):
     def handlers(self) -> Mapping[str, Callable[..., object]]:
         return {
             "thresholds": self.show_panel,
-            "thresholds_paper": lambda: self._take("paper"),
-            "thresholds_reset": lambda: self._take("project"),
+            "thresholds_paper": lambda: self._apply_preset("paper"),
+            "thresholds_reset": lambda: self._apply_preset("project"),
         }
 
     def restore(self, settings: QSettings) -> None:
@@ -80,14 +80,14 @@ class ThresholdPart(Part):
         """Brings the panel to the front."""
         self.context.window.show_dock("thresholds")
 
-    def _take(self, preset: str) -> None:
+    def _apply_preset(self, preset: str) -> None:
         self.show_panel()
         self.panel.apply_preset(preset)
 
     def _on_contents(self, parts: frozenset[str]) -> None:
         if parts & {"graph", "capture"}:
             self.trial.on_graph(fresh="graph" in parts)
-            applied = self._applied()
+            applied = self._applied_thresholds()
             if "graph" in parts and applied is not None:
                 self.trial.set_config(applied)
 
@@ -158,7 +158,7 @@ class ThresholdPart(Part):
     def _forget_applied(self) -> None:
         self._kept = None
 
-    def _applied(self) -> MappingConfig | None:
+    def _applied_thresholds(self) -> MappingConfig | None:
         """The thresholds that were applied to the graph on screen; None if none were."""
         history, self._kept = self.context.document.editing.history, None
         try:

@@ -31,7 +31,7 @@ def can_go_back(document: Document) -> Reason:
     """None if a view change can be undone, otherwise the reason."""
 
     views = document.views
-    there = views is not None and (views.before is not None or (views.pending and views.current is not None))
+    there = views is not None and (views.previous is not None or (views.pending and views.current is not None))
     return with_positions(document) or (None if there else "this is the first view")
 
 
@@ -39,7 +39,7 @@ def can_go_forward(document: Document) -> Reason:
     """None if a view change can be redone, otherwise the reason."""
 
     views = document.views
-    return with_positions(document) or (None if views is not None and views.after else "this is the last view")
+    return with_positions(document) or (None if views is not None and views.next else "this is the last view")
 
 
 class ViewsPart(Part):
@@ -69,16 +69,16 @@ class ViewsPart(Part):
         scene, window = self.context.scene, self.context.window
         self._frames = self.context.part(FramePart)
         scene.poseChanged.connect(self._on_pose)
-        scene.overlays.changed.connect(self._touch)
-        window.centre.currentChanged.connect(self._touch)
-        self._frames.browser.page.layers.changed.connect(self._touch)
+        scene.overlays.changed.connect(self._on_changed)
+        window.centre.currentChanged.connect(self._on_changed)
+        self._frames.browser.page.layers.changed.connect(self._on_changed)
         for id in (
             *CHANNELS,
             *(f"renderer_{name}" for name in PREFERENCES),
             *(f"budget_{count}" for count in BUDGETS),
             *(action.id for action in FramePart.ACTIONS if action.group),
         ):
-            window.actions_table[id].triggered.connect(self._touch)
+            window.actions_table[id].triggered.connect(self._on_changed)
         self.context.document.projectChanged.connect(self._on_project)
 
     def store(self, settings: QSettings) -> None:
@@ -118,15 +118,15 @@ class ViewsPart(Part):
         self._rest.stop()
         self._soon.stop()
         self.states.pending = False
-        self.states.settle(self._read())
-        self._say()
+        self.states.replace_current(self._read())
+        self._name_changes()
 
     def _set_channel(self, channel: str) -> None:
         self.context.window.actions_table[channel].setChecked(True)
         if self.context.scene.channel != channel:
             self.context.scene.set_channel(channel)
 
-    def _touch(self, _: object = None) -> None:
+    def _on_changed(self, _: object = None) -> None:
         """Records a change other than a camera move."""
         if self._showing or self._soon.isActive():
             return
@@ -159,7 +159,7 @@ class ViewsPart(Part):
         self.states.pending = False
         if len(self.context.document.extent):
             self.states.record(self._read(), time.monotonic())
-        self._say()
+        self._name_changes()
 
     def _read(self) -> ViewState:
         scene = self.context.scene
@@ -167,12 +167,12 @@ class ViewsPart(Part):
         pose = scene.navigation.goal
         return ViewState(pose, scene.channel, layers, scene.renderer, scene.budget, self._frames.shown)
 
-    def _say(self) -> None:
+    def _name_changes(self) -> None:
         """Names the changes in the commands Back and Forward."""
         table, states = self.context.window.actions_table, self.states
         for id, title, way in (
-            ("view_back", "&Back", (states.before, states.current)),
-            ("view_forward", "&Forward", (states.current, states.after)),
+            ("view_back", "&Back", (states.previous, states.current)),
+            ("view_forward", "&Forward", (states.current, states.next)),
         ):
             words = [] if None in way else list(changes(*way, self._title).values())  # type: ignore[arg-type]
             undone = words[0] + (f" and {len(words) - 1} more" if len(words) > 2 else "") if words else ""
@@ -188,7 +188,7 @@ class ViewsPart(Part):
         self._rest.stop()
         self._soon.stop()
         self.states.clear()
-        self._say()
+        self._name_changes()
 
 
 _PREFIX = "views/"
@@ -236,7 +236,7 @@ class ViewRestorePart(Part):
             scene.channel,
             self._last or self._wanted.selection,
             frame,
-            self._map.seen,
+            self._map.visible_range,
             self._inspector.view.view_center,
             tuple(self._camera_path.poses),
         )
@@ -261,7 +261,7 @@ class ViewRestorePart(Part):
         if scene.channel != kept.channel:
             scene.set_channel(kept.channel)
         if kept.map_range is not None:
-            self._map.see(*kept.map_range)
+            self._map.restore_range(*kept.map_range)
         if kept.panorama is not None:
             self._inspector.view.set_view_center(*kept.panorama)
         self._camera_path.keep(kept.keys)

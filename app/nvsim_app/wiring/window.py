@@ -86,7 +86,7 @@ class MainWindow(QMainWindow):
         document.projectLeft.connect(self._on_left)
         document.projectChanged.connect(self._on_project)
         self._titles = QTimer(self, singleShot=True, interval=0)
-        self._titles.timeout.connect(self._retitle)
+        self._titles.timeout.connect(self._update_dock_titles)
         self.preferences = Preferences(settings, self)
         context = WindowContext(document, settings, notices, self.scene, self.jobs, self.modes, self, self.preferences)
         self.parts = [part(context) for part in PARTS]
@@ -104,7 +104,7 @@ class MainWindow(QMainWindow):
         # If a hidden window is laid out again, Qt leaves the old tab bars visible.
         for bar in self.findChildren(QTabBar, options=Qt.FindChildOption.FindDirectChildrenOnly):
             bar.hide()
-        self._dress()
+        self._apply_palette()
         self._on_contents(frozenset({"capture"}))
 
     # Making ----------------------------------------------------------------------------------------------------
@@ -121,7 +121,7 @@ class MainWindow(QMainWindow):
             changed.connect(self._titles.start)
         return dock
 
-    def _retitle(self) -> None:
+    def _update_dock_titles(self) -> None:
         """Hides the titles of docks that share a place, because their tabs show the titles."""
         for dock in self._docks.values():
             self._title(dock)
@@ -204,7 +204,7 @@ class MainWindow(QMainWindow):
         self.statusBar().clearMessage()
 
     def _on_project(self) -> None:
-        self.jobs.follow(self.document.project)
+        self.jobs.set_project(self.document.project)
 
     def _on_contents(self, parts: frozenset[str]) -> None:
         contents = self.document.contents
@@ -214,7 +214,7 @@ class MainWindow(QMainWindow):
             bare = self.start if contents.path is None else self.empty
             self.centre.setCurrentWidget(bare if nothing else self.scene)
         if missing:
-            self.empty.say(missing, contents.missing_verb)
+            self.empty.show_message(missing, contents.missing_verb)
         self.show_title()
         self._summarise()
 
@@ -314,10 +314,10 @@ class MainWindow(QMainWindow):
 
     # Look and layout -------------------------------------------------------------------------------------------
 
-    def _dress(self) -> None:
-        self.actions_table.dress(self.palette())
+    def _apply_palette(self) -> None:
+        self.actions_table.apply_palette(self.palette())
         self._more_tools.setIcon(icon("more", self.palette()))
-        self.empty.dress()
+        self.empty.apply_palette()
 
     def _restore(self) -> None:
         geometry = self.settings.value("geometry")
@@ -337,7 +337,7 @@ class MainWindow(QMainWindow):
 
     def changeEvent(self, event: QEvent) -> None:
         if event.type() == QEvent.Type.PaletteChange and hasattr(self, "actions_table"):
-            self._dress()
+            self._apply_palette()
         super().changeEvent(event)
 
     def closeEvent(self, event: QCloseEvent) -> None:

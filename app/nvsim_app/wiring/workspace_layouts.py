@@ -200,7 +200,7 @@ class WorkspacePart(Part):
             own = False
             self._restore_layout(self._first_layout)
         self._put = self._open_now()
-        self.settle()
+        self.open_panels()
         layout = window.layout()
         if window.size() != size and layout is not None:  # the layout with closed panels needed more room
             layout.activate()
@@ -226,7 +226,7 @@ class WorkspacePart(Part):
         narrow = min(1.0, _AROUND * window.width() / max(1, sum(widths.values())))
         widths = {name: max(_COLUMN, round(narrow * width)) for name, width in widths.items()}
         if self.current.main:
-            widths = self._widen(self.current.main)
+            widths = self._move_panels_beside(self.current.main)
         for name in self.current.front:
             docks[name].raise_()
         window.resizeDocks([docks[name] for name in widths], list(widths.values()), Qt.Orientation.Horizontal)
@@ -239,7 +239,7 @@ class WorkspacePart(Part):
                 [docks[n] for n in high], [round(share * h) for h in high.values()], Qt.Orientation.Vertical
             )
 
-    def _widen(self, main: str) -> dict[str, int]:
+    def _move_panels_beside(self, main: str) -> dict[str, int]:
         """Puts the other panels of the area of `main` into a column beside it, and those of the left area into the tabs
         at the bottom. Returns the widths of the columns."""
         window, docks = self.context.window, self._docks
@@ -271,7 +271,7 @@ class WorkspacePart(Part):
 
     # Which panels apply -------------------------------------------------------------------------------------------
 
-    def settle(self) -> None:
+    def open_panels(self) -> None:
         """Opens the panels of this workspace that apply to the open file, and closes the others."""
         if self._before is not None:
             return  # done when all views are shown again
@@ -307,18 +307,18 @@ class WorkspacePart(Part):
 
     def _on_contents(self, parts: frozenset[str]) -> None:
         if not self.context.document.contents.reading:
-            self.settle()
+            self.open_panels()
 
     # One view alone -----------------------------------------------------------------------------------------------
 
     @property
-    def alone(self) -> bool:
+    def shows_one_view(self) -> bool:
         """Whether one view is shown alone."""
         return self._before is not None
 
     def maximise(self) -> None:
         """Shows only the panel with the keyboard focus, or else the center. If one is alone, shows all again."""
-        if self.alone:
+        if self.shows_one_view:
             self.show_all()
             return
         window = self.context.window
@@ -341,7 +341,7 @@ class WorkspacePart(Part):
         window.centre.show()
         self._restore_layout(before)
         self._before = None
-        self.settle()
+        self.open_panels()
 
     def _with_keys(self) -> QDockWidget | None:
         widget: QWidget | None = QApplication.focusWidget()
@@ -353,7 +353,7 @@ class WorkspacePart(Part):
 
     def _on_notice(self, notice: Notice) -> None:
         """Shows the center if an error occurs, because notices appear over it."""
-        if notice.severity == "error" and self.alone and self.context.window.centre.isHidden():
+        if notice.severity == "error" and self.shows_one_view and self.context.window.centre.isHidden():
             self.show_all()
 
     # Menu and tabs ------------------------------------------------------------------------------------------------

@@ -8,7 +8,7 @@ from typing import Literal
 
 from nvsim.cli import terminal
 from nvsim.cli.arguments import Inline, Memory, memory_budget
-from nvsim.cli.terminal import say
+from nvsim.cli.terminal import print_lines
 from nvsim.depth.config import DepthConfig
 from nvsim.errors import InputError
 from nvsim.networks.installed import BUNDLED
@@ -125,7 +125,7 @@ class BenchOpengl:
             if not self.json or len(sizes) == 1:
                 terminal.figures(found[-1], self.json, f"an OpenGL frame of {width}x{height}")
         if self.json and len(sizes) > 1:
-            say(terminal.as_json(found))
+            print_lines(terminal.as_json(found))
         return 0
 
 

@@ -17,7 +17,7 @@ from pathlib import Path
 from typing import Literal
 
 from nvsim.cli import terminal
-from nvsim.cli.window import has_display, installed, measured_by_window
+from nvsim.cli.window import has_display, is_window_installed, measured_by_window
 from nvsim.errors import InputError
 from nvsim.events import ignore_event
 
@@ -211,7 +211,7 @@ class BenchGraph:
         if self.edits < 1 or self.viewpoints < 2:
             raise InputError("A measurement needs at least one edit and two viewpoints.")
         figures = measure(self.edits, self.viewpoints)
-        if self.window and installed():
+        if self.window and is_window_installed():
             painted = measured_by_window([f"--bench-edits={self.edits}", f"--viewpoints={self.viewpoints}"])
             figures = {
                 "edit_p95_ms": figures.pop("edit_p95_ms"),

@@ -15,7 +15,7 @@ from nvsim.capture.axes import Axes
 from nvsim.cli.arguments import Inline
 from nvsim.cli.console import event_listener, with_command_options
 from nvsim.cli.session import project_job
-from nvsim.cli.terminal import as_json, say
+from nvsim.cli.terminal import as_json, print_lines
 from nvsim.errors import InputError
 from nvsim.events import Log
 from nvsim.project.config import CaptureConfig
@@ -110,18 +110,18 @@ class Check:
         if self.json:
             findings = [dataclasses.asdict(f) for f in report.findings]
             summary = None if report.summary is None else dataclasses.asdict(report.summary)
-            say(as_json({"refused": report.refused, "findings": findings, "summary": summary}))
+            print_lines(as_json({"refused": report.refused, "findings": findings, "summary": summary}))
             return 2 if report.refused else 0
         if report.summary is not None:
-            say(describe_capture(report.summary))
+            print_lines(describe_capture(report.summary))
         _say_findings(report.findings, self.places)
-        say("The capture cannot be used as it is." if report.refused else "The capture can be used.")
+        print_lines("The capture cannot be used as it is." if report.refused else "The capture can be used.")
         bad = len(report.bad_frames)
         if bad and report.summary is not None and bad < report.summary.images:
             if self.bad_frames is not None:
-                say(f"Skip the {bad} frames with errors with --leave-out @{self.bad_frames}.")
+                print_lines(f"Skip the {bad} frames with errors with --leave-out @{self.bad_frames}.")
             else:
-                say(f"Errors affect {bad} frames: --bad-frames FILE lists them, --leave-out @FILE skips them.")
+                print_lines(f"Errors affect {bad} frames: --bad-frames FILE lists them, --leave-out @FILE skips them.")
         return 2 if report.refused else 0
 
 
@@ -156,7 +156,7 @@ def _say_findings(findings: Sequence[Finding], all_places: bool) -> None:
     from nvsim.capture.findings import grouped
 
     for kind in grouped(findings):  # lines instead of a table, because a table could cut places short
-        say(with_command_options(kind.sentence(None if all_places else _PLACES)))
+        print_lines(with_command_options(kind.sentence(None if all_places else _PLACES)))
 
 
 def _say_posed_panoramas(listed: Path, arguments: Check) -> int:
@@ -165,11 +165,11 @@ def _say_posed_panoramas(listed: Path, arguments: Check) -> int:
     message = "the images are panoramas of a 360 degree camera with poses"
     found = Finding("note", message, listed.name, "they are cut into perspective views before the import")
     if arguments.json:
-        say(as_json({"refused": False, "findings": [dataclasses.asdict(found)], "summary": None}))
+        print_lines(as_json({"refused": False, "findings": [dataclasses.asdict(found)], "summary": None}))
         return 0
     _say_findings([found], arguments.places)
-    say(f"Continue with `nvsim run {arguments.capture} --project NAME.nvsim`.")
-    say(f"`nvsim poses {arguments.capture} --out FOLDER` makes a capture that can be checked.")
+    print_lines(f"Continue with `nvsim run {arguments.capture} --project NAME.nvsim`.")
+    print_lines(f"`nvsim poses {arguments.capture} --out FOLDER` makes a capture that can be checked.")
     return 0
 
 
@@ -186,23 +186,29 @@ def _check_video(footage: Footage, arguments: Check) -> int:
         videos = [dataclasses.asdict(f) for f in report.files]
         panoramic = not report.refused and is_panoramic(footage)
         data = {"refused": report.refused, "findings": findings, "summary": None, "videos": videos}
-        say(as_json({**data, "panoramic": panoramic}))
+        print_lines(as_json({**data, "panoramic": panoramic}))
         return code
     for file in report.files:
-        say(f"{file.words}.")
+        print_lines(f"{file.words}.")
     _say_findings(report.findings, arguments.places)
     if report.refused:
-        say("The video cannot be used as it is." if footage.kind == "video" else "They cannot be used as they are.")
+        print_lines(
+            "The video cannot be used as it is." if footage.kind == "video" else "They cannot be used as they are."
+        )
     else:
         if footage.kind == "video":
-            say("This is a video, not a capture; it can be decoded. NVSim computes its camera poses before the import.")
+            print_lines(
+                "This is a video, not a capture; it can be decoded. NVSim computes its camera poses before the import."
+            )
         else:
-            say(f"These are {footage.description} without poses. NVSim computes their camera poses before the import.")
+            print_lines(
+                f"These are {footage.description} without poses. NVSim computes their camera poses before the import."
+            )
         height = "" if arguments.camera_height is None else f"{arguments.camera_height:g}"
         scale = f" --camera-height {height or '1.4'}" if arguments.scale is None else f" --scale {arguments.scale:g}"
         if not known and all(f.message != SCALE_ASSUMED for f in report.findings):
             scale = ""  # recorded positions give it
-        say(f"Continue with `nvsim run {footage.source} --project NAME.nvsim{scale}`.")
+        print_lines(f"Continue with `nvsim run {footage.source} --project NAME.nvsim{scale}`.")
     return code
 
 
@@ -211,17 +217,17 @@ def describe_capture(summary: Summary) -> str:
     sizes = ", ".join(f"{width} x {height}" for width, height, _ in summary.sizes[:3])
     more = f" and {len(summary.sizes) - 3} more" if len(summary.sizes) > 3 else ""
     unit = "m" if summary.scale_known else "units"
-    parts = [f"{_counted(summary.images, 'image')} of {_counted(summary.cameras, 'camera')}"]
+    parts = [f"{_count_text(summary.images, 'image')} of {_count_text(summary.cameras, 'camera')}"]
     parts += [f"{sizes}{more} pixels"] if sizes else []
     parts += [f"{summary.length:.4g} {unit} over {summary.width:.3g} x {summary.depth:.3g}"] if summary.paths else []
     cloud = [] if summary.depth_images else ["no point cloud"]
     cloud = [f"{summary.points} points {_WHERE_FROM[summary.cloud]}"] if summary.points else cloud
     more_files = [(summary.depth_images, "depth image"), (summary.masks, "mask")]
-    parts += [_counted(count, what) for count, what in more_files if count]
+    parts += [_count_text(count, what) for count, what in more_files if count]
     return f"{'; '.join([*parts, *cloud])}."
 
 
-def _counted(count: int, what: str) -> str:
+def _count_text(count: int, what: str) -> str:
     return f"{count} {what}{'' if count == 1 else 's'}"
 
 

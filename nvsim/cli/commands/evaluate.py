@@ -10,7 +10,7 @@ from nvsim.cli import terminal
 from nvsim.cli.arguments import Positional, ProjectArguments
 from nvsim.cli.console import event_listener
 from nvsim.cli.session import project_job
-from nvsim.cli.terminal import as_json, say
+from nvsim.cli.terminal import as_json, print_lines
 from nvsim.networks.installed import BUNDLED
 
 
@@ -47,7 +47,7 @@ class EvaluateViews(ProjectArguments):
         result["lpips_why"] = why
         if self.csv is not None:
             atomic.write_text(self.csv, _views_csv(result))
-        say(*([as_json(result)] if self.json else _views_text(result).split("\n")))
+        print_lines(*([as_json(result)] if self.json else _views_text(result).split("\n")))
         return 0
 
 
@@ -194,7 +194,7 @@ class EvaluateScan:
             result = evaluate_scan(self.folder, self.scan, project, self.views, listen)
         terminal.figures(result, self.json, "scan")
         if not self.json:
-            say(*(result["problems"] or ["No problems found."]))
+            print_lines(*(result["problems"] or ["No problems found."]))
         return 1 if result["problems"] else 0
 
 
@@ -224,8 +224,8 @@ class EvaluateAblation(ProjectArguments):
     gaussian_cap: int | None = None
     """Largest number of Gaussians of every run. Default: as in the preset nvsim."""
     resume: bool = False
-    """Continue the runs of an earlier call. This is the default, unless --afresh is given."""
-    afresh: bool = False
+    """Continue the runs of an earlier call. This is the default, unless --repeat is given."""
+    repeat: bool = False
     """Train every run again."""
     truth: Path | None = None
     """Folder with floor/ and transient/ masks and novel views. Default: the project's own ground truth."""
@@ -237,18 +237,18 @@ class EvaluateAblation(ProjectArguments):
     """Folder for tables.txt, and a CSV file and an image per table. Default: ablation/ in the project."""
 
     def run(self) -> int:
-        """Runs the command. Raises InputError if --resume and --afresh are both given."""
+        """Runs the command. Raises InputError if --resume and --repeat are both given."""
         from nvsim.errors import InputError
         from nvsim.evaluation.ablation import STAGE, AblationConfig, evaluate_ablation, text_of, write_report
         from nvsim.evaluation.ablation_runs import Budget, runs_folder
         from nvsim.evaluation.scores import open_lpips
         from nvsim.events import Done
 
-        if self.resume and self.afresh:
-            raise InputError("--resume and --afresh contradict each other; name one of them.")
+        if self.resume and self.repeat:
+            raise InputError("--resume and --repeat contradict each other; name one of them.")
         distance, why = open_lpips(self.lpips, self.lpips_range)
         budget = Budget(self.steps, self.image_size, self.gaussian_cap)
-        config = AblationConfig(self.tables, self.rows, self.presets, self.submaps, self.seeds, budget, self.afresh)
+        config = AblationConfig(self.tables, self.rows, self.presets, self.submaps, self.seeds, budget, self.repeat)
         with project_job(self.project, "evaluate ablation", self.json) as (project, listen):
             outcome = evaluate_ablation(project, config, listen, self.truth, distance)
             files = write_report(outcome, self.out or runs_folder(project), why)
@@ -262,5 +262,5 @@ class EvaluateAblation(ProjectArguments):
             project.set_result("ablation", results)
             listen(Done(STAGE, f"{outcome.trained} runs trained, {outcome.reused} reused; {files[0].parent}", results))
         if not self.json:
-            say(*text_of(outcome, why).split("\n"))
+            print_lines(*text_of(outcome, why).split("\n"))
         return 0

@@ -9,9 +9,9 @@ from typing import Any, Literal, cast
 import tyro
 
 from nvsim.cli import terminal
-from nvsim.cli.arguments import Inline, ProjectArguments, given
+from nvsim.cli.arguments import Inline, ProjectArguments, value_of_flag
 from nvsim.cli.session import project_job
-from nvsim.cli.terminal import say
+from nvsim.cli.terminal import print_lines
 from nvsim.mapping.config import MappingConfig
 from nvsim.occupancy.heights import Heights
 
@@ -52,7 +52,7 @@ class EvaluateGraph(ProjectArguments):
             occupancy = true_maps(project, truth, self.map_frame, self.heights)
             terminal.print_notes(occupancy.notes)
             support = project.support()
-            seen = None if support is None else support.at
+            seen = None if support is None else support.is_supported
             least = thresholds_of(project).photographed
             result = evaluate_graph(graph, occupancy, walk, self.robot_radius, seen=seen, photographed=least)
             if self.picture is not None:
@@ -67,8 +67,8 @@ class EvaluateGraph(ProjectArguments):
             if not name.endswith(("_low", "_high")):
                 rows.append((name, value, MATTERPORT.get(name, "-")))
         terminal.table(("metric", "this graph", "Matterport"), rows, "navigation graph")
-        say("In brackets: 95 % intervals (Wilson).")
-        say(f"Matterport: {SOURCE}; near pairs are those that see each other, because there is no map.")
+        print_lines("In brackets: 95 % intervals (Wilson).")
+        print_lines(f"Matterport: {SOURCE}; near pairs are those that see each other, because there is no map.")
         return 0
 
 
@@ -112,7 +112,7 @@ class EvaluateCalibration(ProjectArguments):
             return 0
         print(text_of(found), end="")
         if files:
-            say(f"Written: {', '.join(map(str, files))}.")
+            print_lines(f"Written: {', '.join(map(str, files))}.")
         return 0
 
 
@@ -143,7 +143,7 @@ class EvaluateValidityTable(ProjectArguments):
     """Largest number of Gaussians of every model. Default: as in the preset nvsim."""
     seed: int = 0
     """Random seed of the training."""
-    afresh: bool = False
+    repeat: bool = False
     """Build every map again. Models are reused."""
     out: Path | None = None
     """Folder for validity.txt, .csv, .tex and an image per map. Default: validity/ in the project."""
@@ -153,7 +153,7 @@ class EvaluateValidityTable(ProjectArguments):
 
     @staticmethod
     def defaults(argv: list[str]) -> EvaluateValidityTable:
-        name = given(argv, "--preset", "nvsim")
+        name = value_of_flag(argv, "--preset", "nvsim")
         config = MappingConfig.paper() if name == "paper" else MappingConfig()
         return EvaluateValidityTable(cast(Path, tyro.MISSING), preset=cast(Any, name), config=config)
 
@@ -171,7 +171,7 @@ class EvaluateValidityTable(ProjectArguments):
             self.seed,
             self.config,
             self.config.robot_radius,
-            self.afresh,
+            self.repeat,
         )
         with project_job(self.project, "evaluate validity-table", self.json) as (project, listen):
             occupancy = true_occupancy(project, self.occupancy, self.map_frame, self.heights)

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
 from nvsim.cli.arguments import Inline
-from nvsim.cli.terminal import say
+from nvsim.cli.terminal import print_lines
 from nvsim.endpoint.options import AskingOptions
 from nvsim.errors import InputError
 
@@ -114,7 +114,7 @@ class EvaluateJudge:
         if not self.json:
             print(text_of(judged, shown), end="", flush=True)
         elif self.project is None:
-            say(as_json(results))
+            print_lines(as_json(results))
         asked = [one for one in judged if one.judge in endpoints and one.verdicts]
         return exit_code([one.judge for one in asked if all(verdict.won is None for verdict in one.verdicts)])
 

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Literal
 
 from nvsim.cli.arguments import Inline, Positional, ProjectArguments
 from nvsim.cli.console import event_listener
-from nvsim.cli.terminal import as_json, say
+from nvsim.cli.terminal import as_json, print_lines
 from nvsim.cluster.config import ClusterConfig
 from nvsim.cluster.executor_choice import open_executor
 from nvsim.errors import InputError
@@ -45,7 +45,7 @@ class ExportR2R(ProjectArguments):
             written = export_r2r(project, self.out, self.scan, self.frame, self.force)
         if self.stub:
             write_stub_graph(self.out)
-        say(as_json({"written": str(written)}) if self.json else f"Wrote {written}")
+        print_lines(as_json({"written": str(written)}) if self.json else f"Wrote {written}")
         return 0
 
 
@@ -91,7 +91,7 @@ class ExportScan(ProjectArguments):
         # The project is opened read-only, so it can be exported while a submap trains.
         with Project.open(self.project) as project, event_listener(self.json) as listen:
             if self.dry_run:
-                _foretell(
+                _print_estimate(
                     PreparedExport.of(project, self.out, self.scan, self.force, self.max_viewpoints), settings, self
                 )
                 return 0
@@ -116,11 +116,11 @@ class ExportScan(ProjectArguments):
             rows = [(g.scan, len(g.viewpoints), len(g.edges)) for g in graphs]
             terminal.table(("scan", "viewpoints", "edges"), rows, "parts")
         for places in written:
-            say(places.folder)
+            print_lines(places.folder)
         return 0
 
 
-def _foretell(prepared: PreparedExport, settings: ScanSettings, a: ExportScan) -> None:
+def _print_estimate(prepared: PreparedExport, settings: ScanSettings, a: ExportScan) -> None:
     """Prints the estimate of the export. With --json: {"scans", "free", "shortage"} and all fields of the estimate."""
     from nvsim.cli import terminal
     from nvsim.r2r.observations.estimate import size_words
@@ -129,12 +129,12 @@ def _foretell(prepared: PreparedExport, settings: ScanSettings, a: ExportScan) -
     short = prepared.shortage(found)
     if a.json:
         scans = [places.scan for places in prepared.places]
-        say(terminal.as_json({"scans": scans, "free": prepared.free, "shortage": short, **found.as_data()}))
+        print_lines(terminal.as_json({"scans": scans, "free": prepared.free, "shortage": short, **found.as_data()}))
         return
     rows = [(k.what, k.folder or ".", k.files, size_words(k.bytes)) for k in found.kinds]
     terminal.table(("files", f"in {prepared.root}", "number", "size"), rows)
-    say(found.sentence)
-    say(short or f"{size_words(prepared.free)} of disk space are free at {prepared.root}.")
+    print_lines(found.sentence)
+    print_lines(short or f"{size_words(prepared.free)} of disk space are free at {prepared.root}.")
 
 
 Format = Literal["graphml", "geojson", "svg", "png", "r2r"]
@@ -183,14 +183,14 @@ class ExportGraph:
         named = _FILES.get(self.out.suffix.lower())
         if named is not None:
             source = read_one_graph(self.graph, self.occupancy, self.heights)
-            _say(_write(source, replace(self, format=named), self.out), self)
+            _print_written(_write(source, replace(self, format=named), self.out), self)
             return 0
         _check_folder(self.out)
         files = [self.graph] if is_project(self.graph) else connectivity_files(self.graph)
         failures: dict[str, InputError] = {}
         for file in files:
             try:
-                _say(_write(read_one_graph(file, self.occupancy, self.heights), self), self)
+                _print_written(_write(read_one_graph(file, self.occupancy, self.heights), self), self)
             except InputError as error:
                 if len(files) == 1:
                     raise
@@ -206,8 +206,8 @@ def _check_folder(out: Path) -> None:
         raise InputError(f"{out} is no folder and ends in none of {', '.join(_FILES)}; give one of these.")
 
 
-def _say(path: Path, arguments: ExportGraph) -> None:
-    say(as_json({"written": str(path)}) if arguments.json else f"Wrote {path}")
+def _print_written(path: Path, arguments: ExportGraph) -> None:
+    print_lines(as_json({"written": str(path)}) if arguments.json else f"Wrote {path}")
 
 
 def _write(source: GraphWithContext, arguments: ExportGraph, path: Path | None = None) -> Path:
@@ -274,7 +274,7 @@ class ExportSplats(ProjectArguments):
         with Project.open(self.project) as project, event_listener(False) as listen:
             written = export_splats(project, self.out, self.format, self.submaps, self.frame, listen, self.floor)
         if self.json:
-            say(as_json({"written": [str(p) for p in written]}))
+            print_lines(as_json({"written": [str(p) for p in written]}))
         else:
-            say(*(f"Wrote {p}" for p in written))
+            print_lines(*(f"Wrote {p}" for p in written))
         return 0

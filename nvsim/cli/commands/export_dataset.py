@@ -10,7 +10,7 @@ import tyro
 
 from nvsim.cli.arguments import Inline, Positional, ProjectArguments
 from nvsim.cli.console import event_listener
-from nvsim.cli.terminal import as_json, say
+from nvsim.cli.terminal import as_json, print_lines
 from nvsim.dataset.agent_files import AgentName
 from nvsim.errors import InputError
 from nvsim.events import Warning
@@ -82,7 +82,7 @@ class ExportFeatures:
                 make = extract_candidates if LAYOUTS[name].tokens else extract
                 written += make(scans, LAYOUTS[name], backbone, self.out or export / "features", listen)
         if not self.json:
-            say(*(f"Wrote {path}" for path in written))
+            print_lines(*(f"Wrote {path}" for path in written))
         return 0
 
 
@@ -108,13 +108,13 @@ class ExportCandidates:
         written = write_candidates(read_exported_scans(self.export, self.scans), out)
         if written.unseen:
             scan, a, b = written.unseen[0]
-            say(
+            print_lines(
                 f"warning: {len(written.unseen)} edges are vertical, so no view shows them and no file contains them "
                 f"(the first in {scan} from {a} to {b}); move one end sideways with `nvsim graph edit`.",
                 error=True,
             )
         if self.json:
-            say(
+            print_lines(
                 as_json(
                     {
                         "written": [str(path) for path in written.paths],
@@ -125,7 +125,7 @@ class ExportCandidates:
                 )
             )
         else:
-            say(*(f"Wrote {path}" for path in written.paths))
+            print_lines(*(f"Wrote {path}" for path in written.paths))
         return 0
 
 
@@ -210,7 +210,7 @@ class ExportDataset(ProjectArguments):
         projects = (self.project, *self.also)
         if self.dry_run:
             with prepare_exports(projects, self.out, options) as sources:
-                _foretell(estimate_dataset(sources, options), self)
+                _print_estimate(estimate_dataset(sources, options), self)
             return 0
         with event_listener(self.json) as listen:
             about = export_dataset(projects, self.out, options, listen)
@@ -219,19 +219,19 @@ class ExportDataset(ProjectArguments):
         return 0
 
 
-def _foretell(found: dict[str, Any], a: ExportDataset) -> None:
+def _print_estimate(found: dict[str, Any], a: ExportDataset) -> None:
     from nvsim.cli import terminal
     from nvsim.r2r.observations.estimate import size_words
 
     if a.json:
-        say(terminal.as_json(found))
+        print_lines(terminal.as_json(found))
         return
     rows = [(k["what"], k["folder"] or ".", k["files"], size_words(k["bytes"])) for k in found["kinds"]]
     terminal.table(("files", f"in {a.out}", "number", "size"), rows)
     paths = ", ".join(f"{count} of {split}" for split, count in found["paths"].items())
-    say(f"{found['drawn']} viewpoints, {found['todo']} of them still to be rendered; paths: {paths}.")
-    say(f"About {size_words(found['bytes'])} in {found['files']} files; takes {found['time']}.")
-    say(found["shortage"] or f"{size_words(found['free'])} of disk space are free.")
+    print_lines(f"{found['drawn']} viewpoints, {found['todo']} of them still to be rendered; paths: {paths}.")
+    print_lines(f"About {size_words(found['bytes'])} in {found['files']} files; takes {found['time']}.")
+    print_lines(found["shortage"] or f"{size_words(found['free'])} of disk space are free.")
 
 
 def _show(about: dict[str, Any], out: Path) -> None:
@@ -239,6 +239,6 @@ def _show(about: dict[str, Any], out: Path) -> None:
 
     said = about["tasks"]["instructions"]
     for split, agents in about["baselines"].items():
-        say(split, *text_of(agents).split("\n"))
-    say(f"From the instructions alone a follower finds {said['found_again']} of {said['paths']} paths.")
-    say(f"Wrote {out}; its README.md describes the dataset.")
+        print_lines(split, *text_of(agents).split("\n"))
+    print_lines(f"From the instructions alone a follower finds {said['found_again']} of {said['paths']} paths.")
+    print_lines(f"Wrote {out}; its README.md describes the dataset.")

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from nvsim.cli.arguments import Positional
-from nvsim.cli.terminal import say
+from nvsim.cli.terminal import print_lines
 
 if TYPE_CHECKING:
     import numpy as np
@@ -52,11 +52,11 @@ class ExportHabitat:
                 }
                 for one in written
             ]
-            say(as_json({"scenes": rows}))
+            print_lines(as_json({"scenes": rows}))
             return 0
         for one in written:
-            say(f"{one.scan}: {one.triangles:,} triangles, {one.collision_triangles:,} of the collision mesh")
-            say(*(f"Wrote {path}" for path in one.files))
+            print_lines(f"{one.scan}: {one.triangles:,} triangles, {one.collision_triangles:,} of the collision mesh")
+            print_lines(*(f"Wrote {path}" for path in one.files))
         return 0
 
 

@@ -9,9 +9,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from nvsim.cli.arguments import Inline, Positional
-from nvsim.cli.terminal import say
+from nvsim.cli.terminal import print_lines
 from nvsim.endpoint.options import AskingOptions, OneEndpoint
-from nvsim.errors import InputError, shown
+from nvsim.errors import InputError, value_text
 from nvsim.r2r.instructions.registers import Register
 from nvsim.r2r.prompted.options import ImageOptions
 from nvsim.r2r.tasks.shortest import PathBounds
@@ -92,24 +92,28 @@ class ExportTasks:
                 listen(Done(STAGE, f"{made.instructed.paths} paths in {self.out}"))
         dataset = made.instructed.dataset
         for warning in warnings_of(dataset):
-            say(f"warning: {warning}", error=True)
+            print_lines(f"warning: {warning}", error=True)
         rows = rows_of(dataset)
         if self.json:
             unseen = {scan: len(ids) for scan, ids in dataset.unseen.items()}
             files = [str(path) for path in made.written]
             beside = {"episodes": made.episodes} if made.episodes else {}
-            say(as_json({"written": files, "splits": rows, "unseen": unseen, "instructions": made.about, **beside}))
+            print_lines(
+                as_json({"written": files, "splits": rows, "unseen": unseen, "instructions": made.about, **beside})
+            )
         else:
             table(list(rows[0]), [[_text(value) for value in row.values()] for row in rows])
             if self.instructions:
                 which = "generated instructions" if "endpoint" in made.about else "instructions"
-                say(f"From the {which} alone a follower finds {_found(made.instructed)}.")
+                print_lines(f"From the {which} alone a follower finds {_count_described(made.instructed)}.")
             if "endpoint" in made.about:
                 written = made.about["endpoint"]
-                say(f"{written['paths']} of {made.instructed.paths} paths have instructions from {written['model']}.")
+                print_lines(
+                    f"{written['paths']} of {made.instructed.paths} paths have instructions from {written['model']}."
+                )
             if made.episodes:
-                say(f"{sum(made.episodes.values())} of {made.instructed.paths} paths have episodes.")
-            say(*(f"Wrote {path}" for path in made.written))
+                print_lines(f"{sum(made.episodes.values())} of {made.instructed.paths} paths have episodes.")
+            print_lines(*(f"Wrote {path}" for path in made.written))
         asked = made.about.get("endpoint")
         return exit_code([asked["model"]] if asked and not asked["paths"] else [])
 
@@ -133,7 +137,7 @@ def rows_of(dataset: Dataset) -> list[dict[str, Any]]:
     return rows
 
 
-def _found(instructed: InstructedDataset) -> str:
+def _count_described(instructed: InstructedDataset) -> str:
     how = Counter(instructed.found.values())
     return (
         f"{len(instructed.found)} of {instructed.paths} paths, {how['clock']} of them "
@@ -180,8 +184,8 @@ def _graphs(arguments: ExportTasks) -> tuple[list[NavGraph], dict[str, NDArray[n
         listed = [name for name in scan_files(a.scans) if name != SCAN]
         if not a.only and project.scan_name not in listed:
             raise InputError(
-                f"{a.scans} does not list the scan {shown(project.scan_name)} of {a.project}. If the project was "
-                f"exported under another id, name it with --only: {', '.join(map(shown, listed[:5]))}."
+                f"{a.scans} does not list the scan {value_text(project.scan_name)} of {a.project}. If the project was "
+                f"exported under another id, name it with --only: {', '.join(map(value_text, listed[:5]))}."
             )
         graphs = [read_connectivity(path) for path in scan_files(a.scans, names).values()]
         cloud = dense_point_cloud(project) if a.vlnce or a.streamvln or a.goals else None
@@ -281,8 +285,8 @@ class ExportReviewed:
         written = export_reviewed(folder.entries, folder.review, out, self.unread, overwrite=is_own)
         rows = counts_of(folder)
         if self.json:
-            say(as_json({"written": [str(path) for path in written], "splits": rows}))
+            print_lines(as_json({"written": [str(path) for path in written], "splits": rows}))
         else:
             table(list(rows[0]), [[str(value) for value in row.values()] for row in rows])
-            say(*(f"Wrote {path}" for path in written))
+            print_lines(*(f"Wrote {path}" for path in written))
         return 0

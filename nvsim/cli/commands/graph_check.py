@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from nvsim.cli.arguments import Inline, Memory, Positional, ProjectArguments, memory_budget
-from nvsim.cli.terminal import as_json, say
+from nvsim.cli.terminal import as_json, print_lines
 from nvsim.errors import InputError
 from nvsim.graph.findings import Limits
 from nvsim.mapping.config import MappingConfig
@@ -74,15 +74,15 @@ class GraphCheck:
                 }
             )
             if not self.json:
-                title = f"{source.name}: {_counted(counts)}" + (f", {len(hidden)} ignored" if hidden else "")
+                title = f"{source.name}: {_count_text(counts)}" + (f", {len(hidden)} ignored" if hidden else "")
                 rows = [(f.severity, f.message, f.fixes[0].text if f.fixes else "") for f in shown]
-                terminal.table(("severity", "finding", "fix"), rows, title) if rows else say(title)
+                terminal.table(("severity", "finding", "fix"), rows, title) if rows else print_lines(title)
         if self.json:
-            say(as_json(report))
+            print_lines(as_json(report))
         return 1 if any(scan["error"] for scan in report) else 0
 
 
-def _counted(counts: dict[str, int]) -> str:
+def _count_text(counts: dict[str, int]) -> str:
     words = [f"{n} {severity}{'' if n == 1 else 's'}" for severity, n in counts.items() if n]
     return ", ".join(words) or "nothing found"
 
@@ -141,7 +141,7 @@ class GraphPropose:
         if self.script is not None:
             write_script(self.script, _script(edges, places))
         if self.json:
-            say(
+            print_lines(
                 as_json(
                     {
                         "edges": [_proposal_as_json(e) for e in edges],
@@ -154,7 +154,7 @@ class GraphPropose:
             at = [(f"{p.position[0]:.2f}, {p.position[1]:.2f}", f"{p.score:.2f}", p.words) for p in places]
             for thing, head, lines in (("edge", ("from", "to"), rows), ("viewpoint", ("place",), at)):
                 title = f"{len(lines)} {thing}{'' if len(lines) == 1 else 's'} proposed"
-                terminal.table((*head, "score", "why"), lines, title) if lines else say(title)
+                terminal.table((*head, "score", "why"), lines, title) if lines else print_lines(title)
         return 0
 
 
@@ -199,7 +199,7 @@ class GraphReview:
         first = order[: max(0, self.count)]
         if self.json:
             rows = [{"edge": d.edge, "margin": None if math.isnan(d.margin) else d.margin, "why": d.why} for d in first]
-            say(as_json({"unreviewed": len(order), "edges": rows}))
+            print_lines(as_json({"unreviewed": len(order), "edges": rows}))
             return 0
         rows_of = [(*map(source.graph.short, d.edge), d.why) for d in first]
         terminal.table(("from", "to", "why"), rows_of, f"{len(order)} edges are not reviewed")
@@ -239,11 +239,13 @@ class GraphCompare:
         found = compare(a.graph, b.graph, self.tolerance)
         if self.json:
             rows = [asdict(d) for d in found.deviations]
-            say(as_json({**found.counts(), "matched": len(found.matched), "differences": rows}))
+            print_lines(as_json({**found.counts(), "matched": len(found.matched), "differences": rows}))
         else:
             title = f"{len(found.matched)} viewpoints matched, {len(found.by_place)} of them by place"
             rows_of = [(d.kind, d.words) for d in found.deviations]
-            terminal.table(("what", "difference"), rows_of, title) if rows_of else say(f"{title}; no difference")
+            terminal.table(("what", "difference"), rows_of, title) if rows_of else print_lines(
+                f"{title}; no difference"
+            )
         if self.out is not None:
             from nvsim.cli.graph_target import is_project
             from nvsim.graph.foreign import ForeignFile
@@ -292,14 +294,14 @@ class GraphEvidence(ProjectArguments):
 
             blob = read_bytes(self.graph)
             with Project.open(self.project) as project, event_listener(self.json) as listen:
-                write_bytes(self.out, encode_graph(_measured(self, project, decode_graph(blob), listen)))
+                write_bytes(self.out, encode_graph(_with_measured_edges(self, project, decode_graph(blob), listen)))
             return 0
         with project_job(self.project, "evidence", self.json) as (project, listen):
-            project.set_graph(_measured(self, project, project.need_graph(), listen))
+            project.set_graph(_with_measured_edges(self, project, project.need_graph(), listen))
         return 0
 
 
-def _measured(arguments: GraphEvidence, project: Project, graph: NavGraph, listen: Listener) -> NavGraph:
+def _with_measured_edges(arguments: GraphEvidence, project: Project, graph: NavGraph, listen: Listener) -> NavGraph:
     from nvsim.events import Done
     from nvsim.mapping.evidence.new_viewpoints import STAGE, with_new_viewpoints
     from nvsim.project.stages.measured import measure, unmeasured_viewpoints
@@ -309,5 +311,5 @@ def _measured(arguments: GraphEvidence, project: Project, graph: NavGraph, liste
     words = f"{len(ids)} viewpoints measured, {len(found.proposed)} edges proposed, {len(found.doubted)} doubted"
     listen(Done(STAGE, words, {"proposed": list(found.proposed), "doubted": list(found.doubted)}))
     if not arguments.json:
-        say(as_json({"proposed": found.proposed, "doubted": found.doubted}))
+        print_lines(as_json({"proposed": found.proposed, "doubted": found.doubted}))
     return with_new_viewpoints(graph, found)

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 import tyro
 
 from nvsim.cli.arguments import Inline, Positional
-from nvsim.cli.terminal import as_json, say
+from nvsim.cli.terminal import as_json, print_lines
 from nvsim.errors import InputError
 from nvsim.files.opening import parse_integer
 from nvsim.occupancy.heights import Heights
@@ -56,9 +56,9 @@ class GraphSelect:
         viewpoints = [id for id in graph.viewpoints if id in chosen.viewpoints]
         edges = [key for key in graph.edges if key in chosen.edges]
         if self.json:
-            say(as_json({"viewpoints": viewpoints, "edges": edges}))
+            print_lines(as_json({"viewpoints": viewpoints, "edges": edges}))
         else:
-            say(*viewpoints, *(f"{a} {b}" for a, b in edges))
+            print_lines(*viewpoints, *(f"{a} {b}" for a, b in edges))
         return 0
 
 
@@ -95,12 +95,12 @@ class GraphEdit:
 
         target = GraphTarget(self.graph, self.occupancy, self.heights)
         if self.edit == "list":
-            say(*(usage(operation) for operation in OPERATIONS.values()))
+            print_lines(*(usage(operation) for operation in OPERATIONS.values()))
             return 0
         operation = OPERATIONS.get(self.edit)
         if operation is None:
             raise InputError(f"There is no edit {self.edit!r}; `nvsim graph edit FILE list` prints them.")
-        given = _given(self.set)
+        given = _parse_arguments(self.set)
         if self.dry_run or self.out is not None:
             before = target.read()
             with edit_errors_as_input_errors():
@@ -137,22 +137,22 @@ def _report(
         where = None if written is None else str(written)
         kept = None if original is None else str(original)
         parts = len(components(after))
-        say(as_json({"text": words, "changed": counts, "written": where, "original": kept, "islands": parts}))
+        print_lines(as_json({"text": words, "changed": counts, "written": where, "original": kept, "islands": parts}))
         return
-    say(f"{words}: {_sentence(change)}." if words else "Nothing matches; nothing was changed.")
+    print_lines(f"{words}: {_sentence(change)}." if words else "Nothing matches; nothing was changed.")
     if written is not None:
-        say(f"Wrote {written}")
+        print_lines(f"Wrote {written}")
         if original is not None:
-            say(f"The original file is kept as {original}")
+            print_lines(f"The original file is kept as {original}")
         if sentence := disconnected_warning(after):
-            say(sentence)
+            print_lines(sentence)
 
 
 def _sentence(change: Difference) -> str:
-    from nvsim.graph.history import counted
+    from nvsim.graph.history import count_text
 
     parts = [
-        f"{counted(len(names), thing)} {word}"
+        f"{count_text(len(names), thing)} {word}"
         for thing, kinds in (
             ("viewpoint", (change.added_viewpoints, change.removed_viewpoints, change.changed_viewpoints)),
             ("edge", (change.added_edges, change.removed_edges, change.changed_edges)),
@@ -187,7 +187,7 @@ def _values(
     return {**given, **found}
 
 
-def _given(words: tuple[str, ...]) -> dict[str, Any]:
+def _parse_arguments(words: tuple[str, ...]) -> dict[str, Any]:
     found: dict[str, Any] = {}
     for word in words:
         name, equals, text = word.partition("=")
@@ -222,7 +222,7 @@ class GraphReplay:
 
     def run(self) -> int:
         from nvsim.cli.graph_target import GraphTarget, edit_errors_as_input_errors
-        from nvsim.graph.history import History, counted
+        from nvsim.graph.history import History, count_text
         from nvsim.graph.operations import parse_line, perform_operation
         from nvsim.graph.scripts import script_lines
 
@@ -230,24 +230,24 @@ class GraphReplay:
         lines = script_lines(self.script)
         surroundings = target.surroundings()
 
-        def play(history: History) -> str:
+        def apply_script(history: History) -> str:
             count = 0
             for number, line in enumerate(lines, 1):
                 if line.strip() and not line.lstrip().startswith("#"):
                     with edit_errors_as_input_errors(f"{self.script}, line {number}: "):
                         perform_operation(history, *parse_line(line), surroundings=surroundings)
                     count += 1
-            return f"Replay {counted(count, 'edit')}"
+            return f"Replay {count_text(count, 'edit')}"
 
         if self.dry_run or self.out is not None:
             history = History(target.read())
             before = history.graph
-            words = play(history)
+            words = apply_script(history)
             written = None if self.dry_run else target.write(history.graph, self.out)
         else:
             with target.editing() as history:
                 before = history.graph
-                words = play(history)
+                words = apply_script(history)
             written = None if history.graph is before else target.path
         original = target.original if written == target.path else None
         _report(before, history.graph, words, written, self.json, original)
@@ -279,13 +279,13 @@ class GraphLog:
                 write_script(self.script, script(history))
         if self.json:
             rows = [{"text": s.text, "when": s.when, "edit": s.edit, "operation": s.operation} for s in steps]
-            say(as_json({"steps": rows, "index": index, "saved": clean}))
+            print_lines(as_json({"steps": rows, "index": index, "saved": clean}))
             return 0
         for number, step in enumerate(steps):
             if step.changes or number == 0:
                 when = time.strftime("%Y-%m-%d %H:%M:%S", time.localtime(step.when))
                 marks = " (saved)" if number == clean else ""
-                say(f"{'>' if number == index else ' '} {number:4d}  {when}  {step.text}{marks}")
+                print_lines(f"{'>' if number == index else ' '} {number:4d}  {when}  {step.text}{marks}")
         if journal.notice:
-            say(journal.notice)
+            print_lines(journal.notice)
         return 0

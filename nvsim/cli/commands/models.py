@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from nvsim.cli.arguments import Inline, Positional
-from nvsim.cli.terminal import as_json, say
+from nvsim.cli.terminal import as_json, print_lines
 from nvsim.errors import InputError
 from nvsim.recipes.config import RecipeConfig
 
@@ -24,23 +24,23 @@ class Models:
 
         found = catalogue()
         if self.json:
-            say(as_json(found.as_dict()))
+            print_lines(as_json(found.as_dict()))
             return 0
-        say(f"Models are in {found.folder}")
+        print_lines(f"Models are in {found.folder}")
         for row in found.models:
-            say("", f"{row.name}: {row.title}", f"  gives {row.role}, improves {row.improves}")
+            print_lines("", f"{row.name}: {row.title}", f"  gives {row.role}, improves {row.improves}")
             for line in (row.made_by and f"made by {row.made_by}", row.licence and f"license: {row.licence}"):
                 if line:
-                    say(f"  {line}")
-            say(f"  {row.megabytes:,.0f} MB: {', '.join(row.files)}")
+                    print_lines(f"  {line}")
+            print_lines(f"  {row.megabytes:,.0f} MB: {', '.join(row.files)}")
         for problem in found.problems:
-            say("", f"warning: {problem}")
+            print_lines("", f"warning: {problem}")
         if found.lacking:
-            say("", "Not installed (download the files yourself, then run `nvsim models add FILE…`):")
+            print_lines("", "Not installed (download the files yourself, then run `nvsim models add FILE…`):")
         for lack in found.lacking:
-            say("", f"{lack.role}, which improves {lack.improves}:")
+            print_lines("", f"{lack.role}, which improves {lack.improves}:")
             for known in lack.known:
-                say(f"  {', '.join(known.names)} ({known.form}; {known.licence})", f"    {known.source}")
+                print_lines(f"  {', '.join(known.names)} ({known.form}; {known.licence})", f"    {known.source}")
         return 0
 
 
@@ -64,8 +64,8 @@ class ModelsAdd:
 
         model = add(self.paths, self.name, self.form, self.replace)
         assert model.description is not None
-        say(f"{model.name} is installed in {model.folder}: {model.description.title}")
-        say(f"It gives {ROLE_WORDS[model.role]} and improves {IMPROVES[model.role]}.")
+        print_lines(f"{model.name} is installed in {model.folder}: {model.description.title}")
+        print_lines(f"It gives {ROLE_WORDS[model.role]} and improves {IMPROVES[model.role]}.")
         return 0
 
 
@@ -81,11 +81,11 @@ class ModelsCheck:
 
     def run(self) -> int:
         """Returns 1 if a model has a problem. Raises InputError if a named model is not installed."""
-        from nvsim.networks.installed import bundled, installed
+        from nvsim.networks.installed import bundled_models, installed_models
         from nvsim.perception.checking import check
 
-        models, problems = installed()
-        known = {model.name: model for model in (*models, *bundled())}
+        models, problems = installed_models()
+        known = {model.name: model for model in (*models, *bundled_models())}
         for name in self.names:
             if name not in known:
                 raise InputError(f"There is no model {name!r:.60} (installed: {', '.join(known) or 'none'}).")
@@ -94,15 +94,15 @@ class ModelsCheck:
             result = check(known[name])
             found[name] = asdict(result)
             if not self.json:
-                say(f"{name}: {result.problem or f'{result.says}, {1000 * result.seconds:.0f} ms per image'}")
+                print_lines(f"{name}: {result.problem or f'{result.says}, {1000 * result.seconds:.0f} ms per image'}")
         broken = [] if self.names else problems
         if self.json:
-            say(as_json({"models": found, "problems": broken}))
+            print_lines(as_json({"models": found, "problems": broken}))
         else:
             for problem in broken:
-                say(f"warning: {problem}")
+                print_lines(f"warning: {problem}")
             if not found and not broken:
-                say("No model is installed; `nvsim models` lists the ones that NVSim knows.")
+                print_lines("No model is installed; `nvsim models` lists the ones that NVSim knows.")
         return 1 if broken or any(row["problem"] for row in found.values()) else 0
 
 

@@ -8,7 +8,7 @@ from pathlib import Path
 
 from nvsim.cli.arguments import Inline, Positional
 from nvsim.cli.console import event_listener
-from nvsim.cli.terminal import as_json, say
+from nvsim.cli.terminal import as_json, print_lines
 from nvsim.errors import InputError
 from nvsim.r2r.recurrent.config import LearningConfig, ModelConfig
 
@@ -46,7 +46,7 @@ class R2RTrain:
         with event_listener(self.json) as listen:
             train_agent(read_dataset(scans, self.tasks, self.features), self.model, self.learning, self.out, listen)
         if not self.json:
-            say(f"Wrote {self.out}")
+            print_lines(f"Wrote {self.out}")
         return 0
 
 
@@ -88,5 +88,5 @@ class R2RPath:
         from nvsim.r2r.simulator.shim import shim_folder
 
         folder = str(shim_folder())
-        say(as_json({"path": folder}) if self.json else folder)
+        print_lines(as_json({"path": folder}) if self.json else folder)
         return 0

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
 from nvsim.cli.arguments import Inline, Positional
-from nvsim.cli.terminal import say
+from nvsim.cli.terminal import print_lines
 from nvsim.endpoint.options import AskingOptions, OneEndpoint
 from nvsim.errors import InputError
 from nvsim.r2r.agents.baselines import Name
@@ -70,15 +70,17 @@ class R2RAgent:
             return _run_mapgpt(self, scans, tasks)
         benchmark = Benchmark.read(scans, tasks)
         if agent == "recurrent":
-            walked = _recurrent(self, benchmark)
+            walked = _run_recurrent_agent(self, benchmark)
         else:
             walked = run_agent(agent_of(agent, benchmark.graphs, self.seed), benchmark.tasks, benchmark.folder)
         written = write_submission(self.out, walked)
-        say(as_json({"written": str(written), "trajectories": len(walked)}) if self.json else f"Wrote {written}")
+        print_lines(
+            as_json({"written": str(written), "trajectories": len(walked)}) if self.json else f"Wrote {written}"
+        )
         return 0
 
 
-def _recurrent(arguments: R2RAgent, benchmark: Benchmark) -> Trajectories:
+def _run_recurrent_agent(arguments: R2RAgent, benchmark: Benchmark) -> Trajectories:
     a = arguments
     if a.checkpoint is None:
         raise InputError("The recurrent agent needs --checkpoint, the folder that `nvsim r2r train` wrote.")
@@ -138,11 +140,11 @@ def _run_mapgpt(a: R2RAgent, scans: Path, tasks: Path) -> int:
         "answers_used_again": budget.used_again,
     }
     if a.json:
-        say(as_json(figures))
+        print_lines(as_json(figures))
     else:
         cost = "" if budget.cost is None else f" for {budget.cost:.4g}"
         spent = f"{budget.tokens_in:,} tokens in and {budget.tokens_out:,} out{cost}"
-        say(
+        print_lines(
             f"{len(done)} episodes: {ends['stop']} stopped, {ends['steps']} ran out of steps, {ends['unanswered']} "
             f"ended without an answer; {spent}. Wrote {written}"
         )
@@ -184,7 +186,7 @@ class EvaluateR2R:
             check_submission(trajectories, benchmark.tasks, benchmark.distances, where)
             agents[name] = figures_of(score(benchmark.tasks, trajectories, benchmark.distances))
         if self.json:
-            say(as_json({"tasks": str(self.tasks), "scans": list(benchmark.graphs), "agents": agents}))
+            print_lines(as_json({"tasks": str(self.tasks), "scans": list(benchmark.graphs), "agents": agents}))
         else:
             print(text_of(agents), end="")
         return 0

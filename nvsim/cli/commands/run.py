@@ -12,11 +12,11 @@ import tyro
 
 from nvsim.building.config import Style
 from nvsim.cli import window
-from nvsim.cli.arguments import Inline, given
+from nvsim.cli.arguments import Inline, value_of_flag
 from nvsim.cli.commands.capture import CapturePath
 from nvsim.cli.commands.stages import paper_map_config, report_network_fallback, with_normal_source
 from nvsim.cli.session import project_job
-from nvsim.cli.terminal import say
+from nvsim.cli.terminal import print_lines
 from nvsim.cluster.config import ClusterConfig
 from nvsim.cluster.executor_choice import open_executor
 from nvsim.errors import InputError
@@ -60,7 +60,7 @@ class Run:
     @staticmethod
     def defaults(argv: list[str]) -> Run:
         paper = "--paper" in argv
-        name = given(argv, "--preset", "splatfacto-i" if paper else "nvsim")
+        name = value_of_flag(argv, "--preset", "splatfacto-i" if paper else "nvsim")
         train = at_paper_scale(preset(name)) if "--paper-scale" in argv else preset(name)
         config = RunConfig(train=train, map=paper_map_config() if paper else MappingConfig())
         return Run(cast(Path, tyro.MISSING), cast(Path, tyro.MISSING), preset=cast(Any, name), config=config)
@@ -92,7 +92,7 @@ class Run:
                 cluster.storage,
             )
             end = [] if self.json else summary(project)
-        say(*end)
+        print_lines(*end)
         return 0
 
 
@@ -127,7 +127,7 @@ class Demo:
 
     @staticmethod
     def defaults(argv: list[str]) -> Demo:
-        name = given(argv, "--preset", "nvsim")
+        name = value_of_flag(argv, "--preset", "nvsim")
         config = RunConfig(train=preset(name))
         return Demo(preset=cast(Any, name), config=config)
 
@@ -150,11 +150,11 @@ class Demo:
             built, layout = project.need_capture(), project.layout
             truth = maps_in_aligned_frame(layout.true_map or layout.ground_truth, built, "aligned")
             support = project.support()
-            seen = None if support is None else support.at
+            seen = None if support is None else support.is_supported
             figures = evaluate_graph(project.need_graph(), truth, built.positions, seen=seen)
             project.set_result("graph", figures)
             end = [] if self.json else summary(project)
-        say(*end)
+        print_lines(*end)
         return window.open_if_wanted(self.project, wanted=not self.no_window)
 
 

@@ -9,9 +9,9 @@ from typing import Any, Literal, cast
 import tyro
 
 from nvsim.cli import terminal
-from nvsim.cli.arguments import Inline, Memory, Positional, ProjectArguments, given, memory_budget
+from nvsim.cli.arguments import Inline, Memory, Positional, ProjectArguments, memory_budget, value_of_flag
 from nvsim.cli.session import project_job
-from nvsim.cli.terminal import say
+from nvsim.cli.terminal import print_lines
 from nvsim.cluster.config import ClusterConfig
 from nvsim.cluster.executor_choice import open_executor
 from nvsim.depth.config import DepthConfig
@@ -98,7 +98,7 @@ class Train(ProjectArguments):
 
     @staticmethod
     def defaults(argv: list[str]) -> Train:
-        name = given(argv, "--preset", "nvsim")
+        name = value_of_flag(argv, "--preset", "nvsim")
         config = at_paper_scale(preset(name)) if "--paper-scale" in argv else preset(name)
         return Train(cast(Path, tyro.MISSING), preset=cast(Any, name), config=config)
 
@@ -160,7 +160,7 @@ class Map(ProjectArguments):
 
     @staticmethod
     def defaults(argv: list[str]) -> Map:
-        name = given(argv, "--preset", "paper" if "--paper" in argv else "nvsim")
+        name = value_of_flag(argv, "--preset", "paper" if "--paper" in argv else "nvsim")
         config = paper_map_config() if name == "paper" else MappingConfig()
         return Map(cast(Path, tyro.MISSING), preset=cast(Any, name), config=config)
 
@@ -214,11 +214,11 @@ def _list(arguments: Restore) -> int:
     with Project.open(arguments.project) as project:
         kept = kept_results(project)
     if arguments.json:
-        say(terminal.as_json([asdict(k) for k in kept]))
+        print_lines(terminal.as_json([asdict(k) for k in kept]))
     elif kept:
         terminal.table(
             ["stage", "earlier result", "size"], [[k.stage, k.words, megabytes(k.bytes)] for k in kept], "results"
         )
     else:
-        say("There is no earlier result yet; a stage stores one when it runs again.")
+        print_lines("There is no earlier result yet; a stage stores one when it runs again.")
     return 0

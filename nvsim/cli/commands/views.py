@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Literal
 
 from nvsim.cli.arguments import Memory, ProjectArguments, memory_budget
 from nvsim.cli.console import event_listener
-from nvsim.cli.terminal import say
+from nvsim.cli.terminal import print_lines
 from nvsim.errors import InputError
 from nvsim.project.work import missing_result_error
 
@@ -68,7 +68,7 @@ class Panorama(ProjectArguments):
                 raise missing_result_error(self.project, "train")
             photographed = None
             if "unseen" in self.also:
-                photographed = PhotographedDirections(project, scene, self.backend).at(position)
+                photographed = PhotographedDirections(project, scene, self.backend).photographed_mask(position)
         heading, channels = math.radians(self.heading), frozenset({"rgb", *self.also}) - {"unseen"}
         if self.faces:
             side = self.size or 512
@@ -88,7 +88,7 @@ class Panorama(ProjectArguments):
             rays = Sphere(position, 2 * height, height, heading).rays()
         unseen = None if photographed is None else ~np.stack([along_rays(photographed, row) for row in rays])
         for path in write_panorama(self.out, image, unseen):
-            say(path)
+            print_lines(path)
         return 0
 
 
@@ -182,7 +182,7 @@ class Video(ProjectArguments):
                         raise as_input_error(path, error) from error
             listen(Done("video", f"{count} frames in {self.out}"))
         if not self.json:
-            say(self.out)
+            print_lines(self.out)
         return 0
 
 

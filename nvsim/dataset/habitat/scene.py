@@ -86,12 +86,14 @@ def write_scenes(
         glb = out / scene_id(graph.scan)
         storeys = list(layers_of(list(views_from_viewpoints(root, graph)), graph))
         surface, columns = fuse_surface(root, graph, voxel, [obstacle_heights(one) for one in storeys], listen)
-        write_colored_glb(glb, _turned(surface.vertices), surface.triangles, surface.colors, graph.scan)
+        write_colored_glb(glb, _to_habitat_axes(surface.vertices), surface.triangles, surface.colors, graph.scan)
         vertices, triangles = collision_mesh(graph, storeys, columns, clouds.get(graph.scan))
         if not len(triangles):
             raise InputError(f"The strips of {graph.scan} show no floor at its viewpoints; check their heights.")
         solid, stage = (glb.with_name(f"{graph.scan}{end}") for end in ("_collision.glb", ".stage_config.json"))
-        write_colored_glb(solid, _turned(vertices), triangles, np.full((len(vertices), 3), _GREY, np.uint8), solid.stem)
+        write_colored_glb(
+            solid, _to_habitat_axes(vertices), triangles, np.full((len(vertices), 3), _GREY, np.uint8), solid.stem
+        )
         about = {
             "render_asset": glb.name,
             "collision_asset": solid.name,
@@ -108,7 +110,7 @@ def write_scenes(
     return written
 
 
-def _turned(places: NDArray[np.floating]) -> NDArray[np.float32]:
+def _to_habitat_axes(places: NDArray[np.floating]) -> NDArray[np.float32]:
     """Returns (N, 3) places in Habitat's frame."""
     x, y, z = np.asarray(places, np.float64).T
     return np.stack([x, z, -y], axis=1).astype(np.float32)
@@ -132,7 +134,7 @@ def collision_mesh(
         places, blocked = grid.places(), grid.solid
         if cloud is not None:
             blocked = blocked | layers.values_at(scanned_obstacles(layers, cloud), places)
-        floor = _reached(layers.values_at(visible_floor(layers), places) & ~blocked, layers, grid)
+        floor = _parts_with_viewpoint(layers.values_at(visible_floor(layers), places) & ~blocked, layers, grid)
         quads += [_flat(grid, one, layers.floor) for one in rectangles(floor)]
         for one in rectangles(_obstacles_beside_floor(blocked, floor)):
             quads += list(_sides(grid, one, layers.floor))
@@ -170,7 +172,7 @@ def rectangles(mask: NDArray[np.bool_]) -> Iterator[Rectangle]:
             growing.setdefault(run, row)
 
 
-def _reached(floor: NDArray[np.bool_], layers: Layers, grid: SolidColumns) -> NDArray[np.bool_]:
+def _parts_with_viewpoint(floor: NDArray[np.bool_], layers: Layers, grid: SolidColumns) -> NDArray[np.bool_]:
     """Returns the parts of the floor with a viewpoint; others are seen through windows."""
     import cv2
 

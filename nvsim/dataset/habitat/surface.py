@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from nvsim.errors import InputError
 from nvsim.events import Listener, Progress
-from nvsim.files.images import decoded
+from nvsim.files.images import decode_pixels
 from nvsim.files.opening import read_bytes
 from nvsim.geometry.camera import camera_pose
 from nvsim.geometry.directions import face_axes
@@ -136,7 +136,7 @@ def _read_strip(places: ScanPlaces, viewpoint: Viewpoint) -> tuple[NDArray[np.fl
     import cv2
 
     depth, path = read_depth(places, viewpoint.id), places.strip(viewpoint.id)
-    image = decoded(read_bytes(path), path, cv2.IMREAD_COLOR, what="a skybox strip", then="export the scan again")
+    image = decode_pixels(read_bytes(path), path, cv2.IMREAD_COLOR, what="a skybox strip", then="export the scan again")
     if image.shape[:2] != depth.shape:
         raise InputError(f"{path} does not have the size of its depth strip; export the scan again.")
     side = min(_SIDE, depth.shape[0])

@@ -20,8 +20,8 @@ from nvsim.evaluation.ablation_runs import (
     AblationRow,
     SharedViews,
     TrainingRun,
-    finished,
     progress_of_run,
+    train_or_load,
     training_run,
 )
 from nvsim.evaluation.judging.views import JudgedView, Kind
@@ -80,10 +80,10 @@ def by_presets(
             run = runs[row.name, submap.index]
             if not run.is_done:
                 title = f"{row.title}, submap {submap.index}"
-                finished(project, run, shared.of(run), progress_of_run(listen, STAGE, before, total, title))
+                train_or_load(project, run, shared.of(run), progress_of_run(listen, STAGE, before, total, title))
                 before += run.config.steps
     drawers = {row.name: _of_runs({str(s.index): runs[row.name, s.index] for s in submaps}) for row in rows}
-    return _drawn(drawers, views, out, listen)
+    return _draw_contestants(drawers, views, out, listen)
 
 
 def _of_runs(runs: Mapping[str, TrainingRun]) -> tuple[Callable[[JudgedView], str], Callable[[JudgedView], Draw]]:
@@ -126,7 +126,7 @@ def by_projects(
                 "views; compare projects of one capture, imported in the same way."
             )
         drawers[name] = _of_project(project)
-    return _drawn(drawers, views, out, listen)
+    return _draw_contestants(drawers, views, out, listen)
 
 
 def _of_project(project: Project) -> tuple[Callable[[JudgedView], str], Callable[[JudgedView], Draw]]:
@@ -148,7 +148,7 @@ def _of_project(project: Project) -> tuple[Callable[[JudgedView], str], Callable
     return (lambda view: key), (lambda view: draw)
 
 
-def _drawn(
+def _draw_contestants(
     drawers: Mapping[str, tuple[Callable[[JudgedView], str], Callable[[JudgedView], Draw]]],
     views: Sequence[JudgedView],
     out: Path,

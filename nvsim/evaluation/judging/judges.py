@@ -55,7 +55,7 @@ def by_lpips(shown: Sequence[ContestantImages], distance: Distance | None, why: 
     for view in photographed:
         assert view.photo is not None
         photo = view.photo()
-        far = {who: distance(_like(read_shown(path), photo), photo) for who, path in view.images.items()}
+        far = {who: distance(_resize_like(read_shown(path), photo), photo) for who, path in view.images.items()}
         found += _verdicts(view, far, lambda x, y: abs(x - y) < SAME_DISTANCE, lower=True)
     return JudgeVerdicts("LPIPS (offline)", what, found)
 
@@ -91,7 +91,7 @@ def _verdicts(
     return found
 
 
-def _like(image: Image, other: Image) -> Image:
+def _resize_like(image: Image, other: Image) -> Image:
     height, width = other.shape[:2]
     if image.shape == other.shape:
         return image

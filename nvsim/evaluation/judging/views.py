@@ -83,9 +83,9 @@ def judged_views(
         trained = [i for i in submap.core if i not in kept_out]
         found += [_seen_view(capture, i, submap, counts) for i in _evenly_spaced_items(trained, counts.seen)]
         true = _evenly_spaced_items(novel[submap.index], counts.novel)
-        found += [_true(view, submap, counts) for view in true]
+        found += [_photographed_view(view, submap, counts) for view in true]
         if not true:
-            found += _drawn(project, capture, submap, everything, counts)
+            found += _novel_views(project, capture, submap, everything, counts)
     return found
 
 
@@ -94,22 +94,22 @@ def _seen_view(capture: Capture, index: int, submap: Submap, counts: ViewCounts)
     camera = _limit_size(frame.camera, counts.longest)
 
     def photo() -> Image:
-        return _sized(read_image(frame, frame.intrinsics) / np.float32(255), camera)
+        return _resize(read_image(frame, frame.intrinsics) / np.float32(255), camera)
 
     return JudgedView(f"{submap.index:03d}_seen_{index:06d}", "seen", str(submap.index), camera, photo)
 
 
-def _true(view: NovelView, submap: Submap, counts: ViewCounts) -> JudgedView:
+def _photographed_view(view: NovelView, submap: Submap, counts: ViewCounts) -> JudgedView:
     camera = _limit_size(view.camera, counts.longest)
 
     def photo() -> Image:
-        return _sized(view.image(), camera)
+        return _resize(view.image(), camera)
 
     name = "".join(c if c.isalnum() or c in "-." else "_" for c in view.name)
     return JudgedView(f"{submap.index:03d}_novel_{name}", "novel", str(submap.index), camera, photo)
 
 
-def _drawn(
+def _novel_views(
     project: Project, capture: Capture, submap: Submap, everything: Sequence[Submap], counts: ViewCounts
 ) -> list[JudgedView]:
     graph = project.graph()
@@ -139,11 +139,11 @@ def _evenly_spaced_items(items: Sequence[T], count: int) -> list[T]:
 
 
 def _limit_size(camera: Camera, longest: int) -> Camera:
-    k = camera.intrinsics.within(longest)
+    k = camera.intrinsics.limited_to(longest)
     return camera.scaled(k.width, k.height)
 
 
-def _sized(image: NDArray[np.floating], camera: Camera) -> Image:
+def _resize(image: NDArray[np.floating], camera: Camera) -> Image:
     k = camera.intrinsics
     if image.shape[:2] == (k.height, k.width):
         return np.asarray(image, np.float32)

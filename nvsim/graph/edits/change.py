@@ -13,7 +13,7 @@ from dataclasses import replace
 from types import MappingProxyType
 from typing import TypeVar
 
-from nvsim.errors import UserError, shown
+from nvsim.errors import UserError, value_text
 from nvsim.graph.touched_elements import TouchedElements, remember
 from nvsim.graph.types import Edge, EdgeKey, Evidence, EvidenceKey, NavGraph, Viewpoint
 
@@ -105,7 +105,7 @@ class Change:
             self._touched_edges |= keys
         if names:
             evidence, index = self._own_evidence(), self._own_evidence_of()
-            around = {end for name in names for end in _ends(evidence[name]) if end not in gone}
+            around = {end for name in names for end in _viewpoints_of_evidence(evidence[name]) if end not in gone}
             for name in names:
                 del evidence[name]
             _remove_from_index(index, gone, around, names)
@@ -169,18 +169,18 @@ class Change:
             self.viewpoint(evidence.joins)
         before = self.evidence.get(evidence.key)
         if before is not None and before.joins != evidence.joins:
-            self._forget(before)
+            self._remove_from_index(before)
             before = None
         if before is None:
             index = self._own_evidence_of()
-            for id in _ends(evidence):
+            for id in _viewpoints_of_evidence(evidence):
                 index[id] = (*index.get(id, ()), evidence.key)
         self._own_evidence()[evidence.key] = evidence
         self._touched_evidence[evidence.key] = None
 
-    def _forget(self, evidence: Evidence) -> None:
+    def _remove_from_index(self, evidence: Evidence) -> None:
         index = self._own_evidence_of()
-        for id in _ends(evidence):
+        for id in _viewpoints_of_evidence(evidence):
             left = tuple(key for key in index[id] if key != evidence.key)
             if left:
                 index[id] = left
@@ -194,7 +194,7 @@ class Change:
 
     # The result -------------------------------------------------------------------------------------------------
 
-    def done(self) -> NavGraph:
+    def result(self) -> NavGraph:
         """Return the changed graph, or the original object if nothing changed."""
         parts = (self._viewpoints, self._edges, self._evidence)
         if all(part is None for part in parts) and self._ignored is self.graph.ignored:
@@ -215,30 +215,30 @@ class Change:
 
     def _own_viewpoints(self) -> dict[str, Viewpoint]:
         if self._viewpoints is None:
-            self._viewpoints = copied(self.graph.viewpoints)
+            self._viewpoints = copy_mapping(self.graph.viewpoints)
             self.viewpoints = MappingProxyType(self._viewpoints)
         return self._viewpoints
 
     def _own_edges(self) -> dict[EdgeKey, Edge]:
         if self._edges is None:
-            self._edges = copied(self.graph.edges)
+            self._edges = copy_mapping(self.graph.edges)
             self.edges = MappingProxyType(self._edges)
         return self._edges
 
     def _own_evidence(self) -> dict[EvidenceKey, Evidence]:
         if self._evidence is None:
-            self._evidence = copied(self.graph.evidence)
+            self._evidence = copy_mapping(self.graph.evidence)
             self.evidence = MappingProxyType(self._evidence)
         return self._evidence
 
     def _own_adjacency(self) -> dict[str, tuple[str, ...]]:
         if self._adjacency is None:
-            self._adjacency = copied(self.graph.adjacency)
+            self._adjacency = copy_mapping(self.graph.adjacency)
         return self._adjacency
 
     def _own_evidence_of(self) -> dict[str, tuple[EvidenceKey, ...]]:
         if self._evidence_of is None:
-            self._evidence_of = copied(self.graph.evidence_of)
+            self._evidence_of = copy_mapping(self.graph.evidence_of)
         return self._evidence_of
 
 
@@ -256,7 +256,7 @@ def _remove_from_index(
             del index[id]
 
 
-def copied(mapping: Mapping[K, V]) -> dict[K, V]:
+def copy_mapping(mapping: Mapping[K, V]) -> dict[K, V]:
     """Return a new dict. The `copy` of a proxy copies the dict behind it, which is as fast as copying memory."""
     return mapping.copy() if isinstance(mapping, MappingProxyType) else dict(mapping)
 
@@ -275,7 +275,7 @@ def need_place(position: Iterable[float]) -> Place:
     """Return a position of three finite numbers, meters. Raises EditError if it is invalid."""
     values = tuple(position)
     if len(values) != 3 or not all(isinstance(v, float | int) and _is_finite(v) for v in values):
-        raise EditError(f"{shown(values)} is not a position.")
+        raise EditError(f"{value_text(values)} is not a position.")
     return float(values[0]), float(values[1]), float(values[2])
 
 
@@ -283,11 +283,11 @@ def need_number(value: float, what: str, *, positive: bool = False) -> float:
     """Return a finite number. Raises EditError, which begins with `what`, if it is not finite, or not positive where it
     must be."""
     if not _is_finite(value) or (positive and value <= 0):
-        raise EditError(f"{what} cannot be {shown(value)}.")
+        raise EditError(f"{what} cannot be {value_text(value)}.")
     return float(value)
 
 
-def _ends(evidence: Evidence) -> tuple[str, ...]:
+def _viewpoints_of_evidence(evidence: Evidence) -> tuple[str, ...]:
     if evidence.joins and evidence.joins != evidence.viewpoint:
         return (evidence.viewpoint, evidence.joins)
     return (evidence.viewpoint,)

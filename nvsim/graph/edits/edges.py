@@ -32,7 +32,7 @@ def add_edges(graph: NavGraph, pairs: Iterable[EdgeKey], origin: EdgeOrigin = "p
         if key_of(a, b) in change.edges:
             raise EditError(f"The viewpoints {a} and {b} are already joined.")
         change.set_edge(edge(a, b, origin))
-    return change.done()
+    return change.result()
 
 
 def remove_edge(graph: NavGraph, a: str, b: str) -> NavGraph:
@@ -45,7 +45,7 @@ def remove_edges(graph: NavGraph, pairs: Iterable[EdgeKey]) -> NavGraph:
     change = Change(graph)
     for a, b in unique(key_of(*pair) for pair in pairs):
         change.remove_edge(a, b)
-    return change.done()
+    return change.result()
 
 
 def connect_visible(
@@ -76,7 +76,7 @@ def connect_visible(
         open[open] = visible(a[open], b[open])
     for i, j in pairs[open].tolist():
         change.set_edge(edge(names[i], names[j], "person"))
-    return change.done()
+    return change.result()
 
 
 def mark_reviewed(
@@ -88,7 +88,7 @@ def mark_reviewed(
         change.set_viewpoint(replace(change.viewpoint(id), reviewed=reviewed))
     for pair in unique(edges):
         change.set_edge(replace(change.edge(*pair), reviewed=reviewed))
-    return change.done()
+    return change.result()
 
 
 def set_locked(
@@ -101,7 +101,7 @@ def set_locked(
         change.set_viewpoint(replace(change.viewpoint(id), locked=locked))
     for pair in unique(edges):
         change.set_edge(replace(change.edge(*pair), locked=locked))
-    return change.done()
+    return change.result()
 
 
 def ignore_finding(graph: NavGraph, key: str, reason: str) -> NavGraph:
@@ -110,7 +110,7 @@ def ignore_finding(graph: NavGraph, key: str, reason: str) -> NavGraph:
         raise EditError("A finding is only ignored for a reason; give one.")
     change = Change(graph)
     change.ignore(key, reason.strip())
-    return change.done()
+    return change.result()
 
 
 def heed_finding(graph: NavGraph, key: str) -> NavGraph:
@@ -119,4 +119,4 @@ def heed_finding(graph: NavGraph, key: str) -> NavGraph:
         raise EditError(f"The finding {key} is not ignored.")
     change = Change(graph)
     change.ignore(key, None)
-    return change.done()
+    return change.result()

@@ -24,7 +24,7 @@ def move_viewpoints(graph: NavGraph, positions: Mapping[str, Place]) -> NavGraph
     change = Change(graph)
     for id, position in positions.items():
         move_within_change(change, id, need_place(position))
-    return change.done()
+    return change.result()
 
 
 def move_viewpoint(graph: NavGraph, id: str, position: Place) -> NavGraph:
@@ -39,7 +39,7 @@ def shift_viewpoints(graph: NavGraph, ids: Iterable[str], by: Place) -> NavGraph
     for id in unique(ids):
         x, y, z = change.viewpoint(id).position
         move_within_change(change, id, (x + dx, y + dy, z + dz))
-    return change.done()
+    return change.result()
 
 
 def set_height(graph: NavGraph, ids: Iterable[str], height: float) -> NavGraph:
@@ -56,7 +56,7 @@ def set_height(graph: NavGraph, ids: Iterable[str], height: float) -> NavGraph:
             continue
         move_within_change(change, id, (x, y, z - found.height + height))
         change.set_viewpoint(replace(change.viewpoint(id), height=height))
-    return change.done()
+    return change.result()
 
 
 def move_within_change(change: Change, id: str, position: Place) -> None:
@@ -94,7 +94,7 @@ def straighten(graph: NavGraph, ids: Iterable[str], even: bool = False) -> NavGr
     for id, share in zip(order[1:-1], shares[1:-1].tolist(), strict=True):
         x, y, z = (places[0] + share * along).tolist()
         move_within_change(change, id, (x, y, z))
-    return change.done()
+    return change.result()
 
 
 def chain(graph: NavGraph, ids: Iterable[str]) -> tuple[str, ...]:
@@ -156,14 +156,14 @@ def align_to_lattice(
     first = next(iter(lattice.at))
     heap: list[tuple[float, str, _LatticePosition]] = []
 
-    def offer(parent: str) -> None:
+    def push_neighbors(parent: str) -> None:
         for other in graph.neighbours(parent):
             if other in chosen:
                 metres, spot = lattice.step(parent, other)
                 heapq.heappush(heap, (metres, other, spot))
 
     for id in list(lattice.at):
-        offer(id)
+        push_neighbors(id)
     while chosen:
         if not heap:  # no edge leads to the remaining viewpoints
             id = next(iter(chosen))
@@ -178,8 +178,8 @@ def align_to_lattice(
         x, y = lattice.place(spot)
         if math.dist(position[:2], (x, y)) > _HELD:
             move_within_change(change, id, (x, y, position[2]))
-        offer(id)
-    return change.done()
+        push_neighbors(id)
+    return change.result()
 
 
 @dataclass(frozen=True, order=True)
@@ -214,14 +214,14 @@ class _Lattice:
         found = []
         for k, along in enumerate(self._steps_along_axes(parent, id)):
             n = round(along) or (1 if along >= 0 else -1)
-            spot = self._further(self.at[parent], {k: n})
+            spot = self._step_from(self.at[parent], {k: n})
             found.append((round(math.dist(self.place(spot), self.graph.viewpoints[id].position[:2]), 6), spot))
         return min(found)
 
     def nearest(self, origin: str, id: str) -> _LatticePosition:
         """Return the position with the smallest move of `id`, along two perpendicular axes from `origin`."""
         along = self._steps_along_axes(origin, id)
-        return self._further(self.at[origin], {0: round(along[0]), 2: round(along[2])})
+        return self._step_from(self.at[origin], {0: round(along[0]), 2: round(along[2])})
 
     def _steps_along_axes(self, origin: str, id: str) -> list[float]:
         """Steps from the position of `origin` to `id` along every axis."""
@@ -230,7 +230,7 @@ class _Lattice:
         return [((tx - x) * dx + (ty - y) * dy) / self.spacing**2 for dx, dy in self.steps]
 
     @staticmethod
-    def _further(spot: _LatticePosition, more: dict[int, int]) -> _LatticePosition:
+    def _step_from(spot: _LatticePosition, more: dict[int, int]) -> _LatticePosition:
         return _LatticePosition(spot.anchor, tuple(n + more.get(k, 0) for k, n in enumerate(spot.counts)))
 
 

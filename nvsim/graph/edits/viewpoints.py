@@ -21,7 +21,7 @@ def add_viewpoint(graph: NavGraph, viewpoint: Viewpoint) -> NavGraph:
     need_place(viewpoint.position)
     change = Change(graph)
     change.set_viewpoint(viewpoint)
-    return change.done()
+    return change.result()
 
 
 def place_viewpoint(
@@ -62,7 +62,7 @@ def remove_viewpoints(graph: NavGraph, ids: Iterable[str]) -> NavGraph:
     change, gone = Change(graph), unique(ids)
     if gone:
         change.remove_viewpoints(*gone)
-    return change.done()
+    return change.result()
 
 
 def set_included(graph: NavGraph, ids: Iterable[str], included: bool) -> NavGraph:
@@ -73,7 +73,7 @@ def set_included(graph: NavGraph, ids: Iterable[str], included: bool) -> NavGrap
     change = Change(graph)
     for id in unique(ids):
         change.set_viewpoint(replace(change.viewpoint(id), included=included))
-    return change.done()
+    return change.result()
 
 
 def rename_viewpoint(graph: NavGraph, old: str, new: str) -> NavGraph:
@@ -91,18 +91,18 @@ def rename_viewpoint(graph: NavGraph, old: str, new: str) -> NavGraph:
     if found.locked:
         raise EditError(f"Viewpoint {old} is locked; unlock it first.")
 
-    def named(id: str) -> str:
+    def renamed_id(id: str) -> str:
         return new if id == old else id
 
-    edges = [e if old not in e.key else replace(e, a=min(map(named, e.key)), b=max(map(named, e.key)))
+    edges = [e if old not in e.key else replace(e, a=min(map(renamed_id, e.key)), b=max(map(renamed_id, e.key)))
              for e in graph.edges.values()]  # fmt: skip
     evidence = [
-        replace(e, viewpoint=named(e.viewpoint), joins=named(e.joins)) if old in (e.viewpoint, e.joins) else e
+        replace(e, viewpoint=renamed_id(e.viewpoint), joins=renamed_id(e.joins)) if old in (e.viewpoint, e.joins) else e
         for e in graph.evidence.values()
     ]
     return replace(
         graph,
-        viewpoints={named(id): replace(v, id=new) if id == old else v for id, v in graph.viewpoints.items()},
+        viewpoints={renamed_id(id): replace(v, id=new) if id == old else v for id, v in graph.viewpoints.items()},
         edges={e.key: e for e in edges},
         evidence={e.key: e for e in evidence},
     )
@@ -154,7 +154,7 @@ def split_edge(
     change.remove_edge(a, b)
     change.set_edge(edge(a, name, "person"))
     change.set_edge(edge(name, b, "person"))
-    return change.done()
+    return change.result()
 
 
 def merge_viewpoints(graph: NavGraph, ids: Iterable[str], into: str | None = None, middle: bool = False) -> NavGraph:
@@ -178,7 +178,7 @@ def merge_viewpoints(graph: NavGraph, ids: Iterable[str], into: str | None = Non
     for other in others:
         if key_of(kept, other) not in change.edges:
             change.set_edge(edge(kept, other, "person"))
-    return change.done()
+    return change.result()
 
 
 def _mean(places: list[Place]) -> Place:
@@ -208,7 +208,7 @@ def copy_by(graph: NavGraph, ids: Iterable[str], dz: float, dx: float = 0.0, dy:
         for other in graph.neighbours(id):
             if other in copies and id < other:
                 change.set_edge(edge(copy, copies[other], "person"))
-    return change.done()
+    return change.result()
 
 
 def patch(
@@ -234,4 +234,4 @@ def patch(
     for given in edges:
         a, b = key_of(given.a, given.b)
         change.set_edge(Edge(a, b, given.origin, given.reviewed, given.locked))
-    return change.done()
+    return change.result()

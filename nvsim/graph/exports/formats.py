@@ -96,7 +96,7 @@ class GeoAnchor:
 def write_geojson(graph: NavGraph, path: Path, anchor: GeoAnchor | None = None) -> Path:
     """Write a FeatureCollection and return `path`. Raises InputError if writing fails."""
 
-    def at(id: str) -> list[float]:
+    def coordinates(id: str) -> list[float]:
         x, y, z = map(float, graph.viewpoints[id].position)
         return [x, y, z] if anchor is None else anchor.place(x, y, z)
 
@@ -107,12 +107,14 @@ def write_geojson(graph: NavGraph, path: Path, anchor: GeoAnchor | None = None) 
                       "reviewed": v.reviewed, "note": note}  # fmt: skip
         if v.photographed is not None:
             properties["photographed"] = v.photographed
-        features.append(_feature(v.id, {"type": "Point", "coordinates": at(v.id)}, properties))
+        features.append(_feature(v.id, {"type": "Point", "coordinates": coordinates(v.id)}, properties))
     for (a, b), e in graph.edges.items():
         length = math.dist(graph.viewpoints[a].position, graph.viewpoints[b].position)
         properties = {"kind": "edge", "from": a, "to": b, "length": round(length, 4), "origin": e.origin,
                       "reviewed": e.reviewed, "note": note}  # fmt: skip
-        features.append(_feature(f"{a} {b}", {"type": "LineString", "coordinates": [at(a), at(b)]}, properties))
+        features.append(
+            _feature(f"{a} {b}", {"type": "LineString", "coordinates": [coordinates(a), coordinates(b)]}, properties)
+        )
     collection = {"type": "FeatureCollection", "scan": graph.scan, "note": note, "features": features}
     atomic.write_text(path, json.dumps(collection, separators=(",", ":")) + "\n")
     return path

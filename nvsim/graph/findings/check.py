@@ -46,8 +46,10 @@ def check_graph(graph: NavGraph, context: Context = _NOTHING) -> list[Finding]:
     for viewpoint in graph.viewpoints.values():
         places.set_viewpoint(viewpoint)
         beside.set_viewpoint(viewpoint)
-        found += [about_pair(graph, viewpoint, graph.viewpoints[other]) for other in places.near(viewpoint.id)]
-        for other in beside.near(viewpoint.id):
+        found += [
+            about_pair(graph, viewpoint, graph.viewpoints[other]) for other in places.close_viewpoints(viewpoint.id)
+        ]
+        for other in beside.close_viewpoints(viewpoint.id):
             found += about_detour(graph, key_of(viewpoint.id, other), context)
     for key in graph.edges:
         found += about_edge(graph, key, context)
@@ -110,8 +112,8 @@ class Validator:
         for viewpoint in graph.viewpoints.values():
             self._look_around([viewpoint.id], [viewpoint.id])
             yield
-        self._set(_GROUPS, self._groups.findings(self._graph))
-        self._set(_GRAPH, about_graph(graph))
+        self._replace_findings(_GROUPS, self._groups.findings(self._graph))
+        self._replace_findings(_GRAPH, about_graph(graph))
 
     @property
     def findings(self) -> Mapping[str, Finding]:
@@ -150,19 +152,19 @@ class Validator:
             self._look_along(key)
         if viewpoints or edges:
             self._groups.update(graph, viewpoints, edges)
-            self._set(_GROUPS, self._groups.findings(self._graph))
-        self._set(_GRAPH, about_graph(graph))
+            self._replace_findings(_GROUPS, self._groups.findings(self._graph))
+        self._replace_findings(_GRAPH, about_graph(graph))
         came = {key for key, old in self._before.items() if key in self._all and self._all[key] != old}
         return came, {key for key, old in self._before.items() if old is not None and key not in self._all}
 
     def _look_at(self, id: str) -> None:
         viewpoint = self._graph.viewpoints.get(id)
-        self._set(id, [] if viewpoint is None else about_viewpoint(self._graph, viewpoint, self._context))
+        self._replace_findings(id, [] if viewpoint is None else about_viewpoint(self._graph, viewpoint, self._context))
 
     def _look_along(self, key: EdgeKey) -> None:
         graph, found = self._graph, self._graph.edges.get(key)
         if found is None:
-            self._set(key, ())
+            self._replace_findings(key, ())
             return
         seen: tuple[object, ...] = (found, graph.viewpoints[key[0]], graph.viewpoints[key[1]])
         if self._context.against is not None:
@@ -174,29 +176,29 @@ class Validator:
         # An undo restores identical objects.
         if known is None or len(known[0]) != len(seen) or any(map(is_not, known[0], seen)):
             known = self._along[key] = (seen, tuple(about_edge(graph, key, self._context)))
-        self._set(key, known[1])
+        self._replace_findings(key, known[1])
 
     def _look_around(self, changed: Iterable[str], around: Iterable[str]) -> None:
         """Check positions near the changed viewpoints, and the paths between all viewpoints around them."""
-        near = {id: self._places.near(id) for id in around}
+        near = {id: self._places.close_viewpoints(id) for id in around}
         for id in changed:
             self._look_for_twins(id, near[id])
-        for key, found in self._detours.look(self._graph, near, self._context).items():
-            self._set(("detour", *key), found)
+        for key, found in self._detours.update(self._graph, near, self._context).items():
+            self._replace_findings(("detour", *key), found)
 
     def _look_for_twins(self, id: str, near: Sequence[str]) -> None:
         viewpoints, limit = self._graph.viewpoints, self._context.limits.near
         twins = [o for o in near if math.dist(viewpoints[o].position, viewpoints[id].position) < limit]
         for other in self._twins.get(id, set()).difference(twins):
-            self._set(_pair(id, other), [])
+            self._replace_findings(_pair(id, other), [])
             self._twins[id].discard(other)
             self._twins[other].discard(id)
         for other in twins:
-            self._set(_pair(id, other), [about_pair(self._graph, viewpoints[id], viewpoints[other])])
+            self._replace_findings(_pair(id, other), [about_pair(self._graph, viewpoints[id], viewpoints[other])])
             self._twins.setdefault(id, set()).add(other)
             self._twins.setdefault(other, set()).add(id)
 
-    def _set(self, place: _Place, found: Sequence[Finding]) -> None:
+    def _replace_findings(self, place: _Place, found: Sequence[Finding]) -> None:
         before = self._at.get(place, ())
         if not (before or found) or before == tuple(found):
             return
@@ -234,7 +236,7 @@ def about_detour(graph: NavGraph, key: EdgeKey, context: Context) -> list[Findin
     lists of a file, or the evidence show an obstacle between them."""
     if not _may_join(graph, key, context.limits) or key[1] in ids_within(graph, key[0], context.limits.detour):
         return []
-    return _found(graph, key, context)
+    return _detour_findings(graph, key, context)
 
 
 def influence_radius(limits: Limits) -> float:
@@ -269,7 +271,7 @@ class DetourFindings:
         self._found: dict[str, set[str]] = {}  # viewpoint -> viewpoints that it has a finding with
         self._kept: dict[EdgeKey, tuple[tuple[object, ...], list[Finding]]] = {}  # inputs -> findings
 
-    def look(
+    def update(
         self, graph: NavGraph, near: Mapping[str, Sequence[str]], context: Context
     ) -> dict[EdgeKey, list[Finding]]:
         """Return the findings about each viewpoint and the viewpoints `near` it. Pairs whose finding is resolved have
@@ -286,7 +288,7 @@ class DetourFindings:
                     if key[0] not in ways:
                         ways[key[0]] = ids_within(graph, key[0], context.limits.detour)
                     far = key[1] not in ways[key[0]]
-                    found[key] = self._about(graph, key, context) if far else []
+                    found[key] = self._findings_of_pair(graph, key, context) if far else []
                 if found.get(key):
                     now.add(other)
             for other in self._found.get(id, set()) - now:
@@ -297,13 +299,13 @@ class DetourFindings:
             self._found[id] = now
         return found
 
-    def _about(self, graph: NavGraph, key: EdgeKey, context: Context) -> list[Finding]:
+    def _findings_of_pair(self, graph: NavGraph, key: EdgeKey, context: Context) -> list[Finding]:
         seen: tuple[object, ...] = (graph.viewpoints[key[0]], graph.viewpoints[key[1]])
         if context.closed is not None:
             seen += tuple(graph.evidence[k] for id in key for k in graph.evidence_of.get(id, ()))
         known = self._kept.get(key)
         if known is None or len(known[0]) != len(seen) or any(map(is_not, known[0], seen)):
-            known = self._kept[key] = (seen, _found(graph, key, context))
+            known = self._kept[key] = (seen, _detour_findings(graph, key, context))
         return known[1]
 
 
@@ -317,7 +319,7 @@ def _may_join(graph: NavGraph, key: EdgeKey, limits: Limits) -> bool:
     return rise <= _LEVEL and math.degrees(math.atan2(rise, run)) <= limits.steep
 
 
-def _found(graph: NavGraph, key: EdgeKey, context: Context) -> list[Finding]:
+def _detour_findings(graph: NavGraph, key: EdgeKey, context: Context) -> list[Finding]:
     a, b = graph.viewpoints[key[0]], graph.viewpoints[key[1]]
     if context.crosses_obstacle(a.position, b.position) or (context.closed is not None and context.closed(graph, key)):
         return []

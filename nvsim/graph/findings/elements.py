@@ -118,7 +118,7 @@ def about_viewpoint(graph: NavGraph, viewpoint: Viewpoint, context: Context) -> 
             found.append(Finding(kind, "error", f"The entry of {name} {message}.", (id,), fixes=(review,)))
     if not viewpoint.included:
         return found
-    leave, remove = _leave(id), Fix("Remove it", "remove_viewpoints", {"ids": [id]})
+    leave, remove = _exclude_fix(id), Fix("Remove it", "remove_viewpoints", {"ids": [id]})
     if not any(graph.viewpoints[other].included for other in graph.neighbours(id)):
         message = f"Viewpoint {name} has no edge: agents cannot find it in the graph."
         found.append(Finding("isolated", "error", message, (id,), fixes=(leave, remove)))
@@ -152,7 +152,7 @@ def about_viewpoint(graph: NavGraph, viewpoint: Viewpoint, context: Context) -> 
     return found
 
 
-def _leave(id: str) -> Fix:
+def _exclude_fix(id: str) -> Fix:
     return Fix("Exclude it", "include", {"ids": [id], "included": False})
 
 
@@ -200,7 +200,7 @@ class Neighbourhood:
             if not bucket:
                 del self._buckets[cell]
 
-    def near(self, id: str) -> list[str]:
+    def close_viewpoints(self, id: str) -> list[str]:
         """Return the other viewpoints that are closer to an included viewpoint than the limit."""
         cell = self._cells.get(id)
         if cell is None:

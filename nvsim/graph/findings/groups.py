@@ -34,8 +34,8 @@ class ConnectedGroups:
         for id in graph.viewpoints:
             if id not in self._label and id not in left_out:
                 reached = {id}
-                yield from _reach(reached, graph.adjacency, left_out)
-                self._give(reached)
+                yield from _flood_fill(reached, graph.adjacency, left_out)
+                self._label_new_group(reached)
 
     def update(self, graph: NavGraph, viewpoints: Iterable[str], edges: Iterable[EdgeKey]) -> None:
         """Switch to a graph in which only these viewpoints and edges may differ."""
@@ -51,7 +51,7 @@ class ConnectedGroups:
                 self._take_out(id)
                 cut.update(dict.fromkeys(graph.neighbours(id)))
             else:
-                self._give({id})
+                self._label_new_group({id})
         for key in edges:
             if key not in graph.edges:
                 cut.update(dict.fromkeys(key))
@@ -87,7 +87,7 @@ class ConnectedGroups:
         viewpoint = graph.viewpoints.get(id)
         return viewpoint is not None and viewpoint.included
 
-    def _give(self, ids: set[str]) -> None:
+    def _label_new_group(self, ids: set[str]) -> None:
         label, self._next = self._next, self._next + 1
         self._members[label] = ids
         self._label.update(dict.fromkeys(ids, label))
@@ -128,7 +128,7 @@ class ConnectedGroups:
             label = self._label[next(iter(side))]
             self._members[label] -= side
             self._sort_in(label)
-            self._give(side)
+            self._label_new_group(side)
             ends = [id for id in ends if id not in side]
 
 
@@ -166,7 +166,7 @@ def _smaller_side(ends: list[str], graph: NavGraph) -> set[str] | None:
     return None
 
 
-def _reach(seen: set[str], adjacency: Mapping[str, tuple[str, ...]], left_out: set[str]) -> Iterator[None]:
+def _flood_fill(seen: set[str], adjacency: Mapping[str, tuple[str, ...]], left_out: set[str]) -> Iterator[None]:
     """Add all reachable viewpoints to `seen`, ring by ring, with fast set operations."""
     ring = seen.copy()
     while ring:

@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from nvsim.errors import InputError, shown
+from nvsim.errors import InputError, value_text
 from nvsim.files import atomic
 from nvsim.files.opening import is_regular, parse_integer, read_bytes
 from nvsim.files.placeholders import is_metadata_name
@@ -79,11 +79,11 @@ class ForeignFile:
         return scan_of(self.path)
 
     @cached_property
-    def beside(self) -> FilesBeside:
+    def nearby_files(self) -> FilesBeside:
         """Images, map and cloud near the file."""
         return find_files_beside(self.path, self.scan)
 
-    def sight(self, unknown: bool = True) -> Visible | None:
+    def visibility(self, unknown: bool = True) -> Visible | None:
         """Return the line of sight by the file's own lists: from positions (N, 3) to positions (N, 3), meters, world:
         (N,) bool. Two viewpoints see each other if either lists the other as `visible`.
 
@@ -113,7 +113,10 @@ class ForeignFile:
         if not isinstance(pose, str):
             return None
         return panorama(
-            self.beside, id, np.array(json.loads(pose, parse_int=parse_integer), float).reshape(4, 4)[:3, :3], width
+            self.nearby_files,
+            id,
+            np.array(json.loads(pose, parse_int=parse_integer), float).reshape(4, 4)[:3, :3],
+            width,
         )
 
     def context(
@@ -129,8 +132,8 @@ class ForeignFile:
             limits or Limits(),
             occupancy,
             against,
-            visible=self.sight(),
-            images=self.beside.images,
+            visible=self.visibility(),
+            images=self.nearby_files.images,
             taken=self._taken,
             one_way=self.one_way,
             entries=entries,
@@ -195,7 +198,7 @@ def connectivity_files(path: Path) -> list[Path]:
     files = [path / f"{scan}{SUFFIX}" for scan in scans]
     for scan, file in zip(scans, files):
         if not is_regular(file) or "/" in scan:
-            named = shown(scan)
+            named = value_text(scan)
             raise InputError(
                 f"{listed} lists {named}, but there is no {named}{SUFFIX} beside it; remove the line or add the file."
             )

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from nvsim.capture.types import Cloud
 from nvsim.errors import InputError
-from nvsim.files.images import decoded, image_size_of
+from nvsim.files.images import decode_pixels, image_size_of
 from nvsim.files.opening import is_regular, read_bytes
 from nvsim.files.placeholders import is_metadata_name
 from nvsim.geometry.directions import VFOV, VIEWS, face_axes, sweep
@@ -163,7 +163,7 @@ def _read(path: Path, together: int = 1) -> NDArray[np.uint8]:
         raise InputError(
             f"{path} has {found.width} x {found.height} pixels, too many for its {len(data)} bytes; save it again."
         )
-    image = decoded(data, path, cv2.IMREAD_COLOR, what="an image", then="save it again as JPEG")
+    image = decode_pixels(data, path, cv2.IMREAD_COLOR, what="an image", then="save it again as JPEG")
     return np.asarray(image, np.uint8)
 
 

@@ -47,10 +47,10 @@ def keep_original(path: Path, known: KeptOriginal | None, digest: str) -> KeptOr
         return known
     if known is not None and known.written == held and (path.parent / known.name).is_file():
         return KeptOriginal(known.name, digest)
-    return KeptOriginal(_copied(path).name, digest)
+    return KeptOriginal(_write_backup(path).name, digest)
 
 
-def _copied(path: Path) -> Path:
+def _write_backup(path: Path) -> Path:
     names = itertools.chain([f"{path.name}~"], (f"{path.name}.~{number}~" for number in itertools.count(1)))
     for name in names:
         copy = path.with_name(name)

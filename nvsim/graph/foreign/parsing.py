@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from nvsim.errors import InputError, shown
+from nvsim.errors import InputError, value_text
 from nvsim.graph.connectivity import is_name, json_number, position_in
 from nvsim.graph.foreign.document import FLAGS, Document, Entry, FlagStyle, Member, read_flags
 from nvsim.graph.types import Viewpoint
@@ -142,10 +142,10 @@ def _entry(text: str, at: int, where: str) -> tuple[Entry, dict[str, NDArray[np.
 def _viewpoint(values: dict[str, Any], where: str) -> Viewpoint:
     id = values.get("image_id")
     if not is_name(id):
-        raise InputError(f"{where}: image_id is {shown(id)}; it must be a name.")
+        raise InputError(f"{where}: image_id is {value_text(id)}; it must be a name.")
     included = values.get("included", True)
     if not isinstance(included, bool | int) or included not in (0, 1):
-        raise InputError(f"{where}: included is {shown(included)}; it must be true or false.")
+        raise InputError(f"{where}: included is {value_text(included)}; it must be true or false.")
     height = json_number(values.get("height", 1.5), f"{where}: height")
     return Viewpoint(id, position_in(values.get("pose"), where), height, -1, bool(included), "file")
 

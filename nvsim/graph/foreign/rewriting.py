@@ -50,11 +50,11 @@ def rewrite_document(document: Document, before: NavGraph, after: NavGraph) -> D
         if origin < 0:
             entries.append(_new_entry(document, viewpoint, style))
             continue
-        entry = _changed(document.entries[origin], viewpoint)
+        entry = _changed_entry(document.entries[origin], viewpoint)
         entries.append(_with_lists(entry, i, flags, document.flags if whole else None, style))
     if whole:
         return replace(document, entries=tuple(entries), flags=flags)
-    return replace(document, entries=tuple(entries), between=_between(document, source), flags=flags)
+    return replace(document, entries=tuple(entries), between=_separators(document, source), flags=flags)
 
 
 def _with_lists(
@@ -116,7 +116,7 @@ def _pair(i: int, j: int) -> tuple[int, int]:
     return (i, j) if i < j else (j, i)
 
 
-def _changed(entry: Entry, now: Viewpoint) -> Entry:
+def _changed_entry(entry: Entry, now: Viewpoint) -> Entry:
     """Return the entry with new text for the members whose values changed."""
     was = entry.viewpoint
     if was == now:
@@ -182,6 +182,6 @@ def _new_entry(document: Document, viewpoint: Viewpoint, style: FlagStyle) -> En
     return Entry(viewpoint, members, pattern.closing)
 
 
-def _between(document: Document, source: Sequence[int]) -> tuple[str, ...]:
+def _separators(document: Document, source: Sequence[int]) -> tuple[str, ...]:
     usual = document.between[0] if document.between else ", "
     return tuple(document.between[k - 1] if k > 0 else usual for k in source[1:])

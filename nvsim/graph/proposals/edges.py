@@ -68,10 +68,10 @@ def propose_edges(
     confidence = _confidence(graph, pairs, occupancy, margin, radius)
     if visible is not None:
         confidence = _visible_pairs(graph, [key for key in pairs if key not in confidence], visible) | confidence
-    length = {key: _apart(graph, key) for key in pairs}
+    length = {key: _edge_length(graph, key) for key in pairs}
     ways = nx.Graph()
     ways.add_nodes_from(id for id, v in graph.viewpoints.items() if v.included)
-    ways.add_weighted_edges_from((a, b, _apart(graph, (a, b))) for a, b in graph.edges if a in ways and b in ways)
+    ways.add_weighted_edges_from((a, b, _edge_length(graph, (a, b))) for a, b in graph.edges if a in ways and b in ways)
     chosen = []
     for key in sorted(confidence, key=lambda k: (length[k] / confidence[k][0], k)):
         a, b = key
@@ -179,5 +179,5 @@ def _floor(v: Viewpoint) -> float:
     return v.position[2] - v.height
 
 
-def _apart(graph: NavGraph, key: EdgeKey) -> float:
+def _edge_length(graph: NavGraph, key: EdgeKey) -> float:
     return math.dist(graph.viewpoints[key[0]].position, graph.viewpoints[key[1]].position)

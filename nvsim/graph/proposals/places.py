@@ -66,12 +66,12 @@ def propose_viewpoints(
         return ()
     floor = _Floor(occupancy, reachable(occupancy, np.array([v.position[:2] for v in held]), radius), sees)
     for v in held:
-        floor.take(floor.seen(v.position[:2]))
+        floor.mark_seen(floor.newly_visible(v.position[:2]))
     room = clearance(occupancy)
     waiting: list[NDArray[np.int64]] = []
     order = []
     for place in _candidates(occupancy, floor.missing, room, radius):
-        seen = floor.seen(place)
+        seen = floor.newly_visible(place)
         # Among positions that see equally much, prefer the one with more room around it.
         comfort = min(1.0, float(room[tuple(occupancy.index(np.array(place)).tolist())]) / (_ROOM * radius))
         order.append((-len(seen), -comfort, *place, len(waiting)))
@@ -87,7 +87,7 @@ def propose_viewpoints(
             # Other proposals have covered a part of it. Gains only shrink, so the position goes back into the queue.
             heapq.heappush(order, (-len(left), comfort, x, y, index))
             continue
-        floor.take(left)
+        floor.mark_seen(left)
         gain = len(left) * floor.each
         share = min(1.0, gain / (math.pi * sees * sees))
         proposal = _proposal(graph, (x, y), gain, share, held, room >= radius, occupancy, reach)
@@ -119,7 +119,7 @@ class _Floor:
         """(M, 2) row and column of the samples that are not seen yet."""
         return np.asarray(self._cells[self._unseen])
 
-    def seen(self, place: tuple[float, float]) -> NDArray[np.int64]:
+    def newly_visible(self, place: tuple[float, float]) -> NDArray[np.int64]:
         """Return the samples that are not seen yet and visible from `place` (x, y)."""
         from nvsim.occupancy.paths import segments_are_free
 
@@ -130,7 +130,7 @@ class _Floor:
     def still_missing(self, samples: NDArray[np.int64]) -> NDArray[np.int64]:
         return np.asarray(samples[self._unseen[samples]])
 
-    def take(self, samples: NDArray[np.int64]) -> None:
+    def mark_seen(self, samples: NDArray[np.int64]) -> None:
         """Mark samples as seen."""
         self._unseen[samples] = False
 

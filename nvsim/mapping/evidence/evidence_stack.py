@@ -62,7 +62,7 @@ class _EvidenceGroup:
     def codes(self, config: MappingConfig) -> NDArray[np.uint8]:
         """(n,) uint8 indices into `decision_names()`, equal to criteria.decide."""
         _, across = corridor_of(self.sample, config)
-        sums = self._summed(across.start, across.stop)
+        sums = self._sum_cells(across.start, across.stop)
         e = self.sample
         starts = e.near + (np.arange(self._planes["alpha"].shape[2]) + 0.5) * e.depth - e.depth / 2
         used = np.searchsorted(starts, self.length + config.half_width - 1e-9, side="left")
@@ -71,14 +71,14 @@ class _EvidenceGroup:
         count = (last + 1) * sums.cells
         codes, code = np.zeros(len(last), np.uint8), decision_names().index
         for criterion in reversed(criteria.CRITERIA):  # the first that fails is written last
-            if criterion.asked(config):
-                self._need(criterion)
+            if criterion.is_used(config):
+                self._require_plane(criterion)
                 cells = {"corridor": count, "row": sums.cells, "cell": 1}[criterion.over]
                 value = sums.of[_kind(criterion)][at] / cells / FULL[criterion.plane]
                 codes[~criterion.passes(value, criterion.limit(config))] = code(criterion.word)
         return codes
 
-    def beneath(self, plane: str, config: MappingConfig) -> tuple[NDArray[np.int64], int]:
+    def sums_under_viewpoint(self, plane: str, config: MappingConfig) -> tuple[NDArray[np.int64], int]:
         """(n,) sums of a plane over the cells under the viewpoint, and the number of these cells."""
         rows, cells = np.nonzero(cells_under_robot(self.sample, config))
         total = np.zeros(len(self.index), np.int64)
@@ -86,11 +86,11 @@ class _EvidenceGroup:
             total += self._planes[plane][c, :, r]
         return total, len(rows)
 
-    def _need(self, criterion: Criterion) -> None:
+    def _require_plane(self, criterion: Criterion) -> None:
         if criterion.plane not in self._planes:
             raise InputError(unmeasured_message(criterion.family))
 
-    def _summed(self, first: int, end: int) -> _CorridorSums:
+    def _sum_cells(self, first: int, end: int) -> _CorridorSums:
         found = self._sums.get((first, end))
         if found is not None:
             return found
@@ -137,11 +137,11 @@ class EvidenceStack:
         codes[self._doubled] = np.where(differ, decision_names().index(DISPUTED), first)
         return codes
 
-    def stands(self, config: MappingConfig) -> NDArray[np.bool_]:
+    def can_stand(self, config: MappingConfig) -> NDArray[np.bool_]:
         """Return (count,) bool: whether the robot can stand at each viewpoint, equal to criteria.can_stand of its eight
         directions. True without measurements."""
-        stands = self._first.stands(config)
-        return stands if self._second is None or not config.second_opinion else stands & self._second.stands(config)
+        stands = self._first.can_stand(config)
+        return stands if self._second is None or not config.second_opinion else stands & self._second.can_stand(config)
 
 
 class _ModelMeasurements:
@@ -163,22 +163,24 @@ class _ModelMeasurements:
             codes[group.index] = group.codes(config)
         return codes
 
-    def stands(self, config: MappingConfig) -> NDArray[np.bool_]:
-        support, cells = self._beneath("support", config)
+    def can_stand(self, config: MappingConfig) -> NDArray[np.bool_]:
+        support, cells = self._sums_under_viewpoints("support", config)
         free = support / np.maximum(cells, 1) >= config.support
         for criterion in standing_criteria(config):
-            total, cells = self._beneath(criterion.plane, config)
+            total, cells = self._sums_under_viewpoints(criterion.plane, config)
             mean = total / np.maximum(cells, 1) / FULL[criterion.plane]
             free &= criterion.passes(mean, criterion.limit(config))
         return np.asarray(free | (cells == 0))
 
-    def _beneath(self, plane: str, config: MappingConfig) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    def _sums_under_viewpoints(
+        self, plane: str, config: MappingConfig
+    ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """(count,) sums of a plane over the cells under each viewpoint, and (count,) numbers of these cells."""
         totals, cells = np.zeros(self._count), np.zeros(self._count)
         for group in self._groups:
             turn = self._turn[group.index]
             where = self._viewpoint[group.index][turn]
-            total, each = group.beneath(plane, config)
+            total, each = group.sums_under_viewpoint(plane, config)
             totals += np.bincount(where, total[turn], self._count)
             cells += np.bincount(where, np.full(len(where), each), self._count)
         return totals, cells

@@ -77,7 +77,9 @@ class Measurements:
         them, because these corridors may be measured next."""
         found = [self._steps.get((viewpoint.id, k)) for k in range(DIRECTIONS)]
         corridors = [self._step(viewpoint, k) for k in range(DIRECTIONS)]
-        known = [e for e, c in zip(found, corridors, strict=True) if e is not None and self._holds(e, c, viewpoint)]
+        known = [
+            e for e, c in zip(found, corridors, strict=True) if e is not None and self._is_complete(e, c, viewpoint)
+        ]
         if len(known) == DIRECTIONS:
             return known
         wanted = {k: [corridor] for k, corridor in enumerate(corridors)}
@@ -95,17 +97,17 @@ class Measurements:
             measured.append(evidence)
         return measured
 
-    def between(self, viewpoint: Viewpoint, other: Viewpoint, also: Iterable[Viewpoint] = ()) -> Evidence:
+    def corridor_evidence(self, viewpoint: Viewpoint, other: Viewpoint, also: Iterable[Viewpoint] = ()) -> Evidence:
         """Return the evidence of the corridor from one viewpoint to another. Its direction is -1; the caller numbers
         it. If a view must be rendered, the corridors to those of `also` that it shows are measured as well."""
         corridor = _corridor(viewpoint, other.position[:2])
         found = self._joins.get((viewpoint.id, other.id))
-        if found is not None and self._holds(found, corridor, viewpoint):
+        if found is not None and self._is_complete(found, corridor, viewpoint):
             return found
         k = view_of(corridor, self._config)
         views = self._views.get(viewpoint.id)
         wanted = {other: corridor}
-        if views is None or k not in views[0] or not views[0][k].shows(corridor, self._floor_at):
+        if views is None or k not in views[0] or not views[0][k].shows_corridor(corridor, self._floor_at):
             for third in also:
                 towards = _corridor(viewpoint, third.position[:2])
                 shown = self._config.views == "panorama" or view_of(towards, self._config) == k
@@ -131,7 +133,7 @@ class Measurements:
         """Whether a corridor to the position of a viewpoint ends at its floor, and not below or above it."""
         return abs(corridor.end(self._floor_at) - float(self._floor_at(np.array(other.position)))) <= _SAME_FLOOR
 
-    def everything(self) -> tuple[Evidence, ...]:
+    def all_evidence(self) -> tuple[Evidence, ...]:
         """Return all evidence measured or remembered so far. Corridors to other viewpoints are numbered from 8."""
         for i, (ends, measured) in enumerate(self._joins.items(), DIRECTIONS):
             # Return identical objects in every call, because evidence caches its encoded bytes.
@@ -150,22 +152,22 @@ class Measurements:
             self._ends[ends] = _corridor(viewpoint, target).end(self._floor_at)
         return *target, self._ends[ends] + viewpoint.height
 
-    def _holds(self, evidence: Evidence, corridor: Corridor, viewpoint: Viewpoint) -> bool:
-        heard = self._another(viewpoint) is None or evidence.second is not None
+    def _is_complete(self, evidence: Evidence, corridor: Corridor, viewpoint: Viewpoint) -> bool:
+        heard = self._second_submap(viewpoint) is None or evidence.second is not None
         return heard and is_sufficient(evidence, corridor.length, corridor.heading, self._config)
 
-    def _another(self, viewpoint: Viewpoint) -> int | None:
+    def _second_submap(self, viewpoint: Viewpoint) -> int | None:
         """The submap that gives a second opinion, in addition to the one that renders the viewpoint; None if there is
         none."""
         if self._ensemble is None or not self._config.second_opinion:
             return None
         if viewpoint.id not in self._others:
-            self._others[viewpoint.id] = self._ensemble.another(np.array(viewpoint.position))
+            self._others[viewpoint.id] = self._ensemble.second_submap(np.array(viewpoint.position))
         return self._others[viewpoint.id]
 
     def _look_down(self, viewpoint: Viewpoint, wanted: Mapping[int, Sequence[Corridor]]) -> list[dict[int, FloorView]]:
         """Render the views of each model that is used."""
-        another = self._another(viewpoint)
+        another = self._second_submap(viewpoint)
         place, models = np.array(viewpoint.position), [None] if another is None else [None, another]
         self.rendered_views += len(models) * (1 if self._config.views == "panorama" else len(wanted))
         return [
@@ -212,7 +214,7 @@ class Measurements:
             found = None if traversed is None else traversed.is_surely_traversed(ground)
             return found if found is not None and found.any() else None
         free = out_of_sight(view.camera, ground) if self._config.both_ways else np.zeros(ground.shape[:2], bool)
-        return free if traversed is None else free | traversed.at(ground)
+        return free if traversed is None else free | traversed.is_traversed(ground)
 
     def _floor_of_other_submaps(self, submap: int, viewpoint: Viewpoint, corridor: Corridor) -> NDArray[np.bool_]:
         """(rows, cells) bool, floor whose nearest frame a submap was not trained on, so that it has no opinion
@@ -231,7 +233,7 @@ class Measurements:
             places = np.column_stack([x + np.sin(turns), y + np.cos(turns), np.full(DIRECTIONS, z)])
             off = np.asarray(self._floor_at(places)) - float(self._floor_at(np.array(viewpoint.position)))
             self._stairs[viewpoint.id] = bool((np.abs(off) > CLIMB).any())
-        return self._stairs[viewpoint.id] or corridor.climbs(self._floor_at)
+        return self._stairs[viewpoint.id] or corridor.uses_stairs(self._floor_at)
 
     def _mass(
         self, ensemble: MultiModelSource, submap: int, viewpoint: Viewpoint, corridor: Corridor

@@ -80,16 +80,16 @@ def measure_new_viewpoints(
                 continue
             ways = [(id, other), (other, id)] if config.both_ways else [(id, other)]
             for a, b in ways:
-                evidence = measurements.between(graph.viewpoints[a], graph.viewpoints[b])
+                evidence = measurements.corridor_evidence(graph.viewpoints[a], graph.viewpoints[b])
                 evidence = replace(evidence, decision=decide(evidence, config))
                 decisions.setdefault(key, []).append(evidence.decision)
                 found.setdefault(a, []).append(evidence)
     listen(Progress(STAGE, len(wanted), len(wanted), ""))
     opened = {key for key, words in decisions.items() if all(word == OPEN for word in words)}
     return NewViewpointEvidence(
-        tuple(e for id, several in found.items() for e in _numbered(graph, id, several, id in submaps)),
+        tuple(e for id, several in found.items() for e in _number_directions(graph, id, several, id in submaps)),
         submaps,
-        tuple(sorted(key for key in opened if key not in graph.edges and not _bypassed(graph, *key))),
+        tuple(sorted(key for key in opened if key not in graph.edges and not _has_short_detour(graph, *key))),
         tuple(sorted(key for key in decisions if key in graph.edges and key not in opened)),
     )
 
@@ -126,7 +126,7 @@ def _neighbors_to_measure(graph: NavGraph, id: str, config: MappingConfig) -> li
     return list(dict.fromkeys([*joined, *near]))
 
 
-def _bypassed(graph: NavGraph, a: str, b: str) -> bool:
+def _has_short_detour(graph: NavGraph, a: str, b: str) -> bool:
     """Whether a third viewpoint joins the two with a short detour."""
     places = graph.viewpoints
     direct = math.dist(places[a].position, places[b].position)
@@ -138,7 +138,7 @@ def _bypassed(graph: NavGraph, a: str, b: str) -> bool:
     )
 
 
-def _numbered(graph: NavGraph, id: str, several: list[Evidence], whole: bool) -> list[Evidence]:
+def _number_directions(graph: NavGraph, id: str, several: list[Evidence], whole: bool) -> list[Evidence]:
     """Give corridors to viewpoints a direction from 8 on: the stored one, or a free one."""
     known = {e.joins: e.direction for (v, _), e in graph.evidence.items() if v == id and e.joins and not whole}
     free = max([DIRECTIONS - 1, *known.values()]) + 1

@@ -141,7 +141,7 @@ class Rethresholder:
         else:
             is_open = there | back
         # As in the search: under rule mean, only the floor of starts is checked.
-        may = self._stack.stands(config) | ~self._machine | (not config.standing)
+        may = self._stack.can_stand(config) | ~self._machine | (not config.standing)
         may |= ~self._start if config.rule == "mean" else False
         may &= (self._far <= (config.max_distance or np.inf)) | ~self._machine | self._start
         is_open &= may[self._a] & may[self._b]

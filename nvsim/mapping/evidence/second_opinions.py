@@ -37,15 +37,15 @@ def with_second_opinion(first: Evidence, second: Evidence, strange: NDArray[np.b
     """Return the evidence of one model, with that of another model of this corridor as its second opinion. In `strange`
     (rows, cells), where the other model was not trained, the values of the first are used for both."""
 
-    def own(one: NDArray[np.uint8] | None, other: NDArray[np.uint8] | None) -> NDArray[np.uint8] | None:
+    def only_where_strange(one: NDArray[np.uint8] | None, other: NDArray[np.uint8] | None) -> NDArray[np.uint8] | None:
         return None if one is None or other is None else np.where(strange, one, other).astype(np.uint8)
 
     other = SecondOpinion(
         second.submap,
         np.where(strange, first.alpha, second.alpha).astype(np.uint8),
         np.where(strange, first.up, second.up).astype(np.uint8),
-        own(first.reach, second.reach),
-        own(first.mass, second.mass),
-        own(first.network_up, second.network_up),
+        only_where_strange(first.reach, second.reach),
+        only_where_strange(first.mass, second.mass),
+        only_where_strange(first.network_up, second.network_up),
     )
     return replace(first, second=other)

@@ -32,7 +32,7 @@ class TraversedFloor:
         self._tree = cKDTree(self._places[:, :2])
         self._squares = _PositionGrid(self._places) if self._tells else None
 
-    def at(self, points: NDArray[np.floating]) -> NDArray[np.bool_]:
+    def is_traversed(self, points: NDArray[np.floating]) -> NDArray[np.bool_]:
         """Return (...) bool: whether the camera was carried over floor points (..., 3), meters, or right beside
         them."""
         flat = np.asarray(points, np.float64).reshape(-1, 3)
@@ -43,11 +43,11 @@ class TraversedFloor:
         return found.reshape(points.shape[:-1])
 
     def is_surely_traversed(self, points: NDArray[np.floating]) -> NDArray[np.bool_]:
-        """Return (...) bool for floor points (..., 3), meters: as `at`, but by the nearest camera only, and also away
-        from stairs. All False if there is a LiDAR scan."""
+        """Return (...) bool for floor points (..., 3), meters: as `is_traversed`, but by the nearest camera only, and
+        also away from stairs. All False if there is a LiDAR scan."""
         if self._squares is None:
             return np.zeros(points.shape[:-1], bool)
-        return self._squares.beneath(points)
+        return self._squares.is_under_camera(points)
 
 
 class _PositionGrid:
@@ -62,7 +62,7 @@ class _PositionGrid:
         self._places, self._low, self._columns = np.ascontiguousarray(places[order]), low, columns
         self._first = np.searchsorted((row * columns + column)[order], np.arange(columns * rows + 1))
 
-    def beneath(self, points: NDArray[np.floating]) -> NDArray[np.bool_]:
+    def is_under_camera(self, points: NDArray[np.floating]) -> NDArray[np.bool_]:
         """Return (...) bool: whether the nearest camera within a body's width of floor points (..., 3) is over them."""
         from nvsim.mapping import floor_kernels
 

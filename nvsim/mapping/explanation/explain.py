@@ -99,7 +99,7 @@ class Explanation:
         return next((m for m in self.measures if m.decides and not m.passes), None)
 
     @property
-    def tightest(self) -> CriterionResult:
+    def closest_to_limit(self) -> CriterionResult:
         """The measure closest to its limit, of those that the rule uses."""
         return min((m for m in self.measures if m.decides), key=lambda m: abs(m.slack))
 
@@ -115,17 +115,17 @@ def explain(evidence: Evidence, config: MappingConfig) -> Explanation:
     """Return the decision of `criteria.decide` with its reasons. With two models, these are the reasons of the model
     that refuses the corridor, or whose values are closest to their limits. Raises InputError if the evidence lacks the
     data of a criterion."""
-    several = [_explained(one, config) for one in opinions(evidence, config)]
+    several = [_explain_criteria(one, config) for one in opinions(evidence, config)]
     if len(several) == 1:
         return several[0]
     decision = strictest_decision([one.decision for one in several])
     first, second = sorted(
-        several, key=lambda one: (one.failed is None, one.tightest.slack if one.failed is None else 0)
+        several, key=lambda one: (one.failed is None, one.closest_to_limit.slack if one.failed is None else 0)
     )
     return replace(first, decision=decision, other=second)
 
 
-def _explained(evidence: Evidence, config: MappingConfig) -> Explanation:
+def _explain_criteria(evidence: Evidence, config: MappingConfig) -> Explanation:
     for family in unmeasured_families(evidence, config):
         raise InputError(unmeasured_message(family))
     corridor = corridor_of(evidence, config)
@@ -133,7 +133,7 @@ def _explained(evidence: Evidence, config: MappingConfig) -> Explanation:
     for criterion in criteria.CRITERIA:
         if criterion.measured(evidence):
             value, part = criterion.measure(evidence, corridor)
-            measures.append(CriterionResult(criterion, value, criterion.limit(config), criterion.asked(config), part))
+            measures.append(CriterionResult(criterion, value, criterion.limit(config), criterion.is_used(config), part))
     failed = next((m for m in measures if m.decides and not m.passes), None)
     word = OPEN if failed is None else failed.word
     obstacle = _obstacle(evidence, evidence.alpha[corridor], config)
@@ -191,11 +191,11 @@ def combined_corridor(graph: NavGraph, here: str, there: str) -> tuple[Evidence,
     xy = np.array([graph.viewpoints[id].position[:2] for id in (here, there)])
     corridor = Corridor((float(xy[0, 0]), float(xy[0, 1])), (float(xy[1, 0]), float(xy[1, 1])))
     measured = [graph.evidence[k] for k in graph.evidence_of.get(here, ()) if k[0] == here]
-    near = [e for e in measured if not e.stale and _turn(e.heading, corridor.heading) < _BESIDE]
+    near = [e for e in measured if not e.stale and _heading_difference(e.heading, corridor.heading) < _BESIDE]
     if not near:
         return None
     # The nearest heading comes last, so that its cells win: it sees them from the direction of the corridor.
-    near.sort(key=lambda e: -_turn(e.heading, corridor.heading))
+    near.sort(key=lambda e: -_heading_difference(e.heading, corridor.heading))
     cells = corridor.cells() - xy[0]
     planes: dict[str, Any] = {
         plane: np.full(cells.shape[:2], free, getattr(near[-1], plane).dtype)
@@ -228,7 +228,7 @@ def combined_corridor(graph: NavGraph, here: str, there: str) -> tuple[Evidence,
     return evidence, float(known.mean())
 
 
-def _turn(a: float, b: float) -> float:
+def _heading_difference(a: float, b: float) -> float:
     """Radians between two headings."""
     return abs((a - b + math.pi) % (2 * math.pi) - math.pi)
 
@@ -237,7 +237,7 @@ def closed_edge_reason(config: MappingConfig) -> Callable[[NavGraph, EdgeKey], s
     """Return (graph, edge) -> reason; "" if the evidence in both directions is open or missing. Evidence is ignored if
     it is stale because an end was moved, or if it lacks the data of a criterion."""
 
-    def why(graph: NavGraph, key: EdgeKey) -> str:
+    def reason(graph: NavGraph, key: EdgeKey) -> str:
         for here, there in (key, key[::-1]):
             place = graph.viewpoints[there].position
             for evidence in map(graph.evidence.__getitem__, graph.evidence_of.get(here, ())):
@@ -247,15 +247,17 @@ def closed_edge_reason(config: MappingConfig) -> Callable[[NavGraph, EdgeKey], s
                     continue
                 decision = decide(evidence, config)
                 if decision == DISPUTED:
-                    return f"seen from {graph.short(here)}, {DECISIONS[decision].clause} ({_sides(evidence, config)})"
+                    return (
+                        f"seen from {graph.short(here)}, {DECISIONS[decision].clause} ({_side_words(evidence, config)})"
+                    )
                 if decision != OPEN:
                     return f"seen from {graph.short(here)}, {DECISIONS[decision].clause}"
         return ""
 
-    return why
+    return reason
 
 
-def _sides(evidence: Evidence, config: MappingConfig) -> str:
+def _side_words(evidence: Evidence, config: MappingConfig) -> str:
     found = explain(evidence, config)
     clause = "" if found.failed is None else DECISIONS[found.failed.word].clause
     return f"{clause}: {found.disagreement}"
@@ -265,12 +267,12 @@ def smallest_margin(config: MappingConfig) -> Callable[[NavGraph, EdgeKey], floa
     """Return (graph, edge) -> smallest distance of the evidence to the thresholds that decide, over both directions and
     all models. Negative if a criterion fails, NaN if nothing was measured or all evidence is stale."""
 
-    def least(graph: NavGraph, key: EdgeKey) -> float:
+    def margin(graph: NavGraph, key: EdgeKey) -> float:
         found = [explain(e, config) for e in evidence_along(graph, key) if not unmeasured_families(e, config)]
         shown = [one for first in found for one in (first, first.other) if one is not None]
         return min((m.slack for one in shown for m in one.measures if m.decides), default=float("nan"))
 
-    return least
+    return margin
 
 
 def _leads_to(evidence: Evidence, id: str, place: tuple[float, float, float]) -> bool:

@@ -61,7 +61,7 @@ class PathExplanation:
     sentence: str
 
     @property
-    def speaks(self) -> int:
+    def support_of_edge(self) -> int:
         """1 if the known facts support an edge, -1 if they contradict it, 0 if nothing is known."""
         found = [way for way in self.ways if way.found is not None]
         if self.blocked is not None or any(w.found is not None and w.found.decision != OPEN for w in found):
@@ -110,7 +110,7 @@ def _on_map(
         return None, None
     length = math.dist(a[:2], b[:2])
     share = np.linspace(0.0, 1.0, max(2, math.ceil(2 * length / occupancy.resolution) + 1))
-    cells = occupancy.at(np.array(a[:2]) + share[:, None] * (np.array(b[:2]) - a[:2]))
+    cells = occupancy.states_at(np.array(a[:2]) + share[:, None] * (np.array(b[:2]) - a[:2]))
     stops = np.flatnonzero(cells == OCCUPIED)
     return float(share[stops[0]]) * length if len(stops) else None, float((cells != FREE).mean())
 

@@ -31,7 +31,7 @@ def explain_small_graph(report: Mapping[str, Any], uncovered: NDArray[np.floatin
     few = report["viewpoints"] < _FEW or not report["edges"]
     if not few and len(uncovered) <= _MOST_UNCOVERED * places:
         return ""
-    found = f"{_counted(report['viewpoints'], 'viewpoint')} and {_counted(report['edges'], 'edge')}"
+    found = f"{_count_text(report['viewpoints'], 'viewpoint')} and {_count_text(report['edges'], 'edge')}"
     where = ""
     if len(uncovered):
         # The position with the most of them around it.
@@ -52,9 +52,8 @@ def explain_no_viewpoint(refusals: list[tuple[float, float]], config: MappingCon
     asked = standing_criteria(config)
     limit = next((c.limit(config) for c in asked if c.plane == "alpha"), float("inf"))
     blocked = [alpha for alpha, known in refusals if alpha >= limit or known >= config.support]
-    tried = (
-        f"No position has room for a viewpoint: {_counted(len(refusals), 'position')} on the trajectory and beside it"
-    )
+    count = _count_text(len(refusals), "position")
+    tried = f"No position has room for a viewpoint: {count} on the trajectory and beside it"
     if 2 * len(blocked) < len(refusals) or not refusals:
         return f"{tried} have too little known floor under them; {DECISIONS['unknown'].remedy}."
     filled = [alpha for alpha in blocked if alpha >= limit]
@@ -65,7 +64,7 @@ def explain_no_viewpoint(refusals: list[tuple[float, float]], config: MappingCon
     return f"{tried} were tried and {why}; check the floor masks and heights there, and {DECISIONS['alpha'].remedy}."
 
 
-def _counted(number: int, what: str) -> str:
+def _count_text(number: int, what: str) -> str:
     return f"{number} {what}" if number == 1 else f"{number} {what}s"
 
 
@@ -80,14 +79,15 @@ def explain_disconnected_parts(groups: list[list[str]], survey: Survey, support:
     edge. Viewpoints of users are ignored, because the survey does not contain them."""
     known = ([id for id in group if id in survey.draft.viewpoints] for group in groups)
     groups = [group for group in known if group]
-    return " ".join(_why(group, groups, survey, support) for group in groups[1 : 1 + _MOST])
+    return " ".join(_reason_for_group(group, groups, survey, support) for group in groups[1 : 1 + _MOST])
 
 
-def _why(group: list[str], groups: list[list[str]], survey: Survey, support: SupportAt) -> str:
+def _reason_for_group(group: list[str], groups: list[list[str]], survey: Survey, support: SupportAt) -> str:
     here, there = _nearest(group, [id for other in groups if other is not group for id in other], survey)
     metres = math.dist(here.position[:2], there.position[:2])
     which = f"The part of {len(group)}" if len(group) > 1 else "The single viewpoint"
-    begin = f"{which} is nearest to another part at {_at(here.position)}, {metres:.1f} m from {_at(there.position)}"
+    places = f"{_place_text(here.position)}, {metres:.1f} m from {_place_text(there.position)}"
+    begin = f"{which} is nearest to another part at {places}"
     if metres > survey.config.reach:
         return f"{begin}, which is too far for an edge: photograph the area between them."
     decision = _decision(here, there, survey)
@@ -95,7 +95,7 @@ def _why(group: list[str], groups: list[list[str]], survey: Survey, support: Sup
         return f"{begin}, and the path between them is free; add the edge manually."
     words, where = DECISIONS[decision], ""
     if decision == "unknown":
-        where = f" around {_at(_unknown(here, there, survey, support))}"
+        where = f" around {_place_text(_unknown_floor_center(here, there, survey, support))}"
     free = "the path is free, but " if decision in SPARED else ""
     return f"{begin}: {free}{words.clause}{where}; {words.remedy}."
 
@@ -114,13 +114,13 @@ def _decision(here: Viewpoint, there: Viewpoint, survey: Survey) -> Decision:
     """Return the first decision against an edge, in either direction, or the reason why the edge was omitted."""
     for a, b in ((here, there), (there, here)):
         left_out = survey.decision_between(a, b)
-        decision = left_out if left_out in SPARED else survey.way(a, b)
+        decision = left_out if left_out in SPARED else survey.decide_corridor(a, b)
         if decision != OPEN:
             return decision
     return OPEN
 
 
-def _unknown(here: Viewpoint, there: Viewpoint, survey: Survey, support: SupportAt) -> NDArray[np.float64]:
+def _unknown_floor_center(here: Viewpoint, there: Viewpoint, survey: Survey, support: SupportAt) -> NDArray[np.float64]:
     """(2,) world x, y in meters of the center of the unknown floor of the corridor."""
     a, b = np.array(here.position), np.array(there.position)
     along = (b - a) / max(math.dist(a[:2], b[:2]), 1e-9)
@@ -132,5 +132,5 @@ def _unknown(here: Viewpoint, there: Viewpoint, survey: Survey, support: Support
     return np.asarray(places[unknown].mean(axis=0)[:2] if unknown.any() else (a + b)[:2] / 2)
 
 
-def _at(place: NDArray[np.floating] | tuple[float, ...]) -> str:
+def _place_text(place: NDArray[np.floating] | tuple[float, ...]) -> str:
     return f"x {place[0]:.1f}, y {place[1]:.1f} m"

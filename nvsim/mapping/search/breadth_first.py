@@ -58,7 +58,7 @@ class BreadthFirstSearch:
         # Decide the corridors to viewpoints around before the steps, so that the steps find them joined.
         self._look_around(viewpoint)
         links = 0
-        for other in self.draft.near(position, self._config.tau_dist):
+        for other in self.draft.viewpoints_near(position, self._config.tau_dist):
             if links < _LINKS and other.id != id and self._join(viewpoint, other) == OPEN:
                 links += 1
         self._step_out(viewpoint)
@@ -78,7 +78,7 @@ class BreadthFirstSearch:
         stands = self._config.rule == "mean" or not self._config.standing or can_stand(around, self._config)
         for id in self.draft.joined(viewpoint.id):
             other = self.draft.viewpoints[id]
-            back = OPEN if not self._config.both_ways else self._survey.way(viewpoint, other)
+            back = OPEN if not self._config.both_ways else self._survey.decide_corridor(viewpoint, other)
             if not stands or back != OPEN:
                 self.draft.remove_edge(viewpoint.id, id)
                 self._survey.record_omitted_edge(self.draft.viewpoints[id], viewpoint, "return")
@@ -106,7 +106,7 @@ class BreadthFirstSearch:
         target = self._survey.arrival(viewpoint, evidence.target)
         if self._config.max_distance and self._walk.distance(target) > self._config.max_distance:
             return "distance"
-        around = [v for v in self.draft.near(target, self._config.merge_radius) if v.id != viewpoint.id]
+        around = [v for v in self.draft.viewpoints_near(target, self._config.merge_radius) if v.id != viewpoint.id]
         if around and not self._config.checked_merges:
             self.draft.join(viewpoint.id, around[0].id, "step" if level_distance(around[0], target) < SAME else "merge")
             return OPEN
@@ -123,7 +123,7 @@ class BreadthFirstSearch:
             return "limit"
         self.draft.set_viewpoint(self._survey.viewpoint(target, "step"))
         self.draft.join(viewpoint.id, id, "step")
-        self._lattice.take(id, viewpoint.id, evidence.direction)
+        self._lattice.record_step(id, viewpoint.id, evidence.direction)
         self._queue.append(id)
         return OPEN
 
@@ -132,10 +132,14 @@ class BreadthFirstSearch:
         was expanded. Otherwise return the reason."""
         if self.draft.are_joined(viewpoint.id, other.id):
             return OPEN
-        decision = self._survey.way(viewpoint, other)
+        decision = self._survey.decide_corridor(viewpoint, other)
         if decision != OPEN:
             return decision
-        if self._config.both_ways and other.id in self.expanded and self._survey.way(other, viewpoint) != OPEN:
+        if (
+            self._config.both_ways
+            and other.id in self.expanded
+            and self._survey.decide_corridor(other, viewpoint) != OPEN
+        ):
             self._survey.record_omitted_edge(viewpoint, other, "return")
             return "return"
         step = self.draft.step_towards(viewpoint, other) is not None

@@ -84,7 +84,7 @@ class GraphBuilder:
     def are_joined(self, a: str, b: str) -> bool:
         return b in self._joined[a]
 
-    def near(self, place: NDArray[np.floating], reach: float) -> list[Viewpoint]:
+    def viewpoints_near(self, place: NDArray[np.floating], reach: float) -> list[Viewpoint]:
         """Return the viewpoints within `reach` meters of a camera position (3,), seen from above, the nearest first.
         Viewpoints that are higher or lower than stairs can lead within that distance are excluded."""
         x, y, z = (float(value) for value in place)

@@ -67,7 +67,7 @@ class Survey:
         """Return the evidence of the eight directions, without decisions."""
         # Steps may merge with viewpoints within this distance.
         reach = self.config.tau_dist + self.config.merge_radius
-        return self._measurements.around(viewpoint, self.draft.near(np.array(viewpoint.position), reach))
+        return self._measurements.around(viewpoint, self.draft.viewpoints_near(np.array(viewpoint.position), reach))
 
     def add_viewpoint(self, viewpoint: Viewpoint, around: Iterable[Evidence]) -> None:
         """Add a viewpoint to the graph with the decisions about its eight directions."""
@@ -76,13 +76,13 @@ class Survey:
         for evidence in around:
             self.store_evidence(replace(evidence, decision=decide(evidence, self.config)))
 
-    def way(self, viewpoint: Viewpoint, other: Viewpoint, also: Iterable[Viewpoint] = ()) -> Decision:
+    def decide_corridor(self, viewpoint: Viewpoint, other: Viewpoint, also: Iterable[Viewpoint] = ()) -> Decision:
         """Return the decision about the corridor from one viewpoint to another, and store its evidence. `also` is as in
-        `Measurements.between`."""
+        `Measurements.corridor_evidence`."""
         step = self.draft.step_towards(viewpoint, other)
         if step is not None:
             return decide(step, self.config)
-        found = self._measurements.between(viewpoint, other, also)
+        found = self._measurements.corridor_evidence(viewpoint, other, also)
         decision = decide(found, self.config)
         direction = self.draft.number_towards(viewpoint.id, other.id)
         self.store_evidence(replace(found, direction=direction, decision=decision))

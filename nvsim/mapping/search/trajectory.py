@@ -40,8 +40,8 @@ class Walk:
         kept, broken = [0], []
         jump = False
         for i in range(1, len(self._positions)):
-            jump = jump or _apart(self._positions[i], self._positions[i - 1]) > JUMP
-            if _apart(self._positions[i], self._positions[kept[-1]]) >= _SPACING:
+            jump = jump or _distance(self._positions[i], self._positions[i - 1]) > JUMP
+            if _distance(self._positions[i], self._positions[kept[-1]]) >= _SPACING:
                 kept.append(i)
                 broken.append(jump)
                 jump = False
@@ -97,13 +97,15 @@ class Walk:
         known = np.asarray(self._support(a[line] + share[:, None] * way[line]), bool)
         return np.asarray(np.logical_and.reduceat(known, first))
 
-    def beside(self, clearance: float, spacing: float) -> NDArray[np.float64]:
+    def positions_beside(self, clearance: float, spacing: float) -> NDArray[np.float64]:
         """Return (K, 3) positions, meters, on known floor within 3 m of a camera, at the height of that camera. Each is
         the position with the most clearance in a square `spacing` meters wide, and has at least `clearance` meters.
         Those with the most clearance come first, storey by storey."""
-        return np.concatenate([self._beside(storey, clearance, spacing) for storey in range(len(self._free))])
+        return np.concatenate(
+            [self._positions_beside_on_storey(storey, clearance, spacing) for storey in range(len(self._free))]
+        )
 
-    def _beside(self, storey: int, clearance: float, spacing: float) -> NDArray[np.float64]:
+    def _positions_beside_on_storey(self, storey: int, clearance: float, spacing: float) -> NDArray[np.float64]:
         row, column = np.nonzero(self._free[storey] >= clearance)
         xy = self._low + (np.stack([column, row], axis=1) + 0.5) * _CELL
         distance, nearest = self._nearest(np.column_stack([xy, np.full(len(xy), self._storeys.levels[storey])]))
@@ -152,7 +154,7 @@ class Walk:
         return np.asarray(distance_transform_edt(known)[1:-1, 1:-1] * _CELL)
 
 
-def _apart(a: NDArray[np.float64], b: NDArray[np.float64]) -> float:
+def _distance(a: NDArray[np.float64], b: NDArray[np.float64]) -> float:
     return float(np.linalg.norm(a - b))
 
 
@@ -172,7 +174,7 @@ class CoveredPositions:
         self._asked: set[str] = set()
 
     @property
-    def left(self) -> int:
+    def count_left(self) -> int:
         """Number of positions that are not done."""
         return len(self._left)
 
@@ -180,7 +182,7 @@ class CoveredPositions:
         """Count a position as done at which no search could begin."""
         self._left = self._left[self._left != place]
 
-    def look(self, expanded: Set[str]) -> None:
+    def update(self, expanded: Set[str]) -> None:
         """Count the positions that the viewpoints `expanded` cover. Every viewpoint is examined once."""
         for id in expanded - self._asked:
             viewpoint = self._draft.viewpoints.get(id)

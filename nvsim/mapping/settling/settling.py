@@ -40,22 +40,22 @@ class GapFiller:
         self._survey, self._draft, self._walk, self._config = survey, survey.draft, survey.walk, survey.config
         self._tried: set[str] = set()
 
-    def found(self) -> Iterator[tuple[Viewpoint, list[Viewpoint]]]:
+    def fill_gaps(self) -> Iterator[tuple[Viewpoint, list[Viewpoint]]]:
         """Yield each new viewpoint with the viewpoints around it that it sees. It is already in the graph; the caller
         joins it or removes it.
 
         Positions on the trajectory come first, then known floor, beginning with the most room. Last come positions a
         shorter step away, on the way to those that no step reaches.
         """
-        beside = self._walk.beside(self._config.half_width, _SPACING)
+        beside = self._walk.positions_beside(self._config.half_width, _SPACING)
         missed = []
         places = np.concatenate([self._walk.places, beside])
-        for place in places[~self._covered(places)]:
+        for place in places[~self._are_covered(places)]:
             seen = self._visible_viewpoints(place)
             if seen and level_distance(seen[0], place[:2]) < self._config.cover_distance:
                 continue
             missed.append(place)
-            yield from self._stand(place, seen)
+            yield from self._add_viewpoint(place, seen)
         if not missed or not len(beside):
             return
         tree = cKDTree(beside[:, :2])
@@ -70,10 +70,10 @@ class GapFiller:
                     continue
                 if self._walk.is_line_known(halfway, place):
                     tries += 1
-                    yield from self._stand(halfway, seen)
+                    yield from self._add_viewpoint(halfway, seen)
                     covered = self._is_covered(place)
 
-    def _covered(self, places: NDArray[np.float64]) -> NDArray[np.bool_]:
+    def _are_covered(self, places: NDArray[np.float64]) -> NDArray[np.bool_]:
         """(N,) bool: whether one of the nearest viewpoints is near and in line with each position (N, 3). All are
         tested at once, because most are covered and stay covered while viewpoints are added."""
         covered = np.zeros(len(places), bool)
@@ -96,12 +96,14 @@ class GapFiller:
 
     def _visible_viewpoints(self, place: NDArray[np.floating]) -> list[Viewpoint]:
         """Return the viewpoints within one step to which known floor leads straight, the nearest first."""
-        near = self._draft.near(place, self._config.tau_dist)
+        near = self._draft.viewpoints_near(place, self._config.tau_dist)
         there = np.array([v.position for v in near]).reshape(-1, 3)
         found = self._walk.are_lines_known(there, np.broadcast_to(place, there.shape))
         return [v for v, line in zip(near, found.tolist(), strict=True) if line]
 
-    def _stand(self, place: NDArray[np.floating], seen: list[Viewpoint]) -> Iterator[tuple[Viewpoint, list[Viewpoint]]]:
+    def _add_viewpoint(
+        self, place: NDArray[np.floating], seen: list[Viewpoint]
+    ) -> Iterator[tuple[Viewpoint, list[Viewpoint]]]:
         if not self._survey.is_level(place):
             return
         viewpoint = self._survey.viewpoint(place, "step")
@@ -140,11 +142,11 @@ class Settling:
         self._join(kept, kept)
         self._restore(edges, stands_for)
         self._part()
-        self._forget()
+        self._remove_unused()
         self._fill()
         self._shorten()
         self._part()
-        self._forget()
+        self._remove_unused()
         remove_ties(self._ways)
         self._write()
 
@@ -197,7 +199,7 @@ class Settling:
             if math.isinf(self._ways.metres(a, b)):
                 self._ways.join(a, b)
 
-    def _forget(self) -> None:
+    def _remove_unused(self) -> None:
         for id in [id for id in self._draft.viewpoints if id not in self._ways]:
             self._draft.remove(id)
 
@@ -219,7 +221,7 @@ class Settling:
     def _fill(self) -> None:
         if len(self._draft.viewpoints) >= self._config.max_viewpoints:
             return
-        for viewpoint, seen in GapFiller(self._survey).found():
+        for viewpoint, seen in GapFiller(self._survey).fill_gaps():
             if not any(self._is_open(viewpoint, other, _LEAST) for other in seen):
                 self._draft.remove(viewpoint.id)
                 continue
@@ -250,7 +252,11 @@ class Settling:
             for evidence in list(draft.evidence[id].values()):
                 if evidence.decision != OPEN:
                     continue
-                at = [v for v in draft.near(self._survey.arrival(viewpoint, evidence.target), SAME) if v.id != id]
+                at = [
+                    v
+                    for v in draft.viewpoints_near(self._survey.arrival(viewpoint, evidence.target), SAME)
+                    if v.id != id
+                ]
                 if not at:
                     self._survey.store_evidence(replace(evidence, decision="served"))
                 elif not draft.are_joined(id, at[0].id):
@@ -265,14 +271,14 @@ class Settling:
     def _near_over_floor(self, viewpoint: Viewpoint, reach: float) -> list[Viewpoint]:
         """Return other viewpoints within `reach` to which known floor leads straight, the nearest first."""
         here, known = np.array(viewpoint.position), self._in_line
-        others = [v for v in self._draft.near(here, reach) if v.id != viewpoint.id]
+        others = [v for v in self._draft.viewpoints_near(here, reach) if v.id != viewpoint.id]
         new = [v for v in others if (viewpoint.id, v.id) not in known]
         there = np.array([v.position for v in new]).reshape(-1, 3)
         found = self._survey.walk.are_lines_known(np.broadcast_to(here, there.shape), there)
         known.update(((viewpoint.id, v.id), bool(line)) for v, line in zip(new, found, strict=True))
         return [v for v in others if known[viewpoint.id, v.id]]
 
-    def _reached(self, viewpoint: Viewpoint) -> Iterator[Viewpoint]:
+    def _viewpoints_in_range(self, viewpoint: Viewpoint) -> Iterator[Viewpoint]:
         """Yield the viewpoints that are near enough for an edge. They are searched only when they are needed."""
         yield from self._near_over_floor(viewpoint, self._config.reach)
 
@@ -280,7 +286,7 @@ class Settling:
         """Whether the corridor between two viewpoints is free, in both directions if required, with `spare` meters of
         extra room on either side."""
         for here, there in ((a, b), (b, a)) if self._config.both_ways else ((a, b),):
-            if self._survey.way(here, there, self._reached(here)) != OPEN:
+            if self._survey.decide_corridor(here, there, self._viewpoints_in_range(here)) != OPEN:
                 return False
             if spare and self._survey.known(here, there, spare) != OPEN:
                 return False

@@ -34,7 +34,7 @@ class WideKnownFloor:
         self._walk, self.least = walk, half_width - _CELL / 2
         self._shut = np.zeros((0, 4))  # x, y, z, radius of closed areas, meters
 
-    def shut(self, place: NDArray[np.floating], radius: float) -> None:
+    def close_floor(self, place: NDArray[np.floating], radius: float) -> None:
         """Close the floor within `radius` meters of a position (3,)."""
         self._shut = np.vstack([self._shut, [*place, radius]])
 
@@ -54,16 +54,16 @@ class WideKnownFloor:
         most `reach` meters."""
         window = _CameraWindow(start, reach, self)
         cells = window.cells_of(ends)
-        ways = window.ways(cells[cells[:, 0] >= 0], reach=reach)
+        ways = window.find_paths(cells[cells[:, 0] >= 0], reach=reach)
         found = np.where(cells[:, 0] >= 0, ways.metres[cells[:, 0], cells[:, 1]], np.inf)
         return np.asarray(np.maximum(found, np.linalg.norm(ends[:, :2] - start[:2], axis=1)))
 
-    def way(self, start: NDArray[np.floating], end: NDArray[np.floating], reach: float) -> NDArray[np.float64]:
+    def find_path(self, start: NDArray[np.floating], end: NDArray[np.floating], reach: float) -> NDArray[np.float64]:
         """Return (K, 3) positions, meters, of a path from one camera (3,) to another within `reach` meters, at the
         height of the first. The path prefers the middle of the room to the shortest line. Empty if there is no path."""
         window = _CameraWindow(start, reach, self)
         last = window.cells_of(np.asarray(end)[None])
-        ways = window.ways(last, _TIGHT)
+        ways = window.find_paths(last, _TIGHT)
         if last[0, 0] < 0 or not np.isfinite(ways.metres[last[0, 0], last[0, 1]]):
             return np.zeros((0, 3))
         return window.places(ways.cells_to((int(last[0, 0]), int(last[0, 1]))))
@@ -130,7 +130,7 @@ class _CameraWindow:
         """(N, 3) centers of cells (N, 2) at the camera's height."""
         return np.column_stack([self._x[cells[:, 1]], self._y[cells[:, 0]], np.full(len(cells), self._camera[2])])
 
-    def ways(self, ends: NDArray[np.int64], tight: float = 0.0, reach: float = math.inf) -> GridWays:
+    def find_paths(self, ends: NDArray[np.int64], tight: float = 0.0, reach: float = math.inf) -> GridWays:
         """Return the paths to cells (N, 2). Where room is scarce, each step counts as longer, by up to `tight` times
         its length."""
         cost_factors = 1 + tight * np.clip(1 - self._clearance / _EASY, 0, 1) if tight else None
@@ -182,14 +182,14 @@ class Shortcuts:
         places = np.array([self._draft.viewpoints[id].position for id in ids])
         for i, id in enumerate(ids[:-1]):
             others = i + 1 + np.flatnonzero(np.hypot(*(places[i + 1 :, :2] - places[i, :2]).T) < _REACH)
-            along = self._ways.all_metres(id, _most(_REACH))
+            along = self._ways.all_metres(id, _detour_limit(_REACH))
             apart = np.linalg.norm(places[others, :2] - places[i, :2], axis=1)
             # No path is shorter than the straight line, so most pairs are settled without a search over the floor.
             # Paths never become shorter: if one was too long for a detour before an area was closed, it still is.
             known, far = self._known.setdefault(id, {}), []
             for j, metres in zip(others, apart, strict=True):
                 least = max(metres, known.get(ids[j], (0.0, 0))[0])
-                if math.isfinite(least) and along.get(ids[j], math.inf) > _most(least):
+                if math.isfinite(least) and along.get(ids[j], math.inf) > _detour_limit(least):
                     far.append(ids[j])
             if far:
                 looks.append((id, far))
@@ -216,24 +216,24 @@ class Shortcuts:
     def _is_detour(self, a: str, b: str, metres: float) -> bool:
         if np.isinf(metres) or a not in self._ways or b not in self._ways:
             return False
-        return self._ways.metres(a, b, _most(metres)) > _most(metres)
+        return self._ways.metres(a, b, _detour_limit(metres)) > _detour_limit(metres)
 
     def _shorten(self, a: str, b: str) -> None:
         """Put viewpoints on the path over known floor, and join them if its legs are free. They are removed again if
         they hardly shorten the path of the graph."""
         ends = self._draft.viewpoints[a], self._draft.viewpoints[b]
         was = self._ways.metres(a, b)
-        stops = self._stops(*ends)
+        stops = self._plan_stops(*ends)
         here, new = ends[0], list[str]()
         for place in [*stops, None] if stops else []:
             viewpoint = ends[1] if place is None else self._viewpoint_at(place)
             if viewpoint is None:
-                self._room.shut(np.array(place), _SHUT)
+                self._room.close_floor(np.array(place), _SHUT)
                 break
             if viewpoint.id not in self._ways and viewpoint.id not in new:
                 new.append(viewpoint.id)
             if viewpoint.id != here.id and not self._is_open(here, viewpoint):
-                self._shut(here, viewpoint)
+                self._close_narrowest(here, viewpoint)
                 break
             here = viewpoint
         else:
@@ -247,7 +247,7 @@ class Shortcuts:
                 self._ways.remove(id)
             self._draft.remove(id)
 
-    def _stops(self, start: Viewpoint, end: Viewpoint) -> list[NDArray[np.float64]]:
+    def _plan_stops(self, start: Viewpoint, end: Viewpoint) -> list[NDArray[np.float64]]:
         """Return positions between two cameras that straight, wide legs connect. Empty if there is no such path, if no
         position is needed, or if too many are."""
         pair, here = (start.id, end.id), np.array(start.position)
@@ -259,7 +259,7 @@ class Shortcuts:
         return found
 
     def _places(self, start: NDArray[np.float64], end: NDArray[np.float64]) -> list[NDArray[np.float64]]:
-        way = self._room.way(start, end, _REACH)
+        way = self._room.find_path(start, end, _REACH)
         if not len(way):
             return []
         way = np.concatenate([way, end[None]])
@@ -291,7 +291,7 @@ class Shortcuts:
     def _viewpoint_at(self, place: NDArray[np.float64]) -> Viewpoint | None:
         """Return the viewpoint at a position, or one near enough; None if there is no room for one."""
         place = np.array([*place[:2], self._survey.walk.height(place)])
-        near = [v for v in self._draft.near(place, _THERE) if v.id in self._ways]
+        near = [v for v in self._draft.viewpoints_near(place, _THERE) if v.id in self._ways]
         if near:
             return near[0]
         if not self._survey.is_level(place):
@@ -304,13 +304,13 @@ class Shortcuts:
         self._survey.add_viewpoint(viewpoint, around)
         return self._draft.viewpoints[viewpoint.id]
 
-    def _shut(self, a: Viewpoint, b: Viewpoint) -> None:
+    def _close_narrowest(self, a: Viewpoint, b: Viewpoint) -> None:
         leg = _points_between(np.array(a.position), np.array(b.position))
         inner = leg[len(leg) // 5 : -(len(leg) // 5) or None]
-        self._room.shut(inner[int(np.argmin(self._room.clearance(inner)))], _SHUT)
+        self._room.close_floor(inner[int(np.argmin(self._room.clearance(inner)))], _SHUT)
 
 
-def _most(metres: float) -> float:
+def _detour_limit(metres: float) -> float:
     """Return the meters above which a path of the graph is a detour."""
     return max(_DETOUR * metres, metres + _LOSS)
 

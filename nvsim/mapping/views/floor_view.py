@@ -42,7 +42,7 @@ class FloorView:
     depth: NDArray[np.float32] | None = None
     network_z: NDArray[np.float32] | None = None
 
-    def shows(self, corridor: Corridor, floor_at: HeightAt) -> bool:
+    def shows_corridor(self, corridor: Corridor, floor_at: HeightAt) -> bool:
         """Whether all pixels that `corridor` is read from were rendered."""
         return _pixels(self.camera, corridor, floor_at).are_marked(self.seen)
 

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from nvsim.geometry.camera import Camera
 from nvsim.geometry.directions import cube
 from nvsim.render.backends import Backend
-from nvsim.render.geometry_views import nearby
+from nvsim.render.geometry_views import neighbor_groups
 from nvsim.render.model import render_model
 from nvsim.render.nearby import gray_gaussians
 from nvsim.render.scene import render_regions
@@ -49,7 +49,7 @@ class TrainingImage:
     nearest: NDArray[np.float32]
     farthest: NDArray[np.float32]
 
-    def shows(self, points: NDArray[np.float64]) -> Mask:
+    def shows_points(self, points: NDArray[np.float64]) -> Mask:
         """(N,) bool: whether the image shows the surface at each of `points` (N, 3), meters, world."""
         pixels, depth = self.camera.project(points)
         height, width = self.nearest.shape
@@ -66,7 +66,7 @@ def training_images(model: SubmapModel, cameras: Iterable[Camera], backend: Back
     not available."""
     import cv2
 
-    small = [replace(c, intrinsics=c.intrinsics.within(_IMAGE)) for c in cameras]
+    small = [replace(c, intrinsics=c.intrinsics.limited_to(_IMAGE)) for c in cameras]
     around = np.ones((3, 3), np.uint8)
     found = []
     for start in range(0, len(small), _CHUNK):
@@ -76,7 +76,9 @@ def training_images(model: SubmapModel, cameras: Iterable[Camera], backend: Back
             assert view.alpha is not None and view.depth is not None
             rays = camera.rays()
             along = rays @ camera.rotation[:, 2].astype(np.float32)
-            depth = _nearest_surface(view.alpha, view.depth, along * model.floor.meet(camera.position, rays))
+            depth = _nearest_surface(
+                view.alpha, view.depth, along * model.floor.distance_along_rays(camera.position, rays)
+            )
             known = np.isfinite(depth)
             nearest = cv2.erode(depth, around, borderType=cv2.BORDER_REPLICATE).astype(np.float32)
             farthest = cv2.dilate(np.where(known, depth, 0).astype(np.float32), around)
@@ -114,12 +116,12 @@ def photographed_directions(
     masks = [np.ones((SIDE, SIDE), bool)] * len(cameras)
     views = render_regions(model, cameras, masks, _CHANNELS, backend)
     alpha, depth = (np.stack([getattr(view, name) for view in views]) for name in ("alpha", "depth"))
-    distance = _nearest_surface(alpha, depth * lengths, model.floor.meet(at, rays))
+    distance = _nearest_surface(alpha, depth * lengths, model.floor.distance_along_rays(at, rays))
     found = np.zeros(distance.shape, bool)
     rows = np.flatnonzero(np.isfinite(distance))
     points = at + distance.ravel()[rows, None].astype(np.float64) * rays.reshape(-1, 3)[rows]
     for image in sorted(images, key=lambda i: float(np.linalg.norm(i.camera.position - at))):
-        shown = image.shows(points)
+        shown = image.shows_points(points)
         found.ravel()[rows[shown]] = True
         rows, points = rows[~shown], points[~shown]
         if not len(rows):
@@ -131,7 +133,7 @@ def _is_dense(model: SubmapModel, camera: Camera, backend: Backend) -> Mask:
     """(H, W) bool: where the Gaussians are dense, and thin on screen: their shortest axis, divided by their distance
     and averaged by their weight, is small."""
     everywhere = tiles_of(np.ones((camera.intrinsics.height, camera.intrinsics.width), bool))
-    g = gray_gaussians(model.gaussians, nearby(model.gaussians).rows(camera, everywhere))
+    g = gray_gaussians(model.gaussians, neighbor_groups(model.gaussians).rows(camera, everywhere))
     away = np.maximum(np.linalg.norm(g.means - camera.position, axis=1), 1e-3)
     thickness = np.minimum(np.exp(g.log_scales.min(axis=1)) / away, 1)
     sh = ((thickness - 0.5) / _CONSTANT)[:, None, None].repeat(3, axis=2).astype(np.float32)

@@ -62,7 +62,7 @@ class NormalsSource(Protocol):
 class MultiModelSource(ViewSource, Protocol):
     """A source of which single models can be used, for second opinions and for the slice."""
 
-    def another(self, position: NDArray[np.floating]) -> int | None:
+    def second_submap(self, position: NDArray[np.floating]) -> int | None:
         """Return the nearest other submap that was also trained at `position` (3,), meters, besides the one that
         renders it. None if there is none."""
         ...

@@ -22,7 +22,7 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any, Literal
 
-from nvsim.errors import InputError, shown
+from nvsim.errors import InputError, value_text
 from nvsim.events import Done, Event, Failed, Log, from_data, to_json
 from nvsim.files.atomic import as_input_error
 from nvsim.files.opening import open_own_file, open_regular, read_regular
@@ -66,7 +66,7 @@ def _secret(make: bool) -> bytes:
             if not make:
                 raise
         path.parent.mkdir(mode=0o700, parents=True, exist_ok=True)
-        return _made(path)
+        return _create_secret(path)
     except OSError as error:
         if error.errno in (errno.ENOENT, errno.ELOOP, errno.EINVAL):
             raise InputError(
@@ -86,7 +86,7 @@ def _read(path: Path) -> bytes:
     return data
 
 
-def _made(path: Path) -> bytes:
+def _create_secret(path: Path) -> bytes:
     """A new secret, written atomically. If two processes create one, both use the first."""
     temporary = path.with_name(f".{path.name}-{os.getpid()}-{secrets.token_hex(4)}")
     descriptor = os.open(temporary, os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_NOFOLLOW | os.O_CLOEXEC, 0o600)
@@ -174,7 +174,7 @@ def _order(data: Any) -> JobCommand:
 def finite_number(value: Any) -> float:
     """A finite number of a JSON file. Raises ValueError for all other values."""
     if isinstance(value, bool) or not isinstance(value, int | float) or not abs(value) < 1e15 or math.isnan(value):
-        raise ValueError(f"{shown(value, 40)} is not a valid number")
+        raise ValueError(f"{value_text(value, 40)} is not a valid number")
     return float(value)
 
 
@@ -306,7 +306,7 @@ class EventFile:
         return found
 
     @property
-    def behind(self) -> bool:
+    def has_unread_events(self) -> bool:
         """Whether the file has more data to read."""
         try:
             found = os.lstat(self._path)

@@ -190,11 +190,11 @@ class JobList:
                     return self._assign_job(job)
             return self._assign_job(self._store(order))
 
-    def again(self, number: int) -> None:
+    def requeue(self, number: int) -> None:
         """Puts a job that does not run back into the queue, to continue its work. Raises InputError if the job was
         ordered by another user or on another machine."""
         with self._locked():
-            job = self._need(number)
+            job = self._existing_job(number)
             if not job.ours:
                 raise InputError(f"“{job.order.title}” was ordered elsewhere; check what it does and order it again.")
             if not job.resumable:
@@ -211,7 +211,7 @@ class JobList:
         """Replaces a foreign job by an order of this user, which waits in the queue. `seen` is the job that the user
         has checked. Raises InputError if the job has changed since then."""
         with self._locked():
-            job = self._need(seen.number)
+            job = self._existing_job(seen.number)
             if job.order != seen.order:
                 raise InputError(f"“{seen.order.title}” has changed; check again what it does.")
             if job.ours or job.status.state == "running":
@@ -228,7 +228,7 @@ class JobList:
     def ask(self, number: int, wish: Wish) -> None:
         """Asks a job to pause or cancel. A waiting job obeys at once, a running one as soon as possible."""
         with self._locked():
-            job = self._need(number)
+            job = self._existing_job(number)
             state = job.status.state
             if state == "running":
                 write_text(job.folder / WISH, wish)
@@ -238,14 +238,14 @@ class JobList:
 
     def kill(self, number: int) -> None:
         """Kills a running job and all processes that it started."""
-        job = self._need(number)
+        job = self._existing_job(number)
         if job.status.state == "running":
             worker_lock.send(job.folder, job.status.pid, signal.SIGKILL, everything=True)
 
-    def forget(self, number: int) -> None:
+    def remove(self, number: int) -> None:
         """Removes a job that does not run from the list; its results stay in the project."""
         with self._locked():
-            job = self._need(number)
+            job = self._existing_job(number)
             if job.status.state != "running":
                 shutil.rmtree(job.folder, ignore_errors=True)
 
@@ -321,7 +321,7 @@ class JobList:
             raise as_input_error(job.folder, error) from error
         return replace(job, status=taken)
 
-    def _need(self, number: int) -> Job:
+    def _existing_job(self, number: int) -> Job:
         job = self.job(number)
         if job is None:
             raise InputError(f"There is no job {number} in {self.folder}; it was removed.")

@@ -29,7 +29,7 @@ def depth_remote(
     raises InputError if a worker fails."""
     snapshot = ProjectSnapshot.of(project)
 
-    def elsewhere(phase: Phase, frames: list[int], planes: list[Plane], tell: Callable[[int], None]) -> None:
+    def compute_remotely(phase: Phase, frames: list[int], planes: list[Plane], tell: Callable[[int], None]) -> None:
         whose = {path.relative_to(folder).as_posix(): i for i in frames for path in _files(folder, phase, i)}
 
         def receive(file: SentFile) -> None:
@@ -45,7 +45,7 @@ def depth_remote(
 
         do_frames_remote(executor, storage, project, "depth", frames, order, receive, listen)
 
-    return elsewhere
+    return compute_remotely
 
 
 def compute_depth_on_worker(

@@ -106,7 +106,7 @@ def export_splats(
             gaussians = joined(gaussians, known)
         if moved:
             gaussians = transform_gaussians(gaussians, back, shrink)
-            mesh = None if mesh is None else _moved(mesh, back, shrink)
+            mesh = None if mesh is None else _transform_mesh(mesh, back, shrink)
         name = f"submap_{submap.index:03d}"
         splats, floor = out / f"{name}{SUFFIXES[form]}", out / f"{name}_floor.glb"
         write_splats(splats, gaussians, model.antialiased, form)
@@ -141,5 +141,5 @@ def export_splats(
     return [*written, out / "splats.json"]
 
 
-def _moved(mesh: FloorMesh, rotation: np.ndarray, scale: float) -> FloorMesh:
+def _transform_mesh(mesh: FloorMesh, rotation: np.ndarray, scale: float) -> FloorMesh:
     return replace(mesh, vertices=(scale * (mesh.vertices @ rotation.T)).astype(np.float32))

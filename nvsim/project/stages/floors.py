@@ -60,7 +60,7 @@ def floor_surfaces(project: Project, submaps: tuple[Submap, ...], config: Captur
             if known is not None:
                 found[submap.index] = known
                 continue
-        surface = _estimated(project, submap, storeys, config, found, submaps)
+        surface = _estimate_surface(project, submap, storeys, config, found, submaps)
         arrays = {
             "heights": surface.heights,
             "origin": np.array(surface.origin),
@@ -76,7 +76,7 @@ def _part(submap: Submap, storeys: TrajectoryStoreys) -> int:
     return int(np.bincount(storeys.part[list(submap.core)]).argmax())
 
 
-def _estimated(
+def _estimate_surface(
     project: Project,
     submap: Submap,
     storeys: TrajectoryStoreys,
@@ -90,13 +90,13 @@ def _estimated(
     if len(storeys.levels) == 1:
         return estimate_floor(project.scan(), positions[frames], config.camera_height)
     if part % 2 and found:
-        return stair_floor(positions[frames], _carried(positions, storeys, found, submaps))
+        return stair_floor(positions[frames], _median_camera_height(positions, storeys, found, submaps))
     # Frames of neighbors on a stair would bend the floor of the room beside it.
     level = [i for i in frames if storeys.part[i] == part]
     return estimate_floor(project.scan(), positions[level], config.camera_height, above_another=part > 0)
 
 
-def _carried(
+def _median_camera_height(
     positions: NDArray[np.float64],
     storeys: TrajectoryStoreys,
     found: dict[int, FloorSurface],
@@ -255,18 +255,18 @@ def _support(project: Project) -> float:
         found = StackedSupport(
             floor,
             tuple(
-                _supported(project, [i for i in frames if storeys.on(k)[i]], surface, cloud)
+                _find_support(project, [i for i in frames if storeys.cameras_of_storey(k)[i]], surface, cloud)
                 for k, surface in enumerate(floor.storeys)
             ),
         )
         found.save(project.layout.support)
         return found.area
-    support = _supported(project, frames, floor, project.scan_on(floor))
+    support = _find_support(project, frames, floor, project.scan_on(floor))
     support.save(project.layout.support)
     return float(support.cells.sum() * support.spacing**2)
 
 
-def _supported(project: Project, frames: list[int], floor: FloorSurface, cloud: Cloud | None) -> FloorSupport:
+def _find_support(project: Project, frames: list[int], floor: FloorSurface, cloud: Cloud | None) -> FloorSupport:
     """The floor that the masks of `frames` and the cloud support."""
     from nvsim.capture.masks import usable_pixels_of_frames
     from nvsim.perception.segment import SegmentConfig, read_mask
@@ -297,7 +297,7 @@ def find_thin_obstacles(project: Project, floors: dict[int, FloorSurface], liste
     cameras: list[Camera] = []
     heights = np.full(len(capture.frames), np.nan)
     for i, frame in enumerate(capture.frames):
-        k = frame.intrinsics.within(config.longest_side)
+        k = frame.intrinsics.limited_to(config.longest_side)
         cameras.append(frame.camera.scaled(k.width, k.height))
         if i in floors:
             heights[i] = floors[i].height_at(cameras[i].position[:2])

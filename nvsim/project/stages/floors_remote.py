@@ -44,7 +44,7 @@ def segment_remote(
     folder, count = make_folder(project.layout.masks), len(project.need_capture().frames)
     missing = [i for i in range(count) if not mask_path(folder, i).exists()]
     failures = Failures(folder)
-    failures.forget(missing)
+    failures.remove_frames(missing)
     done = count - len(missing)
     snapshot = ProjectSnapshot.of(project, making)
 
@@ -91,7 +91,7 @@ def segment_there(
             floors.__getitem__,
             Path(name),
             SegmentConfig(threads=threads),
-            caller.tell,
+            caller.send_event,
             frames,
             depth_maps(project),
             found.open(capture),

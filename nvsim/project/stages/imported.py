@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, get_args
 from nvsim.capture.axes import CHOICES
 from nvsim.capture.findings import Finding
 from nvsim.capture.types import Alignment, Capture, DepthFile, Frame
-from nvsim.errors import InputError
+from nvsim.errors import InputError, value_text
 from nvsim.events import Done, Listener, Log, Progress, Warning, ignore_event
 from nvsim.files.reading import reading
 from nvsim.project import ledger
@@ -45,7 +45,7 @@ def run(
     """
     from nvsim.capture.check import check
     from nvsim.capture.excluded_frames import expand_list
-    from nvsim.capture.findings import ASSUMED_HEIGHT, SCALE_ASSUMED, SCALE_IN_HEIGHTS, shown
+    from nvsim.capture.findings import ASSUMED_HEIGHT, SCALE_ASSUMED, SCALE_IN_HEIGHTS
     from nvsim.capture.read import read
     from nvsim.capture.store import fingerprint, save_capture
     from nvsim.footage.cut_options import cut_options
@@ -118,7 +118,7 @@ def run(
     if report.refused:
         first = next(f for f in report.findings if f.severity == "error")
         raise InputError(
-            f"{source} cannot be used: {first.message} ({shown(first.where)}); "
+            f"{source} cannot be used: {first.message} ({value_text(first.where)}); "
             f"{f'{first.fix} corrects it; ' if first.fix else ''}`nvsim check {source}` lists all findings."
         )
     if report.capture is not None:
@@ -128,7 +128,7 @@ def run(
             f"{source} has no metric scale; give the height of the cameras above the floor (--camera-height METERS) or "
             "the length of a unit (--scale METERS)."
         )
-    capture, adjusted = _posed(capture, config, listen)
+    capture, adjusted = _select_poses(capture, config, listen)
     report_replaced_result(project, STAGE, listen)
     with contextlib.suppress(InputError):  # an unreadable capture is imported again
         project.fix_cut()
@@ -181,7 +181,7 @@ def _without_faulty(capture: Capture, checked: Capture) -> Capture:
     return dataclasses.replace(capture, frames=frames, depths=kept)
 
 
-def _posed(capture: Capture, config: CaptureConfig, listen: Listener) -> tuple[Capture, dict[str, float]]:
+def _select_poses(capture: Capture, config: CaptureConfig, listen: Listener) -> tuple[Capture, dict[str, float]]:
     """The capture with the poses that `config` selects, and the figures of the adjustment for the summary."""
     from nvsim.poses.refinement import are_poses_good, median_epipolar_error, refine
 

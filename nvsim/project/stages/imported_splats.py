@@ -72,7 +72,7 @@ def run(project: Project, source: Path, config: CaptureConfig, listen: Listener 
         listen(Warning(doubt, STAGE))
     gaussians, levels = scene.gaussians, scene.storeys.levels
     if config.clean:
-        gaussians = _cleaned(gaussians, levels, height, listen)
+        gaussians = _clean_gaussians(gaussians, levels, height, listen)
     listen(Progress(STAGE, 2, 3, "models"))
     parts, places = divide(gaussians, scene.surface, scene.storeys, height)
     submaps = tuple(Submap(i, part.rows, part.rows, places[list(part.rows)]) for i, part in enumerate(parts))
@@ -131,7 +131,7 @@ def _fingerprint(source: Path) -> tuple[int, ...]:
     return tuple(found)
 
 
-def _cleaned(gaussians: Gaussians, levels: tuple[Level, ...], height: float, listen: Listener) -> Gaussians:
+def _clean_gaussians(gaussians: Gaussians, levels: tuple[Level, ...], height: float, listen: Listener) -> Gaussians:
     """The Gaussians without floaters, fog, and those outside the building."""
     from nvsim.scene_import.cleaning import far_from_floor, floaters
     from nvsim.scene_import.parts import select_gaussians

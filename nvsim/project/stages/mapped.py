@@ -94,7 +94,7 @@ def run(
         SceneViews(scene, config, backend),
         capture.positions,
         floor_of(project).height_at,
-        support.at,
+        support.is_supported,
         config,
         scan=scan,
         start=start,
@@ -106,7 +106,7 @@ def run(
     )
     photographed = PhotographedDirections(project, scene, backend)
     graph = with_shares(result.graph, photographed.shares(result.graph, result.graph.viewpoints))
-    report = {**result.report, **_photographed(graph, config, listen)}
+    report = {**result.report, **_photographed_figures(graph, config, listen)}
     seconds, summary = time.monotonic() - started, {**report, **recorded_config(config)}
     # Evidence of a network stays in the graph if this build does not use the network, so that a later one can.
     if network := network_of(config) or (last_network(project) if reapply else ""):
@@ -125,7 +125,7 @@ def run(
     listen(Done(STAGE, f"{len(graph.viewpoints)} viewpoints and {len(graph.edges)} edges", report))
 
 
-def _photographed(graph: NavGraph, config: MappingConfig, listen: Listener) -> dict[str, float | int]:
+def _photographed_figures(graph: NavGraph, config: MappingConfig, listen: Listener) -> dict[str, float | int]:
     """The mean photographed share of the viewpoints, and the number of those below the threshold. Warns if these are
     most of the viewpoints."""
     shares = [v.photographed for v in graph.viewpoints.values() if v.photographed is not None]
@@ -263,9 +263,9 @@ def without_other_networks(graph: NavGraph | None, project: Project, config: Map
     asked = network_of(config)
     if graph is None or not asked or asked == last_network(project):
         return graph
-    return replace(graph, evidence={key: _unseen(evidence) for key, evidence in graph.evidence.items()})
+    return replace(graph, evidence={key: _as_unseen(evidence) for key, evidence in graph.evidence.items()})
 
 
-def _unseen(evidence: Evidence) -> Evidence:
+def _as_unseen(evidence: Evidence) -> Evidence:
     second = evidence.second and replace(evidence.second, network_up=None)
     return replace(evidence, network_up=None, second=second)

@@ -40,7 +40,7 @@ def measure(
     traversed = TraversedFloor(capture.positions, not capture.trajectory_counts)
     views = SceneViews(scene, config)
     found = measure_new_viewpoints(
-        graph, ids, views, floor.height_at, support.at, config, traversed=traversed, listen=listen
+        graph, ids, views, floor.height_at, support.is_supported, config, traversed=traversed, listen=listen
     )
     return replace(found, photographed=PhotographedDirections(project, scene).shares(graph, found.submaps))
 

@@ -104,8 +104,8 @@ def do_frames_remote(
             for _, message in messages:
                 if isinstance(message, StorageNotShared):
                     if storage == "shared":
-                        raise InputError(f"{message.why}; share it with all machines under the same path.")
-                    _say_alone(message.why, stage, listen)
+                        raise InputError(f"{message.reason}; share it with all machines under the same path.")
+                    _say_alone(message.reason, stage, listen)
                     return
                 if isinstance(message, SentFile):
                     message.check()

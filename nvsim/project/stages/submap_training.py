@@ -55,7 +55,7 @@ def train(
     started = time.monotonic()
     inputs = inputs_of(project, index, config)
     ready()
-    paths = layout.checkpoint(index), layout.preview(index), layout.live(index)
+    paths = layout.checkpoint(index), layout.preview(index), layout.live_model(index)
     figures = fit(inputs, index, config, layout.root / place, listen, *paths)
     return TrainedSubmap(time.monotonic() - started, figures)
 
@@ -63,7 +63,7 @@ def train(
 def train_in_child(caller: Caller, root: Path, index: int, config: TrainingConfig) -> TrainedSubmap:
     """Like `train`, in a child process of the process that has the project open for writing."""
     with Project.open(root) as project:
-        return train(project, index, config, caller.tell, caller.ready)
+        return train(project, index, config, caller.send_event, caller.wait_for_kernels)
 
 
 def inputs_of(project: Project, index: int, config: TrainingConfig) -> TrainingInputs:
@@ -146,7 +146,7 @@ def training_views(project: Project, frames: list[int], config: TrainingConfig) 
 
     def view(index: int) -> TrainingView:
         frame = capture.frames[index]
-        size = frame.intrinsics.within(config.image_size)
+        size = frame.intrinsics.limited_to(config.image_size)
         camera = frame.camera.scaled(size.width, size.height)
         mask, doubtful = read_mask_and_doubt(layout.mask_in_use(frame.name, index), size.width, size.height)
         usable = usable_pixels(frame, size)

@@ -109,7 +109,7 @@ def run(
     def begin(index: int) -> None:
         if not ledger.begin_part(project, STAGE, keys[index], index):
             project.layout.checkpoint(index).unlink(missing_ok=True)
-            remove_folder(project.layout.live(index))
+            remove_folder(project.layout.live_model(index))
 
     def finish(index: int, found: TrainedSubmap) -> None:
         _finish(project, index, config, found, listen)
@@ -122,7 +122,7 @@ def run(
         most = at_once or (1 if on_card else cores)  # a GPU trains one submap at a time unless the user asks for more
         tasks = training_pool.plan([s.index for s in chosen], cores, most)
         together = min(most, _fitting(project, left, config))
-        run.here(executor, [t for t in tasks if t.submap in {s.index for s in left}], together)
+        run.train_here(executor, [t for t in tasks if t.submap in {s.index for s in left}], together)
 
 
 class _SubmapTraining:
@@ -139,7 +139,7 @@ class _SubmapTraining:
         self._project, self._config, self._merged = project, config, merged
         self._begin, self._finish = begin, finish
 
-    def here(self, executor: Executor, tasks: Sequence[training_pool.TrainingTask], at_once: int) -> None:
+    def train_here(self, executor: Executor, tasks: Sequence[training_pool.TrainingTask], at_once: int) -> None:
         """Trains in processes of this machine, or in this process if no two submaps train in parallel."""
         if all(t.alone for t in tasks):
             for task in tasks:
@@ -159,7 +159,7 @@ class _SubmapTraining:
                 if isinstance(message, WorkResult):
                     self._finish(piece.part, message.value)
                 else:
-                    self._merged.hear(piece.part, message)
+                    self._merged.forward_message(piece.part, message)
 
     def train_remotely(
         self,
@@ -197,7 +197,7 @@ class _SubmapTraining:
                     if isinstance(message, SentFile):
                         event = remote_training.receive(piece, message)
                     if event is not None:
-                        self._merged.hear(piece.part, event)
+                        self._merged.forward_message(piece.part, event)
         finally:
             remote_training.close()
 
@@ -246,7 +246,7 @@ def _fitting(project: Project, submaps: Sequence[Submap], config: TrainingConfig
 def _memory_of_largest(project: Project, submaps: Sequence[Submap], config: TrainingConfig) -> int:
     """Memory in bytes of the largest training."""
     frames = project.need_capture().frames
-    sizes = [frames[i].intrinsics.within(config.image_size) for i in submaps[0].frames]
+    sizes = [frames[i].intrinsics.limited_to(config.image_size) for i in submaps[0].frames]
     pixels = max(k.width * k.height for k in sizes)
     most = max(len(training_frames(project, s.index)) for s in submaps)
     return training_pool.needed_bytes(most, pixels, config)
@@ -262,7 +262,7 @@ class _StageProgress:
     def finished(self, submap: int) -> None:
         self._done[submap] = self._steps
 
-    def hear(self, submap: int, message: Message) -> None:
+    def forward_message(self, submap: int, message: Message) -> None:
         """Passes on a message about a submap."""
         if isinstance(message, Event):
             self.of(submap)(message)

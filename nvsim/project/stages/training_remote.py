@@ -71,7 +71,7 @@ class RemoteTraining:
     def send_all_inputs(self, found: StorageNotShared) -> None:
         """Sends all inputs to the workers from now on, because a worker cannot read the project."""
         if self._storage == "auto":
-            self._listen(Log(f"{found.why}; NVSim sends the inputs to the workers.", "train"))
+            self._listen(Log(f"{found.reason}; NVSim sends the inputs to the workers.", "train"))
         self._storage = "sent"
 
     def receive(self, piece: WorkItem, file: SentFile) -> Event | None:
@@ -123,9 +123,9 @@ def train_in_place(
         return StorageNotShared(missing)
     from nvsim.training.compilation import compile_ahead
 
-    compile_ahead(caller.tell)
+    compile_ahead(caller.send_event)
     with snapshot.open() as project:
-        trained = train(project, index, config, caller.tell, caller.ready)
+        trained = train(project, index, config, caller.send_event, caller.wait_for_kernels)
         place = project.stage_results().made_at("train", index)[model_name(index)]
         return ModelFiles(trained, _hashes(project.layout.root / place))
 
@@ -137,7 +137,7 @@ def train_elsewhere(
     from nvsim.training.compilation import compile_ahead
     from nvsim.training.rate_limiter import RateLimiter
 
-    compile_ahead(caller.tell)
+    compile_ahead(caller.send_event)
     needed: TrainingInputs = pickle.loads(inputs)
     with tempfile.TemporaryDirectory(prefix="nvsim-submap-") as name:
         folder = Path(name)
@@ -148,21 +148,21 @@ def train_elsewhere(
         # The worker cannot measure the cost of sending a checkpoint, so it follows the requested interval.
         pace = RateLimiter(time.monotonic(), config.checkpoint_seconds)
 
-        def tell(event: Event) -> None:
+        def send_event(event: Event) -> None:
             nonlocal sent
             if isinstance(event, Preview):
                 caller.send(PREVIEW, paths[PREVIEW].read_bytes())
                 return
-            caller.tell(event)
+            caller.send_event(event)
             began, now = time.monotonic(), _stamp(paths[CHECKPOINT])
             if now != sent and pace.is_due(began):
                 sent = now
                 caller.send(CHECKPOINT, paths[CHECKPOINT].read_bytes())
-                pace.done(began, time.monotonic())
+                pace.record_run(began, time.monotonic())
 
         started = time.monotonic()
         model = folder / "model"
-        figures = fit(needed, index, config, model, tell, paths[CHECKPOINT], paths[PREVIEW], None)
+        figures = fit(needed, index, config, model, send_event, paths[CHECKPOINT], paths[PREVIEW], None)
         hashes = _hashes(model)
         for name in sorted(hashes, key=lambda n: n == "model.json"):  # last, because it names the other files
             caller.send(MODEL + name, (model / name).read_bytes())

@@ -96,7 +96,7 @@ def create(path: Path) -> sqlite3.Connection:
     check_files(path)
     make_file(path)
     try:
-        connection = _connected(path)
+        connection = _connect(path)
         connection.execute("PRAGMA journal_mode=WAL")
         connection.execute("PRAGMA synchronous=FULL")
         update(connection, path, 0)
@@ -124,7 +124,7 @@ def update(connection: sqlite3.Connection, path: Path, version: int) -> None:
         raise
 
 
-def _connected(path: Path) -> GuardedConnection:
+def _connect(path: Path) -> GuardedConnection:
     connection = sqlite3.connect(
         path, timeout=30, isolation_level=None, check_same_thread=False, factory=GuardedConnection
     )
@@ -139,7 +139,7 @@ def connect_database(path: Path, read_only: bool) -> sqlite3.Connection:
     if not path.is_file():
         raise InputError(f"{path.parent} is not an NVSim project: it has no {path.name}; `nvsim import` makes one.")
     try:
-        connection = open_to_read(path) if read_only else _connected(path)
+        connection = open_to_read(path) if read_only else _connect(path)
         version = check(connection, path, read_only)
         if version == 0 and not read_only:
             connection.close()

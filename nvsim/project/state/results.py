@@ -123,27 +123,27 @@ class StageResults:
         return found if found.summary.get("capture") == imported.key else None
 
     @property
-    def done(self) -> frozenset[StageName]:
+    def finished_stages(self) -> frozenset[StageName]:
         """The stages that finished."""
         return frozenset(stage for stage in STAGES if self.results.get(("in use", stage), StageResult()).parts)
 
     @property
     def outdated(self) -> frozenset[StageName]:
-        """The stages in `done` that finished before the present capture was imported."""
+        """The stages in `finished_stages` that finished before the present capture was imported."""
         imported = self.part("import")
         at = imported.finished if imported else 0.0
-        parts = {s: self.results["in use", s].parts.values() for s in self.done}
-        return frozenset(s for s in self.done if at and any(0 < p.finished < at for p in parts[s]))
+        parts = {s: self.results["in use", s].parts.values() for s in self.finished_stages}
+        return frozenset(s for s in self.finished_stages if at and any(0 < p.finished < at for p in parts[s]))
 
     @property
-    def former(self) -> frozenset[StageName]:
+    def stages_of_previous_cut(self) -> frozenset[StageName]:
         """The stages whose result in use belongs to a previous cut into submaps."""
         places = self.places
         newest = places.get("cut/submaps")
         return frozenset(stage for stage in FROM_A_CUT if places.get(f"cut/{stage}", newest) != newest)
 
     @property
-    def kept(self) -> frozenset[StageName]:
+    def restorable_stages(self) -> frozenset[StageName]:
         """The stages with an earlier result that can be restored."""
         return frozenset(stage for stage in STAGES if ("previous", stage) in self.results)
 

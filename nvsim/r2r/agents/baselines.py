@@ -48,22 +48,22 @@ class _Scan:
         self._trees: dict[str, ShortestPathTree] = {}
 
     @cached_property
-    def ways(self) -> PathGraph:
+    def path_graph(self) -> PathGraph:
         return PathGraph.of(self.graph)
 
     @cached_property
     def row(self) -> dict[str, int]:
-        return {id: i for i, id in enumerate(self.ways.ids)}
+        return {id: i for i, id in enumerate(self.path_graph.ids)}
 
     @cached_property
     def shortest(self) -> ShortestPaths:
-        return ShortestPaths(self.ways)
+        return ShortestPaths(self.path_graph)
 
     def next_to(self, goal: str, here: str) -> str:
         """Returns the viewpoint after `here` on the shortest path to `goal`."""
         if goal not in self._trees:
             self._trees[goal] = self.shortest.tree(self.row[goal])
-        return self.ways.ids[self._trees[goal].before[self.row[here]]]
+        return self.path_graph.ids[self._trees[goal].before[self.row[here]]]
 
 
 class _Walk:
@@ -119,7 +119,7 @@ class RandomAgent:
         self._seed = seed
 
     def begin(self, instr_id: str, task: Task) -> _StraightWalk:
-        return _StraightWalk(_below(Random(f"{self._seed} {instr_id}"), 12))
+        return _StraightWalk(_random_below(Random(f"{self._seed} {instr_id}"), 12))
 
 
 class _StraightWalk:
@@ -165,10 +165,10 @@ class _RandomWalk:
         if not self._left or not places:
             return None
         self._left -= 1
-        return places[_below(self._random, len(places))][1], 0.0, 0.0
+        return places[_random_below(self._random, len(places))][1], 0.0, 0.0
 
 
-def _below(random: Random, count: int) -> int:
+def _random_below(random: Random, count: int) -> int:
     """A random integer from 0 to `count` - 1. Only `Random.random()` gives equal results in all Python versions."""
     return int(random.random() * count)
 

@@ -96,11 +96,11 @@ def run_agent(agent: Agent, tasks: Sequence[Task], graphs: Path) -> dict[str, li
         filled = [task for _, task in part + part[-1:] * (size - len(part))]  # pads the last batch to the full size
         starts = [task.scan for task in filled], [task.path[0] for task in filled]
         sim.newEpisode(*starts, [task.heading for task in filled], [0.0] * size)
-        found |= dict(zip((id for id, _ in part), _walked(sim, [agent.begin(*episode) for episode in part])))
+        found |= dict(zip((id for id, _ in part), _run_paths(sim, [agent.begin(*episode) for episode in part])))
     return found
 
 
-def _walked(sim: Simulator, walks: Sequence[EpisodeWalk]) -> list[list[Pose]]:
+def _run_paths(sim: Simulator, walks: Sequence[EpisodeWalk]) -> list[list[Pose]]:
     trajectories = [[_pose(state)] for state in sim.getState()[: len(walks)]]
     going = set(range(len(walks)))
     while going:

@@ -64,7 +64,7 @@ class Scene:
             space = FreeSpace.of(layers, graph, cloud)
             self._spaces |= {one.viewpoint.id: space for one in layers.seen}
 
-    def climbs(self, path: Sequence[str]) -> bool:
+    def uses_stairs(self, path: Sequence[str]) -> bool:
         """Returns True if a path uses stairs. Obstacles on stairs cannot be found in a level slice."""
         return len({self._spaces.get(id) for id in path}) > 1 or path[0] not in self._spaces
 
@@ -73,14 +73,14 @@ class Scene:
         at = {id: np.array(v.position[:2]) for id, v in self._graph.viewpoints.items() if v.included}
         edges = [key for key in self._graph.edges if key[0] in at and key[1] in at]
         return Impassable(
-            tuple(k for k in edges if self.climbs(k) or not self._spaces[k[0]].joins(at[k[0]], at[k[1]])),
+            tuple(k for k in edges if self.uses_stairs(k) or not self._spaces[k[0]].joins(at[k[0]], at[k[1]])),
             tuple(id for id in at if id not in self._spaces or not self._spaces[id].is_free(at[id])),
         )
 
     def episode(self, task: Task, turn: int = TURN) -> Episode | None:
         """Returns the episode of a task with turns of `turn` degrees, or None if the robot has no room along the path
         or would have to climb."""
-        if self.climbs(task.path):
+        if self.uses_stairs(task.path):
             return None
         viewpoints = [self._graph.viewpoints[id] for id in task.path]
         space = self._spaces[task.path[0]]
@@ -108,7 +108,7 @@ def instruction_id(task: Task, number: int) -> int:
     return 100 * task.path_id + number
 
 
-def numbered(episodes: Sequence[Episode]) -> Iterator[tuple[int, Episode, str]]:
+def number_instructions(episodes: Sequence[Episode]) -> Iterator[tuple[int, Episode, str]]:
     """Yields (`instruction_id`, episode, text) for every instruction."""
     for episode in episodes:
         for k, text in enumerate(episode.task.instructions):
@@ -136,14 +136,14 @@ _BEGIN = -1
 
 def write_vlnce(episodes: Mapping[str, Sequence[Episode]], folder: Path) -> list[Path]:
     """Writes both files of every split and returns the paths. Raises InputError if writing fails."""
-    texts = [text for split in episodes.values() for _, _, text in numbered(split)]
+    texts = [text for split in episodes.values() for _, _, text in number_instructions(split)]
     words = vocabulary(texts)
     files: dict[Path, dict[str, Any]] = {}
     for name, split in episodes.items():
-        items = [_episode(id, episode, text, words) for id, episode, text in numbered(split)]
+        items = [_episode(id, episode, text, words) for id, episode, text in number_instructions(split)]
         files[folder / name / f"{name}.json.gz"] = {"episodes": items, "instruction_vocab": {"word_list": words}}
         files[folder / name / f"{name}_gt.json.gz"] = {
-            str(id): ground_truth_actions(one) for id, one, _ in numbered(split)
+            str(id): ground_truth_actions(one) for id, one, _ in number_instructions(split)
         }
     for path, data in files.items():
         atomic.write_bytes(path, gzip_bytes(data))

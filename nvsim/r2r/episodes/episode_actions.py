@@ -54,7 +54,7 @@ class FreeSpace:
         from scipy.ndimage import distance_transform_edt
 
         free = visible_floor(layers)
-        free &= layers.counted(layers.firm(_FROM, _TO)) < _LEAST
+        free &= layers.count_per_cell(layers.is_confirmed(_FROM, _TO)) < _LEAST
         if cloud is not None:
             free &= ~scanned_obstacles(layers, cloud)
         metres = (distance_transform_edt(np.pad(free, 1))[1:-1, 1:-1] - 0.5) * CELL
@@ -75,7 +75,7 @@ class FreeSpace:
 
         from nvsim.occupancy.grid_ways import GridWays
 
-        near = distance_transform_edt(~self._drawn(path)) * CELL <= reach
+        near = distance_transform_edt(~self._cells_of_path(path)) * CELL <= reach
         open_cells = near & (self.room >= 0)
         row, column = self.layers.cells_of(path[-1])
         if not open_cells[row, column]:
@@ -107,13 +107,13 @@ class FreeSpace:
         at = [set(parts[np.linalg.norm(places - end, axis=-1) <= _ARRIVED].tolist()) - {0} for end in ends]
         return bool(at[0] & at[1])
 
-    def _drawn(self, path: NDArray[np.floating]) -> NDArray[np.bool_]:
+    def _cells_of_path(self, path: NDArray[np.floating]) -> NDArray[np.bool_]:
         return _lines(self.layers, list(zip(path[:-1, :2], path[1:, :2])))
 
 
 def visible_floor(layers: Layers) -> NDArray[np.bool_]:
     """Returns (rows, columns) the cells with visible floor."""
-    return _closed(layers.between(-FLOOR - CELL / 2, FLOOR + CELL / 2) > 0)
+    return _fill_single_holes(layers.count_between(-FLOOR - CELL / 2, FLOOR + CELL / 2) > 0)
 
 
 def scanned_obstacles(layers: Layers, cloud: NDArray[np.floating]) -> NDArray[np.bool_]:
@@ -131,7 +131,7 @@ def scanned_obstacles(layers: Layers, cloud: NDArray[np.floating]) -> NDArray[np
     return np.asarray(large[labels])
 
 
-def _closed(floor: NDArray[np.bool_]) -> NDArray[np.bool_]:
+def _fill_single_holes(floor: NDArray[np.bool_]) -> NDArray[np.bool_]:
     """Fills holes of single cells, which occur far from all viewpoints because rays are sparse there."""
     import cv2
 
@@ -182,7 +182,7 @@ def walk_along(space: FreeSpace, path: NDArray[np.floating], heading: float, tur
     """
     to_go = space.to_go(path, _REACH)
     start, goal = (float(path[0, 0]), float(path[0, 1])), np.asarray(path[-1, :2], np.float64)
-    left = _left(space, to_go, start)
+    left = _distance_left(space, to_go, start)
     if not math.isfinite(left):
         return None
     ways = [(math.sin(h), math.cos(h)) for h in (heading + math.radians(turn * k) for k in range(360 // turn))]
@@ -199,22 +199,22 @@ def walk_along(space: FreeSpace, path: NDArray[np.floating], heading: float, tur
         done.add(key)
         here = len(closed)
         closed.append((x, y, k, before, action))
-        if math.hypot(x - goal[0], y - goal[1]) <= _ARRIVED and _left(space, to_go, (x, y)) < 2 * _ARRIVED:
-            return _back(closed, heading, turn)
+        if math.hypot(x - goal[0], y - goal[1]) <= _ARRIVED and _distance_left(space, to_go, (x, y)) < 2 * _ARRIVED:
+            return _path_from_search(closed, heading, turn)
         turns = 360 // turn
         nexts = [(x, y, (k - 1) % turns, LEFT), (x, y, (k + 1) % turns, RIGHT)]
         ahead = x + STEP * ways[k][0], y + STEP * ways[k][1]
         if _is_free(space, (x, y), ahead):
             nexts.insert(0, (*ahead, k, FORWARD))
         for x1, y1, k1, how in nexts:
-            left = _left(space, to_go, (x1, y1))
+            left = _distance_left(space, to_go, (x1, y1))
             if math.isfinite(left) and (round(x1 / _CELL), round(y1 / _CELL), k1) not in done:
                 cost = actions + 1 + _GREED * left / STEP
                 heapq.heappush(waiting, (cost, next(order), actions + 1, x1, y1, k1, here, how))
     return None
 
 
-def _left(space: FreeSpace, to_go: NDArray[np.float32], place: tuple[float, float]) -> float:
+def _distance_left(space: FreeSpace, to_go: NDArray[np.float32], place: tuple[float, float]) -> float:
     layers = space.layers
     column, row = (math.floor((v - low) / CELL) for v, low in zip(place, layers.low))
     inside = 0 <= row < layers.shape[0] and 0 <= column < layers.shape[1]
@@ -226,7 +226,7 @@ def _is_free(space: FreeSpace, a: tuple[float, float], b: tuple[float, float]) -
     return bool(space.is_free(np.array(a) + shares * (np.array(b) - np.array(a))).all())
 
 
-def _back(closed: list[tuple[float, float, int, int, int]], heading: float, turn: int) -> ActionPath:
+def _path_from_search(closed: list[tuple[float, float, int, int, int]], heading: float, turn: int) -> ActionPath:
     chain = [len(closed) - 1]
     while closed[chain[-1]][3] >= 0:
         chain.append(closed[chain[-1]][3])

@@ -42,9 +42,9 @@ class GrowingLmdb:
     def __init__(self, rows: KeptRows, target: Path, largest: int) -> None:
         self._rows, self._target, self._largest = rows, target, largest
 
-    def has(self, key: str, mark: bytes) -> bool:
+    def contains(self, key: str, mark: bytes) -> bool:
         """Whether an array with this key and this fingerprint `mark` exists."""
-        return self._rows.has(key, mark)
+        return self._rows.contains(key, mark)
 
     def store(self, key: str, mark: bytes, array: NDArray[np.float32]) -> None:
         """Stores an array of any shape, float32. Raises InputError if writing fails or the key is not short ASCII."""
@@ -131,7 +131,7 @@ def extract_candidates(
     maker = hashlib.sha256(repr((backbone.digest, about)).encode()).hexdigest()
     room = 4 * numbers * sum(len(views) for *_, views in places)
     with growing_lmdb(target, maker, room, len(places)) as file:
-        todo = [n for n, place in enumerate(places) if not file.has(place[0], marks[n])]
+        todo = [n for n, place in enumerate(places) if not file.contains(place[0], marks[n])]
         done = len(places) - len(todo)
         if done:
             listen(Log(f"{done} of {len(places)} viewpoints are already computed", STAGE))

@@ -103,10 +103,10 @@ def _relangles(scan: ExportedScan, found: Candidates, i: int, k: int) -> list[An
 
 
 def _navgpt2(scan: ExportedScan, found: Candidates, i: int, k: int) -> list[Any]:
-    return [int(found.view[i]), k, *_same(scan, found, i, k)[1:]]
+    return [int(found.view[i]), k, *_common_values(scan, found, i, k)[1:]]
 
 
-def _same(scan: ExportedScan, found: Candidates, i: int, k: int) -> list[Any]:
+def _common_values(scan: ExportedScan, found: Candidates, i: int, k: int) -> list[Any]:
     angles = float(found.distance[i]), float(found.heading[i]), float(found.elevation[i])
     return [int(found.view[i]), *angles, _position(scan, int(found.target[i]))]
 
@@ -133,7 +133,7 @@ Row = Callable[[ExportedScan, Candidates, int, int], Any]
 _KEYED: Mapping[str, Row] = {
     "scanvp_candview_relangles.json": _relangles,
     "scanvp_candidates.json": _navgpt2,
-    "mp3d_scanvp_candidates.json": _same,
+    "mp3d_scanvp_candidates.json": _common_values,
 }
 
 

@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from nvsim.errors import InputError
-from nvsim.files.images import decoded, is_cut_off
+from nvsim.files.images import decode_pixels, is_cut_off
 from nvsim.files.opening import read_bytes, read_json
 from nvsim.geometry.directions import HEIGHT, VFOV, VIEWS, WIDTH, heading_and_elevation
 from nvsim.graph.connectivity import read_connectivity, scan_files
@@ -159,7 +159,7 @@ def _image(path: Path, size: tuple[int, int] | None) -> Image:
     data = read_bytes(path, LARGEST)
     if is_cut_off(data):
         raise InputError(f"{path} is truncated; export the images of the scan again.")
-    image = decoded(
+    image = decode_pixels(
         data,
         path,
         cv2.IMREAD_COLOR,

@@ -75,7 +75,7 @@ def extract(
     maker = hashlib.sha256(repr((backbone.digest, about)).encode()).hexdigest()
     keys = [f"{scan.id}_{scan.viewpoints[i]}" for scan, _, i in places]
     with kept_rows(target, maker) as kept:
-        todo = [n for n, key in enumerate(keys) if not kept.has(key, fingerprints[n])]
+        todo = [n for n, key in enumerate(keys) if not kept.contains(key, fingerprints[n])]
         done = len(places) - len(todo)
         if done:
             listen(Log(f"{done} of {len(places)} viewpoints are already computed", STAGE))
@@ -88,7 +88,7 @@ def extract(
                 done += 1
                 listen(Progress(STAGE, done, len(places), places[n][0].id))
         write = write_tsv if layout.is_tsv else write_hdf5
-        write(target, _placed(kept, keys, places, layout.width + classes), about, round(math.degrees(VFOV)))
+        write(target, _place_rows(kept, keys, places, layout.width + classes), about, round(math.degrees(VFOV)))
     written = [target, description_path(target)] if layout.is_tsv else [target]
     words = (
         f"{len(places)} viewpoints of {len(scans)} scan{'s' if len(scans) > 1 else ''}, {layout.width} numbers per view"
@@ -113,7 +113,9 @@ def compute_in_batches(backbone: Backbone, prepared: Sequence[NDArray[Any]]) -> 
     return np.concatenate([backbone.features(prepared[at : at + backbone.batch]) for at in batches])
 
 
-def _placed(kept: KeptRows, keys: list[str], places: list[tuple[ExportedScan, ViewSource, int]], width: int) -> Rows:
+def _place_rows(
+    kept: KeptRows, keys: list[str], places: list[tuple[ExportedScan, ViewSource, int]], width: int
+) -> Rows:
     for key, (scan, _, index) in zip(keys, places, strict=True):
         data = kept.get(key)
         if len(data) != _SIZE.size + 4 * VIEWS * width:

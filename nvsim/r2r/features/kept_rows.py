@@ -38,7 +38,7 @@ class KeptRows:
             self._end += length
         os.ftruncate(descriptor, self._end)
 
-    def has(self, key: str, fingerprint: bytes) -> bool:
+    def contains(self, key: str, fingerprint: bytes) -> bool:
         """Whether a row with this key and fingerprint exists."""
         row = self._rows.get(key)
         return row is not None and row[2] == fingerprint

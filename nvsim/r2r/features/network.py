@@ -19,7 +19,7 @@ from nvsim.files.opening import opened, read_text
 from nvsim.files.reading import reading
 from nvsim.networks.image_preparation import Preparation, preparation_in
 from nvsim.networks.onnx_session import Provider, Session, providers
-from nvsim.networks.toml_table import LARGEST, TomlTable, parsed
+from nvsim.networks.toml_table import LARGEST, TomlTable, parse_toml
 from nvsim.r2r.features.backbone import Backbone, Float32, Projection
 from nvsim.r2r.features.layouts import CLASSES, Layout, feature_maker
 
@@ -61,7 +61,7 @@ def read_description(model: Path) -> Description:
 
 def parse_description(text: str, path: Path) -> Description:
     """Reads a description from `text`, the content of the file `path`. Raises InputError with the wrong key."""
-    table = TomlTable(parsed(text, path), path)
+    table = TomlTable(parse_toml(text, path), path)
     description = Description(
         name=table.word("name", path.stem),
         width=table.integer("width", MOST_WIDTH),

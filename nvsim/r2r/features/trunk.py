@@ -74,10 +74,10 @@ class Trunk:
         """Returns (N, 2280) float32 of N prepared images (3, 192, 256): pooled features, then logits."""
         with torch.inference_mode():
             x = torch.from_numpy(np.stack(images)).to(memory_format=torch.channels_last)
-            x = functional.relu6(_convolved(x, self._stem))
+            x = functional.relu6(_convolve(x, self._stem))
             for block in self._blocks:
-                x = _through(x, block)
-            pooled = functional.relu6(_convolved(x, self._head)).mean(dim=(2, 3))
+                x = _run_block(x, block)
+            pooled = functional.relu6(_convolve(x, self._head)).mean(dim=(2, 3))
             return np.asarray(torch.cat([pooled, functional.linear(pooled, *self._classifier)], 1).numpy(), np.float32)
 
 
@@ -129,7 +129,7 @@ def _layer(weights: Weights, convolution: str, norm: str, stride: int, depthwise
     return Layer(folded, bias, stride, len(weight) if depthwise else 1)
 
 
-def _convolved(x: Tensor, layer: Layer) -> Tensor:
+def _convolve(x: Tensor, layer: Layer) -> Tensor:
     kernel = layer.weight.shape[-1]
     pads = [p for size in (x.shape[3], x.shape[2]) for p in padding(size, kernel, layer.stride)]
     if any(pads):
@@ -143,9 +143,9 @@ def padding(size: int, kernel: int, stride: int) -> tuple[int, int]:
     return total // 2, total - total // 2
 
 
-def _through(x: Tensor, block: list[Layer]) -> Tensor:
+def _run_block(x: Tensor, block: list[Layer]) -> Tensor:
     y = x
     for layer in block[:-1]:
-        y = functional.relu6(_convolved(y, layer))
-    y = _convolved(y, block[-1])
+        y = functional.relu6(_convolve(y, layer))
+    y = _convolve(y, block[-1])
     return x + y if block[-2].stride == 1 and x.shape == y.shape else y

@@ -72,9 +72,13 @@ def cues_along(ids: Sequence[str], facing: float, seen: Surroundings) -> frozens
     """Returns all cues of a leg over viewpoints `ids` (two or more) that ends with heading `facing` (radians)."""
     steps = list(zip(ids, ids[1:]))
     if any(step not in seen.doors for step in steps):
-        return frozenset(_by(ids, 0.0, facing, seen))  # steps between storeys have no other cues
+        return frozenset(_objects_at_end(ids, 0.0, facing, seen))  # steps between storeys have no other cues
     length = sum(seen.metres[step] for step in steps)
-    found = [*_doorways(ids, steps, seen), *_past(ids, steps, seen), *_by(ids, length, facing, seen)]
+    found = [
+        *_doorways(ids, steps, seen),
+        *_passed_objects(ids, steps, seen),
+        *_objects_at_end(ids, length, facing, seen),
+    ]
     found += [*_floor(steps, seen), *_cues_ahead(ids, steps, facing, seen)]
     return frozenset(found)
 
@@ -109,10 +113,10 @@ def _doors_of(steps: Sequence[Pair], seen: Surroundings) -> Iterator[float]:
 def _is_unique(look: str, i: int, ids: Sequence[str], seen: Surroundings, metres: float = NEAR) -> bool:
     """Whether no other object of this look is visible within so many meters of the viewpoints."""
     others = {j for id in ids for j, _, far in seen.visible.get(id, ()) if far <= metres}
-    return not any(_look(seen, j) == look for j in others - {i})
+    return not any(_color_and_shape(seen, j) == look for j in others - {i})
 
 
-def _past(ids: Sequence[str], steps: Sequence[Pair], seen: Surroundings) -> Iterator[Cue]:
+def _passed_objects(ids: Sequence[str], steps: Sequence[Pair], seen: Surroundings) -> Iterator[Cue]:
     passed: dict[int, list[tuple[CueSide, float]]] = defaultdict(list)
     walked = 0.0
     for step in steps:
@@ -120,8 +124,8 @@ def _past(ids: Sequence[str], steps: Sequence[Pair], seen: Surroundings) -> Iter
             passed[i].append((beside, walked + metres))
         walked += seen.metres[step]
     for i, places in passed.items():
-        look = _look(seen, i)
-        if not _is_unique(look, i, ids, seen) or any(_look(seen, j) == look for j in passed if j != i):
+        look = _color_and_shape(seen, i)
+        if not _is_unique(look, i, ids, seen) or any(_color_and_shape(seen, j) == look for j in passed if j != i):
             continue
         side, at = places[-1]
         if all(other == side for other, _ in places):
@@ -129,10 +133,10 @@ def _past(ids: Sequence[str], steps: Sequence[Pair], seen: Surroundings) -> Iter
             yield Cue("past", look, "", at, i)
 
 
-def _by(ids: Sequence[str], length: float, facing: float, seen: Surroundings) -> Iterator[Cue]:
+def _objects_at_end(ids: Sequence[str], length: float, facing: float, seen: Surroundings) -> Iterator[Cue]:
     """Finds objects at the end of a leg of `length` meters. They must not be behind the agent."""
     for i, heading, metres in seen.visible.get(ids[-1], ()):
-        look, off = _look(seen, i), _turn(heading - facing)
+        look, off = _color_and_shape(seen, i), _wrap_angle(heading - facing)
         if metres > NEAR or abs(off) > _BESIDE[1] or not _is_unique(look, i, ids[-1:], seen):
             continue
         if metres <= _CLOSE:
@@ -149,26 +153,26 @@ def _cues_ahead(ids: Sequence[str], steps: Sequence[Pair], facing: float, seen: 
         return
     last = {i: (heading, metres) for i, heading, metres in seen.visible.get(ids[-2], ())}
     for i, heading, _ in seen.visible.get(ids[0], ()):
-        if i not in last or abs(_turn(heading - facing)) > _TOWARDS[0]:
+        if i not in last or abs(_wrap_angle(heading - facing)) > _TOWARDS[0]:
             continue
         ahead, metres = last[i]
-        near = abs(_turn(ahead - facing)) <= _TOWARDS[1] and metres > seen.metres[steps[-1]] + 0.2
-        if near and _is_unique(_look(seen, i), i, ids[:1], seen, math.inf):
-            yield Cue("towards", _look(seen, i), "", 0.0, i)
+        near = abs(_wrap_angle(ahead - facing)) <= _TOWARDS[1] and metres > seen.metres[steps[-1]] + 0.2
+        if near and _is_unique(_color_and_shape(seen, i), i, ids[:1], seen, math.inf):
+            yield Cue("towards", _color_and_shape(seen, i), "", 0.0, i)
 
 
 def objects_around(id: str, facing: float, seen: Surroundings) -> Iterator[Cue]:
     """Yields the objects ahead, and those within 3 m on the left and right, of a viewpoint; the nearest first."""
     for i, heading, metres in sorted(seen.visible.get(id, ()), key=lambda one: one[2]):
-        off = _turn(heading - facing)
+        off = _wrap_angle(heading - facing)
         side: CueSide = "ahead" if abs(off) <= _AHEAD else "right" if off > 0 else "left"
-        if not is_unnamed(_look(seen, i)) and (
+        if not is_unnamed(_color_and_shape(seen, i)) and (
             side == "ahead" or _BESIDE[0] <= abs(off) <= _BESIDE[1] and metres < _ACROSS
         ):
-            yield Cue("by", _look(seen, i), side, 0.0, i)
+            yield Cue("by", _color_and_shape(seen, i), side, 0.0, i)
 
 
-def _turn(angle: float) -> float:
+def _wrap_angle(angle: float) -> float:
     return (angle + math.pi) % (2 * math.pi) - math.pi
 
 
@@ -209,8 +213,8 @@ def _runs(named: Sequence[tuple[str, float]]) -> list[_FloorStretch]:
     ]
 
 
-def _look(seen: Surroundings, i: int) -> str:
-    return " ".join(seen.things[i].look)
+def _color_and_shape(seen: Surroundings, i: int) -> str:
+    return " ".join(seen.things[i].color_and_shape)
 
 
 def stair_cues(slopes: Sequence[Sequence[Slope]], leg: Slope) -> Iterator[Cue]:

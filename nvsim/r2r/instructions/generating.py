@@ -24,9 +24,9 @@ from nvsim.r2r.instructions.ground import (
     View,
     continues_leg,
     is_bend,
-    rounded,
+    round_legs,
     turn_before_step,
-    wrapped,
+    wrap_angle,
 )
 from nvsim.r2r.instructions.registers import Register
 from nvsim.r2r.instructions.short_wording import short_instruction
@@ -80,16 +80,16 @@ class _PathSearch:
         """Tries all first steps of the k-th leg."""
         said = self.said[k]
         for step in self._new_steps(path):
-            off = wrapped(turn_before_step(facing, step) - said.turn)
+            off = wrap_angle(turn_before_step(facing, step) - said.turn)
             if step.slope == said.slope and abs(off) <= _FARTHEST_TURN:
-                after = _facing(facing, step)
-                self._walk([*path, step.to], len(path) - 1, after, k, step.metres, cost + (off / _ANGLE) ** 2)
+                after = _heading_after(facing, step)
+                self._continue_leg([*path, step.to], len(path) - 1, after, k, step.metres, cost + (off / _ANGLE) ** 2)
 
-    def _walk(self, path: list[int], first: int, facing: float, k: int, walked: float, cost: float) -> None:
+    def _continue_leg(self, path: list[int], first: int, facing: float, k: int, walked: float, cost: float) -> None:
         """Continues the k-th leg or ends it here. The leg began at path[first], `walked` meters before."""
         self.tried += 1
         said = self.said[k]
-        least, most, unit = _reach(said)
+        least, most, unit = _length_range(said)
         if walked > most or cost > self.least + _ALIKE or self.tried > _MOST_TRIED:
             return
         if walked >= least:
@@ -103,11 +103,11 @@ class _PathSearch:
             else:
                 self._end(path, here)
         for step in self._new_steps(path):
-            turn, after = turn_before_step(facing, step), _facing(facing, step)
+            turn, after = turn_before_step(facing, step), _heading_after(facing, step)
             if continues_leg(said.slope, turn, step):
-                self._walk([*path, step.to], first, after, k, walked + step.metres, cost)
+                self._continue_leg([*path, step.to], first, after, k, walked + step.metres, cost)
             elif is_bend(said.slope, turn, step):
-                self._walk([*path, step.to], first, after, k, walked + step.metres, cost + (turn / _BEND) ** 2)
+                self._continue_leg([*path, step.to], first, after, k, walked + step.metres, cost + (turn / _BEND) ** 2)
 
     def _end(self, path: list[int], cost: float) -> None:
         if cost < self.least - _ALIKE:
@@ -119,7 +119,7 @@ class _PathSearch:
         return [step for step in self.ground.steps[path[-1]] if step.to not in path]
 
 
-def _reach(said: Leg) -> tuple[float, float, float]:
+def _length_range(said: Leg) -> tuple[float, float, float]:
     """Returns the least and the greatest length of a leg in meters, and the error in meters that costs 1."""
     if said.metres is None:
         return 0.0, _LONGEST, _METRE
@@ -128,7 +128,7 @@ def _reach(said: Leg) -> tuple[float, float, float]:
     return said.metres - slack, said.metres + slack, max(_METRE, 0.5 * said.metres) if rough else _METRE
 
 
-def _facing(before: float, step: Step) -> float:
+def _heading_after(before: float, step: Step) -> float:
     return before if step.heading is None else step.heading
 
 
@@ -176,7 +176,7 @@ def instruct(
         random = Random(f"{seed} {task.scan} {task.path_id}")
         texts, details, described = [], [], []
         for _ in range(each):
-            said, detail, again = _described(ground, rows, task.heading, register, random)
+            said, detail, again = _find_description(ground, rows, task.heading, register, random)
             text, words = _text(ground, said, task.heading, detail, register, random)
             texts.append(text)
             described.append(words)
@@ -198,7 +198,7 @@ def _text(
 ) -> tuple[str, tuple[int, ...]]:
     """Returns an instruction, and for each word the viewpoint of the path that it describes (only register rxr)."""
     if register == "short":
-        return min((short_instruction(said, detail, random) for _ in range(9)), key=_excess), ()
+        return min((short_instruction(said, detail, random) for _ in range(9)), key=_count_excess_words), ()
     if register == "detailed":
         return instruction_of(said, detail, random), ()
     views = [ground.view(said[0].rows[0], heading)]
@@ -222,20 +222,20 @@ def _places_of(sentences: Sequence[tuple[str, int]], said: Sequence[Leg]) -> tup
     return (*found, *[begin] * counts[-1])
 
 
-def _excess(text: str) -> int:
+def _count_excess_words(text: str) -> int:
     return max(0, len(text.split()) - _WORDS)
 
 
-def _described(
+def _find_description(
     ground: PathSteps, path: list[int], heading: float, register: Register, random: Random
 ) -> tuple[list[Leg], Detail, bool]:
     """Returns the first description from which the follower finds a path, its detail, and True.
 
     Returns the last description, its detail, and False if the follower finds the path from none.
     """
-    tries = {"short": _short, "detailed": _detailed, "rxr": _long}[register]
+    tries = {"short": _short_descriptions, "detailed": _detailed_descriptions, "rxr": _long_descriptions}[register]
     for legs, detail in tries(ground, path, heading, random):
-        said = rounded(with_one_name_each(legs), detail)
+        said = round_legs(with_one_name_each(legs), detail)
         if find_described_path(ground, path[0], heading, said) == path:
             return _without_needless(ground, path, heading, said) if register == "short" else said, detail, True
     return said, detail, False
@@ -272,7 +272,7 @@ def with_one_name_each(legs: Sequence[Leg]) -> list[Leg]:
 Tries = Iterator[tuple[Sequence[Leg], Detail]]
 
 
-def _short(ground: PathSteps, path: list[int], heading: float, random: Random) -> Tries:
+def _short_descriptions(ground: PathSteps, path: list[int], heading: float, random: Random) -> Tries:
     """Yields descriptions from few to all facts: first with bends inside legs, rough distances, and one or two cues."""
     forms = list(ground.legs_with_bends(path, heading))
     for most, measure in _AMOUNTS:
@@ -294,7 +294,7 @@ def _with_few_cues(legs: Sequence[Leg], most: int, measure: Measure | None, rand
     return found
 
 
-def _detailed(ground: PathSteps, path: list[int], heading: float, random: Random) -> Tries:
+def _detailed_descriptions(ground: PathSteps, path: list[int], heading: float, random: Random) -> Tries:
     """Yields descriptions with some of the cues, then with all. The first omits distances that may be needless."""
     whole = [
         replace(leg, cues=frozenset(c for c in leg.cues if c.kind != "past" or c.side))
@@ -310,10 +310,10 @@ def _detailed(ground: PathSteps, path: list[int], heading: float, random: Random
     if any(leg.cues for leg in legs):
         for detail in DETAILS:
             yield legs, detail
-    yield from _long(ground, path, heading, random)
+    yield from _long_descriptions(ground, path, heading, random)
 
 
-def _long(ground: PathSteps, path: list[int], heading: float, random: Random) -> Tries:
+def _long_descriptions(ground: PathSteps, path: list[int], heading: float, random: Random) -> Tries:
     """Yields descriptions with all cues and distances."""
     for detail in DETAILS:
         yield [replace(leg, cues=drop_redundant_cues(leg.cues)) for leg in ground.legs(path, heading)], detail
@@ -332,7 +332,7 @@ def describe_path(ground: PathSteps, path: list[int], heading: float) -> tuple[l
     """
     legs = [replace(leg, cues=drop_redundant_cues(leg.cues)) for leg in ground.legs(path, heading)]
     for detail in DETAILS:
-        said = rounded(legs, detail)
+        said = round_legs(legs, detail)
         if find_described_path(ground, path[0], heading, said) == path:
             return said, detail, True
     return said, detail, False

@@ -157,7 +157,7 @@ class PathSteps:
 
 def turn_before_step(facing: float, step: Step) -> float:
     """Returns the turn in radians, in (-pi, pi], before a step; 0 if the step leads straight up or down."""
-    return 0.0 if step.heading is None else wrapped(step.heading - facing)
+    return 0.0 if step.heading is None else wrap_angle(step.heading - facing)
 
 
 def continues_leg(slope: Slope, turn: float, step: Step) -> bool:
@@ -170,12 +170,12 @@ def is_bend(slope: Slope, turn: float, step: Step) -> bool:
     return slope == step.slope and _STRAIGHT <= abs(turn) <= _BEND
 
 
-def wrapped(angle: float) -> float:
+def wrap_angle(angle: float) -> float:
     """Wraps an angle to (-pi, pi]."""
     return math.pi - (math.pi - angle) % (2 * math.pi)
 
 
-def rounded(legs: Sequence[Leg], detail: Detail) -> list[Leg]:
+def round_legs(legs: Sequence[Leg], detail: Detail) -> list[Leg]:
     """Rounds legs to the precision that the instruction states and the follower uses."""
     return [_in_words(leg) if detail == "words" else _in_steps(leg, _STEPS[detail]) for leg in legs]
 
@@ -204,7 +204,7 @@ def _in_words(leg: Leg) -> Leg:
 
 def _in_steps(leg: Leg, degrees: int) -> Leg:
     return replace(
-        leg, turn=wrapped(math.radians(degrees * round(math.degrees(leg.turn) / degrees))), metres=_in_units(leg)
+        leg, turn=wrap_angle(math.radians(degrees * round(math.degrees(leg.turn) / degrees))), metres=_in_units(leg)
     )
 
 
@@ -225,4 +225,4 @@ def _in_halves(metres: float) -> float:
 
 
 def _nearest(turn: float) -> int:
-    return min(TURNS, key=lambda degrees: abs(wrapped(turn - math.radians(degrees))))
+    return min(TURNS, key=lambda degrees: abs(wrap_angle(turn - math.radians(degrees))))

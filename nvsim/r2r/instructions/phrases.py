@@ -18,7 +18,7 @@ def alternatives_pattern(text: str) -> str:
     return "[" + re.sub(r"\s*\|\s*", "|", " ".join(text.split())) + "]"
 
 
-def _mirrored(left: str) -> str:
+def _mirror(left: str) -> str:
     return left.replace("left", "right")
 
 
@@ -58,9 +58,9 @@ TURNS: dict[str, str] = {
     "slightly left": _SLIGHTLY,
     "left": _LEFT,
     "sharply left": _SHARPLY,
-    "slightly right": _mirrored(_SLIGHTLY),
-    "right": _mirrored(_LEFT),
-    "sharply right": _mirrored(_SHARPLY),
+    "slightly right": _mirror(_SLIGHTLY),
+    "right": _mirror(_LEFT),
+    "sharply right": _mirror(_SHARPLY),
     "around": alternatives_pattern("""
         turn around | turn around | turn around | turn back | make a U-turn | turn completely around | spin
         around | face the opposite direction | turn to face the other way | make a half turn | go the opposite
@@ -124,7 +124,7 @@ class ObjectNames:
         self._random = random
         self._nouns: dict[str, str] = {}
 
-    def of(self, cue: Cue) -> str:
+    def name_of(self, cue: Cue) -> str:
         """Returns the name of the object of a cue, without an article."""
         colour, _, shape = cue.subject.partition(" ")
         if cue.subject not in self._nouns:

@@ -195,28 +195,30 @@ def short_instruction(said: Sequence[Leg], detail: Detail, random: Random) -> st
     reached: Cue | None = None
     for i, leg in enumerate(said):
         by = next((cue for cue in sorted(leg.cues) if cue.kind == "by"), None)
-        turn = _turn(leg, detail, random)
+        turn = _turn_phrase(leg, detail, random)
         if reached is not None:
-            clauses.append(_Clause(f"{choose_alternatives(AT, random).format(names.of(reached))}, {turn}", opens=True))
+            clauses.append(
+                _Clause(f"{choose_alternatives(AT, random).format(names.name_of(reached))}, {turn}", opens=True)
+            )
         elif turn:
             clauses.append(_Clause(turn))
         reached = None
         is_last = i + 1 == len(said)
-        follows = not is_last and _turn(said[i + 1], detail, Random(0)) != ""
+        follows = not is_last and _turn_phrase(said[i + 1], detail, Random(0)) != ""
         if by is not None and by.side == "" and follows and random.random() < 0.6:
             reached = by
         inside = leg if by is None or not (is_last or reached is by) else replace(leg, cues=leg.cues - {by})
         is_plain = is_last and by is not None and not inside.cues and leg.metres is None
         if by is not None and is_plain and by.side in ("", "ahead") and random.random() < 0.5:
-            clauses += [_Clause(choose_alternatives(WALK_TO, random).format(names.of(by)))]
+            clauses += [_Clause(choose_alternatives(WALK_TO, random).format(names.name_of(by)))]
             by = None
         else:
-            clauses += [_Clause(words) for words in _moves(inside, names, random)]
+            clauses += [_Clause(words) for words in _walk_phrases(inside, names, random)]
         if is_last:
             words = (
                 choose_alternatives(STOPS, random)
                 if by is None
-                else choose_alternatives(STOP_BY[by.side], random).format(names.of(by))
+                else choose_alternatives(STOP_BY[by.side], random).format(names.name_of(by))
             )
             clauses.append(_Clause(words))
     return _sentences(clauses, random)
@@ -229,14 +231,14 @@ def _sentences(clauses: Sequence[_Clause], random: Random) -> str:
     for clause in clauses:
         count = sum(len(words.split()) for words in (*group, clause.words))
         if group and (clause.opens or len(group) >= size or count > _MOST_WORDS):
-            sentences.append(_joined(group, bool(sentences), False, random))
+            sentences.append(_join_clauses(group, bool(sentences), False, random))
             group, size = [], 2 + int(random.random() * 2)
         group.append(clause.words)
-    sentences.append(_joined(group, bool(sentences), True, random))
+    sentences.append(_join_clauses(group, bool(sentences), True, random))
     return " ".join(sentences)
 
 
-def _joined(group: Sequence[str], follows: bool, ends: bool, random: Random) -> str:
+def _join_clauses(group: Sequence[str], follows: bool, ends: bool, random: Random) -> str:
     *first, last = group
     openers = _FIRST if not follows else _LAST if ends else _OPENERS
     opener = "" if group[0].split(" ")[0] in _NO_OPENER else choose_phrase(openers, random)
@@ -248,7 +250,7 @@ def _joined(group: Sequence[str], follows: bool, ends: bool, random: Random) -> 
     return sentence(opener + ", ".join(first) + link + last)
 
 
-def _turn(leg: Leg, detail: Detail, random: Random) -> str:
+def _turn_phrase(leg: Leg, detail: Detail, random: Random) -> str:
     """Returns the imperative of a turn, "" if there is none."""
     if detail == "degrees":
         degrees = degrees_of(leg)
@@ -263,24 +265,28 @@ def _turn(leg: Leg, detail: Detail, random: Random) -> str:
     return "" if turn == "ahead" else choose_alternatives(TURNS[turn], random)
 
 
-def _moves(leg: Leg, names: ObjectNames, random: Random) -> list[str]:
+def _walk_phrases(leg: Leg, names: ObjectNames, random: Random) -> list[str]:
     """Returns the imperatives of a walk with its landmarks, in the order of the way."""
     door = min((cue.distance for cue in leg.cues if cue.kind in ("through", "rug", "floor")), default=float("inf"))
     found: list[str] = []
     past = sorted((cue for cue in leg.cues if cue.kind == "past"), key=lambda cue: cue.distance)
     early = [cue for cue in past if cue.distance < door]
     late = [cue for cue in past if cue.distance >= door]
-    main = _main(leg, names, random)
+    main = _landmark_phrase(leg, names, random)
     far = _distance(leg, random)
     if main:
         found += [
-            choose_alternatives(PASSING[cue.side], random).format(names.of(cue)) for cue in early if door < float("inf")
+            choose_alternatives(PASSING[cue.side], random).format(names.name_of(cue))
+            for cue in early
+            if door < float("inf")
         ]
         late = late if door < float("inf") else past
         found.append(main)
-        found[-1] += "".join(f", {choose_alternatives(PAST[cue.side], random).format(names.of(cue))}" for cue in late)
+        found[-1] += "".join(
+            f", {choose_alternatives(PAST[cue.side], random).format(names.name_of(cue))}" for cue in late
+        )
     elif past:
-        found += [choose_alternatives(PASSING[cue.side], random).format(names.of(cue)) for cue in past]
+        found += [choose_alternatives(PASSING[cue.side], random).format(names.name_of(cue)) for cue in past]
     else:
         found.append(choose_alternatives(_FORWARD if far else WALKS["forward"], random).format(far))
     if far and (main or past):
@@ -292,19 +298,21 @@ def _moves(leg: Leg, names: ObjectNames, random: Random) -> list[str]:
         )
     tail = [choose_alternatives(STAIRS[c.subject], random) for c in sorted(leg.cues) if c.kind == "stairs"]
     tail += [choose_alternatives(TO_STAIRS[c.subject], random) for c in sorted(leg.cues) if c.kind == "to stairs"]
-    tail += [choose_alternatives(UNTIL[c.side], random).format(names.of(c)) for c in sorted(leg.cues) if c.kind == "by"]
+    tail += [
+        choose_alternatives(UNTIL[c.side], random).format(names.name_of(c)) for c in sorted(leg.cues) if c.kind == "by"
+    ]
     found[-1] = " ".join([found[-1], *tail])
     return found
 
 
-def _main(leg: Leg, names: ObjectNames, random: Random) -> str:
+def _landmark_phrase(leg: Leg, names: ObjectNames, random: Random) -> str:
     """Returns the imperative of the main landmark: stairs, doorway, floor, corridor, object ahead; "" without one."""
     if leg.slope != "level":
         return choose_alternatives(WALKS[leg.slope], random)
     of: dict[str, Cue] = {cue.kind: cue for cue in sorted(leg.cues) if cue.kind not in ("past", "by")}
     words = []
     if "through" in of:
-        words.append(choose_alternatives(WALKS[_through(of)], random))
+        words.append(choose_alternatives(WALKS[_doorway_key(of)], random))
     if "rug" in of:
         how, _, rug = of["rug"].subject.partition(" ")
         words.append(choose_alternatives(RUG[how], random).format(rug))
@@ -313,11 +321,11 @@ def _main(leg: Leg, names: ObjectNames, random: Random) -> str:
     if "along" in of:
         words.append(choose_alternatives(WALKS[of["along"].subject], random))
     if "towards" in of:
-        words.append(choose_alternatives(TOWARDS, random).format(names.of(of["towards"])))
+        words.append(choose_alternatives(TOWARDS, random).format(names.name_of(of["towards"])))
     return " and ".join(words[:2])
 
 
-def _through(of: dict[str, Cue]) -> str:
+def _doorway_key(of: dict[str, Cue]) -> str:
     """Returns the key in WALKS for the doorway with the rooms before and after it."""
     out, into = (of[kind].subject if kind in of else "" for kind in ("out of", "into"))
     if (out, into) == ("corridor", "corridor"):

@@ -111,7 +111,7 @@ def cue_words(cues: Sequence[Cue], names: ObjectNames, random: Random) -> str:
         if cue.kind == "along":
             said.append(choose_phrase(ALONG[cue.subject], random))
         elif cue.kind == "towards":
-            said.append(choose_phrase(TOWARDS, random).format(names.of(cue)))
+            said.append(choose_phrase(TOWARDS, random).format(names.name_of(cue)))
         elif cue.kind == "floor":
             said.append(choose_phrase(FLOOR, random).format(*_floors(cue)))
         elif cue.kind == "rug":
@@ -123,17 +123,17 @@ def cue_words(cues: Sequence[Cue], names: ObjectNames, random: Random) -> str:
     door = min((c.distance for c in cues if c.kind == "through"), default=0.0)
     before = [_past_words(c, names, random) for c in past if c.distance < door]
     said = [*before, *said, *(_past_words(c, names, random) for c in past if c.distance >= door)]
-    said += [choose_phrase(BY[c.side], random).format(names.of(c)) for c in sorted(cues) if c.kind == "by"]
+    said += [choose_phrase(BY[c.side], random).format(names.name_of(c)) for c in sorted(cues) if c.kind == "by"]
     return ", ".join(said)
 
 
 def _past_words(cue: Cue, names: ObjectNames, random: Random) -> str:
-    return choose_phrase(PAST[cue.side], random).format(names.of(cue))
+    return choose_phrase(PAST[cue.side], random).format(names.name_of(cue))
 
 
 def stop_words(cue: Cue, names: ObjectNames, random: Random) -> str:
     """Returns the last sentence, for a path that ends next to an object."""
-    return choose_phrase(STOP_BY[cue.side], random).format(names.of(cue))
+    return choose_phrase(STOP_BY[cue.side], random).format(names.name_of(cue))
 
 
 def _floors(cue: Cue) -> list[str]:
@@ -257,14 +257,14 @@ def long_instruction(
             found.append((sentence(opener + turn), i))
             opener = ""
             if seen:
-                found.append((sentence(choose_alternatives(_VIEW["ahead"], random).format(names.of(seen[0]))), i))
+                found.append((sentence(choose_alternatives(_VIEW["ahead"], random).format(names.name_of(seen[0]))), i))
         last = i + 1 == len(said)
         by = (
             next((cue for cue in sorted(leg.cues, key=lambda c: c.side == "") if cue.kind == "by"), None)
             if last
             else None
         )
-        found.append((sentence(opener + _walk(leg, by, not turn, names, random)), i))
+        found.append((sentence(opener + _walk_clause(leg, by, not turn, names, random)), i))
         into = [cue.subject for cue in leg.cues if cue.kind == "into"]
         if into:
             found.append(
@@ -274,7 +274,7 @@ def long_instruction(
                 )
             )
         if by is not None:
-            found.append((sentence(choose_alternatives(_STAND[by.side], random).format(names.of(by))), i + 1))
+            found.append((sentence(choose_alternatives(_STAND[by.side], random).format(names.name_of(by))), i + 1))
     found.append((sentence(choose_phrase(_ENDS, random)), len(said)))
     return found
 
@@ -285,19 +285,19 @@ def _begin(view: View, names: ObjectNames, random: Random) -> list[str]:
     place = choose_alternatives(_PLACES[view.kind], random)
     found = []
     if place or ahead:
-        facing = choose_alternatives(_FACING, random).format(names.of(ahead[0])) if ahead else ""
+        facing = choose_alternatives(_FACING, random).format(names.name_of(ahead[0])) if ahead else ""
         words = choose_alternatives(_BEGIN, random).format(place).rstrip()
         found.append(sentence(f"{words}, {facing}" if facing else words))
     for side in ("left", "right"):
         beside = [cue for cue in view.objects if cue.side == side and cue not in ahead]
         if beside and random.random() < 0.7:
             found.append(
-                sentence(choose_alternatives(_SIDES[side], random).replace("  ", " ").format(names.of(beside[0])))
+                sentence(choose_alternatives(_SIDES[side], random).replace("  ", " ").format(names.name_of(beside[0])))
             )
     return found
 
 
-def _walk(leg: Leg, by: Cue | None, straight: bool, names: ObjectNames, random: Random) -> str:
+def _walk_clause(leg: Leg, by: Cue | None, straight: bool, names: ObjectNames, random: Random) -> str:
     cues = sorted(leg.cues - ({by} if by is not None else set()))
     metres = "" if leg.metres is None else metre_words(leg.metres, random)
     walk = choose_phrase(WALK_PHRASES[leg.slope], random).format(metres)

@@ -7,7 +7,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from nvsim.errors import InputError, shown
+from nvsim.errors import InputError, value_text
 from nvsim.graph.paths import PathGraph
 from nvsim.graph.types import NavGraph
 from nvsim.r2r.tasks.task import Task
@@ -34,10 +34,10 @@ class Distances:
         """Returns a message about the first unknown viewpoint or missing edge, or "" if the path is valid."""
         for id in path:
             if id not in self.row:
-                return f"the viewpoint {shown(id)} is not in the graph of the scan"
+                return f"the viewpoint {value_text(id)} is not in the graph of the scan"
         for a, b in pairwise(path):
             if not self.joined[self.row[a], self.row[b]]:
-                return f"no edge leads from {shown(a)} to {shown(b)}"
+                return f"no edge leads from {value_text(a)} to {value_text(b)}"
         return ""
 
 

@@ -91,7 +91,7 @@ def score(tasks: Sequence[Task], trajectories: Trajectories, distances: Mapping[
         walked = [[row[pose[0]] for pose in trajectories[episodes[i][0]]] for i in mine]
         reference = [[row[id] for id in episodes[i][1].path] for i in mine]
         for part in _parts(walked, reference):
-            found = _scored(distances[of].metres, [walked[k] for k in part], [reference[k] for k in part])
+            found = _score_paths(distances[of].metres, [walked[k] for k in part], [reference[k] for k in part])
             for name, numbers in found.items():
                 values[name][[mine[k] for k in part]] = numbers
     ids = tuple(id for id, _ in episodes)
@@ -111,9 +111,9 @@ def _parts(walked: list[list[int]], reference: list[list[int]]) -> Iterator[list
         yield part
 
 
-def _scored(metres: Floats, walked: list[list[int]], reference: list[list[int]]) -> dict[str, Floats]:
+def _score_paths(metres: Floats, walked: list[list[int]], reference: list[list[int]]) -> dict[str, Floats]:
     # Paths are padded with their last viewpoint, which adds no length and no new position.
-    steps, path = _filled(walked), _filled(reference)
+    steps, path = _pad_paths(walked), _pad_paths(reference)
     counts = np.array([len(rows) for rows in walked], np.int64)
     lengths = np.array([len(rows) for rows in reference], np.int64)
     goal = path[:, -1]
@@ -141,7 +141,7 @@ def _scored(metres: Floats, walked: list[list[int]], reference: list[list[int]])
     }
 
 
-def _filled(paths: list[list[int]]) -> NDArray[np.int64]:
+def _pad_paths(paths: list[list[int]]) -> NDArray[np.int64]:
     """Pads paths to (B, longest) int64."""
     longest = max(map(len, paths))
     return np.array([rows + rows[-1:] * (longest - len(rows)) for rows in paths], np.int64)

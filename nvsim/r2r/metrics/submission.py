@@ -11,7 +11,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from nvsim.errors import InputError, shown
+from nvsim.errors import InputError, value_text
 from nvsim.files import atomic
 from nvsim.files.opening import read_json
 from nvsim.graph.connectivity import is_name, json_number
@@ -44,7 +44,7 @@ def read_submission(path: Path) -> dict[str, list[Pose]]:
         if not isinstance(item, dict) or not isinstance(item.get("instr_id"), str):
             raise InputError(f"{where} has no instr_id; every item needs instr_id and trajectory.")
         id, poses = item["instr_id"], item.get("trajectory")
-        where += f" ({shown(id)})"
+        where += f" ({value_text(id)})"
         if id in found:
             raise InputError(f"{where}: this instr_id occurs twice; give one trajectory for each.")
         found[id] = read_poses(poses, where)
@@ -54,7 +54,7 @@ def read_submission(path: Path) -> dict[str, list[Pose]]:
 def read_poses(poses: Any, where: str) -> list[Pose]:
     """Parses a trajectory from JSON data. Raises InputError if it is invalid; `where` names its place."""
     if not isinstance(poses, list) or not poses:
-        raise InputError(f"{where}: trajectory is {shown(poses)}; it must be a list that begins with the start.")
+        raise InputError(f"{where}: trajectory is {value_text(poses)}; it must be a list that begins with the start.")
     found = [pose for k, step in enumerate(poses) for pose in _poses_of(step, f"{where}, step {k}")]
     if not found:
         raise InputError(f"{where}: the segments of the trajectory are empty; the first one must have the start.")
@@ -80,8 +80,8 @@ def check_submission(
         path = [pose[0] for pose in trajectories[id]]
         if path[0] != task.path[0]:
             raise InputError(
-                f"{where}, {id}: the trajectory begins at {shown(path[0])} and not at the start {task.path[0]}; write "
-                "the start as its first step."
+                f"{where}, {id}: the trajectory begins at {value_text(path[0])} and not at the start {task.path[0]}; "
+                "write the start as its first step."
             )
         wrong = distances[task.scan].find_invalid_step(path)
         if wrong:
@@ -97,6 +97,6 @@ def _poses_of(step: Any, where: str) -> list[Pose]:
 def _pose(pose: Any, where: str) -> Pose:
     if not isinstance(pose, list) or len(pose) != 3 or not is_name(pose[0]):
         raise InputError(
-            f"{where} is {shown(pose)}; it must be [viewpoint id, heading, elevation], or a list of viewpoint ids."
+            f"{where} is {value_text(pose)}; it must be [viewpoint id, heading, elevation], or a list of viewpoint ids."
         )
     return pose[0], json_number(pose[1], f"{where}: heading"), json_number(pose[2], f"{where}: elevation")

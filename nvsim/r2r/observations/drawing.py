@@ -31,7 +31,7 @@ from nvsim.cluster.piece import (
     WorkResult,
     threads_each,
 )
-from nvsim.errors import InputError, shown
+from nvsim.errors import InputError, value_text
 from nvsim.events import Listener, Log, Progress, Warning, Worker
 from nvsim.files import atomic
 from nvsim.files.opening import read_bytes
@@ -42,7 +42,7 @@ from nvsim.project.project import Project
 from nvsim.project.stages.training_pool import BASE_BYTES, GAUSSIAN_BYTES
 from nvsim.project.work import missing_result_error
 from nvsim.r2r.observations.layout import ScanPlaces, ScanSettings, png
-from nvsim.r2r.observations.record import FinishedPart, ScanRecord, key_of, written
+from nvsim.r2r.observations.record import FinishedPart, ScanRecord, key_of, write_part
 from nvsim.r2r.observations.skybox import Images, Painter, encode_images
 from nvsim.render.backends import Backend, resolve_backend
 from nvsim.splats.files import gaussian_count, load_model
@@ -136,7 +136,7 @@ def draw_viewpoints(
     if executor is not None and executor.remote:
         parts = draw_on_workers(executor, storage, source, todo, places, settings, backend, listen)
     else:
-        parts = _written(source, todo, places, settings, backend)
+        parts = _write_finished(source, todo, places, settings, backend)
     for id, part in parts:
         record.add(id, part)
         done += 1
@@ -159,14 +159,14 @@ def missing(
             yield submap, v, key
 
 
-def _written(
+def _write_finished(
     source: ScanModels, todo: list[Todo], places: ScanPlaces, settings: ScanSettings, backend: Backend
 ) -> Iterator[tuple[str, FinishedPart]]:
     """Yields viewpoint ids and their files after these are on disk. At most two viewpoints are in memory."""
 
     def write(images: Images, viewpoint: Viewpoint, key: str) -> tuple[str, FinishedPart]:
         files = encode_images(images, viewpoint, settings, places)
-        return viewpoint.id, written(places.root, files, key)
+        return viewpoint.id, write_part(places.root, files, key)
 
     painter = Painter(settings, backend)
     before: Future[tuple[str, FinishedPart]] | None = None
@@ -218,22 +218,22 @@ def draw_on_workers(
         for piece, message in messages:
             if isinstance(message, StorageNotShared):
                 if storage == "shared":
-                    raise InputError(f"{message.why}; share that folder with all machines, or use --storage sent.")
+                    raise InputError(f"{message.reason}; share that folder with all machines, or use --storage sent.")
                 sent = True
             elif isinstance(message, SentFile):
                 message.check()
-                if not places.holds(message.name):
+                if not places.is_image_of_scan(message.name):
                     raise InputError(f"A worker sent {message.name!r}, which is not an image; check that worker.")
                 arrived[piece.part].append((places.root / message.name, message.data))
             elif isinstance(message, Progress):  # reports the viewpoint whose files have just arrived
                 if all(message.detail != viewpoint.id for _, viewpoint, _ in chunks[piece.part]):
                     raise InputError(
-                        f"A worker sent images of the viewpoint {shown(message.detail)}, which it was not asked for; "
-                        "check that worker."
+                        f"A worker sent images of the viewpoint {value_text(message.detail)}, which it was not asked "
+                        "for; check that worker."
                     )
                 files, arrived[piece.part] = arrived[piece.part], []
                 finished.add(message.detail)
-                yield message.detail, written(places.root, files, keys[message.detail])
+                yield message.detail, write_part(places.root, files, keys[message.detail])
             elif isinstance(message, Log | Warning | Worker):
                 listen(message)
             else:
@@ -272,7 +272,7 @@ def draw_on_worker(
         for i, viewpoint in enumerate(viewpoints):
             for path, data in encode_images(painter.draw(loaded, viewpoint), viewpoint, settings, places):
                 caller.send(path.relative_to(places.root).as_posix(), data)
-            caller.tell(Progress(STAGE, i + 1, len(viewpoints), viewpoint.id))
+            caller.send_event(Progress(STAGE, i + 1, len(viewpoints), viewpoint.id))
     return None
 
 
@@ -283,7 +283,7 @@ def write_unseen(source: ScanModels, graph: NavGraph, places: ScanPlaces, side: 
     drawn = [v for v in graph.viewpoints.values() if v.included]
     files = []
     for v in sorted(drawn, key=lambda v: source.scene.nearest(np.array(v.position))):
-        shown = source.photographed.at(np.array(v.position))
+        shown = source.photographed.photographed_mask(np.array(v.position))
         if not shown.all():
             path = places.unseen(v.id)
             atomic.write_bytes(path, png(unseen_strip(shown, side)))

@@ -124,7 +124,9 @@ def _seen_from_above(
 ) -> Float32:
     """Returns (n, 3) the colors at the pixels of `mask` (height, width)."""
     ground = _floor(model, frame, mask)
-    standing = replace(model, gaussians=_standing(model, cameras), background=None, texture=None, appearance=None)
+    standing = replace(
+        model, gaussians=_slice_below_cut(model, cameras), background=None, texture=None, appearance=None
+    )
     view = render_model(standing, frame.camera(), tiles=tiles_of(mask))
     assert view.rgb is not None and view.alpha is not None
     return np.asarray(view.rgb[mask] + (1 - view.alpha[mask][:, None]) * ground, np.float32)
@@ -148,7 +150,7 @@ def _floor(model: SubmapModel, frame: Frame, mask: NDArray[np.bool_]) -> Float32
     return np.asarray(texels[:, :3] + (1 - texels[:, 3:]) * _PAPER, np.float32)
 
 
-def _standing(model: SubmapModel, cameras: NDArray[np.floating]) -> Gaussians:
+def _slice_below_cut(model: SubmapModel, cameras: NDArray[np.floating]) -> Gaussians:
     """Returns the Gaussians between floor and cut, each with the color that its nearest camera (N, 3) sees.
 
     No images were taken from above, so the spherical harmonics in that direction are meaningless.
@@ -193,7 +195,7 @@ def storeys_with(graph: NavGraph, submaps: tuple[Submap, ...]) -> Iterator[Store
     heights = np.array([v.position[2] for v in graph.viewpoints.values()])
     nearest = found.nearest(heights)
     for k in range(len(found.levels)):
-        on = found.on(k)
+        on = found.cameras_of_storey(k)
         ids = tuple(id for id, storey in zip(graph.viewpoints, nearest, strict=True) if storey == k)
         if on.any():
             yield Storey(k + 1, positions[on], owners[on], ids)

@@ -111,7 +111,7 @@ class ScanPlaces:
         """Returns the paths of the 36 views, in the order of viewIndex."""
         return [self.views / viewpoint / f"{i}.jpg" for i in range(VIEWS)]
 
-    def holds(self, file: str) -> bool:
+    def is_image_of_scan(self, file: str) -> bool:
         """Whether a path below the root, as a manifest names it, is an image of this scan."""
         path = self.root / file
         here = path.parent in (self.images, self.plans) or path.parent.parent == self.views

@@ -63,7 +63,7 @@ def key_of(*values: object) -> str:
     return hashlib.sha256(json.dumps(values, sort_keys=True).encode()).hexdigest()[:32]
 
 
-def written(root: Path, files: Iterable[tuple[Path, bytes]], key: str) -> FinishedPart:
+def write_part(root: Path, files: Iterable[tuple[Path, bytes]], key: str) -> FinishedPart:
     """Writes files atomically and returns them as a part. Raises InputError if writing fails."""
     found = {}
     for path, data in files:
@@ -126,7 +126,7 @@ class ScanRecord:
         """
         kept = {name: self.parts[name] for name in names}
         for file in self._before - {file for part in kept.values() for file in part.files}:
-            if self._places.holds(file):
+            if self._places.is_image_of_scan(file):
                 (self._places.root / file).unlink(missing_ok=True)
         parts = {name: part.as_data() for name, part in kept.items()}
         text = json.dumps({"format": FORMAT, **about, "parts": parts}, indent=1)

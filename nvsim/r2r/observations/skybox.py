@@ -18,7 +18,7 @@ from numba import njit, prange
 from numpy.typing import NDArray
 
 from nvsim.errors import InputError
-from nvsim.files.images import decoded
+from nvsim.files.images import decode_pixels
 from nvsim.files.opening import read_bytes
 from nvsim.geometry.camera import Camera, Intrinsics, camera_pose
 from nvsim.geometry.directions import face_axes, sweep
@@ -50,7 +50,7 @@ _NEAR = 0.25  # a surface occludes a viewpoint if it is at least this many meter
 
 
 @njit(parallel=True, cache=True, nogil=True, fastmath=FLAGS, error_model="numpy")
-def _settle(
+def _refine_depth(
     solid: Float32,  # (H, W, 2) alpha, and alpha times meters along the ray
     rotation: Float32,  # (3, 3) columns right, down and ahead, world
     eye: Float32,  # (3,) meters, world
@@ -89,7 +89,7 @@ def distances(solid: Float32, camera: Camera, floor: FloorSurface) -> Float32:
     heights, grid = pack_floor(floor)
     rotation, eye = (np.ascontiguousarray(v, np.float32) for v in (camera.rotation, camera.position))
     with LOCK:
-        _settle(solid, rotation, eye, np.float32(camera.intrinsics.fx), heights, grid, metres)
+        _refine_depth(solid, rotation, eye, np.float32(camera.intrinsics.fx), heights, grid, metres)
     return metres
 
 
@@ -221,7 +221,7 @@ def read_depth(places: ScanPlaces, viewpoint: str) -> NDArray[np.uint16]:
     import cv2
 
     path, again = places.depth(viewpoint), "export the scan again"
-    image = decoded(read_bytes(path), path, cv2.IMREAD_UNCHANGED, what="a depth strip", then=again)
+    image = decode_pixels(read_bytes(path), path, cv2.IMREAD_UNCHANGED, what="a depth strip", then=again)
     if image.dtype != np.uint16 or image.ndim != 2 or image.shape[1] != 6 * image.shape[0]:
         raise InputError(f"{path} is not a depth strip of six square faces with 16 bits; {again}.")
     return np.asarray(image, np.uint16)

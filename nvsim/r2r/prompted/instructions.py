@@ -64,7 +64,7 @@ class InstructionWriter:
 
     def request(self, task: Task) -> Request:
         """Returns the question for a path. Raises InputError if a view cannot be rendered."""
-        values: dict[str, str | Sequence[Part]] = {"count": str(self._count), "route": self._route(task)}
+        values: dict[str, str | Sequence[Part]] = {"count": str(self._count), "route": self._describe_route(task)}
         system = Message("system", self._prompt.fill("system", values))
         return Request((system, Message("user", self._prompt.fill("user", values))), self._tokens, self._detail)
 
@@ -80,7 +80,7 @@ class InstructionWriter:
         found: dict[int, tuple[str, ...]] = {}
         lacking: dict[int, MissingAnswer] = {}
         listen(Progress(STAGE, 0, len(tasks)))
-        for task, said in run_in_parallel(lambda task: self._asked(client, task), tasks, at_once):
+        for task, said in run_in_parallel(lambda task: self._request_instructions(client, task), tasks, at_once):
             if isinstance(said, MissingAnswer):
                 lacking[task.path_id] = said
                 listen(Warning(f"path_id {task.path_id} has no instructions from the model: {said.why}.", STAGE))
@@ -89,11 +89,11 @@ class InstructionWriter:
             listen(Progress(STAGE, len(found) + len(lacking), len(tasks)))
         return GeneratedInstructions(found, lacking)
 
-    def _asked(self, client: Client, task: Task) -> tuple[str, ...] | MissingAnswer:
-        def again(wrong: str) -> str:
+    def _request_instructions(self, client: Client, task: Task) -> tuple[str, ...] | MissingAnswer:
+        def retry_message(wrong: str) -> str:
             return self._prompt.text("again", {"wrong": wrong, "count": str(self._count)})
 
-        said = ask_until_clear(client, self.request(task), self._understood, again)
+        said = ask_until_clear(client, self.request(task), self._understood, retry_message)
         return said if isinstance(said, MissingAnswer) else said.value
 
     def _understood(self, text: str) -> tuple[str, ...]:
@@ -110,19 +110,19 @@ class InstructionWriter:
             raise UnusableAnswer("two instructions were the same")
         return tuple(texts)
 
-    def _route(self, task: Task) -> list[Part]:
+    def _describe_route(self, task: Task) -> list[Part]:
         """Returns words and views in turn: the first view, each step in its direction, and four views at the goal."""
         graph, facing = self._graphs[task.scan], task.heading
-        parts: list[Part] = ["At the start you look this way:", self._renderer.see(task.scan, task.path[0], facing)]
+        parts: list[Part] = ["At the start you look this way:", self._renderer.view(task.scan, task.path[0], facing)]
         for i, (here, there) in enumerate(zip(task.path, task.path[1:]), 1):
             way = bearing(graph, here, there)
             parts.append(f"Step {i}: {way.describe(facing)}. Looking that way:")
             facing = facing if way.heading is None else way.heading
-            parts.append(self._renderer.see(task.scan, here, facing, level(way.elevation)))
+            parts.append(self._renderer.view(task.scan, here, facing, level(way.elevation)))
         goal = task.path[-1]
-        parts += ["This is where to stop. Looking on:", self._renderer.see(task.scan, goal, facing)]
+        parts += ["This is where to stop. Looking on:", self._renderer.view(task.scan, goal, facing)]
         for words, turn in (("To the right:", 90), ("Back:", 180), ("To the left:", 270)):
-            parts += [words, self._renderer.see(task.scan, goal, facing + math.radians(turn))]
+            parts += [words, self._renderer.view(task.scan, goal, facing + math.radians(turn))]
         return parts
 
 

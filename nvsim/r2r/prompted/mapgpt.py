@@ -91,7 +91,7 @@ def estimate_episodes(
 
     It assumes that the agent goes straight to the goal, and extrapolates from three episodes.
     """
-    left = [e for e in episodes if _finished(folder, e[0], _depends(agent, client, *e)) is None]
+    left = [e for e in episodes if _read_finished(folder, e[0], _input_hash(agent, client, *e)) is None]
     few = left[:: max(1, len(left) // _REHEARSED)][:_REHEARSED]
     if not few:
         return RequestEstimate(kept=len(episodes))
@@ -121,15 +121,15 @@ def run_mapgpt(
     found: dict[str, EpisodeRecord] = {}
     todo = []
     for id, task in episodes:
-        depends = _depends(agent, client, id, task)
-        record = _finished(folder, id, depends)
+        depends = _input_hash(agent, client, id, task)
+        record = _read_finished(folder, id, depends)
         if record is None:
             todo.append((id, task, depends))
         else:
             found[id] = record
     listen(Progress(STAGE, len(found), len(episodes)))
     for (id, _, _), record in run_in_parallel(
-        lambda e: _walked(agent, client, folder, *e), todo, client.options.parallel
+        lambda e: _run_episode(agent, client, folder, *e), todo, client.options.parallel
     ):
         found[id] = record
         if record.ended == "unanswered":
@@ -138,19 +138,19 @@ def run_mapgpt(
     return {id: found[id] for id, _ in episodes}
 
 
-def _walked(agent: MapGpt, client: Client, folder: Path, id: str, task: Task, depends: str) -> EpisodeRecord:
+def _run_episode(agent: MapGpt, client: Client, folder: Path, id: str, task: Task, depends: str) -> EpisodeRecord:
     episode = agent.episode(client, id, task)
     steps: list[dict[str, str]] = []
     ended, why, spent = "steps", "", (0, 0)
     while episode.step < agent.rules.steps:
-        said = ask_until_clear(client, episode.request(), episode.understand, episode.again)
+        said = ask_until_clear(client, episode.request(), episode.parse_choice, episode.retry_message)
         spent = spent[0] + said.spent[0], spent[1] + said.spent[1]
         if isinstance(said, MissingAnswer):
             ended, why = "unanswered", said.why
             break
         choice = said.value
         steps.append({"action": choice.option.words, "thought": choice.thought, "plan": choice.plan})
-        episode.go(choice)
+        episode.execute(choice)
         if choice.option.to is None:
             ended = "stop"
             break
@@ -167,11 +167,11 @@ def _straight(episode: Episode, task: Task, rules: EpisodeLimits) -> list[Reques
         if episode.step == rules.steps:
             break
         requests.append(episode.request())
-        episode.go(AgentChoice(AgentOption("", "go on", to), "", "Go on to where the instruction ends."))
+        episode.execute(AgentChoice(AgentOption("", "go on", to), "", "Go on to where the instruction ends."))
     return requests
 
 
-def _depends(agent: MapGpt, client: Client, id: str, task: Task) -> str:
+def _input_hash(agent: MapGpt, client: Client, id: str, task: Task) -> str:
     """Returns a hash of all inputs of an episode except the images."""
     graph = agent.graphs[task.scan]
     around = [(v.id, v.position, v.included) for v in graph.viewpoints.values()]
@@ -185,7 +185,7 @@ def _depends(agent: MapGpt, client: Client, id: str, task: Task) -> str:
     return hashlib.sha256(repr(words).encode(errors="replace")).hexdigest()
 
 
-def _finished(folder: Path, id: str, depends: str) -> EpisodeRecord | None:
+def _read_finished(folder: Path, id: str, depends: str) -> EpisodeRecord | None:
     """Returns the record of a finished episode, or None if there is none with these inputs."""
     path = folder / f"{id}.json"
     if not is_regular(path):

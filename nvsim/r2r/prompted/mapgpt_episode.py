@@ -43,17 +43,17 @@ class Places:
         self.number = {start: 0}
         self.seen_from: dict[str, str] = {}
         self.been: list[str] = []
-        self.go(start)
+        self.move_to(start)
 
     @property
-    def here(self) -> str:
+    def current(self) -> str:
         return self.been[-1]
 
-    def around(self, viewpoint: str) -> list[str]:
+    def neighbors(self, viewpoint: str) -> list[str]:
         """Returns the neighbors of a viewpoint, in the order of their numbers."""
         return sorted(self._included(viewpoint), key=self.number.__getitem__)
 
-    def go(self, viewpoint: str) -> None:
+    def move_to(self, viewpoint: str) -> None:
         """Moves to a viewpoint and adds its neighbors to the seen places."""
         self.been.append(viewpoint)
         for neighbour in self._included(viewpoint):
@@ -67,17 +67,20 @@ class Places:
         """Returns one line for each visited place."""
         lines = []
         for id in sorted(set(self.been), key=self.number.__getitem__):
-            joined = ", ".join(str(self.number[other]) for other in self.around(id))
+            joined = ", ".join(str(self.number[other]) for other in self.neighbors(id))
             lines.append(f"Place {self.number[id]} is joined to {joined or 'nothing'}.")
         return "\n".join(lines)
 
-    def elsewhere(self) -> list[str]:
+    def other_seen_places(self) -> list[str]:
         """Returns the places that were seen, but not visited, and are not neighbors of the current place."""
-        near = {*self.been, *self.around(self.here)}
+        near = {*self.been, *self.neighbors(self.current)}
         return [id for id in self.number if id not in near]
 
     def elsewhere_words(self) -> str:
-        far = [f"Place {self.number[id]}, next to place {self.number[self.seen_from[id]]}." for id in self.elsewhere()]
+        far = [
+            f"Place {self.number[id]}, next to place {self.number[self.seen_from[id]]}."
+            for id in self.other_seen_places()
+        ]
         return "\n".join(far) or "None."
 
     def _included(self, viewpoint: str) -> list[str]:
@@ -107,7 +110,7 @@ class AgentChoice:
 
 
 class Episode:
-    """The state of an agent in one episode. `request` and `understand` do not change it; `go` does."""
+    """The state of an agent in one episode. `request` and `parse_choice` do not change it; `execute` does."""
 
     def __init__(
         self,
@@ -138,10 +141,10 @@ class Episode:
 
         Stopping is offered from step `stop_after` on, or if there is no edge.
         """
-        here = self.places.here
-        ways = {id: bearing(self._graph, here, id) for id in self.places.around(here)}
+        here = self.places.current
+        ways = {id: bearing(self._graph, here, id) for id in self.places.neighbors(here)}
         found: list[AgentOption] = []
-        for id in sorted(ways, key=lambda id: (abs(round(ways[id].turn(self.facing), 6)), self.places.number[id])):
+        for id in sorted(ways, key=lambda id: (abs(round(ways[id].turn_from(self.facing), 6)), self.places.number[id])):
             number = self.places.number[id]
             known = ", where you were" if id in self.places.been else ""
             found.append(
@@ -169,11 +172,11 @@ class Episode:
         system = Message("system", self._prompt.fill("system", values))
         return Request((system, Message("user", self._prompt.fill("user", values))), self._tokens, self._detail)
 
-    def again(self, wrong: str) -> str:
+    def retry_message(self, wrong: str) -> str:
         """Returns the message to the model after an unusable answer."""
         return self._prompt.text("again", {"wrong": wrong})
 
-    def understand(self, text: str) -> AgentChoice:
+    def parse_choice(self, text: str) -> AgentChoice:
         """Parses the choice from an answer. Raises UnusableAnswer if it has none."""
         said, options = json_object(text), self.options()
         action = said.get("action")
@@ -181,23 +184,23 @@ class Episode:
         chosen = next((option for option in options if found and option.letter == found[1].upper()), None)
         if chosen is None:
             raise UnusableAnswer(f'"action" must be one letter of {", ".join(option.letter for option in options)}')
-        return AgentChoice(chosen, _short(said.get("thought")), _short(said.get("plan")))
+        return AgentChoice(chosen, _shorten(said.get("thought")), _shorten(said.get("plan")))
 
-    def go(self, choice: AgentChoice) -> None:
+    def execute(self, choice: AgentChoice) -> None:
         """Executes a choice."""
         to = choice.option.to
         self._history.append(f"Step {self.step + 1}: {choice.option.words}.")
         self._plan = choice.plan or self._plan
         if to is None:
             return
-        way = bearing(self._graph, self.places.here, to)
+        way = bearing(self._graph, self.places.current, to)
         self.facing = self.facing if way.heading is None else way.heading
-        self.places.go(to)
+        self.places.move_to(to)
         self.trajectory.append((to, round(self.facing, 6), 0.0))
 
     def _images(self) -> list[Part]:
-        places, here = self.places, self.places.here
-        near = places.around(here)
+        places, here = self.places, self.places.current
+        near = places.neighbors(here)
         last = {id: i for i, id in enumerate(places.been)}
         others = [id for id in places.seen_from if id not in near and id != here]
         others.sort(key=lambda id: (-last[places.seen_from[id]], places.number[id]))
@@ -208,7 +211,7 @@ class Episode:
             way = bearing(self._graph, stood, id)
             heading = self.facing if way.heading is None else way.heading
             parts.append(f"Place {places.number[id]}, seen from place {places.number[stood]}:")
-            parts.append(self._renderer.see(self._task.scan, stood, heading, level(way.elevation)))
+            parts.append(self._renderer.view(self._task.scan, stood, heading, level(way.elevation)))
         return parts or ["None."]
 
 
@@ -218,5 +221,5 @@ def _letter(index: int) -> str:
     return letters[index] if index < 26 else letters[index // 26 - 1] + letters[index % 26]
 
 
-def _short(value: object) -> str:
+def _shorten(value: object) -> str:
     return " ".join(value.encode("utf-8", "ignore").decode().split())[:_LONGEST] if isinstance(value, str) else ""

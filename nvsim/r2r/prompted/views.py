@@ -12,7 +12,7 @@ from nvsim.endpoint.request import Image
 from nvsim.geometry.directions import STEP
 from nvsim.graph.connectivity import scan_files
 from nvsim.graph.types import NavGraph
-from nvsim.r2r.instructions.ground import Leg, Slope, rounded_turn, wrapped
+from nvsim.r2r.instructions.ground import Leg, Slope, rounded_turn, wrap_angle
 from nvsim.r2r.observations.layout import jpeg
 from nvsim.r2r.prompted.options import ImageOptions
 from nvsim.r2r.simulator.images import ViewSize
@@ -41,13 +41,13 @@ class Bearing:
     def slope(self) -> Slope:
         return "level" if abs(self.elevation) <= _STEEP else "up" if self.elevation > 0 else "down"
 
-    def turn(self, facing: float) -> float:
+    def turn_from(self, facing: float) -> float:
         """Returns the turn in radians from the heading `facing`, positive to the right, in (-pi, pi]."""
-        return 0.0 if self.heading is None else wrapped(self.heading - facing)
+        return 0.0 if self.heading is None else wrap_angle(self.heading - facing)
 
     def describe(self, facing: float) -> str:
         """Describes the move for an agent with heading `facing` (radians): "turn slightly right and go 2.4 m, up"."""
-        turn = rounded_turn(Leg(self.turn(facing), self.metres, self.slope))
+        turn = rounded_turn(Leg(self.turn_from(facing), self.metres, self.slope))
         slope = "" if self.slope == "level" else f", {self.slope}"
         return f"{_TURNS.get(turn, f'turn {turn} and go')} {self.metres:.1f} m{slope}"
 
@@ -78,7 +78,7 @@ class ViewRenderer:
         self._scans, self._images = source_of(settings)
         self._view = ViewSize(looking.image_width, looking.image_height, math.radians(looking.field_of_view), False)
 
-    def see(self, scan: str, viewpoint: str, heading: float, elevation: float = 0.0) -> Image:
+    def view(self, scan: str, viewpoint: str, heading: float, elevation: float = 0.0) -> Image:
         """Returns the view at a viewpoint, with angles in radians.
 
         The angles are rounded to 0.1 degrees, so that equal views give equal images. Raises InputError if the viewpoint

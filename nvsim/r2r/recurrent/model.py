@@ -153,13 +153,13 @@ class RecurrentModel(nn.Module):
         moved = sight.moved
         if not self.config.distances:
             moved = moved * torch.tensor([1.0, 1.0, 1.0, 0.0, 1.0, 0.0])
-        slots = self._seen(sight.views, sight.angles, distance) + self.kinds[2]
+        slots = self._encode_views(sight.views, sight.angles, distance) + self.kinds[2]
         stop = (self.kinds[1] + torch.zeros_like(slots[:, :1])).to(slots.dtype)
         first = (state + self.moved(moved) + self.kinds[0])[:, None]
         tokens, there = [first, stop, slots[:, 1:]], [torch.ones_like(sight.open[:, :1]), sight.open]
         if sight.around is not None and sight.around_angles is not None:
             none = torch.zeros_like(sight.around_angles[..., 0])
-            tokens.append(self._seen(sight.around, sight.around_angles, none) + self.kinds[3])
+            tokens.append(self._encode_views(sight.around, sight.around_angles, none) + self.kinds[3])
             there.append(torch.ones_like(none, dtype=torch.bool))
         x, present = torch.cat(tokens, dim=1), torch.cat(there, dim=1)
         for i, layer in enumerate(self.step_layers):
@@ -179,7 +179,7 @@ class RecurrentModel(nn.Module):
         """Returns (B,) the reward that A2C's critic expects from states (B, D)."""
         return self.critic(state)[:, 0]
 
-    def _seen(self, views: Tensor, angles: Tensor, distance: Tensor) -> Tensor:
+    def _encode_views(self, views: Tensor, angles: Tensor, distance: Tensor) -> Tensor:
         geometry = torch.cat([angles, distance[..., None] / FAR], dim=-1)
         shown = functional.dropout(torch.ones_like(geometry[..., :1]), self.config.feature_dropout, self.training)
         return self.view(views) * shown + self.geometry(geometry)

@@ -67,7 +67,7 @@ class AgentBatch:
         self._moved[:, 4] = 1
         self.trajectories: list[list[Pose]] = [[self._pose(i)] for i in range(len(episodes))]
 
-    def sight(self, who: Int64) -> AgentInput:
+    def observe(self, who: Int64) -> AgentInput:
         """Returns what the agents `who` (n,) see, with as many slots as the largest number of candidates needs."""
         w, rows = self._world, self.rows[who]
         most = int((w.target[rows] >= 0).sum(axis=1).max(initial=0))
@@ -88,7 +88,7 @@ class AgentBatch:
         whole = torch.from_numpy(w.features[w.panorama[rows]])
         return sight._replace(around=whole, around_angles=torch.from_numpy(around))
 
-    def go(self, who: Int64, slots: Int64) -> None:
+    def move(self, who: Int64, slots: Int64) -> None:
         """Moves the agents `who` (n,) to the candidates of their slots (n,); agents with STOP stay."""
         w = self._world
         moving = slots != STOP
@@ -134,11 +134,11 @@ class Rollout:
 
 def read_words(model: RecurrentModel, episodes: Sequence[Episode]) -> tuple[EncodedInstruction, Tensor]:
     """Encodes the instructions of B episodes and returns them with the first states (B, D)."""
-    text, state = model.read(torch.from_numpy(_padded([episode.words for episode in episodes])))
+    text, state = model.read(torch.from_numpy(_pad_rows([episode.words for episode in episodes])))
     return text, state
 
 
-def _padded(rows: Sequence[Sequence[int]]) -> NDArray[np.int64]:
+def _pad_rows(rows: Sequence[Sequence[int]]) -> NDArray[np.int64]:
     """Pads rows to (B, longest row) int64 with 0, the number of PAD."""
     found = np.zeros((len(rows), max(map(len, rows))), np.int64)
     for i, row in enumerate(rows):
@@ -168,10 +168,10 @@ def roll_out(
     longest = max(len(episode.path) for episode in episodes)
     for k in range(steps if way in ("sampled", "best") else max(longest, steps if way == "mixed" else 0)):
         value = model.value(state) if critic else None
-        scores, state = model.step(state, text, walkers.sight(who))
-        taken = _taken(way, scores.detach(), world, episodes, who, k)
+        scores, state = model.step(state, text, walkers.observe(who))
+        taken = _choose_slots(way, scores.detach(), world, episodes, who, k)
         found.steps.append(RolloutStep(who, walkers.rows[who], scores, value, taken))
-        walkers.go(who, taken)
+        walkers.move(who, taken)
         going = np.flatnonzero(taken != STOP)
         if not len(going):
             break
@@ -200,7 +200,7 @@ def run_greedily(
         model.train(training)
 
 
-def _taken(way: Way, scores: Tensor, world: World, episodes: Sequence[Episode], who: Int64, k: int) -> Int64:
+def _choose_slots(way: Way, scores: Tensor, world: World, episodes: Sequence[Episode], who: Int64, k: int) -> Int64:
     if way == "best":
         return np.asarray(scores.argmax(1).numpy(), np.int64)
     if way == "path":

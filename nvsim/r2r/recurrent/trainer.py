@@ -54,7 +54,7 @@ def teacher_actions(rollout: Rollout, world: World, episodes: Sequence[Episode],
     if way == "path":
         return [step.selected_slots for step in rollout.steps]
     goals = _goals(episodes)
-    found = [world.teacher(step.rows, goals[step.agents]) for step in rollout.steps]
+    found = [world.shortest_path_slots(step.rows, goals[step.agents]) for step in rollout.steps]
     if way == "mixed":
         for slots, step in zip(found, rollout.steps):
             led = step.agents % 2 == 0
@@ -73,7 +73,7 @@ def rewards_of(rollout: Rollout, world: World, episodes: Sequence[Episode]) -> l
     for step in rollout.steps:
         mine = goals[step.agents]
         far = world.metres(step.rows, mine)
-        nearer = np.where(world.metres(world.after(step.rows, step.selected_slots), mine) < far, 1.0, -1.0)
+        nearer = np.where(world.metres(world.rows_after(step.rows, step.selected_slots), mine) < far, 1.0, -1.0)
         stopped = np.where(far < NEAR, _ARRIVED, -_ARRIVED)
         found.append(np.where(step.selected_slots == STOP, stopped, nearer).astype(np.float32))
     return found
@@ -150,7 +150,7 @@ class Trainer:
         """Trains the next batch and returns its loss."""
         step, learning = self.at.step, self.learning
         torch.manual_seed((learning.seed << 32) + step + 1)
-        episodes = self._next(step)
+        episodes = self._next_batch(step)
         self.model.train()
         for group in self.optimizer.param_groups:
             group["lr"] = self._rate()
@@ -195,7 +195,7 @@ class Trainer:
             )
         return loss
 
-    def _next(self, step: int) -> list[Episode]:
+    def _next_batch(self, step: int) -> list[Episode]:
         """Returns the episodes of a batch: each epoch has all episodes in a new random order."""
         size, count = self.learning.batch, len(self.train)
         return [self._episode(*divmod(place, count)) for place in range(step * size, (step + 1) * size)]

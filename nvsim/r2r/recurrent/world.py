@@ -90,7 +90,7 @@ class World:
             self._onward[goal] = PathsToGoal(scan.first, after, tree.metres)
         return self._onward[goal]
 
-    def teacher(self, here: Int64, goals: Int64) -> Int64:
+    def shortest_path_slots(self, here: Int64, goals: Int64) -> Int64:
         """Returns (B,) int64 the slot on the shortest path from rows `here` (B,) to rows `goals` (B,).
 
         It is STOP at the goal, and -1 if no candidate is on the path.
@@ -106,7 +106,7 @@ class World:
                 found[i] = 1 + slots[0]
         return found
 
-    def after(self, here: Int64, slots: Int64) -> Int64:
+    def rows_after(self, here: Int64, slots: Int64) -> Int64:
         """Returns (B,) the rows after taking `slots` (B,) from rows `here` (B,)."""
         return np.where(slots == STOP, here, self.target[here, slots - 1])
 
@@ -160,7 +160,7 @@ def read_world(sources: Sequence[ExportFiles], panorama: bool, closed: Collectio
     if not keys:
         raise InputError("The scans have no included viewpoints, so an agent cannot move; export other scans.")
     joined = _CandidateSlots(
-        *(_stacked(arrays, -1 if name in ("target", "view") else 0) for name, arrays in _fields(slots))
+        *(_stack_tables(arrays, -1 if name in ("target", "view") else 0) for name, arrays in _fields(slots))
     )
     row = {key: i for i, key in enumerate(keys)}
     features, seen, first = _read_features(sources, row, joined.view, panorama)
@@ -180,20 +180,20 @@ def _slots(scan: str, ways: PathGraph, first: int, closed: Collection[Key]) -> _
     place = np.arange(len(found.source)) - np.searchsorted(found.source, found.source)
     most = int(place.max(initial=-1)) + 1
 
-    def filled(values: NDArray[Any], empty: float) -> NDArray[Any]:
+    def fill(values: NDArray[Any], empty: float) -> NDArray[Any]:
         table = np.full((count, most), empty, values.dtype)
         table[found.source, place] = values
         return table
 
-    heading, elevation, distance = (filled(v, 0) for v in (found.heading, found.elevation, found.distance))
-    return _CandidateSlots(filled(found.target + first, -1), heading, elevation, distance, filled(found.view, -1))
+    heading, elevation, distance = (fill(v, 0) for v in (found.heading, found.elevation, found.distance))
+    return _CandidateSlots(fill(found.target + first, -1), heading, elevation, distance, fill(found.view, -1))
 
 
 def _fields(slots: Sequence[_CandidateSlots]) -> Sequence[tuple[str, list[NDArray[Any]]]]:
     return [(name, [getattr(of, name) for of in slots]) for name in _CandidateSlots._fields]
 
 
-def _stacked(tables: Sequence[NDArray[Any]], empty: float) -> NDArray[Any]:
+def _stack_tables(tables: Sequence[NDArray[Any]], empty: float) -> NDArray[Any]:
     """Stacks tables vertically, each padded to the widest."""
     most = max(table.shape[1] for table in tables)
     return np.concatenate([np.pad(t, ((0, 0), (0, most - t.shape[1])), constant_values=empty) for t in tables])
@@ -223,12 +223,12 @@ def _read_features(
             chosen = np.arange(VIEWS) if panorama else np.unique(view[at][there])
             seen[at, there] = held + np.searchsorted(chosen, view[at][there])
             first[at] = held
-            kept.append(_normed(views[chosen]))
+            kept.append(_normalize_rows(views[chosen]))
             held += len(chosen)
     return np.concatenate([np.zeros_like(kept[0][:1], shape=(1, kept[0].shape[1])), *kept]), seen, first
 
 
-def _normed(rows: Float32) -> Float32:
+def _normalize_rows(rows: Float32) -> Float32:
     """Scales rows to mean 0 and standard deviation 1, so that features of any network have one scale."""
     centred = rows - rows.mean(axis=1, keepdims=True)
     return np.asarray(centred / (centred.std(axis=1, keepdims=True) + 1e-6), np.float32)

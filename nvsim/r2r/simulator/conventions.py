@@ -56,7 +56,7 @@ def checked_names(given: str | Sequence[str], size: int, what: str) -> list[str]
 
 def checked_numbers(given: float | Sequence[float], size: int, what: str) -> list[float]:
     """Returns the first `size` numbers. Raises WrongType, BatchMismatch, and InvalidValue if one is not finite."""
-    values = [float(value) for value in _listed(given, size, what, float, "fiub")]
+    values = [float(value) for value in _first_values(given, size, what, float, "fiub")]
     if not math.isfinite(sum(values)):  # a value is not finite, or the sum overflows
         raise InvalidValue(f"{what} is {given!r}; give finite radians.")
     return values
@@ -64,13 +64,13 @@ def checked_numbers(given: float | Sequence[float], size: int, what: str) -> lis
 
 def checked_counts(given: int | Sequence[int], size: int, what: str) -> list[int]:
     """Returns the first `size` integers, 0 or more. Raises WrongType, BatchMismatch."""
-    values = _listed(given, size, what, int, "iub")
+    values = _first_values(given, size, what, int, "iub")
     if min(values) < 0:
         raise WrongType(f"{what} is {given!r}; give whole numbers from 0.")
     return [int(value) for value in values]
 
 
-def _listed(given: Any, size: int, what: str, kind: type, kinds: str) -> list[Any]:
+def _first_values(given: Any, size: int, what: str, kind: type, kinds: str) -> list[Any]:
     """Returns the first `size` values, which numpy converts unless all are of one `kind`."""
     values = given if type(given) is list else [given]
     if set(map(type, values)) != {kind}:
@@ -106,7 +106,7 @@ class Minstd:
         self._state = self._state * 16807 % _MODULUS
         return self._state - 1
 
-    def below(self, count: int) -> int:
+    def random_below(self, count: int) -> int:
         """Returns a random integer from 0 to `count` - 1."""
         scale = _RANGE // count
         while True:
@@ -114,7 +114,7 @@ class Minstd:
             if drawn < count * scale:
                 return drawn // scale
 
-    def real(self) -> float:
+    def random_float(self) -> float:
         """Returns a random number in [0, 1), made from two draws."""
         low, high = self._next(), self._next()
         size = float(_RANGE + 1)

@@ -109,17 +109,17 @@ class EpisodeEnv(gymnasium.Env[Observation, np.int64], ABC):
         heading = chosen.get("heading", self.np_random.uniform(0, 2 * math.pi))
         self.simulator.newEpisode([id], [start], [heading], [0.0])
         self._left = self._way_left()
-        return self._seen(), self._info()
+        return self._observation(), self._info()
 
     def step(self, action: np.int64) -> tuple[Observation, float, bool, bool, dict[str, Any]]:
         if int(action) == STOP:
             near = self._left < NEAR
-            return self._seen(), BONUS if near else 0.0, True, False, self._info() | {"success": near}
+            return self._observation(), BONUS if near else 0.0, True, False, self._info() | {"success": near}
         more = self._act(int(action))
         left, before = self._way_left(), self._left
         self._left = left
         gained = before - left if math.isfinite(before) and math.isfinite(left) else 0.0
-        return self._seen(), gained, False, False, self._info() | more
+        return self._observation(), gained, False, False, self._info() | more
 
     def render(self) -> Any:
         """Returns (height, width, 3) uint8 RGB, or None without a render mode."""
@@ -134,7 +134,7 @@ class EpisodeEnv(gymnasium.Env[Observation, np.int64], ABC):
     def _act(self, action: int) -> dict[str, Any]:
         """Executes an action and returns additional entries of `info`."""
 
-    def _seen(self) -> Observation:
+    def _observation(self) -> Observation:
         state = self.state
         offset = self._scan.position[self._goal].astype(float) - np.array(state.location.point)
         turn = math.remainder(math.atan2(offset[0], offset[1]) - state.heading, 2 * math.pi)
@@ -194,11 +194,11 @@ class GraphEnv(EpisodeEnv):
         self.simulator.makeAction([action], [turn], [0.0])
         return {"invalid": False}
 
-    def _seen(self) -> Observation:
+    def _observation(self) -> Observation:
         found = np.zeros((self._most, 3), np.float32)
         for row, place in zip(found, self.state.navigableLocations[1:]):
             row[:] = place.rel_heading, place.rel_elevation, place.rel_distance
-        return super()._seen() | {"candidates": found}
+        return super()._observation() | {"candidates": found}
 
     def _info(self) -> dict[str, Any]:
         mask = np.arange(self._most + 1) < len(self.state.navigableLocations)

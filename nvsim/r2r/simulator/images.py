@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from nvsim.errors import InputError
-from nvsim.files.images import decoded, is_cut_off
+from nvsim.files.images import decode_pixels, is_cut_off
 from nvsim.files.opening import read_bytes
 from nvsim.geometry.camera import camera_pose
 from nvsim.graph.skybox_files import FOLDER, SkyboxFiles
@@ -114,7 +114,7 @@ def read_colours(folder: Path, viewpoint: str) -> NDArray[np.uint8]:
                 raise InvalidValue(f"The six faces {faces[0]} and so on have different sizes; {_THEN}.")
             return _strip(np.concatenate(found, axis=1), faces[0])
         raise InvalidValue(f"MatterSim: Could not open skybox RGB files at: {path}")
-    return _shared(path, lambda: _strip(_image(path, cv2.IMREAD_COLOR), path))
+    return _read_cached(path, lambda: _strip(_image(path, cv2.IMREAD_COLOR), path))
 
 
 def read_distances(folder: Path, viewpoint: str) -> NDArray[np.uint16]:
@@ -131,10 +131,10 @@ def read_distances(folder: Path, viewpoint: str) -> NDArray[np.uint16]:
             raise InvalidValue(f"{path} is not a depth image: it needs one channel of 16 bits; {_THEN}.")
         return _strip(image, path)
 
-    return _shared(path, read)
+    return _read_cached(path, read)
 
 
-def _shared(path: Path, read: Callable[[], NDArray[Any]]) -> NDArray[Any]:
+def _read_cached(path: Path, read: Callable[[], NDArray[Any]]) -> NDArray[Any]:
     try:
         state = os.stat(path)
     except OSError as error:
@@ -151,7 +151,7 @@ def _image(path: Path, flags: int) -> NDArray[Any]:
         data = read_bytes(path)
         if is_cut_off(data):
             raise InvalidValue(f"{path} is truncated; {_THEN}.")
-        return decoded(data, path, flags, what="a skybox", then=_THEN)
+        return decode_pixels(data, path, flags, what="a skybox", then=_THEN)
     except InvalidValue:
         raise
     except InputError as error:
@@ -217,7 +217,7 @@ class Images(Protocol):
     def preload(self, scans: Scans, depth: bool) -> None:
         """Loads all images or models."""
 
-    def stand(self, here: NDArray[np.float64], goal: Goal) -> NDArray[np.float64]:
+    def position_after_move(self, here: NDArray[np.float64], goal: Goal) -> NDArray[np.float64]:
         """Returns the camera position (3,), meters, after a move from `here` (3,) to `goal`.
 
         Raises InvalidValue with the reason if the move is not possible.
@@ -261,7 +261,7 @@ class StripImages:
                 if included:
                     self.cache.preload(id, viewpoint, depth)
 
-    def stand(self, here: NDArray[np.float64], goal: Goal) -> NDArray[np.float64]:
+    def position_after_move(self, here: NDArray[np.float64], goal: Goal) -> NDArray[np.float64]:
         """Raises InvalidValue for every position `here` (3,), because there are only images of viewpoints."""
         raise InvalidValue(_ALONE)
 

@@ -7,6 +7,7 @@ measured in the models, and compared with the thresholds of the project's map.
 from __future__ import annotations
 
 import threading
+from collections.abc import Iterable
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
@@ -59,16 +60,16 @@ class FreeSpaceChecks:
         self._source, self._floor, self._support, self._config = source, floor, support, config
         self._traversed = traversed
         self._lock = threading.Lock()
-        self._forget()
+        self._reset()
 
-    def stand(self, here: NDArray[np.float64], goal: Goal) -> NDArray[np.float64]:
+    def position_after_move(self, here: NDArray[np.float64], goal: Goal) -> NDArray[np.float64]:
         """Returns the camera position (3,), meters, world, after a move from `here` (3,) to `goal`.
 
         Raises InvalidValue with the reason if the position, or a straight way that is required, is not free.
         """
         with self._lock:
             if len(self._places) > _MOST:
-                self._forget()
+                self._reset()
             x, y = goal.x, goal.y
             above = here[2] - float(self._floor.height_at(here))
             there = np.array([x, y, here[2] if goal.z is None else goal.z], np.float64)
@@ -98,7 +99,9 @@ class FreeSpaceChecks:
             apart = np.linalg.norm(scan.position - place, axis=1)
             near = np.flatnonzero(scan.included & (apart <= self._config.tau_dist)).tolist()
             ends = {i: self._viewpoint(scan.position[i].astype(np.float64)) for i in near}
-            return [i for i, end in ends.items() if apart[i] < 1e-3 or not self._blocked(start, end, ends.values())]
+            return [
+                i for i, end in ends.items() if apart[i] < 1e-3 or not self._reason_blocked(start, end, ends.values())
+            ]
 
     def _not_standing(self, end: Viewpoint) -> str:
         around = self._measurements.around(end)
@@ -115,12 +118,12 @@ class FreeSpaceChecks:
         legs = max(1, int(np.ceil(length / self._config.tau_dist)))
         stops = [start, *(self._viewpoint(a + (b - a) * k / legs) for k in range(1, legs)), end]
         for one, other in zip(stops, stops[1:]):
-            if one.position[:2] != other.position[:2] and (why := self._blocked(one, other)):
+            if one.position[:2] != other.position[:2] and (why := self._reason_blocked(one, other)):
                 return why
         return ""
 
-    def _blocked(self, one: Viewpoint, other: Viewpoint, also: object = ()) -> str:
-        decision = decide(self._measurements.between(one, other, also), self._config)  # type: ignore[arg-type]
+    def _reason_blocked(self, one: Viewpoint, other: Viewpoint, also: Iterable[Viewpoint] = ()) -> str:
+        decision = decide(self._measurements.corridor_evidence(one, other, also), self._config)
         return "" if decision == OPEN else DECISIONS[decision].clause
 
     def _viewpoint(self, place: NDArray[np.float64]) -> Viewpoint:
@@ -131,7 +134,7 @@ class FreeSpaceChecks:
             self._lattice.begin(id, (x, y))
         return Viewpoint(id, (x, y, z), z - float(self._floor.height_at(place)))
 
-    def _forget(self) -> None:
+    def _reset(self) -> None:
         self._places: set[str] = set()
         self._lattice = Lattice(self._config)
         floor = self._floor.height_at
@@ -195,18 +198,20 @@ class LiveImages:
         depth = np.minimum(metres * UNITS_A_METRE + np.float32(0.5), 65535)
         return rgb, depth.astype(np.uint16)[..., None]
 
-    def stand(self, here: NDArray[np.float64], goal: Goal) -> NDArray[np.float64]:
+    def position_after_move(self, here: NDArray[np.float64], goal: Goal) -> NDArray[np.float64]:
         """See Images: the camera position (3,), meters, after a move from `here` (3,)."""
-        return self._standing().stand(here, goal)
+        return self._free_space_checks().position_after_move(here, goal)
 
     def reachable(self, place: NDArray[np.float64], scan: Scan) -> list[int]:
         """See Images: the viewpoints with a free way from a position (3,), meters."""
-        return self._standing().reachable(place, scan)
+        return self._free_space_checks().reachable(place, scan)
 
-    def _standing(self) -> FreeSpaceChecks:
+    def _free_space_checks(self) -> FreeSpaceChecks:
         live = self._live
         if live.views is None or live.support is None or live.traversed is None:
             raise InvalidValue("The project has no trained models, so free space is unknown; run `nvsim train` on it.")
         if self._ground is None:
-            self._ground = FreeSpaceChecks(live.views, live.floor, live.support.at, live.config, live.traversed)
+            self._ground = FreeSpaceChecks(
+                live.views, live.floor, live.support.is_supported, live.config, live.traversed
+            )
         return self._ground

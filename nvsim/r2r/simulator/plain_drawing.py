@@ -51,7 +51,7 @@ def _draw(strip: NDArray[Any], rays: NDArray[np.float32], out: NDArray[Any], int
     """Fills a view (H, W) or (H, W, 3) with the faces that it shows."""
     side = strip.shape[0]
     flags = interpolation | cv2.WARP_INVERSE_MAP
-    for face, homography, (left, top), mask in _shown(rays.tobytes(), out.shape[0], out.shape[1], side):
+    for face, homography, (left, top), mask in _visible_faces(rays.tobytes(), out.shape[0], out.shape[1], side):
         image = strip[:, face * side : (face + 1) * side]
         height, width = mask.shape
         # Beyond the centers of its border pixels, a face is constant.
@@ -60,7 +60,7 @@ def _draw(strip: NDArray[Any], rays: NDArray[np.float32], out: NDArray[Any], int
 
 
 @lru_cache(maxsize=128)
-def _shown(
+def _visible_faces(
     rays: bytes, height: int, width: int, side: int
 ) -> list[tuple[int, NDArray[Any], tuple[int, int], NDArray[np.uint8]]]:
     """Returns for each face that a view shows: its number, the homography from a rectangle of the view to the face, the

@@ -19,7 +19,7 @@ from weakref import WeakValueDictionary
 import numpy as np
 from numpy.typing import NDArray
 
-from nvsim.errors import InputError, shown
+from nvsim.errors import InputError, value_text
 from nvsim.files.opening import is_number, read_json, read_text
 from nvsim.r2r.simulator.conventions import InvalidValue, UnknownScan
 
@@ -148,7 +148,7 @@ def read_scan(path: Path, id: str) -> Scan:
         where = f"{path}, entry {i}"
         name = entry.get("image_id")
         if not isinstance(name, str) or not name or "/" in name or "\0" in name:
-            raise InvalidValue(f"{where}: image_id is {shown(name)}; it must be a name without slash.")
+            raise InvalidValue(f"{where}: image_id is {value_text(name)}; it must be a name without slash.")
         ids.append(name)
         included[i] = bool(entry.get("included"))
         pose[i] = _numbers(entry.get("pose"), 16, f"{where}: pose").reshape(4, 4)
@@ -160,11 +160,11 @@ def read_scan(path: Path, id: str) -> Scan:
 
 def _numbers(values: Any, count: int, where: str) -> NDArray[np.float64]:
     if not isinstance(values, list) or len(values) != count:
-        found = f"{len(values)} values" if isinstance(values, list) else shown(values)
+        found = f"{len(values)} values" if isinstance(values, list) else value_text(values)
         raise InvalidValue(f"{where} has {found} and must be a list of {count}; export the scan again.")
     for value in values:
         if not isinstance(value, bool) and not is_number(value):
-            raise InvalidValue(f"{where} has {shown(value)}, which is not a finite number; export the scan again.")
+            raise InvalidValue(f"{where} has {value_text(value)}, which is not a finite number; export the scan again.")
     return np.array(values, np.float64)
 
 
@@ -253,7 +253,7 @@ class JoinedScans:
             np.concatenate([s.reach for s in each]),
         )
 
-    def holds(self, scans: Iterable[Scan]) -> bool:
+    def contains(self, scans: Iterable[Scan]) -> bool:
         return all(self.scans.get(s.id) is s for s in scans)
 
 

@@ -27,7 +27,15 @@ from nvsim.r2r.simulator.conventions import (
 from nvsim.r2r.simulator.images import Goal, Images, ViewSize, draw_all
 from nvsim.r2r.simulator.scan import JoinedScans, Scans
 from nvsim.r2r.simulator.settings import Settings, source_of
-from nvsim.r2r.simulator.state import TURN, Batch, OffGraphPosition, SimState, black_images, position_of, turn
+from nvsim.r2r.simulator.state import (
+    TURN,
+    Batch,
+    OffGraphPosition,
+    SimState,
+    black_images,
+    position_of,
+    rounded_view_direction,
+)
 
 if TYPE_CHECKING:
     from nvsim.r2r.simulator.images import Drawn
@@ -133,10 +141,10 @@ class Simulator(Settings):
                 viewpoints = [self._any_viewpoint(ids[0])]
             indices = [found[id].index(v) for id, v in zip(ids, viewpoints)]
             joined = self._batch.joined
-            if joined is None or not joined.holds(found.values()):
+            if joined is None or not joined.contains(found.values()):
                 joined = JoinedScans({**({} if joined is None else joined.scans), **found}.values())
             places = [joined.first[id] + i for id, i in zip(ids, indices)]
-            self._stand(joined, ids, places, headings, elevations, {}, [0] * size)
+            self._draw_and_update(joined, ids, places, headings, elevations, {}, [0] * size)
             self._scalar = scalar
 
     def newRandomEpisode(self, scanId: str | Sequence[str]) -> None:
@@ -151,7 +159,7 @@ class Simulator(Settings):
                 self.initialize()
             directions = Minstd()
             viewpoints = [self._any_viewpoint(id) for id in ids]
-            headings = [TURN * directions.real() for _ in ids]
+            headings = [TURN * directions.random_float() for _ in ids]
             if scalar:
                 self.newEpisode(ids[0], viewpoints[0], headings[0], 0.0)
             else:
@@ -162,7 +170,7 @@ class Simulator(Settings):
         scan = self._scans.scan(id)
         if not scan.included.any():
             raise NotStarted(f"MatterSim: ScanId: {id} has no included viewpoints!")
-        index = self._random.below(len(scan.ids))
+        index = self._random.random_below(len(scan.ids))
         while not scan.included[index]:
             index = (index + 1) % len(scan.ids)
         return scan.ids[index]
@@ -220,7 +228,9 @@ class Simulator(Settings):
             headings = [before + change for before, change in zip(batch.heading, headings)]
             elevations = [before + change for before, change in zip(batch.elevation, elevations)]
             beside = {b: place for b, place in batch.beside.items() if not chosen[b]}
-            self._stand(joined, batch.scan, places, headings, elevations, beside, [step + 1 for step in batch.step])
+            self._draw_and_update(
+                joined, batch.scan, places, headings, elevations, beside, [step + 1 for step in batch.step]
+            )
 
     def move_to(
         self,
@@ -252,17 +262,19 @@ class Simulator(Settings):
         with self._lock, self._timers:
             scan = batch.joined.scans[batch.scan[environment]]
             goal = Goal(float(x), float(y), None if z is None else float(z), straight)
-            there = self._images.stand(position_of(batch, environment), goal)
+            there = self._images.position_after_move(position_of(batch, environment), goal)
             near = self._images.reachable(there, scan) if locations else []
             rows = [batch.joined.first[scan.id] + i for i in near]
             headings, elevations, steps = batch.heading.copy(), batch.elevation.copy(), batch.step.copy()
             headings[environment] = headings[environment] if heading is None else float(heading)
             elevations[environment] = elevations[environment] if elevation is None else float(elevation)
             steps[environment] += 1
-            beside = {**batch.beside, environment: OffGraphPosition.at(there, rows, batch.joined)}
-            self._stand(batch.joined, batch.scan, batch.place, headings, elevations, beside, steps, environment)
+            beside = {**batch.beside, environment: OffGraphPosition.with_free_ways(there, rows, batch.joined)}
+            self._draw_and_update(
+                batch.joined, batch.scan, batch.place, headings, elevations, beside, steps, environment
+            )
 
-    def _stand(
+    def _draw_and_update(
         self,
         joined: JoinedScans,
         scans: list[str],
@@ -277,7 +289,7 @@ class Simulator(Settings):
         batch = self._batch
         assert batch is not None
         limits = self.lowest, self.highest
-        headings, elevations, view = turn(headings, elevations, self.discrete, *limits, batch.view)
+        headings, elevations, view = rounded_view_direction(headings, elevations, self.discrete, *limits, batch.view)
         if self.rendering_enabled:
             images, size = self._images, self._view
             assert images is not None

@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 TURN = 2 * math.pi
 
 
-def turn(
+def rounded_view_direction(
     headings: list[float], elevations: list[float], discrete: bool, lowest: float, highest: float, views: list[int]
 ) -> tuple[list[float], list[float], list[int]]:
     """Rounds headings and elevations, radians, to the discrete views, or limits elevations to `lowest` and `highest`.
@@ -221,20 +221,20 @@ class Batch:
         assert self.joined is not None
         if b in self.beside:
             beside = self.beside[b]
-            return self._located([b], [0], beside.ways, [ViewPoint("", -1, beside.position.tolist())])[0]
+            return self._add_locations([b], [0], beside.ways, [ViewPoint("", -1, beside.position.tolist())])[0]
         missing = [i for i in range(self.size) if self.found[i] is None and i not in self.beside]
         if self._discrete:
             missing = [i for i in missing if VIEWS * self.place[i] + self.view[i] not in self._known]
         places = [self.place[i] for i in missing]
         firsts = [_viewpoint(self.joined, place, [0.0, 0.0, 0.0]) for place in places]
-        each = dict(zip(missing, self._located(missing, places, self.joined.ways, firsts)))
+        each = dict(zip(missing, self._add_locations(missing, places, self.joined.ways, firsts)))
         for i, found in each.items():
             self.found[i] = found
             if self._discrete:
                 self._known[VIEWS * self.place[i] + self.view[i]] = found
         return each[b]
 
-    def _located(
+    def _add_locations(
         self, environments: list[int], places: list[int], ways: Ways, firsts: list[ViewPoint]
     ) -> list[list[ViewPoint]]:
         """Returns `firsts`, each with the locations of its environment, which is in the row `places` of `ways`."""
@@ -266,7 +266,7 @@ class OffGraphPosition:
         return np.array([0, len(self.neighbour)], np.int64), self.neighbour, self.towards, self.reach
 
     @staticmethod
-    def at(position: NDArray[np.float64], rows: list[int], joined: JoinedScans) -> OffGraphPosition:
+    def with_free_ways(position: NDArray[np.float64], rows: list[int], joined: JoinedScans) -> OffGraphPosition:
         """Returns a position (3,), meters, world, with free ways to the viewpoints of some rows."""
         ends = np.array([joined.positions[row] for row in rows], np.float32).reshape(-1, 3)
         towards, reach = directions_and_distances(np.tile(position.astype(np.float32), (len(rows), 1)), ends)

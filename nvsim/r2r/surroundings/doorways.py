@@ -56,7 +56,9 @@ def doorways_between(
         if jambs[0] is None or jambs[1] is None:
             continue
         gaps = [float(np.linalg.norm(jamb)) for jamb in jambs if jamb is not None]
-        if sum(gaps) > _WIDE or not _spans(walls, layers, a + middle * ahead + jambs[0], a + middle * ahead + jambs[1]):
+        if sum(gaps) > _WIDE or not _has_lintel(
+            walls, layers, a + middle * ahead + jambs[0], a + middle * ahead + jambs[1]
+        ):
             continue
         # In a corridor with a beam or a lamp, the walls continue on both sides of it.
         beyond = [a + (along[i] + off) * ahead for i, off in ((first, -_BEYOND), (last, _BEYOND))]
@@ -80,7 +82,7 @@ def _to_jamb(
     return found
 
 
-def _spans(
+def _has_lintel(
     walls: NDArray[np.bool_], layers: Layers, one: NDArray[np.floating], other: NDArray[np.floating]
 ) -> bool:  # fmt: skip
     """Whether a lintel leads from one jamb (2,), meters, to the other; a lamp or an artifact does not."""
@@ -115,9 +117,9 @@ def kinds_of(walls: NDArray[np.bool_], layers: Layers, places: NDArray[np.floati
     from scipy.ndimage import label
 
     firm = without_islands(walls)
-    closed, _ = label(~_grown(firm, _GAP))  # regions enclosed by walls and lintels
-    narrow, _ = label(~firm & ~_covered(firm, _BEND))
-    roomy = layers.values_at(_covered(firm, _ROOM), places)
+    closed, _ = label(~_dilate(firm, _GAP))  # regions enclosed by walls and lintels
+    narrow, _ = label(~firm & ~_cells_of_free_discs(firm, _BEND))
+    roomy = layers.values_at(_cells_of_free_discs(firm, _ROOM), places)
     regions, strips = layers.values_at(closed, places), layers.values_at(narrow, places)
     long = {strip for strip in set(strips.tolist()) - {0} if _longest(narrow == strip) >= _LONG}
     corridor = [strip in long or _is_corridor(walls, layers, place) for strip, place in zip(strips.tolist(), places)]
@@ -132,18 +134,18 @@ def without_islands(walls: NDArray[np.bool_]) -> NDArray[np.bool_]:
     """Removes components of walls (rows, columns) that are too short for one, such as lamps and artifacts."""
     import cv2
 
-    _, labels, sizes, _ = cv2.connectedComponentsWithStats(_grown(walls, 3).astype(np.uint8), connectivity=8)
+    _, labels, sizes, _ = cv2.connectedComponentsWithStats(_dilate(walls, 3).astype(np.uint8), connectivity=8)
     longer = sizes[:, [cv2.CC_STAT_WIDTH, cv2.CC_STAT_HEIGHT]].max(axis=1) * CELL
     return np.asarray(walls & (longer >= _WALL_LENGTH)[labels])
 
 
-def _grown(walls: NDArray[np.bool_], side: int) -> NDArray[np.bool_]:
+def _dilate(walls: NDArray[np.bool_], side: int) -> NDArray[np.bool_]:
     import cv2
 
     return cv2.dilate(walls.astype(np.uint8), np.ones((side, side), np.uint8)).astype(bool)
 
 
-def _covered(walls: NDArray[np.bool_], diameter: float) -> NDArray[np.bool_]:
+def _cells_of_free_discs(walls: NDArray[np.bool_], diameter: float) -> NDArray[np.bool_]:
     """Returns (rows, columns) the cells covered by discs of this diameter in meters that touch no wall."""
     from scipy.ndimage import distance_transform_edt
 
@@ -161,17 +163,21 @@ def _is_corridor(walls: NDArray[np.bool_], layers: Layers, place: NDArray[np.flo
     """Whether the place is between long parallel walls."""
     half = np.arange(_DIRECTIONS) * math.pi / _DIRECTIONS
     ways = np.stack([np.sin(half), np.cos(half)], axis=1)
-    widths = [_chord(walls, layers, place, way) for way in ways]
+    widths = [_length_between_walls(walls, layers, place, way) for way in ways]
     narrow = int(np.argmin(widths))
     across, along = ways[narrow], ways[(narrow + _DIRECTIONS // 2) % _DIRECTIONS]
-    if not _LEAST < widths[narrow] <= _CORRIDOR or _chord(walls, layers, place, along) < _LONG:
+    if not _LEAST < widths[narrow] <= _CORRIDOR or _length_between_walls(walls, layers, place, along) < _LONG:
         return False
     # A chord across a corner is also short, but its neighbors are not. At a crossing, one neighbor may be long.
-    beside = [_chord(walls, layers, place + off * along, across) for off in (-1.2, -0.8, -0.4, 0.4, 0.8, 1.2)]
+    beside = [
+        _length_between_walls(walls, layers, place + off * along, across) for off in (-1.2, -0.8, -0.4, 0.4, 0.8, 1.2)
+    ]
     return sum(abs(width - widths[narrow]) < 0.5 for width in beside) >= 5
 
 
-def _chord(walls: NDArray[np.bool_], layers: Layers, place: NDArray[np.floating], way: NDArray[np.floating]) -> float:
+def _length_between_walls(
+    walls: NDArray[np.bool_], layers: Layers, place: NDArray[np.floating], way: NDArray[np.floating]
+) -> float:
     """Returns the length in meters of the line through a place (2,) from wall to wall."""
     return sum(_to_wall(walls, layers, place, sign * way) for sign in (1, -1))
 

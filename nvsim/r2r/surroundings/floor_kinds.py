@@ -44,7 +44,7 @@ def floor_names(layers: Layers) -> NDArray[np.int64]:
     """Returns (rows, columns) indices of floor colors into COLOURS, NAMELESS for unseen or unnamed floor."""
     import cv2
 
-    on = np.abs(layers.above) <= FLOOR + CELL / 2
+    on = np.abs(layers.height_above_floor) <= FLOOR + CELL / 2
     at = layers.voxels[on]
     lab = np.zeros((*layers.shape, 4), np.float32)
     for i, values in enumerate([*lab_of(layers.colours[on]).T, np.ones(len(at), np.float32)]):
@@ -65,17 +65,17 @@ def floor_materials(layers: Layers) -> NDArray[np.int64]:
         _add(sums, layers, one.underfoot)
     seen, energy, cos2, sin2, cos4, sin4, *lab = sums
 
-    def over(metres: float, values: NDArray[np.float64]) -> NDArray[np.float64]:
+    def mean_over(metres: float, values: NDArray[np.float64]) -> NDArray[np.float64]:
         side = round(metres / CELL) | 1
         return np.asarray(cv2.blur(values, (side, side), borderType=cv2.BORDER_CONSTANT))
 
-    count = np.maximum(over(_NEAR, seen), 1e-9)
-    full = over(_NEAR, (seen > 0).astype(np.float64)) >= _VISIBLE
-    power = np.maximum(over(_NEAR, energy), 1e-9)
+    count = np.maximum(mean_over(_NEAR, seen), 1e-9)
+    full = mean_over(_NEAR, (seen > 0).astype(np.float64)) >= _VISIBLE
+    power = np.maximum(mean_over(_NEAR, energy), 1e-9)
     patterned = full & (power / count >= _JOINTS**2)
-    one_way = np.hypot(over(_NEAR, cos2), over(_NEAR, sin2)) / power
-    two_ways = np.hypot(over(_WIDE, cos4), over(_WIDE, sin4)) / np.maximum(over(_WIDE, energy), 1e-9)
-    a, b = over(_NEAR, lab[1]) / count, over(_NEAR, lab[2]) / count
+    one_way = np.hypot(mean_over(_NEAR, cos2), mean_over(_NEAR, sin2)) / power
+    two_ways = np.hypot(mean_over(_WIDE, cos4), mean_over(_WIDE, sin4)) / np.maximum(mean_over(_WIDE, energy), 1e-9)
+    a, b = mean_over(_NEAR, lab[1]) / count, mean_over(_NEAR, lab[2]) / count
     chroma, hue = np.hypot(a, b), np.degrees(np.arctan2(b, a)) % 360
     brownish = (chroma >= _WOOD_CHROMA) & (hue >= _WOOD_HUES[0]) & (hue <= _WOOD_HUES[1])
     found = np.full(layers.shape, UNSURE, np.int64)

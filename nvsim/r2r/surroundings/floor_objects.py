@@ -53,13 +53,13 @@ class FloorObject:
         return np.asarray(self.cells.mean(axis=0))
 
     @property
-    def look(self) -> tuple[str, Shape]:
+    def color_and_shape(self) -> tuple[str, Shape]:
         return self.colour, self.shape
 
 
 def walls_of(layers: Layers) -> NDArray[np.bool_]:
     """Returns (rows, columns) bool: cells with surfaces just below the ceiling, which are walls and lintels."""
-    return layers.between(*layers.high) >= _WALL
+    return layers.count_between(*layers.high) >= _WALL
 
 
 def find_floor_objects(layers: Layers) -> list[FloorObject]:
@@ -68,7 +68,7 @@ def find_floor_objects(layers: Layers) -> list[FloorObject]:
 
     tallest = min(_TALLEST, layers.high[0])
     walls = cv2.dilate(walls_of(layers).astype(np.uint8), np.ones((5, 5), np.uint8)).astype(bool)
-    above = layers.above
+    above = layers.height_above_floor
     standing = (above > _FROM) & (above < tallest)
     standing &= ~walls[layers.voxels[:, 1], layers.voxels[:, 0]]
     rows = np.flatnonzero(standing)
@@ -93,7 +93,7 @@ def find_floor_objects(layers: Layers) -> list[FloorObject]:
                 labels == k, taken
             ):
                 continue
-            thing = _thing(layers, rows[label == k], names[label == k] == i, names[label == k], colour)
+            thing = _named_object(layers, rows[label == k], names[label == k] == i, names[label == k], colour)
             if thing is not None:
                 found.append(thing)
     return sorted(found, key=lambda thing: -len(thing.cells))
@@ -120,7 +120,7 @@ def _smooth_names(layers: Layers, rows: NDArray[np.int64]) -> NDArray[np.int64]:
     return names_of(mean)
 
 
-def _thing(
+def _named_object(
     layers: Layers, rows: NDArray[np.int64], of_colour: NDArray[np.bool_], names: NDArray[np.int64], colour: str
 ) -> FloorObject | None:
     """Returns the object made of the voxels `rows`, or None if it cannot be named reliably."""
@@ -134,7 +134,7 @@ def _thing(
     many = of_colour.mean() < 0.4 or of_colour.sum() < _ONE_COLOUR * max(1, (names != NAMELESS).sum())
     (_, sides, _) = cv2.minAreaRect(cells.astype(np.float32))
     longer, shorter = (max(sides) + 1) * CELL, (min(sides) + 1) * CELL
-    heights = layers.above[rows]
+    heights = layers.height_above_floor[rows]
     tops = np.zeros(len(cells))
     np.maximum.at(tops, back, heights)
     top = float(np.quantile(tops, 0.9))

@@ -49,21 +49,21 @@ class Layers:
     high: tuple[float, float]
 
     @property
-    def above(self) -> NDArray[np.float32]:
+    def height_above_floor(self) -> NDArray[np.float32]:
         """(n,) meters from the floor to the voxel centers."""
         return ((self.voxels[:, 2] + 0.5) * CELL + _LOWEST).astype(np.float32)
 
-    def between(self, low: float, high: float) -> NDArray[np.int64]:
+    def count_between(self, low: float, high: float) -> NDArray[np.int64]:
         """Returns (rows, columns) the number of voxels with centers from `low` to `high` meters above the floor."""
-        above = self.above
-        return self.counted((above >= low) & (above < high))
+        above = self.height_above_floor
+        return self.count_per_cell((above >= low) & (above < high))
 
-    def firm(self, low: float, high: float) -> NDArray[np.bool_]:
+    def is_confirmed(self, low: float, high: float) -> NDArray[np.bool_]:
         """Returns (n,) bool: voxels from `low` to `high` meters above the floor that nearby viewpoints confirm.
 
         Voxels that one viewpoint sees but more viewpoints see past are not included.
         """
-        above = self.above
+        above = self.height_above_floor
         rows = np.flatnonzero((above >= low) & (above < high))
         places = self.places_of(rows)
         on, past = np.zeros(len(rows)), np.zeros(len(rows))
@@ -77,7 +77,7 @@ class Layers:
         found[rows[past <= _PASSED * on]] = True
         return found
 
-    def counted(self, chosen: NDArray[np.bool_]) -> NDArray[np.int64]:
+    def count_per_cell(self, chosen: NDArray[np.bool_]) -> NDArray[np.int64]:
         """Returns (rows, columns) the number of voxels among `chosen` (n,) bool."""
         inside = self.voxels[chosen]
         flat = inside[:, 1].astype(np.int64) * self.shape[1] + inside[:, 0]
@@ -154,7 +154,7 @@ def _layers(seen: tuple[ViewFromViewpoint, ...]) -> Layers:
         at[:, 2] = np.floor((one.points[:, 2] - one.floor - _LOWEST) / CELL)
         inside = ((at >= 0) & (at < (columns, rows, levels))).all(axis=1)
         key = (at[inside, 2] * rows + at[inside, 1]) * columns + at[inside, 0]
-        keys, sums, counts = _summed(keys, sums, counts, key, one.colours[inside])
+        keys, sums, counts = _add_to_sums(keys, sums, counts, key, one.colours[inside])
     kept = counts >= _LEAST
     keys, sums, counts = keys[kept], sums[kept], counts[kept]
     level, cell = np.divmod(keys, rows * columns)
@@ -166,7 +166,7 @@ def _layers(seen: tuple[ViewFromViewpoint, ...]) -> Layers:
     return Layers(seen, floor, where, voxels, colours, (rows, columns), _high_of(voxels[:, 2]))
 
 
-def _summed(
+def _add_to_sums(
     keys: NDArray[np.int64], sums: NDArray[np.float32], counts: NDArray[np.int64],
     key: NDArray[np.int64], colours: NDArray[np.uint8],
 ) -> tuple[NDArray[np.int64], NDArray[np.float32], NDArray[np.int64]]:  # fmt: skip

@@ -112,7 +112,7 @@ class Outline:
         return float((np.abs(self.tops - self.level) < 0.09).mean())
 
     @property
-    def closed(self) -> float:
+    def rim_share(self) -> float:
         """Share of the rim in which a side below the edge is seen."""
         return float((self.lowest < self.level - 0.2)[_is_rim(self.cells)].mean())
 
@@ -170,7 +170,7 @@ def _is_box(o: Outline) -> bool:
 def _table(o: Outline) -> Shape | None:
     if o.shorter <= 0.4 or o.longer < 0.7:
         return None
-    if o.flat_top_share > _EVEN and o.closed < _LEGS:
+    if o.flat_top_share > _EVEN and o.rim_share < _LEGS:
         return "low table" if 0.3 < o.level < 0.56 else "table" if 0.56 < o.level < 0.85 else None
     is_desk = o.colour in _WOODS and 0.66 < o.level < 0.8 and o.longer >= 1.0 and o.shorter > 0.45
     return "desk" if is_desk and o.flat_top_share > 0.7 and o.grounded_share < 0.4 else None
@@ -188,7 +188,7 @@ def _storage(o: Outline) -> Shape | None:
         return None
     if o.color_share < 0.7 and o.spread > _MIXED:
         return "bookshelf"
-    return "cabinet" if o.color_share > 0.75 and o.spread < _MIXED and o.closed > 0.3 and o.top < TALL else None
+    return "cabinet" if o.color_share > 0.75 and o.spread < _MIXED and o.rim_share > 0.3 and o.top < TALL else None
 
 
 def _by_height(o: Outline) -> Shape | None:

@@ -67,7 +67,7 @@ def surroundings_of(graph: NavGraph, storeys: list[Layers]) -> Surroundings:
         at = {one.viewpoint.id: np.array(one.viewpoint.position) for one in layers.seen}
         first, here = len(things), find_floor_objects(layers)
         things += here
-        walls, standing = walls_of(layers), layers.between(0.4, 1.7) >= 4
+        walls, standing = walls_of(layers), layers.count_between(0.4, 1.7) >= 4
         kinds_of_floor = floor_kinds(layers, walls)
         sees = {one.viewpoint.id: _seen_by(one, here) for one in layers.seen}
         firm = without_islands(walls)
@@ -75,7 +75,7 @@ def surroundings_of(graph: NavGraph, storeys: list[Layers]) -> Surroundings:
             sees[id] -= {i for i in sees[id] if is_behind_a_wall(firm, layers, place[:2], here[i])}
         kinds |= dict(zip(at, kinds_of(walls, layers, np.array([place[:2] for place in at.values()]))))
         for id, place in at.items():
-            visible[id] = tuple((first + i, *where) for i, where in _where(place, here, sees[id]))
+            visible[id] = tuple((first + i, *where) for i, where in _places_of_objects(place, here, sees[id]))
         for a, b in graph.edges:
             if a not in at or b not in at:
                 continue
@@ -119,7 +119,7 @@ def is_behind_a_wall(
     return bool(layers.values_at(walls, place + along[:, None] * (nearest - place) / length).any())
 
 
-def _where(
+def _places_of_objects(
     place: NDArray[np.float64], things: list[FloorObject], seen: set[int]
 ) -> Iterator[tuple[int, tuple[float, float]]]:
     for i in sorted(seen):

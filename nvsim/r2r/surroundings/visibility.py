@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from nvsim.errors import InputError
-from nvsim.files.images import decoded
+from nvsim.files.images import decode_pixels
 from nvsim.files.opening import read_bytes
 from nvsim.geometry.camera import camera_pose
 from nvsim.geometry.directions import face_rays
@@ -110,16 +110,16 @@ def views_from_viewpoints(root: Path, graph: NavGraph) -> Iterator[ViewFromViewp
     places = ScanPlaces(root, graph.scan)
     for viewpoint in graph.viewpoints.values():
         if viewpoint.included:
-            yield _seen(places, viewpoint)
+            yield _view_from(places, viewpoint)
 
 
-def _seen(places: ScanPlaces, viewpoint: Viewpoint) -> ViewFromViewpoint:
+def _view_from(places: ScanPlaces, viewpoint: Viewpoint) -> ViewFromViewpoint:
     import cv2
 
     depth, path = read_depth(places, viewpoint.id), places.strip(viewpoint.id)
-    strip = decoded(read_bytes(path), path, cv2.IMREAD_COLOR, what="a skybox strip", then="export the scan again")[
-        ..., ::-1
-    ]
+    strip = decode_pixels(
+        read_bytes(path), path, cv2.IMREAD_COLOR, what="a skybox strip", then="export the scan again"
+    )[..., ::-1]
     side = min(SIDE, depth.shape[0])
     if strip.shape[:2] != depth.shape:
         raise InputError(f"{path} does not have the size of its depth strip; export the scan again.")

@@ -129,7 +129,7 @@ class EligiblePaths:
         """Returns (M,) bool: whether all viewpoints of each path are in `chosen` (N,) bool."""
         return np.asarray(np.append(chosen, True)[self.rows].all(axis=1))
 
-    def without(self, edges: Collection[EdgeKey], ends: Collection[str]) -> EligiblePaths:
+    def excluding(self, edges: Collection[EdgeKey], ends: Collection[str]) -> EligiblePaths:
         """Returns the paths that use none of `edges`, and neither begin nor end at a viewpoint of `ends`."""
         row, count = {id: i for i, id in enumerate(self.ids)}, len(self.ids)
         refused = [min(row[a], row[b]) * count + max(row[a], row[b]) for a, b in edges if a in row and b in row]
@@ -152,7 +152,7 @@ def eligible_paths(ways: PathGraph, bounds: PathBounds) -> EligiblePaths:
         fits &= (tree.metres >= bounds.least_metres) & (tree.metres <= bounds.most_metres)
         fits[: source + 1] = False  # these pairs were tested from their other end
         if not bounds.ties and fits.any():
-            fits &= ~ways.tied(source)[2]
+            fits &= ~ways.shortest_paths_with_ties(source)[2]
         ends = np.flatnonzero(fits)
         rows = np.full((len(ends), most + 1), -1, np.int64)
         here = ends

@@ -159,11 +159,11 @@ def sample_tasks(
     random = Random(amounts.seed)
     scans = [_scan(graph, unseen, bounds, amounts, impassable.get(graph.scan)) for graph in graphs]
     wanted = {name: getattr(amounts, name) for name in SPLITS}
-    seen = _drawn(scans, False, wanted["train"] + wanted["val_seen"], random)
+    seen = _sample_paths(scans, False, wanted["train"] + wanted["val_seen"], random)
     found = dict(
         zip(("train", "val_seen"), _split_train_and_val_seen(seen, wanted["train"], wanted["val_seen"], random))
     )
-    found["val_unseen"] = _drawn(scans, True, wanted["val_unseen"], random)
+    found["val_unseen"] = _sample_paths(scans, True, wanted["val_unseen"], random)
     for name in SPLITS:
         if wanted[name] and not found[name]:
             raise InputError(_why_none(name, bounds, bool(impassable)))
@@ -193,7 +193,7 @@ def _scan(
     ways = PathGraph.of(graph)
     paths = eligible_paths(ways, bounds)
     if impassable is not None:
-        paths = paths.without(impassable.edges, impassable.ends)
+        paths = paths.excluding(impassable.edges, impassable.ends)
     if unseen:
         return _Scan(graph.scan, ways, paths, np.full(len(ways.ids), graph.scan in unseen))
     return _Scan(graph.scan, ways, paths, unseen_viewpoints(graph, paths, amounts.unseen_share))
@@ -202,7 +202,7 @@ def _scan(
 _Drawn = tuple[_Scan, tuple[int, ...]]
 
 
-def _drawn(scans: Sequence[_Scan], side: bool, count: int, random: Random) -> list[_Drawn]:
+def _sample_paths(scans: Sequence[_Scan], side: bool, count: int, random: Random) -> list[_Drawn]:
     """Returns up to `count` paths of one side, from the scans in turn."""
     orders = [(scan, by_increasing_use(scan.sides[side], random)) for scan in scans]
     return list(islice(_in_turn(orders, side), count))
@@ -254,11 +254,11 @@ def replace_instructions(dataset: Dataset, texts: Mapping[int, Sequence[str]]) -
     for task in (task for tasks in dataset.splits.values() for task in tasks):
         updated[task.path_id] = replace(task, instructions=tuple(texts.get(task.path_id, task.instructions)))
     splits = {name: [updated[task.path_id] for task in tasks] for name, tasks in dataset.splits.items()}
-    joined = {name: [_joined(task, updated) for task in tasks] for name, tasks in dataset.joined.items()}
+    joined = {name: [_join_paths(task, updated) for task in tasks] for name, tasks in dataset.joined.items()}
     return replace(dataset, splits=splits, joined=joined)
 
 
-def _joined(task: JoinedTask, updated: Mapping[int, Task]) -> JoinedTask:
+def _join_paths(task: JoinedTask, updated: Mapping[int, Task]) -> JoinedTask:
     instructions = joined_instructions(updated[task.first_path_id], updated[task.second_path_id])
     return replace(task, instructions=instructions)
 
@@ -272,7 +272,7 @@ def by_increasing_use(paths: Sequence[Sequence[Hashable]], random: Random) -> It
     passed: Counter[Hashable] = Counter()
     ends: Counter[Hashable] = Counter()
 
-    def use(path: Sequence[Hashable]) -> float:
+    def use_of_path(path: Sequence[Hashable]) -> float:
         return sum(passed[v] for v in path) / len(path) + (ends[path[0]] + ends[path[-1]]) / 2
 
     # The use of a path only grows. If the path with the smallest stored use is up to date, it is the least used.
@@ -280,7 +280,7 @@ def by_increasing_use(paths: Sequence[Sequence[Hashable]], random: Random) -> It
     heapq.heapify(waiting)
     while waiting:
         then, tie, i = heapq.heappop(waiting)
-        now = use(paths[i])
+        now = use_of_path(paths[i])
         if now > then:
             heapq.heappush(waiting, (now, tie, i))
             continue

@@ -12,7 +12,7 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
-from nvsim.errors import InputError, shown
+from nvsim.errors import InputError, value_text
 from nvsim.files import atomic
 from nvsim.files.opening import read_json
 from nvsim.graph.connectivity import is_name, json_number
@@ -102,14 +102,14 @@ def _task(item: Any, where: str) -> Task:
         raise InputError(f"{where} is not an object; every path needs scan, path_id, path, heading and instructions.")
     path_id, scan, path = item.get("path_id"), item.get("scan"), item.get("path")
     if not isinstance(path_id, int) or isinstance(path_id, bool) or not 0 <= path_id < _IDS:
-        raise InputError(f"{where}: path_id is {shown(path_id)}; it must be a whole number from 0 to {_IDS - 1}.")
+        raise InputError(f"{where}: path_id is {value_text(path_id)}; it must be a whole number from 0 to {_IDS - 1}.")
     if not is_name(scan):
-        raise InputError(f"{where}: scan is {shown(scan)}; it must be the id of a scan.")
+        raise InputError(f"{where}: scan is {value_text(scan)}; it must be the id of a scan.")
     if not isinstance(path, list) or not path or not all(map(is_name, path)):
-        raise InputError(f"{where}: path is {shown(path)}; it must be a list of viewpoint ids.")
+        raise InputError(f"{where}: path is {value_text(path)}; it must be a list of viewpoint ids.")
     instructions = item.get("instructions", [])
     if not isinstance(instructions, list) or not all(isinstance(text, str) for text in instructions):
-        raise InputError(f"{where}: instructions is {shown(instructions)}; it must be a list of texts.")
+        raise InputError(f"{where}: instructions is {value_text(instructions)}; it must be a list of texts.")
     heading = json_number(item.get("heading"), f"{where}: heading")
     distance = json_number(item["distance"], f"{where}: distance") if "distance" in item else None
     return Task(path_id, scan, tuple(path), heading, tuple(instructions), distance)

@@ -61,7 +61,7 @@ def _moving(renderer: OpenGLRenderer, model: SubmapModel, camera: Camera, second
                 drawn += 1
                 new += shown is not before
                 before = shown
-            renderer.settle()
+            renderer.wait_until_ready()
     finally:
         with context:
             picture.release()

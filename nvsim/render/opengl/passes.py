@@ -97,10 +97,10 @@ class SplatPass:
         begin = 0
         for i, share in enumerate(_SHARES):
             end = round(share * len(quads))
-            self._lots[i] = self._filled(self._lots[i], quads[begin:end])
+            self._lots[i] = self._fill_batch(self._lots[i], quads[begin:end])
             begin = end
 
-    def _filled(self, lot: _QuadBatch | None, quads: Float32) -> _QuadBatch | None:
+    def _fill_batch(self, lot: _QuadBatch | None, quads: Float32) -> _QuadBatch | None:
         if lot is None or lot.buffer.size < quads.nbytes:
             _release(lot)
             if len(quads) == 0:
@@ -193,7 +193,7 @@ class _Floor:
         self.bounds = (*texture.low, *texture.high)
         self.texels = pack_texture(texture).sizes
 
-    def use(self) -> None:
+    def bind_textures(self) -> None:
         self.heights.use(_HEIGHTS)
         for i, level in enumerate(self.levels):
             level.use(_FIRST_LEVEL + i)
@@ -234,25 +234,25 @@ class CompositePass:
         levels = self._load(model)
         program, array = self._program(coefficients is not None, levels)
         k = camera.intrinsics
-        _set(program, "splats", _SPLATS)
-        _set(program, "size", (k.width, k.height))
-        _set(program, "viewport", viewport)
-        _set(program, "top_first", top_first)
-        _set(program, "blue_first", blue_first)
-        _set(program, "backdrop", backdrop)
-        _set(program, "lens", (k.fx, k.fy, k.cx, k.cy))
-        _set(program, "to_world", np.ascontiguousarray(camera.rotation.T, np.float32))  # column by column
+        _set_uniform(program, "splats", _SPLATS)
+        _set_uniform(program, "size", (k.width, k.height))
+        _set_uniform(program, "viewport", viewport)
+        _set_uniform(program, "top_first", top_first)
+        _set_uniform(program, "blue_first", blue_first)
+        _set_uniform(program, "backdrop", backdrop)
+        _set_uniform(program, "lens", (k.fx, k.fy, k.cx, k.cy))
+        _set_uniform(program, "to_world", np.ascontiguousarray(camera.rotation.T, np.float32))  # column by column
         if coefficients is not None:
-            _set(program, "sky", np.ascontiguousarray(coefficients, np.float32))
+            _set_uniform(program, "sky", np.ascontiguousarray(coefficients, np.float32))
         if self._floor is not None and levels:
-            _set(program, "eye", tuple(float(v) for v in camera.position))
-            _set(program, "heights", _HEIGHTS)
-            _set(program, "grid", self._floor.grid)
-            _set(program, "bounds", self._floor.bounds)
-            _set(program, "texels", self._floor.texels)
+            _set_uniform(program, "eye", tuple(float(v) for v in camera.position))
+            _set_uniform(program, "heights", _HEIGHTS)
+            _set_uniform(program, "grid", self._floor.grid)
+            _set_uniform(program, "bounds", self._floor.bounds)
+            _set_uniform(program, "texels", self._floor.texels)
             for i in range(levels):
-                _set(program, f"level{i}", _FIRST_LEVEL + i)
-            self._floor.use()
+                _set_uniform(program, f"level{i}", _FIRST_LEVEL + i)
+            self._floor.bind_textures()
         splats.use(_SPLATS)
         self._context.enable_only(moderngl.NOTHING)
         array.render(moderngl.TRIANGLES, vertices=3)
@@ -293,7 +293,7 @@ def _grid(context: moderngl.Context, values: Float32, components: int) -> modern
     return texture
 
 
-def _set(program: moderngl.Program, name: str, value: float | tuple[float, ...] | Float32) -> None:
+def _set_uniform(program: moderngl.Program, name: str, value: float | tuple[float, ...] | Float32) -> None:
     """Sets a uniform, unless the compiler removed it because no output depends on it."""
     if name not in program:
         return

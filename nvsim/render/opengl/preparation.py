@@ -97,7 +97,7 @@ class Preparation:
                 self._thread.start()
             self._changed.notify_all()
 
-    def take(self) -> PreparedFrame | None:
+    def newest_frame(self) -> PreparedFrame | None:
         """The newest frame, None if none became ready since the last call. Raises errors of the preparation."""
         with self._changed:
             if self._failure is not None:
@@ -111,7 +111,7 @@ class Preparation:
         with self._changed:
             self._reuse(frame)
 
-    def wait(self) -> None:
+    def wait_until_idle(self) -> None:
         """Waits until no view is requested or in preparation."""
         with self._changed:
             self._changed.wait_for(lambda: self._closed or (self._wanted is None and not self._busy))
@@ -142,7 +142,7 @@ class Preparation:
             try:
                 frame = sorter.prepare(model, camera, memory)
             except Exception as error:
-                failure = error  # raised again by `take`
+                failure = error  # raised again by `newest_frame`
             with self._changed:
                 if frame is not None:
                     if self._ready is not None:

@@ -53,7 +53,7 @@ class OpenGLRenderer:
 
     on_ready   called from another thread when a frame requested by `draw` is ready, so that you can repaint
 
-    Make all calls except `settle` from one thread. Raises InputError if OpenGL 3.3 is not available.
+    Make all calls except `wait_until_ready` from one thread. Raises InputError if OpenGL 3.3 is not available.
     """
 
     def __init__(self, context: moderngl.Context | None = None, on_ready: Callable[[], None] | None = None) -> None:
@@ -104,9 +104,9 @@ class OpenGLRenderer:
         self._paint(shown, framebuffer, (x, y, width, height), backdrop, top_first=False, blue_first=False)
         return shown.camera
 
-    def settle(self) -> None:
+    def wait_until_ready(self) -> None:
         """Waits until the last requested view is ready; the next `draw` shows it exactly."""
-        self._preparation.wait()
+        self._preparation.wait_until_idle()
 
     def render(self, model: SubmapModel, camera: Camera, backdrop: Color = BLACK) -> NDArray[np.uint8]:
         """(H, W, 3) uint8, red, green, blue: exactly this view."""
@@ -120,7 +120,7 @@ class OpenGLRenderer:
         begin = time.perf_counter()
         k = camera.intrinsics
         self._ask(model, camera)
-        self.settle()
+        self.wait_until_ready()
         with self._current():
             shown = self._newest()
             if shown is None:
@@ -149,7 +149,7 @@ class OpenGLRenderer:
     def _newest(self) -> PreparedFrame | None:
         """The frame to show, with its quads on the GPU."""
         try:
-            frame = self._preparation.take()
+            frame = self._preparation.newest_frame()
         except Exception:
             self._wish = None  # a second request for this view tries again
             raise

@@ -52,8 +52,8 @@ def renderable_gaussians(path: Path, gaussians: Gaussians) -> tuple[Gaussians, t
     """
     g = replace(
         gaussians,
-        opacity_logits=_replaced(_replaced(gaussians.opacity_logits, np.inf, _OPAQUE), -np.inf, -_OPAQUE),
-        log_scales=_replaced(gaussians.log_scales, -np.inf, np.float32(math.log(FLATTEST))),
+        opacity_logits=_replace_values(_replace_values(gaussians.opacity_logits, np.inf, _OPAQUE), -np.inf, -_OPAQUE),
+        log_scales=_replace_values(gaussians.log_scales, -np.inf, np.float32(math.log(FLATTEST))),
     )
     keep, broken, far, unturned = np.ones(len(g), bool), 0, 0, 0
     for first in range(0, len(g), ROWS):
@@ -85,6 +85,6 @@ def renderable_gaussians(path: Path, gaussians: Gaussians) -> tuple[Gaussians, t
     return left, (f"{path}: {len(g) - len(left)} of {len(g)} Gaussians are skipped ({why}).",)
 
 
-def _replaced(array: Float32, value: float, by: NDArray[np.floating] | np.floating) -> Float32:
+def _replace_values(array: Float32, value: float, by: NDArray[np.floating] | np.floating) -> Float32:
     found = array == value
     return np.where(found, by, array).astype(np.float32) if found.any() else array

@@ -177,7 +177,7 @@ def write_spz(path: Path, gaussians: Gaussians, antialiased: bool) -> None:
     with atomic.replacement_file(path) as temporary:
         gsply.write_spz(temporary, library, version=3, fractional_bits=bits)
         if antialiased:
-            temporary.write_bytes(_flagged(temporary.read_bytes()))
+            temporary.write_bytes(_set_antialiased_flag(temporary.read_bytes()))
 
 
 def flip_y_and_z(gaussians: Gaussians) -> Gaussians:
@@ -202,7 +202,7 @@ def _harmonic_signs(count: int) -> np.ndarray:
     return np.sign(harmonics.basis(direction * _FLIP, degree) * harmonics.basis(direction, degree)).astype(np.float32)
 
 
-def _flagged(data: bytes) -> bytes:
+def _set_antialiased_flag(data: bytes) -> bytes:
     raw = bytearray(zlib.decompress(data, 31))
     raw[14] |= ANTIALIASED
     packer = zlib.compressobj(6, zlib.DEFLATED, 31)

@@ -11,7 +11,7 @@ from typing import Any, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from nvsim.errors import InputError, shown
+from nvsim.errors import InputError, value_text
 from nvsim.files.opening import parse_json
 from nvsim.files.reading import reading
 from nvsim.splats.formats.cleaning import ROWS, room_for
@@ -48,7 +48,7 @@ class _Reader:
             raise InputError(f"{path} has a meta.json that does not describe a SOG; {_THEN}.")
         version = meta.get("version", 1)
         if version != 2:
-            raise InputError(f"{path} is SOG version {shown(version)}; export it as version 2.")
+            raise InputError(f"{path} is SOG version {value_text(version)}; export it as version 2.")
         self._meta = meta
         self._count = self._number(meta, "count")
         self._names: list[str] = []
@@ -133,7 +133,7 @@ class _Reader:
     def _number(self, meta: Mapping[str, Any], name: str) -> int:
         value = meta.get(name)
         if isinstance(value, bool) or not isinstance(value, int) or not 0 < value < 1 << 31:
-            raise InputError(f"{self._path}: {name} is {shown(value)} in meta.json; it must be a count; {_THEN}.")
+            raise InputError(f"{self._path}: {name} is {value_text(value)} in meta.json; it must be a count; {_THEN}.")
         return value
 
     def _triple(self, name: str) -> NDArray[np.float64]:
@@ -149,7 +149,7 @@ class _Reader:
             raise InputError(f"{self._path}: {what} has {found}, not {count}; {_THEN}.")
         good = [isinstance(v, int | float) and abs(v) < 1e30 and math.isfinite(v) for v in values]
         if not all(good):
-            wrong = shown(values[good.index(False)])
+            wrong = value_text(values[good.index(False)])
             raise InputError(f"{self._path}: {what} contains {wrong}, which is not a valid number; {_THEN}.")
         return np.array(values, kind)
 

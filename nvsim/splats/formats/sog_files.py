@@ -91,18 +91,18 @@ class _Folder(Files):
     def size(self, names: Sequence[object]) -> int:
         total = 0
         for name in {n for n in names if isinstance(n, str)}:
-            with opened(self._beside(name)) as file:
+            with opened(self._path_in_folder(name)) as file:
                 total += size_of(file)
         return total
 
     def _load(self, name: str, most: int | None, only: int | None = None) -> bytes:
-        path = self._beside(name)
+        path = self._path_in_folder(name)
         if only is None:
             return read_bytes(path, most)
         with opened(path) as file:
             return file.read(only)
 
-    def _beside(self, name: str) -> Path:
+    def _path_in_folder(self, name: str) -> Path:
         return self._path.parent / Path(name).name  # never a file of another folder
 
 

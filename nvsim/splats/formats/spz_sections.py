@@ -90,7 +90,7 @@ class Sections:
                 left -= len(part)
             if left <= 0:
                 raise InputError(f"{self._path} continues after its last Gaussian; export it again.")
-            if isinstance(stream, _Inflated) and not stream.whole:
+            if isinstance(stream, _Inflated) and not stream.is_complete:
                 raise InputError(f"{self._path} is truncated; copy it again.")
 
 
@@ -188,7 +188,7 @@ class _Inflated:
         return b""
 
     @property
-    def whole(self) -> bool:
+    def is_complete(self) -> bool:
         return self._unpacker.eof
 
 

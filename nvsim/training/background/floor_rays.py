@@ -91,7 +91,7 @@ def meet_floor(
     transmittance: Float32,  # (H, W) 0 to 1; pixels with `DARK` or more are requested too, as in the renderer
     hits: Float32,  # (3, H, W) out: world x and y and the footprint, meters
 ) -> None:
-    """Intersects the rays of a view with the floor, as `FloorSurface.meet` does.
+    """Intersects the rays of a view with the floor, as `FloorSurface.distance_along_rays` does.
 
     The footprint of a pixel on the floor is the geometric mean of its width and its length. If the ray does not meet
     the floor, or the pixel is not requested, the footprint is -1 and x and y are arbitrary.

@@ -45,7 +45,7 @@ def _vector(builder: ir.IRBuilder, scalars: list[ir.Value]) -> ir.Value:
     return made
 
 
-def _chosen(builder: ir.IRBuilder, vector: ir.Value, lanes: list[int]) -> ir.Value:
+def _select_lanes(builder: ir.IRBuilder, vector: ir.Value, lanes: list[int]) -> ir.Value:
     mask = ir.Constant(ir.VectorType(ir.IntType(32), len(lanes)), lanes)
     return builder.shuffle_vector(vector, ir.Constant(vector.type, ir.Undefined), mask)
 
@@ -100,7 +100,7 @@ def _blend_texels(
             b = builder.fmul(row.load(2, 4), _vector(builder, [next_] * 4), flags=flags)
             left = a if left is None else builder.fadd(left, a, flags=flags)
             right = b if right is None else builder.fadd(right, b, flags=flags)
-        total = builder.fadd(left, _chosen(builder, right, [1, 2, 3, 3]), flags=flags)
+        total = builder.fadd(left, _select_lanes(builder, right, [1, 2, 3, 3]), flags=flags)
         colours = [builder.extract_element(total, ir.Constant(ir.IntType(32), i)) for i in range(3)]
         return context.make_tuple(builder, signature.return_type, colours)
 

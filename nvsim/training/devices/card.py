@@ -135,13 +135,13 @@ class CardGaussianState:
                 self._rows = in_view(tensors["means"].detach(), tensors["log_scales"].detach(), camera).nonzero()[:, 0]
                 tensors = {name: tensor[self._rows] for name, tensor in tensors.items()}
             tensors["sh"] = self._colours.coefficients(tensors["sh"], tensors[FEATURES], self._networks.seen)
-        watch.lap("appearance")
+        watch.record_lap("appearance")
         drawn = rasterize(
             *(tensors[name] for name in FIELDS), camera=camera, antialiased=antialiased, sh_degree=sh_degree
         )
         self._drawn = drawn
         rgb, transmittance = _array(drawn.rgb), _array(drawn.transmittance)
-        watch.lap("raster")
+        watch.record_lap("raster")
         return rgb, transmittance
 
     def differentiate(self, transmittance: Float32, d_rgb: Float32, d_alpha: Float32, watch: Stopwatch) -> None:
@@ -156,7 +156,7 @@ class CardGaussianState:
         rows = slice(None) if self._rows is None else self._rows
         self._sums[rows, :2] += found[:, :2]
         self._sums[rows, 2] = torch.maximum(self._sums[rows, 2], found[:, 2])
-        watch.lap("raster_backward")
+        watch.record_lap("raster_backward")
 
     def step(self, count: int, scales: Mapping[str, float]) -> None:
         self._take_back()
@@ -173,7 +173,7 @@ class CardGaussianState:
             group.replace(kept, new_rows(name, refinement, features))
         self._sums = torch.zeros(refinement.count, 3, device=self._device)
 
-    def forget(self, name: str) -> None:
+    def reset_moments(self, name: str) -> None:
         self._groups[name].first.zero_()
         self._groups[name].second.zero_()
 

@@ -68,13 +68,13 @@ class HostGaussianState:
         if self._networks is not None and self._colours is not None:
             features = self.groups[FEATURES].values
             shown, self._tint = self._colours.shown(shown, features, self._networks.seen, camera)
-        watch.lap("appearance")
+        watch.record_lap("appearance")
         self._workspace.project(shown, camera, antialiased, sh_degree, tint=self._tint)
-        watch.lap("project")
+        watch.record_lap("project")
         self._workspace.bin()
-        watch.lap("sort")
+        watch.record_lap("sort")
         rgb, transmittance, _, _ = self._workspace.draw(k.height, k.width, False)
-        watch.lap("raster")
+        watch.record_lap("raster")
         return rgb, transmittance
 
     def differentiate(self, transmittance: Float32, d_rgb: Float32, d_alpha: Float32, watch: Stopwatch) -> None:
@@ -82,14 +82,14 @@ class HostGaussianState:
         if self._no_depth.shape != transmittance.shape:
             self._no_depth = np.zeros(transmittance.shape, np.float32)
         self._workspace.draw_gradient(transmittance, d_rgb, d_alpha, self._no_depth)
-        watch.lap("raster_backward")
+        watch.record_lap("raster_backward")
         tint = self._tint
         d_features = tint[0] if len(tint[0]) == 0 else self.groups[FEATURES].gradient
         d_matrix = self._workspace.project_gradient(self.gaussians, self.gradients, self.sums, tint, d_features)
-        watch.lap("project_backward")
+        watch.record_lap("project_backward")
         if self._colours is not None:
             self._colours.collect(self.groups["sh"].gradient, d_matrix, self.groups[FEATURES].gradient)
-        watch.lap("appearance_backward")
+        watch.record_lap("appearance_backward")
 
     def step(self, count: int, scales: Mapping[str, float]) -> None:
         for name, group in self.groups.items():
@@ -108,7 +108,7 @@ class HostGaussianState:
             group.values, group.gradient = values, np.empty_like(values)
         self.sums = np.zeros((refinement.count, 3), np.float32)
 
-    def forget(self, name: str) -> None:
+    def reset_moments(self, name: str) -> None:
         self.groups[name].first[:] = 0
         self.groups[name].second[:] = 0
 

@@ -22,7 +22,7 @@ class Stopwatch:
         self.laps: dict[str, float] = {}
         self._last = time.perf_counter()
 
-    def lap(self, name: str) -> None:
+    def record_lap(self, name: str) -> None:
         """Records the time since the last lap under `name`."""
         now = time.perf_counter()
         self.laps[name] = 1e3 * (now - self._last)
@@ -85,7 +85,7 @@ class GaussianState(Protocol):
         """Replaces the Gaussians. Survivors keep their moments, new ones start with zero moments."""
         ...
 
-    def forget(self, name: str) -> None:
+    def reset_moments(self, name: str) -> None:
         """Sets both moments of a group to zero."""
         ...
 

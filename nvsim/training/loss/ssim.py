@@ -66,7 +66,7 @@ def is_lit_near_tile(
 
 
 @njit(fastmath=True)
-def _down(
+def _blur_columns(
     plane: Float32,  # ((H + 10) * 128,) a segment of `planes`
     y: int,  # row of the image
     out: Float32,  # (128,)
@@ -91,7 +91,7 @@ def _down_squared(
     out: Float32,  # (128,)
     squares: Float32,  # (128,) out
 ) -> None:
-    # Blurs the values and their squares as `_down` does.
+    # Blurs the values and their squares as `_blur_columns` does.
     p = plane[y * SEGMENT : (y + WINDOW) * SEGMENT]
     for x in range(SEGMENT):
         a, b, c, d = p[x], p[x + SEGMENT], p[x + 2 * SEGMENT], p[x + 3 * SEGMENT]
@@ -109,7 +109,7 @@ def _down_squared(
 
 
 @njit(fastmath=True)
-def _along(
+def _blur_row(
     line: Float32,  # (138,)
     out: Float32,  # (128,)
 ) -> None:
@@ -192,7 +192,7 @@ def ssim_forward(
                     continue
                 for y in range(y0, y1):
                     for k in range(4):
-                        _along(lines[k, y - y0, x0 : x0 + SEGMENT + 2 * RADIUS], blurred[k])
+                        _blur_row(lines[k, y - y0, x0 : x0 + SEGMENT + 2 * RADIUS], blurred[k])
                     at = (y + RADIUS) * SEGMENT
                     total += _compare(
                         blurred,
@@ -224,13 +224,13 @@ def ssim_gradient(
             at = segment * SEGMENT + RADIUS
             for k in range(3):
                 for y in range(y0, y1):
-                    _down(slopes[k, channel, segment], y, lines[k, y - y0, at : at + SEGMENT])
+                    _blur_columns(slopes[k, channel, segment], y, lines[k, y - y0, at : at + SEGMENT])
     for segment in range(segments):
         if lit[strip, segment] != 0:
             x0 = segment * SEGMENT
             for y in range(y0, y1):
                 for k in range(3):
-                    _along(lines[k, y - y0, x0 : x0 + SEGMENT + 2 * RADIUS], blurred[k])
+                    _blur_row(lines[k, y - y0, x0 : x0 + SEGMENT + 2 * RADIUS], blurred[k])
                 at = (y + RADIUS) * SEGMENT
                 s, d = images[0, channel, segment, at : at + SEGMENT], images[1, channel, segment, at : at + SEGMENT]
                 m0, m1, m2, to = blurred[0], blurred[1], blurred[2], out[y - y0, x0 : x0 + SEGMENT]

@@ -82,7 +82,7 @@ class Adaptive:
             limit = logit(np.array([self._config.adaptive.reset_opacity]))
             logits = model.gaussians.opacity_logits
             np.minimum(logits, limit, out=logits)
-            model.forget("opacity_logits")
+            model.reset_moments("opacity_logits")
 
     def is_growing(self, step: int) -> bool:
         """Whether Gaussians are added in a refinement after `step`."""

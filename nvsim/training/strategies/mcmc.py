@@ -75,7 +75,7 @@ class Mcmc:
         copies = np.bincount(drawn, minlength=len(alive))
         shared = np.flatnonzero(copies)
         changed = copy_gaussians(gaussians, alive[shared])
-        new_opacity, shrink = relocated(opacity[shared], copies[shared] + 1)
+        new_opacity, shrink = relocate_opacities(opacity[shared], copies[shared] + 1)
         changed.opacity_logits = logit(np.clip(new_opacity, c.mcmc.dead, 1 - 1e-6))
         changed.log_scales += np.log(shrink).astype(np.float32)[:, None]
         repeated = np.repeat(np.arange(len(shared)), copies[shared])
@@ -96,7 +96,7 @@ class Mcmc:
         return moved
 
 
-def relocated(opacity: Float64, count: NDArray[np.integer]) -> tuple[Float64, Float64]:
+def relocate_opacities(opacity: Float64, count: NDArray[np.integer]) -> tuple[Float64, Float64]:
     """The opacity (M,) of each of `count` (M,) Gaussians that together look like one of `opacity` (M,), and the factor
     (M,) of their standard deviations (equation 9).
 

@@ -48,7 +48,7 @@ class GaussianModel(Protocol):
         """Replaces the Gaussians and sets `sums` to zero."""
         ...
 
-    def forget(self, name: str) -> None:
+    def reset_moments(self, name: str) -> None:
         """Sets both moments of one of the Gaussians' arrays to zero."""
         ...
 

@@ -75,7 +75,7 @@ def _take_over(path: Path) -> object:
     from nvsim.r2r.features.kept_rows import kept_rows
 
     with kept_rows(path, "a") as rows:
-        return [rows.get(key) for key in _KEPT if rows.has(key, _MARK)]
+        return [rows.get(key) for key in _KEPT if rows.contains(key, _MARK)]
 
 
 def _network() -> list[Seed]:

@@ -128,8 +128,8 @@ def _look_beside(path: Path) -> object:
     from nvsim.graph.foreign import ForeignFile
 
     file = ForeignFile.open(path)
-    occupancy = file.beside.occupancy()
-    return file.beside.points(), check_graph(file.graph, file.context(occupancy=occupancy))
+    occupancy = file.nearby_files.occupancy()
+    return file.nearby_files.points(), check_graph(file.graph, file.context(occupancy=occupancy))
 
 
 def _evidence() -> list[Seed]:

@@ -121,7 +121,7 @@ def _support() -> list[Seed]:
 def _load_support(path: Path) -> object:
     from nvsim.perception.support import FloorSupport
 
-    return FloorSupport.load(path).at(np.zeros((3, 2)))
+    return FloorSupport.load(path).is_supported(np.zeros((3, 2)))
 
 
 def _stacked_floor() -> StackedFloor:
@@ -144,7 +144,7 @@ def _stacked_support() -> list[Seed]:
 def _load_stacked_support(path: Path) -> object:
     from nvsim.perception.stacked_support import StackedSupport, is_stacked
 
-    return is_stacked(path), StackedSupport.load(path, _stacked_floor()).at(np.zeros((3, 3)))
+    return is_stacked(path), StackedSupport.load(path, _stacked_floor()).is_supported(np.zeros((3, 3)))
 
 
 def _storeys() -> list[Seed]:
@@ -162,4 +162,4 @@ def _read_storeys(path: Path) -> object:
     from nvsim.occupancy.storeys import read_storeys
 
     maps = read_storeys(path)
-    return maps.nearest(np.zeros(2)), maps.beneath(np.ones(2)), [s.holds(np.zeros((2, 2))) for s in maps.stairs]
+    return maps.nearest(np.zeros(2)), maps.storey_under(np.ones(2)), [s.contains(np.zeros((2, 2))) for s in maps.stairs]

@@ -120,10 +120,10 @@ def _installed() -> list[Seed]:
 
 def _listed(path: Path) -> object:
     from nvsim.networks.folder import VARIABLE
-    from nvsim.networks.installed import installed
+    from nvsim.networks.installed import installed_models
 
     os.environ[VARIABLE] = str(path)
-    models, problems = installed()
+    models, problems = installed_models()
     return [(model.stamp, model.digest()) for model in models], problems
 
 

@@ -189,7 +189,7 @@ def _heard(path: Path) -> object:
     from nvsim_app.jobs.history import JobReport
 
     file, history = EventFile(path), JobReport()
-    while file.behind:
+    while file.has_unread_events:
         for at, event in file.read():
-            history.hear(at, event)
+            history.receive(at, event)
     return history.share, history.rate, history.seconds_left
