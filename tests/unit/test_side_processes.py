@@ -44,6 +44,10 @@ def _break(requests: Requests, source: object) -> None:
     raise EOFError("the file ends early")
 
 
+def _break_like_a_compiler(requests: Requests, source: object) -> None:
+    raise ValueError("Failed in the pipeline.\nTraceback (most recent call last):\n  File x.py, line 3\n")
+
+
 def _crash(requests: Requests, source: object) -> None:
     os.kill(os.getpid(), signal.SIGKILL)
 
@@ -65,7 +69,8 @@ def test_a_child_returns_the_result_of_its_work() -> None:
     ("work", "sentence"),
     [
         (_refuse, "x is no map."),
-        (_break, "It fails: EOFError: the file ends early."),
+        (_break, "It fails: unexpected error (the file ends early)."),
+        (_break_like_a_compiler, "It fails: unexpected error (Failed in the pipeline)."),
         (_crash, "It fails: its process ended with code -9."),
         (_fill_memory, "It fails: it needs more than 0.27 GB of memory."),
     ],
@@ -81,7 +86,8 @@ def test_why_a_child_fails_is_one_sentence(work, sentence: str) -> None:
         child.result()
     assert str(error.value) == sentence
     (end,) = heard
-    assert isinstance(end, EndMessage) and end.crashed == (work is _crash) and bool(end.trace) == (work is _break)
+    assert isinstance(end, EndMessage) and end.crashed == (work is _crash)
+    assert ("Traceback" in end.trace) == (work in (_break, _break_like_a_compiler))
 
 
 def test_a_child_that_is_killed_gives_no_result() -> None:

@@ -57,6 +57,7 @@ class OptionRow(QWidget):
         self.reset_button.setSizePolicy(policy)
         grid = QGridLayout(self)
         grid.setContentsMargins(0, 4, 0, 8)
+        grid.setHorizontalSpacing(8)
         grid.setVerticalSpacing(4)
         grid.addWidget(self._name, 0, 0)
         grid.addWidget(self.editor, 0, 1)

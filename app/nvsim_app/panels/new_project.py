@@ -9,7 +9,6 @@ from pathlib import Path
 from PySide6.QtCore import Qt, QTemporaryDir, QTimer, Signal
 from PySide6.QtGui import QCloseEvent, QPalette
 from PySide6.QtWidgets import (
-    QDialog,
     QDialogButtonBox,
     QFileDialog,
     QGridLayout,
@@ -33,7 +32,7 @@ from nvsim_app.jobs.queries import CaptureCheck, CheckResult
 from nvsim_app.look.labels import InkLabel, Label
 from nvsim_app.look.plain_text import tooltip_text
 from nvsim_app.look.theme import type_font
-from nvsim_app.look.widgets import DialogButtons
+from nvsim_app.look.widgets import Dialog, DialogButtons
 from nvsim_app.panels.capture_check import CaptureFixes, CaptureSummary, FindingTree
 from nvsim_app.state.recent_projects import place_for, problem_with
 
@@ -62,7 +61,7 @@ class NewProject:
     left_out: tuple[str, ...] = ()
 
 
-class NewProjectDialog(QDialog):
+class NewProjectDialog(Dialog):
     """Checks captures and starts their import. chosen(NewProject): the user started it.
 
     project     existing project to import into

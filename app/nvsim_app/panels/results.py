@@ -32,7 +32,14 @@ from nvsim_app.look.plain_text import CAPTION, plain
 from nvsim_app.look.table import Column, TableModel
 from nvsim_app.look.table import table as quiet_table
 from nvsim_app.look.theme import Plot
-from nvsim_app.state.results import EvaluationResult, ResultTable, result_title, save_table, value_words
+from nvsim_app.state.results import (
+    EvaluationResult,
+    ResultTable,
+    capitalized,
+    result_title,
+    save_table,
+    value_words,
+)
 
 _FEW = 12  # rows whose names fit beside horizontal bars
 
@@ -54,8 +61,13 @@ def _column(table: ResultTable, place: int) -> Column[tuple[Any, ...]]:
         return repr(row[place]) if isinstance(row[place], float) else ""
 
     number = any(isinstance(row[place], int | float) for row in table.rows)
-    title = plain(result_title(table.columns[place]), CAPTION)
-    return Column(title, itemgetter(place), value_words, about=exact, number=number)
+    title = plain(capitalized(result_title(table.columns[place])), CAPTION)
+    words = _name_words if table.named_figures and place == 0 else value_words
+    return Column(title, itemgetter(place), words, about=exact, number=number)
+
+
+def _name_words(name: object) -> str:
+    return capitalized(str(name))
 
 
 class ResultPanel(QWidget):
@@ -180,7 +192,8 @@ class ResultPanel(QWidget):
         former = self.columns.currentText()
         self.columns.blockSignals(True)
         self.columns.clear()
-        self.columns.addItems([plain(result_title(self.table.columns[i]), CAPTION) for i in self.table.plotted])
+        titles = [capitalized(result_title(self.table.columns[i])) for i in self.table.plotted]
+        self.columns.addItems([plain(title, CAPTION) for title in titles])
         self.columns.setCurrentText(former)
         self.columns.blockSignals(False)
         self._draw()

@@ -12,9 +12,10 @@ from dataclasses import dataclass
 from multiprocessing.connection import Connection
 from typing import Any
 
-from nvsim.errors import InputError
+from nvsim.errors import InputError, shown
 from nvsim.processes.serving import limit_memory
 
+_LONGEST = 160  # characters of an unexpected error that are part of a sentence
 OPENED = 0
 """The number in the first Free message: the process has opened its source."""
 
@@ -145,8 +146,16 @@ def serve(
     except WindowClosed:
         pass
     except Exception as error:
-        why = traceback.format_exception_only(error)[-1].strip()
-        requests.send(EndMessage(sentence=f"{cannot}: {why}.", trace=traceback.format_exc()))
+        traceback.print_exc()
+        requests.send(EndMessage(sentence=f"{cannot}: {_reason(error)}.", trace=traceback.format_exc()))
+
+
+def _reason(error: Exception) -> str:
+    """The first line of the message of an unexpected error, without a final period. Messages of compilers and libraries
+    have many lines, some with a traceback; the message of a KeyError is only the key."""
+    line = next(iter(str(error).strip().splitlines()), "").strip()
+    words = "" if isinstance(error, KeyError) else shown(line, _LONGEST).removesuffix(".")
+    return f"unexpected error ({words or type(error).__name__})"
 
 
 def _end_with_window() -> None:
