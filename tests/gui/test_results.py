@@ -78,7 +78,11 @@ def test_the_panel_shows_copies_and_saves(qtbot: QtBot, tmp_path: Path, monkeypa
     panel.show_results([EvaluationResult("job 1", "Evaluate views", 10.0, tables_of(FIGURES))])
     panel.tables.setCurrentText("Per frame")
     assert panel.model.rowCount() == 2 and panel.columns.currentText() == "PSNR"
-    assert [panel.model.headerData(i, Qt.Orientation.Horizontal) for i in range(3)] == ["Frame\u2002", "PSNR\u2002", "Name"]
+    assert [panel.model.headerData(i, Qt.Orientation.Horizontal) for i in range(3)] == [
+        "Frame\u2002",
+        "PSNR\u2002",
+        "Name",
+    ]
     qtbot.mouseClick(panel.copy, Qt.MouseButton.LeftButton)
     assert QGuiApplication.clipboard().text().splitlines()[2] == "9\t21.5\tc"
     monkeypatch.setattr(
@@ -94,7 +98,16 @@ def test_the_panel_shows_copies_and_saves(qtbot: QtBot, tmp_path: Path, monkeypa
     with qtbot.waitSignal(panel.frameWanted) as wanted:
         panel.view.doubleClicked.emit(panel.model.index(1, 0))
     assert wanted.args == [9]
-    panel.show_results([stored_result("graph", 20.0, {"nodes": 3}), *panel.results])
+    figures = {"nodes": 3, "near_far_2.5": 0.0}  # one name is longer than the panel is wide
+    panel.show_results([stored_result("graph", 20.0, figures), *panel.results])
+    panel.resize(panel.minimumSizeHint().width(), 220)
+    view = panel.view
+
+    def fits() -> bool:
+        right = view.columnViewportPosition(1) + view.columnWidth(1)
+        return view.width() < 400 and right <= view.viewport().width() and not view.horizontalScrollBar().isVisible()
+
+    qtbot.waitUntil(fits)
     assert [panel.model.headerData(i, Qt.Orientation.Horizontal) for i in range(2)] == ["Figure", "Value\u2002"]
     assert panel.model.index(0, 0).data() == "Viewpoints" and panel.table.rows[0][0] == "viewpoints"
     assert panel.list.currentItem().text().startswith("Evaluate the graph (stored)")  # a new one is shown at once
