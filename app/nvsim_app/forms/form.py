@@ -217,6 +217,7 @@ class CommandForm(Dialog):
         """Shows `widget` to the right of the options and widens the dialog by its size hint."""
         self._middle.addWidget(widget)
         self.resize(self.width() + widget.sizeHint().width() + 40, self.height())
+        self.fit_screen()
 
     def hold(self, sentence: str) -> None:
         """Shows why the command cannot start although its options are valid, and disables Start; "" enables it.

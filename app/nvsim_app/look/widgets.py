@@ -33,13 +33,21 @@ from nvsim_app.look.labels import Label
 from nvsim_app.look.plain_text import tooltip_text
 from nvsim_app.look.theme import GRID, HALF, type_font
 
+_RIM = QSize(20, 50)  # pixels that the frame of a window manager may take
+
 
 class Dialog(QDialog):
-    """A dialog whose margins and spacing are on the grid when it is shown."""
+    """A dialog that fits the screen, and whose margins and spacing are on the grid when it is shown."""
 
     def showEvent(self, event: QShowEvent) -> None:
-        align_to_grid(self)
+        if not event.spontaneous():
+            align_to_grid(self)
+            self.fit_screen()
         super().showEvent(event)
+
+    def fit_screen(self) -> None:
+        """Makes the dialog small enough for its screen, so that its buttons are visible."""
+        self.resize(self.size().boundedTo(self.screen().availableSize() - _RIM))
 
 
 class DialogButtons(QDialogButtonBox):
