@@ -13,7 +13,7 @@ import pytest
 
 from nvsim.errors import InputError
 from nvsim_app.processes.child import Child, ChildProgram
-from nvsim_app.processes.serving import EndMessage, Requests
+from nvsim_app.processes.serving import EndMessage, Requests, short_reason
 
 APP = Path(__file__).parents[2] / "app" / "nvsim_app"
 STARTERS = {"subprocess", "multiprocessing", "QProcess", "Popen", "pty"}
@@ -103,3 +103,10 @@ def test_a_child_that_is_killed_gives_no_result() -> None:
     early = Child(ChildProgram(_wait, "wait", "It fails"), None)
     early.end()
     assert early.result() is None
+
+
+def test_a_reason_is_one_line_without_python_words() -> None:
+    assert short_reason(InputError("x is no map.")) == "x is no map."
+    assert short_reason(ValueError("Failed.\n\nTraceback:\n  File x.py")) == "unexpected error (Failed)."
+    assert short_reason(KeyError("means")) == "unexpected error (KeyError)."
+    assert len(short_reason(ValueError("long " * 1000))) < 200

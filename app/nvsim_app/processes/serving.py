@@ -147,15 +147,17 @@ def serve(
         pass
     except Exception as error:
         traceback.print_exc()
-        requests.send(EndMessage(sentence=f"{cannot}: {_reason(error)}.", trace=traceback.format_exc()))
+        requests.send(EndMessage(sentence=f"{cannot}: {short_reason(error)}", trace=traceback.format_exc()))
 
 
-def _reason(error: Exception) -> str:
-    """The first line of the message of an unexpected error, without a final period. Messages of compilers and libraries
-    have many lines, some with a traceback; the message of a KeyError is only the key."""
+def short_reason(error: Exception) -> str:
+    """Why something failed, as the end of a sentence: the message of an InputError, or the first line of an unexpected
+    error. Messages of compilers have many lines, some with a traceback; that of a KeyError is only a key."""
+    if isinstance(error, InputError):
+        return str(error)
     line = next(iter(str(error).strip().splitlines()), "").strip()
     words = "" if isinstance(error, KeyError) else shown(line, _LONGEST).removesuffix(".")
-    return f"unexpected error ({words or type(error).__name__})"
+    return f"unexpected error ({words or type(error).__name__})."
 
 
 def _end_with_window() -> None:
