@@ -136,7 +136,7 @@ class _Process:
 
     def __init__(self, worker: Worker[Any, Any]) -> None:
         self._ready = False
-        self._process = PipedProcess(answer_requests, f"{worker.__module__}:{worker.__qualname__}")
+        self._process = PipedProcess(answer_requests, f"{worker.__module__}:{worker.__qualname__}", hide_output=True)
         self._connection = self._process.connection
 
     @property

@@ -21,14 +21,15 @@ class PipedProcess:
     """A process that runs `function(connection, *arguments)`, where `connection` is its end of the pipe. It starts at
     once. It ends when the function returns, and with the process that started it, also during a long computation.
 
-    function    a module-level function of a module that can be imported
-    arguments   values that can be pickled
-    connection  this process's end of the pipe, a `multiprocessing.connection.Connection`
+    function     a module-level function of a module that can be imported
+    arguments    values that can be pickled
+    hide_output  whether its error output is hidden, which some libraries fill with messages
+    connection   this process's end of the pipe, a `multiprocessing.connection.Connection`
 
     Raises InputError if no process can be started, and the exception of `pickle` if an argument cannot be pickled.
     """
 
-    def __init__(self, function: Callable[..., object], *arguments: Any) -> None:
+    def __init__(self, function: Callable[..., object], *arguments: Any, hide_output: bool = False) -> None:
         self._owner = os.getpid()
         self.connection, theirs = multiprocessing.Pipe()
         # Carries no data: it closes when this process ends, and the child notices.
@@ -36,7 +37,8 @@ class PipedProcess:
         try:
             self._process = subprocess.Popen(
                 [sys.executable, "-P", "-m", "nvsim.processes.serving", str(theirs.fileno()), str(life.fileno())],
-                stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL,
+                stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL,
+                stderr=subprocess.DEVNULL if hide_output else None,
                 pass_fds=(theirs.fileno(), life.fileno()),
                 env={**os.environ, "PYTHONPATH": os.pathsep.join(path for path in sys.path if path)},
             )  # fmt: skip

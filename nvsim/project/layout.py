@@ -32,6 +32,12 @@ class Layout:
         return self.root / next((place for known, place in self.places if known == name), name)
 
     @property
+    def scan_name(self) -> str:
+        """The R2R scan id of the project: the letters and digits of the folder's name, because agents split keys at
+        underscores."""
+        return "".join(c for c in self.root.stem if c.isascii() and c.isalnum()) or "scan"
+
+    @property
     def database(self) -> Path:
         return self.root / PROJECT_DATABASE
 

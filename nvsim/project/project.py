@@ -337,9 +337,8 @@ class Project:
 
     @property
     def scan_name(self) -> str:
-        """The R2R scan id of the project: the letters and digits of the folder's name, because agents split keys at
-        underscores."""
-        return "".join(c for c in self.layout.root.stem if c.isascii() and c.isalnum()) or "scan"
+        """The R2R scan id of the project."""
+        return self.layout.scan_name
 
     # Committing -------------------------------------------------------------------------------------------------
 

@@ -10,7 +10,7 @@ from typing import Any
 import pytest
 from PySide6.QtCore import Qt
 from PySide6.QtGui import QGuiApplication
-from PySide6.QtWidgets import QPushButton
+from PySide6.QtWidgets import QLabel, QPushButton
 from pytestqt.qtbot import QtBot
 
 from nvsim.cli.arguments import parse
@@ -18,7 +18,7 @@ from nvsim.cli.options import command_of, field_docs
 from nvsim.training.config import TrainingConfig, preset
 from nvsim_app.forms.fields import Field, Settings, arguments_of, fields_of, paper_values, presets_of, unit_of, validate
 from nvsim_app.forms.form import CommandForm
-from nvsim_app.forms.rows import number_text
+from nvsim_app.forms.rows import OptionRow, number_text
 
 PROJECT = Path("house.nvsim")
 VERBS = (
@@ -116,6 +116,15 @@ def test_help_and_units_come_from_the_dataclasses() -> None:
     units = {f.path: f.unit for f in fields_of("train") + fields_of("map")}
     assert units["config.image_size"] == "px" and units["config.tau_dist"] == "m"
     assert units["config.lattice_offset"] == "°" and units["config.loss.ssim"] == ""
+
+
+def test_help_has_quotation_marks_in_place_of_backquotes(qtbot: QtBot) -> None:
+    fields = {field.path: field for verb in ("train", "export features") for field in fields_of(verb)}
+    for path, words in (("cluster.executor", "needs the extra “cluster”"), ("out", "Default: “features”")):
+        row = OptionRow(fields[path])
+        qtbot.addWidget(row)
+        texts = [label.text() for label in row.findChildren(QLabel)]
+        assert any(words in text for text in texts) and not any("`" in text for text in texts)
 
 
 def test_settings_keep_only_what_was_changed(tmp_path: Path) -> None:

@@ -14,6 +14,7 @@ from PySide6.QtWidgets import QApplication
 from pytestqt.qtbot import QtBot
 
 from nvsim.graph.selection import GraphSelection
+from nvsim.occupancy.types import FREE
 from nvsim_app.painting.cameras import overview
 from nvsim_app.state.document import Document
 from nvsim_app.wiring.appearance import PalettePart
@@ -62,6 +63,20 @@ def test_a_double_click_in_the_3d_view_centers_the_floor_under_it(ready: MainWin
     goal = scene.navigation.goal
     assert np.allclose(goal.position + goal.reach * goal.axes[:, 2], floor, atol=1e-6)
     assert goal.reach <= 3.0
+
+
+def test_a_point_beside_an_outer_wall_is_centered_from_inside(ready: MainWindow, document: Document) -> None:
+    scene, occupancy = ready.scene, document.contents.occupancy
+    assert occupancy is not None
+    scene.navigation.set_pose(overview(document.extent))
+    hand = Hand(ready, next(canvas.surface for canvas in ready.modes.canvases if canvas.surface.widget is scene))
+    spot = np.array([2.2, 1.6, 0.0])  # the overview looks over this wall
+    pixel = hand.pixel(spot)
+    assert hand.surface.pick_viewpoint(QPointF(pixel)) is None
+    QTest.mouseDClick(scene, Qt.MouseButton.LeftButton, pos=pixel)
+    goal = scene.navigation.goal
+    assert np.allclose(goal.pivot, spot, atol=0.1) and goal.reach >= 0.8
+    assert occupancy.states_at(np.array(goal.position[:2])) == FREE
 
 
 def test_a_dragged_file_highlights_the_window(ready: MainWindow, tmp_path: Path, qtbot: QtBot) -> None:

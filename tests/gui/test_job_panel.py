@@ -9,6 +9,7 @@ from pathlib import Path
 
 import pytest
 from PySide6.QtCore import Qt
+from PySide6.QtGui import QColor
 from PySide6.QtWidgets import QApplication
 from pytestqt.qtbot import QtBot
 
@@ -177,11 +178,52 @@ def test_the_buttons_of_a_row_show_their_whole_texts(pipeline: Pipeline, qtbot: 
     assert sum(button.isVisible() for button in panel.buttons_of(pipeline.handle(2)).buttons.values()) == 3
 
 
+def test_all_tabs_are_visible_in_a_narrow_panel(pipeline: Pipeline, qtbot: QtBot) -> None:
+    panel, bar = pipeline.panel, pipeline.panel.tabs.tabBar()
+    panel.resize(500, 240)
+
+    def whole() -> bool:
+        last = bar.tabRect(panel.tabs.indexOf(panel.log))
+        return bar.width() <= panel.tabs.width() and bar.rect().contains(last) and panel.width() == 500
+
+    qtbot.waitUntil(whole)
+    assert not panel.large.isVisible()
+    where = bar.tabRect(panel.tabs.indexOf(panel.log)).center()
+    qtbot.mouseClick(bar, Qt.MouseButton.LeftButton, pos=where)
+    assert panel.tabs.currentWidget() is panel.log
+    with qtbot.waitSignal(panel.largeWanted) as wanted:
+        panel.buttons_of(pipeline.handle(1)).commands["enlarge"].trigger()
+    assert wanted.args == [pipeline.handle(1)]
+    panel.resize(1300, 240)
+    qtbot.waitUntil(panel.large.isVisible)
+
+
+def test_the_button_of_other_commands_is_visible_on_a_selected_row(pipeline: Pipeline, qtbot: QtBot) -> None:
+    button = pipeline.panel.buttons_of(pipeline.handle(1)).more
+    assert pipeline.panel.handle is pipeline.handle(1)
+    image = button.grab().toImage()
+    row = pipeline.panel.palette().highlight().color()
+    background = image.pixelColor(button.width() // 2, 5)
+    assert background.name() != row.name() and contrast(background, button.palette().buttonText().color()) > 4.5
+
+
+def contrast(first: QColor, second: QColor) -> float:
+    """The contrast of two colors as WCAG 2 defines it, 1 to 21."""
+
+    def luminance(color: QColor) -> float:
+        parts = (color.redF(), color.greenF(), color.blueF())
+        red, green, blue = (v / 12.92 if v <= 0.03928 else ((v + 0.055) / 1.055) ** 2.4 for v in parts)
+        return 0.2126 * red + 0.7152 * green + 0.0722 * blue
+
+    low, high = sorted((luminance(first), luminance(second)))
+    return (high + 0.05) / (low + 0.05)
+
+
 def test_the_other_commands_are_in_the_menu_of_the_row(pipeline: Pipeline, qtbot: QtBot) -> None:
     assert os.path.isdir(pipeline.handle(3).job.folder)
     buttons = pipeline.panel.buttons_of(pipeline.handle(3))
     texts = {action.text(): action.isEnabled() for action in buttons.more.menu().actions()}
-    assert texts == {"Settings…": False, "Show folder": False, "Copy command": True, "Remove": True}
+    assert texts == {"Enlarge…": False, "Settings…": False, "Show folder": False, "Copy command": True, "Remove": True}
     buttons.commands["copy"].trigger()
     assert QApplication.clipboard().text().startswith("nvsim evaluate graph --project ")
     buttons.commands["remove"].trigger()

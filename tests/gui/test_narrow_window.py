@@ -10,12 +10,13 @@ from itertools import combinations
 from pathlib import Path
 
 import pytest
-from PySide6.QtCore import Qt
-from PySide6.QtWidgets import QDialog, QLabel, QPushButton, QWidget
+from PySide6.QtCore import QSize, Qt
+from PySide6.QtWidgets import QDialog, QDialogButtonBox, QLabel, QPushButton, QWidget
 from pytestqt.qtbot import QtBot
 
 from nvsim.graph.selection import GraphSelection
 from nvsim_app.look.labels import WrappingRow
+from nvsim_app.look.widgets import Dialog
 from nvsim_app.panels.details import DetailsPanel
 from nvsim_app.panels.help import open_help
 from nvsim_app.state.document import Contents, Document
@@ -194,3 +195,23 @@ def test_escape_closes_the_dialog_that_was_raised_last_first(window: MainWindow,
     assert not first.isVisible() and second.isVisible()
     qtbot.keyClick(window.scene, Qt.Key.Key_Escape)
     assert not second.isVisible()
+
+
+@pytest.mark.parametrize(
+    "name", ["preferences", "help", "new_project", "models", "job_train", "job_map", "export_tasks", "about"]
+)
+def test_the_buttons_of_a_dialog_are_on_a_small_screen(
+    window: MainWindow, qtbot: QtBot, monkeypatch: pytest.MonkeyPatch, name: str
+) -> None:
+    class Small:
+        def availableSize(self) -> QSize:
+            return QSize(960, 540)
+
+    monkeypatch.setattr(Dialog, "screen", lambda self: Small())
+    window.actions_table[name].trigger()
+    (dialog,) = (found for found in window.findChildren(QDialog) if found.isVisible())
+    qtbot.wait(50)
+    assert dialog.width() <= 960 and dialog.height() <= 540 - 40
+    for button in dialog.findChildren(QDialogButtonBox):
+        assert dialog.rect().contains(button.geometry())
+    dialog.close()

@@ -10,7 +10,8 @@ from PySide6.QtWidgets import QToolButton, QWidget
 from pytestqt.qtbot import QtBot
 
 from nvsim.errors import InputError
-from nvsim_app.look.notices import MOST_SHOWN, NoticeArea, Notices, install_excepthook
+from nvsim_app.look.labels import Label
+from nvsim_app.look.notices import MOST_SHOWN, Notice, NoticeArea, Notices, install_excepthook
 
 
 @pytest.fixture
@@ -25,7 +26,6 @@ def area(qtbot: QtBot) -> NoticeArea:
 
 def test_a_notice_appears_and_is_closed_by_its_button(area: NoticeArea, qtbot: QtBot) -> None:
     area.parent_to_keep.show()
-    from nvsim_app.look.notices import Notice
 
     area.show_notice(Notice("error", "The disk is full."))
     assert area.isVisible() and area.texts == ["The disk is full."]
@@ -35,7 +35,6 @@ def test_a_notice_appears_and_is_closed_by_its_button(area: NoticeArea, qtbot: Q
 
 
 def test_repeated_notices_are_counted_not_stacked(area: NoticeArea) -> None:
-    from nvsim_app.look.notices import Notice
 
     for _ in range(5):
         area.show_notice(Notice("warning", "Again."))
@@ -46,7 +45,6 @@ def test_repeated_notices_are_counted_not_stacked(area: NoticeArea) -> None:
 
 
 def test_a_full_screen_lets_go_of_news_before_errors(area: NoticeArea) -> None:
-    from nvsim_app.look.notices import Notice
 
     area.show_notice(Notice("error", "The disk is full."))
     for i in range(2 * MOST_SHOWN):
@@ -71,7 +69,6 @@ def test_a_notice_stays_while_the_pointer_rests_on_it(area: NoticeArea, qtbot: Q
 
 
 def test_what_has_details_leads_to_the_log(area: NoticeArea, qtbot: QtBot) -> None:
-    from nvsim_app.look.notices import Notice
 
     area.show_notice(Notice("error", "Odd.", "Traceback"))
     with qtbot.waitSignal(area.detailsWanted, timeout=20_000) as heard:
@@ -128,3 +125,17 @@ def test_messages_about_a_file_and_what_is_under_the_cursor_end_with_it(window, 
     document.set_contents(Contents(Path("other.nvsim")))
     assert window.notice_area.texts == [] and window.statusBar().currentMessage() == ""
     assert plan.graph.hovered is None and window.scene.overlays.graph.hovered is None
+
+
+def test_a_notice_fits_a_narrow_view(area: NoticeArea, qtbot: QtBot) -> None:
+    parent = area.parent_to_keep
+    parent.show()
+    words = "No region contains a path of 4 to 6 edges and at least 5 m; change the bounds."
+    area.show_notice(Notice("error", words, "the details"))
+    qtbot.waitUntil(lambda: area.width() == 380)
+    parent.resize(240, 600)
+    qtbot.waitUntil(lambda: parent.rect().contains(area.geometry()))
+    (label,) = area.findChildren(Label)
+    assert label.height() >= label.heightForWidth(label.width()) and label.text().endswith("the bounds.")
+    button = area.findChild(QToolButton, "noticeDetails")
+    assert button is not None and area.rect().contains(button.mapTo(area, button.rect().bottomRight()))

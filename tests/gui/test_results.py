@@ -50,6 +50,7 @@ def test_a_table_survives_the_way_through_csv_and_tabs() -> None:
 
 def test_figures_and_names_are_written_as_the_field_does() -> None:
     assert result_title("psnr_nonfloor") == "PSNR no floor" and result_title("reachable_m2") == "reachable floor, m²"
+    assert result_title("node_validity_low") == "validity of viewpoints, lower end of the 95 % interval"
     assert result_title("node_validity_robot") == "validity of viewpoints, for a robot"
     assert [value_words(v) for v in (None, 0.12345, 21.4727, 12345.6, 7)] == ["–", "0.1235", "21.47", "12,346", "7"]
 
@@ -77,6 +78,11 @@ def test_the_panel_shows_copies_and_saves(qtbot: QtBot, tmp_path: Path, monkeypa
     panel.show_results([EvaluationResult("job 1", "Evaluate views", 10.0, tables_of(FIGURES))])
     panel.tables.setCurrentText("Per frame")
     assert panel.model.rowCount() == 2 and panel.columns.currentText() == "PSNR"
+    assert [panel.model.headerData(i, Qt.Orientation.Horizontal) for i in range(3)] == [
+        "Frame\u2002",
+        "PSNR\u2002",
+        "Name",
+    ]
     qtbot.mouseClick(panel.copy, Qt.MouseButton.LeftButton)
     assert QGuiApplication.clipboard().text().splitlines()[2] == "9\t21.5\tc"
     monkeypatch.setattr(
@@ -92,7 +98,18 @@ def test_the_panel_shows_copies_and_saves(qtbot: QtBot, tmp_path: Path, monkeypa
     with qtbot.waitSignal(panel.frameWanted) as wanted:
         panel.view.doubleClicked.emit(panel.model.index(1, 0))
     assert wanted.args == [9]
-    panel.show_results([stored_result("graph", 20.0, {"nodes": 3}), *panel.results])
+    figures = {"nodes": 3, "near_far_2.5": 0.0}  # one name is longer than the panel is wide
+    panel.show_results([stored_result("graph", 20.0, figures), *panel.results])
+    panel.resize(panel.minimumSizeHint().width(), 220)
+    view = panel.view
+
+    def fits() -> bool:
+        right = view.columnViewportPosition(1) + view.columnWidth(1)
+        return view.width() < 400 and right <= view.viewport().width() and not view.horizontalScrollBar().isVisible()
+
+    qtbot.waitUntil(fits)
+    assert [panel.model.headerData(i, Qt.Orientation.Horizontal) for i in range(2)] == ["Figure", "Value\u2002"]
+    assert panel.model.index(0, 0).data() == "Viewpoints" and panel.table.rows[0][0] == "viewpoints"
     assert panel.list.currentItem().text().startswith("Evaluate the graph (stored)")  # a new one is shown at once
     panel.close()
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 from PySide6.QtCore import Qt
@@ -9,6 +10,7 @@ from pytestqt.qtbot import QtBot
 
 from nvsim.project.jobs.files import JobCommand
 from nvsim.project.jobs.joblist import Job, JobList, JobStatus
+from nvsim.project.layout import Layout
 from nvsim.r2r.metrics.submission import write_submission
 from nvsim.r2r.reviewing import Review, read_review
 from nvsim.r2r.tasks.task import Task, read_tasks, write_tasks
@@ -116,3 +118,18 @@ def test_exported_tasks_open_with_their_path_on_the_map(window: MainWindow, qtbo
     qtbot.keyClick(table, Qt.Key.Key_Down)
     qtbot.keyClick(table, Qt.Key.Key_Right)
     assert panel.current.task.path_id == 1 and panel.slider.value() == step
+
+
+def test_tasks_of_a_renamed_project_are_shown(window: MainWindow, qtbot: QtBot, tmp_path: Path) -> None:
+    part = window.part(TaskPart)
+    document = part.context.document
+    graph = document.graph
+    assert graph is not None and document.project is not None
+    document.set_contents(replace(document.contents, graph=replace(graph, scan="earlier")))
+    ends = next(iter(graph.edges))
+    here = Layout(document.project).scan_name
+    assert here != "earlier"
+    tasks = [Task(i, scan, ends, 0.5, ("Go on.",)) for i, scan in enumerate((here, "earlier", "elsewhere"))]
+    write_tasks(tmp_path / "R2R_train.json", tasks)
+    part.open(tmp_path)
+    qtbot.waitUntil(lambda: part.panel.model.rowCount() == 2)

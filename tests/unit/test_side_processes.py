@@ -13,7 +13,7 @@ import pytest
 
 from nvsim.errors import InputError
 from nvsim_app.processes.child import Child, ChildProgram
-from nvsim_app.processes.serving import EndMessage, Requests
+from nvsim_app.processes.serving import EndMessage, Requests, short_reason
 
 APP = Path(__file__).parents[2] / "app" / "nvsim_app"
 STARTERS = {"subprocess", "multiprocessing", "QProcess", "Popen", "pty"}
@@ -45,6 +45,10 @@ def _break(requests: Requests, source: object) -> None:
     raise EOFError("the file ends early")
 
 
+def _break_like_a_compiler(requests: Requests, source: object) -> None:
+    raise ValueError("Failed in the pipeline.\nTraceback (most recent call last):\n  File x.py, line 3\n")
+
+
 def _crash(requests: Requests, source: object) -> None:
     os.kill(os.getpid(), signal.SIGKILL)
 
@@ -66,7 +70,8 @@ def test_a_child_returns_the_result_of_its_work() -> None:
     ("work", "sentence"),
     [
         (_refuse, "x is no map."),
-        (_break, "It fails: EOFError: the file ends early."),
+        (_break, "It fails: unexpected error (the file ends early)."),
+        (_break_like_a_compiler, "It fails: unexpected error (Failed in the pipeline)."),
         (_crash, "It fails: its process ended with code -9."),
         (_fill_memory, "It fails: it needs more than 0.27 GB of memory."),
     ],
@@ -82,7 +87,8 @@ def test_why_a_child_fails_is_one_sentence(work, sentence: str) -> None:
         child.result()
     assert str(error.value) == sentence
     (end,) = heard
-    assert isinstance(end, EndMessage) and end.crashed == (work is _crash) and bool(end.trace) == (work is _break)
+    assert isinstance(end, EndMessage) and end.crashed == (work is _crash)
+    assert ("Traceback" in end.trace) == (work in (_break, _break_like_a_compiler))
 
 
 def test_a_child_that_is_killed_gives_no_result() -> None:
@@ -98,3 +104,10 @@ def test_a_child_that_is_killed_gives_no_result() -> None:
     early = Child(ChildProgram(_wait, "wait", "It fails"), None)
     early.end()
     assert early.result() is None
+
+
+def test_a_reason_is_one_line_without_python_words() -> None:
+    assert short_reason(InputError("x is no map.")) == "x is no map."
+    assert short_reason(ValueError("Failed.\n\nTraceback:\n  File x.py")) == "unexpected error (Failed)."
+    assert short_reason(KeyError("means")) == "unexpected error (KeyError)."
+    assert len(short_reason(ValueError("long " * 1000))) < 200

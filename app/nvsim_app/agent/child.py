@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from nvsim.errors import InputError
 from nvsim.geometry.directions import HEIGHT, VFOV, WIDTH
 from nvsim_app.agent.state import AgentState, Location, Pose, Walk, WalkedGraph
-from nvsim_app.processes.serving import Requests, WindowClosed
+from nvsim_app.processes.serving import Requests, WindowClosed, short_reason
 
 if TYPE_CHECKING:
     from nvsim.r2r.simulator import SimState, Simulator, ViewPoint
@@ -195,7 +195,9 @@ class _StateRenderer:
             except InputError as error:
                 seen = StateImage(number, None, str(error))
             except Exception as error:
-                seen = StateImage(number, None, f"The view could not be rendered: {error}.", traceback.format_exc())
+                seen = StateImage(
+                    number, None, f"The view could not be rendered: {short_reason(error)}", traceback.format_exc()
+                )
             try:
                 self._requests.answer(request, seen)
             except WindowClosed:

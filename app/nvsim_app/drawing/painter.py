@@ -20,6 +20,7 @@ from nvsim.submaps.split import Submap
 from nvsim_app.drawing.renderer_choice import AUTOMATIC, CPU, OPENGL, RendererChoice, SplatBudget
 from nvsim_app.look import colors
 from nvsim_app.painting.value_colors import CHANNELS, picture
+from nvsim_app.processes.serving import short_reason
 
 CELL = 0.2  # meters
 REACH = 15.0  # meters around the trajectory; positions farther away belong to no submap
@@ -263,7 +264,11 @@ class Painter:
         except Exception as error:  # a driver may fail in any way; the CPU is the fallback
             self._card, self._broken = None, True
             self.remarks.append(
-                LogRemark(f"OpenGL failed, so the CPU renders from now on: {error}", traceback.format_exc(), True)
+                LogRemark(
+                    f"OpenGL failed, so the CPU renders from now on: {short_reason(error)}",
+                    traceback.format_exc(),
+                    True,
+                )
             )
             return None
 

@@ -25,7 +25,7 @@ from nvsim_app.drawing.panorama_child import PanoramaDrawing, PanoramaRequest
 from nvsim_app.drawing.renderer_choice import AUTOMATIC, CPU
 from nvsim_app.drawing.warming import Warming
 from nvsim_app.painting.value_colors import CHANNELS, MEASURED, measured, picture
-from nvsim_app.processes.serving import Requests
+from nvsim_app.processes.serving import Requests, short_reason
 
 LOOK_AGAIN = 1.0  # seconds between two checks for a new version of a model in training
 WHOLE = -1  # used as submap index of the whole building without ceilings
@@ -176,18 +176,24 @@ def _use_the_pause(
                 requests.answer(panorama, finished, more=not finished.final)
     except Exception as error:
         panoramas.stop()
-        requests.answer(panorama, RenderError(f"The panorama could not be rendered: {error}", traceback.format_exc()))
+        requests.answer(
+            panorama, RenderError(f"The panorama could not be rendered: {short_reason(error)}", traceback.format_exc())
+        )
     try:
         while not requests.waiting and warming.has_waiting_kernels:
             warming.step()
     except Exception as error:  # a request for a panorama will report the error again
         warming.stop()
-        painter.remarks.append(LogRemark(f"Panoramas could not be prepared: {error}", traceback.format_exc(), True))
+        painter.remarks.append(
+            LogRemark(f"Panoramas could not be prepared: {short_reason(error)}", traceback.format_exc(), True)
+        )
     try:
         while not requests.waiting and painter.compare():
             pass
     except Exception as error:  # images do not depend on the comparison
-        painter.remarks.append(LogRemark(f"The renderers could not be compared: {error}", traceback.format_exc(), True))
+        painter.remarks.append(
+            LogRemark(f"The renderers could not be compared: {short_reason(error)}", traceback.format_exc(), True)
+        )
         painter.pause_comparison()
     _send_remarks(painter, requests)
 
@@ -208,5 +214,5 @@ def _answer(painter: Painter, request: Request) -> Picture | RenderError:
             request.camera, request.channel, request.renderer, request.moving, request.budget
         )
     except Exception as error:
-        return RenderError(f"A view could not be rendered: {error}", traceback.format_exc())
+        return RenderError(f"A view could not be rendered: {short_reason(error)}", traceback.format_exc())
     return Picture(request, pixels, submap, 1e3 * (time.perf_counter() - begin), renderer)

@@ -11,7 +11,6 @@ from PySide6.QtCore import Qt, QTimer, Signal
 from PySide6.QtGui import QFontDatabase, QGuiApplication
 from PySide6.QtWidgets import (
     QComboBox,
-    QDialog,
     QDialogButtonBox,
     QFrame,
     QHBoxLayout,
@@ -38,13 +37,13 @@ from nvsim_app.forms.rows import OptionRow
 from nvsim_app.look.labels import InkLabel, Label
 from nvsim_app.look.plain_text import SENTENCE, plain
 from nvsim_app.look.theme import type_font
-from nvsim_app.look.widgets import DialogButtons, Scrolling
+from nvsim_app.look.widgets import Dialog, DialogButtons, Scrolling
 
 GENERAL = "General"
 TYPING = 250  # milliseconds after the last key press until the values are validated
 
 
-class CommandForm(QDialog):
+class CommandForm(Dialog):
     """A dialog that edits the options of one command.
 
     started(list of arguments)   the user started the command; the settings are already stored
@@ -218,6 +217,7 @@ class CommandForm(QDialog):
         """Shows `widget` to the right of the options and widens the dialog by its size hint."""
         self._middle.addWidget(widget)
         self.resize(self.width() + widget.sizeHint().width() + 40, self.height())
+        self.fit_screen()
 
     def block_start(self, sentence: str) -> None:
         """Shows why the command cannot start although its options are valid, and disables Start; "" enables it.

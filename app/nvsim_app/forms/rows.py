@@ -3,6 +3,7 @@ class per kind of value."""
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable
 from typing import Any
 
@@ -27,6 +28,7 @@ from nvsim_app.look.plain_text import tooltip_text
 from nvsim_app.look.theme import type_font
 
 _NOWHERE = object()
+_CODE = re.compile(r"`(?!nvsim )([^`]*)`")  # names in the help; `in_window` replaces commands
 
 
 class OptionRow(QWidget):
@@ -57,6 +59,7 @@ class OptionRow(QWidget):
         self.reset_button.setSizePolicy(policy)
         grid = QGridLayout(self)
         grid.setContentsMargins(0, 4, 0, 8)
+        grid.setHorizontalSpacing(8)
         grid.setVerticalSpacing(4)
         grid.addWidget(self._name, 0, 0)
         grid.addWidget(self.editor, 0, 1)
@@ -64,7 +67,7 @@ class OptionRow(QWidget):
         grid.addWidget(self.reset_button, 0, 3)
         grid.setColumnStretch(1, 1)
         if field.help:
-            help = Label(field.help, self)
+            help = Label(_CODE.sub("“\\1”", field.help), self)
             help.setWordWrap(True)
             help.setForegroundRole(quiet)
             help.setTextInteractionFlags(Qt.TextInteractionFlag.TextSelectableByMouse)

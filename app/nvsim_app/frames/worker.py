@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from nvsim.errors import InputError
 from nvsim.project.layout import Layout
-from nvsim_app.processes.serving import Requests
+from nvsim_app.processes.serving import Requests, short_reason
 
 if TYPE_CHECKING:
     from nvsim.project.frame_candidates import CandidateMaker
@@ -225,7 +225,7 @@ def _result_or_failure(what: str, frame: int, make: Callable[[int], object]) -> 
         return FailedRequest(what, frame, str(error))
     except Exception as error:
         traceback.print_exc()
-        return FailedRequest(what, frame, f"Unexpected error: {error}")
+        return FailedRequest(what, frame, f"The image could not be processed: {short_reason(error)}")
 
 
 def _read_cache(path: Path) -> dict[str, Any]:

@@ -20,10 +20,12 @@ from nvsim.errors import InputError
 from nvsim_app.look import colors
 from nvsim_app.look.labels import Label
 from nvsim_app.look.plain_text import lines
+from nvsim_app.look.theme import GRID
 
 Severity = Literal["log", "info", "warning", "error"]
 SECONDS: dict[Severity, float] = {"info": 6.0, "warning": 12.0, "error": 40.0}
 MOST_SHOWN = 4
+WIDTH, NARROWEST = 380, 160  # pixels: the width of a notice, and the least width in a narrow view
 MOST_LETTERS, MOST_ROWS = 600, 12  # maximum number of characters and lines of a shown notice
 _SIGNS: dict[Severity, str] = {"info": "", "warning": "⚠ ", "error": "✗ "}
 _EDGE = {"info": colors.NODE, "warning": colors.SELECTED, "error": colors.BLOCKED}
@@ -115,7 +117,6 @@ class _NoticeCard(QFrame):
             words.addWidget(more, 0, Qt.AlignmentFlag.AlignLeft)
         layout.addLayout(words, 1)
         layout.addWidget(button, 0, Qt.AlignmentFlag.AlignTop)
-        self.setFixedWidth(380)
 
     def enterEvent(self, event: QEnterEvent) -> None:
         self._timer.stop()
@@ -204,10 +205,12 @@ class NoticeArea(QWidget):
 
     def _place(self) -> None:
         self.setVisible(bool(self._cards))
-        self.adjustSize()
         parent = self.parentWidget()
         assert parent is not None  # given at construction
-        self.move(max(0, parent.width() - self.width() - 14), 14)
+        for card in self._cards:
+            card.setFixedWidth(max(NARROWEST, min(WIDTH, parent.width() - 2 * GRID)))
+        self.adjustSize()
+        self.move(max(0, parent.width() - self.width() - GRID), GRID)
         self.raise_()
 
     def eventFilter(self, watched: QObject, event: QEvent) -> bool:

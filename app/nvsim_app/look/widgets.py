@@ -10,10 +10,15 @@ from PySide6.QtWidgets import (
     QAbstractSlider,
     QAbstractSpinBox,
     QApplication,
+    QBoxLayout,
     QComboBox,
+    QDialog,
     QDialogButtonBox,
     QDoubleSpinBox,
+    QFormLayout,
     QFrame,
+    QGridLayout,
+    QLayout,
     QLineEdit,
     QMainWindow,
     QMenuBar,
@@ -26,7 +31,23 @@ from shiboken6 import isValid
 
 from nvsim_app.look.labels import Label
 from nvsim_app.look.plain_text import tooltip_text
-from nvsim_app.look.theme import GRID, type_font
+from nvsim_app.look.theme import GRID, HALF, type_font
+
+_RIM = QSize(20, 50)  # pixels that the frame of a window manager may take
+
+
+class Dialog(QDialog):
+    """A dialog that fits the screen, and whose margins and spacing are on the grid when it is shown."""
+
+    def showEvent(self, event: QShowEvent) -> None:
+        if not event.spontaneous():
+            align_to_grid(self)
+            self.fit_screen()
+        super().showEvent(event)
+
+    def fit_screen(self) -> None:
+        """Makes the dialog small enough for its screen, so that its buttons are visible."""
+        self.resize(self.size().boundedTo(self.screen().availableSize() - _RIM))
 
 
 class DialogButtons(QDialogButtonBox):
@@ -46,6 +67,29 @@ def show_and_focus(window: QWidget) -> None:
     if window.focusWidget() is None:
         window.setFocus()
         window.focusNextPrevChild(True)
+
+
+def align_to_grid(root: QWidget) -> None:
+    """Rounds the margins and spacing of all layouts in `root` up to the grid. The style sets 6, 9, and 11 pixels where
+    a layout sets none."""
+    for layout in root.findChildren(QLayout):
+        owner = layout.parentWidget()
+        if owner is None or isinstance(owner, QStatusBar):  # which makes its layout again
+            continue
+        if layout is owner.layout():
+            margins = layout.contentsMargins()
+            sides = (margins.left(), margins.top(), margins.right(), margins.bottom())
+            if any(side % HALF for side in sides):
+                layout.setContentsMargins(*(_on_grid(side) for side in sides))
+        if isinstance(layout, QGridLayout | QFormLayout):
+            layout.setHorizontalSpacing(_on_grid(layout.horizontalSpacing()))
+            layout.setVerticalSpacing(_on_grid(layout.verticalSpacing()))
+        elif isinstance(layout, QBoxLayout):
+            layout.setSpacing(_on_grid(layout.spacing()))
+
+
+def _on_grid(pixels: int) -> int:
+    return -(-pixels // HALF) * HALF
 
 
 LEAST = 96  # maximum of the minimum height, pixels

@@ -11,13 +11,13 @@ from pathlib import Path
 import psutil
 from PySide6.QtCore import Qt, qVersion
 from PySide6.QtGui import QFontDatabase, QGuiApplication, QIcon, QOffscreenSurface, QOpenGLContext
-from PySide6.QtWidgets import QDialog, QDialogButtonBox, QHBoxLayout, QPlainTextEdit, QVBoxLayout, QWidget
+from PySide6.QtWidgets import QDialogButtonBox, QHBoxLayout, QPlainTextEdit, QVBoxLayout, QWidget
 
 from nvsim.kernel_threads import cores
 from nvsim_app.look.icons import FOLDER
 from nvsim_app.look.labels import Label
 from nvsim_app.look.theme import type_font
-from nvsim_app.look.widgets import DialogButtons
+from nvsim_app.look.widgets import Dialog, DialogButtons
 
 _WHAT = (
     "Turns images of a building with their camera poses into a simulator for vision-and-language navigation: "
@@ -26,7 +26,7 @@ _WHAT = (
 )
 
 
-class AboutWindow(QDialog):
+class AboutWindow(Dialog):
     """A non-modal window about NVSim."""
 
     def __init__(self, project: Path | None, parent: QWidget | None = None) -> None:

@@ -156,13 +156,13 @@ class TrajectoryMap(QWidget):
         super().__init__(parent)
         self._summary: Summary | None = None
         self._nothing = "no trajectory"
-        self.setMinimumSize(180, 120)
+        self.setMinimumSize(180, 64)
         self.setSizePolicy(QSizePolicy.Policy.Expanding, QSizePolicy.Policy.Expanding)
         self.setAccessibleName("Trajectory from above")
         self.setToolTip("Trajectory from above. The dot marks its start; crosses mark images that cannot be used")
 
     def sizeHint(self) -> QSize:
-        return QSize(240, 190)
+        return QSize(240, self.minimumHeight())  # the dialog gives it the room that is left
 
     def show_summary(self, summary: Summary | None, nothing: str = "no trajectory") -> None:
         """Draws the trajectory of `summary`. If it is None, shows the text `nothing`."""

@@ -8,17 +8,17 @@ from collections.abc import Callable, Collection
 from typing import Any
 
 from PySide6.QtCore import QSettings, Qt, Signal
-from PySide6.QtWidgets import QComboBox, QDialog, QDialogButtonBox, QFormLayout, QVBoxLayout, QWidget
+from PySide6.QtWidgets import QComboBox, QDialogButtonBox, QFormLayout, QVBoxLayout, QWidget
 
 from nvsim.graph.offers import ChoiceField, NumberField
 from nvsim.project.work import PIPELINE, STAGE, StageName
 from nvsim_app.look import lengths
 from nvsim_app.look.labels import Label
 from nvsim_app.look.plain_text import tooltip_text
-from nvsim_app.look.widgets import DialogButtons, NumberBox
+from nvsim_app.look.widgets import Dialog, DialogButtons, NumberBox
 
 
-class Form(QDialog):
+class Form(Dialog):
     """Calls `run` with the entered values by name. Stores the values in the settings under `key`."""
 
     def __init__(
@@ -92,7 +92,7 @@ class Form(QDialog):
         self._run(self.values)
 
 
-class KnownLength(QDialog):
+class KnownLength(Dialog):
     """Asks for the true length. chosen(float): true length divided by measured length."""
 
     chosen = Signal(float)

@@ -10,7 +10,6 @@ from pathlib import Path
 from PySide6.QtCore import QByteArray, Qt, QUrl
 from PySide6.QtGui import QImage, QPalette, QTextCharFormat, QTextCursor, QTextDocument, QTextTable
 from PySide6.QtWidgets import (
-    QDialog,
     QHBoxLayout,
     QLineEdit,
     QListWidget,
@@ -23,7 +22,7 @@ from PySide6.QtWidgets import (
 
 import nvsim_resources
 from nvsim.capture import formats
-from nvsim_app.look.widgets import show_and_focus
+from nvsim_app.look.widgets import Dialog, show_and_focus
 
 FOLDER = Path(nvsim_resources.__file__).parent / "help"
 DOCS = FOLDER.parent / "docs"  # contains images, too
@@ -103,7 +102,7 @@ class _Text(QTextBrowser):
         return QByteArray()  # if it were None, Qt would read the file
 
 
-class HelpWindow(QDialog):
+class HelpWindow(Dialog):
     """A non-modal window, so that it can stay open beside the main window."""
 
     def __init__(self, page: str, parent: QWidget | None = None) -> None:

@@ -8,7 +8,6 @@ from dataclasses import dataclass
 from PySide6.QtCore import QRect, Qt, Signal
 from PySide6.QtGui import QColor, QFontDatabase, QPainter
 from PySide6.QtWidgets import (
-    QDialog,
     QDialogButtonBox,
     QPlainTextEdit,
     QPushButton,
@@ -27,7 +26,7 @@ from nvsim_app.look import colors
 from nvsim_app.look.labels import InkLabel, Label
 from nvsim_app.look.plain_text import tooltip_text
 from nvsim_app.look.table import Column, Index, TableModel, table
-from nvsim_app.look.widgets import DialogButtons
+from nvsim_app.look.widgets import Dialog, DialogButtons
 
 _STATE_TEXTS = {
     "running": "running",
@@ -216,7 +215,7 @@ class JobWorkers(QWidget):
 _MOST = 20_000  # characters of a command that are shown
 
 
-class ImportedJobDialog(QDialog):
+class ImportedJobDialog(Dialog):
     """Shows the stored order of a job. Exactly this order can be added to the queue."""
 
     def __init__(self, queue: JobQueue, job: Job, parent: QWidget | None = None) -> None:

@@ -6,7 +6,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from functools import partial
 
-from PySide6.QtCore import Qt, QUrl, Signal
+from PySide6.QtCore import QEvent, QObject, Qt, QUrl, Signal
 from PySide6.QtGui import QAction, QDesktopServices, QGuiApplication, QPalette
 from PySide6.QtWidgets import (
     QHBoxLayout,
@@ -41,6 +41,7 @@ COMMANDS = {
         "Inspect…",
         "Show the exact command of a job that came with the project, to order it here or remove it",
     ),
+    "enlarge": ("Enlarge…", "Show the curves and images in a separate window, also beside those of another run"),
     "settings": ("Settings…", "Show the settings of the job, change them, and run it again"),
     "folder": ("Show folder", "Open the output folder of the job in the file manager"),
     "copy": ("Copy command", "Copy the equivalent terminal command"),
@@ -117,8 +118,7 @@ class JobButtons(QWidget):
         self.commands: dict[str, QAction] = {}
         self.buttons: dict[str, QToolButton] = {}
         self.more = QToolButton(self)
-        self.more.setText("⋯")
-        self.more.setAutoRaise(True)
+        self.more.setText("⋯")  # raised like the other buttons: its text alone has no contrast on a selected row
         self.more.setPopupMode(QToolButton.ToolButtonPopupMode.InstantPopup)
         self.more.setToolTip("Other commands for this job")
         self.more.setAccessibleName("Other commands")
@@ -186,9 +186,7 @@ class JobPanel(QWidget):
         self.large = QToolButton(self)
         self.large.setText("Enlarge…")
         self.large.setAutoRaise(True)
-        self.large.setToolTip(
-            tooltip_text("Show the curves and images in a separate window, also beside those of another run")
-        )
+        self.large.setToolTip(tooltip_text(COMMANDS["enlarge"][1]))
         self.large.clicked.connect(self._on_large)
         self.tabs.setCornerWidget(self.large)
         self._chosen: JobHandle | None = None  # whose details are shown
@@ -207,7 +205,7 @@ class JobPanel(QWidget):
         self.splitter.setStretchFactor(0, 3)
         self.splitter.setStretchFactor(1, 2)
         self.splitter.setSizes([600, 400])
-        self.tabs.setMinimumWidth(160)  # so that the panel fits beside others in a small window
+        self.tabs.installEventFilter(self)
         layout = QVBoxLayout(self)
         layout.setContentsMargins(0, 0, 0, 0)
         layout.addWidget(self.splitter)
@@ -217,6 +215,18 @@ class JobPanel(QWidget):
         self.queue.progressed.connect(self._refresh_shown)
         self.queue.found.connect(self.offer.show_jobs)
         self._on_rows()
+
+    def eventFilter(self, watched: QObject, event: QEvent) -> bool:
+        if watched is self.tabs and event.type() == QEvent.Type.Resize:
+            self._fit_tabs()
+        return super().eventFilter(watched, event)
+
+    def _fit_tabs(self) -> None:
+        """Makes room for all tabs. Beside them is the button if there is room; it is also in the menu of a row."""
+        tabs = self.tabs.tabBar().sizeHint().width()
+        self.tabs.setMinimumWidth(tabs)
+        trains = self.handle is not None and self.handle.job.order.verb in TRAININGS
+        self.large.setVisible(trains and self.tabs.width() >= tabs + self.large.sizeHint().width())
 
     def _missing(self) -> str:
         return "" if self.model.rowCount() else "Jobs and their progress appear here.\nStart them from the Jobs menu."
@@ -320,10 +330,10 @@ class JobPanel(QWidget):
         """Shows the tab of workers only for jobs that run on a cluster."""
         if self.tabs.isTabVisible(self._workers_tab) != self.workers.has_workers:
             self.tabs.setTabVisible(self._workers_tab, self.workers.has_workers)
+            self._fit_tabs()
 
     def _show_buttons(self) -> None:
-        verb = "" if self.handle is None else self.handle.job.order.verb
-        self.large.setVisible(verb in TRAININGS)
+        self._fit_tabs()
         for key, buttons in self._buttons.items():
             buttons.show_reasons(self._reasons(key))
             buttons.take_focus(key == self._chosen)
@@ -339,6 +349,7 @@ class JobPanel(QWidget):
             "resume": self.queue.why_not_resume(handle),
             "cancel": "" if state in ("running", "queued", "paused", "interrupted") else _is(state),
             "inspect": "it was ordered here" if handle.is_own else "",
+            "enlarge": "" if handle.job.order.verb in TRAININGS else "it trains no submap",
             "settings": "it is running" if state in ("running", "queued") else "",
             "folder": "" if folder_of(handle.job) else "it wrote no folder",
             "copy": "",
@@ -361,6 +372,8 @@ class JobPanel(QWidget):
             self.queue.cancel(handle)
         elif name == "inspect":
             ImportedJobDialog(self.queue, handle.job, self).open()
+        elif name == "enlarge":
+            self.largeWanted.emit(handle)
         elif name == "settings":
             self.againWanted.emit(handle)
         elif name == "folder" and (folder := folder_of(handle.job)) is not None:

@@ -10,7 +10,6 @@ from typing import Any
 from PySide6.QtCore import QObject, Qt, QUrl, Signal
 from PySide6.QtGui import QDesktopServices
 from PySide6.QtWidgets import (
-    QDialog,
     QDialogButtonBox,
     QFileDialog,
     QHBoxLayout,
@@ -28,7 +27,7 @@ from nvsim.networks.description import SINGLE_FILES
 from nvsim_app.look.labels import Label
 from nvsim_app.look.plain_text import tooltip_text
 from nvsim_app.look.theme import type_font
-from nvsim_app.look.widgets import DialogButtons
+from nvsim_app.look.widgets import Dialog, DialogButtons
 from nvsim_app.processes.serving import EndMessage
 from nvsim_app.processes.side_process import SideProcess
 from nvsim_app.state.side_work import MODELS, Found, ModelTask
@@ -41,7 +40,7 @@ _INTRO = (
 _NOT_INSTALLED = "Select an installed network to test it"
 
 
-class ModelsWindow(QDialog):
+class ModelsWindow(Dialog):
     """A non-modal window that lists, installs, and tests networks."""
 
     def __init__(self, models: InstalledModels, parent: QWidget | None = None) -> None:

@@ -9,7 +9,6 @@ from pathlib import Path
 from PySide6.QtCore import Qt, QTemporaryDir, QTimer, Signal
 from PySide6.QtGui import QCloseEvent, QPalette
 from PySide6.QtWidgets import (
-    QDialog,
     QDialogButtonBox,
     QFileDialog,
     QGridLayout,
@@ -33,7 +32,7 @@ from nvsim_app.jobs.queries import CaptureCheck, CheckResult
 from nvsim_app.look.labels import InkLabel, Label
 from nvsim_app.look.plain_text import tooltip_text
 from nvsim_app.look.theme import type_font
-from nvsim_app.look.widgets import DialogButtons
+from nvsim_app.look.widgets import Dialog, DialogButtons, Scrolling
 from nvsim_app.panels.capture_check import CaptureFixes, CaptureSummary, FindingTree
 from nvsim_app.state.recent_projects import place_for, problem_with
 
@@ -62,7 +61,7 @@ class NewProject:
     left_out: tuple[str, ...] = ()
 
 
-class NewProjectDialog(QDialog):
+class NewProjectDialog(Dialog):
     """Checks captures and starts their import. chosen(NewProject): the user started it.
 
     project     existing project to import into
@@ -199,17 +198,21 @@ class NewProjectDialog(QDialog):
         self.run_button.clicked.connect(lambda: self._choose(everything=True))
         self.import_button.clicked.connect(lambda: self._choose(everything=False))
         buttons.rejected.connect(self.reject)
-        layout = QVBoxLayout(self)
-        layout.addLayout(grid)
-        layout.addWidget(self.verdict)
-        layout.addWidget(self.busy)
+        page = QWidget(self)
+        column = QVBoxLayout(page)
+        column.setContentsMargins(0, 0, 0, 0)
+        column.addLayout(grid)
+        column.addWidget(self.verdict)
+        column.addWidget(self.busy)
         found = QGridLayout()
         found.setColumnStretch(0, 1)
         found.addWidget(self.findings, 0, 0)
         found.addWidget(self.mending, 1, 0)
         found.addWidget(self.summary, 0, 1, 2, 1)
         self.summary.setFixedWidth(250)
-        layout.addLayout(found, 1)
+        column.addLayout(found, 1)
+        layout = QVBoxLayout(self)
+        layout.addWidget(Scrolling(page, self), 1)  # so that the buttons are visible on a small screen
         layout.addWidget(self.problem)
         layout.addWidget(buttons)
         self.capture.textChanged.connect(self._on_capture)

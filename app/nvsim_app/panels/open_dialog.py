@@ -7,7 +7,6 @@ from pathlib import Path
 from PySide6.QtCore import QEvent, QObject, Qt, QTimer, Signal
 from PySide6.QtGui import QIcon, QKeyEvent
 from PySide6.QtWidgets import (
-    QDialog,
     QDialogButtonBox,
     QHBoxLayout,
     QLineEdit,
@@ -23,7 +22,7 @@ from nvsim_app.look.labels import Hint, Label
 from nvsim_app.look.plain_text import plain
 from nvsim_app.look.table import Column, TableModel, table
 from nvsim_app.look.theme import type_font
-from nvsim_app.look.widgets import DialogButtons
+from nvsim_app.look.widgets import Dialog, DialogButtons
 from nvsim_app.state.folder_listing import Entry, Listing, Listings
 
 _TYPING = 120  # milliseconds after the last key press until the folder is read
@@ -45,7 +44,7 @@ _OPENS: dict[PathKind, str] = {
 }
 
 
-class OpenDialog(QDialog):
+class OpenDialog(Dialog):
     """Selects a file or folder to open. chosen(Path): the user opened it."""
 
     chosen = Signal(object)

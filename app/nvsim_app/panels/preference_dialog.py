@@ -9,7 +9,6 @@ from PySide6.QtGui import QKeyEvent, QKeySequence
 from PySide6.QtWidgets import (
     QCheckBox,
     QComboBox,
-    QDialog,
     QDialogButtonBox,
     QFormLayout,
     QFrame,
@@ -29,13 +28,13 @@ from nvsim_app.look import colors
 from nvsim_app.look.labels import Label, WrappingRow
 from nvsim_app.look.plain_text import plain, tooltip_text
 from nvsim_app.look.table import Column, Index, TableModel, table
-from nvsim_app.look.widgets import DialogButtons, NumberBox
+from nvsim_app.look.widgets import Dialog, DialogButtons, NumberBox
 from nvsim_app.panels.preferences import PREFERENCES, KeyBindings, KeyRow, Preference, Preferences, Value
 
 _Editor = QComboBox | QCheckBox | NumberBox
 
 
-class PreferenceDialog(QDialog):
+class PreferenceDialog(Dialog):
     """A non-modal dialog. The window shows every change at once."""
 
     def __init__(self, preferences: Preferences, bindings: KeyBindings, parent: QWidget) -> None:

@@ -15,6 +15,7 @@ from PySide6.QtWidgets import (
     QComboBox,
     QFileDialog,
     QHBoxLayout,
+    QHeaderView,
     QListWidget,
     QListWidgetItem,
     QPushButton,
@@ -32,7 +33,14 @@ from nvsim_app.look.plain_text import CAPTION, plain
 from nvsim_app.look.table import Column, TableModel
 from nvsim_app.look.table import table as quiet_table
 from nvsim_app.look.theme import Plot
-from nvsim_app.state.results import EvaluationResult, ResultTable, result_title, save_table, value_words
+from nvsim_app.state.results import (
+    EvaluationResult,
+    ResultTable,
+    capitalized,
+    result_title,
+    save_table,
+    value_words,
+)
 
 _FEW = 12  # rows whose names fit beside horizontal bars
 
@@ -50,12 +58,19 @@ class ResultModel(TableModel[tuple[Any, ...]]):
 
 
 def _column(table: ResultTable, place: int) -> Column[tuple[Any, ...]]:
+    is_name = table.named_figures and place == 0
+
     def exact_text(row: tuple[Any, ...]) -> str:
-        return repr(row[place]) if isinstance(row[place], float) else ""
+        return repr(row[place]) if isinstance(row[place], float) else str(row[place]) if is_name else ""
 
     number = any(isinstance(row[place], int | float) for row in table.rows)
-    title = plain(result_title(table.columns[place]), CAPTION)
-    return Column(title, itemgetter(place), value_words, about=exact_text, number=number)
+    title = plain(capitalized(result_title(table.columns[place])), CAPTION)
+    words = _name_words if is_name else value_words
+    return Column(title, itemgetter(place), words, about=exact_text, number=number)
+
+
+def _name_words(name: object) -> str:
+    return capitalized(str(name))
 
 
 class ResultPanel(QWidget):
@@ -102,6 +117,7 @@ class ResultPanel(QWidget):
         self.empty.setContentsMargins(8, 8, 8, 8)
         bar = QHBoxLayout()
         bar.setContentsMargins(4, 4, 4, 4)
+        bar.setSpacing(4)
         bar.addWidget(self.tables)
         bar.addWidget(self.copy)
         bar.addWidget(self.save)
@@ -114,6 +130,7 @@ class ResultPanel(QWidget):
         column.addWidget(self.view, 1)
         above = QHBoxLayout()
         above.setContentsMargins(4, 4, 4, 4)
+        above.setSpacing(4)
         above.addWidget(self.columns)
         above.addWidget(self.save_plot)
         above.addStretch(1)
@@ -177,13 +194,25 @@ class ResultPanel(QWidget):
         row = self.list.currentRow()
         tables = self.results[row].tables if 0 <= row < len(self.results) else ()
         self.model.show_table(tables[index] if 0 <= index < len(tables) else ResultTable("", (), ()))
+        self._fit_names()
         former = self.columns.currentText()
         self.columns.blockSignals(True)
         self.columns.clear()
-        self.columns.addItems([plain(result_title(self.table.columns[i]), CAPTION) for i in self.table.columns_to_plot])
+        titles = [capitalized(result_title(self.table.columns[i])) for i in self.table.columns_to_plot]
+        self.columns.addItems([plain(title, CAPTION) for title in titles])
         self.columns.setCurrentText(former)
         self.columns.blockSignals(False)
         self._draw()
+
+    def _fit_names(self) -> None:
+        """Gives the names of figures the room that the values leave, so that the values are visible in a small
+        window."""
+        header, named = self.view.horizontalHeader(), self.table.named_figures
+        header.setStretchLastSection(not named)
+        for place in range(header.count()):
+            names = named and place == 0
+            mode = QHeaderView.ResizeMode.Stretch if names else QHeaderView.ResizeMode.ResizeToContents
+            header.setSectionResizeMode(place, mode)
 
     def _draw(self) -> None:
         self.plot.clear()

@@ -9,7 +9,6 @@ from PySide6.QtCore import QEvent, QObject, QSize, Qt, Signal, SignalInstance
 from PySide6.QtGui import QImage, QPainter, QPaintEvent, QPixmap
 from PySide6.QtWidgets import (
     QBoxLayout,
-    QDialog,
     QDialogButtonBox,
     QHBoxLayout,
     QListWidget,
@@ -28,7 +27,7 @@ from nvsim_app.look.icons import icon
 from nvsim_app.look.labels import Label
 from nvsim_app.look.plain_text import plain
 from nvsim_app.look.theme import GRID, type_font
-from nvsim_app.look.widgets import DialogButtons
+from nvsim_app.look.widgets import Dialog, DialogButtons
 from nvsim_app.panels.job_table import duration
 
 
@@ -219,7 +218,7 @@ class EmptyState(QWidget):
             button.setVisible(verb in PIPELINE)
 
 
-class EarlierResults(QDialog):
+class EarlierResults(Dialog):
     """Lists the earlier results.
 
     chosen(stage: str, discard: bool): restore the earlier result of a stage, or delete it if `discard` is true.

@@ -2,23 +2,23 @@
 
 from __future__ import annotations
 
-from PySide6.QtCore import QSignalBlocker, QSize, Qt
+from PySide6.QtCore import QSignalBlocker, Qt
 from PySide6.QtGui import QShowEvent
-from PySide6.QtWidgets import QComboBox, QDialog, QHBoxLayout, QSlider, QSplitter, QVBoxLayout, QWidget
+from PySide6.QtWidgets import QComboBox, QHBoxLayout, QSlider, QSplitter, QVBoxLayout, QWidget
 
 from nvsim_app.jobs.queue import JobHandle, JobQueue
 from nvsim_app.look.labels import Label, WrappingRow
 from nvsim_app.look.plain_text import CAPTION, plain, tooltip_text
+from nvsim_app.look.widgets import Dialog
 from nvsim_app.panels.job_plots import JobPlots
 from nvsim_app.panels.job_table import STATE_WORDS, time_of_day
 from nvsim_app.panels.training_images import TrainingImages
 from nvsim_app.state.reasons import TRAININGS
 
-_RIM = (20, 50)  # pixels that the frame of a window manager may take
 _SMOOTHEST = 99  # percent: the largest weight of the mean so far
 
 
-class TrainingWindow(QDialog):
+class TrainingWindow(Dialog):
     """A non-modal window for one training run."""
 
     def __init__(self, queue: JobQueue, parent: QWidget | None = None) -> None:
@@ -78,8 +78,8 @@ class TrainingWindow(QDialog):
         self.smoothing.valueChanged.connect(lambda _: self._on_smoothing())
         queue.changed.connect(self._list)
         queue.progressed.connect(self._refresh)
-        room = self.screen().availableSize() - QSize(*_RIM)
-        self.resize(QSize(1080, 680).boundedTo(room))
+        self.resize(1080, 680)
+        self.fit_screen()
         self._on_smoothing()
         self._list()
 

@@ -10,10 +10,11 @@ from dataclasses import dataclass
 from multiprocessing.connection import Connection
 from typing import Any
 
-from nvsim.errors import InputError
+from nvsim.errors import InputError, value_text
 from nvsim.processes.messages import receive, send
 from nvsim.processes.serving import limit_memory
 
+_LONGEST = 160  # characters of an unexpected error that are part of a sentence
 OPENED = 0
 """The number in the first Free message: the process has opened its source."""
 
@@ -141,5 +142,15 @@ def serve(
     except WindowClosed:
         pass
     except Exception as error:
-        why = traceback.format_exception_only(error)[-1].strip()
-        requests.send(EndMessage(sentence=f"{cannot}: {why}.", trace=traceback.format_exc()))
+        traceback.print_exc()
+        requests.send(EndMessage(sentence=f"{cannot}: {short_reason(error)}", trace=traceback.format_exc()))
+
+
+def short_reason(error: Exception) -> str:
+    """Why something failed, as the end of a sentence: the message of an InputError, or the first line of an unexpected
+    error. Messages of compilers have many lines, some with a traceback; that of a KeyError is only a key."""
+    if isinstance(error, InputError):
+        return str(error)
+    line = next(iter(str(error).strip().splitlines()), "").strip()
+    words = "" if isinstance(error, KeyError) else value_text(line, _LONGEST).removesuffix(".")
+    return f"unexpected error ({words or type(error).__name__})."

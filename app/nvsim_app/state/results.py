@@ -14,6 +14,7 @@ from nvsim.project.jobs.joblist import Job
 from nvsim.project.work import EVALUATIONS, WORK
 
 SUMMARY = "Summary"
+_FIGURE, _VALUE = "figure", "value"  # the columns of a summary
 _MOST = 16 << 20  # maximum number of bytes read from the end of a job's output
 _WORDS = {
     "psnr": "PSNR", "ssim": "SSIM", "lpips": "LPIPS", "iou": "IoU", "miou": "mean IoU", "m2": "m²",
@@ -44,8 +45,13 @@ _NAMES = {
     "unreachable": "pairs connected only on the map", "detour_pairs": "pairs measured for detours",
     "valid_nodes": "valid viewpoints", "valid_edges": "valid edges",
     "valid_nodes_robot": "valid viewpoints, for a robot", "valid_edges_robot": "valid edges, for a robot",
+    "coverage_without_hazy": "coverage without hazy viewpoints",
+    "coverage_seen_without_hazy": "coverage of the observed floor without hazy viewpoints",
+    "clustering": "clustering coefficient",
     "coverage_seen": "coverage of the observed floor", "seen_m2": "reachable observed floor, m²",
 }  # fmt: skip
+
+_BOUNDS = {"_low": "lower end of the 95 % interval", "_high": "upper end of the 95 % interval"}
 
 
 @dataclass(frozen=True)
@@ -61,11 +67,16 @@ class ResultTable:
         return [float(v) if _is_number(v) else float("nan") for v in (row[column] for row in self.rows)]
 
     @property
+    def named_figures(self) -> bool:
+        """Whether the rows are a summary: the name of a figure, and its value."""
+        return self.columns == (_FIGURE, _VALUE)
+
+    @property
     def columns_to_plot(self) -> list[int]:
         """The columns to plot: those with different numbers that are not an index. None for a summary, whose rows have
         different units."""
         found: list[int] = []
-        if self.columns[:1] == ("figure",):
+        if self.named_figures:
             return found
         for i, name in enumerate(self.columns):
             values = {row[i] for row in self.rows if _is_number(row[i])}
@@ -94,7 +105,15 @@ def _is_number(value: object) -> bool:
 
 def result_title(name: str) -> str:
     """The display name of a result: psnr_floor -> "PSNR floor"."""
+    for end, words in _BOUNDS.items():
+        if name.removesuffix(end) in _NAMES and name.endswith(end):
+            return f"{_NAMES[name.removesuffix(end)]}, {words}"
     return _NAMES.get(name) or " ".join(_WORDS.get(word, word) for word in name.split("_"))
+
+
+def capitalized(words: str) -> str:
+    """The words with a capital first letter, for headers and names of rows in the window."""
+    return words[:1].upper() + words[1:]
 
 
 def value_words(value: object) -> str:
@@ -113,7 +132,7 @@ def tables_of(figures: Mapping[str, Any]) -> tuple[ResultTable, ...]:
     plain = [(k, v) for k, v in figures.items() if not isinstance(v, dict | list | tuple)]
     tables = []
     if plain:
-        tables.append(ResultTable(SUMMARY, ("figure", "value"), tuple((result_title(k), v) for k, v in plain)))
+        tables.append(ResultTable(SUMMARY, (_FIGURE, _VALUE), tuple((result_title(k), v) for k, v in plain)))
     for name, value in figures.items():
         if isinstance(value, dict) and value and all(isinstance(v, dict) for v in value.values()):
             first = name.removesuffix("s")
@@ -132,8 +151,7 @@ def _is_rows(value: object) -> bool:
 def _table(name: str, rows: Sequence[Mapping[str, Any]]) -> ResultTable:
     columns = [c for c in dict.fromkeys(k for r in rows for k in r) if any(_is_single_value(r.get(c)) for r in rows)]
     cells = tuple(tuple(r.get(c) if _is_single_value(r.get(c)) else None for c in columns) for r in rows)
-    words = result_title(name)
-    return ResultTable(words[:1].upper() + words[1:], tuple(columns), cells)
+    return ResultTable(capitalized(result_title(name)), tuple(columns), cells)
 
 
 def _is_single_value(value: object) -> bool:

@@ -116,7 +116,7 @@ class MapFrame:
         self.coordinates = Label(map_view)
         self.coordinates.setAttribute(Qt.WidgetAttribute.WA_TransparentForMouseEvents)
         self.coordinates.setAutoFillBackground(True)
-        self.coordinates.setMargin(3)
+        self.coordinates.setMargin(4)
         self.coordinates.hide()
         self.show(False)
 

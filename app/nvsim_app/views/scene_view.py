@@ -17,6 +17,7 @@ from PySide6.QtGui import QFocusEvent, QKeyEvent, QMouseEvent, QPainter, QPaintE
 from PySide6.QtWidgets import QSizePolicy, QWidget
 
 from nvsim.geometry.camera import Camera
+from nvsim.occupancy.types import UNKNOWN
 from nvsim_app.drawing.picture_feed import PictureFeed
 from nvsim_app.drawing.render_child import Picture, RenderSource
 from nvsim_app.look.theme import GRID
@@ -32,6 +33,8 @@ from nvsim_app.views.navigation import Navigation, WalkLimits
 from nvsim_app.views.overlays import Overlays, paint_ground, paint_status
 
 EYE = 1.5  # default camera height above the floor in meters, if there are no viewpoints
+_NEAR = 1.0  # meters: the least distance from a point that is centered
+_WALL = 0.4  # meters from the camera to the outer side of a wall behind it
 _IN_ROOM = 1.0  # maximum height difference in meters to the eye level at which the camera is inside a room
 
 
@@ -342,10 +345,18 @@ class Places:
             self._navigation.go_to(cameras.focused(self._navigation.pose, point))
 
     def focus_on_point(self, point: NDArray[np.float64]) -> None:
-        """Centers `point` (3,), meters, world, from at most the default distance. Later turns are around it."""
+        """Centers `point` (3,), meters, world, from at most the default distance. Later turns are around it. The camera
+        stays over the known part of the map, because an outer wall would hide a point that is seen from outside."""
         pose = self._navigation.pose
-        distance = float(np.linalg.norm(point - pose.position))
-        self._navigation.go_to(cameras.focused(pose, point, min(distance, cameras.REACH)))
+        reach = min(float(np.linalg.norm(point - pose.position)), cameras.REACH)
+        if self._is_known(point):
+            while reach > _NEAR and not self._is_known(point - (reach + _WALL) * pose.axes[:, 2]):
+                reach *= 0.9
+        self._navigation.go_to(cameras.focused(pose, point, reach))
+
+    def _is_known(self, point: NDArray[np.float64]) -> bool:
+        occupancy = self._document.contents.occupancy
+        return occupancy is not None and bool(occupancy.states_at(point[:2]) != UNKNOWN)
 
     def snap_to_frame(self, index: int) -> None:
         capture = self._document.contents.capture

@@ -112,7 +112,7 @@ class ProposePart(Part):
 
     def _on_end(self, end: EndMessage) -> None:
         if end.sentence:
-            self.context.notices.warning(end.sentence)
+            self.context.notices.warning(end.sentence, end.trace)
         else:
             self._on_measured(end.value.evidence, end.value.positions)
 

@@ -17,6 +17,7 @@ from PySide6.QtWidgets import QFileDialog
 
 from nvsim.errors import InputError
 from nvsim.graph.selection import GraphSelection
+from nvsim.project.layout import Layout
 from nvsim.r2r.metrics.distances import Distances
 from nvsim.r2r.metrics.submission import Pose, read_submission
 from nvsim.r2r.reviewing import Review, TaskEntry, TaskFolder, export_reviewed, read_folder, scored_episodes, task_error
@@ -127,11 +128,14 @@ class TaskPart(Part):
         Thread(target=run, daemon=True).start()
 
     def _show(self, folder: TaskFolder) -> None:
-        graph = self.context.document.graph
-        mine = tuple(e for e in folder.entries if graph is not None and e.task.scan == graph.scan)
+        graph, project = self.context.document.graph, self.context.document.project
+        # Exports name the scan after the folder; the map keeps the name that the folder had when it was built.
+        names = [] if project is None else [Layout(project).scan_name]
+        names += [] if graph is None or graph.scan in names else [graph.scan]
+        mine = tuple(e for e in folder.entries if e.task.scan in names)
         if not mine:
             scans = ", ".join(sorted({e.task.scan for e in folder.entries})[:4])
-            here = "" if graph is None else graph.scan
+            here = " or ".join(names)
             self.context.notices.warning(f"No task belongs to the scan {here}; the tasks belong to {scans}.")
             return
         self.panel.keep()

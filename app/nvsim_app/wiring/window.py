@@ -29,7 +29,7 @@ from nvsim_app.look.icons import icon, save_image
 from nvsim_app.look.labels import Label
 from nvsim_app.look.notices import NoticeArea, Notices
 from nvsim_app.look.plain_text import plain, title
-from nvsim_app.look.widgets import LEAST, Scrolling, StatusLine
+from nvsim_app.look.widgets import LEAST, Scrolling, StatusLine, align_to_grid
 from nvsim_app.modes.controller import ModeController
 from nvsim_app.panels.preferences import Preferences
 from nvsim_app.panels.stages import EmptyState
@@ -104,6 +104,7 @@ class MainWindow(QMainWindow):
         # If a hidden window is laid out again, Qt leaves the old tab bars visible.
         for bar in self.findChildren(QTabBar, options=Qt.FindChildOption.FindDirectChildrenOnly):
             bar.hide()
+        align_to_grid(self)
         self._apply_palette()
         self._on_contents(frozenset({"capture"}))
 

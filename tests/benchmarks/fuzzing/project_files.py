@@ -119,7 +119,7 @@ def _thumbnails(path: Path) -> object:
         worker._step()
     worker._project.close()
     for answer in said:
-        if isinstance(answer, FailedRequest) and answer.sentence.startswith("Unexpected error"):
+        if isinstance(answer, FailedRequest) and "unexpected error (" in answer.sentence:
             raise RuntimeError(answer.sentence)
     return said
 
