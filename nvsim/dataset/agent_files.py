@@ -131,7 +131,7 @@ def link_writer(source: str) -> Writer:
     """A writer that links a file or a folder of the dataset; placeholders are replaced in `source`."""
 
     def write(parts: DatasetParts, path: Path, of: str) -> None:
-        _link(parts.root / _fill_readme(source, of), path)
+        _link(parts.root / _fill_pattern(source, of), path)
 
     return write
 
@@ -493,7 +493,7 @@ def write_agent(parts: DatasetParts, name: AgentName, folder: Path) -> list[Path
     written = []
     for pattern, writer in agent.files.items():
         for of in _values(pattern, parts):
-            path = folder / _fill_readme(pattern, of)
+            path = folder / _fill_pattern(pattern, of)
             atomic.make_folder(path.parent)
             writer(parts, path, of)
             written.append(path)
@@ -516,7 +516,7 @@ def _values(pattern: str, parts: DatasetParts) -> tuple[str, ...]:
     return parts.scans if "{scan}" in pattern else ("",)
 
 
-def _fill_readme(pattern: str, of: str) -> str:
+def _fill_pattern(pattern: str, of: str) -> str:
     return pattern.format(split=of, scan=of, steps=of)
 
 

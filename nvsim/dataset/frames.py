@@ -170,7 +170,7 @@ def _draw(order: _Order) -> None:
         assert rgb is not None
         atomic.write_bytes(folder / "rgb" / f"{i:03d}.jpg", jpeg(as_bytes(rgb), _QUALITY, whole_chroma=False))
         if order.look_down:
-            colour, depth = _reduce_strip(model, episode.camera(i, -LOOK_DOWN))
+            colour, depth = _render_looking_down(model, episode.camera(i, -LOOK_DOWN))
             atomic.write_bytes(folder / "rgb_down" / f"{i:03d}.jpg", jpeg(colour, _QUALITY, whole_chroma=False))
             atomic.write_bytes(folder / "depth_down" / f"{i:03d}.png", png(depth))
     for stale in folder.glob("*/*.*"):
@@ -180,7 +180,7 @@ def _draw(order: _Order) -> None:
     atomic.write_text(folder / _RECORD, json.dumps(about) + "\n")
 
 
-def _reduce_strip(model: SubmapModel, camera: Camera) -> tuple[NDArray[np.uint8], NDArray[np.uint16]]:
+def _render_looking_down(model: SubmapModel, camera: Camera) -> tuple[NDArray[np.uint8], NDArray[np.uint16]]:
     """Colors (H, W, 3) uint8, and millimeters along the optical axis (H, W) uint16, 0 if there is no surface."""
     view = render_model(model, camera, frozenset({"rgb", "alpha", "depth"}))
     assert view.rgb is not None and view.alpha is not None and view.depth is not None

@@ -165,7 +165,7 @@ def find_poses(
         if off < _FOCAL_OFF:
             break
     inputs = _MappingInputs(images, keypoints, similar, views, path, folder, report_progress)
-    return replace(_finish_video(models, inputs, placed), compared=compared)
+    return replace(_complete(models, inputs, placed), compared=compared)
 
 
 @dataclass(frozen=True, eq=False)
@@ -183,7 +183,7 @@ class _MappingInputs:
     matches: dict[Pair, NDArray[np.uint32]] = field(default_factory=dict)
 
 
-def _finish_video(models: list[pycolmap.Reconstruction], inputs: _MappingInputs, placed: Placed) -> FoundPoses:
+def _complete(models: list[pycolmap.Reconstruction], inputs: _MappingInputs, placed: Placed) -> FoundPoses:
     """Closes the loops of the first mapping of a video, adjusts, and splits the result into its firm pieces."""
     model, loops, held = models[0], list[Pair](), False
     images = inputs.images

@@ -6,7 +6,7 @@ from nvsim_app.processes.serving import Requests
 
 
 def until_asked(requests: Requests, source: object) -> None:
-    requests.send_unasked("busy")
+    requests.send_notice("busy")
     requests.wait_for_request()
 
 

@@ -58,7 +58,7 @@ def _fill_memory(requests: Requests, source: object) -> int:
 
 
 def _wait(requests: Requests, source: object) -> None:
-    requests.send_unasked(os.getpid())
+    requests.send_notice(os.getpid())
     time.sleep(60)
 
 

@@ -80,7 +80,7 @@ def compile_renderers() -> None:
 
 def serve(requests: Requests, source: object) -> None:
     """The work of a side process: compiles the kernels, and tells if that is necessary."""
-    compile_once(requests.send_unasked)
+    compile_once(requests.send_notice)
 
 
 def main() -> int:

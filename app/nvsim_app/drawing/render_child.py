@@ -200,7 +200,7 @@ def _use_the_pause(
 
 def _send_remarks(painter: Painter, requests: Requests) -> None:
     while painter.remarks:
-        requests.send_unasked(painter.remarks.pop(0))
+        requests.send_notice(painter.remarks.pop(0))
 
 
 def _answer(painter: Painter, request: Request) -> Picture | RenderError:

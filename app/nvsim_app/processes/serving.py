@@ -97,7 +97,7 @@ class Requests:
         """Ends a request that needs no further answer. Raises WindowClosed."""
         self.answer(number, None)
 
-    def send_unasked(self, value: object) -> None:
+    def send_notice(self, value: object) -> None:
         """Sends a message that answers no request. Raises WindowClosed."""
         self.send(Notice(value))
 
