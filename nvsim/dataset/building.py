@@ -41,7 +41,7 @@ from nvsim.graph.connectivity import read_connectivity
 from nvsim.project.project import Project
 from nvsim.r2r.agents.baselines import Name as BaselineName
 from nvsim.r2r.episodes.episode import scene_id
-from nvsim.r2r.features.layouts import LAYOUTS, missing_package_error
+from nvsim.r2r.features.layouts import LAYOUTS, Layout, missing_package_error
 from nvsim.r2r.features.layouts import Name as LayoutName
 from nvsim.r2r.observations.export import PreparedExport
 from nvsim.r2r.observations.layout import ScanPlaces, ScanSettings
@@ -233,30 +233,35 @@ def _features(out: Path, scans: Sequence[str], options: DatasetOptions, listen: 
     the file let the next run reuse it."""
     if not options.all_layouts:
         return []
-    from nvsim.r2r.features.candidate_views import extract_candidates
+    from nvsim.r2r.features.all_layouts import extract_layouts
     from nvsim.r2r.features.exported_scan import read_exported_scans
-    from nvsim.r2r.features.extraction import extract
     from nvsim.r2r.features.network import choose_backbone
 
     before = {one["layout"]: one for one in _record(out).get("features", [])}
-    exported, found = read_exported_scans(out / SCANS, scans), []
+    exported = read_exported_scans(out / SCANS, scans)
     images = {scan: _digest(ScanPlaces(out / SCANS, scan).manifest) for scan in scans}
+    found, outdated = dict[str, dict[str, str]](), []
     for name in options.all_layouts:
         layout = LAYOUTS[name]
-        file = out / FEATURES / layout.file / ("data.mdb" if layout.tokens else "")
         backbone, warning = choose_backbone(layout, None, 12, "auto", options.projection)
         if warning:
             listen(Warning(warning, FEATURES))
         one = {"layout": str(name), "file": layout.file, "backbone": backbone.name, "read_by": layout.readers}
         one["made_from"] = key_of(name, str(backbone.digest), images, __version__)
-        old = before.get(name, {})
+        found[name], old = one, before.get(name, {})
+        file = _features_file(out, layout)
         if old.get("made_from") != one["made_from"] or not file.is_file() or _digest(file) != old.get("sha256"):
-            make = extract_candidates if layout.tokens else extract
-            make(exported, layout, backbone, out / FEATURES, listen)
-        found.append({**one, "sha256": _digest(file)})
-        about = {**_record(out), "features": [*(o for o in before.values() if o["layout"] != name), *found]}
+            outdated.append((layout, backbone))
+    for layouts, _ in extract_layouts(exported, outdated, out / FEATURES, listen):
+        for layout in layouts:
+            before[layout.name] = {**found[layout.name], "sha256": _digest(_features_file(out, layout))}
+        about = {**_record(out), "features": list(before.values())}
         atomic.write_text(out / RECORD, json.dumps(about, indent=1) + "\n")
-    return found
+    return [before[name] for name in found]
+
+
+def _features_file(out: Path, layout: Layout) -> Path:
+    return out / FEATURES / layout.file / ("data.mdb" if layout.tokens else "")
 
 
 def _digest(path: Path) -> str:

@@ -31,6 +31,7 @@ from nvsim.r2r.features.exported_scan import read_exported_scans
 from nvsim.r2r.features.extraction import extract
 from nvsim.r2r.features.kept_rows import kept_rows
 from nvsim.r2r.features.layouts import LAYOUTS, weights_file
+from nvsim.r2r.features.network import Network
 
 VIT, RESNET = "pth_vit_base_patch16_224_imagenet.hdf5", "ResNet-152-imagenet.tsv"
 MEAN, STD = np.array([0.485, 0.456, 0.406]), np.array([0.229, 0.224, 0.225])
@@ -200,10 +201,29 @@ def test_scans_without_images_are_left_out_unless_they_are_named(tmp_path: Path,
 def test_progress_counts_viewpoints(tmp_path: Path) -> None:
     export(tmp_path, random_graph("Hall", 4))
     heard: list[Event] = []
-    extract(read_exported_scans(tmp_path), LAYOUTS["clip-b16"], Projection(512), tmp_path, heard.append)
+    extract(read_exported_scans(tmp_path), [LAYOUTS["clip-b16"]], Projection(512), tmp_path, heard.append)
     told = [e for e in heard if isinstance(e, Progress)]
     assert [(e.done, e.total) for e in told] == [(1, 3), (2, 3), (3, 3)]
     assert all(e.detail == "Hall" for e in told)
+
+
+def test_layouts_with_the_same_network_see_each_view_once(tmp_path: Path, monkeypatch) -> None:
+    export(tmp_path, random_graph("Hall", 3))
+    model, seen = mean_network(tmp_path / "mean.onnx", 700, description=WHOLE), list[int]()
+    plain = Network.features
+    monkeypatch.setattr(Network, "features", lambda self, images: seen.append(len(images)) or plain(self, images))
+    assert features(tmp_path, "--layout", "vit-b16", "resnet-152", "clip-b16", "--model", model) == 0
+    checks = 3  # each layout tries its network with one image
+    assert sum(seen) == 36 * len(read_exported_scans(tmp_path)[0].viewpoints) + checks
+    for name in ("vit-b16", "resnet-152", "clip-b16"):
+        assert features(tmp_path, "--layout", name, "--model", model, "--out", tmp_path / "alone") == 0
+        one, other = (folder / LAYOUTS[name].file for folder in (tmp_path / "features", tmp_path / "alone"))
+        if LAYOUTS[name].is_tsv:
+            assert one.read_bytes() == other.read_bytes()
+        else:
+            with h5py.File(one) as found, h5py.File(other) as expected:
+                assert set(found) == set(expected) and dict(found.attrs) == dict(expected.attrs)
+                assert all(np.array_equal(found[key], expected[key]) for key in expected)
 
 
 def command(folder: Path) -> list[str]:
@@ -226,7 +246,9 @@ def test_after_kill_9_the_same_command_goes_on_and_the_file_is_the_same(tmp_path
     again = subprocess.run(command(tmp_path), capture_output=True, text=True, check=True, timeout=200)
     assert " of 24 viewpoints are already computed" in again.stderr
     assert [p.name for p in parts.parent.parent.iterdir()] == [VIT]
-    extract(read_exported_scans(tmp_path), LAYOUTS["vit-b16"], Projection(768), tmp_path / "whole", lambda event: None)
+    extract(
+        read_exported_scans(tmp_path), [LAYOUTS["vit-b16"]], Projection(768), tmp_path / "whole", lambda event: None
+    )
     with h5py.File(tmp_path / "features" / VIT) as found, h5py.File(tmp_path / "whole" / VIT) as expected:
         assert set(found) == set(expected) and len(found) == 24
         for key in expected:

@@ -53,9 +53,9 @@ class ExportFeatures:
 
     def run(self) -> int:
         """Runs the command. Raises InputError if options are invalid or contradict each other."""
-        from nvsim.r2r.features.candidate_views import extract_candidates
+        from nvsim.r2r.features.all_layouts import extract_layouts
         from nvsim.r2r.features.exported_scan import read_exported_scans
-        from nvsim.r2r.features.extraction import STAGE, extract, with_images
+        from nvsim.r2r.features.extraction import STAGE, with_images
         from nvsim.r2r.features.network import choose_backbone
 
         if not 1 <= self.batch <= 1024:
@@ -73,14 +73,16 @@ class ExportFeatures:
         written = []
         with event_listener(self.json) as listen:
             scans = with_images(read_exported_scans(export, self.scans), bool(self.scans), listen)
+            chosen = []
             for name in dict.fromkeys(self.layout):
                 backbone, warning = choose_backbone(
                     LAYOUTS[name], self.model, self.batch, self.provider, self.projection
                 )
                 if warning:
                     listen(Warning(warning, STAGE))
-                make = extract_candidates if LAYOUTS[name].tokens else extract
-                written += make(scans, LAYOUTS[name], backbone, self.out or export / "features", listen)
+                chosen.append((LAYOUTS[name], backbone))
+            for _, paths in extract_layouts(scans, chosen, self.out or export / "features", listen):
+                written += paths
         if not self.json:
             print_lines(*(f"Wrote {path}" for path in written))
         return 0

@@ -1,4 +1,4 @@
-"""Extracts the features of all viewpoints of exported scans to the file of a layout. Resumes an interrupted run."""
+"""Extracts the features of all viewpoints of exported scans to the files of layouts. Resumes an interrupted run."""
 
 from __future__ import annotations
 
@@ -50,51 +50,63 @@ def with_images(scans: Sequence[ExportedScan], all_named: bool, listen: Listener
 
 
 def extract(
-    scans: Sequence[ExportedScan], layout: Layout, backbone: Backbone, folder: Path, listen: Listener
+    scans: Sequence[ExportedScan], layouts: Sequence[Layout], backbone: Backbone, folder: Path, listen: Listener
 ) -> list[Path]:
-    """Writes the features of all viewpoints of `scans` to the file of `layout` in `folder`; returns the written paths.
+    """Writes the features of all viewpoints of `scans` to the file of each of `layouts` in `folder`; returns the
+    written paths. The backbone sees each view once.
 
     Raises InputError if views are missing (before any computation) or damaged, if the backbone gives several rows for
     each view, or if writing fails.
     """
     if backbone.tokens != 1:
         raise InputError(
-            f"{backbone.name} gives {backbone.tokens} rows of numbers for each view, but the layout {layout.name} "
+            f"{backbone.name} gives {backbone.tokens} rows of numbers for each view, but the layout {layouts[0].name} "
             "needs one row; name the pooled output in its description."
         )
-    target = folder / layout.file
     sources = [(scan, ViewSource(scan)) for scan in scans]
     places = [(scan, source, i) for scan, source in sources for i in range(len(scan.viewpoints))]
     if not places:
         raise InputError("The scans have no included viewpoints, so no features can be computed.")
     fingerprints = [source.fingerprint(i) for _, source, i in places]
-    fit = Width(backbone.width, layout.width)
-    classes = backbone.classes if layout.classes else 0
-    about = provenance(layout, backbone, f"{layout.width} numbers of each view: {fit.words}")
-    about["logits"] = f"{classes} of ImageNet's classes behind them" if classes else "none"
-    maker = hashlib.sha256(repr((backbone.digest, about)).encode()).hexdigest()
+    maker = hashlib.sha256(repr((backbone.digest, __version__)).encode()).hexdigest()
     keys = [f"{scan.id}_{scan.viewpoints[i]}" for scan, _, i in places]
-    with kept_rows(target, maker) as kept:
+    written: list[Path] = []
+    with kept_rows(folder / layouts[0].file, maker) as kept:
         todo = [n for n, key in enumerate(keys) if not kept.contains(key, fingerprints[n])]
         done = len(places) - len(todo)
         if done:
             listen(Log(f"{done} of {len(places)} viewpoints are already computed", STAGE))
         with contextlib.closing(prefetch_views([places[n][1:] for n in todo], backbone)) as read:
             for n, (prepared, size) in zip(todo, read):
-                rows = compute_in_batches(backbone, prepared)
-                values, logits = rows[:, : backbone.width], rows[:, backbone.width :][:, :classes]
-                row = np.ascontiguousarray(np.concatenate([fit(values), logits], axis=1), np.float32)
+                row = np.ascontiguousarray(compute_in_batches(backbone, prepared), np.float32)
                 kept.append(keys[n], fingerprints[n], _SIZE.pack(*size) + row.tobytes())
                 done += 1
                 listen(Progress(STAGE, done, len(places), places[n][0].id))
-        write = write_tsv if layout.is_tsv else write_hdf5
-        write(target, _place_rows(kept, keys, places, layout.width + classes), about, round(math.degrees(VFOV)))
-    written = [target, description_path(target)] if layout.is_tsv else [target]
-    words = (
-        f"{len(places)} viewpoints of {len(scans)} scan{'s' if len(scans) > 1 else ''}, {layout.width} numbers per view"
-    )
-    listen(Done(STAGE, words, {"written": [str(path) for path in written], "viewpoints": len(places), **about}))
+        for layout in layouts:
+            rows = _place_rows(kept, keys, places, backbone.width + backbone.classes)
+            files, about = _write_layout(layout, backbone, folder / layout.file, rows)
+            number = f"{len(places)} viewpoints of {len(scans)} scan{'s' if len(scans) > 1 else ''}"
+            words = f"{number}, {layout.width} numbers per view for {layout.name}"
+            listen(Done(STAGE, words, {"written": [str(path) for path in files], "viewpoints": len(places), **about}))
+            written += files
     return written
+
+
+def _write_layout(layout: Layout, backbone: Backbone, target: Path, places: Rows) -> tuple[list[Path], About]:
+    """Writes the file of a layout from the rows of the backbone. Returns the written paths, and the record of how the
+    file was made."""
+    fit, classes = Width(backbone.width, layout.width), backbone.classes if layout.classes else 0
+    about = provenance(layout, backbone, f"{layout.width} numbers of each view: {fit.words}")
+    about["logits"] = f"{classes} of ImageNet's classes behind them" if classes else "none"
+
+    def fitted() -> Rows:
+        for source, rows in places:
+            values, logits = rows[:, : backbone.width], rows[:, backbone.width :][:, :classes]
+            yield source, np.ascontiguousarray(np.concatenate([fit(values), logits], axis=1), np.float32)
+
+    write = write_tsv if layout.is_tsv else write_hdf5
+    write(target, fitted(), about, round(math.degrees(VFOV)))
+    return [target, description_path(target)] if layout.is_tsv else [target], about
 
 
 def provenance(layout: Layout, backbone: Backbone, features: str) -> About:
