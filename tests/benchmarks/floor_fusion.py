@@ -150,7 +150,7 @@ def main() -> None:
                     if i not in true:
                         continue
                     frame = capture.frames[i]
-                    size = frame.intrinsics.limit_model(SegmentConfig().longest_side)
+                    size = frame.intrinsics.limited_to(SegmentConfig().longest_side)
                     camera, image = frame.camera.scaled(size.width, size.height), read_image(frame, size)
                     right, known = truth.floor(i, size.width, size.height)
                     depth = None if depths is None else depths(i)

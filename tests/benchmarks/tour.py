@@ -490,7 +490,7 @@ def free_place(document: Any, surface: Any) -> QPoint:
                 continue
             near = sorted(arrays.feet, key=lambda foot: math.dist(place[:2], foot[:2]))[:2]
             far = [math.dist(place[:2], foot[:2]) for foot in near]
-            free = (map.at(np.array(place[:2]) + around) == FREE).all()
+            free = (map.states_at(np.array(place[:2]) + around) == FREE).all()
             if (
                 free
                 and far[0] > 0.8

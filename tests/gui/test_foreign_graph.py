@@ -191,7 +191,7 @@ def test_the_inspector_shows_the_pictures_beside_the_file_and_leads_along_edges(
     qtbot.waitUntil(lambda: len(panel.view.neighbours._ids) > 0, timeout=20_000)
     near = panel.view.neighbours._ids[0]
     assert near in document.graph.neighbours(id)
-    assert panel.view.neighbours.under(QPointF(*panel.view.neighbours._pixels[0])) == near
+    assert panel.view.neighbours.neighbor_under(QPointF(*panel.view.neighbours._pixels[0])) == near
     panel.view.walked.emit(near)
     assert document.selection.viewpoint == near
     document.select(viewpoint=other)

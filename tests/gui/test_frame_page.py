@@ -395,7 +395,7 @@ def steps_of(browser: FrameBrowser) -> HybridSteps:
 def test_what_the_hybrid_did_not_find_in_a_frame_is_said_on_its_page(opened, room: Path, qtbot: QtBot) -> None:
     browser = opened[1]
     assert "floor" not in browser.page.hint.text()
-    browser.candidates.take(2, replace(steps_of(browser), failure="short"))
+    browser.candidates.receive(2, replace(steps_of(browser), failure="short"))
     assert browser.page.hint.text().startswith("Candidates: the mask grown from prompts misses most")
     noted = layout_of(room).masks / "failures.json"
     noted.write_text('{"3": "no-looks"}')
@@ -497,7 +497,7 @@ def test_layers_of_candidates_are_asked_for_when_first_shown_and_faded(opened, m
     page.layers.boxes["normals"].setChecked(True)
     assert asked == [2]
     plain = grabbed(browser)
-    browser.candidates.take(2, steps_of(browser))
+    browser.candidates.receive(2, steps_of(browser))
     page.layers.sliders["normals"].setValue(100)
     shown = grabbed(browser)
     page.layers.sliders["normals"].setValue(10)

@@ -89,7 +89,7 @@ def test_a_job_outlives_the_process_that_ordered_it(qtbot: QtBot, project: Path)
     program = (
         "import sys\nfrom nvsim_app.jobs.queue import JobQueue\nfrom PySide6.QtCore import QCoreApplication\n"
         "from pathlib import Path\napp = QCoreApplication([])\nqueue = JobQueue()\nproject = Path(sys.argv[1])\n"
-        "queue.follow(project)\n"
+        "queue.set_project(project)\n"
         "queue.start('submaps', ['--project', str(project), '--count', '2'], project, 'Cut')\n"
         "import os, signal\nos.kill(os.getpid(), signal.SIGKILL)\n"
     )
@@ -126,7 +126,7 @@ def test_a_job_that_was_stopped_shows_how_far_it_came_and_where(qtbot: QtBot, pr
     assert row.note == "Stopped at 25 % of train: submap 0, step 300"
     commands = panel.buttons_of(queue.handles[0]).commands.values()
     usable = {command.text() for command in commands if command.isEnabled()}
-    stopped = {"Continue", "Settings…", "Remove", "Copy command"}
+    stopped = {"Continue", "Enlarge…", "Settings…", "Remove", "Copy command"}
     assert usable == stopped | ({"Cancel"} if wish == "pause" else set())
     queue.set_project(None)
 

@@ -52,7 +52,7 @@ for model in (rich, SubmapModel(flat, None, None, FloorSurface.flat(0.0))):
             painter.paint(camera, channel, "cpu", moving)
     warming = Warming(painter)
     warming.begin()
-    while warming.waits:
+    while warming.has_waiting_kernels:
         warming.step()
     Sorter().prepare(model, camera, np.empty((0, 10), np.float32))
 more = {name: found - ahead.get(name, set()) for name, found in compiled().items() if found - ahead.get(name, set())}

@@ -72,7 +72,7 @@ def _open(path: Path) -> object:
     from nvsim.graph.foreign import ForeignFile
 
     file = ForeignFile.open(path)
-    return file.text(), file.sight(), check_graph(file.graph, file.context())
+    return file.text(), file.visibility(), check_graph(file.graph, file.context())
 
 
 def _read_own(path: Path) -> object:

@@ -93,7 +93,7 @@ def _frame(path: Path) -> object:
         capture = project.need_capture()
         for index in (1, 2):
             frame = replace(capture.frames[index], image_path=path / "images" / capture.frames[index].image_path.name)
-            read_image(frame, frame.intrinsics.limit_model(32))
+            read_image(frame, frame.intrinsics.limited_to(32))
             read_frame_data(Layout(path), frame, index)
         return capture
 
