@@ -61,7 +61,7 @@ def test_every_axis_can_be_up(up: str) -> None:
 def test_the_drawing_process_shows_its_own_colours(spz: Path) -> None:
     from nvsim.render.model import render_model
 
-    _, model = SplatFile.of(spz).open().model_for(None)
+    _, model = SplatFile.of(spz).open().at(None)
     camera = Camera(Intrinsics.from_fov(60, 80, 1.0), camera_pose(np.array([0.0, -3.0, 1.0]), 0.0))
     rgb = render_model(model, camera).rgb
     above, below = rgb[20, 30], rgb[60, 30]

@@ -91,7 +91,7 @@ def test_every_step_stands_beside_the_held_out_photo(shown, qtbot: QtBot) -> Non
     window.images.part.setCurrentText("Alpha")
     qtbot.waitUntil(lambda: levels(window)[1] == pytest.approx(ALPHA, abs=4), timeout=5000)
     (legend,) = window.images.canvas.legends
-    assert legend.at(0.5, 0.5) == pytest.approx(ALPHA / 255, abs=0.02)
+    assert legend.value_at(0.5, 0.5) == pytest.approx(ALPHA / 255, abs=0.02)
     for button in window.images.modes.buttons():
         qtbot.mouseClick(button, Qt.MouseButton.LeftButton)
         window.images.canvas.grab()
