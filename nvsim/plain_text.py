@@ -28,3 +28,8 @@ def printable(text: object, kept: str = "") -> str:
 
 def _code(letter: str) -> str:
     return ascii(letter)[1:-1] if letter < "\x80" or "\ud800" <= letter <= "\udfff" else f"‹U+{ord(letter):04X}›"
+
+
+def capitalized(words: str) -> str:
+    """`words` with a capital first letter; the others stay as they are."""
+    return words[:1].upper() + words[1:]

@@ -51,7 +51,7 @@ class PipedProcess:
         try:
             send(self.connection, (function, arguments))
         except OSError:
-            pass  # it has ended; who reads the pipe notices
+            pass  # the process has ended; the next read from the pipe reports it
         except BaseException:
             self.end()
             raise

@@ -23,6 +23,7 @@ from PySide6.QtWidgets import (
 
 from nvsim.cli.options import command_of
 from nvsim.errors import InputError
+from nvsim.plain_text import capitalized
 from nvsim_app.forms.fields import (
     Field,
     Settings,
@@ -174,7 +175,7 @@ class CommandForm(Dialog):
                 sentence = replaced_result_sentence(project, self.verb)
         except InputError:  # the command reports the error when it starts
             return ""
-        return sentence and f"{sentence[0].upper()}{sentence[1:]}"
+        return capitalized(sentence)
 
     def _sections(self) -> dict[str, list[Field]]:
         result: dict[str, list[Field]] = {}

@@ -17,6 +17,7 @@ from PySide6.QtWidgets import (
 )
 
 from nvsim.mapping.explanation.explain import CriterionResult, Explanation
+from nvsim.plain_text import capitalized
 from nvsim_app.inspector.panorama_view import PanoramaView
 from nvsim_app.inspector.panoramas import Panoramas
 from nvsim_app.inspector.state import Inspection
@@ -123,7 +124,7 @@ class MeasureBars(QWidget):
 
 
 def _name(measure: CriterionResult) -> str:
-    return measure.name[0].upper() + measure.name[1:]
+    return capitalized(measure.name)
 
 
 def _words(measure: CriterionResult) -> str:

@@ -11,7 +11,7 @@ from __future__ import annotations
 import html
 import re
 
-from nvsim.plain_text import printable
+from nvsim.plain_text import capitalized, printable
 from nvsim.project.work import WORK
 
 NAME, SENTENCE, ROWS = 200, 2000, 40  # maximum characters of a name and of a longer text, and maximum lines
@@ -148,7 +148,7 @@ def field_label(name: str) -> str:
     if name in _CLEARER:
         return _CLEARER[name]
     words = " ".join(word.upper() if word in _SHORT else word for word in name.removesuffix("_gb").split("_"))
-    return words[:1].upper() + words[1:]
+    return capitalized(words)
 
 
 def _field(found: re.Match[str]) -> str:

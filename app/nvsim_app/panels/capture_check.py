@@ -21,6 +21,7 @@ from PySide6.QtWidgets import (
 
 from nvsim.capture.findings import FindingGroup
 from nvsim.capture.summary import Summary
+from nvsim.plain_text import capitalized
 from nvsim.reconstruction.footage_check import VideoFile
 from nvsim_app.jobs.queries import CheckResult
 from nvsim_app.look import colors
@@ -63,7 +64,7 @@ class FindingTree(QTreeWidget):
         self.kinds = result.kinds
         for kind in result.kinds:
             many = len(kind.places) > 1
-            message = kind.message[:1].upper() + kind.message[1:]
+            message = capitalized(kind.message)
             where = f"{len(kind.places)} places" if many else kind.places[0]
             shown = f"{_SIGNS[kind.severity]}{lines(in_window(message))}"
             item = QTreeWidgetItem([shown, plain(where), lines(in_window(kind.consequence))])

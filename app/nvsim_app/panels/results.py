@@ -25,6 +25,7 @@ from PySide6.QtWidgets import (
 )
 
 from nvsim.errors import InputError
+from nvsim.plain_text import capitalized
 from nvsim_app.look import colors
 from nvsim_app.look.icons import save_image
 from nvsim_app.look.labels import Label
@@ -36,7 +37,6 @@ from nvsim_app.look.theme import Plot
 from nvsim_app.state.results import (
     EvaluationResult,
     ResultTable,
-    capitalized,
     result_title,
     save_table,
     value_words,
@@ -58,7 +58,7 @@ class ResultModel(TableModel[tuple[Any, ...]]):
 
 
 def _column(table: ResultTable, place: int) -> Column[tuple[Any, ...]]:
-    is_name = table.named_figures and place == 0
+    is_name = table.is_summary and place == 0
 
     def exact_text(row: tuple[Any, ...]) -> str:
         return repr(row[place]) if isinstance(row[place], float) else str(row[place]) if is_name else ""
@@ -207,7 +207,7 @@ class ResultPanel(QWidget):
     def _fit_names(self) -> None:
         """Gives the names of figures the room that the values leave, so that the values are visible in a small
         window."""
-        header, named = self.view.horizontalHeader(), self.table.named_figures
+        header, named = self.view.horizontalHeader(), self.table.is_summary
         header.setStretchLastSection(not named)
         for place in range(header.count()):
             names = named and place == 0

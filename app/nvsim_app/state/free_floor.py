@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from nvsim.graph.types import Evidence
 from nvsim.occupancy.types import FREE, OCCUPIED
+from nvsim.plain_text import capitalized
 from nvsim_app.state.document import Document
 
 
@@ -56,7 +57,7 @@ def weak_places(document: Document) -> tuple[NDArray[np.int64], tuple[str, ...]]
         return np.zeros(0, np.int64), ()
     names = sorted((frame.name, row) for row, frame in enumerate(capture.frames))
     rows = [names[max(bisect_right(names, (place.first, len(names))) - 1, 0)][1] for place in report.weak]
-    words = tuple(f"{place.cause[0].upper()}{place.cause[1:]}. {place.advice.capitalize()}." for place in report.weak)
+    words = tuple(f"{capitalized(place.cause)}. {place.advice.capitalize()}." for place in report.weak)
     return np.array(rows, np.int64), words
 
 

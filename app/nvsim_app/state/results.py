@@ -10,6 +10,7 @@ from typing import Any
 
 from nvsim.files.csv_text import csv_text
 from nvsim.files.opening import read_end
+from nvsim.plain_text import capitalized
 from nvsim.project.jobs.joblist import Job
 from nvsim.project.work import EVALUATIONS, WORK
 
@@ -67,7 +68,7 @@ class ResultTable:
         return [float(v) if _is_number(v) else float("nan") for v in (row[column] for row in self.rows)]
 
     @property
-    def named_figures(self) -> bool:
+    def is_summary(self) -> bool:
         """Whether the rows are a summary: the name of a figure, and its value."""
         return self.columns == (_FIGURE, _VALUE)
 
@@ -76,7 +77,7 @@ class ResultTable:
         """The columns to plot: those with different numbers that are not an index. None for a summary, whose rows have
         different units."""
         found: list[int] = []
-        if self.named_figures:
+        if self.is_summary:
             return found
         for i, name in enumerate(self.columns):
             values = {row[i] for row in self.rows if _is_number(row[i])}
@@ -109,11 +110,6 @@ def result_title(name: str) -> str:
         if name.removesuffix(end) in _NAMES and name.endswith(end):
             return f"{_NAMES[name.removesuffix(end)]}, {words}"
     return _NAMES.get(name) or " ".join(_WORDS.get(word, word) for word in name.split("_"))
-
-
-def capitalized(words: str) -> str:
-    """The words with a capital first letter, for headers and names of rows in the window."""
-    return words[:1].upper() + words[1:]
 
 
 def value_words(value: object) -> str:

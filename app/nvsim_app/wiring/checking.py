@@ -16,6 +16,7 @@ from nvsim.graph.compare import Deviation, merge
 from nvsim.graph.edits import EditError
 from nvsim.graph.selection import GraphSelection
 from nvsim.graph.types import EdgeKey
+from nvsim.plain_text import capitalized
 from nvsim_app.actions import Action
 from nvsim_app.layers.labels import short_ids
 from nvsim_app.look import colors
@@ -107,7 +108,7 @@ class CheckPart(Part):
         self._why = why
         done = sum(edge.reviewed for edge in editing.graph.edges.values())
         self.context.modes.said.emit(
-            f"{why[0].upper()}{why[1:]} · {done:,} of {len(editing.graph.edges):,} edges are reviewed · N next · "
+            f"{capitalized(why)} · {done:,} of {len(editing.graph.edges):,} edges are reviewed · N next · "
             "Y reviewed · Shift+N reviewed, next · Del remove"
         )
 

@@ -9,6 +9,7 @@ from PySide6.QtCore import QByteArray, QSettings, QTimer, Signal
 from PySide6.QtGui import QImage
 
 from nvsim.events import Preview
+from nvsim.plain_text import capitalized
 from nvsim.project.earlier_results import kept_results
 from nvsim.project.project import Project
 from nvsim.project.work import EVALUATIONS, EXPORTS, PIPELINE, SPLAT_STAGES, WORK
@@ -49,7 +50,7 @@ def _notice_subject(verb: str) -> str:
 def _actions(verbs: Sequence[str], section: int) -> tuple[Action, ...]:
     rows = (WORK[verb] for verb in verbs)
     return tuple(
-        Action(_name(row.verb), f"{row.title}…", f"{row.summary[0].upper()}{row.summary[1:]}", "&Jobs", section,
+        Action(_name(row.verb), f"{row.title}…", capitalized(row.summary), "&Jobs", section,
                _SHORTCUTS.get(row.verb, ""), enabled=reason_of_command(row.verb))
         for row in rows
     )  # fmt: skip

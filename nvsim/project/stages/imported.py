@@ -16,6 +16,7 @@ from nvsim.capture.types import Alignment, Capture, DepthFile, Frame
 from nvsim.errors import InputError, value_text
 from nvsim.events import Done, Listener, Log, Progress, Warning, ignore_event
 from nvsim.files.reading import reading
+from nvsim.plain_text import capitalized
 from nvsim.project import ledger
 from nvsim.project.config import CaptureConfig, PoseUse
 from nvsim.project.earlier_results import report_replaced_result
@@ -93,7 +94,7 @@ def run(
     )
     if assumed:
         capture = dataclasses.replace(capture, alignment=dataclasses.replace(capture.alignment, scale_known=False))
-        listen(Warning(f"{SCALE_ASSUMED[0].upper()}{SCALE_ASSUMED[1:]}: {SCALE_IN_HEIGHTS}.", STAGE))
+        listen(Warning(f"{capitalized(SCALE_ASSUMED)}: {SCALE_IN_HEIGHTS}.", STAGE))
     if is_given and poses_report is not None:
         contradiction = poses_report.scale_contradiction(capture.alignment.scale, source, config.model)
         if contradiction:
