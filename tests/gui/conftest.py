@@ -30,10 +30,10 @@ def settings(tmp_path: Path) -> QSettings:
 
 
 @pytest.fixture
-def document(qapp: QApplication, tmp_path: Path) -> Document:
-    """The demo room, loaded. Its project does not exist, also where the demo was run in the current folder."""
+def document(qapp: QApplication) -> Document:
+    """The demo room, loaded."""
     made = Document()
-    made.set_contents(demo_room.contents(tmp_path / "demo.nvsim"))
+    made.set_contents(demo_room.contents(Path("demo.nvsim")))
     return made
 
 

@@ -50,7 +50,10 @@ def test_actions_follow_the_document(window: MainWindow, document: Document) -> 
     assert not focus.isEnabled() and not window.actions_table["show_graph"].isEnabled()
 
 
-def test_every_enabled_action_runs(window: MainWindow, document: Document, qtbot: QtBot, monkeypatch) -> None:
+def test_every_enabled_action_runs(
+    window: MainWindow, document: Document, qtbot: QtBot, monkeypatch, tmp_path: Path
+) -> None:
+    monkeypatch.chdir(tmp_path)  # the current folder may contain the project of the demo
     monkeypatch.setattr("nvsim_app.wiring.files.QFileDialog.getExistingDirectory", lambda *a: "")
     monkeypatch.setattr("nvsim_app.wiring.files.QFileDialog.getSaveFileName", lambda *a: ("", ""))
     monkeypatch.setattr("nvsim_app.wiring.files.QFileDialog.getOpenFileName", lambda *a: ("", ""))
