@@ -27,7 +27,6 @@ _FEWEST_OF_VIEWS = 5  # matches of two views of panoramas, at least; they agree 
 _CONVERGED = 1e-5  # relative decrease of the cost; at zero, adjustment takes twice as long and moves cameras by 0.006 %
 _NEARLY = 1e-4  # the same, if another adjustment follows
 _ASTRAY = 4.0  # pixels: points with a larger reprojection error are removed
-_ROUGHLY = 5  # iterations of the adjustment of triangulated points
 
 
 def consistent_pairs(found: Mapping[Pair, TwoViews]) -> dict[Pair, TwoViews]:
@@ -227,8 +226,6 @@ def triangulate_with_poses(
     folder.mkdir(parents=True, exist_ok=True)
     options = pycolmap.IncrementalPipelineOptions()
     options.triangulation.min_angle = options.mapper.filter_min_tri_angle = _PARALLAX
-    # A bundle adjustment of all points and poses follows, so the points alone are adjusted only roughly.
-    options.ba_global_max_refinements, options.ba_global_max_num_iterations = 1, _ROUGHLY
     return pycolmap.triangulate_points(fresh, path, images, folder, True, options)
 
 
