@@ -195,7 +195,7 @@ def _complete(models: list[pycolmap.Reconstruction], inputs: _MappingInputs, pla
         if len(joined) > len(views):  # the joined pieces are now near enough to show places of each other again
             model, _, loops = _close_loops(model, joined, inputs, False, loops)
             pieces = with_images_beside(model, pieces, _BESIDE * median_depth(model))
-        bent = contradicts_floor(model)
+        bent = contradicts_floor(model, images.folder)
         if bent or len(pieces[0]) < _ENOUGH * len(images.names):
             placed([model])
             straight = _straight_videos(models, inputs)

@@ -109,8 +109,7 @@ def firmly_connected_pieces(
         if k in jumps or shared[max(0, k - 1) : k + 1, k + 1 : k + 3].max() < _LINK:
             cuts.append(k + 1)
             continue
-        before, after = (index > k - _AROUND) & (index <= k), (index > k) & (index <= k + _AROUND)
-        if scale_deviation(seen, before, after) > loose:
+        if scale_deviation_at(seen, k + 1) > loose:
             cuts.append(k + 1)
     parts = np.split(index, cuts)
     parent = list(range(len(parts)))
@@ -190,6 +189,13 @@ def shared_points(seen: Observations) -> NDArray[np.int64]:
     shows = csr_matrix((ones, (seen.image, seen.point)), shape=(len(seen.numbers), len(seen.places)))
     shows.data[:] = 1
     return np.asarray((shows @ shows.T).toarray(), np.int64)
+
+
+def scale_deviation_at(seen: Observations, start: int) -> float:
+    """The scale deviation at a place of a video: of the images from index `start` on, relative to those before."""
+    index = np.arange(len(seen.numbers))
+    before, after = (index >= start - _AROUND) & (index < start), (index >= start) & (index < start + _AROUND)
+    return scale_deviation(seen, before, after)
 
 
 def scale_deviation(seen: Observations, one: NDArray[np.bool_], other: NDArray[np.bool_], pixel: float = 1.0) -> float:

@@ -35,8 +35,8 @@ _BENT, _FEW_BENT = 0.15, 0.15  # allowed change of a part's shape over its exten
 _FEWEST = 8  # points of a loop, at least
 LOOSE = (0.3, 0.05, 0.1)  # usual drift, in camera heights, where few points connect the parts
 _GAUGE = np.array([1.0, 1.0, 1.0, 1.0, 100.0, 100.0, 100.0])  # weights that hold the first part in place
-_DRIFT = 5.0  # errors of a wall direction by which parts usually drift; far larger ones belong to oblique walls
-_HEIGHT, _UP, _WALL = 0.02, 0.006, 0.01  # errors of the anchors: logarithm of the height, radians, radians
+_DRIFT = 7.0  # errors of a wall direction by which parts usually drift; far larger ones belong to oblique walls
+_HEIGHT, _WALL = 0.03, 0.007  # errors of the anchors: logarithm of the height, radians
 
 
 @dataclass(frozen=True, eq=False)
@@ -86,11 +86,13 @@ class PartAnchors:
 
     height  (K,) float64, height of the cameras above the floor
     up      (K, 3) float64, unit vectors of the vertical, world
+    tilt    (K,) float64, standard deviations of the vertical, radians
     wall    (K, 3) float64, unit vectors, world, along the walls or at right angles to them
     """
 
     height: NDArray[np.float64]
     up: NDArray[np.float64]
+    tilt: NDArray[np.float64]
     wall: NDArray[np.float64]
 
 
@@ -102,7 +104,8 @@ def empty_loops() -> _Loops:
 
 def empty_anchors(parts: int) -> PartAnchors:
     """Anchors of `parts` parts without any known value."""
-    return PartAnchors(np.full(parts, np.nan), np.full((parts, 3), np.nan), np.full((parts, 3), np.nan))
+    unknown = np.full((parts, 3), np.nan)
+    return PartAnchors(unknown[:, 0], unknown, unknown[:, 0], unknown)
 
 
 def without_drift(
@@ -297,7 +300,7 @@ def solve(
     level = np.flatnonzero(np.isfinite(anchors.up[:, 0]))
     walled = np.flatnonzero(np.isfinite(anchors.wall[:, 0]))
     usual = float(np.median(np.log(anchors.height[high]))) if len(high) else 0.0
-    up = anchors.up[level].sum(axis=0) if len(level) else np.array([0, 0, 1.0])
+    up = (anchors.up[level] / anchors.tilt[level, None]).sum(axis=0) if len(level) else np.array([0, 0, 1.0])
     up /= np.linalg.norm(up)
     east, north = level_axes(up)
 
@@ -333,7 +336,9 @@ def solve(
                 (slips / slip).ravel(),
                 (open_ * weight[:, None]).ravel(),
                 (moves[high, 0] + np.log(anchors.height[high]) - usual) / _HEIGHT,
-                ((Rotation.from_rotvec(moves[level, 1:4]).apply(anchors.up[level]) - up) / _UP).ravel(),
+                (
+                    (Rotation.from_rotvec(moves[level, 1:4]).apply(anchors.up[level]) - up) / anchors.tilt[level, None]
+                ).ravel(),
                 np.sign(aside) * _DRIFT * np.sqrt(np.log1p((aside / _DRIFT) ** 2)),
                 moves[0] * gauge,
             ]

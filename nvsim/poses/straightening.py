@@ -9,7 +9,7 @@ its viewing direction.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
@@ -19,15 +19,29 @@ from scipy.ndimage import median_filter
 from scipy.spatial.transform import Rotation
 
 from nvsim.geometry.rotation import rotation_angle, smallest_rotation
-from nvsim.poses.building_frame import camera_height, level_axes, vertical_of, wall_direction
+from nvsim.poses.building_frame import (
+    camera_height,
+    level_axes,
+    lines_of,
+    vertical_from_lines,
+    vertical_of,
+    wall_direction,
+)
 from nvsim.poses.mapping import center_of, move_image, poses_of
-from nvsim.poses.piece_reliability import Observations, firmly_connected_pieces, observations_of, shared_points
+from nvsim.poses.piece_reliability import (
+    Observations,
+    firmly_connected_pieces,
+    observations_of,
+    scale_deviation_at,
+    shared_points,
+)
 from nvsim.poses.pieces import LEAST, ends_of_group, images_beside
 from nvsim.poses.pose_graph import FIRM, LOOSE, PartAnchors, empty_anchors, empty_loops, solve, transform_pose
 from nvsim.poses.two_views import TwoViews
 
 _LENGTH = 12  # images of a part
-_LINED = 4  # images of a part in which lines are detected
+_LINED = 12  # images of a part in which lines are detected
+_FLAT = 0.012  # radians: usual error of a vertical that is known from the floor
 _LAST, _FEWEST = 0.7, 3  # seconds, and images at least, from which the velocity of the camera is estimated
 _NEAR = 4  # images of a turn between two whose rotations are compared, at most
 _MISSING = 3  # images between two reconstructions over which the rotation is extrapolated, at most
@@ -43,9 +57,12 @@ _STILL, _SAME_TURN = 0.1, 3.0  # camera heights, degrees: largest differences of
 _REACH = 0.5  # camera heights between an image beside a piece and the end of the piece, at most
 _SHARED = 15  # points shared with another image, at least, for an image of a turn to be kept
 _DEPTH = 2.0  # camera heights: usual distance of points
-_SLIP = 0.1  # usual drift of the log scale from part to part; the floor is more accurate
+_SLIP = 0.1  # drift of the log scale from part to part, at most
+_SLIPS, _LEAST_SLIP = 5.0, 0.01  # the drift over the deviation that the points predict; the drift, at least
+_UPRIGHT = 0.995  # cosine between the verticals of the floor and of the cameras, at least, for the first to be used
 _FIRM = [_SLIP, *[FIRM[1]] * 3, *[FIRM[2] * _DEPTH] * 3]
 _LOOSE = [LOOSE[0], *[LOOSE[1]] * 3, *[LOOSE[2]] * 3]
+_LEVEL = 0.02  # camera heights: usual change of the height by dead reckoning between two parts that show a floor
 _UP = np.array([0, 0, 1.0])
 _UNKNOWN = np.full(3, np.nan)
 Poses = dict[int, pycolmap.Rigid3d]
@@ -57,14 +74,18 @@ class _UprightPart:
     piece    number of the firm piece that contains the part, -1 if none
     height   height of the cameras above the floor, NaN if unknown
     up       (3,) unit vector of the vertical, NaN if unknown
+    tilt     standard deviation of the vertical, radians
     wall     (3,) unit vector along walls, NaN if unknown
+    slip     standard deviation of the logarithm of its scale relative to that of the part before
     """
 
     numbers: list[int]
     piece: int
-    height: float
-    up: NDArray[np.float64]
-    wall: NDArray[np.float64]
+    height: float = np.nan
+    up: NDArray[np.float64] = field(default_factory=lambda: _UNKNOWN)
+    tilt: float = _FLAT
+    wall: NDArray[np.float64] = field(default_factory=lambda: _UNKNOWN)
+    slip: float = np.nan
 
     def rotated(self, rotation: NDArray[np.float64], scale: float) -> _UprightPart:
         return replace(self, height=self.height * scale, up=rotation @ self.up, wall=rotation @ self.wall)
@@ -117,7 +138,7 @@ def level_and_scale(model: pycolmap.Reconstruction, folder: Path) -> bool:
     Returns False and changes nothing if no floor is clear."""
     numbers = sorted(model.reg_image_ids())
     groups = [part.tolist() for part in np.array_split(numbers, max(1, round(len(numbers) / _LENGTH)))]
-    found = anchors_of(model, groups, folder, walls=False) if len(numbers) >= LEAST else empty_anchors(1)
+    found = anchors_of(model, groups, folder) if len(numbers) >= LEAST else empty_anchors(1)
     if not np.isfinite(found.height).any():
         return False
     up = np.nansum(found.up, axis=0)
@@ -126,15 +147,15 @@ def level_and_scale(model: pycolmap.Reconstruction, folder: Path) -> bool:
     return True
 
 
-def contradicts_floor(model: pycolmap.Reconstruction) -> bool:
+def contradicts_floor(model: pycolmap.Reconstruction, folder: Path) -> bool:
     """Whether a long part of a reconstruction has another scale than the rest, so that its cameras would be higher
     above the floor. False if the floor is not clear. Heights far from the usual one are ignored: they belong to a table
-    or a stair."""
+    or a stair. `folder` has the images."""
     numbers = sorted(model.reg_image_ids())
     groups = [part.tolist() for part in np.array_split(numbers, max(1, round(len(numbers) / _LENGTH)))]
     if len(numbers) < LEAST:
         return False
-    logs = np.log(anchors_of(model, groups, Path(), walls=False).height)
+    logs = np.log(anchors_of(model, groups, folder).height)
     logs = logs[np.isfinite(logs)]
     if len(logs) < _CHECKED:
         return False
@@ -254,21 +275,18 @@ def _is_held(model: pycolmap.Reconstruction, before: list[int], after: list[int]
     )
 
 
-def anchors_of(
-    model: pycolmap.Reconstruction, groups: Sequence[Sequence[int]], folder: Path, walls: bool = True
-) -> PartAnchors:
-    """Floor height, vertical, and wall direction of groups of images, given by number. `folder` has the images. If not
-    `walls`, wall directions are not estimated."""
+def anchors_of(model: pycolmap.Reconstruction, groups: Sequence[Sequence[int]], folder: Path) -> PartAnchors:
+    """Floor height, vertical, and wall direction of groups of images, given by number. `folder` has the images."""
     seen = observations_of(model)
     up = vertical_of(seen.rotation)
     if up is None:
         return empty_anchors(len(groups))
     rows = [np.searchsorted(seen.numbers, group) for group in groups]
-    return _anchors(_without_outliers([_part_of(model, seen, own, up, folder if walls else None, 0) for own in rows]))
+    return _anchors(_without_outliers([_part_of(model, seen, own, up, folder) for own in rows]))
 
 
 def _anchors(parts: Sequence[_UprightPart]) -> PartAnchors:
-    return PartAnchors(*(np.array([getattr(p, name) for p in parts]) for name in ("height", "up", "wall")))
+    return PartAnchors(*(np.array([getattr(p, name) for p in parts]) for name in ("height", "up", "tilt", "wall")))
 
 
 def _upright(
@@ -306,14 +324,14 @@ def _upright(
         else:
             centers = _dead_reckoned_centers({}, here, between, timeline)
         poses |= {n: _center_pose(pose, centers[n]) for n, pose in between.items()} | here
-        parts += [_UprightPart(waiting, -1, np.nan, _UNKNOWN, _UNKNOWN)] if waiting else []
+        parts += [_UprightPart(waiting, -1)] if waiting else []
         parts += [part.rotated(turn, scale) for part in own]
         waiting = []
     if poses and waiting:
         between = {n: _move_pose(given[n], level, 1.0, np.zeros(3), np.zeros(3)) for n in waiting}
         centers = _dead_reckoned_centers(poses, {}, between, timeline)
         poses |= {n: _center_pose(pose, centers[n]) for n, pose in between.items()}
-        parts.append(_UprightPart(waiting, -1, np.nan, _UNKNOWN, _UNKNOWN))
+        parts.append(_UprightPart(waiting, -1))
     return poses, parts
 
 
@@ -326,8 +344,12 @@ def _parts_of(
     piece: int,
 ) -> list[_UprightPart]:
     """The parts of the images `run` of a firm piece. Empty if they belong to no piece (-1)."""
-    chunks = np.array_split(run, max(1, round(len(run) / _LENGTH))) if piece >= 0 else []
-    return _without_outliers([_part_of(model, seen, chunk, up, folder, piece) for chunk in chunks])
+    if piece < 0:
+        return []
+    chunks = np.array_split(run, max(1, round(len(run) / _LENGTH)))
+    slips = [np.nan, *(_SLIPS * scale_deviation_at(seen, int(chunk[0])) for chunk in chunks[1:])]
+    parts = _without_outliers([_part_of(model, seen, chunk, up, folder) for chunk in chunks])
+    return [replace(part, piece=piece, slip=slip) for part, slip in zip(parts, slips)]
 
 
 def _scales(runs: Sequence[Sequence[_UprightPart]]) -> list[float]:
@@ -347,34 +369,37 @@ def _log_heights(parts: Sequence[_UprightPart]) -> NDArray[np.float64]:
 
 
 def _part_of(
-    model: pycolmap.Reconstruction,
-    seen: Observations,
-    rows: NDArray[np.int64],
-    up: NDArray[np.float64],
-    folder: Path | None,
-    piece: int,
+    model: pycolmap.Reconstruction, seen: Observations, rows: NDArray[np.int64], up: NDArray[np.float64], folder: Path
 ) -> _UprightPart:
-    """The part of images `rows` with its height, vertical, and walls. `folder` has the images; None skips the walls."""
+    """The part of images `rows` with its height, vertical, and walls. `folder` has the images."""
     mask = np.zeros(len(seen.numbers), bool)
     mask[rows] = True
+    part = _UprightPart(seen.numbers[rows].tolist(), 0)
     floor = camera_height(seen, mask, up)
-    height, own_up = (np.nan, _UNKNOWN) if floor is None else floor
+    if floor is not None:
+        part = replace(part, height=floor[0], up=floor[1])
     lined = rows[:: max(1, len(rows) // _LINED)]
     images = [(model.images[int(seen.numbers[k])], seen.rotation[k]) for k in lined]
-    views = [(image.name, model.cameras[image.camera_id], rotation) for image, rotation in images]
-    wall = None if folder is None else wall_direction(folder, views, up if floor is None else own_up)
-    return _UprightPart(seen.numbers[rows].tolist(), piece, height, own_up, _UNKNOWN if wall is None else wall)
+    lines = lines_of(folder, [(image.name, model.cameras[image.camera_id], rotation) for image, rotation in images])
+    edges = vertical_from_lines(lines, part.up if floor is not None and part.up @ up > _UPRIGHT else up)
+    if edges is not None:
+        floor = camera_height(seen, mask, edges[0], is_exact=True)
+        part = replace(part, height=np.nan if floor is None else floor[0], up=edges[0], tilt=edges[1])
+    wall = wall_direction(lines, part.up if np.isfinite(part.up).all() else up)
+    return part if wall is None else replace(part, wall=wall)
 
 
 def _without_outliers(parts: list[_UprightPart]) -> list[_UprightPart]:
-    """The parts of a piece without outlying heights, which belong to a table or a stair and not to the floor."""
+    """The parts of a piece without outlying heights, which belong to a table or a stair and not to the floor. Verticals
+    from edges remain."""
     logs = np.log([p.height for p in parts])
     kept = []
     for k, part in enumerate(parts):
         near = logs[max(0, k - 2) : k + 3]
         usual = np.median(near[np.isfinite(near)]) if np.isfinite(near).any() else np.nan
-        far = abs(logs[k] - usual) > _SLIPPED
-        kept.append(replace(part, height=np.nan, up=_UNKNOWN) if far else part)
+        if abs(logs[k] - usual) > _SLIPPED:
+            part = replace(part, height=np.nan, up=part.up if part.tilt < _FLAT else _UNKNOWN)
+        kept.append(part)
     return kept
 
 
@@ -478,8 +503,14 @@ def _solve(poses: Poses, parts: list[_UprightPart]) -> Poses:
     """The poses after one adjustment of all parts to their floor heights, verticals, and walls."""
     pivot = np.array([np.mean([center_of(poses[n]) for n in p.numbers], axis=0) for p in parts])
     joint = np.array([center_of(poses[p.numbers[0]]) for p in parts[1:]]).reshape(-1, 3)
-    firm = [a.piece == b.piece >= 0 for a, b in zip(parts, parts[1:])]
-    slip = np.array([_FIRM if f else _LOOSE for f in firm]).reshape(-1, 7)
+    slip = np.full((len(joint), 7), _LOOSE)
+    for k, (one, other) in enumerate(zip(parts, parts[1:])):
+        if one.piece == other.piece >= 0:
+            slip[k] = _FIRM
+            slip[k, 0] = np.clip(np.nan_to_num(other.slip, nan=_SLIP), _LEAST_SLIP, _SLIP)
+        else:  # no stair, if the next parts of pieces on both sides show a floor
+            beside = [next((p for p in side if p.piece >= 0), one) for side in (parts[k::-1], parts[k + 1 :])]
+            slip[k, 6] = _LEVEL if np.isfinite([p.height for p in beside]).all() else slip[k, 6]
     moves = solve(empty_loops(), pivot, joint, slip, _anchors(parts))
     return {n: transform_pose(poses[n], moves[k], pivot[k]) for k, part in enumerate(parts) for n in part.numbers}
 

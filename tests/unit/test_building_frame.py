@@ -11,7 +11,14 @@ from known_reconstruction import HEIGHT, WIDTH, camera, facing, places_in, pose,
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from nvsim.poses.building_frame import camera_height, vertical_of, wall_direction
+from nvsim.poses.building_frame import (
+    Lines,
+    camera_height,
+    lines_of,
+    vertical_from_lines,
+    vertical_of,
+    wall_direction,
+)
 from nvsim.poses.piece_reliability import Observations, observations_of
 
 HIGH = 1.5  # meters of the camera above the floor
@@ -111,13 +118,18 @@ def test_walls_run_along_the_level_lines_of_the_images(tmp_path: Path, yaw: floa
             start, end = start[[1, 0, 2]], end[[1, 0, 2]]
         segments += [(start, end), (end * (1, 1, 0), end * (1, 1, 0) + (0, 0, 2.1))]
     segments += [(a := rng.uniform((-3, -3, 0), (3, 3, 2)), a + rng.uniform(-1, 1, 3)) for _ in range(12)]
+    segments += [(a := np.array([3 * np.cos(k), 3 * np.sin(k), 0.9]), a + (0, 0, 1.2)) for k in range(12)]  # windows
     world = turned(25, (2, 1, 0))
     lines = np.array(segments) @ along.T
     views = []
     for k, ahead in enumerate(looks(6, 5.0)):
         draw(tmp_path / f"{k}.png", facing(ahead), lines)
         views.append((f"{k}.png", camera(), facing(ahead) @ world.T))
-    found = wall_direction(tmp_path, views, world @ UP)
+    shown = lines_of(tmp_path, views)
+    edges = vertical_from_lines(shown, turned(2, (1, 1, 0.5)) @ world @ UP)
+    assert edges is not None and edges[1] < np.radians(0.2)
+    assert degrees(edges[0], world @ UP) < 0.15
+    found = wall_direction(shown, world @ UP)
     assert found is not None
     level = world.T @ found
     assert abs(level[2]) < 1e-9
@@ -133,5 +145,24 @@ def test_lines_in_all_directions_tell_no_walls(tmp_path: Path) -> None:
     for k, ahead in enumerate(looks(6, 5.0)):
         draw(tmp_path / f"{k}.png", facing(ahead), np.stack([starts, ends], axis=1))
         views.append((f"{k}.png", camera(), facing(ahead)))
-    assert wall_direction(tmp_path, views, UP) is None
-    assert wall_direction(tmp_path, [("missing.png", camera(), facing(np.array([1.0, 0, 0])))], UP) is None
+    shown = lines_of(tmp_path, views)
+    assert wall_direction(shown, UP) is None
+    assert vertical_from_lines(shown, UP) is None
+    assert not len(lines_of(tmp_path, [("missing.png", camera(), facing(np.array([1.0, 0, 0])))]).weights)
+
+
+def test_edges_in_one_direction_leave_a_tilt_open() -> None:
+    around = np.radians([0.0, 30, 75, 120])
+    normals = np.stack([np.cos(around), np.sin(around), np.zeros(4)], axis=1)
+    edges = vertical_from_lines(Lines(normals, np.full(4, 0.4)), turned(3, (1, 0, 0)) @ UP)
+    assert edges is not None and degrees(edges[0], UP) < 0.01
+    assert vertical_from_lines(Lines(np.tile(normals[:1], (4, 1)), np.full(4, 0.4)), UP) is None
+    assert vertical_from_lines(Lines(normals[:3], np.full(3, 0.4)), UP) is None
+    assert vertical_from_lines(Lines(normals, np.full(4, 0.1)), UP) is None
+
+
+def test_an_exact_vertical_is_kept() -> None:
+    seen = walk(np.eye(3), table=True)
+    found = camera_height(seen, np.ones(len(seen.numbers), bool), UP, is_exact=True)
+    assert found is not None and found[0] == pytest.approx(HIGH, rel=0.005)
+    assert found[1] == pytest.approx(UP)

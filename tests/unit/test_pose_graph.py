@@ -199,7 +199,7 @@ def test_walls_correct_the_direction_of_a_video_that_turns_slowly(drift: float, 
     turned = np.radians(np.linspace(-drift, drift, parts))
     angle = turned + np.where(np.arange(parts) == 5, np.radians(oblique or 0.0), 0.0)
     wall = np.column_stack([np.cos(angle), np.sin(angle), np.zeros(parts)])
-    anchors = PartAnchors(np.ones(parts), np.tile([0.0, 0.0, 1.0], (parts, 1)), wall)
+    anchors = PartAnchors(np.ones(parts), np.tile([0.0, 0.0, 1.0], (parts, 1)), np.full(parts, 0.01), wall)
     slip = np.tile([FIRM[0], *[FIRM[1]] * 3, *[2 * FIRM[2]] * 3], (parts - 1, 1))
     moves = solve(empty_loops(), pivot, (pivot[1:] + pivot[:-1]) / 2, slip, anchors)
     left = np.degrees(moves[:, 3] + turned)

@@ -284,10 +284,10 @@ def test_a_single_image_belongs_to_the_piece_around_it() -> None:
     assert with_single_images(pieces) == [[1, 2, 3, 4, 5, 6, 7, 8], [10, 11, 12], [9], [13]]
 
 
-def test_a_stretch_of_another_scale_contradicts_the_floor() -> None:
+def test_a_stretch_of_another_scale_contradicts_the_floor(tmp_path: Path) -> None:
     true = true_walk()
-    assert not contradicts_floor(slipped(true, [1.0, 1.0, 1.0], turned(20, (1, 2, 3))))
-    assert contradicts_floor(slipped(true, [1.0, 1.0, 1.15], turned(20, (1, 2, 3))))
+    assert not contradicts_floor(slipped(true, [1.0, 1.0, 1.0], turned(20, (1, 2, 3))), tmp_path)
+    assert contradicts_floor(slipped(true, [1.0, 1.0, 1.15], turned(20, (1, 2, 3))), tmp_path)
 
 
 def test_a_reconstruction_is_leveled_to_camera_heights() -> None:
