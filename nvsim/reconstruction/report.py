@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from nvsim.capture.types import Alignment
 
 REPORT = "poses.json"
-SETTINGS = 9
+SETTINGS = 10
 """Version of the settings. A change that alters frames or poses increases it, so that older results are recomputed."""
 _LEAST = 8  # frames of a piece that has a model
 _FEWEST = 0.5  # share of the chosen frames that must have a pose
