@@ -120,8 +120,7 @@ WITHOUT: dict[str, str] = {
     "then fail to start.",
     "ExportDataset.stub": "Do not write the stub of the scan ZMojNkEp431. VLN-DUET and Recurrent-VLN-BERT "
     "then fail to start.",
-    "ExportTasks.landmarks": "Write instructions without doorways, corridors, objects and the floor.",
-    "ExportDataset.landmarks": "Write instructions without doorways, corridors, objects and the floor.",
+    "TaskOptions.landmarks": "Write instructions without doorways, corridors, objects and the floor.",
     "BenchApp.train": "Skip the second measurement, during the training of a submap.",
     "BenchGraph.window": "Measure without a window.",
 }

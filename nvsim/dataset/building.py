@@ -30,7 +30,8 @@ from nvsim.dataset.agent_files import (
 )
 from nvsim.dataset.clouds import dense_point_cloud
 from nvsim.dataset.tables import write_tables
-from nvsim.dataset.tasks import TaskOptions, WrittenTasks, check_options, make_tasks
+from nvsim.dataset.task_options import TaskOptions
+from nvsim.dataset.tasks import WrittenTasks, check_options, make_tasks
 from nvsim.errors import InputError
 from nvsim.events import Done, Listener, Log, Warning
 from nvsim.files import atomic

@@ -10,9 +10,9 @@ from typing import TYPE_CHECKING, Any
 
 from nvsim.cli.arguments import Inline, Positional
 from nvsim.cli.terminal import print_lines
+from nvsim.dataset.task_options import TaskOptions
 from nvsim.endpoint.options import AskingOptions, OneEndpoint
 from nvsim.errors import InputError, value_text
-from nvsim.r2r.instructions.registers import Register
 from nvsim.r2r.prompted.options import ImageOptions
 from nvsim.r2r.tasks.shortest import PathBounds
 from nvsim.r2r.tasks.splitting import PathCounts
@@ -30,6 +30,14 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True)
+class TaskArguments(TaskOptions):
+    """The options of tasks, without prefixes."""
+
+    amounts: Inline[PathCounts] = field(default_factory=PathCounts)
+    bounds: Inline[PathBounds] = field(default_factory=PathBounds)
+
+
+@dataclass(frozen=True)
 class ExportTasks:
     """Sample the paths of a benchmark as R2R does, with instructions, and write them as R2R_train.json,
     R2R_val_seen.json and R2R_val_unseen.json. Paths are shortest paths, spread over the building. val_unseen uses
@@ -44,27 +52,7 @@ class ExportTasks:
     """The output folder."""
     only: tuple[str, ...] = ()
     """Scans to use. Default: all that scans.txt lists."""
-    unseen: tuple[str, ...] = ()
-    """Scans that only val_unseen enters, as a whole. Default: a region of every scan."""
-    instructions: int = 3
-    """Number of instructions per path, generated from turns, distances, slopes and visible objects; 0 for none."""
-    landmarks: bool = True
-    """Name doorways, corridors, objects and the floor too, if the scans have strips with depth."""
-    register: Register = "short"
-    """Style of the instructions. short: about 25 words without meters, as in R2R. detailed: every fact in a clause of
-    its own. rxr: long descriptions with meters, as in RxR."""
-    vlnce: bool = False
-    """Also write the tasks as VLN-CE episodes, with actions that follow the paths. Needs strips with depth."""
-    streamvln: bool = False
-    """Also write the tasks as StreamVLN annotations, with these actions."""
-    rxr: bool = False
-    """Also write the tasks as RxR guide annotations with pose traces, and with --vlnce as RxR-VLN-CE episodes. Use it
-    with --register rxr."""
-    goals: bool = False
-    """Also write goals without language: PointNav, ObjectNav, and image goals for Habitat, and remote objects with
-    boxes for REVERIE. Needs strips with depth."""
-    amounts: Inline[PathCounts] = field(default_factory=PathCounts)
-    bounds: Inline[PathBounds] = field(default_factory=PathBounds)
+    options: Inline[TaskArguments] = field(default_factory=TaskArguments)
     asked: Inline[OneEndpoint] = field(default_factory=OneEndpoint)
     asking: Inline[AskingOptions] = field(default_factory=AskingOptions)
     looking: Inline[ImageOptions] = field(default_factory=ImageOptions)
@@ -77,17 +65,16 @@ class ExportTasks:
         from nvsim.cli.consent import exit_code
         from nvsim.cli.console import event_listener
         from nvsim.cli.terminal import as_json, table
-        from nvsim.dataset.tasks import STAGE, TaskOptions, make_tasks
+        from nvsim.dataset.tasks import STAGE, make_tasks
         from nvsim.events import Done, ignore_event
 
-        options = TaskOptions.of(self)
         if self.asked.endpoint is not None:
             _check_endpoint(self)
         graphs, clouds = _graphs(self)
         with event_listener(False) as heard:
             listen = ignore_event if self.json else heard
             retell = partial(_asked_instructions, self, listen) if self.asked.endpoint is not None else None
-            made = make_tasks(graphs, self.scans, self.out, options, listen, clouds, retell)
+            made = make_tasks(graphs, self.scans, self.out, self.options, listen, clouds, retell)
             if not self.json:
                 listen(Done(STAGE, f"{made.instructed.paths} paths in {self.out}"))
         dataset = made.instructed.dataset
@@ -103,7 +90,7 @@ class ExportTasks:
             )
         else:
             table(list(rows[0]), [[_text(value) for value in row.values()] for row in rows])
-            if self.instructions:
+            if self.options.instructions:
                 which = "generated instructions" if "endpoint" in made.about else "instructions"
                 print_lines(f"From the {which} alone a follower finds {_count_described(made.instructed)}.")
             if "endpoint" in made.about:
@@ -188,7 +175,7 @@ def _graphs(arguments: ExportTasks) -> tuple[list[NavGraph], dict[str, NDArray[n
                 f"exported under another id, name it with --only: {', '.join(map(value_text, listed[:5]))}."
             )
         graphs = [read_connectivity(path) for path in scan_files(a.scans, names).values()]
-        cloud = dense_point_cloud(project) if a.vlnce or a.streamvln or a.goals else None
+        cloud = dense_point_cloud(project) if a.options.strips else None
     return graphs, {} if cloud is None else {graph.scan: cloud for graph in graphs}
 
 
@@ -196,7 +183,7 @@ def _check_endpoint(a: ExportTasks) -> None:
     """Raises InputError before any work if the model cannot be asked with these options."""
     from nvsim.r2r.prompted.instructions import read_prompt
 
-    if a.instructions == 0:
+    if a.options.instructions == 0:
         raise InputError(
             "--endpoint asks for instructions, but --instructions 0 excludes them; drop one of the two options."
         )
@@ -228,7 +215,9 @@ def _asked_instructions(
     kept = StoredAnswers(a.asked.answers or a.out / "answers")
     client = Client(endpoint, kept, budget, a.asking, listen)
     try:
-        writer = InstructionWriter(renderer, by_scan, prompt, a.instructions, a.asking.answer_tokens, a.asking.detail)
+        writer = InstructionWriter(
+            renderer, by_scan, prompt, a.options.instructions, a.asking.answer_tokens, a.asking.detail
+        )
         note = (
             "NVSim sends views along the paths, turns and distances. If an answer is unusable, it asks again, "
             "at most twice."
