@@ -392,8 +392,7 @@ def remember() -> None:
     )
     for module in (nvsim.poses.overlap, nvsim.poses.refinement):
         module.find_features = seen  # type: ignore[attr-defined]
-    for module in (nvsim.poses.overlap, nvsim.poses.refinement):
-        module.match_with = matched  # type: ignore[attr-defined]
+        module.match_features = matched  # type: ignore[attr-defined]
 
 
 def sentences(path: Path) -> set[str]:

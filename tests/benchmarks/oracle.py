@@ -22,6 +22,7 @@ import tyro
 from numpy.typing import NDArray
 
 from nvsim.cli import terminal
+from nvsim.mapping.builder import BuildResult, build_map
 from nvsim.mapping.config import MappingConfig
 from nvsim.occupancy.types import OccupancyMap
 
@@ -72,17 +73,23 @@ def of_seed(seed: int) -> tuple[OccupancyMap, NDArray[np.float64]]:
     return occupancy(scene), scene.path[:, :2]
 
 
-def measured(occupancy: OccupancyMap, walk: NDArray[np.float64], config: MappingConfig) -> dict[str, Any]:
-    """Metrics of `nvsim evaluate graph` for the trajectory `walk` (N, 2) in meters, and the cost of the build."""
+def mapped(
+    occupancy: OccupancyMap, walk: NDArray[np.float64], config: MappingConfig, scan: str = "oracle"
+) -> BuildResult:
+    """The map that the builder makes for the trajectory `walk` (N, 2) in meters."""
     from columns import Columns, flat_floor
-
-    from nvsim.evaluation.graph import evaluate_graph
-    from nvsim.mapping.builder import build_map
 
     world = Columns(occupancy)
     cameras = np.column_stack([walk, np.full(len(walk), CAMERA_HEIGHT)])
+    return build_map(world, cameras, flat_floor, world.support, config, scan=scan)
+
+
+def measured(occupancy: OccupancyMap, walk: NDArray[np.float64], config: MappingConfig) -> dict[str, Any]:
+    """Metrics of `nvsim evaluate graph` for the trajectory `walk` (N, 2) in meters, and the cost of the build."""
+    from nvsim.evaluation.graph import evaluate_graph
+
     started = time.perf_counter()
-    result = build_map(world, cameras, flat_floor, world.support, config, scan="oracle")
+    result = mapped(occupancy, walk, config)
     seconds = time.perf_counter() - started
     found = evaluate_graph(result.graph, occupancy, walk)
     return {**found, "rendered_views": result.report["rendered_views"], "seconds": round(seconds, 1)}
