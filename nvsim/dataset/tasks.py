@@ -18,6 +18,10 @@ from nvsim.graph.history import count_text
 from nvsim.graph.types import NavGraph
 from nvsim.r2r.instructions.generating import InstructedDataset, instruct
 from nvsim.r2r.instructions.statistics import statistics_of
+from nvsim.r2r.observations.layout import ScanPlaces
+from nvsim.r2r.surroundings.layers import layers_of
+from nvsim.r2r.surroundings.survey import surroundings_of
+from nvsim.r2r.surroundings.visibility import has_depth, views_from_viewpoints
 from nvsim.r2r.tasks.exporting import (
     RECORD,
     SURROUNDINGS,
@@ -145,10 +149,6 @@ def _looked_at(
     episodes or goals are requested and a scan has no such strips."""
     from nvsim.dataset.goals import GoalScene
     from nvsim.r2r.episodes.targets import targets_of
-    from nvsim.r2r.observations.layout import ScanPlaces
-    from nvsim.r2r.surroundings.layers import layers_of
-    from nvsim.r2r.surroundings.survey import surroundings_of
-    from nvsim.r2r.surroundings.visibility import has_depth, views_from_viewpoints
 
     wants_words = options.landmarks and options.instructions > 0
     seen: dict[str, Any] = {}

@@ -14,9 +14,18 @@ import time
 from dataclasses import dataclass
 from pathlib import Path
 
+import cv2
 import numpy as np
 import tyro
 
+from nvsim.building import BuildingConfig
+from nvsim.building.rendering import render
+from nvsim.building.scene import make_scene, textures_of
+from nvsim.building.truth import occupancy
+from nvsim.files import atomic
+from nvsim.geometry.directions import sweep
+from nvsim.graph.connectivity import SUFFIX, write_connectivity
+from nvsim.mapping.config import MappingConfig
 from tests.benchmarks.oracle import mapped
 
 
@@ -38,17 +47,6 @@ def main() -> None:
 
 def write_scan(out: Path, seed: int, width: int) -> int:
     """Writes a scan and returns its number of viewpoints; 0 if the scan exists already."""
-    import cv2
-
-    from nvsim.building import BuildingConfig
-    from nvsim.building.rendering import render
-    from nvsim.building.scene import make_scene, textures_of
-    from nvsim.building.truth import occupancy
-    from nvsim.files import atomic
-    from nvsim.geometry.directions import sweep
-    from nvsim.graph.connectivity import SUFFIX, write_connectivity
-    from nvsim.mapping.config import MappingConfig
-
     scan = f"B{seed}"
     if (out / "connectivity" / f"{scan}{SUFFIX}").is_file():
         return 0

@@ -8,6 +8,7 @@ from typing import Annotated, Any, Literal
 
 import tyro
 
+from nvsim.cli import terminal
 from nvsim.cli.arguments import Inline, Positional, ProjectArguments
 from nvsim.cli.commands.export_tasks import TaskArguments
 from nvsim.cli.console import event_listener
@@ -199,7 +200,6 @@ class ExportDataset(ProjectArguments):
 
 
 def _print_estimate(found: dict[str, Any], a: ExportDataset) -> None:
-    from nvsim.cli import terminal
     from nvsim.r2r.observations.estimate import size_words
 
     if a.json:

@@ -3,19 +3,21 @@
 from __future__ import annotations
 
 from collections import Counter
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from nvsim.cli.arguments import Inline, Positional
-from nvsim.cli.terminal import print_lines
+from nvsim.cli.terminal import as_json, print_lines, table
 from nvsim.dataset.task_options import TaskOptions
 from nvsim.endpoint.options import AskingOptions, OneEndpoint
+from nvsim.endpoint.request import StoredAnswers
 from nvsim.errors import InputError, value_text
+from nvsim.graph.connectivity import read_connectivity, scan_files
 from nvsim.r2r.prompted.options import ImageOptions
 from nvsim.r2r.tasks.shortest import PathBounds
-from nvsim.r2r.tasks.splitting import PathCounts
+from nvsim.r2r.tasks.splitting import PathCounts, replace_instructions
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -64,7 +66,6 @@ class ExportTasks:
     def run(self) -> int:
         from nvsim.cli.consent import exit_code
         from nvsim.cli.console import event_listener
-        from nvsim.cli.terminal import as_json, table
         from nvsim.dataset.tasks import STAGE, make_tasks
         from nvsim.events import Done, ignore_event
 
@@ -148,8 +149,6 @@ def warnings_of(dataset: Dataset) -> list[str]:
 
 def _graphs(arguments: ExportTasks) -> tuple[list[NavGraph], dict[str, NDArray[np.floating]]]:
     """The graphs, and their point clouds by scan. Raises InputError if the options contradict each other."""
-    from nvsim.graph.connectivity import read_connectivity, scan_files
-
     a = arguments
     if a.scans is None and a.project is None:
         raise InputError("Give --scans (a folder of exported scans), or --project, or both.")
@@ -158,8 +157,6 @@ def _graphs(arguments: ExportTasks) -> tuple[list[NavGraph], dict[str, NDArray[n
         return [read_connectivity(path) for path in scan_files(a.scans, a.only).values()], {}
     if a.only and a.scans is None:
         raise InputError("--only selects scans of --scans; a project is one scan.")
-    from dataclasses import replace
-
     from nvsim.dataset.clouds import dense_point_cloud
     from nvsim.project.project import Project
     from nvsim.r2r.observations.stub import SCAN
@@ -201,10 +198,8 @@ def _asked_instructions(
     Raises InputError if there are no images to send, the user does not agree, or the endpoint does not answer."""
     from nvsim.cli.consent import ask_for_consent
     from nvsim.endpoint.client import Client
-    from nvsim.endpoint.request import StoredAnswers
     from nvsim.r2r.prompted.instructions import InstructionWriter, read_prompt
     from nvsim.r2r.prompted.views import ViewRenderer
-    from nvsim.r2r.tasks.splitting import replace_instructions
 
     prompt, endpoint, budget = read_prompt(a.prompt), a.asked.address(), a.asked.budget(a.asking)
     place = a.scans or a.project
@@ -262,7 +257,6 @@ class ExportReviewed:
 
     def run(self) -> int:
         """Runs the command. Raises InputError if no tasks are named."""
-        from nvsim.cli.terminal import as_json, table
         from nvsim.r2r.reviewing import counts_of, export_reviewed, read_folder
 
         if not self.tasks:
