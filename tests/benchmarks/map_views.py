@@ -18,18 +18,16 @@ from typing import Any
 
 import numpy as np
 import tyro
-from numpy.typing import NDArray
 
 from nvsim.cli import terminal
 from nvsim.cli.commands.stages import with_normal_source
 from nvsim.evaluation.graph import evaluate_graph
 from nvsim.evaluation.truth import true_occupancy
-from nvsim.geometry.camera import Camera, Intrinsics, camera_pose
 from nvsim.graph.types import NavGraph
 from nvsim.mapping.builder import build_map
 from nvsim.mapping.config import MappingConfig
-from nvsim.mapping.corridor import DIRECTIONS, Corridor, HeightAt, SupportAt, headings, offset_ahead, view_of
-from nvsim.mapping.criteria import OPEN, corridor_of, decide
+from nvsim.mapping.corridor import DIRECTIONS, Corridor, HeightAt, SupportAt, view_of
+from nvsim.mapping.criteria import OPEN, decide
 from nvsim.mapping.families import NormalSource
 from nvsim.mapping.views.floor_view import measure
 from nvsim.mapping.views.view_sources import render_pitched_views
@@ -37,19 +35,12 @@ from nvsim.perception.normals_network import normals_model
 from nvsim.project.floor_heights import floor_of
 from nvsim.project.project import Project
 from nvsim.project.scene_views import SceneViews
-from nvsim.render.model import render_model
-from nvsim.splats.scene import SceneModel
 
 VALIDITIES = ("node_validity", "edge_validity", "node_validity_robot", "edge_validity_robot")
 AGREES = "agrees_with_first"
 """Share of the steps with the decision of the first column."""
-FIGURES = ("coverage", "components", "detour", "detour_p95", AGREES, "alpha_too_high", "alpha_off")
-"""The last two compare the alpha of a cell with that of a view in its direction: mean difference, mean absolute."""
+FIGURES = ("coverage", "components", "detour", "detour_p95", AGREES)
 SHOWN = ("nodes", "edges", *VALIDITIES, *FIGURES, "seconds_per_viewpoint")
-
-_PLACES = 24  # positions of the trajectory with one corridor each
-_EVERY = 3  # every third row and cell of the corridor is tested
-_SIDE, _FOCAL = 16, 98.0  # pixels, as in a panorama of width 512
 
 
 @dataclass(frozen=True)
@@ -105,8 +96,7 @@ def measured(
     occupancy = true_occupancy(project, truth, "aligned")
     figures = evaluate_graph(result.graph, occupancy, capture.positions, seen=support.is_supported)
     each = seconds / max(1, result.report["rendered_viewpoints"])
-    high, off = off_straight(scene, source, capture.positions, floor, support.is_supported, config)
-    found = {"alpha_too_high": high, "alpha_off": off, "seconds_per_viewpoint": round(each, 3), "report": result.report}
+    found = {"seconds_per_viewpoint": round(each, 3), "report": result.report}
     if first is not None:
         found[AGREES] = agreement(*first, source, floor, support.is_supported, config)
     return {**figures, **found}, result.graph
@@ -134,39 +124,6 @@ def agreement(
             again = measure(views[view_of(corridor, config)], viewpoint.id, 0, corridor, floor, support)
             alike.append((decide(replace(e, second=None), before) == OPEN) == (decide(again, config) == OPEN))
     return round(sum(alike) / max(1, len(alike)), 4)
-
-
-def off_straight(
-    scene: SceneModel,
-    source: SceneViews,
-    trajectory: NDArray[np.floating],
-    floor: HeightAt,
-    support: SupportAt,
-    config: MappingConfig,
-) -> tuple[float, float]:
-    """Mean and mean absolute difference between the alpha that is read and the alpha of a straight view.
-
-    The cells are those of corridors along the `trajectory` (N, 3), meters. The rendering of splats is exact only on the
-    axis of a view. Its error grows with the distance from the axis."""
-    apart: list[float] = []
-    for i, place in enumerate(trajectory[:: max(1, len(trajectory) // _PLACES)][:_PLACES]):
-        k = i % DIRECTIONS
-        target = place[:2] + offset_ahead(headings(config)[k], config.tau_dist)
-        corridor = Corridor((place[0], place[1]), (target[0], target[1]), place[2])
-        view = render_pitched_views(source, place, {k: [corridor]}, floor, config)[k]
-        evidence = measure(view, "", k, corridor, floor, support)
-        part, model = corridor_of(evidence, config), scene.model(evidence.submap)
-        ground, alpha = corridor.ground(floor)[part], evidence.alpha[part] / 255
-        for row in range(0, len(ground), _EVERY):
-            for cell in range(0, ground.shape[1], _EVERY):
-                x, y, z = ground[row, cell] - place
-                pose = camera_pose(place, float(np.arctan2(x, y)), float(np.arctan2(z, np.hypot(x, y))))
-                camera = Camera(Intrinsics(_SIDE, _SIDE, _FOCAL, _FOCAL, _SIDE / 2, _SIDE / 2), pose)
-                seen = render_model(model, camera, frozenset({"alpha"})).alpha
-                assert seen is not None
-                middle = slice(_SIDE // 2 - 1, _SIDE // 2 + 1)
-                apart.append(float(alpha[row, cell]) - float(seen[middle, middle].mean()))
-    return round(float(np.mean(apart)), 4), round(float(np.abs(apart).mean()), 4)
 
 
 def _shown(figures: dict[str, Any], key: str) -> str:
