@@ -37,20 +37,23 @@ def describe_device() -> dict[str, Any]:
     return found
 
 
+_WARM_UP = 3  # calls that are not counted
+
+
 def settle(device: str) -> None:
     """Waits until the device has finished all submitted work."""
     if device != "cpu":
         torch.cuda.synchronize(device)
 
 
-def milliseconds(work: Callable[[], object], device: str, rounds: int, warm_up: int = 3) -> float:
+def milliseconds(work: Callable[[], object], device: str, rounds: int) -> float:
     """Median time of `work` over `rounds` calls in milliseconds, including its work on the GPU."""
     times = []
-    for k in range(warm_up + rounds):
+    for k in range(_WARM_UP + rounds):
         settle(device)
         started = time.perf_counter()
         work()
         settle(device)
-        if k >= warm_up:
+        if k >= _WARM_UP:
             times.append(1e3 * (time.perf_counter() - started))
     return statistics.median(times)

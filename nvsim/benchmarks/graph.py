@@ -58,9 +58,9 @@ def random_graph(viewpoints: int = 10_000, edges: int | None = None, directions:
     return NavGraph("bench", {v.id: v for v in found}, {e.key: e for e in made}, evidence)
 
 
-def random_map(graph: NavGraph, seed: int = 0, resolution: float = 0.2) -> OccupancyMap:
-    """A free floor under the graph with one box of 3 x 3 cells per 25 square meters; `resolution` is in meters."""
-    rng = np.random.default_rng(seed)
+def random_map(graph: NavGraph, seed: int = 0) -> OccupancyMap:
+    """A free floor under the graph with one box of 3 x 3 cells of 0.2 m per 25 square meters."""
+    rng, resolution = np.random.default_rng(seed), 0.2
     size = int(_SPACING * math.sqrt(len(graph.viewpoints)) / resolution) + 10
     cells = np.full((size, size), FREE, np.uint8)
     for r, c in rng.integers(0, size - 3, (math.ceil((size * resolution / 5) ** 2), 2)):

@@ -12,7 +12,7 @@ import numpy as np
 from numba import njit, prange
 from numpy.typing import NDArray
 
-from nvsim.geometry.camera import Camera, camera_pose
+from nvsim.geometry.camera import Camera, Intrinsics, camera_pose
 from nvsim.render.ellipse_extent import pixel_rows
 from nvsim.render.kernel_types import TILE, Float32, Int32, Int64, Whole
 from nvsim.render.model import render_gaussians
@@ -67,8 +67,6 @@ TURN = 0.01
 
 def inside_view(width: int, height: int) -> Camera:
     """The level camera at EYE toward TARGET, with the principal point in the center."""
-    from nvsim.geometry.camera import Intrinsics
-
     return Camera(Intrinsics.from_fov(width, height, FIELD_OF_VIEW), _pose(0.0))
 
 

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from nvsim.geometry.camera import camera_pose
 from nvsim.geometry.directions import face_rays
 from nvsim.graph.skybox_files import FOLDER, SkyboxFiles
 from nvsim.r2r.simulator import Simulator
@@ -75,8 +76,6 @@ def write_made_scan(
 
 
 def _pose(position: NDArray[np.float64], yaw: float, tilt: float) -> NDArray[np.float64]:
-    from nvsim.geometry.camera import camera_pose
-
     return camera_pose(position, yaw, tilt)
 
 

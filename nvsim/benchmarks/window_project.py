@@ -115,7 +115,8 @@ def _id(row: int, column: int) -> str:
     return f"{(row * 40503 + column + 1) * 2654435761 % 2**32:08x}{row:012x}{column:012x}"
 
 
-def _occupancy(rooms: int, resolution: float = 0.05) -> OccupancyMap:
+def _occupancy(rooms: int) -> OccupancyMap:
+    resolution = 0.05
     columns, rows = round((rooms * ROOM[0] + 2) / resolution), round((ROOM[1] + 2) / resolution)
     x = -1 + (np.arange(columns) + 0.5) * resolution
     y = -1 + (np.arange(rows) + 0.5) * resolution

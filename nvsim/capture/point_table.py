@@ -21,7 +21,7 @@ def ascii_table(path: Path, body: bytes, rows: int, columns: int, first_line: in
     parts, found = [], 0
     lines = _filled_lines(body, rows, first_line)
     while block := list(islice(lines, _BLOCK)):
-        parts.append(_numbers(path, block, columns))
+        parts.append(parse_numbers(path, block, columns))
         found += len(block)
     if found < rows:
         raise InputError(f"{path} is truncated: {rows} points announced, {found} present; copy it again.")
@@ -41,7 +41,11 @@ def _filled_lines(body: bytes, most: int, first_line: int) -> Iterator[tuple[int
         at, number = end + 1, number + 1
 
 
-def _numbers(path: Path, lines: list[tuple[int, bytes]], columns: int) -> NDArray[np.float64]:
+def parse_numbers(
+    path: Path, lines: list[tuple[int, bytes]], columns: int, then: str = "correct it"
+) -> NDArray[np.float64]:
+    """(lines, columns) float64: the first numbers of lines, given with their line numbers. Raises InputError, with the
+    advice `then`, naming the line that has too few numbers or a word that is not a number."""
     split = [line.split(maxsplit=columns)[:columns] for _, line in lines]
     try:
         return np.array(split, dtype=np.float64).reshape(len(lines), columns)
@@ -52,5 +56,5 @@ def _numbers(path: Path, lines: list[tuple[int, bytes]], columns: int) -> NDArra
                     continue
             except ValueError:
                 pass  # reported below, like a line with too few numbers
-            raise InputError(f"{path}, line {number}: expected {columns} numbers; correct it.") from None
+            raise InputError(f"{path}, line {number}: expected {columns} numbers; {then}.") from None
         raise InputError(f"{path} holds numbers that cannot be read; export it again.") from None

@@ -100,6 +100,7 @@ COMMON: dict[str, dict[str, tuple[str, ...]]] = {
 }
 """Command -> heading -> options, for commands with more than LIMIT options."""
 
+_NO_STUB = "Do not write the stub of the scan ZMojNkEp431. VLN-DUET and Recurrent-VLN-BERT then fail to start."
 WITHOUT: dict[str, str] = {
     "TrainingConfig.background": "Train without the network that fills transparent parts of the image.",
     "TrainingConfig.texture": "Train without a texture of the floor surface.",
@@ -114,14 +115,8 @@ WITHOUT: dict[str, str] = {
     "the same place.",
     "ModelConfig.distances": "Hide the distances to candidates and of moves from the agent, as VLN↻BERT does.",
     "ExportScan.plans": "Do not draw floor plans.",
-    "ExportScan.stub": "Do not write the stub of the scan ZMojNkEp431. VLN-DUET and Recurrent-VLN-BERT "
-    "then fail to start.",
-    "ExportR2R.stub": "Do not write the stub of the scan ZMojNkEp431. VLN-DUET and Recurrent-VLN-BERT "
-    "then fail to start.",
-    "ExportDataset.stub": "Do not write the stub of the scan ZMojNkEp431. VLN-DUET and Recurrent-VLN-BERT "
-    "then fail to start.",
-    "ExportTasks.landmarks": "Write instructions without doorways, corridors, objects and the floor.",
-    "ExportDataset.landmarks": "Write instructions without doorways, corridors, objects and the floor.",
+    **dict.fromkeys(("ExportScan.stub", "ExportR2R.stub", "ExportDataset.stub"), _NO_STUB),
+    "TaskOptions.landmarks": "Write instructions without doorways, corridors, objects and the floor.",
     "BenchApp.train": "Skip the second measurement, during the training of a submap.",
     "BenchGraph.window": "Measure without a window.",
 }

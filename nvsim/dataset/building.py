@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import hashlib
 import json
+import math
 import os
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager
@@ -29,9 +30,11 @@ from nvsim.dataset.agent_files import (
     write_agent,
 )
 from nvsim.dataset.clouds import dense_point_cloud
-from nvsim.dataset.tables import write_tables
-from nvsim.dataset.tasks import TaskOptions, WrittenTasks, check_options, make_tasks
+from nvsim.dataset.tables import card_of, write_tables
+from nvsim.dataset.task_options import TaskOptions
+from nvsim.dataset.tasks import WrittenTasks, check_options, make_tasks
 from nvsim.errors import InputError
+from nvsim.evaluation.navigation import figures_of
 from nvsim.events import Done, Listener, Log, Warning
 from nvsim.files import atomic
 from nvsim.files.locking import WriterLock
@@ -40,10 +43,14 @@ from nvsim.files.reading import reading
 from nvsim.graph.connectivity import read_connectivity
 from nvsim.project.project import Project
 from nvsim.r2r.agents.baselines import Name as BaselineName
+from nvsim.r2r.agents.baselines import agent_of
+from nvsim.r2r.agents.benchmark import Benchmark, run_agent
 from nvsim.r2r.episodes.episode import scene_id
 from nvsim.r2r.features.layouts import LAYOUTS, Layout, missing_package_error
 from nvsim.r2r.features.layouts import Name as LayoutName
-from nvsim.r2r.observations.export import PreparedExport
+from nvsim.r2r.metrics.scores import score
+from nvsim.r2r.metrics.submission import write_submission
+from nvsim.r2r.observations.export import PreparedExport, export_scan
 from nvsim.r2r.observations.layout import ScanPlaces, ScanSettings
 from nvsim.r2r.observations.record import key_of
 from nvsim.r2r.tasks.splitting import SPLITS, sample_tasks
@@ -164,8 +171,6 @@ def export_dataset(projects: Sequence[Path], out: Path, options: DatasetOptions,
 def _export(
     sources: Sequence[tuple[Project, PreparedExport]], out: Path, options: DatasetOptions, listen: Listener
 ) -> dict[str, Any]:
-    from nvsim.r2r.observations.export import export_scan
-
     # If the export is interrupted, this unfinished record identifies the folder.
     about: dict[str, Any] = {"format": FORMAT, "made_by": f"nvsim {__version__}", "finished": False}
     before = _record(out)
@@ -197,8 +202,6 @@ def _export(
     about |= {"agents": list(o.agents), "candidates": any(AGENTS[name].candidates for name in o.agents)}
     about |= {"frames": o.frames, "scenes": o.scenes}
     about |= {"baselines": figures, "options": json.loads(json.dumps(asdict(o), default=str))}
-    from nvsim.dataset.tables import card_of
-
     atomic.write_text(out / CARD, card_of(about))
     atomic.write_text(out / RECORD, json.dumps(_finite(about), indent=1) + "\n")
     listen(Done(STAGE, f"{len(graphs)} scans, {made.instructed.paths} paths in {out}", {"baselines": _finite(figures)}))
@@ -283,12 +286,6 @@ def _record(out: Path) -> dict[str, Any]:
 def _baselines(out: Path, made: WrittenTasks, seed: int, listen: Listener) -> dict[str, dict[str, Any]]:
     """Runs the baselines on every split that has paths; returns split -> agent -> metrics. The trajectories are written
     in the format of the R2R leaderboard."""
-    from nvsim.evaluation.navigation import figures_of
-    from nvsim.r2r.agents.baselines import agent_of
-    from nvsim.r2r.agents.benchmark import Benchmark, run_agent
-    from nvsim.r2r.metrics.scores import score
-    from nvsim.r2r.metrics.submission import write_submission
-
     found: dict[str, dict[str, Any]] = {}
     for split in SPLITS:
         if not made.instructed.dataset.splits[split]:
@@ -335,7 +332,6 @@ def _refuse_foreign(out: Path) -> None:
 
 def _finite(values: Mapping[str, Any]) -> dict[str, Any]:
     """The values with None for NaN and infinity, which JSON cannot represent."""
-    import math
 
     def plain(value: Any) -> Any:
         if isinstance(value, Mapping):

@@ -16,6 +16,7 @@ from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
 
+import numba
 import numpy as np
 import psutil
 from numpy.typing import NDArray
@@ -149,8 +150,6 @@ def _draw_all(todo: Sequence[_Order], processes: int) -> Iterator[int]:
 
 def _draw_part(caller: Caller, part: Sequence[_Order]) -> None:
     """Runs in a process of its own: draws episodes with one thread."""
-    import numba
-
     numba.set_num_threads(1)
     caller.wait_for_kernels()
     for order in sorted(part, key=lambda one: str(one.models[0])):  # episodes of a model one after the other

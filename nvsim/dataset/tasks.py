@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import asdict, dataclass, field, fields, replace
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
@@ -11,13 +11,17 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from nvsim.dataset.task_options import TaskOptions
 from nvsim.errors import InputError
 from nvsim.events import Listener, Log, Progress, Warning
 from nvsim.graph.history import count_text
 from nvsim.graph.types import NavGraph
 from nvsim.r2r.instructions.generating import InstructedDataset, instruct
-from nvsim.r2r.instructions.registers import Register
 from nvsim.r2r.instructions.statistics import statistics_of
+from nvsim.r2r.observations.layout import ScanPlaces
+from nvsim.r2r.surroundings.layers import layers_of
+from nvsim.r2r.surroundings.survey import surroundings_of
+from nvsim.r2r.surroundings.visibility import has_depth, views_from_viewpoints
 from nvsim.r2r.tasks.exporting import (
     RECORD,
     SURROUNDINGS,
@@ -27,8 +31,7 @@ from nvsim.r2r.tasks.exporting import (
     streamvln_files,
     vlnce_files,
 )
-from nvsim.r2r.tasks.shortest import PathBounds
-from nvsim.r2r.tasks.splitting import Dataset, Impassable, PathCounts, sample_tasks
+from nvsim.r2r.tasks.splitting import Dataset, Impassable, sample_tasks
 
 if TYPE_CHECKING:
     from nvsim.r2r.episodes.episode import Episode, Scene
@@ -37,46 +40,6 @@ MOST_INSTRUCTIONS = 100
 STAGE = "tasks"
 _SHOWN = 5  # edges or viewpoints that a warning names
 Retell = Callable[[Dataset, Sequence[NavGraph]], tuple[Dataset, dict[str, Any]]]
-
-
-@dataclass(frozen=True)
-class TaskOptions:
-    """Options of the tasks.
-
-    unseen        scans that appear only in val_unseen, as a whole
-    instructions  number per path
-    landmarks     whether instructions name objects along the path
-    register      style of the instructions
-    vlnce, streamvln, rxr, goals   whether to write these files too
-    amounts       numbers of paths, and the random seed
-    bounds        limits of the paths
-    """
-
-    unseen: tuple[str, ...] = ()
-    instructions: int = 3
-    landmarks: bool = True
-    register: Register = "short"
-    vlnce: bool = False
-    streamvln: bool = False
-    amounts: PathCounts = field(default_factory=PathCounts)
-    bounds: PathBounds = field(default_factory=PathBounds)
-    rxr: bool = False
-    goals: bool = False
-
-    @classmethod
-    def of(cls, command: Any) -> TaskOptions:
-        """The options of a command that has them under the same names."""
-        return cls(**{option.name: getattr(command, option.name) for option in fields(cls)})
-
-    @property
-    def strips(self) -> bool:
-        """Whether strips with depth are required."""
-        return self.episodes or self.goals
-
-    @property
-    def episodes(self) -> bool:
-        """Whether the paths become episodes with small steps."""
-        return self.vlnce or self.streamvln
 
 
 @dataclass(frozen=True, eq=False)
@@ -186,10 +149,6 @@ def _looked_at(
     episodes or goals are requested and a scan has no such strips."""
     from nvsim.dataset.goals import GoalScene
     from nvsim.r2r.episodes.targets import targets_of
-    from nvsim.r2r.observations.layout import ScanPlaces
-    from nvsim.r2r.surroundings.layers import layers_of
-    from nvsim.r2r.surroundings.survey import surroundings_of
-    from nvsim.r2r.surroundings.visibility import has_depth, views_from_viewpoints
 
     wants_words = options.landmarks and options.instructions > 0
     seen: dict[str, Any] = {}

@@ -10,7 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from nvsim.errors import InputError
+from nvsim.files.opening import read_bytes
 from nvsim.project.project import Project
+from nvsim.project.work import missing_result_error
 
 WITHIN = (2, 5, 10)
 """Percent of the true depth."""
@@ -41,7 +43,6 @@ def evaluate_project_depth(project: Project, truth: Path | None) -> dict[str, An
     """`evaluate_depth` of the frames for which the folder `truth`, or the built-in building, has a depth map. A true
     map is sampled at the pixel centers of the estimated one. Raises InputError if depth or ground truth is missing."""
     from nvsim.depth.files import depth_path, read_depth
-    from nvsim.project.work import missing_result_error
 
     folder = truth or project.layout.ground_truth / "depth"
     if not folder.is_dir():
@@ -83,7 +84,6 @@ def _read_truth(path: Path) -> Float32:
     import cv2
 
     from nvsim.files.images import decode_pixels
-    from nvsim.files.opening import read_bytes
 
     again = "a depth map has one channel of 16 bits, in millimeters"
     stored = decode_pixels(read_bytes(path), path, cv2.IMREAD_UNCHANGED, what="a depth map", then=again)

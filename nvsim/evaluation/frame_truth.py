@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+import cv2
 import numpy as np
 from numpy.typing import NDArray
 
@@ -69,8 +70,6 @@ class FrameTruth:
     def normal_map(self, index: int, width: int, height: int) -> NDArray[np.float32]:
         """(H, W, 3) float32 unit normals, world, towards the camera; zero if unknown. With a cloud, pixels whose color
         differs from the frame are unknown. Raises InputError if the map is missing or unreadable."""
-        import cv2
-
         frame = self.project.need_capture().frames[index]
         if self.labels is not None:
             return self._labels_and_normals(index, width, height)[1]

@@ -43,6 +43,7 @@ from nvsim.occupancy.types import OccupancyMap
 from nvsim.perception.normals_network import normals_model
 from nvsim.project import ledger
 from nvsim.project.corrections import corrections_key
+from nvsim.project.floor_heights import floor_of
 from nvsim.project.project import Project
 from nvsim.project.stages.floors import floors_key, refresh_support, supporting_frames
 from nvsim.project.work import missing_result_error
@@ -114,7 +115,6 @@ def build_stored_map(
     """Builds the map, and continues an interrupted build. Measurements in the `known` maps of the same models are
     reused. Raises InputError if the disk refuses."""
     from nvsim.mapping.builder import build_map
-    from nvsim.project.floor_heights import floor_of
     from nvsim.project.scene_views import SceneViews
     from nvsim.splats.scene import SceneModel
 

@@ -125,19 +125,15 @@ def shortest_path(graph: NavGraph, a: str, b: str) -> tuple[str, ...]:
         raise EditError(f"No path leads from {a} to {b}.") from error
 
 
-def select_within(
-    graph: NavGraph, polygon: Sequence[Sequence[float]] | NDArray[np.floating], z: tuple[float, float] | None = None
-) -> GraphSelection:
-    """Return the viewpoints inside a polygon (N, 2) of x, y in meters, world, and the edges between them. `z` limits
-    the height of the cameras to a range. A box is a polygon of four corners."""
+def select_within(graph: NavGraph, polygon: Sequence[Sequence[float]] | NDArray[np.floating]) -> GraphSelection:
+    """Return the viewpoints inside a polygon (N, 2) of x, y in meters, world, and the edges between them. A box is a
+    polygon of four corners."""
     corners = np.asarray(polygon, np.float64).reshape(-1, 2)
     if len(corners) < 3 or not graph.viewpoints:
         return NOTHING
     ids = list(graph.viewpoints)
     places = np.array([v.position for v in graph.viewpoints.values()])
     found = inside_polygon(places[:, :2], corners)
-    if z is not None:
-        found &= (places[:, 2] >= z[0]) & (places[:, 2] <= z[1])
     chosen = frozenset(ids[i] for i in np.flatnonzero(found).tolist())
     return GraphSelection(chosen, inner_edges(graph, chosen))
 

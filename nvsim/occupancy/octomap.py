@@ -56,10 +56,9 @@ def read_tree(path: Path) -> OccupancyTree:
         raise InputError(f"{path} holds a tree of kind {kind[:40]!r}; only {', '.join(known)} can be read.")
     if is_full:
         leaves = np.empty((len(data) // _NODE[kind] + 1, 5), np.int32)
-        count = _read_full(data, _NODE[kind], leaves)
     else:
         leaves = np.empty((8 * (len(data) // 2) + 8, 5), np.int32)
-        count = _read_binary(data, leaves)
+    count = _read_nodes(data, _NODE[kind] if is_full else 0, leaves)
     if count < 0:
         raise InputError(
             f"{path} ends in the middle of the tree, is deeper than {DEPTH} levels, or has values that are not finite; "
@@ -91,11 +90,13 @@ def _header(path: Path, content: bytes) -> tuple[float, str, NDArray[np.uint8]]:
 
 
 @njit(cache=True)
-def _read_binary(
+def _read_nodes(
     data: NDArray[np.uint8],  # (bytes,) of the tree
+    node: int,  # bytes of a node of a full tree, 0 for a binary tree
     out: NDArray[np.int32],  # (leaves, 5), the largest possible number
 ) -> int:
-    """Fill rows (x, y, z, size, state) in voxels from the tree's corner. Returns their number, or -1 for a bad file."""
+    """Fill rows (x, y, z, size, state) in voxels from the tree's corner. As in OctoMap, a leaf of a full tree is
+    occupied if its log-odds are not negative. Returns the number of rows, or -1 for a bad file."""
     stack = np.empty((8 * 17, 4), np.int32)
     stack[0, 0], stack[0, 1], stack[0, 2], stack[0, 3] = 0, 0, 0, 1 << 16
     top, at, count = 1, 0, 0
@@ -104,13 +105,26 @@ def _read_binary(
     while top > 0:
         top -= 1
         x, y, z, size = stack[top, 0], stack[top, 1], stack[top, 2], stack[top, 3]
-        if at + 2 > len(data) or size < 2:
-            return -1
-        bits = np.int64(data[at]) | (np.int64(data[at + 1]) << 8)
-        at += 2
         half = size >> 1
+        if at + (node or 2) > len(data):
+            return -1
+        if node == 0:
+            bits = np.int64(data[at]) | (np.int64(data[at + 1]) << 8)
+            at += 2
+        else:
+            bits, is_negative = np.int64(data[at + node - 1]), data[at + 3] >= 128
+            if (data[at + 3] & 127) == 127 and data[at + 2] >= 128:
+                return -1  # infinite, or not a number
+            at += node
+            if bits == 0:
+                out[count, 0], out[count, 1], out[count, 2], out[count, 3] = x, y, z, size
+                out[count, 4] = 0 if is_negative else 1
+                count += 1
+                continue
+        if half == 0:
+            return -1
         for i in range(7, -1, -1):  # reversed, so that the stack returns the children in file order
-            kind = (bits >> (2 * i)) & 3
+            kind = (bits >> (2 * i)) & 3 if node == 0 else 3 * ((bits >> i) & 1)
             if kind == 0:
                 continue
             cx, cy, cz = x + half * (i & 1), y + half * ((i >> 1) & 1), z + half * ((i >> 2) & 1)
@@ -121,42 +135,6 @@ def _read_binary(
                 out[count, 0], out[count, 1], out[count, 2], out[count, 3] = cx, cy, cz, half
                 out[count, 4] = 0 if kind == 1 else 1
                 count += 1
-    return count
-
-
-@njit(cache=True)
-def _read_full(
-    data: NDArray[np.uint8],  # (bytes,) of the tree
-    node: int,  # bytes
-    out: NDArray[np.int32],  # (leaves, 5), the largest possible number
-) -> int:
-    """Like `_read_binary`, for a full tree. As in OctoMap, a leaf is occupied if its log-odds are not negative."""
-    stack = np.empty((8 * 17, 4), np.int32)
-    stack[0, 0], stack[0, 1], stack[0, 2], stack[0, 3] = 0, 0, 0, 1 << 16
-    top, at, count = 1, 0, 0
-    if len(data) == 0:
-        return 0
-    while top > 0:
-        top -= 1
-        x, y, z, size = stack[top, 0], stack[top, 1], stack[top, 2], stack[top, 3]
-        if at + node > len(data):
-            return -1
-        bits, is_negative = data[at + node - 1], data[at + 3] >= 128
-        if (data[at + 3] & 127) == 127 and data[at + 2] >= 128:
-            return -1  # infinite, or not a number
-        at += node
-        half = size >> 1
-        if bits == 0:
-            out[count, 0], out[count, 1], out[count, 2], out[count, 3] = x, y, z, size
-            out[count, 4] = 0 if is_negative else 1
-            count += 1
-        elif half == 0:
-            return -1
-        for i in range(7, -1, -1):
-            if (bits >> i) & 1:
-                stack[top, 0], stack[top, 1] = x + half * (i & 1), y + half * ((i >> 1) & 1)
-                stack[top, 2], stack[top, 3] = z + half * ((i >> 2) & 1), half
-                top += 1
     return count
 
 

@@ -7,8 +7,10 @@ from concurrent.futures import ThreadPoolExecutor, as_completed
 from dataclasses import dataclass, field
 from pathlib import Path
 
+import cv2
 import numpy as np
 from numpy.typing import NDArray
+from scipy.spatial import cKDTree
 
 from nvsim.capture.images import read_image
 from nvsim.capture.masks import usable_pixels
@@ -69,8 +71,6 @@ def segment_capture(
     mask are skipped unless `config.again`. Raises InputError for an image that cannot be read and for a folder that
     cannot be written; masks written so far stay.
     """
-    import cv2
-
     config = config or SegmentConfig()
     make_folder(folder)
     wanted = range(len(capture.frames)) if todo is None else sorted(set(todo))
@@ -158,8 +158,6 @@ def learnt_floor(
 def _frames_near_submap(positions: NDArray[np.float64], members: list[int], surface: FloorSurface) -> list[int]:
     """The frames at `positions` (N, 3) that see the floor of the `members`: the members, and frames near them on their
     storey. The floor behind a glass wall can belong to the next submap."""
-    from scipy.spatial import cKDTree
-
     above = positions[:, 2] - surface.height_at(positions[:, :2])
     distance, _ = cKDTree(positions[members]).query(positions, distance_upper_bound=_NEAR)
     same = (distance < _NEAR) & (above > 0.1) & (above < 3.0)
@@ -176,8 +174,6 @@ def read_mask(path: Path, width: int | None = None, height: int | None = None) -
 def read_mask_and_doubt(path: Path, width: int | None = None, height: int | None = None) -> tuple[Mask, Mask | None]:
     """The mask of `read_mask`, and the doubtful floor (height, width) bool at that size, None if there is none. Raises
     InputError if the file is missing or not an image."""
-    import cv2
-
     if not path.is_file():
         raise InputError(f"The floor mask {path} is missing; make the floor masks first.")
     again = "delete it and run `nvsim floors --project` again"

@@ -10,6 +10,7 @@ from typing import Any, get_args
 import numpy as np
 from numpy.typing import NDArray
 
+from nvsim.capture.images import read_image
 from nvsim.errors import InputError
 from nvsim.files.stored_arrays import read_arrays, write_arrays
 from nvsim.geometry.floor_surface import FloorSurface
@@ -96,7 +97,6 @@ class CandidateMaker:
         path = candidates_path(project, index, provider)
         if path.is_file() and read_candidates(path) is not None:
             return path
-        from nvsim.capture.images import read_image
         from nvsim.perception.segment import SegmentConfig
 
         frame = project.need_capture().frames[index]
@@ -145,8 +145,6 @@ class CandidateMaker:
         bool. A mask is empty if it has no points. Raises InputError if no prompted network is installed or the image
         cannot be read.
         """
-        from nvsim.capture.images import read_image
-
         network = self._network()
         if network is None:
             raise InputError(

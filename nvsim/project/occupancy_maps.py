@@ -7,6 +7,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
 
+import cv2
 import numpy as np
 from numpy.typing import NDArray
 
@@ -83,14 +84,10 @@ def occupancy_of(project: Project) -> OccupancyMap | None:
     return observed_occupancy(project, capture, support)
 
 
-def observed_occupancy(
-    project: Project, capture: Capture, support: FloorSupport, resolution: float = 0.05
-) -> OccupancyMap:
-    """A map for display, not ground truth, because a sparse cloud misses obstacles. `resolution` is in meters per cell
-    and becomes coarser if the map would exceed the memory. Raises InputError if the cameras are too far apart for the
-    coarsest resolution."""
-    import cv2
-
+def observed_occupancy(project: Project, capture: Capture, support: FloorSupport) -> OccupancyMap:
+    """A map for display, not ground truth, because a sparse cloud misses obstacles. Its cells of 0.05 m become coarser
+    if the map would exceed the memory. Raises InputError if the cameras are too far apart for the coarsest cells."""
+    resolution = 0.05
     positions = capture.positions[:, :2]
     floor = floor_of(project)
     cloud = project.scan_on(floor)

@@ -6,6 +6,7 @@ when its parent process ends. The extracted frames stay in the folder, so the ne
 
 from __future__ import annotations
 
+import json
 import os
 import shutil
 import time
@@ -21,6 +22,7 @@ from nvsim.files.opening import is_regular, read_json
 from nvsim.files.reading import as_reading_error, reading
 from nvsim.footage.cut_options import MASKS, CutOptions, refuse_mask_in_output, refuse_unless_cut
 from nvsim.footage.sources import Footage, Stamp, is_panoramic, need_footage
+from nvsim.processes.child import Child
 from nvsim.reconstruction.pose_networks import SAME_NETWORKS, Digest, PoseNetworks
 from nvsim.reconstruction.report import REPORT, SETTINGS, PosesReport, WeakPlace, read_report, stamp_of, write_report
 
@@ -226,8 +228,6 @@ class _Request:
 
 
 def _computed_in_child(request: _Request, listen: Listener) -> PosesReport:
-    from nvsim.processes.child import Child
-
     def forward_event(event: object) -> None:
         if isinstance(event, Progress | Log | Warning):
             listen(event)
@@ -251,8 +251,6 @@ class PoseWorker:
 
 
 def _compute(request: _Request, tell: Callable[[Progress | Log | Warning], None]) -> PosesReport:
-    import json
-
     from nvsim.reconstruction.image_sets import store_images
 
     started, footage, folder = time.monotonic(), request.footage, request.folder

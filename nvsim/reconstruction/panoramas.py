@@ -7,6 +7,8 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 from nvsim.events import Log
 from nvsim.footage.cut_options import CutOptions
 from nvsim.footage.sources import Footage, says_spherical
@@ -29,8 +31,6 @@ def pose_panoramas(
 
     Views are written to `images`, their masks to a folder next to it, and intermediate files to `work`. Raises
     InputError if the files cannot be decoded, do not match, or have too little in common."""
-    import numpy as np
-
     from nvsim.footage.panoramas import extract_panoramas
     from nvsim.footage.views import nearest_pixels
 

@@ -6,17 +6,16 @@ import json
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
+from nvsim.capture.types import Alignment
 from nvsim.errors import value_text
 from nvsim.files import atomic
 from nvsim.files.opening import is_number, is_regular, read_json
 from nvsim.files.reading import reading
 from nvsim.footage.sources import Footage, Stamp
+from nvsim.geometry.rotation import smallest_rotation
 from nvsim.poses.feature_comparison import FeatureComparison
-
-if TYPE_CHECKING:
-    from nvsim.capture.types import Alignment
 
 REPORT = "poses.json"
 SETTINGS = 10
@@ -162,9 +161,6 @@ class PosesReport:
     def measured_options(self, source: Path, model: str = "") -> tuple[float | None, float | None, Alignment | None]:
         """Scale, camera height, and alignment for reading a piece if the user gives no scale. Values that the measured
         scale does not determine are None. The piece is given as for `scale_for`."""
-        from nvsim.capture.types import Alignment
-        from nvsim.geometry.rotation import smallest_rotation
-
         measured = self.measured_for(source, model)
         if measured is None or measured.refused:
             return None, None, None

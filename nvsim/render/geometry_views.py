@@ -10,6 +10,7 @@ from itertools import count
 from typing import TypeVar
 from weakref import WeakKeyDictionary
 
+import numba
 import numpy as np
 
 from nvsim.geometry.camera import Camera
@@ -30,8 +31,6 @@ def side_by_side(draw: Callable[[int, RenderBuffers], T], views: int) -> list[T]
     """The results of `draw` for each of `views` views, in order. It is called with the index and a workspace, in as
     many threads as the kernels can use, each with single-threaded kernels. The views are drawn one after the other if
     several threads cannot start kernels."""
-    import numba
-
     threads = numba.get_num_threads()
     numbers, found = count(), dict[int, T]()
 

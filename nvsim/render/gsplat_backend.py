@@ -15,6 +15,7 @@ from __future__ import annotations
 import threading
 import weakref
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import torch
@@ -110,7 +111,7 @@ def _render(
 ) -> tuple[RenderOutput, Float32]:
     import gsplat
 
-    device, k = g.means.device, camera.intrinsics
+    device = g.means.device
     eye = torch.tensor(camera.position, dtype=torch.float32, device=device)
     toward = g.means - eye
     # Colors and normals in one pass: gsplat accepts any number of channels beside the depth.
@@ -128,17 +129,8 @@ def _render(
         scales=g.scales,
         opacities=g.opacities,
         colors=colors,
-        viewmats=torch.tensor(camera.world_to_camera, dtype=torch.float32, device=device)[None],
-        # gsplat samples pixels at their centers, half a pixel from their corner, like our cameras.
-        Ks=torch.tensor([[[k.fx, 0, k.cx], [0, k.fy, k.cy], [0, 0, 1]]], dtype=torch.float32, device=device),
-        width=k.width,
-        height=k.height,
-        near_plane=NEAR,
-        far_plane=FAR,
-        eps2d=EPS2D,
-        sh_degree=None,
+        **_view_arguments(camera, antialiased, device),
         render_mode="RGB+D" if "depth" in channels else "RGB",
-        rasterize_mode="antialiased" if antialiased else "classic",
     )
     image = drawn[0].cpu().numpy()
     alpha = np.ascontiguousarray(alphas[0, ..., 0].cpu().numpy())
@@ -153,6 +145,23 @@ def _render(
     if "alpha" in channels:
         output.alpha = alpha
     return output, 1 - alpha
+
+
+def _view_arguments(camera: Camera, antialiased: bool, device: torch.device) -> dict[str, Any]:
+    """The arguments of `gsplat.rasterization` that define the view."""
+    k = camera.intrinsics
+    return {
+        "viewmats": torch.tensor(camera.world_to_camera, dtype=torch.float32, device=device)[None],
+        # gsplat samples pixels at their centers, half a pixel from their corner, like our cameras.
+        "Ks": torch.tensor([[[k.fx, 0, k.cx], [0, k.fy, k.cy], [0, 0, 1]]], dtype=torch.float32, device=device),
+        "width": k.width,
+        "height": k.height,
+        "near_plane": NEAR,
+        "far_plane": FAR,
+        "eps2d": EPS2D,
+        "sh_degree": None,
+        "rasterize_mode": "antialiased" if antialiased else "classic",
+    }
 
 
 def _shortest_axes(quats: torch.Tensor, log_scales: torch.Tensor) -> torch.Tensor:
@@ -218,7 +227,7 @@ def rasterize(
     signature. `sh_degree` limits the degree of the coefficients that are evaluated; the rest get zero gradients."""
     import gsplat
 
-    k, device = camera.intrinsics, means.device
+    device = means.device
     degree = round(sh.shape[1] ** 0.5) - 1
     degree = degree if sh_degree is None else min(degree, sh_degree)
     toward = means - torch.tensor(camera.position, dtype=torch.float32, device=device)
@@ -228,17 +237,9 @@ def rasterize(
         scales=log_scales.exp(),
         opacities=opacity_logits.sigmoid(),
         colors=(gsplat.spherical_harmonics(degree, toward, sh) + 0.5).clamp(min=0.0),
-        viewmats=torch.tensor(camera.world_to_camera, dtype=torch.float32, device=device)[None],
-        Ks=torch.tensor([[[k.fx, 0, k.cx], [0, k.fy, k.cy], [0, 0, 1]]], dtype=torch.float32, device=device),
-        width=k.width,
-        height=k.height,
-        near_plane=NEAR,
-        far_plane=FAR,
-        eps2d=EPS2D,
-        sh_degree=None,
+        **_view_arguments(camera, antialiased, device),
         packed=False,  # so that the returned info has a row for each Gaussian
         absgrad=torch.is_grad_enabled(),
         render_mode="RGB",
-        rasterize_mode="antialiased" if antialiased else "classic",
     )
     return GsplatOutput(drawn[0], 1 - alphas[0, ..., 0], info["means2d"], info["radii"], info["conics"])

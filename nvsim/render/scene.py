@@ -22,17 +22,11 @@ def render_scene(
     scene: SceneModel,
     camera: Camera,
     channels: frozenset[str] = frozenset({"rgb", "alpha"}),
-    tiles: NDArray[np.bool_] | None = None,
-    backend: Backend = "auto",
 ) -> tuple[int, RenderOutput]:
-    """The index of the submap that rendered the view, and the view; only the given `tiles` (lines, columns) of it, as
-    in `render_gaussians`.
-
-    Raises InputError if that submap's files cannot be read or the backend cannot run here, ValueError for an unknown
-    channel.
-    """
+    """The index of the submap that rendered the view, and the view. Raises InputError if that submap's files cannot be
+    read, ValueError for an unknown channel."""
     index, model = scene.model_at(camera.position)
-    return index, render_model(model, camera, channels, tiles, backend)
+    return index, render_model(model, camera, channels)
 
 
 def render_regions(

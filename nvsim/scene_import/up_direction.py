@@ -118,11 +118,6 @@ class _Planes:
             bins[max(0, peak - 4) : peak + 5] = 0
         return float(np.sqrt(total))
 
-    @property
-    def height_of_largest(self) -> float:
-        """Height of the largest plane."""
-        return self.low + (int(self.bins.argmax()) + 0.5) * self.size
-
     def levels(self) -> list[float]:
         """Heights of the large planes, ascending."""
         levels: list[float] = []

@@ -9,6 +9,7 @@ import hashlib
 import io
 from collections.abc import Iterator
 from io import FileIO
+from itertools import islice
 from pathlib import Path
 from typing import Protocol
 
@@ -16,6 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from nvsim.capture.ply import BinaryRows, binary_rows, text_rows
+from nvsim.capture.point_table import parse_numbers
 from nvsim.errors import InputError
 from nvsim.files import atomic
 from nvsim.files.opening import opened, size_of
@@ -51,17 +53,12 @@ def read_ascii(path: Path, file: FileIO, begin: bytes, prepared: GaussianAllocat
     at, columns = 0, [(names.index(name), target) for name, target in targets.items()]
     step = max(1, _VALUES // len(names))
     while at < count:
-        block, numbers = [], []
-        for number, line in lines:
-            block.append(line.split(maxsplit=len(names))[: len(names)])
-            numbers.append(number)
-            if len(block) == min(step, count - at):
-                break
+        block = list(islice(lines, min(step, count - at)))
         if len(block) < min(step, count - at):
             raise InputError(
                 f"{path} is truncated: {count} Gaussians announced, {at + len(block)} present; copy it again."
             )
-        values = _numbers(path, block, numbers, len(names))
+        values = parse_numbers(path, block, len(names), "export it again")
         with np.errstate(over="ignore"):  # Gaussians with infinite values are removed later
             for column, target in columns:
                 target[at : at + len(block)] = values[:, column]
@@ -77,24 +74,6 @@ def _lines(path: Path, file: io.BufferedReader, number: int, longest: int) -> It
         if line.strip():
             yield number, line
         number += 1
-
-
-def _numbers(path: Path, rows: list[list[bytes]], numbers: list[int], columns: int) -> NDArray[np.float64]:
-    try:
-        return np.array(rows, np.float64).reshape(len(rows), columns)
-    except (ValueError, OverflowError):
-        for number, row in zip(numbers, rows, strict=True):
-            if len(row) != columns or not all(map(_is_number, row)):
-                raise InputError(f"{path}, line {number}: expected {columns} numbers; export it again.") from None
-        raise InputError(f"{path} contains numbers that cannot be read; export it again.") from None
-
-
-def _is_number(text: bytes) -> bool:
-    try:
-        float(text)
-    except ValueError:
-        return False
-    return True
 
 
 _REST_OF_DEGREE = {0: 0, 1: 9, 2: 24, 3: 45}

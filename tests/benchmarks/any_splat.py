@@ -12,15 +12,14 @@ ends with an error of the map stage, which does not matter here. Run, for exampl
 
 from __future__ import annotations
 
-import argparse
-import resource
 import shutil
 import tempfile
 import time
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
+import tyro
 from scipy.spatial import cKDTree
 
 from nvsim.evaluation.graph import evaluate_graph
@@ -36,9 +35,19 @@ from nvsim.splats.floor_mesh import floor_gaussians
 from nvsim.splats.formats.choice import SUFFIXES, Format, write_splats
 from nvsim.splats.turning import transform_gaussians
 from nvsim.splats.types import Gaussians, joined
+from tests.benchmarks.harness import peak_gib, report
 from tests.unit.splat_rooms import any_rotation, two_rooms
 
 SCALE = 0.37
+
+
+@dataclass(frozen=True)
+class Arguments:
+    projects: tyro.conf.Positional[tuple[Path, ...]] = ()
+    formats: tuple[Format, ...] = ("ply",)
+    keep: Path | None = None
+    """Folder in which the splats and their projects remain."""
+    gaussians: int = 0
 
 
 def one_splat(project: Project) -> Gaussians:
@@ -114,7 +123,6 @@ def large(count: int, folder: Path) -> dict[str, object]:
     write_splats(folder / "large.ply", gaussians, False, "ply")
     started, used = time.monotonic(), time.process_time()
     graph, _, _ = build(folder / "large.ply", folder / "large.nvsim", 1.0)
-    peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 2**20
     seconds = round(time.monotonic() - started, 1)
     return {
         "gaussians": count,
@@ -122,27 +130,22 @@ def large(count: int, folder: Path) -> dict[str, object]:
         "components": len(components(graph)),
         "seconds": seconds,
         "cpu_seconds": round(time.process_time() - used, 1),
-        "peak_GiB": round(peak, 2),
+        "peak_GiB": round(peak_gib(), 2),
     }
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
-    parser.add_argument("projects", nargs="*", type=Path)
-    parser.add_argument("--formats", nargs="+", choices=SUFFIXES, default=["ply"])
-    parser.add_argument("--keep", type=Path, help="folder in which the splats and their projects remain")
-    parser.add_argument("--gaussians", type=int, default=0)
-    arguments = parser.parse_args()
+    arguments = tyro.cli(Arguments, description=__doc__)
     for seed, demo in enumerate(arguments.projects):
         for form in arguments.formats:
             with tempfile.TemporaryDirectory() as temporary:
                 folder = arguments.keep / f"{demo.stem}-{form}" if arguments.keep else Path(temporary)
                 shutil.rmtree(folder, ignore_errors=True)
                 folder.mkdir(parents=True)
-                print(demo.name, form, measure(demo, folder, seed, form), flush=True)
+                report({"project": demo.name, "format": form, **measure(demo, folder, seed, form)}, as_json=True)
     if arguments.gaussians:
         with tempfile.TemporaryDirectory() as folder:
-            print(large(arguments.gaussians, Path(folder)))
+            report(large(arguments.gaussians, Path(folder)), as_json=True)
 
 
 if __name__ == "__main__":

@@ -17,10 +17,9 @@ import house_walk
 import numpy as np
 import tyro
 from harness import report
-from house_walk import DATA, bounds, held_out_figures, largest_cluster, novel_figures, novel_views, view_of
+from house_walk import DATA, cloud_near, held_out_figures, largest_cluster, novel_figures, novel_views, view_of
 
 from nvsim.capture.read import read
-from nvsim.capture.types import Cloud
 from nvsim.geometry.floor_surface import FloorSurface
 from nvsim.training.config import TrainingConfig, preset
 from nvsim.training.trainer import train_submap
@@ -42,9 +41,7 @@ def main() -> None:
     arguments = tyro.cli(Arguments, description=__doc__)
     capture = read(arguments.data / "kapture")
     members = largest_cluster(capture)
-    low, high = bounds(capture, members)
-    inside = ((capture.cloud.points > low) & (capture.cloud.points < high)).all(axis=1)
-    cloud = Cloud(capture.cloud.points[inside], capture.cloud.colors[inside])
+    cloud = cloud_near(capture, members)
     held_out = members[::8]
     protocol = house_walk.Arguments(data=arguments.data)
     views = {i: view_of(protocol, capture, i) for i in members}

@@ -5,19 +5,13 @@ python tests/benchmarks/filming_pictures.py [FOLDER]
 
 from __future__ import annotations
 
-import sys
 from collections.abc import Iterable, Sequence
-from dataclasses import replace
+from dataclasses import dataclass
 from pathlib import Path
 
-import cv2
 import numpy as np
+import tyro
 from PIL import Image, ImageDraw, ImageFont
-
-from nvsim.building.config import BuildingConfig
-from nvsim.building.rendering import render
-from nvsim.building.scene import make_scene, textures_of
-from nvsim.geometry.camera import Camera, camera_pose
 
 DOCS = Path(__file__).resolve().parents[2] / "resources" / "docs"
 GOOD, BAD, INK, PALE = (29, 122, 80), (192, 53, 53), (58, 68, 79), (217, 222, 228)
@@ -27,12 +21,16 @@ HEIGHT, CEILING = 1.5, 2.6  # heights of the camera and of the ceiling, meters
 Point = tuple[float, float]
 
 
+@dataclass(frozen=True)
+class Arguments:
+    folder: tyro.conf.Positional[Path] = DOCS
+
+
 def main() -> None:
-    folder = Path(sys.argv[1]) if len(sys.argv) > 1 else DOCS
+    folder = tyro.cli(Arguments, description=__doc__).folder
     folder.mkdir(parents=True, exist_ok=True)
     beside(turns()).save(folder / "video-paths.png", optimize=True)
     beside(heights()).save(folder / "video-height.png", optimize=True)
-    beside(frames()).save(folder / "video-frames.jpg", quality=82)
 
 
 class Panel:
@@ -43,7 +41,9 @@ class Panel:
         size = FINE * width, FINE * (TITLE + round(self.scale * (high[1] - low[1])))
         self.image = Image.new("RGB", size, "white")
         self.pen = ImageDraw.Draw(self.image, "RGBA")
-        write_title(self.pen, good, title)
+        color, font = GOOD if good else BAD, ImageFont.load_default(FINE * 14)
+        words = f"{'Good' if good else 'Bad'}: {title}"
+        self.pen.text((FINE * 4, FINE * 6), words, fill=color, font=font)
 
     def at(self, place: Sequence[float]) -> Point:
         x, y = FINE * self.scale * (place[0] - self.low[0]), FINE * self.scale * (self.high[1] - place[1])
@@ -61,11 +61,6 @@ class Panel:
 
     def text(self, place: Sequence[float], words: str) -> None:
         self.pen.text(self.at(place), words, fill=INK, font=ImageFont.load_default(FINE * 13))
-
-
-def write_title(pen: ImageDraw.ImageDraw, good: bool, words: str) -> None:
-    color, font = GOOD if good else BAD, ImageFont.load_default(FINE * 14)
-    pen.text((FINE * 4, FINE * 6), f"{'Good' if good else 'Bad'}: {words}", fill=color, font=font)
 
 
 def beside(panels: list[Image.Image]) -> Image.Image:
@@ -154,43 +149,6 @@ def side(good: bool, title: str, tilt: float) -> Image.Image:
     panel.line([(0.6, 0), (0.6, HEIGHT)], INK, 1)
     panel.text((0.68, 0.5), "1.5 m")
     return panel.image
-
-
-# Frames of the built-in building --------------------------------------------------------------------------------------
-
-
-def frames() -> list[Image.Image]:
-    """A sharp frame, a blurred frame, a dark frame, and a wall from near."""
-    scene = make_scene(BuildingConfig(seed=1, width=280, height=210, people=False))
-    textures, nobody = textures_of(scene), (np.empty((0, 5)), np.empty((0, 3)))
-
-    def shot(camera: Camera) -> np.ndarray:
-        return np.asarray(np.rint(np.clip(render(camera, scene.solids, textures, *nobody).color, 0, 1) * 255), np.uint8)
-
-    camera = scene.camera(int(sys.argv[2]) if len(sys.argv) > 2 else 20)
-    sharp = shot(camera)
-    blurred = np.asarray(cv2.blur(sharp, (25, 1)))
-    noise = np.random.default_rng(0).normal(0, 7, sharp.shape)
-    dark = np.clip(0.16 * sharp + noise, 0, 255).astype(np.uint8)
-    ahead = float(np.median(render(camera, scene.solids, textures, *nobody).depth[95:115, 130:150]))
-    x, y, z = camera.position + camera.rotation[:, 2] * max(ahead - 0.45, 0.0)
-    heading = float(np.arctan2(camera.rotation[0, 2], camera.rotation[1, 2]))
-    near = shot(replace(camera, camera_to_world=camera_pose(np.array([x, y, max(z, 1.6)]), heading, 0.2)))
-    return [
-        titled(True, "sharp, with floor in view", sharp),
-        titled(False, "blurred by a fast turn", blurred),
-        titled(False, "dark and noisy", dark),
-        titled(False, "a wall from near", near),
-    ]
-
-
-def titled(good: bool, title: str, pixels: np.ndarray) -> Image.Image:
-    """A picture of `pixels` (H, W, 3) uint8 with its title."""
-    height, width = (FINE * n for n in pixels.shape[:2])
-    image = Image.new("RGB", (width, height + FINE * TITLE), "white")
-    write_title(ImageDraw.Draw(image), good, title)
-    image.paste(Image.fromarray(pixels).resize((width, height)), (0, FINE * TITLE))
-    return image
 
 
 if __name__ == "__main__":

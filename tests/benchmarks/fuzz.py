@@ -9,39 +9,47 @@ A seed, a list of readers, and an index determine an input. Each fault is printe
 
 from __future__ import annotations
 
-import argparse
-import json
 import os
 import shutil
 import signal
 import sys
 import tempfile
 import time
+from dataclasses import dataclass
 from pathlib import Path
+
+import tyro
 
 sys.path[:0] = [str(Path(__file__).parent), str(Path(__file__).parents[2])]
 os.environ.update(OMP_NUM_THREADS="1", OPENBLAS_NUM_THREADS="1", OPENCV_LOG_LEVEL="SILENT", QT_QPA_PLATFORM="offscreen")
 os.environ.update(NUMBA_NUM_THREADS="1", NUMBA_THREADING_LAYER="workqueue")  # threading layers that survive a fork
 
 
-def main() -> int:
-    p = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    p.add_argument("--inputs", type=int, default=3000)
-    p.add_argument("--seed", type=int, default=0)
-    p.add_argument("--reader", default="", help="names of readers, separated by commas; default: all")
-    p.add_argument("--only", type=int, help="read only this input and show its traceback")
-    p.add_argument("--workers", type=int, default=2)
-    p.add_argument("--keep", type=Path, help="a folder for the files of every fault")
-    p.add_argument("--json", action="store_true", help="print one JSON object")
-    p.add_argument("--list", action="store_true", help="print the names of the readers and exit")
-    a = p.parse_args()
+@dataclass(frozen=True)
+class Arguments:
+    inputs: int = 3000
+    seed: int = 0
+    reader: str = ""
+    """Names of readers, separated by commas. Default: all."""
+    only: int | None = None
+    """Read only this input and show its traceback."""
+    workers: int = 2
+    keep: Path | None = None
+    """A folder for the files of every fault."""
+    json: bool = False
+    list: bool = False
+    """Print the names of the readers and exit."""
 
+
+def main() -> int:
+    a = tyro.cli(Arguments, description=__doc__)
     from fuzzing import archives
     from fuzzing.isolation import Pool
     from fuzzing.plan import Plan
     from fuzzing.reader import lay
     from fuzzing.readers import all_readers
     from fuzzing.report import causes, figures, table
+    from harness import report
 
     readers = all_readers()
     if a.list:
@@ -50,7 +58,7 @@ def main() -> int:
     if a.reader:
         names = a.reader.split(",")
         if unknown := set(names) - {r.name for r in readers}:
-            p.error(f"there is no reader {', '.join(sorted(unknown))}; --list names them")
+            raise SystemExit(f"There is no reader {', '.join(sorted(unknown))}; --list names them.")
         readers = [r for r in readers if r.name in names]
     place = "/dev/shm" if os.access("/dev/shm", os.W_OK) else None
     folder = Path(tempfile.mkdtemp(prefix="nvsim-fuzz-", dir=place))
@@ -75,8 +83,7 @@ def main() -> int:
         shutil.rmtree(folder, ignore_errors=True)
     listed = causes(faults)
     if a.json:
-        found["causes"] = [{"count": n, **vars(f)} for n, f in listed]
-        print(json.dumps(found))
+        report({**found, "causes": [{"count": n, **vars(f)} for n, f in listed]}, as_json=True)
     else:
         print(table(found))
         print(f"{found['seconds']} s")

@@ -9,7 +9,6 @@ ten seconds for each project.
 
 from __future__ import annotations
 
-import argparse
 import ctypes
 import hashlib
 import json
@@ -23,6 +22,8 @@ import tempfile
 import time
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
+
+import tyro
 
 HERE = Path(__file__).resolve()
 sys.path[:0] = [str(HERE.parent), str(HERE.parents[1] / "gui")]
@@ -164,10 +165,10 @@ def play_commands(root: Path) -> int:
 def trial(folder: Path, honest: Path, name: str, window: bool) -> list[Outcome]:
     made = Trial(folder, honest, name)
     try:
-        line = [sys.executable, str(HERE), "--commands", str(made.root)]
+        line = [sys.executable, str(HERE), "--play-commands", str(made.root)]
         found = [made.run("seven commands", line, SECONDS, (0,))]
         if window:
-            child = [sys.executable, str(HERE), "--window", str(made.root)]
+            child = [sys.executable, str(HERE), "--play-window", str(made.root)]
             found.append(made.run("a window, Run everything", child, WINDOW_SECONDS))
             real = [sys.executable, "-P", "-m", "nvsim_app", str(made.root), "--seconds", "4"]
             found.append(made.run("python -m nvsim_app", real, WINDOW_SECONDS))
@@ -221,23 +222,30 @@ def play_window(root: Path) -> int:
     return 0
 
 
+@dataclass(frozen=True)
+class Arguments:
+    only: str = ""
+    """Use only projects whose name contains this text."""
+    window: bool = True
+    """Also open the projects in windows."""
+    json: bool = False
+    play_window: Path | None = None
+    """Use this project in a window. The processes of the benchmark are started with this option or the next."""
+    play_commands: Path | None = None
+    """Run the commands on this project."""
+
+
 def main() -> int:
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--only", default="", help="use only projects whose name contains this text")
-    parser.add_argument("--no-window", action="store_true")
-    parser.add_argument("--json", action="store_true")
-    parser.add_argument("--window", type=Path, help=argparse.SUPPRESS)
-    parser.add_argument("--commands", type=Path, help=argparse.SUPPRESS)
-    given = parser.parse_args()
-    if given.commands is not None:
-        return play_commands(given.commands)
-    if given.window is not None:
-        return play_window(given.window)
+    given = tyro.cli(Arguments, description=__doc__)
+    if given.play_commands is not None:
+        return play_commands(given.play_commands)
+    if given.play_window is not None:
+        return play_window(given.play_window)
     found: list[Outcome] = []
     with tempfile.TemporaryDirectory(prefix="nvsim-hostile-") as name:
         honest = honest_project(Path(name))
         for number, trap in enumerate(t for t in hostile_projects.TRAPS if given.only in t):
-            outcomes = trial(Path(name) / str(number), honest, trap, not given.no_window)
+            outcomes = trial(Path(name) / str(number), honest, trap, given.window)
             found += outcomes
             if not given.json:
                 for each in outcomes:

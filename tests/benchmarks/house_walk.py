@@ -60,9 +60,7 @@ def main() -> None:
     held_out = members[::8]
     kept = [i for i in members if i not in set(held_out)]
     train = [view_of(arguments, capture, i) for i in kept]
-    low, high = bounds(capture, members)
-    inside = ((capture.cloud.points > low) & (capture.cloud.points < high)).all(axis=1)
-    cloud = Cloud(capture.cloud.points[inside], capture.cloud.colors[inside])
+    cloud = cloud_near(capture, members)
     warm_up = replace(arguments.config, steps=3)  # compiles every kernel before the time is measured
     train_submap(train[:4], cloud, FloorSurface.flat(0.0), warm_up, seed=arguments.seed)
     started = time.perf_counter()
@@ -86,10 +84,12 @@ def largest_cluster(capture: Capture) -> list[int]:
     return np.flatnonzero(labels == np.argmax(np.bincount(labels))).tolist()
 
 
-def bounds(capture: Capture, members: list[int]) -> tuple[np.ndarray, np.ndarray]:
-    """Lower and upper corner (3,) of the box around the cameras `members`, extended by `REACH` meters."""
+def cloud_near(capture: Capture, members: list[int]) -> Cloud:
+    """The points in the box around the cameras `members`, extended by `REACH` meters."""
     places = np.array([capture.frames[i].camera.position for i in members])
-    return places.min(axis=0) - REACH, places.max(axis=0) + REACH
+    points = capture.cloud.points
+    inside = ((points > places.min(axis=0) - REACH) & (points < places.max(axis=0) + REACH)).all(axis=1)
+    return Cloud(points[inside], capture.cloud.colors[inside])
 
 
 def size_of(arguments: Arguments) -> tuple[int, int]:

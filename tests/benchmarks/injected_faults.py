@@ -26,6 +26,8 @@ import numpy as np
 import tyro
 from scipy.spatial.transform import Rotation
 
+import nvsim.poses.overlap
+import nvsim.poses.refinement
 from nvsim.capture.check import check
 from nvsim.capture.findings import Findings
 from nvsim.capture.formats import read_raw
@@ -374,8 +376,6 @@ def _(s: Sample) -> None:
 
 def remember() -> None:
     """Caches features and matches of images that several faults do not change. The findings do not change."""
-    import nvsim.poses.overlap
-    import nvsim.poses.refinement
 
     def kept(work: Callable, key: Callable) -> Callable:
         known: dict = {}
@@ -392,8 +392,7 @@ def remember() -> None:
     )
     for module in (nvsim.poses.overlap, nvsim.poses.refinement):
         module.find_features = seen  # type: ignore[attr-defined]
-    for module in (nvsim.poses.overlap, nvsim.poses.refinement):
-        module.match_with = matched  # type: ignore[attr-defined]
+        module.match_features = matched  # type: ignore[attr-defined]
 
 
 def sentences(path: Path) -> set[str]:

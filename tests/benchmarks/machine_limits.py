@@ -16,7 +16,9 @@ import tyro
 from harness import best, report
 from numba import njit, prange
 
-LANES, CHAINS, ROUNDS, REPEATS = 16, 8, 20_000, 15
+from nvsim.benchmarks.render import multiply_adds_per_second
+
+REPEATS = 15
 
 
 @dataclass(frozen=True)
@@ -30,31 +32,13 @@ def triad(a: Any, b: Any, c: Any) -> None:
         a[i] = b[i] + np.float32(0.5) * c[i]
 
 
-@njit(parallel=True, fastmath=True)
-def multiply_adds(threads: Any, rounds: Any, start: Any, out: Any) -> None:
-    for thread in prange(threads):
-        sums = np.empty(LANES * CHAINS, np.float32)
-        sums[:] = start[0]
-        factor, term = start[1], start[2]
-        for _ in range(rounds):
-            for i in range(LANES * CHAINS):
-                value = sums[i]
-                for _ in range(16):
-                    value = value * factor + term
-                sums[i] = value
-        out[thread] = sums.sum()
-
-
 def measure() -> dict[str, float]:
-    threads = numba.get_num_threads()
-    start, out = np.array([1.0, 0.999, 1e-3], np.float32), np.empty(threads, np.float32)
-    seconds = best(lambda: multiply_adds(threads, ROUNDS, start, out), REPEATS)
-    figures = {"giga_multiply_adds": 16 * LANES * CHAINS * ROUNDS * threads / seconds / 1e9}
+    figures = {"giga_multiply_adds": multiply_adds_per_second() / 1e9}
     for name, size in (("large", 32 << 20), ("cached", 1 << 19)):
         a, b, c = np.zeros((3, size), np.float32)
         seconds = best(lambda a=a, b=b, c=c: triad(a, b, c), REPEATS)  # type: ignore[misc]
         figures[f"gigabytes_{name}"] = 12 * size / seconds / 1e9
-    return {**{k: round(v, 1) for k, v in figures.items()}, "threads": threads}
+    return {**{k: round(v, 1) for k, v in figures.items()}, "threads": numba.get_num_threads()}
 
 
 if __name__ == "__main__":

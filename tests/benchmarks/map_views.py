@@ -35,13 +35,11 @@ from nvsim.perception.normals_network import normals_model
 from nvsim.project.floor_heights import floor_of
 from nvsim.project.project import Project
 from nvsim.project.scene_views import SceneViews
-from tests.benchmarks.straight_looks import off_straight
 
 VALIDITIES = ("node_validity", "edge_validity", "node_validity_robot", "edge_validity_robot")
 AGREES = "agrees_with_first"
 """Share of the steps with the decision of the first column."""
-FIGURES = ("coverage", "components", "detour", "detour_p95", AGREES, "alpha_too_high", "alpha_off")
-"""The last two compare the alpha of a cell with that of a view in its direction: mean difference, mean absolute."""
+FIGURES = ("coverage", "components", "detour", "detour_p95", AGREES)
 SHOWN = ("nodes", "edges", *VALIDITIES, *FIGURES, "seconds_per_viewpoint")
 
 
@@ -98,8 +96,7 @@ def measured(
     occupancy = true_occupancy(project, truth, "aligned")
     figures = evaluate_graph(result.graph, occupancy, capture.positions, seen=support.is_supported)
     each = seconds / max(1, result.report["rendered_viewpoints"])
-    high, off = off_straight(scene, source, capture.positions, floor, support.is_supported, config)
-    found = {"alpha_too_high": high, "alpha_off": off, "seconds_per_viewpoint": round(each, 3), "report": result.report}
+    found = {"seconds_per_viewpoint": round(each, 3), "report": result.report}
     if first is not None:
         found[AGREES] = agreement(*first, source, floor, support.is_supported, config)
     return {**figures, **found}, result.graph

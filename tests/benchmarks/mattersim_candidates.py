@@ -18,6 +18,7 @@ from typing import Any
 
 import numpy as np
 import tyro
+from mattersim_states import opened
 
 from nvsim.graph.connectivity import write_connectivity
 from nvsim.graph.types import NavGraph, Viewpoint, edge
@@ -40,7 +41,7 @@ def main() -> None:
         graphs = arguments.connectivity or Path(made)
         if arguments.connectivity is None:
             _write_random_scan(graphs)
-        simulator = _simulator(MatterSim, graphs)
+        simulator = opened(MatterSim, graphs, discrete=True)
         total = views = ties = orders = 0
         worst = 0.0
         for scan in read_exported_scans(graphs):
@@ -64,18 +65,6 @@ def main() -> None:
             f"order differs; angles and distances differ by at most {worst:.1e}"
         )
         sys.exit(1 if views or worst > 1e-4 else 0)
-
-
-def _simulator(module: Any, graphs: Path) -> Any:
-    simulator = module.Simulator()
-    simulator.setNavGraphPath(str(graphs))
-    simulator.setRenderingEnabled(False)
-    simulator.setDiscretizedViewingAngles(True)
-    simulator.setCameraResolution(640, 480)
-    simulator.setCameraVFOV(math.radians(60))
-    simulator.setBatchSize(1)
-    simulator.initialize()
-    return simulator
 
 
 def _swept(simulator: Any, scan: str, viewpoint: str) -> dict[str, tuple[int, float, float, float, float]]:

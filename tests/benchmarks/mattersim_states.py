@@ -70,7 +70,10 @@ def main() -> None:
     sys.exit(1 if failures else 0)
 
 
-def _opened(module: Any, graphs: Path, dataset: Path | None, discrete: bool = False, restricted: bool = True) -> Any:
+def opened(
+    module: Any, graphs: Path, dataset: Path | None = None, discrete: bool = False, restricted: bool = True
+) -> Any:
+    """A simulator of the module without images, for views of 640x480."""
     sim = module.Simulator()
     sim.setNavGraphPath(str(graphs))
     if dataset is not None:  # in the compiled simulator, the first path of a process stays in use
@@ -89,7 +92,7 @@ def _states(
 ) -> tuple[int, float]:
     """Number of states that differ, and the largest difference of angles and distances."""
     r = np.random.default_rng(7)
-    pair = [_opened(module, graphs, dataset, discrete, restricted) for module in (theirs, ours)]
+    pair = [opened(module, graphs, dataset, discrete, restricted) for module in (theirs, ours)]
     scans = (graphs / "scans.txt").read_text().split()
     wrong, worst = 0, 0.0
     for number in range(actions):
@@ -127,7 +130,7 @@ def _plain(state: Any) -> tuple[list[Any], list[float]]:
 def _random_episodes(theirs: Any, graphs: Path, dataset: Path | None) -> int:
     """Compares random episodes, once per process, because a seed of the compiled simulator applies to the process."""
     scans = (graphs / "scans.txt").read_text().split()
-    pair = [_opened(module, graphs, dataset) for module in (theirs, ours)]
+    pair = [opened(module, graphs, dataset) for module in (theirs, ours)]
     wrong = 0
     for _ in range(20):
         for sim in pair:

@@ -21,8 +21,14 @@ import numpy as np
 import tyro
 from numpy.typing import NDArray
 
+from nvsim.building import BuildingConfig
+from nvsim.building.scene import make_scene
+from nvsim.building.truth import occupancy
 from nvsim.cli import terminal
+from nvsim.evaluation.graph import evaluate_graph
+from nvsim.mapping.builder import BuildResult, build_map
 from nvsim.mapping.config import MappingConfig
+from nvsim.occupancy.read import read_map
 from nvsim.occupancy.types import OccupancyMap
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "unit"))
@@ -57,32 +63,30 @@ def main() -> None:
 
 def of_folder(folder: Path) -> tuple[OccupancyMap, NDArray[np.float64]]:
     """The true map of a folder, and the trajectory (N, 2), meters."""
-    from nvsim.occupancy.read import read_map
-
     return read_map(folder / "map.yaml"), np.loadtxt(folder / "trajectory_xy_yaw.txt")[:, :2]
 
 
 def of_seed(seed: int) -> tuple[OccupancyMap, NDArray[np.float64]]:
     """The true map of a generated building, and the trajectory (N, 2), meters."""
-    from nvsim.building import BuildingConfig
-    from nvsim.building.scene import make_scene
-    from nvsim.building.truth import occupancy
-
     scene = make_scene(BuildingConfig(seed=seed))
     return occupancy(scene), scene.path[:, :2]
 
 
-def measured(occupancy: OccupancyMap, walk: NDArray[np.float64], config: MappingConfig) -> dict[str, Any]:
-    """Metrics of `nvsim evaluate graph` for the trajectory `walk` (N, 2) in meters, and the cost of the build."""
+def mapped(
+    occupancy: OccupancyMap, walk: NDArray[np.float64], config: MappingConfig, scan: str = "oracle"
+) -> BuildResult:
+    """The map that the builder makes for the trajectory `walk` (N, 2) in meters."""
     from columns import Columns, flat_floor
-
-    from nvsim.evaluation.graph import evaluate_graph
-    from nvsim.mapping.builder import build_map
 
     world = Columns(occupancy)
     cameras = np.column_stack([walk, np.full(len(walk), CAMERA_HEIGHT)])
+    return build_map(world, cameras, flat_floor, world.support, config, scan=scan)
+
+
+def measured(occupancy: OccupancyMap, walk: NDArray[np.float64], config: MappingConfig) -> dict[str, Any]:
+    """Metrics of `nvsim evaluate graph` for the trajectory `walk` (N, 2) in meters, and the cost of the build."""
     started = time.perf_counter()
-    result = build_map(world, cameras, flat_floor, world.support, config, scan="oracle")
+    result = mapped(occupancy, walk, config)
     seconds = time.perf_counter() - started
     found = evaluate_graph(result.graph, occupancy, walk)
     return {**found, "rendered_views": result.report["rendered_views"], "seconds": round(seconds, 1)}

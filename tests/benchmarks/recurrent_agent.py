@@ -13,7 +13,7 @@ trainings are reused, and interrupted ones continue.
 from __future__ import annotations
 
 import time
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -75,8 +75,6 @@ def main() -> None:
 
 
 def trained(arguments: Arguments, kind: str, seed: int) -> Path:
-    from dataclasses import replace
-
     out = arguments.out / f"{kind}-{seed}"
     model = replace(arguments.model, blind=kind == "blind")
     started = time.process_time()

@@ -20,6 +20,10 @@ import tyro
 from harness import nvsim
 from images_only import scored, without_scan
 
+from nvsim.building import BuildingConfig, generate
+from nvsim.building.rendering import render
+from nvsim.building.scene import make_scene, textures_of
+
 _FLAT = 0.7  # share of the noise that neighboring pixels have in common, because the depth of a phone is smooth
 _BLOCK = 16  # size of a block with common noise, pixels
 
@@ -36,8 +40,6 @@ class Arguments:
 
 def main() -> None:
     arguments = tyro.cli(Arguments, description=__doc__)
-    from nvsim.building import BuildingConfig, generate
-
     config = BuildingConfig(seed=arguments.seed, size=arguments.size)  # type: ignore[arg-type]
     made = arguments.folder / "building"
     generate(made, config)
@@ -56,9 +58,6 @@ def main() -> None:
 def rgbd_capture(capture: Path, folder: Path, config: Any, noise: float, width: int) -> Path:
     """Copies the capture of the built-in building with links to its images, without its scan, and with a depth image in
     millimeters for each frame. The depth has relative noise `noise` and a width of `width` pixels."""
-    from nvsim.building.rendering import render
-    from nvsim.building.scene import make_scene, textures_of
-
     without_scan(capture, folder)
     (folder / "depth").mkdir(exist_ok=True)
     scene, rng = make_scene(config), np.random.default_rng(1)

@@ -34,13 +34,17 @@ from nvsim.building import BuildingConfig
 from nvsim.building.baking import Painters, bake
 from nvsim.building.layouts import outer_walls
 from nvsim.building.plan import Plan, Rect, Room, Storey
-from nvsim.building.raycast import make_solids
+from nvsim.building.raycast import make_solids, trace
 from nvsim.building.rendering import render
 from nvsim.building.scene import Scene
 from nvsim.building.solids import TOP, Box, Paint, wall_boxes
 from nvsim.building.truth import occupancy
+from nvsim.cli.main import main as command
+from nvsim.errors import InputError
 from nvsim.geometry.camera import Camera, Intrinsics, camera_pose
 from nvsim.occupancy.ros import write_ros_map
+from nvsim.perception.floor_height import estimate_floor
+from nvsim.project.project import Project
 
 KINDS = ("kitchen", "office", "bedroom")
 WIDTH, HEIGHT, FIELD_OF_VIEW, FRAMES = 480, 360, 60.0, 48
@@ -243,8 +247,6 @@ def _poses(
 
 
 def _sees_floor(scene: Scene, pose: NDArray[np.float64]) -> bool:
-    from nvsim.building.raycast import trace
-
     rays = Camera(lens(24, 18), pose).rays().astype(np.float64).reshape(-1, 3)
     eye = pose[:3, 3]
     hit = [trace(*eye, *ray, scene.solids, _NOTHING[0])[1] for ray in rays]
@@ -313,8 +315,6 @@ def perturbed(poses: NDArray[np.float64], rng: np.random.Generator) -> NDArray[n
 def attempted(*words: str) -> str | None:
     """Runs a command in this process, because most of the time of a small capture is the start of a process. Returns
     None, or the last line of its message if it fails."""
-    from nvsim.cli.main import main as command
-
     said = io.StringIO()
     with contextlib.redirect_stdout(io.StringIO()), contextlib.redirect_stderr(said):
         code = command(words)
@@ -323,10 +323,6 @@ def attempted(*words: str) -> str | None:
 
 def floor_found(folder: Path) -> dict[str, Any]:
     """Level of the found floor in meters (0 is right), and the found scale divided by the true one; or refusals."""
-    from nvsim.errors import InputError
-    from nvsim.perception.floor_height import estimate_floor
-    from nvsim.project.project import Project
-
     truth = json.loads((folder / "truth.json").read_text())
     found: dict[str, Any] = {}
     project = folder / "metric.nvsim"

@@ -1,4 +1,4 @@
-"""Compare the CPU rasterizer with a prototype, alternating in one process, and list results of other programs.
+"""Compare the CPU rasterizer with a prototype, alternating in one process.
 
 python tests/benchmarks/speed_table.py [--shared FOLDER] [--rounds R] [--quick]
 
@@ -37,12 +37,6 @@ CASES = (
     (500_000, 1280, 720),
 )
 QUICK = ((100_000, 640, 480), (500_000, 1280, 720))
-ELSEWHERE = {
-    "OpenSplat 1.1.5, CPU, with corrected depth order": "148/145 255/204 103/79 269/220 1040/703 626/469 1290/1023",
-    "gsplat 1.6, torch reference on the CPU": "1081/709 1560/990 403/176 2098/1027 7730/3623 4000/1456 -",
-}
-"""Forward/backward, milliseconds, for CASES in order, from another machine with two cores and no other load. The
-prototype had 4.0/7.6 10.3/16.4 10.2/9.6 15.0/20.0 27.7/48.3 69.6/81.1 94.1/122.9 on that machine."""
 F = np.float32
 
 
@@ -66,9 +60,6 @@ def main() -> None:
             f" {n['forward']:>7.1f} / {n['backward']:<7.1f} {n['forward_geometry']:>10.1f}"
             f" {row['ratio']:>10.2f} {row['ratio_geometry']:>9.2f} {row['frame_ratio']:>7.2f}"
         )
-    print("\nElsewhere (another machine):")
-    for name, figures in ELSEWHERE.items():
-        print(f"  {name}: {figures}")
     print(json.dumps(rows))
 
 

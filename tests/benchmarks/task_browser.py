@@ -24,10 +24,7 @@ from PySide6.QtWidgets import QApplication  # noqa: E402
 
 from nvsim.graph.types import NavGraph  # noqa: E402
 from nvsim.r2r.metrics.submission import write_submission  # noqa: E402
-from nvsim.r2r.tasks.task import (
-    Task,  # noqa: E402
-    write_tasks,  # noqa: E402
-)
+from nvsim.r2r.tasks.task import Task, write_tasks  # noqa: E402
 from nvsim_app.look.notices import Notices  # noqa: E402
 from nvsim_app.state.document import Document  # noqa: E402
 from nvsim_app.wiring.tasks import TaskPart  # noqa: E402
@@ -35,31 +32,17 @@ from nvsim_app.wiring.window import MainWindow  # noqa: E402
 from tests.benchmarks.frame_browser import timed  # noqa: E402
 
 PATHS = 4667
+WORDS = "turn left right walk through the door past red sofa table stop stairs"
 
 
 def make_tasks(graph: NavGraph, folder: Path) -> None:
     """Writes PATHS paths with three instructions each, and a random trajectory for each instruction."""
     chance, ways = random.Random(0), nx.Graph(list(graph.edges))
-    words = (
-        "turn",
-        "left",
-        "right",
-        "walk",
-        "through",
-        "the",
-        "door",
-        "past",
-        "red",
-        "sofa",
-        "table",
-        "stop",
-        "stairs",
-    )
     tasks, walked = [], {}
     for i in range(PATHS):
         start, goal = chance.choice(list(ways.edges)) if i % 2 else chance.sample(sorted(ways), 2)
         path = nx.shortest_path(ways, start, goal) if nx.has_path(ways, start, goal) else [start]
-        texts = tuple(" ".join(chance.choices(words, k=26)) for _ in range(3))
+        texts = tuple(" ".join(chance.choices(WORDS.split(), k=26)) for _ in range(3))
         tasks.append(Task(i, graph.scan, tuple(path), 0.0, texts, 8.0))
         for id in tasks[-1].instr_ids:
             at = [path[0]]

@@ -1,16 +1,14 @@
 """Perform tasks in a real window with mouse and keyboard, in several sizes and both themes.
 
-python tests/benchmarks/tour.py DEMO.nvsim TWO.nvsim [--out FOLDER] [--only 1280x720] [--theme dark] [--tasks why]
+python tests/benchmarks/tour.py DEMO.nvsim [--out FOLDER] [--only 1280x720] [--theme dark] [--tasks why]
 
 It saves an image of the screen after every action, and prints a table of actions and seconds. If a task is stuck or
-needs more actions than MOST, the exit code is 1. It needs xvfb-run and xdotool. DEMO comes from `nvsim demo` and
-`nvsim evaluate views`, TWO from `nvsim demo --storeys 2`. Both are copied. In the copies, a training is started, and
-edges are added and removed so that the graph check reports findings.
+needs more actions than MOST, the exit code is 1. It needs xvfb-run and xdotool. DEMO comes from `nvsim demo` and is
+copied. In the copy, edges are added and removed, so that there are false edges.
 """
 
 from __future__ import annotations
 
-import argparse
 import json
 import math
 import os
@@ -24,26 +22,27 @@ import traceback
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any, Literal, TypeVar
 
 import numpy as np
-from PySide6.QtCore import QObject, QPoint, QPointF, QRect, QSettings, Qt, QTimer, Signal
-from PySide6.QtWidgets import QApplication, QComboBox, QTabBar, QWidget
+import tyro
+from PySide6.QtCore import QObject, QPoint, QPointF, QSettings, Qt, QTimer, Signal
+from PySide6.QtWidgets import QApplication, QTabBar, QWidget
 
 from nvsim.occupancy.paths import segment_is_free
 from nvsim.occupancy.types import FREE
 
 Answer = TypeVar("Answer")
-SCREENS = {
+Screen = Literal["960x540", "1280x720", "1600x1000", "2560x1440@2x"]
+Theme = Literal["dark", "light"]
+SCREENS: dict[Screen, tuple[str, str]] = {
     "960x540": ("960x540", "1"),
     "1280x720": ("1280x720", "1"),
     "1600x1000": ("1600x1000", "1"),
     "2560x1440@2x": ("2560x1440", "2"),
 }
 MOST = {"false edge": 2, "viewpoint": 4, "prune": 4, "merge": 3, "why": 2, "threshold": 2}  # actions
-THEMES = ("dark", "light")
 PATIENCE = 180.0  # seconds after which a task counts as stuck
-TRAINING = ("--submaps", "1", "--steps", "500", "--image-size", "240")
 SETTLE = 0.6  # seconds between an action and its image
 
 
@@ -104,11 +103,10 @@ class Hand:
             time.sleep(0.05)
         raise Stuck(what)
 
-    def click(self, what: str, widget: QWidget, at: QPoint | None = None, times: int = 1, held: str = "") -> None:
+    def click(self, what: str, widget: QWidget, at: QPoint | None = None, held: str = "") -> None:
         x, y = self._place(widget, at)
         keys = (["keydown", held], ["keyup", held]) if held else ([], [])
-        clicks = ["click", *(["--repeat", str(times), "--delay", "60"] if times > 1 else []), "1"]
-        self._do("mousemove", x, y, "sleep", "0.08", *keys[0], *clicks, *keys[1])
+        self._do("mousemove", x, y, "sleep", "0.08", *keys[0], "click", "1", *keys[1])
         self._acted(what)
 
     def drag(self, what: str, widget: QWidget, start: QPoint, end: QPoint) -> None:
@@ -162,9 +160,9 @@ class Hand:
 class Tour:
     """The tasks. Everything that touches the window goes through `hand.gui`."""
 
-    def __init__(self, session: Any, hand: Hand, demo: Path, two: Path) -> None:
+    def __init__(self, session: Any, hand: Hand, demo: Path) -> None:
         self.session, self.window, self.hand = session, session.window, hand
-        self.document, self.demo, self.two = session.document, demo, two
+        self.document, self.demo = session.document, demo
 
     def open(self, path: Path) -> None:
         hand, document = self.hand, self.document
@@ -191,14 +189,6 @@ class Tour:
         if not hand.gui.ask(action.isEnabled):
             raise Stuck(f"{entry} is disabled: {hand.gui.ask(action.toolTip)}")
         hand.click(entry, menu, hand.gui.ask(lambda: menu.actionGeometry(action).center()))
-
-    def choose(self, box: QComboBox, row: int) -> None:
-        hand = self.hand
-        hand.click("open the list", box)
-        view = hand.gui.ask(box.view)
-        hand.until("the list did not open", view.isVisible)
-        rect: QRect = hand.gui.ask(lambda: view.visualRect(box.model().index(row, 0)))
-        hand.click(hand.gui.ask(lambda: box.itemText(row)), view.viewport(), rect.center())
 
     def bring(self, title: str, panel: QWidget) -> None:
         """Shows a panel: clicks its tab if another panel covers it, or uses the Window menu if it is closed."""
@@ -297,31 +287,6 @@ class Tour:
         self.hand.until("the effect is not shown", lambda: trial.outcome is not None, 20)
         gui.ask(panel.reset.click)
 
-    # Two rooms that are not joined ------------------------------------------------------------------------------
-
-    def joins(self) -> None:
-        from nvsim_app.state.directions import path_between
-
-        hand, gui, document = self.hand, self.hand.gui, self.document
-        self.open(self.demo)
-        surface = gui.ask(lambda: self.window.modes.canvases[1].surface)
-        a, b = gui.ask(lambda: far_though_near(document))
-        self._click_viewpoint("the first viewpoint", surface, a)
-        self._click_viewpoint("the second viewpoint", surface, b, held="shift")
-        details = self.window.panels["details"]
-        self.bring("Details", details)
-        words = gui.ask(lambda: details.words.text())
-        if "There is no edge" not in words:
-            raise Stuck("the details do not say why there is no edge")
-        reason = gui.ask(lambda: path_between(document, a, b))
-        hand.said.append(f"why: {reason.sentence}")
-        if not gui.ask(lambda: details.viewport().rect().contains(_in(details.words, details.viewport()))):
-            hand.said.append("the reason is visible only after scrolling")
-        hand.press("C to add edges", "c")
-        self._click_viewpoint("one end", surface, a)
-        self._click_viewpoint("other end", surface, b)
-        hand.until("the edge was not drawn", lambda: tuple(sorted((a, b))) in document.graph.edges, 5)
-
     def _click_viewpoint(self, what: str, surface: Any, id: str, held: str = "") -> None:
         """Clicks a viewpoint. Zooms in while another viewpoint is at its pixel."""
         gui, document = self.hand.gui, self.document
@@ -340,93 +305,10 @@ class Tour:
             self.hand.wheel("zoom in", surface.widget, at)
         raise Stuck(f"{what} cannot be clicked")
 
-    # A graph of two storeys ------------------------------------------------------------------------------------------
-
-    def cleans(self) -> None:
-        hand, gui, document = self.hand, self.hand.gui, self.document
-        self.open(self.two)
-        gui.ask(lambda: spoil(document))
-        panel = self.window.panels["validation"]
-        hand.press("the workspace Edit graph", "alt+3")
-        self.bring("Validation", panel)  # the workspace keeps the tabs that the task before left in front
-        hand.until("nothing was found", lambda: document.editing.findings, 10)
-        before = gui.ask(lambda: len(document.editing.findings))
-        hand.press("the storey below", "alt+Next")
-        hand.press("all storeys", "alt+Home")
-        fixed = 0
-        for _ in range(4):
-            hand.press("F8 to the next finding", "F8")
-            if not gui.ask(lambda: panel.fix.isEnabled() and panel.fix.isVisible()):
-                continue
-            steps = gui.ask(lambda: document.editing.history.index)
-            hand.click("Fix", panel.fix, gui.ask(lambda: QPoint(20, panel.fix.height() // 2)))
-            hand.until("Fix did nothing", lambda steps=steps: document.editing.history.index > steps, 5)
-            fixed += 1
-        if not fixed:
-            raise Stuck(f"none of {before} findings has a fix")
-        index = gui.ask(lambda: document.editing.history.index)
-        hand.press("undo", "ctrl+z")
-        hand.until("nothing was undone", lambda: document.editing.history.index == index - 1, 5)
-        after = gui.ask(lambda: len(document.editing.findings))
-        hand.said.append(f"{fixed} fixes, {before} findings before, {after} after the last was undone")
-
-    # A training, and a frame that it did not see ---------------------------------------------------------------
-
-    def watches(self) -> None:
-        from nvsim_app.wiring.frames import FramePart
-        from nvsim_app.wiring.jobs import TrainingPart
-
-        hand, gui = self.hand, self.hand.gui
-        self.open(self.demo)
-        jobs, words = self.window.jobs, ["--project", str(self.demo), *TRAINING]
-        job = gui.ask(lambda: jobs.start("train", words, self.demo, "Train submap 1"))
-        try:
-            hand.until("the training did not begin", lambda: job.state == "done" or job.history.share > 0.1)
-        except Stuck:
-            raise Stuck(f"the training did not begin: {job.state} {job.history.share}") from None
-        self.menu("Jobs", "Training window")
-        part = gui.ask(lambda: self.window.part(TrainingPart))
-        hand.until("the window of the training did not open", lambda: part.window is not None)
-        large = part.window
-        images = large.images
-        hand.until("no image of a step", lambda: images.canvas._photo is not None)
-        hand.look("training")
-        hand.until("the training does not end", lambda: job.state in ("done", "failed"))
-        hand.look("trained")
-        middle = gui.ask(lambda: images.canvas.rect().center())
-        hand.drag("wipe the step", images.canvas, middle, middle - QPoint(middle.x() // 2, 0))
-        smoothing = large.smoothing
-        hand.click("smooth the curves", smoothing, gui.ask(lambda: QPoint(smoothing.width() - 12, 8)))
-        hand.press("close it", "Escape")
-        hand.until("it did not close", lambda: part.window is None, 5)
-        hand.give_keys(self.window)
-
-        panel = self.window.panels["frames"]
-        self.bring("Frames", panel)
-        self.choose(panel.kind, 1)
-        viewport = panel.list.viewport()
-        first: QRect = gui.ask(
-            lambda: panel.list.visualRect(panel.filter.index(0, 0)) & viewport.visibleRegion().boundingRect()
-        )
-        hand.click("the first frame", viewport, first.center(), times=2)
-        page = gui.ask(lambda: self.window.part(FramePart).browser.page)
-        hand.until("the frame was not compared", lambda: page.isVisible() and page.canvas._render is not None)
-        hand.press("wipe", "ctrl+3")
-        line = gui.ask(lambda: QPoint(round(page.canvas.width() * page.canvas.divider), page.canvas.height() // 2))
-        hand.drag("drag the line", page.canvas, line, line + QPoint(page.canvas.width() // 5, 0))
-        if gui.ask(lambda: abs(page.canvas.divider - 0.5) < 0.05):
-            raise Stuck("the line did not follow")
-        hand.press("back", "Escape")
-
 
 def _is_seen(panel: QWidget) -> bool:
     found = QApplication.widgetAt(panel.mapToGlobal(panel.rect().center())) if panel.isVisible() else None
     return found is not None and (found is panel or panel.isAncestorOf(found))
-
-
-def _in(child: QWidget, parent: QWidget) -> QPoint:
-    """The end of the last line of `child`, in pixels of `parent`."""
-    return child.mapTo(parent, QPoint(4, child.height() - 4))
 
 
 def spoil(document: Any) -> None:
@@ -438,25 +320,6 @@ def spoil(document: Any) -> None:
     cut = [list(key) for key in graph.edges if set(key) & set(lonely)]
     document.editing.run("add_edges", {"pairs": pairs})
     document.editing.run("remove_edges", {"pairs": cut})
-
-
-def far_though_near(document: Any) -> tuple[str, str]:
-    """The pair of viewpoints, 1.5 to 6 m apart, with the largest ratio of path length to straight distance."""
-    import networkx
-
-    graph = document.graph
-    net = networkx.Graph()
-    net.add_nodes_from(graph.viewpoints)
-    place = {id: v.position for id, v in graph.viewpoints.items()}
-    net.add_weighted_edges_from((a, b, math.dist(place[a], place[b])) for a, b in graph.edges)
-    way = dict(networkx.all_pairs_dijkstra_path_length(net))
-    near = [
-        (way[a].get(b, 1e9) / math.dist(place[a], place[b]), a, b)
-        for a in place
-        for b in place
-        if a < b and 1.5 < math.dist(place[a], place[b]) < 6
-    ]
-    return max(near)[1:]
 
 
 def degree(document: Any, id: str) -> int:
@@ -524,29 +387,36 @@ TASKS: dict[str, Callable[[Tour], None]] = {
     "merge": Tour.merges,
     "why": Tour.asks_why,
     "threshold": Tour.tries_a_threshold,
-    "join": Tour.joins,
-    "clean": Tour.cleans,
-    "watch": Tour.watches,
 }
 
 
-def inside(given: argparse.Namespace) -> None:
+@dataclass(frozen=True)
+class Arguments:
+    demo: tyro.conf.Positional[Path]
+    out: Path = Path("tour")
+    only: tuple[Screen, ...] = tuple(SCREENS)
+    theme: tuple[Theme, ...] = ("dark", "light")
+    tasks: tuple[str, ...] = tuple(TASKS)
+    inside: bool = False
+    """Perform the tasks on the current display. The processes of the windows are started with this option."""
+
+
+def inside(given: Arguments) -> None:
     """Performs all tasks in one window on the current display, and prints a line of JSON for each."""
     from nvsim_app.session import Session
     from nvsim_app.start.application import make_application
 
     given.out.mkdir(parents=True, exist_ok=True)
     with tempfile.TemporaryDirectory(prefix="nvsim-tour-") as folder:
-        demo, two = Path(folder, "demo.nvsim"), Path(folder, "two.nvsim")
+        demo = Path(folder, "demo.nvsim")
         shutil.copytree(given.demo, demo)
-        shutil.copytree(given.two, two)
         settings = QSettings(f"{folder}/window.ini", QSettings.Format.IniFormat)
         app = make_application(given.theme[0], settings)
         session = Session(settings)
         session.window.setGeometry(app.primaryScreen().geometry())
         session.window.show()
         hand = Hand(Gui(), given.out, session.window.devicePixelRatioF())
-        tour = Tour(session, hand, demo, two)
+        tour = Tour(session, hand, demo)
 
         def work() -> None:
             for name in given.tasks:
@@ -577,15 +447,7 @@ def inside(given: argparse.Namespace) -> None:
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("demo", type=Path)
-    parser.add_argument("two", type=Path)
-    parser.add_argument("--out", type=Path, default=Path("tour"))
-    parser.add_argument("--only", choices=SCREENS, nargs="*", default=list(SCREENS))
-    parser.add_argument("--theme", choices=THEMES, nargs="*", default=list(THEMES))
-    parser.add_argument("--tasks", choices=TASKS, nargs="*", default=list(TASKS))
-    parser.add_argument("--inside", action="store_true", help=argparse.SUPPRESS)
-    given = parser.parse_args()
+    given = tyro.cli(Arguments, description=__doc__)
     if given.inside:
         inside(given)
         return
@@ -594,7 +456,7 @@ def main() -> None:
         for theme in given.theme:
             size, factor = SCREENS[screen]
             out = given.out / f"{screen}-{theme}"
-            words = [sys.executable, __file__, given.demo, given.two, "--out", out, "--theme", theme, "--inside"]
+            words = [sys.executable, __file__, given.demo, "--out", out, "--theme", theme, "--inside"]
             words += ["--tasks", *given.tasks]
             environment = {**os.environ, "QT_SCALE_FACTOR": factor, "QT_QPA_PLATFORM": "xcb"}
             server = ["xvfb-run", "-a", "-s", f"-screen 0 {size}x24"]

@@ -17,12 +17,9 @@ ghost      pixels where a training image shows a person: the rendering compared 
 from __future__ import annotations
 
 import dataclasses
-import fcntl
 import hashlib
 import json
 import time
-from collections.abc import Iterable
-from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -54,8 +51,6 @@ class Arguments:
     resume: bool = False
     pictures: bool = False
     """Write truth, rendering, and alpha of some held-out and novel views next to the runs."""
-    lock: Path | None = None
-    """A file that is locked while a run trains, for machines with several users."""
 
 
 def main() -> None:
@@ -100,15 +95,14 @@ def figures_of(arguments: Arguments, name: str, seed: int) -> dict[str, float]:
     path = arguments.runs / f"{hashlib.blake2b(settings.encode(), digest_size=8).hexdigest()}.json"
     if arguments.resume and path.exists():
         return json.loads(path.read_text())["figures"]
-    with held(arguments.lock):
-        walk = walk_through(seed, arguments.width, arguments.runs)
-        floor, cloud = FloorSurface.flat(0.0), walk.cloud if arguments.cloud else None
-        warm = dataclasses.replace(config, steps=2)
-        train_submap(walk.training[:3], cloud, floor, warm, seed=seed)  # compiles the kernels
-        started = time.perf_counter()
-        model = train_submap(walk.training, cloud, floor, config, seed=seed)
-        seconds = time.perf_counter() - started
-        figures = {"seconds": seconds, "gaussians": float(len(model.gaussians)), **judge(model, walk)}
+    walk = walk_through(seed, arguments.width, arguments.runs)
+    floor, cloud = FloorSurface.flat(0.0), walk.cloud if arguments.cloud else None
+    warm = dataclasses.replace(config, steps=2)
+    train_submap(walk.training[:3], cloud, floor, warm, seed=seed)  # compiles the kernels
+    started = time.perf_counter()
+    model = train_submap(walk.training, cloud, floor, config, seed=seed)
+    seconds = time.perf_counter() - started
+    figures = {"seconds": seconds, "gaussians": float(len(model.gaussians)), **judge(model, walk)}
     path.write_text(json.dumps({"name": name, "seed": seed, "figures": figures, "config": dataclasses.asdict(config)}))
     if arguments.pictures:
         folder = arguments.runs / "pictures" / name.replace(":", "_").replace("/", "_") / str(seed)
@@ -116,16 +110,6 @@ def figures_of(arguments: Arguments, name: str, seed: int) -> dict[str, float]:
         save_pictures(folder, model, **{kind: [(v.camera, v.image) for v in of] for kind, of in views.items()})
     print(f"{name}, seed {seed}: " + ", ".join(f"{k} {v:.3f}" for k, v in figures.items()), flush=True)
     return figures
-
-
-@contextmanager
-def held(path: Path | None) -> Iterable[None]:
-    if path is None:
-        yield
-        return
-    with open(path, "a") as file:
-        fcntl.flock(file, fcntl.LOCK_EX)
-        yield
 
 
 def judge(model: SubmapModel, walk: Walk) -> dict[str, float]:

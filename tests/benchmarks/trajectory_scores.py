@@ -7,23 +7,13 @@ from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
+
+from nvsim.geometry.rotation import fitted_similarity
 
 FAR = 0.5  # meters; cameras with a larger error are wrong
 
 Array = NDArray[np.float64]
-
-
-@dataclass(frozen=True, eq=False)
-class Similarity:
-    """A similarity that maps a point p to scale * rotation @ p + shift; rotation is (3, 3), shift (3,)."""
-
-    scale: float
-    rotation: Array
-    shift: Array
-
-    def points(self, points: Array) -> Array:
-        """The transformed points (N, 3) of points (N, 3)."""
-        return np.asarray(self.scale * points @ self.rotation.T + self.shift)
 
 
 @dataclass(frozen=True)
@@ -45,42 +35,21 @@ class Scores:
     extent: float
 
 
-def best_similarity(source: Array, target: Array) -> Similarity:
-    """The least-squares similarity from points (N, 3) to points (N, 3), N >= 3 (Umeyama 1991).
-
-    Raises ValueError if there are fewer than three points or all source points coincide.
-    """
-    if len(source) < 3 or len(source) != len(target):
-        raise ValueError(f"A similarity needs at least 3 pairs of points, not {len(source)} and {len(target)}.")
-    middle, aim = source.mean(axis=0), target.mean(axis=0)
-    spread = float(((source - middle) ** 2).sum(axis=1).mean())
-    if spread == 0:
-        raise ValueError("All camera positions coincide, so no similarity can be estimated.")
-    u, sizes, vt = np.linalg.svd((target - aim).T @ (source - middle) / len(source))
-    signs = np.array([1.0, 1.0, np.sign(np.linalg.det(u @ vt))])
-    rotation = u @ np.diag(signs) @ vt
-    scale = float(sizes @ signs) / spread
-    return Similarity(scale, rotation, aim - scale * rotation @ middle)
-
-
-def angles(rotations: Array) -> Array:
-    """Angles (N,) of rotations (N, 3, 3), degrees; exact for small angles too."""
-    trace = np.trace(rotations, axis1=1, axis2=2)
-    skew = rotations - rotations.transpose(0, 2, 1)
-    sine = np.sqrt(skew[:, 2, 1] ** 2 + skew[:, 0, 2] ** 2 + skew[:, 1, 0] ** 2)
-    return np.asarray(np.degrees(np.arctan2(sine, trace - 1)))
-
-
 def score(estimated: Array, true: Array) -> Scores:
-    """Compares camera-to-world matrices (N, 4, 4) with true ones (N, 4, 4) in meters, both in order of time.
+    """Compares camera-to-world matrices (N, 4, 4) with true ones (N, 4, 4) in meters, both in order of time, after the
+    similarity that fits the positions best.
 
-    Raises ValueError as `best_similarity` does.
+    Raises ValueError if there are fewer than three poses or all estimated positions coincide.
     """
-    fit = best_similarity(estimated[:, :3, 3], true[:, :3, 3])
-    off = np.linalg.norm(fit.points(estimated[:, :3, 3]) - true[:, :3, 3], axis=1)
-    turned = angles((fit.rotation @ estimated[:, :3, :3]).transpose(0, 2, 1) @ true[:, :3, :3])
+    if len(true) < 3 or len(estimated) != len(true):
+        raise ValueError(f"A similarity needs at least 3 pairs of poses, not {len(estimated)} and {len(true)}.")
+    if np.ptp(estimated[:, :3, 3], axis=0).max() == 0:
+        raise ValueError("All camera positions coincide, so no similarity can be estimated.")
+    scale, rotation, shift = fitted_similarity(estimated[:, :3, 3], true[:, :3, 3])
+    off = np.linalg.norm(scale * estimated[:, :3, 3] @ rotation.T + shift - true[:, :3, 3], axis=1)
+    turned = _angles((rotation @ estimated[:, :3, :3]).transpose(0, 2, 1) @ true[:, :3, :3])
     ours, theirs = (p[:-1, :3, :3].transpose(0, 2, 1) @ p[1:, :3, :3] for p in (estimated, true))
-    relative = angles(ours.transpose(0, 2, 1) @ theirs)
+    relative = _angles(ours.transpose(0, 2, 1) @ theirs)
     return Scores(
         float(np.median(off)),
         float(off.max()),
@@ -106,3 +75,8 @@ def read_poses(path: Path) -> dict[int, Array]:
             pose[:3, :3] = u @ vt
             poses[int(words[0])] = pose
     return poses
+
+
+def _angles(rotations: Array) -> Array:
+    """Angles (N,) of rotations (N, 3, 3), degrees."""
+    return np.degrees(Rotation.from_matrix(rotations).magnitude())

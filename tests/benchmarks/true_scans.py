@@ -10,17 +10,23 @@ of a project is harder for agents.
 
 from __future__ import annotations
 
-import sys
 import time
 from dataclasses import dataclass
 from pathlib import Path
 
+import cv2
 import numpy as np
 import tyro
 
-from tests.benchmarks.oracle import CAMERA_HEIGHT
-
-sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "unit"))
+from nvsim.building import BuildingConfig
+from nvsim.building.rendering import render
+from nvsim.building.scene import make_scene, textures_of
+from nvsim.building.truth import occupancy
+from nvsim.files import atomic
+from nvsim.geometry.directions import sweep
+from nvsim.graph.connectivity import SUFFIX, write_connectivity
+from nvsim.mapping.config import MappingConfig
+from tests.benchmarks.oracle import mapped
 
 
 @dataclass(frozen=True)
@@ -41,28 +47,12 @@ def main() -> None:
 
 def write_scan(out: Path, seed: int, width: int) -> int:
     """Writes a scan and returns its number of viewpoints; 0 if the scan exists already."""
-    import cv2
-    from columns import Columns, flat_floor
-
-    from nvsim.building import BuildingConfig
-    from nvsim.building.rendering import render
-    from nvsim.building.scene import make_scene, textures_of
-    from nvsim.building.truth import occupancy
-    from nvsim.files import atomic
-    from nvsim.geometry.directions import sweep
-    from nvsim.graph.connectivity import SUFFIX, write_connectivity
-    from nvsim.mapping.builder import build_map
-    from nvsim.mapping.config import MappingConfig
-
     scan = f"B{seed}"
     if (out / "connectivity" / f"{scan}{SUFFIX}").is_file():
         return 0
     scene = make_scene(BuildingConfig(seed=seed))
     textures = textures_of(scene)
-    walk = scene.path[:, :2]
-    cameras = np.column_stack([walk, np.full(len(walk), CAMERA_HEIGHT)])
-    world = Columns(occupancy(scene))
-    graph = build_map(world, cameras, flat_floor, world.support, MappingConfig(), scan=scan).graph
+    graph = mapped(occupancy(scene), scene.path[:, :2], MappingConfig(), scan).graph
     nobody = np.empty((0, 5)), np.empty((0, 3))
     for viewpoint in graph.viewpoints.values():
         for i, camera in enumerate(sweep(np.array(viewpoint.position), width, width * 3 // 4)):

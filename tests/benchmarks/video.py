@@ -24,10 +24,13 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import pycolmap
 import tyro
 from harness import report
 from numpy.typing import NDArray
 from trajectory_scores import FAR, read_poses, score
+
+from nvsim.capture.read import read
 
 _MEASURED = "benchmark.json"
 
@@ -100,8 +103,6 @@ def truth_of_folder(folder: Path, every: int = 1) -> Truth:
 
 def truth_of_capture(path: Path) -> Truth:
     """The poses of a capture, and the lens of its first frame."""
-    from nvsim.capture.read import read
-
     frames = read(path).frames
     lens = frames[0].lens
     return Truth({Path(f.name).stem: f.camera_to_world for f in frames}, float(np.mean(lens.focal)), lens.width)
@@ -109,8 +110,6 @@ def truth_of_capture(path: Path) -> Truth:
 
 def scored(out: Path, truth: Truth) -> dict[str, Any]:
     """Metrics of the model in `out`/sparse/0. Raises ValueError if fewer than three of its images have a true pose."""
-    import pycolmap
-
     model = pycolmap.Reconstruction(str(out / "sparse" / "0"))
     report = out / "poses.json"
     told: dict[str, Any] = json.loads(report.read_text()) if report.is_file() else {}

@@ -20,10 +20,10 @@ import numpy as np
 import tyro
 from harness import report
 from numpy.typing import NDArray
-from trajectory_scores import best_similarity
 from video import truth_of_folder
 
 from nvsim.evaluation.graph import evaluate_graph
+from nvsim.geometry.rotation import fitted_similarity
 from nvsim.occupancy.heights import Heights
 from nvsim.occupancy.read import read_map
 from nvsim.project.project import Project
@@ -52,8 +52,8 @@ def main() -> int:
             return 0
         graph, support = project.need_graph(), project.support()
     ours = np.array([f.camera_to_world[:3, 3] for f in frames])
-    fit = best_similarity(ours, true[:, :3, 3])
-    turn, center, true_center = fit.rotation, ours.mean(axis=0), true[:, :3, 3].mean(axis=0)
+    scale, turn, _ = fitted_similarity(ours, true[:, :3, 3])
+    center, true_center = ours.mean(axis=0), true[:, :3, 3].mean(axis=0)
 
     def moved(points: NDArray[np.floating]) -> NDArray[np.float64]:
         return (np.asarray(points, float) - center) @ turn.T + true_center
@@ -78,7 +78,7 @@ def main() -> int:
     off = np.linalg.norm(moved(ours) - true[:, :3, 3], axis=1)
     figures |= {
         "frames": len(frames),
-        "scale_error_percent": round(100 * (1 / fit.scale - 1), 2),
+        "scale_error_percent": round(100 * (1 / scale - 1), 2),
         "tilt_deg": round(float(np.degrees(np.arccos(np.clip(turn[2, 2], -1, 1)))), 2),
         "position_median_cm": round(100 * float(np.median(off)), 1),
         "position_max_cm": round(100 * float(off.max()), 1),

@@ -83,7 +83,7 @@ def test_short_commands_show_all_options(verb: str, capsys: pytest.CaptureFixtur
         ("run", ["CAPTURE", "--project", "p", "--map.no-settle"], "config.map.settle", False),
         ("map", ["--project", "p", "--panorama-width", "512"], "config.panorama_width", 512),
         ("r2r train", ["--weight-decay", "0.5"], "learning.weight_decay", 0.5),
-        ("export tasks", ["--fewest-edges", "3"], "bounds.fewest_edges", 3),
+        ("export tasks", ["--fewest-edges", "3"], "options.bounds.fewest_edges", 3),
     ],
 )
 def test_an_option_that_help_hides_still_parses(

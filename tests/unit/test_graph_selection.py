@@ -178,5 +178,4 @@ def test_box_keeps_floors_apart_and_takes_the_edges_inside() -> None:
     graph = crossing()
     box = [(-1, -3), (1, -3), (1, 3), (-1, 3)]
     assert select_within(graph, box) == selection(["m", "n1", "s1"], [("m", "n1"), ("m", "s1")])
-    assert select_within(graph, box, z=(3, 5)) == NOTHING
     assert by_expression(mark_reviewed(graph, ["m"]), "reviewed", kind="viewpoints") == selection(["m"])

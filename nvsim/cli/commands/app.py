@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import importlib.util
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -30,8 +31,6 @@ class App:
         path = self.project or self.path
         if path is not None:
             check_openable(path)
-        import importlib.util
-
         if importlib.util.find_spec("PySide6") is None:
             raise InputError("The window needs PySide6-Essentials; install it with `pip install PySide6-Essentials`.")
         words = [f"--project={path}"] if path is not None else []

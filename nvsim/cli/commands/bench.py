@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Literal
+
+import numpy as np
 
 from nvsim.cli import terminal
 from nvsim.cli.arguments import Inline, Memory, memory_budget
@@ -43,9 +46,7 @@ class BenchRender:
         from nvsim.splats.formats.choice import read_splats
         from nvsim.training.devices.choice import gpu_name
 
-        width, _, height = self.size.partition("x")
-        if not (width.isdecimal() and height.isdecimal() and int(width) and int(height)):
-            raise InputError(f"The size {self.size!r} is not valid; write it as 640x480.")
+        width, height = _size(self.size)
         if self.rounds < 1 or self.gaussians < 1:
             raise InputError("A measurement needs at least one round and one Gaussian.")
         if self.scene is None:
@@ -54,7 +55,7 @@ class BenchRender:
             splats = read_splats(self.scene)
             gaussians = splats.gaussians
             terminal.print_notes(splats.notes)
-        camera, place = inside_view(int(width), int(height)), gpu_name(self.device)
+        camera, place = inside_view(width, height), gpu_name(self.device)
         if place is None:
             figures = measure(gaussians, camera, not self.classic, self.rounds)
         else:
@@ -88,10 +89,6 @@ class BenchOpengl:
 
     def run(self) -> int:
         """Runs the command. Raises InputError if an option is invalid, or if the project has no models."""
-        import math
-
-        import numpy as np
-
         from nvsim.benchmarks.panorama import furnished_hall
         from nvsim.geometry.camera import Camera, Intrinsics, camera_pose
         from nvsim.project.project import Project
@@ -157,8 +154,6 @@ class BenchPanorama:
 
     def run(self) -> int:
         """Runs the command. Raises InputError if an option is invalid, or if the project has no models."""
-        import numpy as np
-
         from nvsim.benchmarks.panorama import furnished_hall, measure
         from nvsim.project.floor_heights import floor_of
         from nvsim.project.project import Project
@@ -204,12 +199,9 @@ class BenchTrain:
         """Runs the command. Raises InputError if an option is invalid."""
         from nvsim.benchmarks.train import measure
 
-        try:
-            width, height = (int(part) for part in self.size.lower().split("x"))
-        except ValueError as error:
-            raise InputError(f"--size {self.size} is not an image size; write it as 640x480.") from error
-        if min(width, height, self.gaussians) < 1 or not 0 <= self.sh_degree <= 3:
-            raise InputError("--gaussians and both sides of --size must be positive, and --sh-degree 0 to 3.")
+        width, height = _size(self.size)
+        if self.gaussians < 1 or not 0 <= self.sh_degree <= 3:
+            raise InputError("--gaussians must be positive, and --sh-degree 0 to 3.")
         figures = measure(self.gaussians, width, height, self.sh_degree, device=self.device, preset_name=self.preset)
         terminal.figures(figures, self.json, "a training step")
         return 0

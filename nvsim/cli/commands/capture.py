@@ -12,6 +12,7 @@ import tyro
 
 from nvsim.capture import formats
 from nvsim.capture.axes import Axes
+from nvsim.capture.findings import SCALE_ASSUMED, SCALE_IN_HEIGHTS, SCALE_UNKNOWN, Finding, grouped
 from nvsim.cli.arguments import Inline
 from nvsim.cli.console import event_listener, with_command_options
 from nvsim.cli.session import project_job
@@ -21,7 +22,6 @@ from nvsim.events import Log
 from nvsim.project.config import CaptureConfig
 
 if TYPE_CHECKING:
-    from nvsim.capture.findings import Finding
     from nvsim.capture.summary import Summary
     from nvsim.footage.sources import Footage
     from nvsim.reconstruction.report import PosesReport
@@ -127,8 +127,6 @@ class Check:
 
 def _of_footage(finding: Finding) -> Finding:
     """The finding about an unknown scale, reworded for poses of a video."""
-    from nvsim.capture.findings import SCALE_ASSUMED, SCALE_IN_HEIGHTS, SCALE_UNKNOWN
-
     if finding.message != SCALE_UNKNOWN:
         return finding
     return dataclasses.replace(finding, message=SCALE_ASSUMED, consequence=SCALE_IN_HEIGHTS)
@@ -136,8 +134,6 @@ def _of_footage(finding: Finding) -> Finding:
 
 def _of_measured_scale(poses: PosesReport, used: float | None, arguments: Check) -> list[Finding]:
     """Findings about the scale from recorded positions. `used`: meters per unit that the user gave, None without."""
-    from nvsim.capture.findings import Finding
-
     source, model = arguments.capture, arguments.model
     measured = poses.measured_for(source, model)
     if measured is None:
@@ -153,15 +149,11 @@ def _of_measured_scale(poses: PosesReport, used: float | None, arguments: Check)
 
 
 def _say_findings(findings: Sequence[Finding], all_places: bool) -> None:
-    from nvsim.capture.findings import grouped
-
     for kind in grouped(findings):  # lines instead of a table, because a table could cut places short
         print_lines(with_command_options(kind.sentence(None if all_places else _PLACES)))
 
 
 def _say_posed_panoramas(listed: Path, arguments: Check) -> int:
-    from nvsim.capture.findings import Finding
-
     message = "the images are panoramas of a 360 degree camera with poses"
     found = Finding("note", message, listed.name, "they are cut into perspective views before the import")
     if arguments.json:
@@ -174,7 +166,6 @@ def _say_posed_panoramas(listed: Path, arguments: Check) -> int:
 
 
 def _check_video(footage: Footage, arguments: Check) -> int:
-    from nvsim.capture.findings import SCALE_ASSUMED
     from nvsim.footage.sources import is_panoramic
     from nvsim.reconstruction.footage_check import check_footage
 

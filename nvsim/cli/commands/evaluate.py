@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from contextlib import nullcontext
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Literal
@@ -11,6 +12,9 @@ from nvsim.cli.arguments import Positional, ProjectArguments
 from nvsim.cli.console import event_listener
 from nvsim.cli.session import project_job
 from nvsim.cli.terminal import as_json, print_lines
+from nvsim.errors import InputError
+from nvsim.events import Done
+from nvsim.files import atomic
 from nvsim.networks.installed import BUNDLED
 
 
@@ -38,7 +42,6 @@ class EvaluateViews(ProjectArguments):
     def run(self) -> int:
         from nvsim.evaluation.scores import open_lpips
         from nvsim.evaluation.views import evaluate_views
-        from nvsim.files import atomic
         from nvsim.project.project import Project
 
         distance, why = open_lpips(self.lpips, self.lpips_range)
@@ -99,7 +102,6 @@ class EvaluateFloor(ProjectArguments):
 
     def run(self) -> int:
         """Runs the command. Raises InputError if --cues is negative."""
-        from nvsim.errors import InputError
         from nvsim.evaluation.floor import evaluate_project_floor
         from nvsim.project.project import Project
 
@@ -131,7 +133,6 @@ class EvaluateNormals(ProjectArguments):
 
     def run(self) -> int:
         """Runs the command. Raises InputError if --frames is not positive."""
-        from nvsim.errors import InputError
         from nvsim.evaluation.normals import evaluate_project_normals
         from nvsim.project.project import Project
 
@@ -181,9 +182,6 @@ class EvaluateScan:
 
     def run(self) -> int:
         """Returns 1 if the scan has problems. Raises InputError if --views is out of range."""
-        from contextlib import nullcontext
-
-        from nvsim.errors import InputError
         from nvsim.evaluation.scan import evaluate_scan
         from nvsim.project.project import Project
 
@@ -238,11 +236,9 @@ class EvaluateAblation(ProjectArguments):
 
     def run(self) -> int:
         """Runs the command. Raises InputError if --resume and --repeat are both given."""
-        from nvsim.errors import InputError
         from nvsim.evaluation.ablation import STAGE, AblationConfig, evaluate_ablation, text_of, write_report
         from nvsim.evaluation.ablation_runs import Budget, runs_folder
         from nvsim.evaluation.scores import open_lpips
-        from nvsim.events import Done
 
         if self.resume and self.repeat:
             raise InputError("--resume and --repeat contradict each other; name one of them.")

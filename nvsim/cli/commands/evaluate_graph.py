@@ -12,6 +12,7 @@ from nvsim.cli import terminal
 from nvsim.cli.arguments import Inline, ProjectArguments, value_of_flag
 from nvsim.cli.session import project_job
 from nvsim.cli.terminal import print_lines
+from nvsim.events import Done
 from nvsim.mapping.config import MappingConfig
 from nvsim.occupancy.heights import Heights
 
@@ -162,7 +163,6 @@ class EvaluateValidityTable(ProjectArguments):
         from nvsim.evaluation.truth import true_occupancy
         from nvsim.evaluation.validity import STAGE, TableConfig, cells_folder, evaluate_validity
         from nvsim.evaluation.validity_report import text_of, write_validity
-        from nvsim.events import Done
 
         config = TableConfig(
             self.presets,

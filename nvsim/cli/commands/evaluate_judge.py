@@ -8,13 +8,13 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
 from nvsim.cli.arguments import Inline
-from nvsim.cli.terminal import print_lines
-from nvsim.endpoint.options import AskingOptions
+from nvsim.cli.terminal import as_json, print_lines
+from nvsim.endpoint.budget import Prices
+from nvsim.endpoint.options import AskingOptions, Endpoint
+from nvsim.endpoint.request import StoredAnswers
 from nvsim.errors import InputError
 
 if TYPE_CHECKING:
-    from nvsim.endpoint.budget import Prices
-    from nvsim.endpoint.options import Endpoint
     from nvsim.evaluation.judging.compared_images import ContestantImages
     from nvsim.evaluation.scores import Distance
     from nvsim.events import Listener
@@ -83,7 +83,6 @@ class EvaluateJudge:
     def run(self) -> int:
         from nvsim.cli.consent import exit_code
         from nvsim.cli.console import event_listener
-        from nvsim.cli.terminal import as_json
         from nvsim.evaluation.judging.compared_images import STAGE
         from nvsim.evaluation.judging.report import text_of, write_report
         from nvsim.evaluation.judging.verdicts import table_rows
@@ -140,9 +139,7 @@ def _check(a: EvaluateJudge) -> None:
 
 def _endpoints(a: EvaluateJudge) -> dict[str, tuple[Endpoint, Prices]]:
     """Judge -> its endpoint and its prices."""
-    from nvsim.endpoint.budget import Prices
     from nvsim.endpoint.connection import http_package
-    from nvsim.endpoint.options import Endpoint
 
     for flag, given in (
         ("--key-variables", a.key_variables),
@@ -237,7 +234,6 @@ def _collect_verdicts(
     from nvsim.cli.consent import ask_for_consent
     from nvsim.endpoint.budget import Budget
     from nvsim.endpoint.client import Client
-    from nvsim.endpoint.request import StoredAnswers
     from nvsim.evaluation.judging.judges import JudgeRequester, read_prompt
 
     asker = JudgeRequester(read_prompt(a.prompt), a.image_width)

@@ -6,6 +6,7 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
+from nvsim.cli import terminal
 from nvsim.cli.arguments import Inline, Positional, ProjectArguments
 from nvsim.cli.console import event_listener
 from nvsim.cli.terminal import as_json, print_lines
@@ -81,7 +82,6 @@ class ExportScan(ProjectArguments):
     """Report the files to write, their size and the time, or the reason why it is not possible; write nothing."""
 
     def run(self) -> int:
-        from nvsim.cli import terminal
         from nvsim.graph.connectivity import read_connectivity
         from nvsim.project.project import Project
         from nvsim.r2r.observations.export import PreparedExport, export_scan
@@ -122,7 +122,6 @@ class ExportScan(ProjectArguments):
 
 def _print_estimate(prepared: PreparedExport, settings: ScanSettings, a: ExportScan) -> None:
     """Prints the estimate of the export. With --json: {"scans", "free", "shortage"} and all fields of the estimate."""
-    from nvsim.cli import terminal
     from nvsim.r2r.observations.estimate import size_words
 
     found = prepared.estimate(settings, a.stub, a.backend)

@@ -8,7 +8,9 @@ from typing import Annotated, Any, Literal
 
 import tyro
 
+from nvsim.cli import terminal
 from nvsim.cli.arguments import Inline, Positional, ProjectArguments
+from nvsim.cli.commands.export_tasks import TaskArguments
 from nvsim.cli.console import event_listener
 from nvsim.cli.terminal import as_json, print_lines
 from nvsim.dataset.agent_files import AgentName
@@ -16,9 +18,6 @@ from nvsim.errors import InputError
 from nvsim.events import Warning
 from nvsim.networks.onnx_session import Provider
 from nvsim.r2r.features.layouts import LAYOUTS, Name, missing_package_error
-from nvsim.r2r.instructions.registers import Register
-from nvsim.r2r.tasks.shortest import PathBounds
-from nvsim.r2r.tasks.splitting import PathCounts
 
 
 @dataclass(frozen=True)
@@ -157,27 +156,7 @@ class ExportDataset(ProjectArguments):
     """Pixels per side of a skybox face, a multiple of 16."""
     stub: bool = True
     """Write a stub of the scan ZMojNkEp431, which VLN-DUET and Recurrent-VLN-BERT open by name."""
-    instructions: int = 3
-    """Number of instructions per path."""
-    landmarks: bool = True
-    """Name doorways, corridors, objects and the floor in instructions."""
-    register: Register = "short"
-    """Style of the instructions. short: about 25 words without meters, as in R2R. detailed: every fact in a clause of
-    its own. rxr: long descriptions with meters, as in RxR."""
-    vlnce: bool = False
-    """Also write the tasks as VLN-CE episodes."""
-    streamvln: bool = False
-    """Also write the tasks as StreamVLN annotations."""
-    rxr: bool = False
-    """Also write the tasks as RxR guide annotations with pose traces, and with --vlnce as RxR-VLN-CE episodes. Use it
-    with --register rxr."""
-    goals: bool = False
-    """Also write goals without language: PointNav, ObjectNav, and image goals for Habitat, and remote objects with
-    boxes for REVERIE. Needs strips with depth."""
-    unseen: tuple[str, ...] = ()
-    """Scans that only val_unseen enters, as a whole. Default: a region of every scan."""
-    amounts: Inline[PathCounts] = field(default_factory=PathCounts)
-    bounds: Inline[PathBounds] = field(default_factory=PathBounds)
+    tasks: Inline[TaskArguments] = field(default_factory=TaskArguments)
     force: bool = False
     """Also write graphs that R2R agents cannot handle."""
     backend: Literal["auto", "numba", "gsplat"] = "auto"
@@ -195,7 +174,6 @@ class ExportDataset(ProjectArguments):
     def run(self) -> int:
         from nvsim.dataset.building import DatasetOptions, export_dataset, prepare_exports
         from nvsim.dataset.estimate import estimate_dataset
-        from nvsim.dataset.tasks import TaskOptions
         from nvsim.r2r.observations.layout import ScanSettings
 
         options = DatasetOptions(
@@ -203,7 +181,7 @@ class ExportDataset(ProjectArguments):
             self.stub,
             self.layouts,
             self.projection,
-            TaskOptions.of(self),
+            self.tasks,
             self.force,
             self.backend,
             tuple(dict.fromkeys(self.for_)),
@@ -222,7 +200,6 @@ class ExportDataset(ProjectArguments):
 
 
 def _print_estimate(found: dict[str, Any], a: ExportDataset) -> None:
-    from nvsim.cli import terminal
     from nvsim.r2r.observations.estimate import size_words
 
     if a.json:

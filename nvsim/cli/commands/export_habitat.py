@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from nvsim.cli.arguments import Positional
-from nvsim.cli.terminal import print_lines
+from nvsim.cli.terminal import as_json, print_lines
 
 if TYPE_CHECKING:
     import numpy as np
@@ -34,7 +34,6 @@ class ExportHabitat:
 
     def run(self) -> int:
         from nvsim.cli.console import event_listener
-        from nvsim.cli.terminal import as_json
         from nvsim.dataset.habitat.scene import write_scenes
         from nvsim.events import ignore_event
 

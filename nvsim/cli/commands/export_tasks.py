@@ -3,19 +3,21 @@
 from __future__ import annotations
 
 from collections import Counter
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from nvsim.cli.arguments import Inline, Positional
-from nvsim.cli.terminal import print_lines
+from nvsim.cli.terminal import as_json, print_lines, table
+from nvsim.dataset.task_options import TaskOptions
 from nvsim.endpoint.options import AskingOptions, OneEndpoint
+from nvsim.endpoint.request import StoredAnswers
 from nvsim.errors import InputError, value_text
-from nvsim.r2r.instructions.registers import Register
+from nvsim.graph.connectivity import read_connectivity, scan_files
 from nvsim.r2r.prompted.options import ImageOptions
 from nvsim.r2r.tasks.shortest import PathBounds
-from nvsim.r2r.tasks.splitting import PathCounts
+from nvsim.r2r.tasks.splitting import PathCounts, replace_instructions
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -27,6 +29,14 @@ if TYPE_CHECKING:
     from nvsim.graph.types import NavGraph
     from nvsim.r2r.instructions.generating import InstructedDataset
     from nvsim.r2r.tasks.splitting import Dataset
+
+
+@dataclass(frozen=True)
+class TaskArguments(TaskOptions):
+    """The options of tasks, without prefixes."""
+
+    amounts: Inline[PathCounts] = field(default_factory=PathCounts)
+    bounds: Inline[PathBounds] = field(default_factory=PathBounds)
 
 
 @dataclass(frozen=True)
@@ -44,27 +54,7 @@ class ExportTasks:
     """The output folder."""
     only: tuple[str, ...] = ()
     """Scans to use. Default: all that scans.txt lists."""
-    unseen: tuple[str, ...] = ()
-    """Scans that only val_unseen enters, as a whole. Default: a region of every scan."""
-    instructions: int = 3
-    """Number of instructions per path, generated from turns, distances, slopes and visible objects; 0 for none."""
-    landmarks: bool = True
-    """Name doorways, corridors, objects and the floor too, if the scans have strips with depth."""
-    register: Register = "short"
-    """Style of the instructions. short: about 25 words without meters, as in R2R. detailed: every fact in a clause of
-    its own. rxr: long descriptions with meters, as in RxR."""
-    vlnce: bool = False
-    """Also write the tasks as VLN-CE episodes, with actions that follow the paths. Needs strips with depth."""
-    streamvln: bool = False
-    """Also write the tasks as StreamVLN annotations, with these actions."""
-    rxr: bool = False
-    """Also write the tasks as RxR guide annotations with pose traces, and with --vlnce as RxR-VLN-CE episodes. Use it
-    with --register rxr."""
-    goals: bool = False
-    """Also write goals without language: PointNav, ObjectNav, and image goals for Habitat, and remote objects with
-    boxes for REVERIE. Needs strips with depth."""
-    amounts: Inline[PathCounts] = field(default_factory=PathCounts)
-    bounds: Inline[PathBounds] = field(default_factory=PathBounds)
+    options: Inline[TaskArguments] = field(default_factory=TaskArguments)
     asked: Inline[OneEndpoint] = field(default_factory=OneEndpoint)
     asking: Inline[AskingOptions] = field(default_factory=AskingOptions)
     looking: Inline[ImageOptions] = field(default_factory=ImageOptions)
@@ -76,18 +66,16 @@ class ExportTasks:
     def run(self) -> int:
         from nvsim.cli.consent import exit_code
         from nvsim.cli.console import event_listener
-        from nvsim.cli.terminal import as_json, table
-        from nvsim.dataset.tasks import STAGE, TaskOptions, make_tasks
+        from nvsim.dataset.tasks import STAGE, make_tasks
         from nvsim.events import Done, ignore_event
 
-        options = TaskOptions.of(self)
         if self.asked.endpoint is not None:
             _check_endpoint(self)
         graphs, clouds = _graphs(self)
         with event_listener(False) as heard:
             listen = ignore_event if self.json else heard
             retell = partial(_asked_instructions, self, listen) if self.asked.endpoint is not None else None
-            made = make_tasks(graphs, self.scans, self.out, options, listen, clouds, retell)
+            made = make_tasks(graphs, self.scans, self.out, self.options, listen, clouds, retell)
             if not self.json:
                 listen(Done(STAGE, f"{made.instructed.paths} paths in {self.out}"))
         dataset = made.instructed.dataset
@@ -103,7 +91,7 @@ class ExportTasks:
             )
         else:
             table(list(rows[0]), [[_text(value) for value in row.values()] for row in rows])
-            if self.instructions:
+            if self.options.instructions:
                 which = "generated instructions" if "endpoint" in made.about else "instructions"
                 print_lines(f"From the {which} alone a follower finds {_count_described(made.instructed)}.")
             if "endpoint" in made.about:
@@ -161,8 +149,6 @@ def warnings_of(dataset: Dataset) -> list[str]:
 
 def _graphs(arguments: ExportTasks) -> tuple[list[NavGraph], dict[str, NDArray[np.floating]]]:
     """The graphs, and their point clouds by scan. Raises InputError if the options contradict each other."""
-    from nvsim.graph.connectivity import read_connectivity, scan_files
-
     a = arguments
     if a.scans is None and a.project is None:
         raise InputError("Give --scans (a folder of exported scans), or --project, or both.")
@@ -171,8 +157,6 @@ def _graphs(arguments: ExportTasks) -> tuple[list[NavGraph], dict[str, NDArray[n
         return [read_connectivity(path) for path in scan_files(a.scans, a.only).values()], {}
     if a.only and a.scans is None:
         raise InputError("--only selects scans of --scans; a project is one scan.")
-    from dataclasses import replace
-
     from nvsim.dataset.clouds import dense_point_cloud
     from nvsim.project.project import Project
     from nvsim.r2r.observations.stub import SCAN
@@ -188,7 +172,7 @@ def _graphs(arguments: ExportTasks) -> tuple[list[NavGraph], dict[str, NDArray[n
                 f"exported under another id, name it with --only: {', '.join(map(value_text, listed[:5]))}."
             )
         graphs = [read_connectivity(path) for path in scan_files(a.scans, names).values()]
-        cloud = dense_point_cloud(project) if a.vlnce or a.streamvln or a.goals else None
+        cloud = dense_point_cloud(project) if a.options.strips else None
     return graphs, {} if cloud is None else {graph.scan: cloud for graph in graphs}
 
 
@@ -196,7 +180,7 @@ def _check_endpoint(a: ExportTasks) -> None:
     """Raises InputError before any work if the model cannot be asked with these options."""
     from nvsim.r2r.prompted.instructions import read_prompt
 
-    if a.instructions == 0:
+    if a.options.instructions == 0:
         raise InputError(
             "--endpoint asks for instructions, but --instructions 0 excludes them; drop one of the two options."
         )
@@ -214,10 +198,8 @@ def _asked_instructions(
     Raises InputError if there are no images to send, the user does not agree, or the endpoint does not answer."""
     from nvsim.cli.consent import ask_for_consent
     from nvsim.endpoint.client import Client
-    from nvsim.endpoint.request import StoredAnswers
     from nvsim.r2r.prompted.instructions import InstructionWriter, read_prompt
     from nvsim.r2r.prompted.views import ViewRenderer
-    from nvsim.r2r.tasks.splitting import replace_instructions
 
     prompt, endpoint, budget = read_prompt(a.prompt), a.asked.address(), a.asked.budget(a.asking)
     place = a.scans or a.project
@@ -228,7 +210,9 @@ def _asked_instructions(
     kept = StoredAnswers(a.asked.answers or a.out / "answers")
     client = Client(endpoint, kept, budget, a.asking, listen)
     try:
-        writer = InstructionWriter(renderer, by_scan, prompt, a.instructions, a.asking.answer_tokens, a.asking.detail)
+        writer = InstructionWriter(
+            renderer, by_scan, prompt, a.options.instructions, a.asking.answer_tokens, a.asking.detail
+        )
         note = (
             "NVSim sends views along the paths, turns and distances. If an answer is unusable, it asks again, "
             "at most twice."
@@ -273,7 +257,6 @@ class ExportReviewed:
 
     def run(self) -> int:
         """Runs the command. Raises InputError if no tasks are named."""
-        from nvsim.cli.terminal import as_json, table
         from nvsim.r2r.reviewing import counts_of, export_reviewed, read_folder
 
         if not self.tasks:

@@ -9,10 +9,12 @@ from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from nvsim.cli import terminal
 from nvsim.cli.arguments import Inline, Memory, Positional, ProjectArguments, memory_budget
 from nvsim.cli.terminal import as_json, print_lines
 from nvsim.errors import InputError
-from nvsim.graph.findings import Limits
+from nvsim.graph.edits import EditError
+from nvsim.graph.findings import Limits, check_graph
 from nvsim.mapping.config import MappingConfig
 from nvsim.occupancy.heights import Heights
 
@@ -40,9 +42,7 @@ class GraphCheck:
     limits: Inline[Limits] = field(default_factory=Limits)
 
     def run(self) -> int:
-        from nvsim.cli import terminal
         from nvsim.cli.graph_target import sources
-        from nvsim.graph.findings import check_graph
         from nvsim.r2r.observations.stub import is_stub
 
         report: list[dict[str, Any]] = []
@@ -117,7 +117,6 @@ class GraphPropose:
     def run(self) -> int:
         """Runs the command. Raises InputError if a distance is out of range, or if there is no evidence and no map."""
 
-        from nvsim.cli import terminal
         from nvsim.cli.graph_target import read_one_graph
         from nvsim.graph.proposals import propose_edges, propose_viewpoints
         from nvsim.graph.scripts import write_script
@@ -190,7 +189,6 @@ class GraphReview:
     """Print the edges as JSON."""
 
     def run(self) -> int:
-        from nvsim.cli import terminal
         from nvsim.cli.graph_target import read_one_graph
         from nvsim.graph.review import Review
 
@@ -226,10 +224,8 @@ class GraphCompare:
 
     def run(self) -> int:
         """Runs the command. Raises InputError if a kind is unknown or the graphs cannot be merged."""
-        from nvsim.cli import terminal
         from nvsim.cli.graph_target import read_one_graph
         from nvsim.graph.compare import KINDS, compare, merge
-        from nvsim.graph.edits import EditError
 
         kinds = {kind.replace(" ", "-"): kind for kind in KINDS}
         for word in self.take:

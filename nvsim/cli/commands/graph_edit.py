@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import time
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
@@ -20,6 +20,7 @@ from nvsim.occupancy.heights import Heights
 if TYPE_CHECKING:
     from nvsim.cli.graph_target import GraphTarget
     from nvsim.graph.difference import Difference
+    from nvsim.graph.history import History
     from nvsim.graph.operations import Operation
     from nvsim.graph.types import NavGraph
 
@@ -91,7 +92,7 @@ class GraphEdit:
     def run(self) -> int:
         """Runs the command. Raises InputError if the edit is unknown, or if its arguments are invalid."""
         from nvsim.cli.graph_target import GraphTarget, edit_errors_as_input_errors
-        from nvsim.graph.operations import OPERATIONS, apply, describe, perform_operation, usage
+        from nvsim.graph.operations import OPERATIONS, describe, perform_operation, usage
 
         target = GraphTarget(self.graph, self.occupancy, self.heights)
         if self.edit == "list":
@@ -101,26 +102,34 @@ class GraphEdit:
         if operation is None:
             raise InputError(f"There is no edit {self.edit!r}; `nvsim graph edit FILE list` prints them.")
         given = _parse_arguments(self.set)
-        if self.dry_run or self.out is not None:
-            before = target.read()
+
+        def change(history: History) -> str:
             with edit_errors_as_input_errors():
-                values = _values(self, target, before, operation, given)
-                after = before if values is None else apply(before, operation.name, values, target.surroundings())
-                words = "" if values is None else describe(operation.name, values)
-            written = None if self.dry_run else target.write(after, self.out)
-        else:
-            written = None
-            with target.editing() as history, edit_errors_as_input_errors():
-                before = history.graph
-                values = _values(self, target, before, operation, given)
-                if values is not None:
-                    perform_operation(history, operation.name, values, surroundings=target.surroundings())
-                    words = describe(operation.name, values)
-                after = history.graph
-                written = target.path if after is not before else None
-        original = target.original if written == target.path else None
-        _report(before, after, words if values is not None else "", written, self.json, original)
-        return 0
+                values = _values(self, target, history.graph, operation, given)
+                if values is None:
+                    return ""
+                perform_operation(history, operation.name, values, surroundings=target.surroundings())
+                return describe(operation.name, values)
+
+        return _edit(self, target, change)
+
+
+def _edit(arguments: GraphEdit | GraphReplay, target: GraphTarget, change: Callable[[History], str]) -> int:
+    """Changes the graph, or a copy of it for --dry-run and --out, and prints the changes. `change` returns the text of
+    the edit, "" if it changes nothing."""
+    from nvsim.graph.history import History
+
+    if arguments.dry_run or arguments.out is not None:
+        history = History(target.read())
+        before, words = history.graph, change(history)
+        written = None if arguments.dry_run else target.write(history.graph, arguments.out)
+    else:
+        with target.editing() as history:
+            before, words = history.graph, change(history)
+        written = None if history.graph is before else target.path
+    original = target.original if written == target.path else None
+    _report(before, history.graph, words, written, arguments.json, original)
+    return 0
 
 
 def _report(
@@ -222,7 +231,7 @@ class GraphReplay:
 
     def run(self) -> int:
         from nvsim.cli.graph_target import GraphTarget, edit_errors_as_input_errors
-        from nvsim.graph.history import History, count_text
+        from nvsim.graph.history import count_text
         from nvsim.graph.operations import parse_line, perform_operation
         from nvsim.graph.scripts import script_lines
 
@@ -239,19 +248,7 @@ class GraphReplay:
                     count += 1
             return f"Replay {count_text(count, 'edit')}"
 
-        if self.dry_run or self.out is not None:
-            history = History(target.read())
-            before = history.graph
-            words = apply_script(history)
-            written = None if self.dry_run else target.write(history.graph, self.out)
-        else:
-            with target.editing() as history:
-                before = history.graph
-                words = apply_script(history)
-            written = None if history.graph is before else target.path
-        original = target.original if written == target.path else None
-        _report(before, history.graph, words, written, self.json, original)
-        return 0
+        return _edit(self, target, apply_script)
 
 
 @dataclass(frozen=True)

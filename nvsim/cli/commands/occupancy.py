@@ -17,7 +17,7 @@ from nvsim.cli.session import project_job
 from nvsim.errors import InputError
 from nvsim.events import Done, Listener, Log
 from nvsim.occupancy.heights import Heights
-from nvsim.occupancy.read import ROS
+from nvsim.occupancy.read import ROS, read_map
 
 if TYPE_CHECKING:
     from nvsim.project.project import Project
@@ -160,7 +160,6 @@ class OccupancyCompare:
     """Print the results as JSON."""
 
     def run(self) -> int:
-        from nvsim.occupancy.read import read_map
         from nvsim.occupancy.types import compare_maps
 
         found, true = (read_map(path, self.heights) for path in (self.found, self.true))

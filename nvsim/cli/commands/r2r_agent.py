@@ -8,14 +8,16 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
 from nvsim.cli.arguments import Inline, Positional
-from nvsim.cli.terminal import print_lines
+from nvsim.cli.terminal import as_json, print_lines
 from nvsim.endpoint.options import AskingOptions, OneEndpoint
+from nvsim.endpoint.request import StoredAnswers
 from nvsim.errors import InputError
-from nvsim.r2r.agents.baselines import Name
+from nvsim.r2r.agents.baselines import Name, agent_of
+from nvsim.r2r.agents.benchmark import Benchmark, run_agent, scans_in
+from nvsim.r2r.metrics.submission import check_submission, read_submission, write_submission
 from nvsim.r2r.prompted.options import EpisodeLimits, ImageOptions
 
 if TYPE_CHECKING:
-    from nvsim.r2r.agents.benchmark import Benchmark
     from nvsim.r2r.metrics.submission import Trajectories
 
 
@@ -52,11 +54,6 @@ class R2RAgent:
 
     def run(self) -> int:
         """Runs the command. Raises InputError if options are missing or contradict each other."""
-        from nvsim.cli.terminal import as_json
-        from nvsim.r2r.agents.baselines import agent_of
-        from nvsim.r2r.agents.benchmark import Benchmark, run_agent, scans_in
-        from nvsim.r2r.metrics.submission import write_submission
-
         agent = self.agent
         if (self.tasks is None) == (not self.split):
             raise InputError("Give either --tasks (a task file) or --split (the name of one in the export).")
@@ -94,11 +91,7 @@ def _run_mapgpt(a: R2RAgent, scans: Path, tasks: Path) -> int:
     """Runs the episodes of the file `tasks` in the exported `scans`."""
     from nvsim.cli.consent import ask_for_consent, exit_code
     from nvsim.cli.console import event_listener
-    from nvsim.cli.terminal import as_json
     from nvsim.endpoint.client import Client
-    from nvsim.endpoint.request import StoredAnswers
-    from nvsim.r2r.agents.benchmark import Benchmark
-    from nvsim.r2r.metrics.submission import write_submission
     from nvsim.r2r.prompted.mapgpt import MapGpt, episodes_of, estimate_episodes, run_mapgpt
     from nvsim.r2r.prompted.mapgpt_episode import read_prompt
     from nvsim.r2r.prompted.views import ViewRenderer
@@ -172,11 +165,8 @@ class EvaluateR2R:
 
     def run(self) -> int:
         """Runs the command. Raises InputError if there are no trajectories to score."""
-        from nvsim.cli.terminal import as_json
         from nvsim.evaluation.navigation import figures_of, text_of
-        from nvsim.r2r.agents.benchmark import Benchmark
         from nvsim.r2r.metrics.scores import score
-        from nvsim.r2r.metrics.submission import check_submission
 
         if not self.submission and not self.agents:
             raise InputError("There is no agent to score; give trajectory files with --submission, or name --agents.")
@@ -194,10 +184,6 @@ class EvaluateR2R:
 
 def _trajectories(arguments: EvaluateR2R, benchmark: Benchmark) -> dict[str, tuple[object, Trajectories]]:
     """Name of an agent -> source of its trajectories, and the trajectories."""
-    from nvsim.r2r.agents.baselines import agent_of
-    from nvsim.r2r.agents.benchmark import run_agent
-    from nvsim.r2r.metrics.submission import read_submission
-
     found: dict[str, tuple[object, Trajectories]] = {}
     for agent in arguments.agents:
         walked = run_agent(agent_of(agent, benchmark.graphs, arguments.seed), benchmark.tasks, benchmark.folder)

@@ -12,6 +12,7 @@ from nvsim.cli.arguments import Memory, ProjectArguments, memory_budget
 from nvsim.cli.console import event_listener
 from nvsim.cli.terminal import print_lines
 from nvsim.errors import InputError
+from nvsim.events import Done, Progress
 from nvsim.project.work import missing_result_error
 
 if TYPE_CHECKING:
@@ -132,7 +133,6 @@ class Video(ProjectArguments):
         import cv2
         import numpy as np
 
-        from nvsim.events import Done, Progress
         from nvsim.files.atomic import as_input_error, make_folder, move_into_place, private_folder, write_bytes
         from nvsim.geometry.camera_path import read_camera_path
         from nvsim.project.project import Project

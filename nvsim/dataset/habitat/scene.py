@@ -19,6 +19,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from types import MappingProxyType
 
+import cv2
 import numpy as np
 from numpy.typing import NDArray
 
@@ -174,8 +175,6 @@ def rectangles(mask: NDArray[np.bool_]) -> Iterator[Rectangle]:
 
 def _parts_with_viewpoint(floor: NDArray[np.bool_], layers: Layers, grid: SolidColumns) -> NDArray[np.bool_]:
     """Returns the parts of the floor with a viewpoint; others are seen through windows."""
-    import cv2
-
     _, labels = cv2.connectedComponents(floor.astype(np.uint8), connectivity=4)
     at = grid.values_at(labels, np.array([one.viewpoint.position[:2] for one in layers.seen]))
     return np.isin(labels, at[at > 0])
@@ -183,8 +182,6 @@ def _parts_with_viewpoint(floor: NDArray[np.bool_], layers: Layers, grid: SolidC
 
 def _obstacles_beside_floor(blocked: NDArray[np.bool_], floor: NDArray[np.bool_]) -> NDArray[np.bool_]:
     """Returns the obstacles that touch the floor; robots do not reach the others."""
-    import cv2
-
     return blocked & cv2.dilate(floor.astype(np.uint8), np.ones((5, 5), np.uint8)).astype(bool)
 
 

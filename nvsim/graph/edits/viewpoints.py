@@ -7,6 +7,8 @@ import hashlib
 from collections.abc import Iterable, Sequence
 from dataclasses import replace
 
+import numpy as np
+
 from nvsim.graph.edits.change import Change, EditError, Place, key_of, need_number, need_place, unique
 from nvsim.graph.edits.moving import move_within_change
 from nvsim.graph.types import Edge, EdgeKey, NavGraph, Viewpoint, edge
@@ -43,8 +45,6 @@ def nearest_trajectory_position(position: Sequence[float], trajectory: Iterable[
 
     Raises EditError if the trajectory is empty.
     """
-    import numpy as np
-
     walk = np.asarray(trajectory, np.float64).reshape(-1, 3)
     if not len(walk):
         raise EditError("There is no trajectory to snap to.")

@@ -144,17 +144,17 @@ class ForeignFile:
         document = self._document if graph is None else rewrite_document(self._document, self._kept, graph)
         return "".join(document.pieces())
 
-    def save(self, graph: NavGraph, path: Path | None = None, *, force: bool = False) -> Path:
+    def save(self, graph: NavGraph, path: Path | None = None) -> Path:
         """Write `graph` to the file, or to `path`, which then becomes the path of this object. Returns the written
         path.
 
         The content before the first save is kept in a copy, see `original`. Marks and ignored findings are written to a
         notes file, because the format cannot hold them. Raises InputError if writing fails, or if another program
-        changed the file and `force` is not set.
+        changed the file.
         """
         target = self.path if path is None else Path(path)
         own = _same_file(target, self.path)
-        if own and not force and self._stamp is not None and _stamp_of(target) not in (None, self._stamp):
+        if own and self._stamp is not None and _stamp_of(target) not in (None, self._stamp):
             raise InputError(
                 f"{target} was changed by another program since it was opened; open it again or save elsewhere."
             )

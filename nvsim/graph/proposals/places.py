@@ -17,6 +17,7 @@ _GRAIN = 0.25  # meters: maximum side of the squares in which floor is sampled, 
 _APART = 0.8  # meters between candidate positions
 _ROOM = 2.0  # times the radius: more room than this around a position is no advantage
 _MOST_JOINS = 3
+_LEAST = 0.5  # square meters that a proposal must add
 
 
 @dataclass(frozen=True)
@@ -49,11 +50,10 @@ def propose_viewpoints(
     sees: float = 3.0,
     radius: float = 0.25,
     reach: float = 3.5,
-    least: float = 0.5,
     most: int = 20,
 ) -> tuple[PlaceProposal, ...]:
     """Propose at most `most` positions, in the order in which they should be accepted. Each adds the most floor that no
-    included viewpoint and no earlier proposal sees within `sees` meters, at least `least` square meters. This greedy
+    included viewpoint and no earlier proposal sees within `sees` meters, at least half a square meter. This greedy
     choice covers at least 1 - 1/e of the best possible choice of equal size (Nemhauser et al. 1978).
 
     Only floor that a disc of `radius` meters reaches from the viewpoints counts. Viewpoints within `reach` meters can
@@ -81,7 +81,7 @@ def propose_viewpoints(
     while order and len(found) < most:
         count, comfort, x, y, index = heapq.heappop(order)
         left = floor.still_missing(waiting[index])
-        if len(left) * floor.each < least:
+        if len(left) * floor.each < _LEAST:
             continue
         if len(left) < -count:
             # Other proposals have covered a part of it. Gains only shrink, so the position goes back into the queue.

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from nvsim.capture.images import read_image
-from nvsim.capture.masks import usable_pixels
+from nvsim.capture.masks import usable_pixels, usable_pixels_of_frames
 from nvsim.cluster.config import Storage
 from nvsim.cluster.piece import Executor
 from nvsim.errors import InputError
@@ -268,7 +268,6 @@ def _support(project: Project) -> float:
 
 def _find_support(project: Project, frames: list[int], floor: FloorSurface, cloud: Cloud | None) -> FloorSupport:
     """The floor that the masks of `frames` and the cloud support."""
-    from nvsim.capture.masks import usable_pixels_of_frames
     from nvsim.perception.segment import SegmentConfig, read_mask
     from nvsim.perception.support import observe, positions_at_common_heights
 

@@ -10,8 +10,10 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, get_args
 
+import numpy as np
+
 from nvsim.capture.axes import CHOICES
-from nvsim.capture.findings import Finding
+from nvsim.capture.findings import ASSUMED_HEIGHT, SCALE_ASSUMED, SCALE_IN_HEIGHTS, Finding, Findings
 from nvsim.capture.types import Alignment, Capture, DepthFile, Frame
 from nvsim.errors import InputError, value_text
 from nvsim.events import Done, Listener, Log, Progress, Warning, ignore_event
@@ -46,7 +48,6 @@ def run(
     """
     from nvsim.capture.check import check
     from nvsim.capture.excluded_frames import expand_list
-    from nvsim.capture.findings import ASSUMED_HEIGHT, SCALE_ASSUMED, SCALE_IN_HEIGHTS
     from nvsim.capture.read import read
     from nvsim.capture.store import fingerprint, save_capture
     from nvsim.footage.cut_options import cut_options
@@ -156,7 +157,6 @@ def _with_scale(config: CaptureConfig, source: Path) -> CaptureConfig:
     """`config` with the scale from its known length. Raises InputError if the known length does not fit this capture,
     or the scale is also given."""
     from nvsim.capture.alignment import scale_from_length
-    from nvsim.capture.findings import Findings
     from nvsim.capture.read import read_usable
 
     if not config.known_length:
@@ -211,8 +211,6 @@ def _depths_at_adjusted_poses(
     depths: Sequence[DepthFile], before: Sequence[Frame], after: Sequence[Frame]
 ) -> tuple[DepthFile, ...]:
     """The depth images at the adjusted poses of their frames."""
-    import numpy as np
-
     moves = {a.name: b.camera_to_world @ np.linalg.inv(a.camera_to_world) for a, b in zip(before, after, strict=True)}
     same = np.eye(4)
     return tuple(dataclasses.replace(d, camera_to_world=moves.get(d.frame, same) @ d.camera_to_world) for d in depths)

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 from nvsim.capture.types import Alignment, Capture
 from nvsim.errors import InputError
 from nvsim.events import Done, Listener, Log, Progress, Warning, ignore_event
+from nvsim.files.opening import opened, size_of
 from nvsim.project import ledger
 from nvsim.project.config import CaptureConfig
 from nvsim.project.earlier_results import report_replaced_result
@@ -121,7 +122,6 @@ def _refuse_options(config: CaptureConfig) -> None:
 def _fingerprint(source: Path) -> tuple[int, ...]:
     """Size and time of the file, and of those that it names if it is a list. Raises InputError if one cannot be
     read."""
-    from nvsim.files.opening import opened, size_of
     from nvsim.splats.formats.choice import files_of
 
     found: list[int] = []

@@ -13,6 +13,7 @@ from contextlib import contextmanager
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 
+import numba
 import numpy as np
 
 from nvsim import __version__
@@ -92,8 +93,6 @@ class PreparedExport:
 
         Raises InputError if the backend is not available, or an existing manifest or a model description is damaged.
         """
-        import numba
-
         beside = stub.SCAN if with_stub and stub.needs_stub(self.places[0]) else ""
         on_card, cores = resolve_backend(backend) == "gsplat", numba.get_num_threads()
         return estimate(tuple(self._counts(settings, backend)), settings, cores=cores, on_card=on_card, stub=beside)

@@ -13,6 +13,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+import cv2
 import numpy as np
 from numpy.typing import NDArray
 
@@ -134,8 +135,6 @@ def _seen_from_above(
 
 def _floor(model: SubmapModel, frame: Frame, mask: NDArray[np.bool_]) -> Float32:
     """Returns (n, 3) the floor colors at the pixels of `mask`, and the paper color where the floor is unknown."""
-    import cv2
-
     mesh = floor_mesh(model)
     if mesh is None:
         return np.full((int(mask.sum()), 3), _PAPER, np.float32)

@@ -181,8 +181,11 @@ def roll_out(
     return found
 
 
+_AT_ONCE = 128  # episodes of a batch
+
+
 def run_greedily(
-    model: RecurrentModel, world: World, episodes: Sequence[Episode], steps: int, at_once: int = 128
+    model: RecurrentModel, world: World, episodes: Sequence[Episode], steps: int
 ) -> Iterator[tuple[str, list[Pose]]]:
     """Yields the instr_id and trajectory of every episode, with the best action in each step.
 
@@ -191,8 +194,8 @@ def run_greedily(
     training = model.training
     model.eval()
     try:
-        for begin in range(0, len(episodes), at_once):
-            part = episodes[begin : begin + at_once]
+        for begin in range(0, len(episodes), _AT_ONCE):
+            part = episodes[begin : begin + _AT_ONCE]
             with torch.inference_mode():
                 found = roll_out(model, world, part, read_words(model, part), "best", steps)
             yield from zip((episode.instr_id for episode in part), found.walkers.trajectories)

@@ -22,10 +22,10 @@ TURN = 0.01
 """Radians by which the moving camera turns per frame."""
 
 
-def with_floor_and_background(gaussians: Gaussians, antialiased: bool = True, seed: int = 0) -> SubmapModel:
+def with_floor_and_background(gaussians: Gaussians, antialiased: bool = True) -> SubmapModel:
     """Adds the other parts of a trained submap to Gaussians: a background network, an uneven floor below them, and a
     floor texture of three levels. A frame of a splat file then includes all work."""
-    r, f = np.random.default_rng(seed), np.float32
+    r, f = np.random.default_rng(0), np.float32
     low, high = gaussians.means.min(axis=0), gaussians.means.max(axis=0)
     width, depth = np.maximum(high - low, 1.0)[:2]
     weights = {f"{n}.weight": (0.5 * r.normal(size=s) / np.sqrt(s[1])).astype(f) for n, s in _SIZES.items()}

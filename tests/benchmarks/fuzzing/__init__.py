@@ -2,3 +2,8 @@
 
 The package damages files and watches how they are read. The readers themselves belong to the product.
 """
+
+import sys
+from pathlib import Path
+
+sys.path.insert(0, str(Path(__file__).resolve().parents[2] / "unit"))  # the samples of the unit tests

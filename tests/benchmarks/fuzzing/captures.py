@@ -10,10 +10,20 @@ from pathlib import Path
 
 import cv2
 import numpy as np
+from capture_samples import room, walk, write_colmap, write_kapture, write_nerfstudio
 from PIL import Image
 
 from fuzzing.places import workshop
 from fuzzing.reader import Files, Reader, Seed, each, files_in
+from nvsim.capture.check import check
+from nvsim.capture.findings import Findings
+from nvsim.capture.images import decode, image_size
+from nvsim.capture.pointcloud import read_cloud
+from nvsim.capture.read import read
+from nvsim.capture.store import fingerprint, load_capture, save_capture
+from nvsim.capture.types import Alignment
+from nvsim.footage.position_logs import exif_position, read_log
+from nvsim.perception.segment import read_mask
 
 _FRAMES, _POINTS = 4, 60
 
@@ -40,17 +50,11 @@ def readers() -> list[Reader]:
 
 def _listed(path: Path) -> object:
     """Reads files as an import does. The alignment is given, because estimating it takes ten times as long."""
-    from nvsim.capture.read import read
-    from nvsim.capture.types import Alignment
-
     return read(path, alignment=Alignment(np.eye(3), 1.0, True))
 
 
 def _checked(path: Path) -> object:
     """Reads files as `nvsim check` and `nvsim import` do. The check reports problems and never raises."""
-    from nvsim.capture.check import check
-    from nvsim.capture.read import read
-
     check(path)
     return read(path, scale=1.0)
 
@@ -60,14 +64,10 @@ def _every() -> list[Seed]:
 
 
 def _walk() -> tuple[np.ndarray, np.ndarray]:
-    from capture_samples import room, walk
-
     return walk(_FRAMES), room(_POINTS)
 
 
 def _transforms() -> list[Seed]:
-    from capture_samples import write_nerfstudio
-
     with workshop() as folder:
         write_nerfstudio(folder, *_walk(), applied_transform=np.eye(4)[:3].tolist(), k1=0.01)
         plain = files_in(folder)
@@ -79,8 +79,6 @@ def _transforms() -> list[Seed]:
 
 
 def _colmap(binary: bool) -> list[Seed]:
-    from capture_samples import write_colmap
-
     with workshop() as folder:
         write_colmap(folder, *_walk(), binary=binary)
         files = files_in(folder)
@@ -90,8 +88,6 @@ def _colmap(binary: bool) -> list[Seed]:
 
 
 def _kapture() -> list[Seed]:
-    from capture_samples import write_kapture
-
     with workshop() as folder:
         write_kapture(folder, *_walk(), rig=np.eye(4))
         files = files_in(folder)
@@ -99,8 +95,6 @@ def _kapture() -> list[Seed]:
 
 
 def _several() -> list[Seed]:
-    from capture_samples import write_colmap, write_nerfstudio
-
     text = b"# both\na\nb  # the second\n"
     seeds = []
     for name, write in (("transforms.json", write_nerfstudio), ("sparse/0/images.bin", write_colmap)):
@@ -208,9 +202,6 @@ def _one(name: str, data: bytes, form: str = "headed") -> Seed:
 
 
 def _cloud(path: Path) -> object:
-    from nvsim.capture.findings import Findings
-    from nvsim.capture.pointcloud import read_cloud
-
     return read_cloud(path, Findings())
 
 
@@ -240,15 +231,11 @@ def _images() -> list[Seed]:
 
 
 def _image(path: Path) -> object:
-    from nvsim.capture.images import decode, image_size
-
     image_size(path)
     return decode(path).shape
 
 
 def _frame_images() -> list[Seed]:
-    from capture_samples import write_nerfstudio
-
     with workshop() as folder:
         write_nerfstudio(folder, *_walk())
         files = files_in(folder)
@@ -263,17 +250,10 @@ def _masks() -> list[Seed]:
 
 
 def _mask(path: Path) -> object:
-    from nvsim.perception.segment import read_mask
-
     return read_mask(path, 16, 12).mean(), read_mask(path).mean()
 
 
 def _stored() -> list[Seed]:
-    from capture_samples import write_nerfstudio
-
-    from nvsim.capture.read import read
-    from nvsim.capture.store import save_capture
-
     with workshop() as folder:
         save_capture(read(write_nerfstudio(folder / "walk", *_walk())), folder / "kept")
         files = files_in(folder / "kept")
@@ -282,8 +262,6 @@ def _stored() -> list[Seed]:
 
 
 def _load(path: Path) -> object:
-    from nvsim.capture.store import fingerprint, load_capture
-
     capture = load_capture(path)
     return fingerprint(capture), capture.positions
 
@@ -309,6 +287,4 @@ def _logs() -> list[Seed]:
 
 
 def _positions(path: Path) -> object:
-    from nvsim.footage.position_logs import exif_position, read_log
-
     return exif_position(path) if path.suffix == ".jpg" else read_log(path).places

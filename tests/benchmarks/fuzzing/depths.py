@@ -7,9 +7,18 @@ from pathlib import Path
 
 import cv2
 import numpy as np
+from capture_samples import HEIGHT, WIDTH, room, walk, write_kapture, write_nerfstudio
 
 from fuzzing.places import workshop
 from fuzzing.reader import Files, Reader, Seed, each, files_in
+from nvsim.capture.check import check
+from nvsim.capture.read import read
+from nvsim.capture.sweeps import depth_sweeps, scan_sweeps, scans_with_places
+from nvsim.capture.types import Alignment
+from nvsim.depth.cloud_file import as_cloud, read_cloud_file, write_cloud
+from nvsim.depth.files import read_confidence, read_depth, read_draft, write_depth, write_draft
+from nvsim.depth.fusion import FusedCloud
+from nvsim.files.stored_arrays import read_arrays
 
 _SIDES = 48, 64
 
@@ -32,8 +41,6 @@ def _depth_png(scale: float = 1.0) -> bytes:
 
 
 def _maps() -> list[Seed]:
-    from nvsim.depth.files import write_depth
-
     with workshop() as folder:
         write_depth(folder, 0, np.full(_SIDES, 0.4, np.float32), np.full(_SIDES, 3, np.uint8))
         files = files_in(folder)
@@ -41,14 +48,10 @@ def _maps() -> list[Seed]:
 
 
 def _read_map(path: Path) -> object:
-    from nvsim.depth.files import read_confidence, read_depth
-
     return read_depth(path, 0).mean(), read_confidence(path, 0).mean()
 
 
 def _drafts() -> list[Seed]:
-    from nvsim.depth.files import write_draft
-
     with workshop() as folder:
         write_draft(folder, 0, np.full(_SIDES, 0.4, np.float32), np.full(_SIDES, 100.0, np.float32))
         files = files_in(folder)
@@ -56,15 +59,10 @@ def _drafts() -> list[Seed]:
 
 
 def _read_draft(path: Path) -> object:
-    from nvsim.depth.files import read_draft
-
     return [array.mean() for array in read_draft(path, 0)]
 
 
 def _clouds() -> list[Seed]:
-    from nvsim.depth.cloud_file import write_cloud
-    from nvsim.depth.fusion import FusedCloud
-
     ones = np.ones((20, 3), np.float32)
     with workshop() as folder:
         write_cloud(folder / "cloud.ply", FusedCloud(ones, ones.astype(np.uint8), ones, np.ones(20, np.uint16)))
@@ -72,15 +70,11 @@ def _clouds() -> list[Seed]:
 
 
 def _read_cloud(path: Path) -> object:
-    from nvsim.depth.cloud_file import as_cloud, read_cloud_file
-
     return as_cloud(read_cloud_file(path))
 
 
 def _kapture(records: bool) -> Files:
     """A kapture tree, with depth images if `records`."""
-    from capture_samples import HEIGHT, WIDTH, room, walk, write_kapture
-
     with workshop() as folder:
         write_kapture(folder, walk(4), room(60))
         files = files_in(folder)
@@ -105,10 +99,6 @@ def _depth_images() -> list[Seed]:
 
 def _sweeps(path: Path) -> object:
     """Casts rays as `nvsim occupancy build` does."""
-    from nvsim.capture.read import read
-    from nvsim.capture.sweeps import depth_sweeps, scan_sweeps, scans_with_places
-    from nvsim.capture.types import Alignment
-
     capture = read(path, alignment=Alignment(np.eye(3), 1.0, True))
     sweeps = [*scan_sweeps(capture.scans), *depth_sweeps(capture.depths, 32)]
     return sweeps, scans_with_places(capture.scans)
@@ -116,8 +106,6 @@ def _sweeps(path: Path) -> object:
 
 def _rgbd() -> list[Seed]:
     """Depth images and masks next to the images, with the keys of nerfstudio, Record3D, and PolyCam."""
-    from capture_samples import room, walk, write_nerfstudio
-
     with workshop() as folder:
         write_nerfstudio(folder, walk(4), room(60))
         files = files_in(folder)
@@ -139,9 +127,6 @@ def _rgbd() -> list[Seed]:
 
 
 def _checked(path: Path) -> object:
-    from nvsim.capture.check import check
-    from nvsim.capture.read import read
-
     check(path)
     return read(path, scale=1.0)
 
@@ -157,6 +142,4 @@ def _arrays() -> list[Seed]:
 
 
 def _read_arrays(path: Path) -> object:
-    from nvsim.files.stored_arrays import read_arrays
-
     return read_arrays(path, "arrays", _WANTED, "write them again")

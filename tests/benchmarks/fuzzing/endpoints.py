@@ -11,11 +11,15 @@ from pathlib import Path
 
 from fuzzing.places import workshop
 from fuzzing.reader import Reader, Seed, content, each, files_in
+from nvsim.endpoint.asking import UnusableAnswer, json_object
+from nvsim.endpoint.budget import Budget, Prices
+from nvsim.endpoint.client import Client
+from nvsim.endpoint.options import AskingOptions, Endpoint
+from nvsim.endpoint.prompt import FOLDER
+from nvsim.endpoint.request import Answer, Message, Request, StoredAnswers
 
 
 def readers() -> list[Reader]:
-    from nvsim.endpoint.asking import UnusableAnswer
-
     return [
         Reader("endpoint response", _responses, _asked, share=3),
         Reader("endpoint body", _bodies, _asked_for_body, share=3),
@@ -70,11 +74,6 @@ def _asked_for_body(path: Path) -> object:
 
 def _answer_to(response: bytes) -> object:
     """The result of the client for the bytes of a response, which a server on loopback sends."""
-    from nvsim.endpoint.budget import Budget, Prices
-    from nvsim.endpoint.client import Client
-    from nvsim.endpoint.options import AskingOptions, Endpoint
-    from nvsim.endpoint.request import Message, Request, StoredAnswers
-
     with workshop() as folder, _serving(response) as url:
         options = AskingOptions(attempts=1, timeout=1.8)
         client = Client(Endpoint.of(url, "m"), StoredAnswers(folder), Budget(Prices()), options)
@@ -118,8 +117,6 @@ def _words() -> list[Seed]:
 
 
 def _object(path: Path) -> object:
-    from nvsim.endpoint.asking import json_object
-
     return json_object(content(path).decode("utf-8", "surrogateescape"))
 
 
@@ -127,8 +124,6 @@ _URL = "http://127.0.0.1/v1"
 
 
 def _kept() -> list[Seed]:
-    from nvsim.endpoint.request import Answer, Message, Request, StoredAnswers
-
     with workshop() as folder:
         StoredAnswers(folder).store(
             "ab" * 16, _URL, "m", Request((Message("user", ("where?",)),)), Answer("there", "", False, 9, 2)
@@ -138,15 +133,11 @@ def _kept() -> list[Seed]:
 
 
 def _answers(path: Path) -> object:
-    from nvsim.endpoint.request import StoredAnswers
-
     kept = StoredAnswers(path)
     return kept.get("ab" * 16), kept.tokens_spent(_URL, "m")
 
 
 def _prompts(name: str) -> list[Seed]:
-    from nvsim.endpoint.prompt import FOLDER
-
     return [Seed({name: (FOLDER / name).read_bytes()}, name, name, "text")]
 
 

@@ -5,9 +5,13 @@ from __future__ import annotations
 from pathlib import Path
 
 import numpy as np
+from backbone_samples import mean_network
 
 from fuzzing.places import workshop
 from fuzzing.reader import Reader, Seed, each, files_in
+from nvsim.r2r.features.feature_files import RowSource, backbone_of_file, features_of, write_hdf5, write_tsv
+from nvsim.r2r.features.kept_rows import kept_rows
+from nvsim.r2r.features.network import Network
 
 _KEYS = [("row", f"v{k}") for k in range(3)]
 _WIDTH = 8
@@ -24,31 +28,23 @@ def readers() -> list[Reader]:
 
 
 def _rows():
-    from nvsim.r2r.features.feature_files import RowSource
-
     numbers = np.random.default_rng(0).standard_normal((36, _WIDTH)).astype(np.float32)
     return [(RowSource(scan, viewpoint, (640, 480)), numbers) for scan, viewpoint in _KEYS]
 
 
 def _hdf5() -> list[Seed]:
-    from nvsim.r2r.features.feature_files import write_hdf5
-
     with workshop() as folder:
         write_hdf5(folder / "f.hdf5", _rows(), {"backbone": "chance"}, 60)
         return each(files_in(folder), "f.hdf5", {"f.hdf5": "binary"})
 
 
 def _tsv() -> list[Seed]:
-    from nvsim.r2r.features.feature_files import write_tsv
-
     with workshop() as folder:
         write_tsv(folder / "f.tsv", _rows(), {"backbone": "chance"}, 60)
         return each(files_in(folder), "f.tsv", {"f.tsv": "text", "f.json": "json"})
 
 
 def _features(path: Path) -> object:
-    from nvsim.r2r.features.feature_files import backbone_of_file, features_of
-
     return backbone_of_file(path), list(features_of(path, _KEYS))
 
 
@@ -57,8 +53,6 @@ _MARK = bytes(16)
 
 def _kept() -> list[Seed]:
     """The rows that a killed export leaves, from which the next export continues."""
-    from nvsim.r2r.features.kept_rows import kept_rows
-
     with workshop() as folder:
         try:
             with kept_rows(folder / "f.tsv", "a") as rows:
@@ -72,15 +66,11 @@ def _kept() -> list[Seed]:
 
 
 def _take_over(path: Path) -> object:
-    from nvsim.r2r.features.kept_rows import kept_rows
-
     with kept_rows(path, "a") as rows:
         return [rows.get(key) for key in _KEPT if rows.contains(key, _MARK)]
 
 
 def _network() -> list[Seed]:
-    from backbone_samples import mean_network
-
     with workshop() as folder:
         mean_network(folder / "mean.onnx", _WIDTH)
         files = files_in(folder)
@@ -88,6 +78,4 @@ def _network() -> list[Seed]:
 
 
 def _run(path: Path) -> object:
-    from nvsim.r2r.features.network import Network
-
     return Network(path, 2, "cpu").digest

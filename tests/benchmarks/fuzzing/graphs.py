@@ -3,19 +3,32 @@
 from __future__ import annotations
 
 import json
+import sqlite3
 from dataclasses import replace
 from pathlib import Path
 
 import cv2
 import numpy as np
 
+from fuzzing.captures import cloud_samples
+from fuzzing.maps import map_samples
 from fuzzing.places import workshop
 from fuzzing.reader import Reader, Seed, content, each, files_in
+from nvsim.graph.connectivity import list_scan, read_connectivity, write_connectivity
+from nvsim.graph.edits import EditError
+from nvsim.graph.expression import by_expression
+from nvsim.graph.findings import check_graph
+from nvsim.graph.foreign import ForeignFile, connectivity_files
+from nvsim.graph.history import History
+from nvsim.graph.journal import Journal, sidecar
+from nvsim.graph.operation_table import OPERATIONS
+from nvsim.graph.operations import parse_line, perform_operation
+from nvsim.graph.scripts import script
+from nvsim.graph.store import decode_evidence, decode_graph, encode_evidence, encode_graph
+from nvsim.graph.types import Evidence, NavGraph, SecondOpinion, Viewpoint, edge
 
 
 def readers() -> list[Reader]:
-    from nvsim.graph.edits import EditError
-
     return [
         Reader("connectivity", _connectivity, _open, share=2),
         Reader("connectivity export", _connectivity, _read_own),
@@ -34,8 +47,6 @@ def readers() -> list[Reader]:
 
 def row(count: int = 6):
     """A row of `count` viewpoints with evidence for two of its edges."""
-    from nvsim.graph.types import Evidence, NavGraph, SecondOpinion, Viewpoint, edge
-
     ids = [f"v{i}" for i in range(count)]
     viewpoints = {id: Viewpoint(id, (2.0 * i, i / 3, 1.5)) for i, id in enumerate(ids)}
     cells = np.arange(12, dtype=np.uint8).reshape(4, 3)
@@ -53,8 +64,6 @@ _FILE, _NOTES = "row_connectivity.json", "row_review.json"
 
 
 def _files() -> dict[str, bytes]:
-    from nvsim.graph.connectivity import write_connectivity
-
     with workshop() as folder:
         write_connectivity(row(), folder, lambda a, b: a.id < b.id)
         files = files_in(folder)
@@ -68,16 +77,11 @@ def _connectivity() -> list[Seed]:
 
 def _open(path: Path) -> object:
     """Opens a file as `nvsim graph check` and the window do."""
-    from nvsim.graph.findings import check_graph
-    from nvsim.graph.foreign import ForeignFile
-
     file = ForeignFile.open(path)
     return file.text(), file.visibility(), check_graph(file.graph, file.context())
 
 
 def _read_own(path: Path) -> object:
-    from nvsim.graph.connectivity import read_connectivity
-
     return read_connectivity(path)
 
 
@@ -86,9 +90,6 @@ def _scans() -> list[Seed]:
 
 
 def _scan_files(path: Path) -> object:
-    from nvsim.graph.connectivity import list_scan
-    from nvsim.graph.foreign import connectivity_files
-
     found = connectivity_files(path)
     list_scan(path / "scans.txt", "another")
     return found
@@ -108,15 +109,10 @@ def _pictures() -> list[Seed]:
 
 
 def _panorama(path: Path) -> object:
-    from nvsim.graph.foreign import ForeignFile
-
     return ForeignFile.open(path).panorama("v1", 64)
 
 
 def _beside() -> list[Seed]:
-    from fuzzing.captures import cloud_samples
-    from fuzzing.maps import map_samples
-
     cloud = next(data for name, data in cloud_samples().items() if name.startswith("binary_little"))
     files = {**_files(), **map_samples(), "cloud.ply": cloud}
     return each(files, _FILE, {"map.yaml": "text", "map.pgm": "picture", "cloud.ply": "headed"})
@@ -124,35 +120,24 @@ def _beside() -> list[Seed]:
 
 def _look_beside(path: Path) -> object:
     """Checks a graph against its map, as `nvsim graph check` does."""
-    from nvsim.graph.findings import check_graph
-    from nvsim.graph.foreign import ForeignFile
-
     file = ForeignFile.open(path)
     occupancy = file.nearby_files.occupancy()
     return file.nearby_files.points(), check_graph(file.graph, file.context(occupancy=occupancy))
 
 
 def _evidence() -> list[Seed]:
-    from nvsim.graph.store import encode_evidence
-
     return [Seed({"e": encode_evidence(e)}, "e", "e", "evidence") for e in row().evidence.values()]
 
 
 def _decode_evidence(path: Path) -> object:
-    from nvsim.graph.store import decode_evidence
-
     return decode_evidence(content(path))
 
 
 def _blob() -> list[Seed]:
-    from nvsim.graph.store import encode_graph
-
     return [Seed({"g": encode_graph(row())}, "g", "g", "zip")]
 
 
 def _decode_graph(path: Path) -> object:
-    from nvsim.graph.store import decode_graph, encode_graph
-
     return encode_graph(decode_graph(content(path)))
 
 
@@ -169,8 +154,6 @@ _LINES = (
 
 
 def _script() -> list[Seed]:
-    from nvsim.graph.operation_table import OPERATIONS
-
     usual = [json.dumps({"edit": name, **_arguments(op)}) for name, op in OPERATIONS.items()]
     lines = [Seed({"s": f"{line}\n".encode()}, "s", "s", "lines of json") for line in (*_LINES, *usual)]
     return [Seed({"s": ("# all\n" + "\n".join(_LINES)).encode()}, "s", "s", "lines of json"), *lines]
@@ -197,11 +180,6 @@ def _arguments(operation) -> dict[str, object]:
 
 def _replay(path: Path) -> object:
     """Replays edits line by line, as `nvsim graph replay` does."""
-    from nvsim.graph.edits import EditError
-    from nvsim.graph.history import History
-    from nvsim.graph.operations import parse_line, perform_operation
-    from nvsim.graph.scripts import script
-
     history, refused = History(row()), None
     for line in content(path).decode("utf-8", "surrogateescape").splitlines():
         if line.strip() and not line.lstrip().startswith("#"):
@@ -227,15 +205,10 @@ def _expressions() -> list[Seed]:
 
 
 def _select(path: Path) -> object:
-    from nvsim.graph.expression import by_expression
-
     return by_expression(row(), content(path).decode("utf-8", "surrogateescape"))
 
 
 def _edited(path: Path, plain: bool) -> None:
-    from nvsim.graph.journal import Journal
-    from nvsim.graph.operations import parse_line, perform_operation
-
     with Journal.open(path, plain=plain) as journal:
         history = journal.history(row())
         for line in _LINES:
@@ -246,8 +219,6 @@ def _edited(path: Path, plain: bool) -> None:
 
 def _database(path: Path) -> bytes:
     """The content of a database file after its write-ahead log is merged into it."""
-    import sqlite3
-
     connection = sqlite3.connect(path)
     connection.execute("PRAGMA wal_checkpoint(TRUNCATE)")
     connection.execute("PRAGMA journal_mode=DELETE")
@@ -267,10 +238,6 @@ def _restore(path: Path) -> object:
 
 def _restored(path: Path, plain: bool) -> object:
     """Restores a journal and continues editing, as the window does."""
-    from nvsim.graph.journal import Journal
-    from nvsim.graph.operations import perform_operation
-    from nvsim.graph.scripts import script
-
     with Journal.open(path, plain=plain) as journal:
         history = journal.history(row())
         for index in range(len(history.steps)):
@@ -282,8 +249,6 @@ def _restored(path: Path, plain: bool) -> object:
 
 
 def _foreign_journal() -> list[Seed]:
-    from nvsim.graph.journal import sidecar
-
     with workshop() as folder:
         path = sidecar(folder / _FILE)
         _edited(path, True)

@@ -4,16 +4,20 @@ from __future__ import annotations
 
 import struct
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import cv2
 import numpy as np
 
 from fuzzing.places import workshop
 from fuzzing.reader import Files, Reader, Seed, each, files_in
-
-if TYPE_CHECKING:
-    from nvsim.geometry.floor_surface import StackedFloor
+from nvsim.geometry.floor_surface import FloorSurface, StackedFloor
+from nvsim.occupancy.read import read_map
+from nvsim.occupancy.ros import Provenance, read_provenance, write_ros_map
+from nvsim.occupancy.storeys import Stair, StoreyMap, StoreyMaps, read_storeys, write_storeys
+from nvsim.occupancy.types import OccupancyMap
+from nvsim.perception.stacked_support import StackedSupport, is_stacked
+from nvsim.perception.support import FloorSupport
+from nvsim.project.layout import Layout
 
 
 def readers() -> list[Reader]:
@@ -28,18 +32,12 @@ def readers() -> list[Reader]:
 
 
 def _read(path: Path) -> object:
-    from nvsim.occupancy.read import read_map
-    from nvsim.occupancy.ros import read_provenance
-
     occupancy = read_map(path)
     return occupancy.room, occupancy.centres(), read_provenance(path)
 
 
 def map_samples() -> Files:
     """A map as map.yaml and map.pgm."""
-    from nvsim.occupancy.ros import write_ros_map
-    from nvsim.occupancy.types import OccupancyMap
-
     with workshop() as folder:
         write_ros_map(OccupancyMap(_cells(), 0.05, (-1.0, 2.0)), folder / "map.yaml")
         return files_in(folder)
@@ -52,8 +50,6 @@ def _cells() -> np.ndarray:
 
 
 def _ros() -> list[Seed]:
-    from nvsim.occupancy.ros import Provenance
-
     grey = map_samples()
     png = {
         "map.png": cv2.imencode(".png", _cells() * 100)[1].tobytes(),
@@ -91,8 +87,6 @@ def _full_tree() -> bytes:
 
 
 def _surface() -> list[Seed]:
-    from nvsim.project.layout import Layout
-
     with workshop() as folder:
         path = Layout(folder).surface(0)
         path.parent.mkdir()
@@ -103,15 +97,10 @@ def _surface() -> list[Seed]:
 
 
 def _project_surface(path: Path) -> object:
-    from nvsim.geometry.floor_surface import FloorSurface
-    from nvsim.project.layout import Layout
-
     return FloorSurface.load(Layout(path).surface(0)).height_at(np.zeros((2, 2)))
 
 
 def _support() -> list[Seed]:
-    from nvsim.perception.support import FloorSupport
-
     with workshop() as folder:
         FloorSupport(np.eye(12, dtype=bool), (0.0, 1.0), 0.08).save(folder / "support.npz")
         files = files_in(folder)
@@ -119,21 +108,14 @@ def _support() -> list[Seed]:
 
 
 def _load_support(path: Path) -> object:
-    from nvsim.perception.support import FloorSupport
-
     return FloorSupport.load(path).is_supported(np.zeros((3, 2)))
 
 
 def _stacked_floor() -> StackedFloor:
-    from nvsim.geometry.floor_surface import FloorSurface, StackedFloor
-
     return StackedFloor((FloorSurface.flat(0.0), FloorSurface.flat(3.0)))
 
 
 def _stacked_support() -> list[Seed]:
-    from nvsim.perception.stacked_support import StackedSupport
-    from nvsim.perception.support import FloorSupport
-
     with workshop() as folder:
         storeys = tuple(FloorSupport(np.eye(n, dtype=bool), (0.0, 1.0), 0.08) for n in (12, 9))
         StackedSupport(_stacked_floor(), storeys).save(folder / "support.npz")
@@ -142,15 +124,10 @@ def _stacked_support() -> list[Seed]:
 
 
 def _load_stacked_support(path: Path) -> object:
-    from nvsim.perception.stacked_support import StackedSupport, is_stacked
-
     return is_stacked(path), StackedSupport.load(path, _stacked_floor()).is_supported(np.zeros((3, 3)))
 
 
 def _storeys() -> list[Seed]:
-    from nvsim.occupancy.storeys import Stair, StoreyMap, StoreyMaps, write_storeys
-    from nvsim.occupancy.types import OccupancyMap
-
     with workshop() as folder:
         maps = tuple(StoreyMap(3.0 * k, OccupancyMap(_cells(), 0.05, (-1.0, 2.0))) for k in (0, 1))
         write_storeys(StoreyMaps(maps, (Stair(0, 1, ((0.0, 2.2), (0.4, 2.2), (0.4, 2.6))),)), folder)
@@ -159,7 +136,5 @@ def _storeys() -> list[Seed]:
 
 
 def _read_storeys(path: Path) -> object:
-    from nvsim.occupancy.storeys import read_storeys
-
     maps = read_storeys(path)
     return maps.nearest(np.zeros(2)), maps.storey_under(np.ones(2)), [s.contains(np.zeros((2, 2))) for s in maps.stairs]

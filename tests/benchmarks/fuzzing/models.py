@@ -11,6 +11,14 @@ import numpy as np
 from fuzzing.places import workshop
 from fuzzing.reader import Files, Reader, Seed, each, files_in
 from fuzzing.splats import gaussians
+from nvsim.geometry.camera_path import KeyPose, read_camera_path, write_camera_path
+from nvsim.geometry.floor_surface import FloorSurface
+from nvsim.project.frame_candidates import read_candidates
+from nvsim.splats import files
+from nvsim.splats.appearance import LinearAppearance, NetworkAppearance
+from nvsim.splats.files import save_model
+from nvsim.splats.types import Background, Embedding, FloorTexture, SubmapModel
+from nvsim.training import checkpoint
 
 
 def readers() -> list[Reader]:
@@ -23,9 +31,6 @@ def readers() -> list[Reader]:
 
 
 def _model(kind: str):
-    from nvsim.geometry.floor_surface import FloorSurface
-    from nvsim.splats.types import Background, FloorTexture, SubmapModel
-
     r = np.random.default_rng(0)
 
     def noise(*shape: int) -> np.ndarray:
@@ -43,9 +48,6 @@ def _model(kind: str):
 
 
 def _appearance(kind: str, noise):
-    from nvsim.splats.appearance import LinearAppearance, NetworkAppearance
-    from nvsim.splats.types import Embedding
-
     if kind == "none":
         return None
     embedding = Embedding({}, 2, 5.0, False)
@@ -57,8 +59,6 @@ def _appearance(kind: str, noise):
 
 def model_files(kind: str) -> Files:
     """The files of a small model. `kind` is that of its appearance: none, linear, or network."""
-    from nvsim.splats.files import save_model
-
     with workshop() as folder:
         save_model(_model(kind), folder)
         return files_in(folder)
@@ -87,8 +87,6 @@ def _models() -> list[Seed]:
 
 
 def _load(path: Path) -> object:
-    from nvsim.splats import files
-
     files._verified.clear()
     files.memory_needed(path)
     return files.load_model(path)
@@ -98,8 +96,6 @@ _KEY = "key"
 
 
 def _checkpoints() -> list[Seed]:
-    from nvsim.training import checkpoint
-
     arrays = {"gaussians/means": np.ones((5, 3), np.float32), "optimizer/step": np.array(3)}
     progress = {"order": [1, 2], "loss": 0.5, "random": {"state": 5}}
     with workshop() as folder:
@@ -108,22 +104,16 @@ def _checkpoints() -> list[Seed]:
 
 
 def _resume(path: Path) -> object:
-    from nvsim.training import checkpoint
-
     return checkpoint.load(path, _KEY)
 
 
 def _paths() -> list[Seed]:
-    from nvsim.geometry.camera_path import KeyPose, write_camera_path
-
     with workshop() as folder:
         write_camera_path(folder / "p.json", [KeyPose((0.0, k, 1.5), 0.1 * k) for k in range(3)])
         return each(files_in(folder), "p.json", {"p.json": "json"})
 
 
 def _path(path: Path) -> object:
-    from nvsim.geometry.camera_path import read_camera_path
-
     return [pose.camera(64, 48) for pose in read_camera_path(path).frames(5)]
 
 
@@ -137,6 +127,4 @@ def _candidates() -> list[Seed]:
 
 
 def _read_candidates(path: Path) -> object:
-    from nvsim.project.frame_candidates import read_candidates
-
     return read_candidates(path)

@@ -5,8 +5,21 @@ from __future__ import annotations
 import os
 from pathlib import Path
 
+import onnx
+from floor_networks import segformer
+from normal_networks import own
+from onnx import TensorProto, helper
+from test_perception_prompted import decoder, encoder
+
 from fuzzing.places import workshop
 from fuzzing.reader import Reader, Seed, each, files_in
+from nvsim.evaluation.scores import Lpips
+from nvsim.networks.folder import VARIABLE
+from nvsim.networks.installation import add
+from nvsim.networks.installed import find_model, installed_models
+from nvsim.networks.known_forms import FOLDER, read_description
+from nvsim.networks.onnx_session import Session
+from nvsim.perception.prompted_network import PromptedNetwork
 
 
 def readers() -> list[Reader]:
@@ -22,8 +35,6 @@ def readers() -> list[Reader]:
 
 
 def _pair() -> list[Seed]:
-    from test_perception_prompted import decoder, encoder
-
     with workshop() as folder:
         encoder(folder / "prompted.encoder.onnx")
         decoder(folder / "prompted.decoder.onnx")
@@ -32,19 +43,12 @@ def _pair() -> list[Seed]:
 
 
 def _prompted(path: Path) -> object:
-    from nvsim.networks.folder import VARIABLE
-    from nvsim.networks.installed import find_model
-    from nvsim.perception.prompted_network import PromptedNetwork
-
     os.environ[VARIABLE] = str(path)
     model = find_model("prompted")
     return model and PromptedNetwork(model.open("cpu"))
 
 
 def _distance() -> list[Seed]:
-    import onnx
-    from onnx import TensorProto, helper
-
     images = [helper.make_tensor_value_info(n, TensorProto.FLOAT, (1, 3, "h", "w")) for n in ("a", "b")]
     distance = helper.make_tensor_value_info("d", TensorProto.FLOAT, (1, 1, 1, 1))
     nodes = [
@@ -60,34 +64,24 @@ def _distance() -> list[Seed]:
 
 
 def _lpips(path: Path) -> object:
-    from nvsim.evaluation.scores import Lpips
-
     return Lpips(path).values
 
 
 def _descriptions() -> list[Seed]:
-    from nvsim.networks.known_forms import FOLDER
-
     files = files_in(FOLDER)
     return each(files, "", {name: "text" for name in files})
 
 
 def _described(path: Path) -> object:
-    from nvsim.networks.known_forms import read_description
-
     return [read_description(file) for file in sorted(path.glob("*.toml"))]
 
 
 def _signature(path: Path) -> object:
-    from nvsim.networks.onnx_session import Session
-
     return Session(path).signature
 
 
 def _added() -> list[Seed]:
     """A network whose form NVSim recognizes, in a folder of new networks."""
-    from floor_networks import segformer
-
     with workshop() as folder:
         segformer(folder / "segformer-b0.onnx")
         files = {f"new/{name}": data for name, data in files_in(folder).items()}
@@ -96,17 +90,12 @@ def _added() -> list[Seed]:
 
 def _add(path: Path) -> object:
     """Adds a model as `nvsim models add` and `nvsim models check` do."""
-    from nvsim.networks.folder import VARIABLE
-    from nvsim.networks.installation import add
-
     os.environ[VARIABLE] = str(path / "models")
     return add([path / "new"]).digest()
 
 
 def _installed() -> list[Seed]:
     """A folder of models: one that was added, and files that belong to no model."""
-    from nvsim.networks.folder import VARIABLE
-
     with workshop() as folder:
         for name, data in _added()[0].files.items():
             (folder / name).parent.mkdir(exist_ok=True)
@@ -119,17 +108,12 @@ def _installed() -> list[Seed]:
 
 
 def _listed(path: Path) -> object:
-    from nvsim.networks.folder import VARIABLE
-    from nvsim.networks.installed import installed_models
-
     os.environ[VARIABLE] = str(path)
     models, problems = installed_models()
     return [(model.stamp, model.digest()) for model in models], problems
 
 
 def _old_normals() -> list[Seed]:
-    from normal_networks import own
-
     with workshop() as folder:
         own(folder / "normals.onnx", toml="")
         files = files_in(folder)
@@ -138,9 +122,6 @@ def _old_normals() -> list[Seed]:
 
 
 def _old(path: Path) -> object:
-    from nvsim.networks.folder import VARIABLE
-    from nvsim.networks.installed import find_model
-
     os.environ[VARIABLE] = str(path)
     model = find_model("normals", "normals")
     return model and model.open("cpu")

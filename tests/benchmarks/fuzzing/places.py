@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-import sys
 import tempfile
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
 _TESTS = Path(__file__).resolve().parents[2]
-sys.path.insert(0, str(_TESTS / "unit"))  # the samples of the unit tests
 _LARGEST = 40_000
 
 

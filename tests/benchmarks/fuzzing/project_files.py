@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from functools import cache
+from multiprocessing import Pipe
 from pathlib import Path
 
 import cv2
@@ -14,6 +16,23 @@ from fuzzing.models import model_files
 from fuzzing.places import workshop
 from fuzzing.projects import project_with_walk
 from fuzzing.reader import Files, Reader, Seed, each
+from nvsim.capture.images import read_image
+from nvsim.capture.types import Alignment
+from nvsim.evaluation.frame_truth import frame_truth
+from nvsim.evaluation.validity import StoredMap
+from nvsim.evaluation.views import read_novel_views
+from nvsim.graph.store import encode_graph
+from nvsim.perception.failures import NAME, read_failures
+from nvsim.project.floor_heights import floor_of
+from nvsim.project.jobs.files import JobCommand, encode_order, order_path, read_order
+from nvsim.project.layout import Layout
+from nvsim.project.project import Project
+from nvsim.splats import files
+from nvsim_app.frames.frame_data import read_frame_data
+from nvsim_app.frames.worker import FailedRequest, Worker
+from nvsim_app.processes.serving import Requests
+from nvsim_app.state.loading import ProjectReader
+from nvsim_app.state.side_work import LAST_VIEW, look_at
 
 
 def readers() -> list[Reader]:
@@ -52,11 +71,6 @@ def _files() -> list[Seed]:
 
 def _everything(path: Path) -> object:
     """Reads everything that the window shows of a project, in one process."""
-    from nvsim.project.floor_heights import floor_of
-    from nvsim.project.project import Project
-    from nvsim.splats import files
-    from nvsim_app.state.loading import ProjectReader
-
     files._verified.clear()
     with Project.open(path) as project:
         scene, found = project.scene(), (project.capture(), project.support(), project.surface(0))
@@ -82,13 +96,6 @@ def _frames() -> list[Seed]:
 
 def _frame(path: Path) -> object:
     """Reads the page of a frame. The images moved together with the project."""
-    from dataclasses import replace
-
-    from nvsim.capture.images import read_image
-    from nvsim.project.layout import Layout
-    from nvsim.project.project import Project
-    from nvsim_app.frames.frame_data import read_frame_data
-
     with Project.open(path) as project:
         capture = project.need_capture()
         for index in (1, 2):
@@ -100,12 +107,6 @@ def _frame(path: Path) -> object:
 
 def _thumbnails(path: Path) -> object:
     """The answers of the frame process. It handles every error itself; an unexpected one is a fault."""
-    from dataclasses import replace
-    from multiprocessing import Pipe
-
-    from nvsim_app.frames.worker import FailedRequest, Worker
-    from nvsim_app.processes.serving import Requests
-
     said: list[object] = []
     requests = Requests(Pipe()[0])
     requests.answer = lambda number, value, more=False: said.append(value)  # type: ignore[method-assign]
@@ -132,27 +133,18 @@ def _novel() -> list[Seed]:
 
 
 def _novel_views(path: Path) -> object:
-    from nvsim.capture.types import Alignment
-    from nvsim.evaluation.views import read_novel_views
-
     return read_novel_views(path, Alignment(np.eye(3), 1.0, True))
 
 
 def _failures() -> list[Seed]:
-    from nvsim.perception.failures import NAME
-
     return [Seed({NAME: b'{"0": "provider", "7": "empty", "12": "prompt"}'}, NAME, "", "json")]
 
 
 def _failed(path: Path) -> object:
-    from nvsim.perception.failures import read_failures
-
     return read_failures(path)
 
 
 def _orders() -> list[Seed]:
-    from nvsim.project.jobs.files import JobCommand, encode_order, order_path
-
     with workshop() as folder:
         text = encode_order(folder, 1, JobCommand("map", ("--project", "x"), "A map"))
     name = order_path(Path()).name
@@ -160,21 +152,15 @@ def _orders() -> list[Seed]:
 
 
 def _order(path: Path) -> object:
-    from nvsim.project.jobs.files import read_order
-
     return read_order(path, 1, path)
 
 
 def _cells() -> list[Seed]:
-    from nvsim.graph.store import encode_graph
-
     files = {"cell.json": b'{"models": ["a"], "report": {"seconds": 3.5}}', "graph.zip": encode_graph(row())}
     return each(files, "", {"cell.json": "json", "graph.zip": "zip"})
 
 
 def _cell(path: Path) -> object:
-    from nvsim.evaluation.validity import StoredMap
-
     return StoredMap(path).read()
 
 
@@ -187,23 +173,16 @@ def _truth() -> list[Seed]:
 
 def _true(path: Path) -> object:
     """Reads ground truth as `nvsim evaluate floor --truth` does."""
-    from nvsim.evaluation.frame_truth import frame_truth
-    from nvsim.project.project import Project
-
     with Project.open(path) as project:
         truth = frame_truth(project, path / "truth", False)
         return truth.size(0), truth.floor(0, 32, 24)[0].mean(), truth.normal_map(0, 32, 24).mean()
 
 
 def _recent() -> list[Seed]:
-    from nvsim_app.state.side_work import LAST_VIEW
-
     picture = cv2.imencode(".png", np.full((24, 32, 3), 99, np.uint8))[1].tobytes()
     files = {**project_with_walk(), f"cache/{LAST_VIEW}": picture, "cache/thumbnails/000001.jpg": picture}
     return each(files, "", {f"cache/{LAST_VIEW}": "picture", "imported/capture.json": "json"})
 
 
 def _recently(path: Path) -> object:
-    from nvsim_app.state.side_work import look_at
-
     return look_at(path)

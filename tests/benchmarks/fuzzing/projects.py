@@ -7,12 +7,32 @@ from functools import cache
 from pathlib import Path
 
 import numpy as np
+from capture_samples import room, walk, write_nerfstudio
 
 from fuzzing.graphs import row
 from fuzzing.places import workshop
 from fuzzing.reader import Files, Reader, Seed, each, files_in
-from nvsim.project.layout import Layout
+from nvsim.depth.cloud_file import write_cloud
+from nvsim.depth.fusion import FusedCloud
+from nvsim.events import Done, Failed, Log, Metric, Preview, Progress, Warning
+from nvsim.graph.findings import check_graph
+from nvsim.graph.types import NavGraph
+from nvsim.mapping.config import MappingConfig
+from nvsim.perception.support import FloorSupport
+from nvsim.project import ledger
+from nvsim.project.config import CaptureConfig
+from nvsim.project.floor_heights import floor_of
+from nvsim.project.graph import context_of, recorded_config, thresholds_of
+from nvsim.project.jobs.files import EventFile, event_line
+from nvsim.project.jobs.joblist import JobList
+from nvsim.project.layout import ADDED, CLOUD, Layout
+from nvsim.project.project import Project
+from nvsim.project.stages import imported
 from nvsim.project.work import STAGES
+from nvsim.submaps.split import Submap
+from nvsim_app.jobs.history import JobReport
+from nvsim_app.state.loading import ProjectReader
+from nvsim_app.state.results import result_of_job
 
 
 def readers() -> list[Reader]:
@@ -27,20 +47,6 @@ def readers() -> list[Reader]:
 @cache
 def project_with_walk() -> Files:
     """A project without masks and models: capture, submaps, graph, floors, results, stages, and commands."""
-    from capture_samples import room, walk, write_nerfstudio
-
-    from nvsim.depth.cloud_file import write_cloud
-    from nvsim.depth.fusion import FusedCloud
-    from nvsim.graph.types import NavGraph
-    from nvsim.mapping.config import MappingConfig
-    from nvsim.project import ledger
-    from nvsim.project.config import CaptureConfig
-    from nvsim.project.graph import recorded_config
-    from nvsim.project.layout import ADDED, CLOUD
-    from nvsim.project.project import Project
-    from nvsim.project.stages import imported
-    from nvsim.submaps.split import Submap
-
     with workshop() as folder:
         source = write_nerfstudio(folder / "walk", walk(12), room(600))
         root = folder / "p.nvsim"
@@ -78,8 +84,6 @@ def project_with_walk() -> Files:
 
 
 def _lay_floor(layout: Layout) -> None:
-    from nvsim.perception.support import FloorSupport
-
     for submap in range(2):
         path = layout.surface(submap)
         path.parent.mkdir(exist_ok=True)
@@ -97,14 +101,6 @@ def _project() -> list[Seed]:
 
 def _contents(path: Path) -> object:
     """Reads everything that the window and the commands read from a database."""
-    from nvsim.graph.findings import check_graph
-    from nvsim.project import ledger
-    from nvsim.project.floor_heights import floor_of
-    from nvsim.project.graph import context_of, thresholds_of
-    from nvsim.project.project import Project
-    from nvsim.project.stages import imported
-    from nvsim_app.state.loading import ProjectReader
-
     with Project.open(path) as project:
         project.results(), project.submaps(), project.graph(), project.scene()
         project.scan_name, thresholds_of(project), imported.capture_config(project)
@@ -124,9 +120,6 @@ def _contents(path: Path) -> object:
 
 def _written(path: Path) -> object:
     """Writes to a project as a command does."""
-    from nvsim.project import ledger
-    from nvsim.project.project import Project
-
     with Project.open(path, writable=True) as project:
         ledger.begin_part(project, "map", "another")
         ledger.finish(project, "map", 1.0, {})
@@ -137,10 +130,6 @@ def _written(path: Path) -> object:
 
 
 def _job_files() -> Files:
-    from nvsim.events import Done, Failed, Log, Metric, Preview, Progress, Warning
-    from nvsim.project.jobs.files import event_line
-    from nvsim.project.jobs.joblist import JobList
-
     with workshop() as root:
         jobs = JobList(root)
         for verb in ("map", "train", "evaluate views"):
@@ -170,9 +159,6 @@ def _jobs() -> list[Seed]:
 
 def _listed(path: Path) -> object:
     """Lists jobs as the window does, without acting on them."""
-    from nvsim.project.jobs.joblist import JobList
-    from nvsim_app.state.results import result_of_job
-
     jobs = JobList(path)
     return [(j, result_of_job(j)) for j in jobs.jobs()]
 
@@ -185,9 +171,6 @@ def _events() -> list[Seed]:
 
 def _heard(path: Path) -> object:
     """Follows a job as the window does: every event goes to its log, its curves, and its progress."""
-    from nvsim.project.jobs.files import EventFile
-    from nvsim_app.jobs.history import JobReport
-
     file, history = EventFile(path), JobReport()
     while file.has_unread_events:
         for at, event in file.read():

@@ -12,6 +12,15 @@ import numpy as np
 from fuzzing.graphs import row
 from fuzzing.places import workshop
 from fuzzing.reader import Files, Reader, Seed, each, files_in
+from nvsim.evaluation.scan_files import ScanFiles, scans_in
+from nvsim.graph.connectivity import read_connectivity, write_connectivity
+from nvsim.r2r.features.exported_scan import read_exported_scans
+from nvsim.r2r.observations.layout import ScanPlaces
+from nvsim.r2r.observations.record import FORMAT, ScanRecord, part_on_disk
+from nvsim.r2r.observations.skybox import visible_from
+from nvsim.r2r.simulator.images import read_colours, read_distances
+from nvsim.r2r.simulator.scan import read_scan
+from nvsim.r2r.surroundings.visibility import has_depth, views_from_viewpoints
 
 _SCAN, _SIDE = "row", 32
 
@@ -30,10 +39,6 @@ def readers() -> list[Reader]:
 @cache
 def _files() -> Files:
     """An export of six viewpoints with color and depth strips, and a manifest that lists every file."""
-    from nvsim.graph.connectivity import write_connectivity
-    from nvsim.r2r.observations.layout import ScanPlaces
-    from nvsim.r2r.observations.record import FORMAT, part_on_disk
-
     ramp = np.add.outer(np.arange(_SIDE), np.arange(6 * _SIDE)).astype(np.uint8)
     strip = cv2.imencode(".jpg", np.dstack([ramp] * 3))[1].tobytes()
     depth = cv2.imencode(".png", np.full((_SIDE, 6 * _SIDE), 8000, np.uint16))[1].tobytes()
@@ -53,8 +58,6 @@ def _files() -> Files:
 
 
 def _places(path: Path):
-    from nvsim.r2r.observations.layout import ScanPlaces
-
     return ScanPlaces(path, _SCAN)
 
 
@@ -69,8 +72,6 @@ def _whole() -> list[Seed]:
 
 def _problems(path: Path) -> object:
     """Checks scans as `nvsim evaluate scan` does."""
-    from nvsim.evaluation.scan_files import ScanFiles, scans_in
-
     return [ScanFiles(places).problems() for places in scans_in(path)]
 
 
@@ -84,8 +85,6 @@ def _unfinished() -> list[Seed]:
 
 
 def _finished(path: Path) -> object:
-    from nvsim.r2r.observations.record import ScanRecord
-
     record = ScanRecord(_places(path), only_look=True)
     return [record.finished(name, "key") for name in record.parts]
 
@@ -96,8 +95,6 @@ def _connectivity() -> list[Seed]:
 
 
 def _exported(path: Path) -> object:
-    from nvsim.r2r.features.exported_scan import read_exported_scans
-
     return [(scan.edges, scan.has_images) for scan in read_exported_scans(path)]
 
 
@@ -107,8 +104,6 @@ def _one_scan() -> list[Seed]:
 
 
 def _simulated(path: Path) -> object:
-    from nvsim.r2r.simulator.scan import read_scan
-
     scan = read_scan(path, _SCAN)
     return scan.index_of, scan.starts
 
@@ -120,18 +115,12 @@ def _strips() -> list[Seed]:
 
 
 def _colours(path: Path) -> object:
-    from nvsim.r2r.simulator.images import read_colours, read_distances
-
     images = _places(path).images
     return read_colours(images, "v1").shape, read_distances(images, "v1").shape
 
 
 def _seen(path: Path) -> object:
     """Reads the surroundings of viewpoints as the generation of tasks does."""
-    from nvsim.graph.connectivity import read_connectivity
-    from nvsim.r2r.observations.skybox import visible_from
-    from nvsim.r2r.surroundings.visibility import has_depth, views_from_viewpoints
-
     places = _places(path)
     graph = read_connectivity(places.connectivity)
     near = list(graph.viewpoints.values())

@@ -12,6 +12,9 @@ import numpy as np
 
 from fuzzing.places import shared, workshop
 from fuzzing.reader import Files, Reader, Seed, each
+from nvsim.splats.formats.choice import write_splats
+from nvsim.splats.types import Gaussians
+from nvsim_app.state.opened_files import SplatFile
 
 
 def readers() -> list[Reader]:
@@ -26,24 +29,18 @@ def readers() -> list[Reader]:
 
 
 def _read(path: Path) -> object:
-    from nvsim_app.state.opened_files import SplatFile
-
     file = SplatFile.of(path)
     return file.contents()
 
 
 def gaussians(count: int = 30, degree: int = 1):
     """A few Gaussians with direction-dependent colors."""
-    from nvsim.splats.types import Gaussians
-
     r = np.random.default_rng(0)
     shapes = ((count, 3), (count, 3), (count, 4), (count,), (count, (degree + 1) ** 2, 3))
     return Gaussians(*(r.normal(size=s).astype(np.float32) for s in shapes))
 
 
 def _written(form: str, suffix: str, degrees: tuple[int, ...]) -> list[bytes]:
-    from nvsim.splats.formats.choice import write_splats
-
     found = []
     with workshop() as folder:
         for degree in degrees:

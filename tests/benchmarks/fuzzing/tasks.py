@@ -8,9 +8,31 @@ from pathlib import Path
 
 import cv2
 import numpy as np
+from recurrent_samples import SMALL, dataset
 
+from fuzzing.graphs import row
 from fuzzing.places import workshop
 from fuzzing.reader import Files, Reader, Seed, each, files_in
+from nvsim.evaluation.judging.compared_images import by_folders, read_shown
+from nvsim.evaluation.navigation import figures_of, text_of
+from nvsim.events import Metric, to_json
+from nvsim.graph.connectivity import write_connectivity
+from nvsim.r2r.agents.baselines import agent_of
+from nvsim.r2r.agents.benchmark import Benchmark, run_agent
+from nvsim.r2r.metrics.scores import score
+from nvsim.r2r.metrics.submission import check_submission, read_submission
+from nvsim.r2r.recurrent.dataset import SPECIAL, Vocabulary, held_out, read_dataset
+from nvsim.r2r.recurrent.model import RecurrentModel
+from nvsim.r2r.recurrent.saved_agent import (
+    AgentDescription,
+    read_agent_description,
+    read_model,
+    write_agent_description,
+    write_weights,
+)
+from nvsim.r2r.recurrent.training import read_curves
+from nvsim.r2r.recurrent.world import read_world
+from nvsim.r2r.reviewing import FILE, FOLDER, Review, counts_of, read_folder
 
 _TASKS, _WALKED = "R2R_val_unseen.json", "agent.json"
 
@@ -28,9 +50,6 @@ def readers() -> list[Reader]:
 
 
 def _files() -> dict[str, bytes]:
-    from fuzzing.graphs import row
-    from nvsim.graph.connectivity import write_connectivity
-
     path = ["v0", "v1", "v2", "v3"]
     task = {"distance": 6.2, "scan": "row", "path_id": 4, "path": path, "heading": 1.5, "instructions": ["go", "walk"]}
     other = {**task, "path_id": 5, "path": path[::-1]}
@@ -52,10 +71,6 @@ def _submission() -> list[Seed]:
 
 def _walk(path: Path) -> object:
     """Runs an agent as `nvsim evaluate r2r --agents` does."""
-    from nvsim.r2r.agents.baselines import agent_of
-    from nvsim.r2r.agents.benchmark import Benchmark, run_agent
-    from nvsim.r2r.metrics.scores import score
-
     benchmark = Benchmark.read(path.parent, path)
     walked = run_agent(agent_of("shortest", benchmark.graphs, 0), benchmark.tasks, benchmark.folder)
     return score(benchmark.tasks, walked, benchmark.distances)
@@ -63,11 +78,6 @@ def _walk(path: Path) -> object:
 
 def _score(path: Path) -> object:
     """Scores trajectories as `nvsim evaluate r2r --submission` does."""
-    from nvsim.evaluation.navigation import figures_of, text_of
-    from nvsim.r2r.agents.benchmark import Benchmark
-    from nvsim.r2r.metrics.scores import score
-    from nvsim.r2r.metrics.submission import check_submission, read_submission
-
     benchmark = Benchmark.read(path.parent, path.parent / _TASKS)
     walked = read_submission(path)
     check_submission(walked, benchmark.tasks, benchmark.distances, path)
@@ -75,8 +85,6 @@ def _score(path: Path) -> object:
 
 
 def _reviewed() -> list[Seed]:
-    from nvsim.r2r.reviewing import FILE, FOLDER, Review
-
     review = Review()
     review.set_state(("R2R_val_unseen", 4, "row"), "accepted")
     review.set_instructions(("R2R_val_unseen", 5, "row"), ("walk on",))
@@ -88,16 +96,12 @@ def _reviewed() -> list[Seed]:
 
 def _review(path: Path) -> object:
     """Reads tasks as `nvsim review` and the task page of the window do."""
-    from nvsim.r2r.reviewing import counts_of, read_folder
-
     folder = read_folder(path)
     return counts_of(folder), folder.review.undo()
 
 
 @cache
 def _export() -> Files:
-    from recurrent_samples import dataset
-
     with workshop() as folder:
         dataset(folder, scans=2, paths=6, width=4)
         return files_in(folder)
@@ -112,20 +116,11 @@ def _dataset() -> list[Seed]:
 
 def _learned(path: Path) -> object:
     """Reads a dataset as `nvsim r2r train` does."""
-    from nvsim.r2r.recurrent.dataset import held_out, read_dataset
-    from nvsim.r2r.recurrent.world import read_world
-
     dataset = read_dataset([path])
     return dataset.backbone, held_out(dataset.tasks, 0.2, 0), read_world(dataset.sources, False, dataset.closed)
 
 
 def _agents() -> list[Seed]:
-    from recurrent_samples import SMALL
-
-    from nvsim.r2r.recurrent.dataset import SPECIAL, Vocabulary
-    from nvsim.r2r.recurrent.model import RecurrentModel
-    from nvsim.r2r.recurrent.saved_agent import AgentDescription, write_agent_description, write_weights
-
     words = Vocabulary((*SPECIAL, "go", "left"))
     with workshop() as folder:
         write_agent_description(folder, AgentDescription(SMALL, words, 4, "chance", 10, {"steps": 3}, True))
@@ -135,22 +130,16 @@ def _agents() -> list[Seed]:
 
 
 def _agent(path: Path) -> object:
-    from nvsim.r2r.recurrent.saved_agent import read_agent_description, read_model
-
     about = read_agent_description(path)
     return read_model(path, about).training
 
 
 def _curves() -> list[Seed]:
-    from nvsim.events import Metric, to_json
-
     lines = "".join(to_json(Metric("r2r train", "loss", 1.0 / (k + 1), k)) + "\n" for k in range(5))
     return [Seed({"curves.jsonl": lines.encode()}, "curves.jsonl", "", "lines of json")]
 
 
 def _drawn(path: Path) -> object:
-    from nvsim.r2r.recurrent.training import read_curves
-
     return read_curves(path)
 
 
@@ -162,7 +151,5 @@ def _judged() -> list[Seed]:
 
 def _shown(path: Path) -> object:
     """Reads images as `nvsim evaluate judge` does with two folders."""
-    from nvsim.evaluation.judging.compared_images import by_folders, read_shown
-
     shown = by_folders({"a": path / "a", "b": path / "b"}, None)
     return [read_shown(image).shape for view in shown for image in view.images.values()]

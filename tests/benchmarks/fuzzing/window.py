@@ -4,8 +4,27 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import cv2
+import numpy as np
+from PySide6.QtCore import QSettings
+
+from fuzzing.captures import cloud_samples
+from fuzzing.graphs import row
 from fuzzing.places import workshop
 from fuzzing.reader import Reader, Seed, content, each, files_in
+from nvsim.events import Metric, Progress, from_json, to_json
+from nvsim.graph.connectivity import write_connectivity
+from nvsim.project.path_kind import check_openable, path_kind, sentence_about
+from nvsim_app.forms.fields import FILE, Settings
+from nvsim_app.jobs.queries import result_of
+from nvsim_app.painting.cameras import ViewPose
+from nvsim_app.panels.comparison import ComparedGraphs, read_graph
+from nvsim_app.panels.preferences import PREFERENCES, Preferences, memory_budget
+from nvsim_app.panels.training_images import read_picture
+from nvsim_app.start.application import check_settings
+from nvsim_app.state.document import Selection
+from nvsim_app.state.folder_listing import FolderLook
+from nvsim_app.state.view_state_store import StoredViewState, decode, encode
 
 
 def readers() -> list[Reader]:
@@ -22,10 +41,6 @@ def readers() -> list[Reader]:
 
 
 def _views() -> list[Seed]:
-    from nvsim_app.painting.cameras import ViewPose
-    from nvsim_app.state.document import Selection
-    from nvsim_app.state.view_state_store import StoredViewState, encode
-
     pose = ViewPose((1.0, 2.0, 1.5))
     text = encode(
         StoredViewState(pose, "rgb", Selection(viewpoint="v1"), 3, (0, 0, 5, 5), (0.1, 0.2, 1.0), (pose, pose))
@@ -34,22 +49,16 @@ def _views() -> list[Seed]:
 
 
 def _decode_view(path: Path) -> object:
-    from nvsim_app.state.view_state_store import decode, encode
-
     left = decode(content(path).decode("utf-8", "replace"))
     return left and encode(left)
 
 
 def _options() -> list[Seed]:
-    from nvsim_app.forms.fields import FILE
-
     text = b'{"train": {"steps": 100, "preset": "paper", "seed": 3}, "map": {"config.tau_dist": 0.5, "x": [1]}}'
     return [Seed({FILE: text}, FILE, "", "json")]
 
 
 def _options_of(path: Path) -> object:
-    from nvsim_app.forms.fields import Settings
-
     settings = Settings(path)
     return [settings.arguments(verb) for verb in ("train", "map")]
 
@@ -61,8 +70,6 @@ def _results() -> list[Seed]:
 
 
 def _result(path: Path) -> object:
-    from nvsim_app.jobs.queries import result_of
-
     return result_of(content(path).decode("utf-8", "replace")).sentence
 
 
@@ -73,34 +80,21 @@ def _settings() -> list[Seed]:
 
 
 def _preferences(path: Path) -> object:
-    from PySide6.QtCore import QSettings
-
-    from nvsim_app.panels.preferences import PREFERENCES, Preferences, memory_budget
-    from nvsim_app.start.application import check_settings
-
     check_settings(path)
     preferences = Preferences(QSettings(str(path), QSettings.Format.IniFormat))
     return [preferences[p.key] for p in PREFERENCES], memory_budget(preferences)
 
 
 def _previews() -> list[Seed]:
-    import cv2
-    import numpy as np
-
     image = cv2.imencode(".jpg", np.full((24, 32, 3), 99, np.uint8))[1].tobytes()
     return [Seed({"p.jpg": image}, "p.jpg", "p.jpg", "picture")]
 
 
 def _preview(path: Path) -> object:
-    from nvsim_app.panels.training_images import read_picture
-
     return read_picture(path).size()
 
 
 def _graphs() -> list[Seed]:
-    from fuzzing.graphs import row
-    from nvsim.graph.connectivity import write_connectivity
-
     with workshop() as folder:
         write_connectivity(row(), folder)
         files = files_in(folder)
@@ -108,9 +102,6 @@ def _graphs() -> list[Seed]:
 
 
 def _compared(path: Path) -> object:
-    from fuzzing.graphs import row
-    from nvsim_app.panels.comparison import ComparedGraphs, read_graph
-
     return ComparedGraphs.of("other", row(), read_graph(path)).comparison.deviations
 
 
@@ -119,31 +110,22 @@ _NAMES = ("a.ply", "a.splat", "a.json", "a_connectivity.json", "a.yaml", "a.bt",
 
 def _paths() -> list[Seed]:
     """The given contents under every file name that implies a format."""
-    from fuzzing.captures import cloud_samples
-
     contents = [next(iter(cloud_samples().values())), b'{"frames": []}', b'[{"image_id": "a"}]', b"image: m.pgm\n"]
     return [Seed({name: data}, name, name, "headed", readable=False) for name in _NAMES for data in contents]
 
 
 def _kinds(path: Path) -> object:
     """Examines a path as the window does before it opens it."""
-    from nvsim.project.path_kind import check_openable, path_kind, sentence_about
-    from nvsim_app.state.folder_listing import FolderLook
-
     sentence_about(path, path_kind(path))
     FolderLook(path.parent).result()
     return check_openable(path)
 
 
 def _lines() -> list[Seed]:
-    from nvsim.events import Metric, Progress, to_json
-
     lines = [to_json(Progress("map", 1, 3, "step")), to_json(Metric("train", "psnr", 20.5, 3))]
     return [Seed({"e.json": line.encode()}, "e.json", "e.json", "json") for line in lines]
 
 
 def _event(path: Path) -> object:
     """Reads the output of a command with --json as the window does."""
-    from nvsim.events import from_json, to_json
-
     return to_json(from_json(content(path).decode("utf-8", "replace")))
