@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, ClassVar, Literal, TypeVar
 
@@ -70,23 +70,15 @@ class Part(QObject):
     before the menus."""
 
     ACTIONS: ClassVar[tuple[Action, ...]] = ()
+    """The commands."""
 
     def __init__(self, context: WindowContext) -> None:
         super().__init__(context.window)
         self.context = context
 
-    @classmethod
-    def actions(cls) -> tuple[Action, ...]:
-        """The commands. Called when a window is created."""
-        return cls.ACTIONS
-
     def docks(self) -> tuple[Dock, ...]:
         """The panels. Called once."""
         return ()
-
-    def handlers(self) -> Mapping[str, Callable[..., object]]:
-        """Action id -> handler. The handler of a checkable action receives the new state."""
-        return {}
 
     def restore(self, settings: QSettings) -> None:
         """Restores the settings of `store`, after all parts exist. `settings` may contain any value."""

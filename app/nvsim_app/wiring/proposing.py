@@ -4,7 +4,7 @@ viewpoints are measured in the background."""
 from __future__ import annotations
 
 import threading
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 
 import numpy as np
 from numpy.typing import NDArray
@@ -43,20 +43,6 @@ class ProposePart(Part):
 
     _thought = Signal(object, str)
 
-    ACTIONS = (
-        Action("measure_automatically", "Measure &added or moved viewpoints",
-               "Measure the evidence of new and moved viewpoints in the background and propose edges", "&Graph", 3,
-               check="on", enabled=writable),
-        Action("propose_edges", "Propose &edges", "Propose edges that evidence and map allow and that shorten a detour",
-               "&Graph", 3, enabled=lambda document: _with_grounds(document)),
-        Action("propose_viewpoints", "Propose v&iewpoints",
-               "Propose viewpoints at free places without a viewpoint nearby", "&Graph", 3, enabled=with_map),
-        Action("accept_proposals", "A&ccept proposals", "Add the proposed edges and viewpoints to the graph", "&Graph",
-               3, "Ctrl+Return", enabled=lambda document: _with_proposals(document)),
-        Action("dismiss_proposals", "&Dismiss proposals", "Remove the proposed edges and viewpoints", "&Graph", 3,
-               "Ctrl+Backspace", enabled=lambda document: _with_proposals(document)),
-    )  # fmt: skip
-
     def __init__(self, context: WindowContext) -> None:
         super().__init__(context)
         self._automatic = True
@@ -70,15 +56,6 @@ class ProposePart(Part):
         document.graphChanged.connect(self._on_edit)
         document.projectChanged.connect(self._on_project)
         context.modes.layers.append(self.paint)
-
-    def handlers(self) -> Mapping[str, Callable[..., object]]:
-        return {
-            "measure_automatically": self._set_automatic,
-            "propose_edges": self.propose_edges,
-            "propose_viewpoints": self.propose_viewpoints,
-            "accept_proposals": self.accept,
-            "dismiss_proposals": self.dismiss,
-        }
 
     @property
     def proposals(self) -> Proposals:
@@ -269,6 +246,22 @@ class ProposePart(Part):
         self.process.close()
         if self._thread is not None:
             self._thread.join()
+
+    ACTIONS = (
+        Action("&Graph", 3, "measure_automatically", "Measure &added or moved viewpoints",
+               "Measure the evidence of new and moved viewpoints in the background and propose edges", _set_automatic,
+               enabled=writable, check="on"),
+        Action("&Graph", 3, "propose_edges", "Propose &edges",
+               "Propose edges that evidence and map allow and that shorten a detour", propose_edges,
+               enabled=lambda document: _with_grounds(document)),
+        Action("&Graph", 3, "propose_viewpoints", "Propose v&iewpoints",
+               "Propose viewpoints at free places without a viewpoint nearby", propose_viewpoints, enabled=with_map),
+        Action("&Graph", 3, "accept_proposals", "A&ccept proposals",
+               "Add the proposed edges and viewpoints to the graph", accept, "Ctrl+Return",
+               lambda document: _with_proposals(document)),
+        Action("&Graph", 3, "dismiss_proposals", "&Dismiss proposals", "Remove the proposed edges and viewpoints",
+               dismiss, "Ctrl+Backspace", lambda document: _with_proposals(document)),
+    )  # fmt: skip
 
 
 def _with_grounds(document: Document) -> Reason:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections import Counter
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from pathlib import Path
 from threading import Thread
 from typing import Any
@@ -38,10 +38,6 @@ SETTLE = 250  # milliseconds after an edit until the tasks are checked
 class TaskPart(Part):
     """Reads, reviews, and exports tasks, and draws their paths."""
 
-    ACTIONS = (
-        Action("tasks", "&Tasks", "Review paths and instructions of the scan, and trajectories of agents", "&Graph", 2,
-               "Shift+F9", enabled=with_editing),
-    )  # fmt: skip
     _came = Signal(object)  # a function from a thread, to call in the main thread
 
     def __init__(self, context: WindowContext) -> None:
@@ -96,9 +92,6 @@ class TaskPart(Part):
 
     def docks(self) -> tuple[Dock, ...]:
         return (Dock("tasks", "Tasks", self.panel, "right", tab="details", needs=with_editing),)
-
-    def handlers(self) -> Mapping[str, Callable[..., object]]:
-        return {"tasks": lambda: self.context.window.show_dock("tasks")}
 
     def store(self, settings: object) -> None:
         self.panel.keep()
@@ -267,3 +260,8 @@ class TaskPart(Part):
             line(painter, surface, walked[:-1], walked[1:], colors.AGENT, 2.6)
         at = self._shown_path(entry)[self.panel.slider.value() : self.panel.slider.value() + 1]
         dots(painter, surface, self._places(at), colors.AGENT, 8.0, filled=False)
+
+    ACTIONS = (
+        Action("&Graph", 2, "tasks", "&Tasks", "Review paths and instructions of the scan, and trajectories of agents",
+               lambda self: self.context.window.show_dock("tasks"), "Shift+F9", with_editing),
+    )  # fmt: skip

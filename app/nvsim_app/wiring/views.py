@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Mapping
 from dataclasses import replace
 from pathlib import Path
 
@@ -45,13 +44,6 @@ def can_go_forward(document: Document) -> Reason:
 class ViewsPart(Part):
     """Records the views, and goes back and forward between them."""
 
-    ACTIONS = (
-        Action("view_back", "&Back", "Undo the last change of the view: camera, channel, layers, renderer", "&View", 4,
-               "Alt+Left", enabled=can_go_back),
-        Action("view_forward", "&Forward", "Redo the undone change of the view", "&View", 4, "Alt+Right",
-               enabled=can_go_forward),
-    )  # fmt: skip
-
     def __init__(self, context: WindowContext) -> None:
         super().__init__(context)
         self.states = context.document.views = ViewStates()
@@ -61,9 +53,6 @@ class ViewsPart(Part):
         # All changes of one command, including a camera move, are one step.
         self._soon = QTimer(self, singleShot=True, interval=0)
         self._soon.timeout.connect(self._record)
-
-    def handlers(self) -> Mapping[str, Callable[..., object]]:
-        return {"view_back": self.back, "view_forward": self.forward}
 
     def restore(self, settings: QSettings) -> None:
         scene, window = self.context.scene, self.context.window
@@ -189,6 +178,13 @@ class ViewsPart(Part):
         self._soon.stop()
         self.states.clear()
         self._name_changes()
+
+    ACTIONS = (
+        Action("&View", 4, "view_back", "&Back", "Undo the last change of the view: camera, channel, layers, renderer",
+               back, "Alt+Left", can_go_back),
+        Action("&View", 4, "view_forward", "&Forward", "Redo the undone change of the view", forward, "Alt+Right",
+               can_go_forward),
+    )  # fmt: skip
 
 
 _PREFIX = "views/"

@@ -37,7 +37,7 @@ from nvsim_app.panels.start_page import StartPage
 from nvsim_app.state.document import Document
 from nvsim_app.state.opened_files import SplatFile
 from nvsim_app.views.scene_view import SceneView
-from nvsim_app.wiring import PARTS, actions
+from nvsim_app.wiring import PARTS
 from nvsim_app.wiring.part import AnyPart, Dock, WindowContext
 
 _REASON = 6000  # milliseconds that the status bar shows why a key had no effect
@@ -94,8 +94,7 @@ class MainWindow(QMainWindow):
         self.panels = {dock.name: dock.widget for dock in docks}
         self._docks = {dock.name: self._dock(dock) for dock in docks}
         self._rows = docks
-        handlers = {id: handler for part in self.parts for id, handler in part.handlers().items()}
-        self.actions_table = ActionTable(document, actions(), handlers, self)
+        self.actions_table = ActionTable(document, [(row, part) for part in self.parts for row in part.ACTIONS], self)
         self._build_bars()
         self._arrange()
         self._connect()

@@ -8,9 +8,8 @@ shows a single view alone.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, field
-from functools import partial
 from typing import Literal
 
 from PySide6.QtCore import QByteArray, QSettings, Qt
@@ -87,18 +86,6 @@ def kind_of(document: Document) -> OpenKind:
 class WorkspacePart(Part):
     """Switches, stores, and restores workspaces."""
 
-    ACTIONS = (
-        *(
-            Action(f"workspace_{a.id}", f"{a.text} workspace", a.tip, "&View", 8, a.shortcut, check="off",
-                   group="workspace", enabled=with_project)
-            for a in WORKSPACE_LAYOUTS
-        ),
-        Action("maximise", "&Maximize the view", "Show only the focused panel, or else the center; again: all",
-               "&View", 9, "F12", enabled=with_project),
-        Action("reset_layout", "&Reset workspace", "Restore the default panels of this workspace",
-               "&Window", icon="layout", enabled=with_project),
-    )  # fmt: skip
-
     def __init__(self, context: WindowContext) -> None:
         super().__init__(context)
         self.current = WORKSPACE_LAYOUTS[0]
@@ -107,10 +94,6 @@ class WorkspacePart(Part):
         self._asked: set[str] = set()  # panels that the user opened although they do not apply
         self._put: dict[str, bool] = {}  # panel -> whether it was open at the last check
         self._before: QByteArray | None = None  # the layout before one view was shown alone
-
-    def handlers(self) -> Mapping[str, Callable[..., object]]:
-        entered = {f"workspace_{a.id}": partial(self._on_chosen, a.id) for a in WORKSPACE_LAYOUTS}
-        return {**entered, "maximise": lambda _=False: self.maximise(), "reset_layout": lambda _=False: self.reset()}
 
     def restore(self, settings: QSettings) -> None:
         window, document = self.context.window, self.context.document
@@ -387,3 +370,15 @@ class WorkspacePart(Part):
             button.setToolButtonStyle(Qt.ToolButtonStyle.ToolButtonTextOnly)
             row.addWidget(button)
         return holder
+
+    ACTIONS = (
+        *(
+            Action("&View", 8, f"workspace_{a.id}", f"{a.text} workspace", a.tip,
+                   lambda self, id=a.id: self._on_chosen(id), a.shortcut, with_project, check="off", group="workspace")
+            for a in WORKSPACE_LAYOUTS
+        ),
+        Action("&View", 9, "maximise", "&Maximize the view",
+               "Show only the focused panel, or else the center; again: all", maximise, "F12", with_project),
+        Action("&Window", 0, "reset_layout", "&Reset workspace", "Restore the default panels of this workspace", reset,
+               enabled=with_project, icon="layout"),
+    )  # fmt: skip
