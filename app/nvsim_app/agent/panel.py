@@ -6,10 +6,11 @@ import math
 from collections.abc import Callable
 
 from PySide6.QtCore import QModelIndex, Qt, Signal
-from PySide6.QtWidgets import QCheckBox, QGridLayout, QHBoxLayout, QPushButton, QVBoxLayout, QWidget
+from PySide6.QtWidgets import QCheckBox, QGridLayout, QPushButton, QWidget
 
 from nvsim_app.agent.agent_walk import AgentWalk
 from nvsim_app.agent.state import AgentState, Location
+from nvsim_app.look.boxes import STRETCH, hbox, vbox
 from nvsim_app.look.labels import Hint, Label, Value
 from nvsim_app.look.plain_text import tooltip_text
 from nvsim_app.look.table import Column, TableModel, table
@@ -114,21 +115,9 @@ class AgentPanel(QWidget):
             caption.setForegroundRole(caption.palette().ColorRole.PlaceholderText)
             fields.addWidget(caption, row, 0)
             fields.addWidget(value, row, 1)
-        choices = QHBoxLayout()
-        choices.addWidget(self.restricted)
-        choices.addWidget(self.image)
-        choices.addStretch(1)
-        buttons = QHBoxLayout()
-        buttons.addWidget(self.copy_state)
-        buttons.addWidget(self.copy_trajectory)
-        buttons.addStretch(1)
-        layout = QVBoxLayout(self)
-        layout.setContentsMargins(8, 8, 8, 8)
-        layout.setSpacing(8)
-        layout.addLayout(fields)
-        layout.addWidget(self.table, 1)
-        layout.addLayout(choices)
-        layout.addLayout(buttons)
+        choices = hbox(self.restricted, self.image, STRETCH)
+        buttons = hbox(self.copy_state, self.copy_trajectory, STRETCH)
+        vbox(fields, (self.table, 1), choices, buttons, on=self, margins=8, spacing=8)
 
     def point(self, index: int) -> None:
         """Selects the row of a navigable location; -1 selects none."""

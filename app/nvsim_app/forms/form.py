@@ -17,7 +17,6 @@ from PySide6.QtWidgets import (
     QLineEdit,
     QListWidget,
     QPushButton,
-    QVBoxLayout,
     QWidget,
 )
 
@@ -35,6 +34,7 @@ from nvsim_app.forms.fields import (
     validate,
 )
 from nvsim_app.forms.rows import OptionRow
+from nvsim_app.look.boxes import STRETCH, hbox, vbox
 from nvsim_app.look.labels import InkLabel, Label
 from nvsim_app.look.plain_text import SENTENCE, plain
 from nvsim_app.look.theme import type_font
@@ -119,16 +119,12 @@ class CommandForm(Dialog):
         self.list.setSpacing(4)
         self.list.currentTextChanged.connect(self._go_to_section)
         self._page = QWidget(self)
-        self._column = QVBoxLayout(self._page)
-        self._column.setContentsMargins(8, 8, 8, 8)
-        self._column.addStretch(1)
+        self._column = vbox(STRETCH, on=self._page, margins=8)
         self.area = Scrolling(self._page, self)
         self.area.setAccessibleName("Options")
         self.area.setFrameShape(QFrame.Shape.StyledPanel)
         self.area.setHorizontalScrollBarPolicy(Qt.ScrollBarPolicy.ScrollBarAlwaysOff)
-        self._middle = QHBoxLayout()
-        self._middle.addWidget(self.list)
-        self._middle.addWidget(self.area, 1)
+        self._middle = hbox(self.list, (self.area, 1))
         self.problem = InkLabel("blocked", self)
         self.problem.setWordWrap(True)
         self.problem.hide()
@@ -141,9 +137,7 @@ class CommandForm(Dialog):
         copy = QPushButton("Copy", self)
         copy.setAutoDefault(False)
         copy.clicked.connect(lambda: QGuiApplication.clipboard().setText(self._command_line))
-        line = QHBoxLayout()
-        line.addWidget(self.command, 1)
-        line.addWidget(copy)
+        line = hbox((self.command, 1), copy)
         buttons = DialogButtons(self)
         self.start_button = buttons.addButton(start_text, QDialogButtonBox.ButtonRole.AcceptRole)
         self.keep_button = buttons.addButton("Save settings", QDialogButtonBox.ButtonRole.ActionRole)
@@ -153,14 +147,7 @@ class CommandForm(Dialog):
         self.reset_button.clicked.connect(self.reset)
         buttons.accepted.connect(self._start)
         buttons.rejected.connect(self.reject)
-        layout = QVBoxLayout(self)
-        layout.addWidget(intro)
-        layout.addWidget(self.replaces)
-        layout.addLayout(above)
-        layout.addLayout(self._middle, 1)
-        layout.addWidget(self.problem)
-        layout.addLayout(line)
-        layout.addWidget(buttons)
+        vbox(intro, self.replaces, above, (self._middle, 1), self.problem, line, buttons, on=self)
 
     def _replaced(self) -> str:
         """The sentence of the command about the results that it replaces; "" if it replaces none."""

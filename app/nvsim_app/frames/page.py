@@ -7,17 +7,16 @@ from collections.abc import Iterable
 from PySide6.QtCore import QEvent, Qt, Signal
 from PySide6.QtGui import QAction, QKeyEvent
 from PySide6.QtWidgets import (
-    QHBoxLayout,
     QSizePolicy,
     QSlider,
     QToolBar,
     QToolButton,
-    QVBoxLayout,
     QWidget,
 )
 
 from nvsim_app.frames.canvas import Canvas
 from nvsim_app.frames.layers import FrameLayer, LayerList
+from nvsim_app.look.boxes import hbox, vbox
 from nvsim_app.look.icons import icon
 from nvsim_app.look.labels import Label, MarkedLabel
 from nvsim_app.look.plain_text import tooltip_text
@@ -58,41 +57,16 @@ class FramePage(QWidget):
         self.brush_size = _slider(self, 0, _BRUSH, 40, "Size of the brush ([ and ], or the wheel)")
         self.brush_size.valueChanged.connect(lambda value: self.sizeChanged.emit(value / _BRUSH))
         self._gain_words, self._size_words = Label("Gain", self), Label("Size", self)
-        self._first, self._second = QHBoxLayout(), QHBoxLayout()
-        for bar in (self._first, self._second):
-            bar.setContentsMargins(8, 4, 8, 0)
-            bar.setSpacing(4)
         # Tool bars move buttons without enough space into a menu, so that the page does not make the window wider.
         self._back, self._modes, self._tools = (_bar(self, name) for name in ("back", "modes", "tools"))
-        self._first.addWidget(self._back)
-        self._first.addSpacing(10)
         self.title.setSizePolicy(QSizePolicy.Policy.Ignored, QSizePolicy.Policy.Preferred)
-        self._first.addWidget(self.title, 1)
-        for words, slider in ((self._gain_words, self.gain), (self._size_words, self.brush_size)):
-            self._first.addSpacing(8)
-            self._first.addWidget(words)
-            self._first.addWidget(slider)
-        self._second.addWidget(self._modes, 10)
-        self._second.addWidget(self._tools, 9)
-        side = QVBoxLayout()
-        side.setContentsMargins(8, 8, 8, 8)
-        side.setSpacing(8)
-        side.addWidget(MarkedLabel("<b>Layers</b>", self))
-        side.addWidget(Scrolling(self.layers, self), 1)
-        middle = QHBoxLayout()
-        middle.setSpacing(0)
-        middle.addWidget(self.canvas, 1)
-        middle.addLayout(side)
-        low = QHBoxLayout()
-        low.setContentsMargins(8, 4, 8, 4)
-        low.addWidget(self.hint)
-        layout = QVBoxLayout(self)
-        layout.setContentsMargins(0, 0, 0, 0)
-        layout.setSpacing(4)
-        layout.addLayout(self._first)
-        layout.addLayout(self._second)
-        layout.addLayout(middle, 1)
-        layout.addLayout(low)
+        sliders: tuple[QWidget | int, ...] = 8, self._gain_words, self.gain, 8, self._size_words, self.brush_size
+        first = hbox(self._back, 10, (self.title, 1), *sliders, margins=(8, 4, 8, 0), spacing=4)
+        second = hbox((self._modes, 10), (self._tools, 9), margins=(8, 4, 8, 0), spacing=4)
+        side = vbox(MarkedLabel("<b>Layers</b>", self), (Scrolling(self.layers, self), 1), margins=8, spacing=8)
+        middle = hbox((self.canvas, 1), side, spacing=0)
+        low = hbox(self.hint, margins=(8, 4, 8, 4))
+        vbox(first, second, (middle, 1), low, on=self, margins=0, spacing=4)
         self.show_mode("wipe")
         self.show_brush(None)
         self._apply_palette()

@@ -12,7 +12,6 @@ from PySide6.QtWidgets import (
     QScrollArea,
     QSizePolicy,
     QToolButton,
-    QVBoxLayout,
     QWidget,
 )
 
@@ -22,6 +21,7 @@ from nvsim_app.inspector.panorama_view import PanoramaView
 from nvsim_app.inspector.panoramas import Panoramas
 from nvsim_app.inspector.state import Inspection
 from nvsim_app.look import colors
+from nvsim_app.look.boxes import vbox
 from nvsim_app.look.icons import swatch
 from nvsim_app.look.labels import Label, WrappingRow
 from nvsim_app.look.plain_text import tooltip_text
@@ -175,20 +175,12 @@ class InspectorPanel(QScrollArea):
             _COLUMNS, self, lambda direction: direction.key, lambda direction: direction.sentence, dense=True
         )
         self.list = self._list(content)
-        beside = QVBoxLayout()
-        beside.setSpacing(8)
-        beside.addWidget(self.sentence)
-        beside.addWidget(self.list, 1)
-        beside.addWidget(self.bars)
+        beside = vbox(self.sentence, (self.list, 1), self.bars, spacing=8)
         self._halves = QBoxLayout(QBoxLayout.Direction.TopToBottom)
         self._halves.setSpacing(8)
         self._halves.addWidget(self.view, 3)
         self._halves.addLayout(beside, 2)
-        layout = QVBoxLayout(content)
-        layout.setContentsMargins(8, 8, 8, 8)
-        layout.setSpacing(8)
-        layout.addLayout(self._head(content))
-        layout.addLayout(self._halves, 1)
+        vbox(self._head(content), (self._halves, 1), on=content, margins=8, spacing=8)
         self.setWidget(content)
         inspection.changed.connect(self._fill)
         inspection.pointed.connect(self._show_pointed)

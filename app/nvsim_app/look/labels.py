@@ -154,10 +154,12 @@ class Hint(Label):
 class WrappingRow(QLayout):
     """A layout that places widgets from left to right, and wraps to the next line. Hidden widgets take no space."""
 
-    def __init__(self, parent: QWidget | None = None, spacing: int = 4) -> None:
-        super().__init__(parent)
+    def __init__(self, *widgets: QWidget, on: QWidget | None = None, spacing: int = 4) -> None:
+        super().__init__(on)
         self._items: list[QLayoutItem] = []
         self.setSpacing(spacing)
+        for widget in widgets:
+            self.addWidget(widget)
 
     def addItem(self, item: QLayoutItem) -> None:
         self._items.append(item)

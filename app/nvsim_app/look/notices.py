@@ -14,10 +14,11 @@ from typing import Literal
 
 from PySide6.QtCore import QEvent, QObject, Qt, QTimer, Signal
 from PySide6.QtGui import QColor, QEnterEvent, QPainter, QPaintEvent
-from PySide6.QtWidgets import QFrame, QHBoxLayout, QToolButton, QVBoxLayout, QWidget
+from PySide6.QtWidgets import QFrame, QToolButton, QVBoxLayout, QWidget
 
 from nvsim.errors import InputError
 from nvsim_app.look import colors
+from nvsim_app.look.boxes import hbox, vbox
 from nvsim_app.look.labels import Label
 from nvsim_app.look.plain_text import lines
 from nvsim_app.look.theme import GRID
@@ -103,11 +104,7 @@ class _NoticeCard(QFrame):
         button.setAutoRaise(True)
         button.setToolTip("Close this notice")
         button.clicked.connect(close)
-        layout = QHBoxLayout(self)
-        layout.setContentsMargins(16, 8, 8, 8)
-        words = QVBoxLayout()
-        words.setSpacing(4)
-        words.addWidget(self._label)
+        words = vbox(self._label, spacing=4)
         if notice.detail:
             more = QToolButton(self)
             more.setText("Details in the log")
@@ -115,8 +112,7 @@ class _NoticeCard(QFrame):
             more.setObjectName("noticeDetails")
             more.clicked.connect(explain)
             words.addWidget(more, 0, Qt.AlignmentFlag.AlignLeft)
-        layout.addLayout(words, 1)
-        layout.addWidget(button, 0, Qt.AlignmentFlag.AlignTop)
+        hbox((words, 1), (button, 0, Qt.AlignmentFlag.AlignTop), on=self, margins=(16, 8, 8, 8))
 
     def enterEvent(self, event: QEnterEvent) -> None:
         self._timer.stop()

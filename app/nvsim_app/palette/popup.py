@@ -14,10 +14,10 @@ from PySide6.QtWidgets import (
     QStyle,
     QStyledItemDelegate,
     QStyleOptionViewItem,
-    QVBoxLayout,
     QWidget,
 )
 
+from nvsim_app.look.boxes import vbox
 from nvsim_app.look.labels import Label
 from nvsim_app.look.plain_text import plain, tooltip_text
 from nvsim_app.look.theme import type_font
@@ -105,12 +105,7 @@ class PaletteView(QFrame):
         self.list.itemClicked.connect(self._run)
         self.nothing = Label("Nothing matches.", self)
         self.nothing.setContentsMargins(8, 8, 8, 8)
-        layout = QVBoxLayout(self)
-        layout.setContentsMargins(4, 4, 4, 4)
-        layout.setSpacing(0)
-        layout.addWidget(self.line)
-        layout.addWidget(self.nothing)
-        layout.addWidget(self.list)
+        vbox(self.line, self.nothing, self.list, on=self, margins=4, spacing=0)
         parent.installEventFilter(self)
         self.hide()
 

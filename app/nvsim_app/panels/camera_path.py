@@ -8,11 +8,11 @@ from PySide6.QtWidgets import (
     QGridLayout,
     QListWidget,
     QPushButton,
-    QVBoxLayout,
     QWidget,
 )
 
 from nvsim_app.look import lengths
+from nvsim_app.look.boxes import vbox
 from nvsim_app.look.labels import Hint, Label, WrappingRow
 from nvsim_app.look.plain_text import tooltip_text
 from nvsim_app.look.widgets import NumberBox
@@ -90,23 +90,13 @@ class CameraPathPanel(QWidget):
             )
 
     def _lay_out(self) -> None:
-        column = QVBoxLayout(self)
-        column.setContentsMargins(8, 8, 8, 8)
         size = QGridLayout()
         size.addWidget(Label("Size"), 0, 0)
         size.addWidget(self.width_box, 0, 1)
         size.addWidget(Label("×"), 0, 2)
         size.addWidget(self.height_box, 0, 3)
         size.setColumnStretch(4, 1)
-        column.addLayout(size)
-        column.addLayout(_row(self.layers, self.picture))
-        column.addWidget(self.keys, 1)
-        column.addLayout(_row(self.add, self.remove, self.play))
-        column.addLayout(_row(self.seconds, self.fps, self.video))
-
-
-def _row(*widgets: QWidget) -> WrappingRow:
-    row = WrappingRow()
-    for widget in widgets:
-        row.addWidget(widget)
-    return row
+        picture = WrappingRow(self.layers, self.picture)
+        keys = WrappingRow(self.add, self.remove, self.play)
+        video = WrappingRow(self.seconds, self.fps, self.video)
+        vbox(size, picture, (self.keys, 1), keys, video, on=self, margins=8)

@@ -15,7 +15,6 @@ from PySide6.QtWidgets import (
     QSizePolicy,
     QTreeWidget,
     QTreeWidgetItem,
-    QVBoxLayout,
     QWidget,
 )
 
@@ -25,6 +24,7 @@ from nvsim.plain_text import capitalized
 from nvsim.reconstruction.footage_check import VideoFile
 from nvsim_app.jobs.queries import CheckResult
 from nvsim_app.look import colors
+from nvsim_app.look.boxes import vbox
 from nvsim_app.look.labels import Label, WrappedRows, WrappingRow
 from nvsim_app.look.plain_text import in_window, lines, plain, tooltip_text
 
@@ -105,10 +105,8 @@ class CaptureFixes(QWidget):
         self.take_back.clicked.connect(self.takeBackWanted)
         self.folder.clicked.connect(self.folderWanted)
         self.scale.clicked.connect(self.scaleWanted)
-        row = WrappingRow(self)
+        row = WrappingRow(self.axes, self.folder, self.leave_out, self.scale, self.take_back, on=self)
         row.setContentsMargins(0, 0, 0, 0)
-        for button in (self.axes, self.folder, self.leave_out, self.scale, self.take_back):
-            row.addWidget(button)
         self.show_fixes(None, None, 0, True)
 
     def show_fixes(
@@ -251,10 +249,7 @@ class CaptureSummary(QWidget):
             value.setTextInteractionFlags(Qt.TextInteractionFlag.TextSelectableByMouse)
             form.addRow(Label(name, self), value)
         self.form = form
-        layout = QVBoxLayout(self)
-        layout.setContentsMargins(0, 0, 0, 0)
-        layout.addWidget(self.map, 1)
-        layout.addLayout(form)
+        vbox((self.map, 1), form, on=self, margins=0)
         self.show_summary(None)
 
     def show_summary(

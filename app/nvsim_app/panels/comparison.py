@@ -11,12 +11,10 @@ from PySide6.QtCore import QModelIndex, Qt, Signal
 from PySide6.QtGui import QPalette
 from PySide6.QtWidgets import (
     QComboBox,
-    QHBoxLayout,
     QHeaderView,
     QPushButton,
     QStyledItemDelegate,
     QStyleOptionViewItem,
-    QVBoxLayout,
     QWidget,
 )
 
@@ -28,6 +26,7 @@ from nvsim.graph.types import NavGraph
 from nvsim.project.work import STAGE
 from nvsim_app.layers.labels import short_ids
 from nvsim_app.look import colors
+from nvsim_app.look.boxes import hbox, vbox
 from nvsim_app.look.labels import Label, WrappingRow
 from nvsim_app.look.plain_text import plain
 from nvsim_app.look.table import Column, Index, TableModel, table
@@ -136,19 +135,9 @@ class ComparePanel(QWidget):
         self.merge.setToolTip("Apply the selected differences to the edited graph, as one step")
         self.merge.clicked.connect(self._on_merge)
         self.model.dataChanged.connect(self._enable)
-        top, bottom = QHBoxLayout(), WrappingRow()
-        for widget, stretch in ((self.open, 0), (self.steps, 1)):
-            top.addWidget(widget, stretch)
-        bottom.addWidget(self.all)
-        bottom.addWidget(self.close_button)
-        bottom.addWidget(self.merge)
-        layout = QVBoxLayout(self)
-        layout.setContentsMargins(4, 4, 4, 4)
-        layout.setSpacing(4)
-        layout.addLayout(top)
-        layout.addWidget(self.words)
-        layout.addWidget(self.table, 1)
-        layout.addLayout(bottom)
+        top = hbox(self.open, (self.steps, 1))
+        bottom = WrappingRow(self.all, self.close_button, self.merge)
+        vbox(top, self.words, (self.table, 1), bottom, on=self, margins=4, spacing=4)
         self.show_compared(None)
 
     def show_steps(self, texts: tuple[str, ...], current: int) -> None:

@@ -6,12 +6,13 @@ import math
 
 from PySide6.QtCore import QEvent, QPointF, QRectF, QSize, Qt, Signal
 from PySide6.QtGui import QColor, QPainter, QPaintEvent, QPen
-from PySide6.QtWidgets import QComboBox, QFrame, QGridLayout, QScrollArea, QSizePolicy, QVBoxLayout, QWidget
+from PySide6.QtWidgets import QComboBox, QFrame, QGridLayout, QScrollArea, QSizePolicy, QWidget
 
 from nvsim.capture.findings import SCALE_ASSUMED, SCALE_IN_HEIGHTS
 from nvsim.reconstruction.report import rows
 from nvsim_app.layers.labels import short_id, short_ids
 from nvsim_app.look import colors, lengths
+from nvsim_app.look.boxes import STRETCH, vbox
 from nvsim_app.look.labels import Label, MarkedLabel, Value
 from nvsim_app.look.plain_text import escape_html, plain
 from nvsim_app.look.theme import type_font
@@ -101,19 +102,11 @@ class DetailsPanel(QScrollArea):
         self.words = MarkedLabel(content)
         self.words.setWordWrap(True)
         self.words.setTextInteractionFlags(Qt.TextInteractionFlag.TextSelectableByMouse)
-        layout = QVBoxLayout(content)
-        layout.setContentsMargins(8, 8, 8, 8)
-        layout.setSpacing(8)
         self.pieces = QComboBox(content)
         self.pieces.setAccessibleName("Piece of the video")
         self.pieces.setToolTip("Import another piece of the video; each has its own unit")
         self.pieces.activated.connect(lambda row: self.pieceWanted.emit(row))
-        layout.addWidget(self.title)
-        layout.addWidget(self.pieces)
-        layout.addLayout(self._facts)
-        layout.addWidget(self.rose)
-        layout.addWidget(self.words)
-        layout.addStretch(1)
+        vbox(self.title, self.pieces, self._facts, self.rose, self.words, STRETCH, on=content, margins=8, spacing=8)
         self.setWidget(content)
         document.selectionChanged.connect(self.refresh)
         document.graphChanged.connect(self.refresh)

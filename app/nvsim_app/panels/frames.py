@@ -18,14 +18,12 @@ from PySide6.QtCore import (
 from PySide6.QtGui import QColor, QFontMetrics, QKeyEvent, QPainter, QPalette, QPixmap
 from PySide6.QtWidgets import (
     QComboBox,
-    QHBoxLayout,
     QLineEdit,
     QListView,
     QSizePolicy,
     QStyle,
     QStyledItemDelegate,
     QStyleOptionViewItem,
-    QVBoxLayout,
     QWidget,
 )
 
@@ -46,6 +44,7 @@ from nvsim_app.frames.model import (
 )
 from nvsim_app.frames.state import FrameState, Score
 from nvsim_app.look import colors
+from nvsim_app.look.boxes import hbox, vbox
 from nvsim_app.look.icons import swatch
 from nvsim_app.look.labels import Hint, Label
 from nvsim_app.look.plain_text import tooltip_text
@@ -139,22 +138,10 @@ class FramePanel(QWidget):
         document.selectionChanged.connect(self._show_selection)
         document.contentsChanged.connect(self._on_contents)
         self.state.changed.connect(self._offer_order)
-        first, choices, kinds = QHBoxLayout(), QHBoxLayout(), QHBoxLayout()
-        for row in (first, choices, kinds):
-            row.setSpacing(4)
-        choices.addWidget(self.submap, 1)
-        choices.addWidget(self.coverage, 1)
-        kinds.addWidget(self.kind, 1)
-        kinds.addWidget(self.order, 1)
-        first.addWidget(self.search, 1)
-        first.addWidget(self.count)
-        layout = QVBoxLayout(self)
-        layout.setContentsMargins(4, 4, 4, 0)
-        layout.setSpacing(4)
-        layout.addLayout(first)
-        layout.addLayout(choices)
-        layout.addLayout(kinds)
-        layout.addWidget(self.list, 1)
+        first = hbox((self.search, 1), self.count, spacing=4)
+        choices = hbox((self.submap, 1), (self.coverage, 1), spacing=4)
+        kinds = hbox((self.kind, 1), (self.order, 1), spacing=4)
+        vbox(first, choices, kinds, (self.list, 1), on=self, margins=(4, 4, 4, 0), spacing=4)
         self._on_contents(frozenset({"submaps"}))
         self._offer_order()
         self._say_count()

@@ -10,18 +10,17 @@ from pathlib import Path
 from PySide6.QtCore import QByteArray, Qt, QUrl
 from PySide6.QtGui import QImage, QPalette, QTextCharFormat, QTextCursor, QTextDocument, QTextTable
 from PySide6.QtWidgets import (
-    QHBoxLayout,
     QLineEdit,
     QListWidget,
     QListWidgetItem,
     QTextBrowser,
     QTextEdit,
-    QVBoxLayout,
     QWidget,
 )
 
 import nvsim_resources
 from nvsim.capture import formats
+from nvsim_app.look.boxes import hbox, vbox
 from nvsim_app.look.widgets import Dialog, show_and_focus
 
 FOLDER = Path(nvsim_resources.__file__).parent / "help"
@@ -127,12 +126,8 @@ class HelpWindow(Dialog):
         self.text.setFrameShape(self.text.Shape.NoFrame)
         self.text.setOpenExternalLinks(False)
         self.text.document().setDocumentMargin(14)
-        beside = QVBoxLayout()
-        beside.addWidget(self.search)
-        beside.addWidget(self.list, 1)
-        layout = QHBoxLayout(self)
-        layout.addLayout(beside)
-        layout.addWidget(self.text, 1)
+        beside = vbox(self.search, (self.list, 1))
+        hbox(beside, (self.text, 1), on=self)
         self._fill("")
         self.show_page(page)
 

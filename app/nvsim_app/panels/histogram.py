@@ -8,12 +8,13 @@ from itertools import compress
 import numpy as np
 import pyqtgraph as pg
 from PySide6.QtCore import Qt
-from PySide6.QtWidgets import QComboBox, QHBoxLayout, QPushButton, QVBoxLayout, QWidget
+from PySide6.QtWidgets import QComboBox, QPushButton, QWidget
 
 from nvsim.graph.edits import EditError
 from nvsim.graph.quantities import Kind, QuantityInputs, quantity
 from nvsim.graph.selection import GraphSelection
 from nvsim_app.look import colors
+from nvsim_app.look.boxes import hbox, vbox
 from nvsim_app.look.labels import Label
 from nvsim_app.look.theme import Plot
 from nvsim_app.panels.deferred_refresh import DeferredRefresh
@@ -66,15 +67,8 @@ class HistogramPanel(QWidget):
         self._none = QPushButton("Whole range", self)
         self._none.setToolTip("Extend the region to all values without selecting anything")
         self._none.clicked.connect(self._open)
-        row = QHBoxLayout()
-        row.addWidget(self.choice)
-        row.addWidget(self.words, 1, Qt.AlignmentFlag.AlignLeft)
-        row.addWidget(self._none)
-        layout = QVBoxLayout(self)
-        layout.setContentsMargins(4, 4, 4, 4)
-        layout.setSpacing(4)
-        layout.addLayout(row)
-        layout.addWidget(self.plot)
+        row = hbox(self.choice, (self.words, 1, Qt.AlignmentFlag.AlignLeft), self._none)
+        vbox(row, self.plot, on=self, margins=4, spacing=4)
         self.refresh = DeferredRefresh(self, self._renewal, SETTLE)
         self.refresh.mark()
         self.refresh.refresh_after_edits_of(document)

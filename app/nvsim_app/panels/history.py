@@ -7,11 +7,12 @@ from typing import Any
 
 from PySide6.QtCore import QAbstractListModel, QModelIndex, QPersistentModelIndex, Qt
 from PySide6.QtGui import QColor
-from PySide6.QtWidgets import QListView, QVBoxLayout, QWidget
+from PySide6.QtWidgets import QListView, QWidget
 
 from nvsim.graph.history import Step
 from nvsim_app.layers.labels import short_ids
 from nvsim_app.look import colors
+from nvsim_app.look.boxes import vbox
 from nvsim_app.look.plain_text import plain, tooltip_text
 from nvsim_app.look.theme import type_font
 from nvsim_app.state.document import Document
@@ -98,9 +99,7 @@ class HistoryPanel(QWidget):
         self.list.setToolTip("Click a step to go to it")
         self.list.clicked.connect(self._go_to_row)
         document.editing.stepsChanged.connect(self._show_current)
-        layout = QVBoxLayout(self)
-        layout.setContentsMargins(0, 0, 0, 0)
-        layout.addWidget(self.list)
+        vbox(self.list, on=self, margins=0)
         self._show_current()
 
     def _go_to_row(self, index: QModelIndex) -> None:

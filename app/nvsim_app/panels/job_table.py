@@ -13,7 +13,6 @@ from PySide6.QtWidgets import (
     QPushButton,
     QStyledItemDelegate,
     QStyleOptionViewItem,
-    QVBoxLayout,
     QWidget,
 )
 
@@ -23,6 +22,7 @@ from nvsim.project.jobs.joblist import Job
 from nvsim_app.forms.fields import command_line
 from nvsim_app.jobs.queue import JobHandle, JobQueue
 from nvsim_app.look import colors
+from nvsim_app.look.boxes import vbox
 from nvsim_app.look.labels import InkLabel, Label
 from nvsim_app.look.plain_text import tooltip_text
 from nvsim_app.look.table import Column, Index, TableModel, table
@@ -186,9 +186,7 @@ class JobWorkers(QWidget):
         self.model = WorkerModel(self)
         self.table = table(self.model, self)
         self.table.setAccessibleName("Workers")
-        layout = QVBoxLayout(self)
-        layout.setContentsMargins(0, 0, 0, 0)
-        layout.addWidget(self.table)
+        vbox(self.table, on=self, margins=0)
 
     def show_job(self, handle: JobHandle | None) -> None:
         """Shows the workers of this job."""
@@ -251,9 +249,7 @@ class ImportedJobDialog(Dialog):
         self.order.clicked.connect(self._on_order)
         self.remove.clicked.connect(self._on_remove)
         buttons.rejected.connect(self.reject)
-        column = QVBoxLayout(self)
-        for widget in (about, self.command, self.problem, buttons):
-            column.addWidget(widget)
+        vbox(about, self.command, self.problem, buttons, on=self)
         self.resize(620, 260)
 
     def _label(self, text: str) -> Label:

@@ -16,13 +16,13 @@ from PySide6.QtWidgets import (
     QSplitter,
     QTabWidget,
     QToolButton,
-    QVBoxLayout,
     QWidget,
 )
 
 from nvsim_app.forms.fields import command_line
 from nvsim_app.jobs.history import folder_of
 from nvsim_app.jobs.queue import AGAIN, ELSEWHERE, JobHandle, JobQueue
+from nvsim_app.look.boxes import hbox, vbox
 from nvsim_app.look.labels import Hint, Label
 from nvsim_app.look.plain_text import plain, tooltip_text
 from nvsim_app.look.table import table
@@ -66,11 +66,7 @@ class WaitingJobsBar(QWidget):
         self.go_on.clicked.connect(self._go_on)
         self.later = QPushButton("Not now", self)
         self.later.clicked.connect(self.hide)
-        row = QHBoxLayout(self)
-        row.setContentsMargins(8, 4, 8, 4)
-        row.addWidget(self.words, 1)
-        row.addWidget(self.go_on)
-        row.addWidget(self.later)
+        hbox((self.words, 1), self.go_on, self.later, on=self, margins=(8, 4, 8, 4))
         self.hide()
 
     def show_jobs(self, handles: Sequence[JobHandle]) -> None:
@@ -194,11 +190,7 @@ class JobPanel(QWidget):
         self._following = False  # the panel itself changes the selection
         self._buttons: dict[JobHandle, JobButtons] = {}
         left = QWidget(self)
-        column = QVBoxLayout(left)
-        column.setContentsMargins(0, 0, 0, 0)
-        column.setSpacing(0)
-        column.addWidget(self.offer)
-        column.addWidget(self.table, 1)
+        vbox(self.offer, (self.table, 1), on=left, margins=0, spacing=0)
         self.splitter = QSplitter(Qt.Orientation.Horizontal, self)
         self.splitter.addWidget(left)
         self.splitter.addWidget(self.tabs)
@@ -206,9 +198,7 @@ class JobPanel(QWidget):
         self.splitter.setStretchFactor(1, 2)
         self.splitter.setSizes([600, 400])
         self.tabs.installEventFilter(self)
-        layout = QVBoxLayout(self)
-        layout.setContentsMargins(0, 0, 0, 0)
-        layout.addWidget(self.splitter)
+        vbox(self.splitter, on=self, margins=0)
         self.table.selectionModel().currentRowChanged.connect(lambda *_: self._on_chosen())
         self.model.rowsReplaced.connect(self._on_rows)
         self.queue.changed.connect(self._on_changed)

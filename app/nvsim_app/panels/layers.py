@@ -4,8 +4,9 @@ from __future__ import annotations
 
 from PySide6.QtCore import Qt
 from PySide6.QtGui import QPalette, QShowEvent
-from PySide6.QtWidgets import QCheckBox, QFrame, QGridLayout, QScrollArea, QSlider, QVBoxLayout, QWidget
+from PySide6.QtWidgets import QCheckBox, QFrame, QGridLayout, QScrollArea, QSlider, QWidget
 
+from nvsim_app.look.boxes import STRETCH, vbox
 from nvsim_app.look.plain_text import caption, tooltip_text
 from nvsim_app.state.document import Document
 from nvsim_app.views.overlays import Overlays
@@ -59,8 +60,6 @@ class LayersPanel(QScrollArea):
 
     def _build(self) -> None:
         inside = QWidget()
-        column = QVBoxLayout(inside)
-        column.setContentsMargins(8, 8, 8, 8)
         grid = QGridLayout()
         grid.setHorizontalSpacing(8)
         grid.setVerticalSpacing(4)
@@ -77,6 +76,5 @@ class LayersPanel(QScrollArea):
             grid.addWidget(box, row, 0)
             grid.addWidget(slider, row, 1)
             self.boxes[layer.name], self.sliders[layer.name] = box, slider
-        column.addLayout(grid)
-        column.addStretch()
+        vbox(grid, STRETCH, on=inside, margins=8)
         self.setWidget(inside)

@@ -12,18 +12,17 @@ from PySide6.QtGui import QDesktopServices
 from PySide6.QtWidgets import (
     QDialogButtonBox,
     QFileDialog,
-    QHBoxLayout,
     QPlainTextEdit,
     QPushButton,
     QSplitter,
     QTreeWidget,
     QTreeWidgetItem,
-    QVBoxLayout,
     QWidget,
 )
 
 from nvsim.files.user_folders import home_folder
 from nvsim.networks.description import SINGLE_FILES
+from nvsim_app.look.boxes import hbox, vbox
 from nvsim_app.look.labels import Label
 from nvsim_app.look.plain_text import tooltip_text
 from nvsim_app.look.theme import type_font
@@ -71,15 +70,8 @@ class ModelsWindow(Dialog):
         self.check_button = self._button(buttons, "Test", "", self._check)
         self.open_button = self._button(buttons, "Open folder", "Open the folder of the networks", self._open_folder)
         buttons.rejected.connect(self.close)
-        below = QHBoxLayout()
-        below.addWidget(self.state, 1)
-        below.addWidget(buttons)
-        layout = QVBoxLayout(self)
-        layout.setSpacing(8)
-        for label in (intro, self.folder):
-            layout.addWidget(label)
-        layout.addWidget(both, 1)
-        layout.addLayout(below)
+        below = hbox((self.state, 1), buttons)
+        vbox(intro, self.folder, (both, 1), below, on=self, spacing=8)
         self.resize(940, 560)
         models.changed.connect(self._refresh)
         models.failed.connect(self._show_state)

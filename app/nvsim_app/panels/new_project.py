@@ -15,7 +15,6 @@ from PySide6.QtWidgets import (
     QLineEdit,
     QProgressBar,
     QPushButton,
-    QVBoxLayout,
     QWidget,
 )
 
@@ -29,6 +28,7 @@ from nvsim.reconstruction.pose_networks import NONE, Use, suitable_models
 from nvsim_app.forms.fields import Field, fields_of
 from nvsim_app.forms.rows import Editor, LineEditor, editor_of
 from nvsim_app.jobs.queries import CaptureCheck, CheckResult
+from nvsim_app.look.boxes import vbox
 from nvsim_app.look.labels import InkLabel, Label
 from nvsim_app.look.plain_text import tooltip_text
 from nvsim_app.look.theme import type_font
@@ -199,22 +199,15 @@ class NewProjectDialog(Dialog):
         self.import_button.clicked.connect(lambda: self._choose(everything=False))
         buttons.rejected.connect(self.reject)
         page = QWidget(self)
-        column = QVBoxLayout(page)
-        column.setContentsMargins(0, 0, 0, 0)
-        column.addLayout(grid)
-        column.addWidget(self.verdict)
-        column.addWidget(self.busy)
         found = QGridLayout()
         found.setColumnStretch(0, 1)
         found.addWidget(self.findings, 0, 0)
         found.addWidget(self.mending, 1, 0)
         found.addWidget(self.summary, 0, 1, 2, 1)
         self.summary.setFixedWidth(250)
-        column.addLayout(found, 1)
-        layout = QVBoxLayout(self)
-        layout.addWidget(Scrolling(page, self), 1)  # so that the buttons are visible on a small screen
-        layout.addWidget(self.problem)
-        layout.addWidget(buttons)
+        vbox(grid, self.verdict, self.busy, (found, 1), on=page, margins=0)
+        scrolled = Scrolling(page, self)  # so that the buttons are visible on a small screen
+        vbox((scrolled, 1), self.problem, buttons, on=self)
         self.capture.textChanged.connect(self._on_capture)
         self.project.textEdited.connect(self._on_named)
         self.project.textChanged.connect(lambda _: self._show_state())

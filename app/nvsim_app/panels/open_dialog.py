@@ -8,16 +8,15 @@ from PySide6.QtCore import QEvent, QObject, Qt, QTimer, Signal
 from PySide6.QtGui import QIcon, QKeyEvent
 from PySide6.QtWidgets import (
     QDialogButtonBox,
-    QHBoxLayout,
     QLineEdit,
     QPushButton,
     QStyle,
-    QVBoxLayout,
     QWidget,
 )
 
 from nvsim.files.user_folders import home_folder
 from nvsim.project.path_kind import PathKind
+from nvsim_app.look.boxes import hbox, vbox
 from nvsim_app.look.labels import Hint, Label
 from nvsim_app.look.plain_text import plain
 from nvsim_app.look.table import Column, TableModel, table
@@ -93,15 +92,8 @@ class OpenDialog(Dialog):
         buttons.rejected.connect(self.reject)
         for button in self.findChildren(QPushButton):
             button.setAutoDefault(False)  # the line and the list handle Enter
-        head = QHBoxLayout()
-        head.addWidget(self.line, 1)
-        head.addWidget(self.up)
-        layout = QVBoxLayout(self)
-        layout.addLayout(head)
-        layout.addWidget(self.list, 1)
-        layout.addWidget(self.rest)
-        layout.addWidget(self.says)
-        layout.addWidget(buttons)
+        head = hbox((self.line, 1), self.up)
+        vbox(head, (self.list, 1), self.rest, self.says, buttons, on=self)
         self.resize(720, 480)
         self.go_to(folder)
 

@@ -25,6 +25,7 @@ from PySide6.QtWidgets import (
 )
 
 from nvsim_app.look import colors
+from nvsim_app.look.boxes import vbox
 from nvsim_app.look.labels import Label, WrappingRow
 from nvsim_app.look.plain_text import plain, tooltip_text
 from nvsim_app.look.table import Column, Index, TableModel, table
@@ -60,10 +61,7 @@ class PreferenceDialog(Dialog):
         defaults.clicked.connect(preferences.reset)
         defaults.setAutoDefault(False)
         self.buttons.rejected.connect(self.close)
-        layout = QVBoxLayout(self)
-        layout.addWidget(self.search)
-        layout.addWidget(self.tabs, 1)
-        layout.addWidget(self.buttons)
+        vbox(self.search, (self.tabs, 1), self.buttons, on=self)
         self.search.textChanged.connect(self._find)
         preferences.changed.connect(self._show)
         self._find("")
@@ -256,14 +254,9 @@ class KeyPage(QWidget):
         self.only.setToolTip("Show only commands that have the same keys as another one")
         self.words = Label(self)
         self.words.setWordWrap(True)
-        row = WrappingRow()
         self.of = Label("Keys", self)
-        for widget in (self.of, self.editor, self.none, self.reset, self.reset_all, self.only):
-            row.addWidget(widget)
-        layout = QVBoxLayout(self)
-        layout.addWidget(self.view, 1)
-        layout.addLayout(row)
-        layout.addWidget(self.words)
+        row = WrappingRow(self.of, self.editor, self.none, self.reset, self.reset_all, self.only)
+        vbox((self.view, 1), row, self.words, on=self)
         self.editor.editingFinished.connect(self._bind)
         self.none.clicked.connect(self._clear)
         self.reset.clicked.connect(self._reset)

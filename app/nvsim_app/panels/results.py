@@ -14,19 +14,18 @@ from PySide6.QtGui import QGuiApplication, QKeySequence, QShortcut
 from PySide6.QtWidgets import (
     QComboBox,
     QFileDialog,
-    QHBoxLayout,
     QHeaderView,
     QListWidget,
     QListWidgetItem,
     QPushButton,
     QSplitter,
-    QVBoxLayout,
     QWidget,
 )
 
 from nvsim.errors import InputError
 from nvsim.plain_text import capitalized
 from nvsim_app.look import colors
+from nvsim_app.look.boxes import STRETCH, hbox, vbox
 from nvsim_app.look.icons import save_image
 from nvsim_app.look.labels import Label
 from nvsim_app.look.notices import Notices
@@ -115,40 +114,18 @@ class ResultPanel(QWidget):
         self.empty = Label("Results appear here. Jobs > Evaluate computes them.", self)
         self.empty.setForegroundRole(self.empty.palette().ColorRole.PlaceholderText)
         self.empty.setContentsMargins(8, 8, 8, 8)
-        bar = QHBoxLayout()
-        bar.setContentsMargins(4, 4, 4, 4)
-        bar.setSpacing(4)
-        bar.addWidget(self.tables)
-        bar.addWidget(self.copy)
-        bar.addWidget(self.save)
-        bar.addStretch(1)
+        bar = hbox(self.tables, self.copy, self.save, STRETCH, margins=4, spacing=4)
         middle = QWidget(self)
-        column = QVBoxLayout(middle)
-        column.setContentsMargins(0, 0, 0, 0)
-        column.setSpacing(0)
-        column.addLayout(bar)
-        column.addWidget(self.view, 1)
-        above = QHBoxLayout()
-        above.setContentsMargins(4, 4, 4, 4)
-        above.setSpacing(4)
-        above.addWidget(self.columns)
-        above.addWidget(self.save_plot)
-        above.addStretch(1)
+        vbox(bar, (self.view, 1), on=middle, margins=0, spacing=0)
+        above = hbox(self.columns, self.save_plot, STRETCH, margins=4, spacing=4)
         self._right = right = QWidget(self)
-        beside = QVBoxLayout(right)
-        beside.setContentsMargins(0, 0, 0, 0)
-        beside.setSpacing(0)
-        beside.addLayout(above)
-        beside.addWidget(self.plot, 1)
+        vbox(above, (self.plot, 1), on=right, margins=0, spacing=0)
         self.splitter = QSplitter(Qt.Orientation.Horizontal, self)
         for widget, stretch in ((self.list, 1), (middle, 3), (right, 2)):
             self.splitter.addWidget(widget)
             self.splitter.setStretchFactor(self.splitter.count() - 1, stretch)
         self.splitter.setSizes([190, 420, 330])
-        layout = QVBoxLayout(self)
-        layout.setContentsMargins(0, 0, 0, 0)
-        layout.addWidget(self.empty)
-        layout.addWidget(self.splitter, 1)
+        vbox(self.empty, (self.splitter, 1), on=self, margins=0)
         self.show_results([])
 
     # Showing ----------------------------------------------------------------------------------------------------

@@ -17,6 +17,7 @@ from nvsim.networks.folder import models_folder
 from nvsim.r2r.features.layouts import LAYOUTS, Layout, feature_maker, missing_package_error, network_name
 from nvsim.r2r.observations.estimate import size_words
 from nvsim_app.jobs.queries import CommandQuery
+from nvsim_app.look.boxes import STRETCH, vbox
 from nvsim_app.look.labels import InkLabel, Label
 from nvsim_app.look.plain_text import tooltip_text
 from nvsim_app.look.theme import type_font
@@ -131,11 +132,8 @@ class ScanEstimatePanel(QFrame):
         self.findings.setAutoDefault(False)
         self.findings.setToolTip("Close this form and show the problems of the graph")
         self.findings.clicked.connect(self.findingsWanted)
-        column = QVBoxLayout(self)
-        for widget in (self.unsaved, self.save, self.title, self.rows, self.room, self.there, self.shortage):
-            column.addWidget(widget)
-        column.addWidget(self.findings)
-        column.addStretch(1)
+        above = (self.unsaved, self.save, self.title, self.rows)
+        vbox(*above, self.room, self.there, self.shortage, self.findings, STRETCH, on=self)
         self.show_unsaved("", False)
         self.findings.hide()
         self.estimate: ScanEstimate | None = None

@@ -10,7 +10,6 @@ from PySide6.QtGui import QImage, QPainter, QPaintEvent, QPixmap
 from PySide6.QtWidgets import (
     QBoxLayout,
     QDialogButtonBox,
-    QHBoxLayout,
     QListWidget,
     QListWidgetItem,
     QProgressBar,
@@ -23,6 +22,7 @@ from PySide6.QtWidgets import (
 from nvsim.project.earlier_results import KeptResult, megabytes
 from nvsim.project.work import PIPELINE, WORK
 from nvsim_app.jobs.queue import JobQueue
+from nvsim_app.look.boxes import STRETCH, hbox, vbox
 from nvsim_app.look.icons import icon
 from nvsim_app.look.labels import Label
 from nvsim_app.look.plain_text import plain
@@ -126,10 +126,7 @@ class RunningJob(QWidget):
         self.bar.setRange(0, 1000)
         self.bar.setTextVisible(False)
         self.bar.setFixedSize(90, 10)
-        row = QHBoxLayout(self)
-        row.setContentsMargins(4, 0, 8, 0)
-        row.addWidget(self.words)
-        row.addWidget(self.bar)
+        hbox(self.words, self.bar, on=self, margins=(4, 0, 8, 0))
         self.setSizePolicy(QSizePolicy.Policy.Maximum, QSizePolicy.Policy.Preferred)
         queue.changed.connect(self.refresh)
         queue.progressed.connect(self.refresh)
@@ -174,19 +171,8 @@ class EmptyState(QWidget):
         self.everything = self._button("Run everything", self.runWanted.emit)
         self.stage = self._button("This stage only", lambda: self.stageWanted.emit(self._verb))
         self.settings = self._button("Settings…", lambda: self.settingsWanted.emit(self._verb))
-        buttons = QHBoxLayout()
-        buttons.addStretch(1)
-        for button in (self.imports, self.everything, self.stage, self.settings):
-            buttons.addWidget(button)
-        buttons.addStretch(1)
-        layout = QVBoxLayout(self)
-        layout.addStretch(2)
-        layout.addWidget(self._mark)
-        layout.addSpacing(8)
-        layout.addWidget(self.sentence)
-        layout.addSpacing(6)
-        layout.addLayout(buttons)
-        layout.addStretch(3)
+        buttons = hbox(STRETCH, self.imports, self.everything, self.stage, self.settings, STRETCH)
+        vbox((STRETCH, 2), self._mark, 8, self.sentence, 6, buttons, (STRETCH, 3), on=self)
         self.apply_palette()
         self.show_message("")
 

@@ -19,7 +19,6 @@ from PySide6.QtGui import (
     QShowEvent,
 )
 from PySide6.QtWidgets import (
-    QHBoxLayout,
     QListWidget,
     QListWidgetItem,
     QPushButton,
@@ -27,12 +26,12 @@ from PySide6.QtWidgets import (
     QStyle,
     QStyledItemDelegate,
     QStyleOptionViewItem,
-    QVBoxLayout,
     QWidget,
 )
 
 from nvsim.capture import formats
 from nvsim_app.look import colors
+from nvsim_app.look.boxes import STRETCH, hbox, vbox
 from nvsim_app.look.icons import icon
 from nvsim_app.look.labels import Label
 from nvsim_app.look.plain_text import plain, tooltip_text
@@ -197,12 +196,9 @@ class DropZone(QWidget):
         self._hot = False
         self.setCursor(Qt.CursorShape.PointingHandCursor)
         self.setAccessibleName("Drop a project, a capture, a video, a graph or a splat file here")
-        layout = QVBoxLayout(self)
-        layout.setContentsMargins(2 * GRID, GRID, 2 * GRID, GRID)
-        layout.setSpacing(4)
         words = Label("Drop a file or folder here", self)
         words.setFont(type_font(bold=True))
-        layout.addWidget(words)
+        layout = vbox(words, on=self, margins=(2 * GRID, GRID, 2 * GRID, GRID), spacing=4)
         for kind, what in KINDS:
             row = Label(f"{kind} – {what}", self)
             row.setWordWrap(True)
@@ -262,18 +258,8 @@ class StartPage(QWidget):
         self.open.setDefault(True)
         self.drop = DropZone(self)
         self.drop.clicked.connect(self.openWanted)
-        head = QHBoxLayout()
-        head.addWidget(self._mark)
-        head.addWidget(name, 1)
-        left = QVBoxLayout()
-        left.addLayout(head)
-        left.addWidget(words)
-        left.addSpacing(GRID)
-        for button in (self.open, self.new, self.demo):
-            left.addWidget(button)
-        left.addSpacing(GRID)
-        left.addWidget(self.drop)
-        left.addStretch(1)
+        head = hbox(self._mark, (name, 1))
+        left = vbox(head, words, GRID, self.open, self.new, self.demo, GRID, self.drop, STRETCH)
         holder = QWidget(self)
         holder.setLayout(left)
         column = Scrolling(holder, self)  # in a low window, so that no text is cut off
@@ -296,26 +282,13 @@ class StartPage(QWidget):
         self.go = QPushButton("Open project", self)
         self.go.setToolTip("Open the selected project (Enter)")
         self.go.clicked.connect(self._choose)
-        below = QHBoxLayout()
-        below.addStretch(1)
-        below.addWidget(self.forget)
-        below.addWidget(self.go)
-        right = QVBoxLayout()
-        right.addWidget(recent)
-        right.addLayout(self._recents, 1)
-        right.addLayout(below)
+        below = hbox(STRETCH, self.forget, self.go)
+        right = vbox(recent, (self._recents, 1), below)
         right_holder = QWidget(self)
         right_holder.setLayout(right)
         right_holder.setMaximumWidth(640)
-        both = QHBoxLayout()
-        both.setSpacing(24)
-        both.addStretch(1)
-        both.addWidget(column)
-        both.addWidget(right_holder, 8)
-        both.addStretch(1)
-        layout = QVBoxLayout(self)
-        layout.setContentsMargins(2 * GRID, 2 * GRID, 2 * GRID, 2 * GRID)
-        layout.addLayout(both, 1)
+        both = hbox(STRETCH, column, (right_holder, 8), STRETCH, spacing=24)
+        vbox((both, 1), on=self, margins=2 * GRID)
         self.apply_palette()
         self.show_recent(())
 

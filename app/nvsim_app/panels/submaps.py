@@ -4,9 +4,10 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from PySide6.QtWidgets import QVBoxLayout, QWidget
+from PySide6.QtWidgets import QWidget
 
 from nvsim_app.look import colors
+from nvsim_app.look.boxes import vbox
 from nvsim_app.look.icons import swatch
 from nvsim_app.look.labels import Hint
 from nvsim_app.look.table import Column, TableModel, table
@@ -85,9 +86,7 @@ class SubmapPanel(QWidget):
         self.table.selectionModel().selectionChanged.connect(self._on_selected)
         self.model.modelReset.connect(self._show_selection)
         document.selectionChanged.connect(self._show_selection)
-        layout = QVBoxLayout(self)
-        layout.setContentsMargins(0, 0, 0, 0)
-        layout.addWidget(self.table)
+        vbox(self.table, on=self, margins=0)
 
     def _missing(self) -> str:
         return "" if self.model.rowCount() else "Submaps appear here.\nCreate them with Jobs > Cut into submaps."

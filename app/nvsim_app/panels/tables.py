@@ -10,12 +10,10 @@ from typing import Any
 from PySide6.QtCore import QItemSelection, QItemSelectionModel, QModelIndex, Qt, Signal
 from PySide6.QtWidgets import (
     QAbstractItemView,
-    QHBoxLayout,
     QLineEdit,
     QPushButton,
     QTableView,
     QTabWidget,
-    QVBoxLayout,
     QWidget,
 )
 
@@ -29,6 +27,7 @@ from nvsim.graph.selection import GraphSelection
 from nvsim.graph.types import EdgeKey, NavGraph
 from nvsim_app.layers.labels import short_id
 from nvsim_app.look import lengths
+from nvsim_app.look.boxes import hbox, vbox
 from nvsim_app.look.labels import InkLabel, Label
 from nvsim_app.look.table import Column, TableModel, table
 from nvsim_app.panels.deferred_refresh import DeferredRefresh
@@ -85,16 +84,8 @@ class TablePanel(QWidget):
         document.editing.selectionChanged.connect(self._show_selection)
         for model in self._models:
             document.unitsChanged.connect(model.refresh_text)
-        row = QHBoxLayout()
-        row.addWidget(self.filter, 1)
-        row.addWidget(self.select)
-        row.addWidget(self.count)
-        layout = QVBoxLayout(self)
-        layout.setContentsMargins(4, 4, 4, 0)
-        layout.setSpacing(4)
-        layout.addLayout(row)
-        layout.addWidget(self.trouble)
-        layout.addWidget(self.tabs)
+        row = hbox((self.filter, 1), self.select, self.count)
+        vbox(row, self.trouble, self.tabs, on=self, margins=(4, 4, 4, 0), spacing=4)
         self.refresh.finish()
 
     def _view(self, model: TableModel[Any]) -> QTableView:

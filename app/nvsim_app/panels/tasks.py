@@ -8,19 +8,18 @@ from PySide6.QtCore import QEvent, Qt, QTimer, Signal
 from PySide6.QtGui import QKeyEvent
 from PySide6.QtWidgets import (
     QComboBox,
-    QHBoxLayout,
     QLineEdit,
     QMenu,
     QPlainTextEdit,
     QPushButton,
     QSlider,
     QToolButton,
-    QVBoxLayout,
     QWidget,
 )
 
 from nvsim.r2r.reviewing import Episode, Key, Review, TaskEntry
 from nvsim_app.look import colors, lengths
+from nvsim_app.look.boxes import hbox, vbox
 from nvsim_app.look.labels import Label
 from nvsim_app.look.plain_text import tooltip_text
 from nvsim_app.look.table import Column, TableModel, TableView, style_table
@@ -167,8 +166,6 @@ class TaskPanel(QWidget):
         self.slider = QSlider(Qt.Orientation.Horizontal)
         self.slider.setAccessibleName("Position on the path")
         self.slider.setMinimumWidth(40)
-        box = QVBoxLayout(self)
-        box.setContentsMargins(8, 8, 8, 8)
         self.files = QToolButton()
         self.files.setText("Tasks")
         self.files.setToolTip(
@@ -184,16 +181,15 @@ class TaskPanel(QWidget):
         for choice in (self.split, self.state, self.order, self.which):
             choice.setSizeAdjustPolicy(QComboBox.SizeAdjustPolicy.AdjustToMinimumContentsLengthWithIcon)
             choice.setMinimumContentsLength(3)
-        box.addLayout(_row((self.files, 0), (self.text, 1)))
-        box.addLayout(_row((self.split, 1), (self.state, 1), (self.order, 1)))
         self.walk = QPushButton("Walk")
         self.walk.setCheckable(True)
         self.walk.setToolTip(
             tooltip_text("Walk the path, or the trajectory, one viewpoint at a time (Space in the list)")
         )
-        for widget in (self.table, self.words, self.editor):
-            box.addWidget(widget, 1 if widget is self.table else 0)
-        box.addLayout(_row((self.walk, 0), (self.slider, 1), (self.which, 1)))
+        first = hbox(self.files, (self.text, 1), spacing=GRID)
+        choices = hbox((self.split, 1), (self.state, 1), (self.order, 1), spacing=GRID)
+        last = hbox(self.walk, (self.slider, 1), (self.which, 1), spacing=GRID)
+        vbox(first, choices, (self.table, 1), self.words, self.editor, last, on=self, margins=8)
         self.text.textChanged.connect(self.refilter)
         for choice in (self.split, self.state, self.order):
             choice.currentIndexChanged.connect(self.refilter)
@@ -364,12 +360,3 @@ class TaskPanel(QWidget):
             self.slider.setValue(self.slider.value() + (1 if key == Qt.Key.Key_Right else -1))
         else:
             self.judged.emit(_KEYS[Qt.Key(key)])
-
-
-def _row(*widgets: tuple[QWidget, int]) -> QHBoxLayout:
-    """A row of widgets with their stretch factors."""
-    row = QHBoxLayout()
-    row.setSpacing(GRID)
-    for widget, stretch in widgets:
-        row.addWidget(widget, stretch)
-    return row

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 from PySide6.QtCore import QSignalBlocker, Qt
 from PySide6.QtGui import QShowEvent
-from PySide6.QtWidgets import QComboBox, QHBoxLayout, QSlider, QSplitter, QVBoxLayout, QWidget
+from PySide6.QtWidgets import QComboBox, QSlider, QSplitter, QWidget
 
 from nvsim_app.jobs.queue import JobHandle, JobQueue
+from nvsim_app.look.boxes import hbox, vbox
 from nvsim_app.look.labels import Label, WrappingRow
 from nvsim_app.look.plain_text import CAPTION, plain, tooltip_text
 from nvsim_app.look.widgets import Dialog
@@ -50,16 +51,8 @@ class TrainingWindow(Dialog):
             head.addWidget(name)
             head.addWidget(box)
         right = QWidget(self)
-        column = QVBoxLayout(right)
-        column.setContentsMargins(0, 0, 0, 0)
-        row = QHBoxLayout()
-        row.setContentsMargins(8, 4, 8, 0)
-        row.addWidget(Label("Smoothing", self))
-        row.addWidget(self.smoothing, 1)
-        row.addWidget(self.smoothed)
-        column.addLayout(row)
-        column.addWidget(self.plots, 1)
-        column.addWidget(self.legend)
+        row = hbox(Label("Smoothing", self), (self.smoothing, 1), self.smoothed, margins=(8, 4, 8, 0))
+        vbox(row, (self.plots, 1), self.legend, on=right, margins=0)
         self.legend.setContentsMargins(8, 0, 8, 4)
         self.splitter = QSplitter(Qt.Orientation.Horizontal, self)
         self.splitter.addWidget(self.images)
@@ -68,10 +61,7 @@ class TrainingWindow(Dialog):
         self.splitter.setSizes([640, 420])
         self.splitter.setStretchFactor(0, 3)
         self.splitter.setStretchFactor(1, 2)
-        layout = QVBoxLayout(self)
-        layout.setContentsMargins(8, 8, 8, 4)
-        layout.addLayout(head)
-        layout.addWidget(self.splitter, 1)
+        vbox(head, (self.splitter, 1), on=self, margins=(8, 8, 8, 4))
         self.run.currentIndexChanged.connect(lambda _: self._on_run())
         self.submap.currentIndexChanged.connect(lambda _: self._on_submap())
         self.other.currentIndexChanged.connect(lambda _: self._on_other())

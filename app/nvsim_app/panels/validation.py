@@ -12,14 +12,12 @@ from PySide6.QtCore import QAbstractItemModel, QModelIndex, QPersistentModelInde
 from PySide6.QtGui import QColor
 from PySide6.QtWidgets import (
     QCheckBox,
-    QHBoxLayout,
     QLineEdit,
     QMenu,
     QPushButton,
     QScrollArea,
     QToolButton,
     QTreeView,
-    QVBoxLayout,
     QWidget,
 )
 
@@ -29,6 +27,7 @@ from nvsim.graph.paths import count_cut_off
 from nvsim.graph.selection import GraphSelection
 from nvsim_app.layers.labels import short_ids
 from nvsim_app.look import colors
+from nvsim_app.look.boxes import hbox, vbox
 from nvsim_app.look.labels import Label, WrappedRows, WrappingRow
 from nvsim_app.look.plain_text import SENTENCE, caption, plain, tooltip_text
 from nvsim_app.panels.deferred_refresh import DeferredRefresh
@@ -182,13 +181,11 @@ class ValidationPanel(QWidget):
         self.boxes = {severity: QCheckBox(self) for severity in SEVERITIES}
         self.ignored = QCheckBox("ignored", self)
         self.ignored.setToolTip("Show ignored findings too, with the reason")
-        top = WrappingRow()
         for box in self.boxes.values():
             box.setChecked(True)
             box.toggled.connect(self._on_filter)
-            top.addWidget(box)
         self.ignored.toggled.connect(self._on_filter)
-        top.addWidget(self.ignored)
+        top = WrappingRow(*self.boxes.values(), self.ignored)
         self.tree = QTreeView(self)
         self.tree.setAccessibleName("Findings")
         self.tree.setModel(self.model)
@@ -219,25 +216,14 @@ class ValidationPanel(QWidget):
         self.reason.returnPressed.connect(self.ignore)
         self.ignore_button = QPushButton("Ignore", self)
         self.ignore_button.clicked.connect(self.ignore)
-        bottom = QHBoxLayout()
-        bottom.addWidget(self.reason, 1)
-        bottom.addWidget(self.ignore_button)
         self.kind_button = QPushButton("Ignore kind", self)
         self.kind_button.clicked.connect(self.ignore_kind)
-        bottom.addWidget(self.kind_button)
+        bottom = hbox((self.reason, 1), self.ignore_button, self.kind_button)
         self.clean = Label("No problems found.", self)
         self.clean.setAlignment(Qt.AlignmentFlag.AlignCenter)
         self.clean.setForegroundRole(self.clean.palette().ColorRole.PlaceholderText)
-        layout = QVBoxLayout(self)
-        layout.setContentsMargins(4, 4, 4, 4)
-        layout.setSpacing(4)
-        layout.addLayout(top)
-        layout.addWidget(self.text)
-        layout.addWidget(self.tree, 1)
-        layout.addWidget(self.clean, 1)
-        layout.addWidget(self.sentence)
-        layout.addWidget(self.fix)
-        layout.addLayout(bottom)
+        lists = ((self.tree, 1), (self.clean, 1))  # one of them is shown
+        vbox(top, self.text, *lists, self.sentence, self.fix, bottom, on=self, margins=4, spacing=4)
         self._soon = DeferredRefresh(self, self.renew, SETTLE)
         document.editing.findingsChanged.connect(self._on_findings)
         document.projectLeft.connect(self.text.clear)

@@ -18,12 +18,12 @@ from PySide6.QtWidgets import (
     QHBoxLayout,
     QPushButton,
     QSplitter,
-    QVBoxLayout,
     QWidget,
 )
 
 from nvsim.evaluation.calibrated import Judge
 from nvsim_app.look import colors
+from nvsim_app.look.boxes import STRETCH, hbox, vbox
 from nvsim_app.look.labels import Label
 from nvsim_app.look.plain_text import plain, tooltip_text
 from nvsim_app.look.table import Column, TableModel, table
@@ -178,30 +178,18 @@ class CalibrationPanel(QWidget):
 
     def _lay_out(self) -> None:
         left = QWidget(self)
-        column = QVBoxLayout(left)
-        column.setContentsMargins(8, 4, 8, 4)
-        column.setSpacing(4)
-        column.addLayout(self._controls(left))
-        row = QHBoxLayout()
-        row.addWidget(self.status, 1)
-        row.addWidget(self.frame)
-        column.addLayout(row)
-        column.addWidget(self.list, 1)
-        row = QHBoxLayout()
-        row.addWidget(self.words, 1)
-        row.addWidget(self.take, 0, Qt.AlignmentFlag.AlignTop)
-        column.addLayout(row)
+        controls = self._controls(left)
+        about = hbox((self.status, 1), self.frame)
+        chosen = hbox((self.words, 1), (self.take, 0, Qt.AlignmentFlag.AlignTop))
+        vbox(controls, about, (self.list, 1), chosen, on=left, margins=(8, 4, 8, 4), spacing=4)
         split = QSplitter(Qt.Orientation.Horizontal, self)
         split.addWidget(left)
         split.addWidget(self.plot)
         split.setSizes([480, 500])
         split.setStretchFactor(1, 1)
-        layout = QVBoxLayout(self)
-        layout.setContentsMargins(0, 0, 0, 0)
-        layout.addWidget(split)
+        vbox(split, on=self, margins=0)
 
     def _controls(self, parent: QWidget) -> QHBoxLayout:
-        row = QHBoxLayout()
         self.judge = QComboBox(parent)
         self.judge.setAccessibleName("Definition of a free corridor")
         for judge, text in _JUDGES.items():
@@ -222,10 +210,7 @@ class CalibrationPanel(QWidget):
         self.again = QPushButton("Calculate", parent)
         self.again.setToolTip("Evaluate the graph with the thresholds of the sliders")
         self.again.clicked.connect(lambda: self._calibrations.start())
-        for widget in (self.judge, self.want, self.map, self.again):
-            row.addWidget(widget)
-        row.addStretch(1)
-        return row
+        return hbox(self.judge, self.want, self.map, self.again, STRETCH)
 
     def choose_map(self, path: Path) -> None:
         """Compares with this map, and calculates."""

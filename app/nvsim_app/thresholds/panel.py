@@ -21,6 +21,7 @@ from nvsim.mapping.evidence.rethreshold import ThresholdEffect
 from nvsim.mapping.families import FAMILIES
 from nvsim.project.work import STAGE, sentence
 from nvsim_app.look import colors
+from nvsim_app.look.boxes import STRETCH, hbox
 from nvsim_app.look.labels import Label, MarkedLabel
 from nvsim_app.look.plain_text import plain, tooltip_text
 from nvsim_app.state.document import Document
@@ -70,7 +71,6 @@ class ThresholdPanel(QScrollArea):
         self.refresh()
 
     def _buttons(self, parent: QWidget) -> QHBoxLayout:
-        row = QHBoxLayout()
         self.apply = QPushButton("Apply", parent)
         self.reset = QPushButton("Reset", parent)
         self.reset.setToolTip("Restore the thresholds of the project's graph")
@@ -79,13 +79,9 @@ class ThresholdPanel(QScrollArea):
         self.apply.clicked.connect(self.applied)
         self.reset.clicked.connect(lambda: self._trial.set_config(self._trial.project_config))
         self.build.clicked.connect(self.built)
-        for button in (self.apply, self.reset, self.build):
-            row.addWidget(button)
-        row.addStretch(1)
-        return row
+        return hbox(self.apply, self.reset, self.build, STRETCH)
 
     def _rules(self, parent: QWidget, docs: dict[str, str]) -> QHBoxLayout:
-        row = QHBoxLayout()
         self.rule = QComboBox(parent)
         for key, text in _RULES.items():
             self.rule.addItem(text, key)
@@ -95,9 +91,7 @@ class ThresholdPanel(QScrollArea):
         self.both_ways.setToolTip(tooltip_text(docs.get("both_ways", "")))
         self.rule.currentIndexChanged.connect(lambda _: self._choose("rule", self.rule.currentData()))
         self.both_ways.toggled.connect(lambda on: self._choose("both_ways", on))
-        row.addWidget(self.rule, 1)
-        row.addWidget(self.both_ways)
-        return row
+        return hbox((self.rule, 1), self.both_ways)
 
     def _families(self, parent: QWidget, docs: dict[str, str]) -> QGridLayout:
         grid = QGridLayout()

@@ -8,11 +8,12 @@ from dataclasses import dataclass
 
 from PySide6.QtCore import QPointF, QSignalBlocker, QSize, Qt, Signal
 from PySide6.QtGui import QColor, QPainter, QPaintEvent, QPalette, QPolygonF, QWheelEvent
-from PySide6.QtWidgets import QHBoxLayout, QSizePolicy, QSlider, QStyle, QStyleOptionSlider, QWidget
+from PySide6.QtWidgets import QSizePolicy, QSlider, QStyle, QStyleOptionSlider, QWidget
 
 from nvsim.mapping import criteria
 from nvsim.mapping.config import WIDEST, MappingConfig
 from nvsim_app.look import colors
+from nvsim_app.look.boxes import hbox
 from nvsim_app.look.labels import Label
 from nvsim_app.look.plain_text import tooltip_text
 from nvsim_app.look.theme import type_font
@@ -151,12 +152,7 @@ class ThresholdRow(QWidget):
         )
         self.figure.setAlignment(Qt.AlignmentFlag.AlignRight)
         self.figure.setFixedWidth(self.figure.fontMetrics().horizontalAdvance("00.00 m") + 34)
-        layout = QHBoxLayout(self)
-        layout.setContentsMargins(0, 0, 0, 0)
-        layout.setSpacing(8)
-        layout.addWidget(self.name)
-        layout.addWidget(self.slider, 1)
-        layout.addWidget(self.figure)
+        hbox(self.name, (self.slider, 1), self.figure, on=self, margins=0, spacing=8)
         self.slider.valueChanged.connect(lambda step: self.chosen.emit(threshold.field, threshold.to_value(step)))
         self.figure.valueChanged.connect(lambda value: self.chosen.emit(threshold.field, round(value, 6)))
 
