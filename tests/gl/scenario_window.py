@@ -110,7 +110,7 @@ def play(session: Session, capture: Path, folder: Path) -> dict[str, object]:
     until(lambda: window.scene.picture is not None and not window.scene.drawing, "the finished model in the view")
 
     # Inspect: a click on a viewpoint in the 3D view.
-    table["above"].trigger() if "above" in table.actions else window.scene.look_from_above()
+    table["above"].trigger() if "above" in table.actions else window.scene.places.look_from_above()
     until(lambda: not window.scene.drawing and window.scene.picture is not None, "the view from above")
     QTest.qWait(400)
     arrays = session.document.graph_arrays

@@ -95,7 +95,7 @@ def test_the_theme_switches_and_is_remembered(window: MainWindow, settings: QSet
 def test_trouble_in_the_renderer_is_a_notice(window: MainWindow) -> None:
     window.scene.link.troubled.emit(RenderError("The model is damaged.", "trace", fatal=True))
     assert window.notice_area.texts == ["The model is damaged."]
-    assert window.scene.note == "The model is damaged."
+    assert window.scene.feed.note == "The model is damaged."
 
 
 def test_a_picture_is_saved_and_a_failure_is_said(window: MainWindow, tmp_path: Path) -> None:

@@ -229,9 +229,9 @@ class FrameBrowser(QObject):
         if self.matter is None or not self.is_open or not found or self._document.contents.scene_stamp is None:
             return
         # A difference compares colors, regardless of the channel of the 3D view.
-        channel = "rgb" if canvas.mode == "difference" else self._scene.channel
+        channel = "rgb" if canvas.mode == "difference" else self._scene.feed.channel
         self.render.ask(self.matter, found[0].scale * canvas.devicePixelRatioF(), channel)
-        canvas.render_note = "" if self._scene.link.ready else self._scene.note
+        canvas.render_note = "" if self._scene.link.ready else self._scene.feed.note
 
     # The candidates ---------------------------------------------------------------------------------------------
 

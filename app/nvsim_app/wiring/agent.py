@@ -131,7 +131,7 @@ class AgentPart(Part):
         if self._was_closed:
             self._dock().hide()
         if seen and state is not None and state.location.viewpointId in self.context.document.graph_arrays.index:
-            scene.go_to_position(state.position, state.heading)
+            scene.places.go_to_position(state.position, state.heading)
 
     def _dock(self) -> QDockWidget:
         dock = self.context.window.findChild(QDockWidget, "dock_agent")

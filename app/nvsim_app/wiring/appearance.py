@@ -191,11 +191,11 @@ class PalettePart(Part):
     def _go_to_viewpoint(self, id: str) -> None:
         arrays = self.context.document.graph_arrays
         self.context.document.select(viewpoint=id)
-        self.context.scene.go_to_position(arrays.positions[arrays.index[id]])
+        self.context.scene.places.go_to_position(arrays.positions[arrays.index[id]])
 
     def _go_to_frame(self, frame: int) -> None:
         self.context.document.select(frame=frame)
-        self.context.scene.snap_to_frame(frame)
+        self.context.scene.places.snap_to_frame(frame)
 
     def _on_ran(self, entry: PaletteEntry) -> None:
         title = entry.title.removesuffix(" (on)").removesuffix(" (off)")

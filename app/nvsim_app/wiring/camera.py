@@ -28,9 +28,9 @@ class CameraPart(Part):
         if document.editing.selection:
             self.context.part(SelectPart).show_selection(document.editing.selection)
         elif document.selection:
-            scene.focus_on_selection()
+            scene.places.focus_on_selection()
         else:
-            scene.show_overview()
+            scene.places.show_overview()
             self.context.part(MapPart).view.frame_everything()
 
     def _step_frame(self, step: int) -> None:
@@ -38,7 +38,7 @@ class CameraPart(Part):
         current = document.selection.frame
         frame = 0 if current is None else (current + step) % len(document.trajectory.positions)
         document.select(frame=frame)
-        self.context.scene.snap_to_frame(frame)
+        self.context.scene.places.snap_to_frame(frame)
 
     def _end_walk(self) -> None:
         self.context.window.actions_table["walk"].setChecked(False)
@@ -52,11 +52,13 @@ class CameraPart(Part):
 
     ACTIONS = (
         Action("&Camera", 0, "home", "&Home", "Go to the start of the trajectory",
-               lambda self: self.context.scene.home(), "H", with_positions, icon="home", toolbar=True),
+               lambda self: self.context.scene.places.home(), "H", with_positions, icon="home", toolbar=True),
         Action("&Camera", 0, "overview", "Over&view", "Show the whole building from a raised corner",
-               lambda self: self.context.scene.show_overview(), "O", with_positions, icon="overview", toolbar=True),
+               lambda self: self.context.scene.places.show_overview(), "O", with_positions, icon="overview",
+               toolbar=True),
         Action("&Camera", 0, "above", "From &above", "Look straight down, north up",
-               lambda self: self.context.scene.look_from_above(), "T", with_positions, icon="above", toolbar=True),
+               lambda self: self.context.scene.places.look_from_above(), "T", with_positions, icon="above",
+               toolbar=True),
         Action("&Camera", 0, "turn_up", "Turn &upright", "Use the next axis of the splat file as up",
                lambda self: self.context.window.turnWanted.emit(), "U", with_splat_file),
         Action("&Camera", 0, "focus", "&Focus",

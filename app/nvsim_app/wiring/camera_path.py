@@ -121,7 +121,7 @@ class CameraPathPart(Part):
         scene = self.context.scene
         camera = scene.pose.camera(*self.panel.size_wanted)
         self._target = path
-        request = Request(next(self._numbers), camera, scene.channel, False, scene.renderer, _VIEW)
+        request = Request(next(self._numbers), camera, scene.feed.channel, False, scene.feed.renderer, _VIEW)
         if self.context.document.contents.scene_stamp is None:
             self._save(QImage(*self.panel.size_wanted, QImage.Format.Format_RGB32), request, blank=True)
         else:

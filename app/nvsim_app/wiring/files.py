@@ -171,7 +171,7 @@ class RecentPart(Part):
 
     def _on_picture(self, picture: Picture) -> None:
         scene = self.context.scene
-        if not picture.request.moving and scene.channel == "rgb" and scene.feed.image is not None:
+        if not picture.request.moving and scene.feed.channel == "rgb" and scene.feed.image is not None:
             self._seen = picture, scene.feed.image  # the QImage uses the memory of the picture
 
     def _keep_view(self) -> None:

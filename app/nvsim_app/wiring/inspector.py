@@ -131,7 +131,9 @@ class InspectorPart(Part):
         if row is not None:
             way = document.graph_arrays.positions[row] - self.inspection.eye
             document.select(viewpoint=id)
-            self.context.scene.go_to_position(document.graph_arrays.positions[row], float(np.arctan2(way[0], way[1])))
+            self.context.scene.places.go_to_position(
+                document.graph_arrays.positions[row], float(np.arctan2(way[0], way[1]))
+            )
 
     def _go_in_direction(self, direction: Direction) -> None:
         """Goes to the viewpoint in this direction, and looks ahead. If there is none, a notice gives the reason."""
@@ -143,7 +145,7 @@ class InspectorPart(Part):
         place: np.ndarray = document.graph_arrays.positions[row]
         heading = direction.evidence.heading
         document.select(viewpoint=direction.neighbour)
-        self.context.scene.go_to_position(place, heading)
+        self.context.scene.places.go_to_position(place, heading)
         self.panel.view.set_heading(heading)
 
     ACTIONS = (

@@ -209,7 +209,7 @@ class JobsPart(Part):
         """Draws the new state of a model in training."""
         scene = self.context.scene
         if isinstance(event, Preview) and handle.running and not scene.drawing:
-            scene.set_channel(scene.channel)
+            scene.set_channel(scene.feed.channel)
 
     def _on_ended(self, handle: JobHandle) -> None:
         notices, state, about = self.context.notices, handle.state, _notice_subject(handle.job.order.verb)

@@ -40,7 +40,7 @@ class SubmapPart(Part):
 
     def docks(self) -> tuple[Dock, ...]:
         panel = SubmapPanel(self.context.document)
-        panel.table.doubleClicked.connect(lambda _: self.context.scene.focus_on_selection())
+        panel.table.doubleClicked.connect(lambda _: self.context.scene.places.focus_on_selection())
         return (
             Dock("submaps", "Submaps", panel, "left", width=330, height=250, needs=with_trajectory,
                  workspaces=("explore", "train")),
@@ -82,7 +82,7 @@ class MapPart(Part):
         extent = self.context.document.extent
         if len(extent):
             nearest = extent[np.argmin(np.hypot(extent[:, 0] - x, extent[:, 1] - y))]
-            self.context.scene.go_to_position(np.array([x, y, nearest[2]]))
+            self.context.scene.places.go_to_position(np.array([x, y, nearest[2]]))
 
     ACTIONS = (
         Action("&View", 7, "whole_map", "&Whole map", "Show trajectory, graph, and occupancy map completely on the map",
@@ -251,7 +251,7 @@ class ResultPart(Part):
 
     def _go_to_frame(self, frame: int) -> None:
         self.context.document.select(frame=frame)
-        self.context.scene.snap_to_frame(frame)
+        self.context.scene.places.snap_to_frame(frame)
 
 
 class ModelsPart(Part):

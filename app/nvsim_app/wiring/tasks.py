@@ -231,7 +231,7 @@ class TaskPart(Part):
         elif number and ids[number - 1] in graph.viewpoints:
             way = here - np.array(graph.viewpoints[ids[number - 1]].position)
             heading = math.atan2(way[0], way[1])
-        self.context.scene.go_to_position(here, heading)
+        self.context.scene.places.go_to_position(here, heading)
         self.context.modes.refresh()
 
     def visit(self) -> None:
@@ -240,7 +240,7 @@ class TaskPart(Part):
         if entry is not None:
             there = frozenset(id for id in entry.task.path if id in document.graph_arrays.index)
             document.editing.select(GraphSelection(there))
-            self.context.scene.focus_on_selection()
+            self.context.scene.places.focus_on_selection()
 
     def paint(self, painter: QPainter, surface: GraphSurface) -> None:
         entry = self.panel.current

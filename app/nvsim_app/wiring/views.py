@@ -94,9 +94,9 @@ class ViewsPart(Part):
                 scene.overlays.set_shown(name, shown)
                 scene.overlays.set_opacity(name, opacity)
         self._set_channel(state.channel)
-        if scene.renderer != state.renderer:
+        if scene.feed.renderer != state.renderer:
             table[f"renderer_{state.renderer}"].trigger()
-        if scene.budget != state.budget:
+        if scene.feed.budget != state.budget:
             table[f"budget_{state.budget}"].trigger()
         self._frames.show(state.page)
         if state.page.frame is None:
@@ -112,7 +112,7 @@ class ViewsPart(Part):
 
     def _set_channel(self, channel: str) -> None:
         self.context.window.actions_table[channel].setChecked(True)
-        if self.context.scene.channel != channel:
+        if self.context.scene.feed.channel != channel:
             self.context.scene.set_channel(channel)
 
     def _on_changed(self, _: object = None) -> None:
@@ -154,7 +154,7 @@ class ViewsPart(Part):
         scene = self.context.scene
         layers = {layer.name: (layer.shown, layer.opacity) for layer in scene.overlays.layers}
         pose = scene.navigation.goal
-        return ViewState(pose, scene.channel, layers, scene.renderer, scene.budget, self._frames.shown)
+        return ViewState(pose, scene.feed.channel, layers, scene.feed.renderer, scene.feed.budget, self._frames.shown)
 
     def _name_changes(self) -> None:
         """Names the changes in the commands Back and Forward."""
@@ -229,7 +229,7 @@ class ViewRestorePart(Part):
         frame = self._frames.shown.frame if self._wanted.frame is None else self._wanted.frame
         left = StoredViewState(
             scene.navigation.goal,
-            scene.channel,
+            scene.feed.channel,
             self._last or self._wanted.selection,
             frame,
             self._map.visible_range,
@@ -254,7 +254,7 @@ class ViewRestorePart(Part):
             scene.stay_at(kept.pose)
             self._moved = True  # the camera has its stored place
         self.context.window.actions_table[kept.channel].setChecked(True)
-        if scene.channel != kept.channel:
+        if scene.feed.channel != kept.channel:
             scene.set_channel(kept.channel)
         if kept.map_range is not None:
             self._map.restore_range(*kept.map_range)

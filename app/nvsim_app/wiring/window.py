@@ -23,7 +23,7 @@ from PySide6.QtWidgets import (
 
 from nvsim_app.actions import ActionTable
 from nvsim_app.drawing.painter import LogRemark
-from nvsim_app.drawing.render_child import RenderError, RenderSource
+from nvsim_app.drawing.render_child import RenderError
 from nvsim_app.jobs.queue import JobQueue
 from nvsim_app.look.icons import icon, save_image
 from nvsim_app.look.labels import Label
@@ -193,10 +193,6 @@ class MainWindow(QMainWindow):
         self.jobs.changed.connect(self.actions_table.refresh)
 
     # Following the document ------------------------------------------------------------------------------------
-
-    def show_source(self, source: RenderSource | None) -> None:
-        """Draws this reconstruction in the center."""
-        self.scene.show_source(source)
 
     def _on_left(self) -> None:
         """Removes messages about the file that is left."""
