@@ -627,7 +627,7 @@ def test_a_prompted_network_of_the_users_own_answers_points(
     assert correction.mask[60, 320] and "is running" not in browser.page.hint.text()
     # A network that cannot be used is said so once; surfaces grow in its place.
     (tmp_path / "prompted.decoder.onnx").write_bytes(b"broken")
-    browser.candidates.stop_process()
+    browser.candidates.link.stop_process()
     monkeypatch.setattr(FrameLink, "ask_candidates", lambda self, frame: None)
     (pane,) = canvas.panes()  # the words below it may take another line now
     qtbot.mouseClick(canvas, RIGHT, pos=pane.to_canvas(320, 60).toPoint())

@@ -173,7 +173,7 @@ def test_a_paused_training_frees_the_project_and_survives_the_window(
     assert handle is not None
     panel = session.window.panels["jobs"]
     assert isinstance(panel, JobPanel)
-    dock = session.window._docks["jobs"]
+    dock = session.window.docks["jobs"]
     dock.show()
     dock.raise_()
 

@@ -63,8 +63,8 @@ class AgentPanel(QWidget):
     restrictedChosen = Signal(bool)
     imageChosen = Signal(bool)
 
-    def __init__(self, walk: AgentWalk, parent: QWidget | None = None) -> None:
-        super().__init__(parent)
+    def __init__(self, walk: AgentWalk) -> None:
+        super().__init__()
         self._walk = walk
         self.values = {name: Value(parent=self) for name in _FIELDS}
         for name, value in self.values.items():
@@ -111,8 +111,7 @@ class AgentPanel(QWidget):
         fields.setHorizontalSpacing(8)
         fields.setVerticalSpacing(4)
         for row, (name, value) in enumerate(self.values.items()):
-            caption = Label(name, self)
-            caption.setForegroundRole(caption.palette().ColorRole.PlaceholderText)
+            caption = Label(name, self, quiet=True)
             fields.addWidget(caption, row, 0)
             fields.addWidget(value, row, 1)
         choices = hbox(self.restricted, self.image, STRETCH)

@@ -16,7 +16,6 @@ from PySide6.QtWidgets import (
     QHBoxLayout,
     QLineEdit,
     QListWidget,
-    QPushButton,
     QWidget,
 )
 
@@ -38,7 +37,7 @@ from nvsim_app.look.boxes import STRETCH, hbox, vbox
 from nvsim_app.look.labels import InkLabel, Label
 from nvsim_app.look.plain_text import SENTENCE, plain
 from nvsim_app.look.theme import type_font
-from nvsim_app.look.widgets import Dialog, DialogButtons, Scrolling
+from nvsim_app.look.widgets import Dialog, DialogButtons, Scrolling, push_button
 
 GENERAL = "General"
 TYPING = 250  # milliseconds after the last key press until the values are validated
@@ -90,20 +89,15 @@ class CommandForm(Dialog):
 
     def _build(self, title: str, start_text: str) -> None:
         about = (command_of(self.verb).__doc__ or "").split("\n\n")[0]
-        intro = Label(" ".join(about.split()), self)
-        intro.setWordWrap(True)
-        self.replaces = Label(self._replaced(), self)
-        self.replaces.setWordWrap(True)
+        intro = Label(" ".join(about.split()), self, wordWrap=True)
+        self.replaces = Label(self._replaced(), self, wordWrap=True)
         self.replaces.setVisible(bool(self.replaces.text()))
-        self.presets = QComboBox(self)
+        self.presets = QComboBox(self, currentText=self._settings.preset(self.verb))
         self.presets.setAccessibleName("Preset")
         self.presets.addItems(presets_of(self.verb))
-        self.presets.setCurrentText(self._settings.preset(self.verb))
         self.presets.currentTextChanged.connect(self._on_preset)
-        self.search = QLineEdit(self)
+        self.search = QLineEdit(self, placeholderText="Find a setting", clearButtonEnabled=True)
         self.search.setAccessibleName("Find an option")
-        self.search.setPlaceholderText("Find a setting")
-        self.search.setClearButtonEnabled(True)
         self.search.textChanged.connect(self._filter)
         self.presets.setVisible(self.presets.count() > 0)
         above = QHBoxLayout()
@@ -129,14 +123,13 @@ class CommandForm(Dialog):
         self.problem.setWordWrap(True)
         self.problem.hide()
         self._command_line = ""
-        self.command = QLineEdit(self)
+        self.command = QLineEdit(self, readOnly=True)
         self.command.setAccessibleName("Command")
-        self.command.setReadOnly(True)
         self.command.setFont(QFontDatabase.systemFont(QFontDatabase.SystemFont.FixedFont))
         self.command.setToolTip("The command for a terminal")
-        copy = QPushButton("Copy", self)
-        copy.setAutoDefault(False)
-        copy.clicked.connect(lambda: QGuiApplication.clipboard().setText(self._command_line))
+        copy = push_button(
+            "Copy", self, lambda: QGuiApplication.clipboard().setText(self._command_line), autoDefault=False
+        )
         line = hbox((self.command, 1), copy)
         buttons = DialogButtons(self)
         self.start_button = buttons.addButton(start_text, QDialogButtonBox.ButtonRole.AcceptRole)
@@ -181,8 +174,7 @@ class CommandForm(Dialog):
         title = next(iter(self._waiting))
         fields = self._waiting.pop(title)
         if self.list.isVisibleTo(self):
-            heading = Label(title, self._page)
-            heading.setFont(type_font(bold=True))
+            heading = Label(title, self._page, font=type_font(bold=True))
             heading.setContentsMargins(0, 8, 0, 4)
             self._headings[title] = heading
             self._column.insertWidget(self._column.count() - 1, heading)

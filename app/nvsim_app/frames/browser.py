@@ -148,7 +148,7 @@ class FrameBrowser(QObject):
         """Writes pending corrections and ends the thread and the process. The page must not be used afterwards."""
         self.corrector.close()
         self._reader.stop()
-        self.candidates.stop_process()
+        self.candidates.link.stop_process()
 
     # The frame on the page --------------------------------------------------------------------------------------
 

@@ -39,8 +39,8 @@ class FramePage(QWidget):
     sizeChanged = Signal(float)
     keyed = Signal(str)
 
-    def __init__(self, layers: tuple[FrameLayer, ...], parent: QWidget | None = None) -> None:
-        super().__init__(parent)
+    def __init__(self, layers: tuple[FrameLayer, ...]) -> None:
+        super().__init__()
         self.brushing = False  # whether [ and ] change the size of the brush
         self.canvas = Canvas(layers, self)
         self.canvas.setAccessibleName("Frame beside its render")
@@ -48,9 +48,7 @@ class FramePage(QWidget):
         self.layers.changed.connect(lambda _: self.canvas.update())
         self.title = MarkedLabel(self)
         self.title.setSizePolicy(QSizePolicy.Policy.Ignored, QSizePolicy.Policy.Preferred)
-        self.hint = Label(self)
-        self.hint.setWordWrap(True)
-        self.hint.setForegroundRole(self.hint.palette().ColorRole.PlaceholderText)
+        self.hint = Label(self, wordWrap=True, quiet=True)
         self.hint.setSizePolicy(QSizePolicy.Policy.Ignored, QSizePolicy.Policy.Preferred)
         self.gain = _slider(self, 10, 200, 30, "Gain of the difference")
         self.gain.valueChanged.connect(lambda value: self.gainChanged.emit(value / 10))
@@ -146,9 +144,8 @@ class FramePage(QWidget):
 
 
 def _bar(parent: QWidget, name: str) -> QToolBar:
-    bar = QToolBar(parent)
+    bar = QToolBar(parent, toolButtonStyle=Qt.ToolButtonStyle.ToolButtonTextOnly)
     bar.setObjectName(f"frame_{name}")
-    bar.setToolButtonStyle(Qt.ToolButtonStyle.ToolButtonTextOnly)
     bar.setFocusPolicy(Qt.FocusPolicy.NoFocus)
     layout = bar.layout()
     assert layout is not None, "a tool bar has one"

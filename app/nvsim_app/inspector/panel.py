@@ -11,7 +11,6 @@ from PySide6.QtWidgets import (
     QFrame,
     QScrollArea,
     QSizePolicy,
-    QToolButton,
     QWidget,
 )
 
@@ -27,6 +26,7 @@ from nvsim_app.look.labels import Label, WrappingRow
 from nvsim_app.look.plain_text import tooltip_text
 from nvsim_app.look.table import Column, TableModel, TableView, table
 from nvsim_app.look.theme import type_font
+from nvsim_app.look.widgets import tool_button
 from nvsim_app.state.directions import Direction, two_decimals
 
 _ROW = 21  # pixels
@@ -156,20 +156,18 @@ class InspectorPanel(QScrollArea):
 
     chosen = Signal(object)
 
-    def __init__(self, inspection: Inspection, panoramas: Panoramas, parent: QWidget | None = None) -> None:
-        super().__init__(parent)
-        self.setWidgetResizable(True)
+    def __init__(self, inspection: Inspection, panoramas: Panoramas) -> None:
+        super().__init__(widgetResizable=True)
         self.setFrameShape(QFrame.Shape.NoFrame)
         self.setHorizontalScrollBarPolicy(Qt.ScrollBarPolicy.ScrollBarAlwaysOff)
         self._inspection = inspection
         content = QWidget(self)
         self.view = PanoramaView(inspection, panoramas, content)
         self.view.chosen.connect(self.chosen)
-        self.sentence = Label(content)
-        self.sentence.setWordWrap(True)
-        self.sentence.setTextInteractionFlags(Qt.TextInteractionFlag.TextSelectableByMouse)
+        self.sentence = Label(
+            content, wordWrap=True, selectable=True, alignment=Qt.AlignmentFlag.AlignTop | Qt.AlignmentFlag.AlignLeft
+        )
         self.sentence.setMinimumHeight(2 * self.sentence.fontMetrics().lineSpacing())
-        self.sentence.setAlignment(Qt.AlignmentFlag.AlignTop | Qt.AlignmentFlag.AlignLeft)
         self.bars = MeasureBars(content)
         self.model: TableModel[Direction] = TableModel(
             _COLUMNS, self, lambda direction: direction.key, lambda direction: direction.sentence, dense=True
@@ -188,19 +186,16 @@ class InspectorPanel(QScrollArea):
 
     def _head(self, parent: QWidget) -> WrappingRow:
         row = WrappingRow()
-        self.title = Label(parent)
-        self.title.setFont(type_font(bold=True))
+        self.title = Label(parent, font=type_font(bold=True))
         self.title.setMinimumWidth(self.title.fontMetrics().horizontalAdvance("dddddd") + 6)
         row.addWidget(self.title)
         self.channels = QButtonGroup(self)
         for i, (channel, text) in enumerate(CHANNELS.items()):
-            button = QToolButton(parent)
-            button.setText(text)
-            button.setCheckable(True)
-            button.setAutoRaise(True)
+            tip = f"Show {text.lower()} in the panorama"
+            button = tool_button(
+                text, parent, tip=tip, checkable=True, autoRaise=True, objectName=f"panorama_{channel}"
+            )
             button.setChecked(channel == "rgb")
-            button.setToolTip(tooltip_text(f"Show {text.lower()} in the panorama"))
-            button.setObjectName(f"panorama_{channel}")
             button.setProperty("channel", channel)
             self.channels.addButton(button, i)
             row.addWidget(button)

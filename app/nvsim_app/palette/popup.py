@@ -87,11 +87,10 @@ class PaletteView(QFrame):
         self.setAutoFillBackground(True)
         self._offer = offer
         self._before: QWidget | None = None
-        self.line = QLineEdit(self)
+        self.line = QLineEdit(
+            self, placeholderText="Type a command, a viewpoint or a frame", clearButtonEnabled=True, frame=False
+        )
         self.line.setAccessibleName("Command, viewpoint or frame")
-        self.line.setPlaceholderText("Type a command, a viewpoint or a frame")
-        self.line.setClearButtonEnabled(True)
-        self.line.setFrame(False)
         self.line.setMinimumHeight(34)
         self.line.setTextMargins(8, 0, 4, 0)
         self.line.textChanged.connect(self._fill)

@@ -32,8 +32,8 @@ class CameraPathPanel(QWidget):
     pictureWanted = Signal()
     videoWanted = Signal()
 
-    def __init__(self, parent: QWidget | None = None) -> None:
-        super().__init__(parent)
+    def __init__(self) -> None:
+        super().__init__()
         self.setObjectName("cameraPathPanel")
         self.width_box = NumberBox("Width", 16, 8192, 1920, 0, suffix=" px")
         self.height_box = NumberBox("Height", 16, 8192, 1080, 0, suffix=" px")

@@ -27,6 +27,7 @@ from nvsim_app.look import colors
 from nvsim_app.look.boxes import vbox
 from nvsim_app.look.labels import Label, WrappedRows, WrappingRow
 from nvsim_app.look.plain_text import in_window, lines, plain, tooltip_text
+from nvsim_app.look.widgets import push_button
 
 _COLORS = {"error": "blocked", "warning": "warning", "note": "quiet"}
 _SIGNS = {"error": "✗ ", "warning": "⚠ ", "note": ""}
@@ -93,9 +94,8 @@ class CaptureFixes(QWidget):
         super().__init__(parent)
         self._frames: tuple[str, ...] = ()
         self._axes = ""
-        self.axes = QPushButton(self)
-        self.axes.setToolTip("Read the poses in the axis convention that matches the images")
-        self.axes.clicked.connect(lambda: self.axesWanted.emit(self._axes))
+        tip = "Read the poses in the axis convention that matches the images"
+        self.axes = push_button("", self, lambda: self.axesWanted.emit(self._axes), tip)
         self.leave_out, self.take_back = QPushButton(self), QPushButton(self)
         self.folder = QPushButton("Folder of the images…", self)
         self.scale = QPushButton("Enter the camera height", self)
@@ -228,10 +228,8 @@ class CaptureSummary(QWidget):
         super().__init__(parent)
         self.map = TrajectoryMap(self)
         self.rows: dict[str, Label] = {}
-        form = QFormLayout()
+        form = QFormLayout(verticalSpacing=4, labelAlignment=Qt.AlignmentFlag.AlignLeft)
         form.setContentsMargins(0, 0, 0, 0)
-        form.setVerticalSpacing(4)
-        form.setLabelAlignment(Qt.AlignmentFlag.AlignLeft)
         for name in (
             "Video",
             "Length",

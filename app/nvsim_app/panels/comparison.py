@@ -12,7 +12,6 @@ from PySide6.QtGui import QPalette
 from PySide6.QtWidgets import (
     QComboBox,
     QHeaderView,
-    QPushButton,
     QStyledItemDelegate,
     QStyleOptionViewItem,
     QWidget,
@@ -30,6 +29,7 @@ from nvsim_app.look.boxes import hbox, vbox
 from nvsim_app.look.labels import Label, WrappingRow
 from nvsim_app.look.plain_text import plain
 from nvsim_app.look.table import Column, Index, TableModel, table
+from nvsim_app.look.widgets import push_button
 
 INKS = {
     "viewpoint added": colors.OPEN,
@@ -104,23 +104,17 @@ class ComparePanel(QWidget):
     merged = Signal(object)
     activated = Signal(object)
 
-    def __init__(self, parent: QWidget | None = None) -> None:
-        super().__init__(parent)
+    def __init__(self) -> None:
+        super().__init__()
         self.compared: ComparedGraphs | None = None
         self.model = DeviationModel(self)
-        self.open = QPushButton("Other graph…", self)
-        self.open.setToolTip("Select a connectivity file to compare with")
-        self.open.clicked.connect(self.opened)
-        self.steps = QComboBox(self)
+        self.open = push_button("Other graph…", self, self.opened, "Select a connectivity file to compare with")
+        self.steps = QComboBox(self, sizeAdjustPolicy=QComboBox.SizeAdjustPolicy.AdjustToMinimumContentsLengthWithIcon)
         self.steps.setAccessibleName("Earlier step to compare with")
         self.steps.setToolTip("Compare with the graph after a step of the history")
-        self.steps.setSizeAdjustPolicy(QComboBox.SizeAdjustPolicy.AdjustToMinimumContentsLengthWithIcon)
         self.steps.activated.connect(self._on_step)
-        self.close_button = QPushButton("Close", self)
-        self.close_button.setToolTip("End the comparison")
-        self.close_button.clicked.connect(self.closed)
-        self.words = Label("Select another graph, or a step of the history, to compare with.", self)
-        self.words.setWordWrap(True)
+        self.close_button = push_button("Close", self, self.closed, "End the comparison")
+        self.words = Label("Select another graph, or a step of the history, to compare with.", self, wordWrap=True)
         self.table = table(self.model, self)
         self.table.setAccessibleName("Differences")
         self.table.setWordWrap(False)
@@ -129,11 +123,10 @@ class ComparePanel(QWidget):
         header.setSectionResizeMode(QHeaderView.ResizeMode.Interactive)
         header.resizeSection(0, 150)
         self.table.doubleClicked.connect(self._on_double_click)
-        self.all = QPushButton("Select all", self)
-        self.all.clicked.connect(self._choose_all)
-        self.merge = QPushButton("Merge selected", self)
-        self.merge.setToolTip("Apply the selected differences to the edited graph, as one step")
-        self.merge.clicked.connect(self._on_merge)
+        self.all = push_button("Select all", self, self._choose_all)
+        self.merge = push_button(
+            "Merge selected", self, self._on_merge, "Apply the selected differences to the edited graph, as one step"
+        )
         self.model.dataChanged.connect(self._enable)
         top = hbox(self.open, (self.steps, 1))
         bottom = WrappingRow(self.all, self.close_button, self.merge)

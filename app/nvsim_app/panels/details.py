@@ -84,16 +84,14 @@ class DetailsPanel(QScrollArea):
 
     pieceWanted = Signal(int)
 
-    def __init__(self, document: Document, parent: QWidget | None = None) -> None:
-        super().__init__(parent)
+    def __init__(self, document: Document) -> None:
+        super().__init__()
         self._document = document
         self.setWidgetResizable(True)
         self.setFrameShape(QFrame.Shape.NoFrame)
         self.setHorizontalScrollBarPolicy(Qt.ScrollBarPolicy.ScrollBarAlwaysOff)
         content = QWidget(self)
-        self.title = Label(content)
-        self.title.setFont(type_font("large", bold=True))
-        self.title.setTextInteractionFlags(Qt.TextInteractionFlag.TextSelectableByMouse)
+        self.title = Label(content, font=type_font("large", bold=True), selectable=True)
         self.title.setSizePolicy(QSizePolicy.Policy.Ignored, QSizePolicy.Policy.Preferred)
         self._facts = QGridLayout()
         self._facts.setColumnStretch(1, 1)
@@ -272,10 +270,7 @@ def _shown(value: str) -> QWidget:
     """A line for text without spaces, which is copied as a whole, or a label that wraps longer text."""
     if len(value) < _LONG or " " not in value:
         return Value(value)
-    words = Label(plain(value))
-    words.setWordWrap(True)
-    words.setTextInteractionFlags(Qt.TextInteractionFlag.TextSelectableByMouse)
-    return words
+    return Label(plain(value), wordWrap=True, selectable=True)
 
 
 def _plain(key: str) -> str:

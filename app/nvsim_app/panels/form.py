@@ -40,9 +40,7 @@ class Form(Dialog):
         self._key, self._settings, self._run = key, settings, run
         self._fields = fields
         self.inputs: dict[str, NumberBox | QComboBox] = {}
-        label = Label(words, self)
-        label.setWordWrap(True)
-        label.setMinimumWidth(300)
+        label = Label(words, self, wordWrap=True, minimumWidth=300)
         rows = QFormLayout()
         for field in fields:
             rows.addRow(field.title, self._make_widget(field))
@@ -103,9 +101,7 @@ class KnownLength(Dialog):
         value = metres / unit.metres
         self.length = NumberBox("True length", 0.01, 10_000.0, value, 3, suffix=f" {unit.symbol}", parent=self)
         self.length.valueChanged.connect(self._show_state)
-        self.words = Label(outdated_results_text(stages), self)
-        self.words.setWordWrap(True)
-        self.words.setMinimumWidth(380)
+        self.words = Label(outdated_results_text(stages), self, wordWrap=True, minimumWidth=380)
         form = QFormLayout()
         form.addRow("Measured length", Label(lengths.length(metres, 3), self))
         form.addRow("True length", self.length)

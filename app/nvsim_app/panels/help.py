@@ -110,10 +110,8 @@ class HelpWindow(Dialog):
         self.setAttribute(Qt.WidgetAttribute.WA_DeleteOnClose)
         self.resize(820, 640)
         self.page = ""
-        self.search = QLineEdit(self)
+        self.search = QLineEdit(self, placeholderText="Find in the help", clearButtonEnabled=True)
         self.search.setAccessibleName("Search the help")
-        self.search.setPlaceholderText("Find in the help")
-        self.search.setClearButtonEnabled(True)
         self.search.textChanged.connect(self._fill)
         self.list = QListWidget(self)
         self.list.setAccessibleName("Pages")

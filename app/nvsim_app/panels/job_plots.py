@@ -93,10 +93,8 @@ class JobPlots(QWidget):
         self._due = [name for name, _ in self._rows]
         self.plots: dict[str, Plot] = {}  # made when there are values, because they delay the start of the window
         self._curves: dict[tuple[str, str, int], pyqtgraph.PlotDataItem] = {}
-        self.empty = Label("Plots appear here while a submap or an agent trains.", self)
-        self.empty.setForegroundRole(self.empty.palette().ColorRole.PlaceholderText)
+        self.empty = Label("Plots appear here while a submap or an agent trains.", self, wordWrap=True, quiet=True)
         self.empty.setContentsMargins(8, 8, 8, 8)
-        self.empty.setWordWrap(True)
         self._row = QWidget(self)
         self._places = QVBoxLayout(self._row) if large else QHBoxLayout(self._row)
         self._places.setContentsMargins(4, 4, 4, 4)

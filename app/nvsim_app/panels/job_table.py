@@ -225,9 +225,8 @@ class ImportedJobDialog(Dialog):
             "This job came with the project and was not ordered on this machine. If you order it here, it runs:"
         )
         command = command_line(job.order.verb, job.order.arguments)
-        self.command = QPlainTextEdit(command[:_MOST], self)
+        self.command = QPlainTextEdit(command[:_MOST], self, readOnly=True)
         self.command.setAccessibleName("Command")
-        self.command.setReadOnly(True)
         self.command.setFont(QFontDatabase.systemFont(QFontDatabase.SystemFont.FixedFont))
         reason = queue.why_not_order_again(job)
         if len(command) > _MOST:
@@ -253,9 +252,7 @@ class ImportedJobDialog(Dialog):
         self.resize(620, 260)
 
     def _label(self, text: str) -> Label:
-        label = Label(text, self)
-        label.setWordWrap(True)
-        return label
+        return Label(text, self, wordWrap=True)
 
     def _on_order(self) -> None:
         try:

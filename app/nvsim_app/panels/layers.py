@@ -15,10 +15,9 @@ from nvsim_app.views.overlays import Overlays
 class LayersPanel(QScrollArea):
     """Shows which layers are visible and how opaque they are, and changes both."""
 
-    def __init__(self, overlays: Overlays, document: Document, parent: QWidget | None = None) -> None:
-        super().__init__(parent)
+    def __init__(self, overlays: Overlays, document: Document) -> None:
+        super().__init__(widgetResizable=True)
         self.setObjectName("layersPanel")
-        self.setWidgetResizable(True)
         self.setFrameShape(QFrame.Shape.NoFrame)
         self._overlays = overlays
         self.boxes: dict[str, QCheckBox] = {}

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from PySide6.QtCore import Qt, QTemporaryDir, QTimer, Signal
-from PySide6.QtGui import QCloseEvent, QPalette
+from PySide6.QtGui import QCloseEvent
 from PySide6.QtWidgets import (
     QDialogButtonBox,
     QFileDialog,
@@ -32,7 +32,7 @@ from nvsim_app.look.boxes import vbox
 from nvsim_app.look.labels import InkLabel, Label
 from nvsim_app.look.plain_text import tooltip_text
 from nvsim_app.look.theme import type_font
-from nvsim_app.look.widgets import Dialog, DialogButtons, Scrolling
+from nvsim_app.look.widgets import Dialog, DialogButtons, Scrolling, push_button
 from nvsim_app.panels.capture_check import CaptureFixes, CaptureSummary, FindingTree
 from nvsim_app.state.recent_projects import place_for, problem_with
 
@@ -121,21 +121,17 @@ class NewProjectDialog(Dialog):
         self._show_state()
 
     def _build(self) -> None:
-        self.capture = QLineEdit(self)
+        self.capture = QLineEdit(self, placeholderText=f"{formats.names()}, or a video: a folder or a file")
         self.capture.setAccessibleName("Capture")
-        self.capture.setPlaceholderText(f"{formats.names()}, or a video: a folder or a file")
         folder, file = QPushButton("Folder…", self), QPushButton("File…", self)
-        another = QPushButton("Add…", self)
-        another.setToolTip("Add another capture of the building, in the same world and unit")
-        another.clicked.connect(self._browse_another)
+        another = push_button(
+            "Add…", self, self._browse_another, "Add another capture of the building, in the same world and unit"
+        )
         folder.clicked.connect(self._browse_folder)
         file.clicked.connect(self._browse_file)
-        self.project = QLineEdit(self)
+        self.project = QLineEdit(self, readOnly=self._fixed is not None)
         self.project.setAccessibleName("Project")
-        self.project.setReadOnly(self._fixed is not None)
-        place = QPushButton("Browse…", self)
-        place.setEnabled(self._fixed is None)
-        place.clicked.connect(self._browse_project)
+        place = push_button("Browse…", self, self._browse_project, enabled=self._fixed is None)
         self.camera_height = self._line("camera_height")
         self.scale = self._line("scale")
         self.hold_out = self._line("hold_out")
@@ -158,24 +154,18 @@ class NewProjectDialog(Dialog):
         asked += ("Features", self.features), ("People", self.people)
         self._rows: dict[str, list[QWidget]] = {}
         for row, (words, editor) in enumerate(asked, start=2):
-            name = Label(words, self)
-            name.setToolTip(tooltip_text(editor.field.flag))
-            help = Label(editor.field.help, self)
-            help.setForegroundRole(QPalette.ColorRole.PlaceholderText)
-            help.setWordWrap(True)
+            name = Label(words, self, toolTip=tooltip_text(editor.field.flag))
+            help = Label(editor.field.help, self, wordWrap=True, quiet=True)
             grid.addWidget(name, row, 0)
             grid.addWidget(editor, row, 1)
             grid.addWidget(help, row, 2, 1, 4)
             self._rows[editor.field.path.rpartition(".")[2]] = [name, editor, help]
         grid.setColumnStretch(2, 1)
-        self.verdict = Label(self)
-        self.verdict.setFont(type_font(bold=True))
-        self.verdict.setWordWrap(True)
-        self.busy = QProgressBar(self)
+        self.verdict = Label(self, font=type_font(bold=True), wordWrap=True)
+        self.busy = QProgressBar(self, textVisible=False)
         self.busy.setAccessibleName("Progress of the check")
         self.busy.setRange(0, 0)
         self.busy.setMaximumHeight(6)
-        self.busy.setTextVisible(False)
         policy = self.busy.sizePolicy()
         policy.setRetainSizeWhenHidden(True)
         self.busy.setSizePolicy(policy)

@@ -44,10 +44,8 @@ class PreferenceDialog(Dialog):
         self.setWindowFlag(Qt.WindowType.Tool)
         self.setAttribute(Qt.WidgetAttribute.WA_DeleteOnClose)
         self._preferences = preferences
-        self.search = QLineEdit(self)
-        self.search.setPlaceholderText("Search settings, commands and keys")
+        self.search = QLineEdit(self, placeholderText="Search settings, commands and keys", clearButtonEnabled=True)
         self.search.setAccessibleName("Search the preferences")
-        self.search.setClearButtonEnabled(True)
         self.editors: dict[str, _Editor] = {}
         self._groups: list[tuple[QGroupBox, QFormLayout, list[Preference]]] = []
         self.keys = KeyPage(bindings, self)
@@ -82,8 +80,7 @@ class PreferenceDialog(Dialog):
             self._groups.append((box, rows, mine))
         column.addWidget(self.nothing)
         column.addStretch(1)
-        area = QScrollArea(self)
-        area.setWidgetResizable(True)
+        area = QScrollArea(self, widgetResizable=True)
         area.setFrameShape(QFrame.Shape.NoFrame)
         area.setWidget(page)
         area.setFocusPolicy(Qt.FocusPolicy.NoFocus)
@@ -252,8 +249,7 @@ class KeyPage(QWidget):
         self.reset_all = self._button("Reset to defaults", "Restore the default keys of all commands")
         self.only = QCheckBox("Only conflicts", self)
         self.only.setToolTip("Show only commands that have the same keys as another one")
-        self.words = Label(self)
-        self.words.setWordWrap(True)
+        self.words = Label(self, wordWrap=True)
         self.of = Label("Keys", self)
         row = WrappingRow(self.of, self.editor, self.none, self.reset, self.reset_all, self.only)
         vbox((self.view, 1), row, self.words, on=self)

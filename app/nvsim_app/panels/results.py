@@ -17,7 +17,6 @@ from PySide6.QtWidgets import (
     QHeaderView,
     QListWidget,
     QListWidgetItem,
-    QPushButton,
     QSplitter,
     QWidget,
 )
@@ -33,6 +32,7 @@ from nvsim_app.look.plain_text import CAPTION, plain
 from nvsim_app.look.table import Column, TableModel
 from nvsim_app.look.table import table as quiet_table
 from nvsim_app.look.theme import Plot
+from nvsim_app.look.widgets import push_button
 from nvsim_app.state.results import (
     EvaluationResult,
     ResultTable,
@@ -78,8 +78,8 @@ class ResultPanel(QWidget):
     frameWanted = Signal(int)
     submapWanted = Signal(int)
 
-    def __init__(self, notices: Notices, parent: QWidget | None = None) -> None:
-        super().__init__(parent)
+    def __init__(self, notices: Notices) -> None:
+        super().__init__()
         self._notices = notices
         self.results: list[EvaluationResult] = []
         self.list = QListWidget(self)
@@ -95,13 +95,9 @@ class ResultPanel(QWidget):
         self.columns = QComboBox(self)
         self.columns.setAccessibleName("Column that is plotted")
         self.columns.currentIndexChanged.connect(lambda _: self._draw())
-        self.copy = QPushButton("Copy", self)
-        self.copy.setToolTip("Copy the table with tabs, for a spreadsheet (Ctrl+C)")
-        self.copy.clicked.connect(self._copy)
-        self.save = QPushButton("Save CSV…", self)
-        self.save.clicked.connect(self._choose_csv)
-        self.save_plot = QPushButton("Save plot…", self)
-        self.save_plot.clicked.connect(self._choose_plot)
+        self.copy = push_button("Copy", self, self._copy, "Copy the table with tabs, for a spreadsheet (Ctrl+C)")
+        self.save = push_button("Save CSV…", self, self._choose_csv)
+        self.save_plot = push_button("Save plot…", self, self._choose_plot)
         self.model = ResultModel(self)
         self.view = quiet_table(self.model, self)
         self.view.setAccessibleName("Figures")
@@ -111,8 +107,7 @@ class ResultPanel(QWidget):
         self.plot.setMouseEnabled(x=True, y=True)
         self.plot.showGrid(y=True, alpha=0.15)
         self.plot.setMinimumWidth(160)
-        self.empty = Label("Results appear here. Jobs > Evaluate computes them.", self)
-        self.empty.setForegroundRole(self.empty.palette().ColorRole.PlaceholderText)
+        self.empty = Label("Results appear here. Jobs > Evaluate computes them.", self, quiet=True)
         self.empty.setContentsMargins(8, 8, 8, 8)
         bar = hbox(self.tables, self.copy, self.save, STRETCH, margins=4, spacing=4)
         middle = QWidget(self)
@@ -152,11 +147,6 @@ class ResultPanel(QWidget):
         if results:
             self.list.setCurrentRow(0 if newest or chosen not in keys else keys.index(chosen))
 
-    @property
-    def table(self) -> ResultTable:
-        """The displayed table."""
-        return self.model.table
-
     def _on_result(self, row: int) -> None:
         tables = self.results[row].tables if 0 <= row < len(self.results) else ()
         former = self.tables.currentText()
@@ -175,7 +165,7 @@ class ResultPanel(QWidget):
         former = self.columns.currentText()
         self.columns.blockSignals(True)
         self.columns.clear()
-        titles = [capitalized(result_title(self.table.columns[i])) for i in self.table.columns_to_plot]
+        titles = [capitalized(result_title(self.model.table.columns[i])) for i in self.model.table.columns_to_plot]
         self.columns.addItems([plain(title, CAPTION) for title in titles])
         self.columns.setCurrentText(former)
         self.columns.blockSignals(False)
@@ -184,7 +174,7 @@ class ResultPanel(QWidget):
     def _fit_names(self) -> None:
         """Gives the names of figures the room that the values leave, so that the values are visible in a small
         window."""
-        header, named = self.view.horizontalHeader(), self.table.is_summary
+        header, named = self.view.horizontalHeader(), self.model.table.is_summary
         header.setStretchLastSection(not named)
         for place in range(header.count()):
             names = named and place == 0
@@ -193,16 +183,16 @@ class ResultPanel(QWidget):
 
     def _draw(self) -> None:
         self.plot.clear()
-        plotted, chosen = self.table.columns_to_plot, self.columns.currentIndex()
+        plotted, chosen = self.model.table.columns_to_plot, self.columns.currentIndex()
         shown = 0 <= chosen < len(plotted)
         for widget in (self.columns, self.save_plot):
             widget.setVisible(shown)
         self._right.setVisible(shown)  # otherwise the table has the space
         if not shown:
             return
-        values = np.array(self.table.numbers(plotted[chosen]))
+        values = np.array(self.model.table.numbers(plotted[chosen]))
         known = np.flatnonzero(np.isfinite(values))
-        names = [str(row[0]) for row in self.table.rows]
+        names = [str(row[0]) for row in self.model.table.rows]
         few = len(values) <= _FEW
         if few:  # horizontal bars leave room for their names
             bars = pyqtgraph.BarGraphItem(x0=0.0, width=values[known], y=known, height=0.7, brush=colors.NODE, pen=None)
@@ -223,13 +213,13 @@ class ResultPanel(QWidget):
     # Export -----------------------------------------------------------------------------------------------------
 
     def _copy(self) -> None:
-        QGuiApplication.clipboard().setText(self.table.separated("\t"))
+        QGuiApplication.clipboard().setText(self.model.table.separated("\t"))
 
     def _choose_csv(self) -> None:
-        name, _ = QFileDialog.getSaveFileName(self, "Save table", f"{self.table.title}.csv", "CSV (*.csv)")
+        name, _ = QFileDialog.getSaveFileName(self, "Save table", f"{self.model.table.title}.csv", "CSV (*.csv)")
         if name:
             try:
-                save_table(self.table, Path(name))
+                save_table(self.model.table, Path(name))
                 self._notices.info(f"Saved {name}.", about="save")
             except InputError as error:
                 self._notices.error(str(error), about="save")
@@ -244,7 +234,7 @@ class ResultPanel(QWidget):
                 self._notices.error(str(error), about="save")
 
     def _on_double_clicked(self, index: QModelIndex) -> None:
-        row = dict(zip(self.table.columns, self.table.rows[index.row()], strict=True))
+        row = dict(zip(self.model.table.columns, self.model.table.rows[index.row()], strict=True))
         if isinstance(row.get("frame"), int):
             self.frameWanted.emit(row["frame"])
         elif str(row.get("submap", "")).isdigit():

@@ -27,7 +27,7 @@ from nvsim_app.look.icons import icon
 from nvsim_app.look.labels import Label
 from nvsim_app.look.plain_text import plain
 from nvsim_app.look.theme import GRID, type_font
-from nvsim_app.look.widgets import Dialog, DialogButtons
+from nvsim_app.look.widgets import Dialog, DialogButtons, push_button
 from nvsim_app.panels.job_table import duration
 
 
@@ -121,10 +121,9 @@ class RunningJob(QWidget):
         self._queue = queue
         self.setCursor(Qt.CursorShape.PointingHandCursor)
         self.words = Label(self)
-        self.bar = QProgressBar(self)
+        self.bar = QProgressBar(self, textVisible=False)
         self.bar.setAccessibleName("Progress of the job")
         self.bar.setRange(0, 1000)
-        self.bar.setTextVisible(False)
         self.bar.setFixedSize(90, 10)
         hbox(self.words, self.bar, on=self, margins=(4, 0, 8, 0))
         self.setSizePolicy(QSizePolicy.Policy.Maximum, QSizePolicy.Policy.Preferred)
@@ -159,14 +158,11 @@ class EmptyState(QWidget):
     stageWanted = Signal(str)
     settingsWanted = Signal(str)
 
-    def __init__(self, parent: QWidget | None = None) -> None:
-        super().__init__(parent)
-        self.setAutoFillBackground(True)
+    def __init__(self) -> None:
+        super().__init__(autoFillBackground=True)
         self._verb = ""
         self._mark = Label(self, alignment=Qt.AlignmentFlag.AlignCenter)
-        self.sentence = Label(self, alignment=Qt.AlignmentFlag.AlignCenter)
-        self.sentence.setWordWrap(True)
-        self.sentence.setFont(type_font("large"))
+        self.sentence = Label(self, alignment=Qt.AlignmentFlag.AlignCenter, wordWrap=True, font=type_font("large"))
         self.imports = self._button("Import a capture…", self.importWanted.emit)
         self.everything = self._button("Run everything", self.runWanted.emit)
         self.stage = self._button("This stage only", lambda: self.stageWanted.emit(self._verb))
@@ -177,9 +173,7 @@ class EmptyState(QWidget):
         self.show_message("")
 
     def _button(self, text: str, handler: object) -> QPushButton:
-        button = QPushButton(text, self)
-        button.clicked.connect(handler)
-        return button
+        return push_button(text, self, handler)
 
     def apply_palette(self) -> None:
         """Draws the logo in the colors of the palette."""
@@ -220,8 +214,8 @@ class EarlierResults(Dialog):
             "Each row is the result of a stage before its last run. Restore exchanges it with the current result; "
             "later stages do not change.",
             self,
+            wordWrap=True,
         )
-        intro.setWordWrap(True)
         self.list = QListWidget(self)
         self.list.setAccessibleName("Earlier results")
         for one in kept:

@@ -36,7 +36,7 @@ from nvsim_app.look.icons import icon
 from nvsim_app.look.labels import Label
 from nvsim_app.look.plain_text import plain, tooltip_text
 from nvsim_app.look.theme import GRID, type_font
-from nvsim_app.look.widgets import Scrolling
+from nvsim_app.look.widgets import Scrolling, push_button
 from nvsim_app.state.side_work import ProjectPreview
 
 _THUMBNAIL = QSize(96, 64)
@@ -196,13 +196,10 @@ class DropZone(QWidget):
         self._hot = False
         self.setCursor(Qt.CursorShape.PointingHandCursor)
         self.setAccessibleName("Drop a project, a capture, a video, a graph or a splat file here")
-        words = Label("Drop a file or folder here", self)
-        words.setFont(type_font(bold=True))
+        words = Label("Drop a file or folder here", self, font=type_font(bold=True))
         layout = vbox(words, on=self, margins=(2 * GRID, GRID, 2 * GRID, GRID), spacing=4)
         for kind, what in KINDS:
-            row = Label(f"{kind} – {what}", self)
-            row.setWordWrap(True)
-            row.setForegroundRole(row.palette().ColorRole.PlaceholderText)
+            row = Label(f"{kind} – {what}", self, wordWrap=True, quiet=True)
             layout.addWidget(row)
 
     def highlight(self, on: bool) -> None:
@@ -233,16 +230,17 @@ class StartPage(QWidget):
     recentWanted = Signal(object)
     forgetWanted = Signal(object)
 
-    def __init__(self, parent: QWidget | None = None) -> None:
-        super().__init__(parent)
-        self.setAutoFillBackground(True)
+    def __init__(self) -> None:
+        super().__init__(autoFillBackground=True)
         self._mark = Label(self)
         self._mark.setFixedSize(44, 44)
-        name = Label("NVSim", self)
-        name.setFont(type_font("large", bold=True))
-        words = Label("Turn a capture of a building into a simulator for vision-and-language navigation.", self)
-        words.setWordWrap(True)
-        words.setForegroundRole(words.palette().ColorRole.PlaceholderText)
+        name = Label("NVSim", self, font=type_font("large", bold=True))
+        words = Label(
+            "Turn a capture of a building into a simulator for vision-and-language navigation.",
+            self,
+            wordWrap=True,
+            quiet=True,
+        )
         self.open = self._button(
             "Open…", "A project, a capture, a video, a graph or a splat file (Ctrl+O)", self.openWanted
         )
@@ -264,29 +262,24 @@ class StartPage(QWidget):
         holder.setLayout(left)
         column = Scrolling(holder, self)  # in a low window, so that no text is cut off
         column.setFixedWidth(360)
-        recent = Label("Recent projects", self)
-        recent.setFont(type_font(bold=True))
+        recent = Label("Recent projects", self, font=type_font(bold=True))
         self.recent = RecentList(self)
         self.recent.setMinimumWidth(260)
         self.recent.chosen.connect(self.recentWanted)
         self.recent.forgotten.connect(self.forgetWanted)
-        self.nothing = Label("Recent projects appear here.", self, alignment=Qt.AlignmentFlag.AlignCenter)
-        self.nothing.setForegroundRole(self.nothing.palette().ColorRole.PlaceholderText)
-        self.nothing.setWordWrap(True)
+        self.nothing = Label(
+            "Recent projects appear here.", self, alignment=Qt.AlignmentFlag.AlignCenter, wordWrap=True, quiet=True
+        )
         self._recents = QStackedLayout()
         self._recents.addWidget(self.recent)
         self._recents.addWidget(self.nothing)
-        self.forget = QPushButton("Remove", self)
-        self.forget.setToolTip("Remove the project from this list (Del); its files do not change")
-        self.forget.clicked.connect(self.recent.forget_current)
-        self.go = QPushButton("Open project", self)
-        self.go.setToolTip("Open the selected project (Enter)")
-        self.go.clicked.connect(self._choose)
+        tip = "Remove the project from this list (Del); its files do not change"
+        self.forget = push_button("Remove", self, self.recent.forget_current, tip)
+        self.go = push_button("Open project", self, self._choose, "Open the selected project (Enter)")
         below = hbox(STRETCH, self.forget, self.go)
         right = vbox(recent, (self._recents, 1), below)
-        right_holder = QWidget(self)
+        right_holder = QWidget(self, maximumWidth=640)
         right_holder.setLayout(right)
-        right_holder.setMaximumWidth(640)
         both = hbox(STRETCH, column, (right_holder, 8), STRETCH, spacing=24)
         vbox((both, 1), on=self, margins=2 * GRID)
         self.apply_palette()
@@ -297,12 +290,7 @@ class StartPage(QWidget):
         return QSize(300, 200)
 
     def _button(self, text: str, what: str, wanted: object) -> QPushButton:
-        button = QPushButton(text, self)
-        button.setToolTip(tooltip_text(what))
-        button.setMinimumHeight(30)
-        button.setAutoDefault(True)
-        button.clicked.connect(wanted)
-        return button
+        return push_button(text, self, wanted, what, minimumHeight=30, autoDefault=True)
 
     def apply_palette(self) -> None:
         """Draws the logo in the colors of the palette."""
@@ -314,10 +302,6 @@ class StartPage(QWidget):
         self._recents.setCurrentWidget(self.recent if paths else self.nothing)
         for button in (self.forget, self.go):
             button.setVisible(bool(paths))
-
-    def show_looks(self, looked: Mapping[Path, ProjectPreview]) -> None:
-        """Shows the state and thumbnail of recent projects, which a background process has read."""
-        self.recent.show_looks(looked)
 
     def _choose(self) -> None:
         if self.recent.current is not None:

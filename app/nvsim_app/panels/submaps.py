@@ -73,8 +73,8 @@ class SubmapModel(TableModel[SubmapTableRow]):
 class SubmapPanel(QWidget):
     """The table of submaps. Selecting a row selects the submap in the whole window; a double-click moves the camera."""
 
-    def __init__(self, document: Document, parent: QWidget | None = None) -> None:
-        super().__init__(parent)
+    def __init__(self, document: Document) -> None:
+        super().__init__()
         self._document = document
         self.model = SubmapModel(document, self)
         self.table = table(self.model, self)

@@ -24,6 +24,7 @@ from nvsim_app.look.labels import Label
 from nvsim_app.look.plain_text import tooltip_text
 from nvsim_app.look.table import Column, TableModel, TableView, style_table
 from nvsim_app.look.theme import GRID
+from nvsim_app.look.widgets import tool_button
 
 _KEYS = {Qt.Key.Key_A: "accepted", Qt.Key.Key_R: "rejected"}
 _WALK = 600  # milliseconds per step while the path is walked
@@ -156,22 +157,15 @@ class TaskPanel(QWidget):
         self.table.setMinimumHeight(60)
         for column in _EPISODE:
             self.table.hideColumn(column)
-        self.words = Label("Open a folder of task files, such as R2R_train.json.")
-        self.words.setWordWrap(True)
-        self.editor = QPlainTextEdit()
+        self.words = Label("Open a folder of task files, such as R2R_train.json.", wordWrap=True)
+        self.editor = QPlainTextEdit(tabChangesFocus=True, placeholderText="One instruction per line")
         self.editor.setAccessibleName("Instructions of the task")
-        self.editor.setTabChangesFocus(True)
-        self.editor.setPlaceholderText("One instruction per line")
         self.editor.setFixedHeight(48)
         self.slider = QSlider(Qt.Orientation.Horizontal)
         self.slider.setAccessibleName("Position on the path")
         self.slider.setMinimumWidth(40)
-        self.files = QToolButton()
-        self.files.setText("Tasks")
-        self.files.setToolTip(
-            tooltip_text("Open tasks or trajectories, export the accepted tasks, undo the last verdict")
-        )
-        self.files.setPopupMode(QToolButton.ToolButtonPopupMode.InstantPopup)
+        tip = "Open tasks or trajectories, export the accepted tasks, undo the last verdict"
+        self.files = tool_button("Tasks", None, tip=tip, popupMode=QToolButton.ToolButtonPopupMode.InstantPopup)
         menu = QMenu(self.files)
         for text, signal in (("Open folder…", self.opened), ("Open files…", self.picked),
                              ("Open trajectories…", self.played), ("Undo", self.undone),

@@ -33,9 +33,7 @@ class TrainingWindow(Dialog):
         self.other = self._choice("Another run of this project to compare with; its curves are dashed")
         self.images = TrainingImages(self)
         self.plots = JobPlots(self, large=True)
-        self.legend = Label(self)
-        self.legend.setWordWrap(True)
-        self.legend.setForegroundRole(self.legend.palette().ColorRole.PlaceholderText)
+        self.legend = Label(self, wordWrap=True, quiet=True)
         self.smoothing = QSlider(Qt.Orientation.Horizontal, self)
         self.smoothing.setRange(0, _SMOOTHEST)
         self.smoothing.setToolTip(
@@ -54,10 +52,9 @@ class TrainingWindow(Dialog):
         row = hbox(Label("Smoothing", self), (self.smoothing, 1), self.smoothed, margins=(8, 4, 8, 0))
         vbox(row, (self.plots, 1), self.legend, on=right, margins=0)
         self.legend.setContentsMargins(8, 0, 8, 4)
-        self.splitter = QSplitter(Qt.Orientation.Horizontal, self)
+        self.splitter = QSplitter(Qt.Orientation.Horizontal, self, childrenCollapsible=True)
         self.splitter.addWidget(self.images)
         self.splitter.addWidget(right)
-        self.splitter.setChildrenCollapsible(True)
         self.splitter.setSizes([640, 420])
         self.splitter.setStretchFactor(0, 3)
         self.splitter.setStretchFactor(1, 2)
@@ -74,9 +71,8 @@ class TrainingWindow(Dialog):
         self._list()
 
     def _choice(self, about: str) -> QComboBox:
-        box = QComboBox(self)
+        box = QComboBox(self, sizeAdjustPolicy=QComboBox.SizeAdjustPolicy.AdjustToContents)
         box.setToolTip(tooltip_text(about))
-        box.setSizeAdjustPolicy(QComboBox.SizeAdjustPolicy.AdjustToContents)
         return box
 
     # Contents ---------------------------------------------------------------------------------------------------

@@ -14,7 +14,6 @@ from PySide6.QtWidgets import (
     QCheckBox,
     QLineEdit,
     QMenu,
-    QPushButton,
     QScrollArea,
     QToolButton,
     QTreeView,
@@ -30,6 +29,7 @@ from nvsim_app.look import colors
 from nvsim_app.look.boxes import hbox, vbox
 from nvsim_app.look.labels import Label, WrappedRows, WrappingRow
 from nvsim_app.look.plain_text import SENTENCE, caption, plain, tooltip_text
+from nvsim_app.look.widgets import push_button, tool_button
 from nvsim_app.panels.deferred_refresh import DeferredRefresh
 from nvsim_app.state.document import Document
 
@@ -169,14 +169,12 @@ class ValidationPanel(QWidget):
 
     activated = Signal(object)
 
-    def __init__(self, document: Document, parent: QWidget | None = None) -> None:
-        super().__init__(parent)
+    def __init__(self, document: Document) -> None:
+        super().__init__()
         self._document = document
         self.model = FindingModel(document, self)
-        self.text = QLineEdit(self)
+        self.text = QLineEdit(self, placeholderText="Filter by words or ids", clearButtonEnabled=True)
         self.text.setAccessibleName("Filter by words or ids")
-        self.text.setPlaceholderText("Filter by words or ids")
-        self.text.setClearButtonEnabled(True)
         self.text.textChanged.connect(self._on_filter)
         self.boxes = {severity: QCheckBox(self) for severity in SEVERITIES}
         self.ignored = QCheckBox("ignored", self)
@@ -186,42 +184,34 @@ class ValidationPanel(QWidget):
             box.toggled.connect(self._on_filter)
         self.ignored.toggled.connect(self._on_filter)
         top = WrappingRow(*self.boxes.values(), self.ignored)
-        self.tree = QTreeView(self)
+        self.tree = QTreeView(self, headerHidden=True, wordWrap=True, indentation=12)
         self.tree.setAccessibleName("Findings")
         self.tree.setModel(self.model)
-        self.tree.setHeaderHidden(True)
-        self.tree.setWordWrap(True)
-        self.tree.setIndentation(12)
         self.tree.setFrameShape(QTreeView.Shape.NoFrame)
         self.tree.setItemDelegate(WrappedRows(self.tree))
         self.tree.header().sectionResized.connect(self.tree.scheduleDelayedItemsLayout)
         self.tree.collapsed.connect(lambda index: self._on_expanded(index, False))
         self.tree.expanded.connect(lambda index: self._on_expanded(index, True))
         self._expanded: dict[str, bool] = {}  # kind -> whether the user expanded or collapsed it
-        self.sentence = Label(self)
-        self.sentence.setWordWrap(True)
-        self.sentence.setTextInteractionFlags(Qt.TextInteractionFlag.TextSelectableByMouse)
+        self.sentence = Label(self, wordWrap=True, selectable=True)
         self.sentence.hide()
         self.tree.selectionModel().currentChanged.connect(self._on_row)
         self.tree.doubleClicked.connect(self._on_double_click)
-        self.fix = QToolButton(self)
-        self.fix.setText("Fix")
-        self.fix.setToolButtonStyle(Qt.ToolButtonStyle.ToolButtonTextOnly)
-        self.fix.setPopupMode(QToolButton.ToolButtonPopupMode.MenuButtonPopup)
-        self.fix.clicked.connect(self.apply_first_fix)
-        self.reason = QLineEdit(self)
+        self.fix = tool_button(
+            "Fix",
+            self,
+            self.apply_first_fix,
+            toolButtonStyle=Qt.ToolButtonStyle.ToolButtonTextOnly,
+            popupMode=QToolButton.ToolButtonPopupMode.MenuButtonPopup,
+        )
+        self.reason = QLineEdit(self, placeholderText="Reason to ignore it")
         self.reason.setAccessibleName("Reason to ignore it")
-        self.reason.setPlaceholderText("Reason to ignore it")
         self.reason.textChanged.connect(self._enable)
         self.reason.returnPressed.connect(self.ignore)
-        self.ignore_button = QPushButton("Ignore", self)
-        self.ignore_button.clicked.connect(self.ignore)
-        self.kind_button = QPushButton("Ignore kind", self)
-        self.kind_button.clicked.connect(self.ignore_kind)
+        self.ignore_button = push_button("Ignore", self, self.ignore)
+        self.kind_button = push_button("Ignore kind", self, self.ignore_kind)
         bottom = hbox((self.reason, 1), self.ignore_button, self.kind_button)
-        self.clean = Label("No problems found.", self)
-        self.clean.setAlignment(Qt.AlignmentFlag.AlignCenter)
-        self.clean.setForegroundRole(self.clean.palette().ColorRole.PlaceholderText)
+        self.clean = Label("No problems found.", self, alignment=Qt.AlignmentFlag.AlignCenter, quiet=True)
         lists = ((self.tree, 1), (self.clean, 1))  # one of them is shown
         vbox(top, self.text, *lists, self.sentence, self.fix, bottom, on=self, margins=4, spacing=4)
         self._soon = DeferredRefresh(self, self.renew, SETTLE)

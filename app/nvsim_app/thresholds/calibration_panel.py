@@ -16,7 +16,6 @@ from PySide6.QtWidgets import (
     QCheckBox,
     QComboBox,
     QHBoxLayout,
-    QPushButton,
     QSplitter,
     QWidget,
 )
@@ -28,7 +27,7 @@ from nvsim_app.look.labels import Label
 from nvsim_app.look.plain_text import plain, tooltip_text
 from nvsim_app.look.table import Column, TableModel, table
 from nvsim_app.look.theme import Plot, title_size
-from nvsim_app.look.widgets import NumberBox
+from nvsim_app.look.widgets import NumberBox, push_button
 from nvsim_app.state.document import Document
 from nvsim_app.thresholds.calibrations import Calibrations, cells, sentences, status
 from nvsim_app.thresholds.threshold_preview import ThresholdPreview
@@ -150,10 +149,8 @@ class CalibrationPanel(QWidget):
 
     mapWanted = Signal()
 
-    def __init__(
-        self, calibrations: Calibrations, trial: ThresholdPreview, document: Document, parent: QWidget | None = None
-    ) -> None:
-        super().__init__(parent)
+    def __init__(self, calibrations: Calibrations, trial: ThresholdPreview, document: Document) -> None:
+        super().__init__()
         self._calibrations, self._trial, self._document = calibrations, trial, document
         self.status, self.words = Label(self), Label(self)
         for label in (self.status, self.words):
@@ -168,8 +165,7 @@ class CalibrationPanel(QWidget):
         )
         self.list = table(self.model, self, "Thresholds")
         self.list.selectionModel().currentRowChanged.connect(self._show_chosen)
-        self.take = QPushButton(self)
-        self.take.clicked.connect(self.apply_suggestion)
+        self.take = push_button("", self, self.apply_suggestion)
         self.plot = CalibrationPlot(self)
         self._lay_out()
         calibrations.changed.connect(self.refresh)
@@ -201,15 +197,13 @@ class CalibrationPanel(QWidget):
         self.want.setPrefix("surely ")
         self.want.setToolTip("A value is accepted if the 95 % interval of its validity begins here or above")
         self.want.valueChanged.connect(self._on_want)
-        self.map = QPushButton("Map…", parent)
-        self.map.setToolTip("Select the occupancy map to compare with: a ROS map.yaml, or an OctoMap .bt or .ot")
-        self.map.clicked.connect(self.mapWanted)
+        tip = "Select the occupancy map to compare with: a ROS map.yaml, or an OctoMap .bt or .ot"
+        self.map = push_button("Map…", parent, self.mapWanted, tip)
         self.frame = QCheckBox("in the capture's frame", parent)
         self.frame.setToolTip("Transform the selected map as the import transformed the capture")
         self.frame.toggled.connect(self._on_frame)
-        self.again = QPushButton("Calculate", parent)
-        self.again.setToolTip("Evaluate the graph with the thresholds of the sliders")
-        self.again.clicked.connect(lambda: self._calibrations.start())
+        tip = "Evaluate the graph with the thresholds of the sliders"
+        self.again = push_button("Calculate", parent, lambda: self._calibrations.start(), tip)
         return hbox(self.judge, self.want, self.map, self.again, STRETCH)
 
     def choose_map(self, path: Path) -> None:

@@ -24,6 +24,7 @@ from nvsim_app.look import colors
 from nvsim_app.look.boxes import STRETCH, hbox
 from nvsim_app.look.labels import Label, MarkedLabel
 from nvsim_app.look.plain_text import plain, tooltip_text
+from nvsim_app.look.widgets import push_button
 from nvsim_app.state.document import Document
 from nvsim_app.thresholds.slider import MARKS, ThresholdRow, preset, thresholds, with_value
 from nvsim_app.thresholds.threshold_preview import ThresholdPreview
@@ -38,9 +39,8 @@ class ThresholdPanel(QScrollArea):
     applied = Signal()
     built = Signal()
 
-    def __init__(self, trial: ThresholdPreview, document: Document, parent: QWidget | None = None) -> None:
-        super().__init__(parent)
-        self.setWidgetResizable(True)
+    def __init__(self, trial: ThresholdPreview, document: Document) -> None:
+        super().__init__(widgetResizable=True)
         self.setFrameShape(QFrame.Shape.NoFrame)
         self.setHorizontalScrollBarPolicy(Qt.ScrollBarPolicy.ScrollBarAlwaysOff)
         self._trial, self._document = trial, document
@@ -120,11 +120,10 @@ class ThresholdPanel(QScrollArea):
             ("paper", "Paper's", "The criteria of the paper: means over the corridor, in one direction"),
         ):
             mark = MarkedLabel(f'<span style="color:{MARKS[key]}">▲</span>', parent)
-            button = QPushButton(text, parent)
-            button.setFlat(True)
-            button.setObjectName(f"preset_{key}")
-            button.setToolTip(tooltip_text(f"{words}; the mark of this color below each slider"))
-            button.clicked.connect(lambda _=False, k=key: self.apply_preset(k))
+            tip = f"{words}; the mark of this color below each slider"
+            button = push_button(
+                text, parent, lambda _=False, k=key: self.apply_preset(k), tip, flat=True, objectName=f"preset_{key}"
+            )
             row.addWidget(mark)
             row.addWidget(button)
         row.addStretch(1)

@@ -40,8 +40,8 @@ class MapView(QWidget):
     cameraPlaced = Signal(float, float)
     hovered = Signal(object)
 
-    def __init__(self, document: Document, parent: QWidget | None = None) -> None:
-        super().__init__(parent)
+    def __init__(self, document: Document) -> None:
+        super().__init__()
         self.setObjectName("mapView")
         self._document = document
         self._framed = False

@@ -54,12 +54,9 @@ class SceneView(QWidget):
     remarked = Signal(object)
     hovered = Signal(object)
 
-    def __init__(self, document: Document, parent: QWidget | None = None) -> None:
-        super().__init__(parent)
+    def __init__(self, document: Document) -> None:
+        super().__init__(accessibleName="3D view", focusPolicy=Qt.FocusPolicy.StrongFocus, mouseTracking=True)
         self.setObjectName("sceneView")
-        self.setAccessibleName("3D view")
-        self.setFocusPolicy(Qt.FocusPolicy.StrongFocus)
-        self.setMouseTracking(True)
         self.setAttribute(Qt.WidgetAttribute.WA_OpaquePaintEvent)
         self.setSizePolicy(QSizePolicy.Policy.Expanding, QSizePolicy.Policy.Expanding)
         self.setMinimumSize(240, 200)

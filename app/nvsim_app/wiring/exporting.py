@@ -69,20 +69,12 @@ class ExportPart(Part):
 
     # A scan -----------------------------------------------------------------------------------------------------
 
-    def open_scan_form(self) -> CommandForm | None:
-        """Opens the form of the scan export, with an estimate."""
-        return self.context.part(JobsPart).open_form(VERB)
-
     def open_tasks_form(self) -> CommandForm | None:
         """Opens the form of the task export. Its default is the exported scan beside the project, if there is one."""
         project = self.context.document.project
         scans = None if project is None else project.parent / OUT[VERB]
         there = scans is not None and is_folder(scans / "connectivity")
         return self.context.part(JobsPart).open_form(TASKS, {"scans": str(scans)} if there else None)
-
-    def open_dataset_form(self) -> CommandForm | None:
-        """Opens the form of the dataset export, with an estimate."""
-        return self.context.part(JobsPart).open_form(DATASET)
 
     def open_features_form(self) -> CommandForm | None:
         """Opens the form of the feature export. Its default is the folder of the exported scan."""
@@ -186,12 +178,13 @@ class ExportPart(Part):
     ACTIONS = (
         Action("&File", 1, "export_graph", "&Export graph…", "Export the graph for agents, other tools, or as an image",
                show_form, "Ctrl+E", with_editing, icon="export"),
-        Action("&File", 1, "export_scan", f"{WORK[VERB].title}…", sentence(WORK[VERB].summary)[:-1], open_scan_form,
+        Action("&File", 1, "export_scan", f"{WORK[VERB].title}…", sentence(WORK[VERB].summary)[:-1],
+               lambda self: self.context.part(JobsPart).open_form(VERB),
                "Ctrl+Shift+E", reason_of_command(VERB)),
         Action("&File", 1, "export_tasks", f"{WORK[TASKS].title}…", sentence(WORK[TASKS].summary)[:-1], open_tasks_form,
                enabled=reason_of_command(TASKS)),
         Action("&File", 1, "export_dataset", f"{WORK[DATASET].title}…", sentence(WORK[DATASET].summary)[:-1],
-               open_dataset_form, "Ctrl+Shift+D", reason_of_command(DATASET)),
+               lambda self: self.context.part(JobsPart).open_form(DATASET), "Ctrl+Shift+D", reason_of_command(DATASET)),
         Action("&File", 1, "export_features", f"{WORK[FEATURES].title}…", sentence(WORK[FEATURES].summary)[:-1],
                open_features_form, enabled=reason_of_command(FEATURES)),
     )  # fmt: skip

@@ -157,7 +157,7 @@ class RecentPart(Part):
 
     def _on_looked(self, end: EndMessage) -> None:
         if end.value is not None:
-            self.context.window.start.show_looks(end.value)
+            self.context.window.start.recent.show_looks(end.value)
 
     def _fill_menu(self) -> None:
         self._menu.clear()
@@ -194,10 +194,9 @@ class ForeignPart(Part):
 
     def __init__(self, context: WindowContext) -> None:
         super().__init__(context)
-        self.scans = QComboBox(context.window)
+        self.scans = QComboBox(context.window, maxVisibleItems=24)
         self.scans.setToolTip("The scans of this folder (Ctrl+PgDown, Ctrl+PgUp)")
         self.scans.setAccessibleName("Scan")
-        self.scans.setMaxVisibleItems(24)
         self.scans.activated.connect(self._choose)
         self.scans.hide()
         context.document.contentsChanged.connect(self._on_contents)

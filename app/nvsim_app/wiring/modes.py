@@ -119,8 +119,7 @@ class ContextPart(Part):
             editing.select(GraphSelection(frozenset({viewpoint})))
         elif viewpoint is None and edge is not None and edge not in chosen.edges:
             editing.select(GraphSelection(frozenset(), frozenset({edge})))
-        menu = QMenu(self.context.window)
-        menu.setToolTipsVisible(True)
+        menu = QMenu(self.context.window, toolTipsVisible=True)
         self._add_ghost(menu, pointer)
         if viewpoint is None and edge is None:
             self._fill_for_floor(menu, pointer)

@@ -29,7 +29,6 @@ from nvsim_app.processes.serving import EndMessage
 from nvsim_app.processes.side_process import SideProcess
 from nvsim_app.state import edit_commands
 from nvsim_app.state.document import Document
-from nvsim_app.state.proposals import Proposals
 from nvsim_app.state.reasons import Reason, with_map, writable
 from nvsim_app.state.side_work import EVIDENCE, evidence_task
 from nvsim_app.views.graph_surface import EDGE_REACH, GraphSurface
@@ -45,6 +44,7 @@ class ProposePart(Part):
 
     def __init__(self, context: WindowContext) -> None:
         super().__init__(context)
+        self.proposals = context.document.editing.proposals
         self._automatic = True
         self._thread: threading.Thread | None = None
         self._thought.connect(self._on_thought)
@@ -56,10 +56,6 @@ class ProposePart(Part):
         document.graphChanged.connect(self._on_edit)
         document.projectChanged.connect(self._on_project)
         context.modes.layers.append(self.paint)
-
-    @property
-    def proposals(self) -> Proposals:
-        return self.context.document.editing.proposals
 
     def _set_automatic(self, on: bool) -> None:
         self._automatic = on

@@ -92,8 +92,8 @@ class MainWindow(QMainWindow):
         self.parts = [part(context) for part in PARTS]
         docks = [dock for part in self.parts for dock in part.docks()]
         self.panels = {dock.name: dock.widget for dock in docks}
-        self._docks = {dock.name: self._dock(dock) for dock in docks}
-        self._rows = docks
+        self.docks: Mapping[str, QDockWidget] = {dock.name: self._dock(dock) for dock in docks}
+        self.rows: Sequence[Dock] = docks
         self.actions_table = ActionTable(document, [(row, part) for part in self.parts for row in part.ACTIONS], self)
         self._build_bars()
         self._arrange()
@@ -123,7 +123,7 @@ class MainWindow(QMainWindow):
 
     def _update_dock_titles(self) -> None:
         """Hides the titles of docks that share a place, because their tabs show the titles."""
-        for dock in self._docks.values():
+        for dock in self.docks.values():
             self._title(dock)
 
     def _title(self, dock: QDockWidget) -> None:
@@ -138,12 +138,11 @@ class MainWindow(QMainWindow):
         menus = self.actions_table.fill_menus(self.menuBar())
         window_menu = menus["&Window"]
         window_menu.addSeparator()
-        for dock in self._docks.values():
+        for dock in self.docks.values():
             window_menu.addAction(dock.toggleViewAction())
             dock.toggleViewAction().triggered.connect(dock.raise_)  # an opened dock is in front of its tabs
-        bar = QToolBar("Tools", self)
+        bar = QToolBar("Tools", self, movable=False)
         bar.setObjectName("toolbar")
-        bar.setMovable(False)
         bar.setContextMenuPolicy(Qt.ContextMenuPolicy.PreventContextMenu)
         tools = QToolBar(bar)  # only a tool bar in a widget has a menu of the buttons that do not fit
         tools.setObjectName("tools")
@@ -156,32 +155,31 @@ class MainWindow(QMainWindow):
         assert isinstance(more, QToolButton)
         more.setToolTip("More commands")
         more.setAccessibleName("More commands")
-        self._more_tools, self._tools = more, bar
+        self._more_tools, self.tools = more, bar
         self.setStatusBar(StatusLine(self))
-        self._summary = Label(self)
-        self._summary.setForegroundRole(self._summary.palette().ColorRole.PlaceholderText)
+        self._summary = Label(self, quiet=True)
         self.statusBar().addPermanentWidget(self._summary)
 
     def _arrange(self) -> None:
-        docks = self._docks
+        docks = self.docks
         self.setDockNestingEnabled(True)
         self.setCorner(Qt.Corner.BottomRightCorner, Qt.DockWidgetArea.RightDockWidgetArea)
         self.setTabPosition(Qt.DockWidgetArea.AllDockWidgetAreas, QTabWidget.TabPosition.North)
         above: dict[str, QDockWidget] = {}  # area -> its lowest dock
-        for row in (r for r in self._rows if not r.tab):
+        for row in (r for r in self.rows if not r.tab):
             if row.area in above:
                 self.splitDockWidget(above[row.area], docks[row.name], Qt.Orientation.Vertical)
             else:
                 self.addDockWidget(_AREAS[row.area], docks[row.name])
             above[row.area] = docks[row.name]
-        for row in (r for r in self._rows if r.tab):
+        for row in (r for r in self.rows if r.tab):
             self.tabifyDockWidget(docks[row.tab], docks[row.name])
-        for row in (r for r in self._rows if not r.tab):
+        for row in (r for r in self.rows if not r.tab):
             docks[row.name].raise_()
-        wide = [row for row in self._rows if row.width]
+        wide = [row for row in self.rows if row.width]
         self.resizeDocks([docks[r.name] for r in wide], [r.width for r in wide], Qt.Orientation.Horizontal)
         for area in reversed(_AREAS):
-            high = [row for row in self._rows if row.height and row.area == area]
+            high = [row for row in self.rows if row.height and row.area == area]
             self.resizeDocks([docks[r.name] for r in high], [r.height for r in high], Qt.Orientation.Vertical)
 
     def _connect(self) -> None:
@@ -282,31 +280,17 @@ class MainWindow(QMainWindow):
     @property
     def dock_titles(self) -> dict[str, str]:
         """Name -> title of every panel."""
-        return {row.name: row.title for row in self._rows}
+        return {row.name: row.title for row in self.rows}
 
     def show_dock(self, name: str) -> None:
         """Brings a panel to the front. Raises KeyError if the name is unknown."""
-        self._docks[name].show()
-        self._docks[name].raise_()
+        self.docks[name].show()
+        self.docks[name].raise_()
 
     def front_dock(self, name: str) -> None:
         """Brings a panel to the front of its tabs, unless it is closed. Raises KeyError if the name is unknown."""
-        if not self._docks[name].isHidden():
-            self._docks[name].raise_()
-
-    @property
-    def docks(self) -> Mapping[str, QDockWidget]:
-        """Name -> the dock that holds the panel."""
-        return self._docks
-
-    @property
-    def rows(self) -> Sequence[Dock]:
-        """The descriptions of all docks."""
-        return self._rows
-
-    def show_tools(self, on: bool) -> None:
-        """Shows or hides the tool bar, whose commands need an open file."""
-        self._tools.setVisible(on)
+        if not self.docks[name].isHidden():
+            self.docks[name].raise_()
 
     # Look and layout -------------------------------------------------------------------------------------------
 

@@ -166,7 +166,7 @@ class WorkspacePart(Part):
         self._remember()
         self._tabs.setVisible(self.kind != "nothing")
         self._lay_out()
-        self.context.window.show_tools(self.kind != "nothing")
+        self.context.window.tools.setVisible(self.kind != "nothing")
 
     def _lay_out(self) -> None:
         window, settings = self.context.window, self.context.settings
@@ -344,8 +344,7 @@ class WorkspacePart(Part):
     def _gather_in_menu(self) -> None:
         window = self.context.window
         actions = [window.actions_table[f"workspace_{a.id}"] for a in WORKSPACE_LAYOUTS]
-        gathered = QMenu("&Workspace", window)
-        gathered.setToolTipsVisible(True)
+        gathered = QMenu("&Workspace", window, toolTipsVisible=True)
         for menu in window.menuBar().findChildren(QMenu):
             if actions[0] in menu.actions():
                 menu.insertMenu(actions[0], gathered)
