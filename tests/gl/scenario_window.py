@@ -173,7 +173,7 @@ def look_closer(session: Session, seen: dict[str, object]) -> None:
 
     page = window.part(FramePart).browser.page
     until(lambda: not window.document.views.pending, "the view at rest")
-    row = frames.list.visualRect(frames.filter.index(0, 0))
+    row = frames.list.visualRect(frames.model.index(0, 0))
     QTest.mouseClick(frames.list.viewport(), LEFT, pos=row.center())
     QTest.mouseDClick(frames.list.viewport(), LEFT, pos=row.center())
     until(lambda: page.isVisible() and page.canvas._render is not None, "the frame beside its render")
