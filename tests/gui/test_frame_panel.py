@@ -22,8 +22,7 @@ from nvsim.project.corrections import save_correction
 from nvsim.project.layout import Layout
 from nvsim.project.project import Project
 from nvsim_app.frames.link import FrameLink
-from nvsim_app.frames.model import frame_words, mask_words
-from nvsim_app.frames.state import Score, Scores, newest_scores
+from nvsim_app.frames.state import Score, Scores, frame_words, mask_words, newest_scores
 from nvsim_app.frames.worker import thumbnail_path
 from nvsim_app.panels.frames import COVERAGES, FramePanel
 from nvsim_app.state.document import Document

@@ -16,9 +16,8 @@ from nvsim_app.frames.correction import Box
 from nvsim_app.frames.corrector import Candidates, Corrector
 from nvsim_app.frames.frame_data import Failure, FrameData, FrameRender, Reader
 from nvsim_app.frames.layers import CANDIDATES, OF_DEPTH, OF_MASK, FrameLayer, standard_layers
-from nvsim_app.frames.model import frame_words
 from nvsim_app.frames.page import FramePage
-from nvsim_app.frames.state import FrameState
+from nvsim_app.frames.state import FrameState, frame_words
 from nvsim_app.layers.capture import FrameMaskLayer
 from nvsim_app.look.notices import Notices
 from nvsim_app.look.plain_text import escape_html, plain

@@ -33,8 +33,8 @@ from PySide6.QtWidgets import (
 
 from nvsim.capture.types import Frame
 from nvsim_app.frames.link import FrameLink
-from nvsim_app.frames.model import Thumbnails, frame_words, mask_words
-from nvsim_app.frames.state import FrameState, Score
+from nvsim_app.frames.state import FrameState, Score, frame_words, mask_words
+from nvsim_app.frames.thumbnails import Thumbnails
 from nvsim_app.look import colors
 from nvsim_app.look.boxes import hbox, vbox
 from nvsim_app.look.icons import swatch

@@ -1,4 +1,4 @@
-"""The texts and the thumbnails of frames in lists. A thumbnail is loaded when a list first needs it."""
+"""The thumbnails of frames, which are loaded when a list first needs them."""
 
 from __future__ import annotations
 
@@ -11,7 +11,6 @@ from PySide6.QtGui import QPixmap
 
 from nvsim.project.layout import Layout
 from nvsim_app.frames.link import FrameLink
-from nvsim_app.frames.state import FrameState
 from nvsim_app.frames.worker import thumbnail_path
 from nvsim_app.state.document import Document
 
@@ -92,28 +91,3 @@ class Thumbnails(QObject):
     def _on_failed(self, what: str, frame: int, sentence: str) -> None:
         if what == "thumbnail":
             self._hopeless.add(frame)
-
-
-def mask_words(state: FrameState, frame: int) -> str:
-    """The floor share of a frame as text, for example "23 % floor"."""
-    share = state.coverage.get(frame)
-    if share is not None:
-        return f"{100 * share:.0f} % floor"
-    return "reading masks…" if state.reading else "no mask yet"
-
-
-def coverage_words(state: FrameState, frame: int) -> str:
-    """The floor share of a frame as text, for example "23 % floor, corrected by hand"."""
-    words = mask_words(state, frame)
-    return f"{words}, corrected by hand" if frame in state.corrected else words
-
-
-def frame_words(state: FrameState, frame: int) -> str:
-    """The state of a frame as text, for example "23 % floor, held out: PSNR 24.1 dB, SSIM 0.83"."""
-    words = coverage_words(state, frame)
-    if frame not in state.held_out:
-        return words
-    score = state.score(frame)
-    if score is None:
-        return f"{words}, held out of training"
-    return f"{words}, held out: {score.words}{' of earlier models' if state.outdated else ''}"
