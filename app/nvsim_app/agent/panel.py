@@ -12,8 +12,8 @@ from nvsim_app.agent.agent_walk import AgentWalk
 from nvsim_app.agent.state import AgentState, Location
 from nvsim_app.look.boxes import STRETCH, hbox, vbox
 from nvsim_app.look.labels import Hint, Label, Value
-from nvsim_app.look.plain_text import tooltip_text
 from nvsim_app.look.table import Column, TableModel, table
+from nvsim_app.look.widgets import named
 
 
 def angle(radians: float, short: bool = False) -> str:
@@ -94,14 +94,12 @@ class AgentPanel(QWidget):
         self.refresh()
 
     def _box(self, text: str, words: str) -> QCheckBox:
-        made = QCheckBox(text, self)
-        made.setToolTip(tooltip_text(words))
+        made = named(QCheckBox(text, self), tip=words)
         made.setFocusPolicy(Qt.FocusPolicy.TabFocus)  # a click does not move the keyboard focus
         return made
 
     def _button(self, text: str, words: str) -> QPushButton:
-        made = QPushButton(text, self)
-        made.setToolTip(tooltip_text(words))
+        made = named(QPushButton(text, self), tip=words)
         made.setFocusPolicy(Qt.FocusPolicy.TabFocus)
         return made
 

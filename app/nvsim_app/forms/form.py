@@ -37,7 +37,7 @@ from nvsim_app.look.boxes import STRETCH, hbox, vbox
 from nvsim_app.look.labels import InkLabel, Label
 from nvsim_app.look.plain_text import SENTENCE, plain
 from nvsim_app.look.theme import type_font
-from nvsim_app.look.widgets import Dialog, DialogButtons, Scrolling, push_button
+from nvsim_app.look.widgets import Dialog, DialogButtons, Scrolling, named, push_button
 
 GENERAL = "General"
 TYPING = 250  # milliseconds after the last key press until the values are validated
@@ -92,9 +92,9 @@ class CommandForm(Dialog):
         intro = Label(" ".join(about.split()), self, wordWrap=True)
         self.replaces = Label(self._replaced(), self, wordWrap=True)
         self.replaces.setVisible(bool(self.replaces.text()))
-        self.presets = QComboBox(self, currentText=self._settings.preset(self.verb))
-        self.presets.setAccessibleName("Preset")
+        self.presets = named(QComboBox(self), "Preset")
         self.presets.addItems(presets_of(self.verb))
+        self.presets.setCurrentText(self._settings.preset(self.verb))
         self.presets.currentTextChanged.connect(self._on_preset)
         self.search = QLineEdit(self, placeholderText="Find a setting", clearButtonEnabled=True)
         self.search.setAccessibleName("Find an option")
@@ -106,16 +106,14 @@ class CommandForm(Dialog):
             above.addWidget(self.presets)
             above.addSpacing(12)
         above.addWidget(self.search, 1)
-        self.list = QListWidget(self)
-        self.list.setAccessibleName("Groups of options")
+        self.list = named(QListWidget(self), "Groups of options")
         self.list.setFixedWidth(150)
         self.list.setFrameShape(QFrame.Shape.NoFrame)
         self.list.setSpacing(4)
         self.list.currentTextChanged.connect(self._go_to_section)
         self._page = QWidget(self)
         self._column = vbox(STRETCH, on=self._page, margins=8)
-        self.area = Scrolling(self._page, self)
-        self.area.setAccessibleName("Options")
+        self.area = named(Scrolling(self._page, self), "Options")
         self.area.setFrameShape(QFrame.Shape.StyledPanel)
         self.area.setHorizontalScrollBarPolicy(Qt.ScrollBarPolicy.ScrollBarAlwaysOff)
         self._middle = hbox(self.list, (self.area, 1))
@@ -123,10 +121,8 @@ class CommandForm(Dialog):
         self.problem.setWordWrap(True)
         self.problem.hide()
         self._command_line = ""
-        self.command = QLineEdit(self, readOnly=True)
-        self.command.setAccessibleName("Command")
+        self.command = named(QLineEdit(self, readOnly=True), "Command", "The command for a terminal")
         self.command.setFont(QFontDatabase.systemFont(QFontDatabase.SystemFont.FixedFont))
-        self.command.setToolTip("The command for a terminal")
         copy = push_button(
             "Copy", self, lambda: QGuiApplication.clipboard().setText(self._command_line), autoDefault=False
         )

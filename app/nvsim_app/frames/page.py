@@ -19,8 +19,7 @@ from nvsim_app.frames.layers import FrameLayer, LayerList
 from nvsim_app.look.boxes import hbox, vbox
 from nvsim_app.look.icons import icon
 from nvsim_app.look.labels import Label, MarkedLabel
-from nvsim_app.look.plain_text import tooltip_text
-from nvsim_app.look.widgets import Scrolling
+from nvsim_app.look.widgets import Scrolling, named
 
 _BRUSH = 100  # steps of the size slider
 _CONTROL = Qt.KeyboardModifier.ControlModifier
@@ -42,8 +41,7 @@ class FramePage(QWidget):
     def __init__(self, layers: tuple[FrameLayer, ...]) -> None:
         super().__init__()
         self.brushing = False  # whether [ and ] change the size of the brush
-        self.canvas = Canvas(layers, self)
-        self.canvas.setAccessibleName("Frame beside its render")
+        self.canvas = named(Canvas(layers, self), "Frame beside its render")
         self.layers = LayerList(layers, self)
         self.layers.changed.connect(lambda _: self.canvas.update())
         self.title = MarkedLabel(self)
@@ -156,11 +154,9 @@ def _bar(parent: QWidget, name: str) -> QToolBar:
 
 
 def _slider(parent: QWidget, low: int, high: int, value: int, words: str) -> QSlider:
-    slider = QSlider(Qt.Orientation.Horizontal, parent)
+    slider = named(QSlider(Qt.Orientation.Horizontal, parent), words, words)
     slider.setRange(low, high)
     slider.setValue(value)
-    slider.setToolTip(tooltip_text(words))
-    slider.setAccessibleName(words)
     slider.setFixedWidth(110)
     slider.setFocusPolicy(Qt.FocusPolicy.TabFocus)  # a click leaves the keyboard focus with the page
     return slider

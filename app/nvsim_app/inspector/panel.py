@@ -26,7 +26,7 @@ from nvsim_app.look.labels import Label, WrappingRow
 from nvsim_app.look.plain_text import tooltip_text
 from nvsim_app.look.table import Column, TableModel, TableView, table
 from nvsim_app.look.theme import type_font
-from nvsim_app.look.widgets import tool_button
+from nvsim_app.look.widgets import named, tool_button
 from nvsim_app.state.directions import Direction, two_decimals
 
 _ROW = 21  # pixels
@@ -200,9 +200,8 @@ class InspectorPanel(QScrollArea):
             self.channels.addButton(button, i)
             row.addWidget(button)
         self.channels.buttonClicked.connect(lambda button: self.view.set_channel(button.property("channel")))
-        self.regions = QCheckBox("Regions", parent)
+        self.regions = named(QCheckBox("Regions", parent), tip="Show the regions of interest of the eight directions")
         self.regions.setChecked(True)
-        self.regions.setToolTip("Show the regions of interest of the eight directions")
         self.regions.toggled.connect(self.view.show_regions)
         row.addWidget(self.regions)
         return row

@@ -3,7 +3,7 @@ status bar, and frames around widgets."""
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, TypeVar
 
 from PySide6.QtCore import QEvent, QObject, QRect, QRectF, QSize, Qt
 from PySide6.QtGui import QIcon, QPainter, QPaintEvent, QPen, QRegion, QShowEvent, QValidator, QWheelEvent
@@ -37,6 +37,7 @@ from nvsim_app.look.labels import Label
 from nvsim_app.look.plain_text import tooltip_text
 from nvsim_app.look.theme import GRID, HALF, type_font
 
+AnyWidget = TypeVar("AnyWidget", bound=QWidget)
 _RIM = QSize(20, 50)  # pixels that the frame of a window manager may take
 
 
@@ -61,6 +62,15 @@ class DialogButtons(QDialogButtonBox):
         for button in self.buttons():
             button.setIcon(QIcon())
         super().showEvent(event)
+
+
+def named(widget: AnyWidget, name: str = "", tip: str = "") -> AnyWidget:
+    """The widget, after giving it a name for screen readers and a tooltip; "" keeps its own."""
+    if name:
+        widget.setAccessibleName(name)
+    if tip:
+        widget.setToolTip(tooltip_text(tip))
+    return widget
 
 
 def push_button(text: str, parent: QWidget | None, clicked: object, tip: str = "", **properties: Any) -> QPushButton:

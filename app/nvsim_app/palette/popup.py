@@ -21,6 +21,7 @@ from nvsim_app.look.boxes import vbox
 from nvsim_app.look.labels import Label
 from nvsim_app.look.plain_text import plain, tooltip_text
 from nvsim_app.look.theme import type_font
+from nvsim_app.look.widgets import named
 from nvsim_app.palette.entries import PaletteEntry
 
 _WIDTH, _ROWS = 560, 11
@@ -95,8 +96,7 @@ class PaletteView(QFrame):
         self.line.setTextMargins(8, 0, 4, 0)
         self.line.textChanged.connect(self._fill)
         self.line.installEventFilter(self)
-        self.list = QListWidget(self)
-        self.list.setAccessibleName("Matches")
+        self.list = named(QListWidget(self), "Matches")
         self.list.setItemDelegate(_Rows(self.list))
         self.list.setFrameShape(QFrame.Shape.NoFrame)
         self.list.setFocusPolicy(Qt.FocusPolicy.NoFocus)
@@ -132,8 +132,8 @@ class PaletteView(QFrame):
         self.list.clear()
         for entry in self._offer(typed):
             item = QListWidgetItem()
-            item.setData(_ENTRY, entry)
             item.setToolTip(tooltip_text(f"Unavailable: {entry.reason}.") if entry.reason else "")
+            item.setData(_ENTRY, entry)
             item.setData(Qt.ItemDataRole.AccessibleTextRole, entry.title)
             self.list.addItem(item)
         self.list.setCurrentRow(0)

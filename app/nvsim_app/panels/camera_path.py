@@ -15,7 +15,7 @@ from nvsim_app.look import lengths
 from nvsim_app.look.boxes import vbox
 from nvsim_app.look.labels import Hint, Label, WrappingRow
 from nvsim_app.look.plain_text import tooltip_text
-from nvsim_app.look.widgets import NumberBox
+from nvsim_app.look.widgets import NumberBox, named
 from nvsim_app.painting.cameras import ViewPose, heading_degrees
 
 
@@ -37,14 +37,10 @@ class CameraPathPanel(QWidget):
         self.setObjectName("cameraPathPanel")
         self.width_box = NumberBox("Width", 16, 8192, 1920, 0, suffix=" px")
         self.height_box = NumberBox("Height", 16, 8192, 1080, 0, suffix=" px")
-        self.layers = QCheckBox("With layers")
+        self.layers = named(QCheckBox("With layers"), tip="Draw the visible layers over the image")
         self.layers.setChecked(True)
-        self.layers.setToolTip("Draw the visible layers over the image")
-        self.picture = QPushButton("Save image…")
-        self.picture.setToolTip("Render the view in this size and save it")
-        self.keys = QListWidget()
-        self.keys.setAccessibleName("Views of the path")
-        self.keys.setToolTip("Double-click to go there")
+        self.picture = named(QPushButton("Save image…"), tip="Render the view in this size and save it")
+        self.keys = named(QListWidget(), "Views of the path", "Double-click to go there")
         self.hint = Hint(self.keys, self._missing).refresh_with(self.keys)
         self.add, self.remove = QPushButton("Add view"), QPushButton("Remove")
         self.add.setToolTip("Add the current view as the next key pose")

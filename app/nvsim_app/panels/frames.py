@@ -42,6 +42,7 @@ from nvsim_app.look.labels import Hint, Label
 from nvsim_app.look.plain_text import tooltip_text
 from nvsim_app.look.table import Column, TableModel
 from nvsim_app.look.theme import type_font
+from nvsim_app.look.widgets import named
 from nvsim_app.painting.primitives import paint_label
 from nvsim_app.state.document import Document
 
@@ -104,8 +105,7 @@ class FramePanel(QWidget):
         self.kind = _choice(self, _KIND, KINDS)
         self.order = _choice(self, _ORDER, ORDERS)
         self.count = Label(self, quiet=True)
-        self.list = _List(self)
-        self.list.setAccessibleName("Frames")
+        self.list = named(_List(self), "Frames")
         self.list.setModel(self.model)
         self.list.setItemDelegate(FrameDelegate(document, self.state, self.list))
         self.hint = Hint(self.list, self._missing).refresh_with(self.list)
@@ -208,8 +208,7 @@ class FramePanel(QWidget):
 
 
 def _choice(parent: QWidget, words: str, choices: Mapping[str, object] = MappingProxyType({})) -> QComboBox:
-    box = QComboBox(parent)
-    box.setToolTip(tooltip_text(words))
+    box = named(QComboBox(parent), tip=words)
     box.setSizePolicy(QSizePolicy.Policy.Ignored, QSizePolicy.Policy.Fixed)
     for text, value in choices.items():
         box.addItem(text, value)

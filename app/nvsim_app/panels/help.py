@@ -21,7 +21,7 @@ from PySide6.QtWidgets import (
 import nvsim_resources
 from nvsim.capture import formats
 from nvsim_app.look.boxes import hbox, vbox
-from nvsim_app.look.widgets import Dialog, show_and_focus
+from nvsim_app.look.widgets import Dialog, named, show_and_focus
 
 FOLDER = Path(nvsim_resources.__file__).parent / "help"
 DOCS = FOLDER.parent / "docs"  # contains images, too
@@ -113,14 +113,12 @@ class HelpWindow(Dialog):
         self.search = QLineEdit(self, placeholderText="Find in the help", clearButtonEnabled=True)
         self.search.setAccessibleName("Search the help")
         self.search.textChanged.connect(self._fill)
-        self.list = QListWidget(self)
-        self.list.setAccessibleName("Pages")
+        self.list = named(QListWidget(self), "Pages")
         self.list.setFrameShape(self.list.Shape.NoFrame)
         self.list.setFixedWidth(230)
         self.list.setWordWrap(True)
         self.list.currentItemChanged.connect(self._on_current)
-        self.text = _Text(self)
-        self.text.setAccessibleName("Help page")
+        self.text = named(_Text(self), "Help page")
         self.text.setFrameShape(self.text.Shape.NoFrame)
         self.text.setOpenExternalLinks(False)
         self.text.document().setDocumentMargin(14)

@@ -17,7 +17,7 @@ from nvsim_app.look import colors
 from nvsim_app.look.boxes import hbox, vbox
 from nvsim_app.look.labels import Label
 from nvsim_app.look.theme import Plot
-from nvsim_app.look.widgets import push_button
+from nvsim_app.look.widgets import named, push_button
 from nvsim_app.panels.deferred_refresh import DeferredRefresh
 from nvsim_app.state.document import Document
 
@@ -52,8 +52,7 @@ class HistogramPanel(QWidget):
         self._values = np.zeros(0)
         self._trouble = ""
         self._quiet = False
-        self.choice = QComboBox(self)
-        self.choice.setAccessibleName("Quantity")
+        self.choice = named(QComboBox(self), "Quantity")
         self.choice.addItems(list(QUANTITIES))
         self.words = Label(self, quiet=True)
         self.plot = Plot("Histogram", self)

@@ -15,6 +15,7 @@ from nvsim_app.look import colors
 from nvsim_app.look.boxes import vbox
 from nvsim_app.look.table import Column, TableModel
 from nvsim_app.look.theme import type_font
+from nvsim_app.look.widgets import named
 from nvsim_app.state.document import Document
 
 
@@ -37,11 +38,9 @@ class HistoryPanel(QWidget):
         column = Column("Step", self._text, about=_about, ink=self._ink, font=self._font)
         # Only changed rows are added and removed, because a history can have thousands of steps.
         self.model: TableModel[_Row] = TableModel((column,), self, key=lambda row: id(row.step), in_place=True)
-        self.list = QListView(self, uniformItemSizes=True)
-        self.list.setAccessibleName("History of edits")
+        self.list = named(QListView(self, uniformItemSizes=True), "History of edits", "Click a step to go to it")
         self.list.setModel(self.model)
         self.list.setFrameShape(self.list.Shape.NoFrame)
-        self.list.setToolTip("Click a step to go to it")
         self.list.clicked.connect(self._go_to_row)
         document.editing.stepsChanged.connect(self._show_steps)
         vbox(self.list, on=self, margins=0)

@@ -24,9 +24,8 @@ from nvsim_app.jobs.queue import JobHandle, JobQueue
 from nvsim_app.look import colors
 from nvsim_app.look.boxes import vbox
 from nvsim_app.look.labels import InkLabel, Label
-from nvsim_app.look.plain_text import tooltip_text
 from nvsim_app.look.table import Column, Index, TableModel, table
-from nvsim_app.look.widgets import Dialog, DialogButtons
+from nvsim_app.look.widgets import Dialog, DialogButtons, named
 
 _STATE_TEXTS = {
     "running": "running",
@@ -184,8 +183,7 @@ class JobWorkers(QWidget):
         super().__init__(parent)
         self._handle: JobHandle | None = None
         self.model = WorkerModel(self)
-        self.table = table(self.model, self)
-        self.table.setAccessibleName("Workers")
+        self.table = named(table(self.model, self), "Workers")
         vbox(self.table, on=self, margins=0)
 
     def show_job(self, handle: JobHandle | None) -> None:
@@ -225,8 +223,7 @@ class ImportedJobDialog(Dialog):
             "This job came with the project and was not ordered on this machine. If you order it here, it runs:"
         )
         command = command_line(job.order.verb, job.order.arguments)
-        self.command = QPlainTextEdit(command[:_MOST], self, readOnly=True)
-        self.command.setAccessibleName("Command")
+        self.command = named(QPlainTextEdit(command[:_MOST], self, readOnly=True), "Command")
         self.command.setFont(QFontDatabase.systemFont(QFontDatabase.SystemFont.FixedFont))
         reason = queue.why_not_order_again(job)
         if len(command) > _MOST:
@@ -236,10 +233,9 @@ class ImportedJobDialog(Dialog):
         self.problem.setText(reason)
         self.problem.setVisible(bool(reason))
         buttons = DialogButtons(self)
-        self.order = QPushButton("Order here", self)
+        self.order = named(QPushButton("Order here", self), tip=reason or "Add the job to the queue as your own")
         self.order.setAutoDefault(False)
         self.order.setEnabled(not reason)
-        self.order.setToolTip(tooltip_text(reason or "Add the job to the queue as your own"))
         self.remove = QPushButton("Remove", self)
         self.remove.setAutoDefault(False)
         buttons.addButton(self.order, QDialogButtonBox.ButtonRole.AcceptRole)

@@ -26,7 +26,7 @@ from nvsim_app.look.boxes import hbox, vbox
 from nvsim_app.look.labels import Label
 from nvsim_app.look.plain_text import tooltip_text
 from nvsim_app.look.theme import type_font
-from nvsim_app.look.widgets import Dialog, DialogButtons
+from nvsim_app.look.widgets import Dialog, DialogButtons, named
 from nvsim_app.processes.serving import EndMessage
 from nvsim_app.processes.side_process import SideProcess
 from nvsim_app.state.side_work import MODELS, Found, ModelTask
@@ -51,13 +51,11 @@ class ModelsWindow(Dialog):
         for label in (intro, self.folder, self.state):
             label.setWordWrap(True)
         self.folder.setTextInteractionFlags(Qt.TextInteractionFlag.TextSelectableByMouse)
-        self.tree = QTreeWidget(self)
+        self.tree = named(QTreeWidget(self), "Networks")
         self.tree.setHeaderLabels(["Network", "State"])
-        self.tree.setAccessibleName("Networks")
         self.tree.setRootIsDecorated(False)
         self.tree.currentItemChanged.connect(lambda *_: self._show_row())
-        self.details = QPlainTextEdit(self, readOnly=True)
-        self.details.setAccessibleName("About the network")
+        self.details = named(QPlainTextEdit(self, readOnly=True), "About the network")
         both = QSplitter(self, childrenCollapsible=False)
         both.addWidget(self.tree)
         both.addWidget(self.details)

@@ -32,7 +32,7 @@ from nvsim_app.look.boxes import vbox
 from nvsim_app.look.labels import InkLabel, Label
 from nvsim_app.look.plain_text import tooltip_text
 from nvsim_app.look.theme import type_font
-from nvsim_app.look.widgets import Dialog, DialogButtons, Scrolling, push_button
+from nvsim_app.look.widgets import Dialog, DialogButtons, Scrolling, named, push_button
 from nvsim_app.panels.capture_check import CaptureFixes, CaptureSummary, FindingTree
 from nvsim_app.state.recent_projects import place_for, problem_with
 
@@ -129,8 +129,7 @@ class NewProjectDialog(Dialog):
         )
         folder.clicked.connect(self._browse_folder)
         file.clicked.connect(self._browse_file)
-        self.project = QLineEdit(self, readOnly=self._fixed is not None)
-        self.project.setAccessibleName("Project")
+        self.project = named(QLineEdit(self, readOnly=self._fixed is not None), "Project")
         place = push_button("Browse…", self, self._browse_project, enabled=self._fixed is None)
         self.camera_height = self._line("camera_height")
         self.scale = self._line("scale")
@@ -162,8 +161,7 @@ class NewProjectDialog(Dialog):
             self._rows[editor.field.path.rpartition(".")[2]] = [name, editor, help]
         grid.setColumnStretch(2, 1)
         self.verdict = Label(self, font=type_font(bold=True), wordWrap=True)
-        self.busy = QProgressBar(self, textVisible=False)
-        self.busy.setAccessibleName("Progress of the check")
+        self.busy = named(QProgressBar(self, textVisible=False), "Progress of the check")
         self.busy.setRange(0, 0)
         self.busy.setMaximumHeight(6)
         policy = self.busy.sizePolicy()

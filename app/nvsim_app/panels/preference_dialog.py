@@ -29,7 +29,7 @@ from nvsim_app.look.boxes import vbox
 from nvsim_app.look.labels import Label, WrappingRow
 from nvsim_app.look.plain_text import plain, tooltip_text
 from nvsim_app.look.table import Column, Index, TableModel, table
-from nvsim_app.look.widgets import Dialog, DialogButtons, NumberBox
+from nvsim_app.look.widgets import Dialog, DialogButtons, NumberBox, named
 from nvsim_app.panels.preferences import PREFERENCES, KeyBindings, KeyRow, Preference, Preferences, Value
 
 _Editor = QComboBox | QCheckBox | NumberBox
@@ -240,10 +240,8 @@ class KeyPage(QWidget):
         self._fitting = _PreferenceFilter(self)
         self._fitting.setSourceModel(self.table)
         self.view = self._view()
-        self.editor = _KeyField(self)
+        self.editor = named(_KeyField(self), "New keys", "Click here and press the new keys; they apply at once")
         self.editor.setMaximumSequenceLength(1)
-        self.editor.setAccessibleName("New keys")
-        self.editor.setToolTip("Click here and press the new keys; they apply at once")
         self.none = self._button("None", "Remove the keys of this command")
         self.reset = self._button("Reset", "Restore the default keys of this command")
         self.reset_all = self._button("Reset to defaults", "Restore the default keys of all commands")
@@ -274,8 +272,7 @@ class KeyPage(QWidget):
         return view
 
     def _button(self, text: str, words: str) -> QPushButton:
-        button = QPushButton(text, self)
-        button.setToolTip(tooltip_text(words))
+        button = named(QPushButton(text, self), tip=words)
         button.setAutoDefault(False)
         return button
 

@@ -32,7 +32,7 @@ from nvsim_app.look.plain_text import CAPTION, plain
 from nvsim_app.look.table import Column, TableModel
 from nvsim_app.look.table import table as quiet_table
 from nvsim_app.look.theme import Plot
-from nvsim_app.look.widgets import push_button
+from nvsim_app.look.widgets import named, push_button
 from nvsim_app.state.results import (
     EvaluationResult,
     ResultTable,
@@ -82,25 +82,21 @@ class ResultPanel(QWidget):
         super().__init__()
         self._notices = notices
         self.results: list[EvaluationResult] = []
-        self.list = QListWidget(self)
-        self.list.setAccessibleName("Evaluations")
+        self.list = named(QListWidget(self), "Evaluations")
         self.list.setFrameShape(QListWidget.Shape.NoFrame)
         self.list.setSpacing(4)
         self.list.setWordWrap(True)
         self.list.setHorizontalScrollBarPolicy(Qt.ScrollBarPolicy.ScrollBarAlwaysOff)
         self.list.currentRowChanged.connect(self._on_result)
-        self.tables = QComboBox(self)
-        self.tables.setAccessibleName("Table")
+        self.tables = named(QComboBox(self), "Table")
         self.tables.currentIndexChanged.connect(self._on_table)
-        self.columns = QComboBox(self)
-        self.columns.setAccessibleName("Column that is plotted")
+        self.columns = named(QComboBox(self), "Column that is plotted")
         self.columns.currentIndexChanged.connect(lambda _: self._draw())
         self.copy = push_button("Copy", self, self._copy, "Copy the table with tabs, for a spreadsheet (Ctrl+C)")
         self.save = push_button("Save CSV…", self, self._choose_csv)
         self.save_plot = push_button("Save plot…", self, self._choose_plot)
         self.model = ResultModel(self)
-        self.view = quiet_table(self.model, self)
-        self.view.setAccessibleName("Figures")
+        self.view = named(quiet_table(self.model, self), "Figures")
         self.view.doubleClicked.connect(self._on_double_clicked)
         QShortcut(QKeySequence.StandardKey.Copy, self.view, self._copy, context=Qt.ShortcutContext.WidgetShortcut)
         self.plot = Plot("Plot of the figures", self)

@@ -27,7 +27,7 @@ from nvsim_app.look.icons import icon
 from nvsim_app.look.labels import Label
 from nvsim_app.look.plain_text import plain
 from nvsim_app.look.theme import GRID, type_font
-from nvsim_app.look.widgets import Dialog, DialogButtons, push_button
+from nvsim_app.look.widgets import Dialog, DialogButtons, named, push_button
 from nvsim_app.panels.job_table import duration
 
 
@@ -121,8 +121,7 @@ class RunningJob(QWidget):
         self._queue = queue
         self.setCursor(Qt.CursorShape.PointingHandCursor)
         self.words = Label(self)
-        self.bar = QProgressBar(self, textVisible=False)
-        self.bar.setAccessibleName("Progress of the job")
+        self.bar = named(QProgressBar(self, textVisible=False), "Progress of the job")
         self.bar.setRange(0, 1000)
         self.bar.setFixedSize(90, 10)
         hbox(self.words, self.bar, on=self, margins=(4, 0, 8, 0))
@@ -216,8 +215,7 @@ class EarlierResults(Dialog):
             self,
             wordWrap=True,
         )
-        self.list = QListWidget(self)
-        self.list.setAccessibleName("Earlier results")
+        self.list = named(QListWidget(self), "Earlier results")
         for one in kept:
             item = QListWidgetItem(f"{one.stage}: {one.words}, {megabytes(one.bytes)}", self.list)
             item.setData(Qt.ItemDataRole.UserRole, one.stage)

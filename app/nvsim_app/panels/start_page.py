@@ -125,8 +125,8 @@ class RecentList(QListWidget):
         self.clear()
         for path in paths:
             item = QListWidgetItem(plain(path.name), self)
-            item.setData(_PATH, str(path))
             item.setToolTip(tooltip_text(path))
+            item.setData(_PATH, str(path))
             if path in kept:
                 item.setIcon(kept[path][0])
                 item.setData(_GONE, kept[path][1])

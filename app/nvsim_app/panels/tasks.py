@@ -24,7 +24,7 @@ from nvsim_app.look.labels import Label
 from nvsim_app.look.plain_text import tooltip_text
 from nvsim_app.look.table import Column, TableModel, TableView, style_table
 from nvsim_app.look.theme import GRID
-from nvsim_app.look.widgets import tool_button
+from nvsim_app.look.widgets import named, tool_button
 
 _KEYS = {Qt.Key.Key_A: "accepted", Qt.Key.Key_R: "rejected"}
 _WALK = 600  # milliseconds per step while the path is walked
@@ -140,8 +140,7 @@ class TaskPanel(QWidget):
         for choice, name in ((self.split, "Split"), (self.state, "State"), (self.order, "Order")):
             choice.setAccessibleName(name)
         self.text.setPlaceholderText("Filter by words or path id")
-        self.which = QComboBox()
-        self.which.setAccessibleName("Trajectory")
+        self.which = named(QComboBox(), "Trajectory")
         self.which.setToolTip(
             tooltip_text("Instruction whose trajectory is drawn and walked; 0 to 9 in the list select it")
         )
@@ -161,8 +160,7 @@ class TaskPanel(QWidget):
         self.editor = QPlainTextEdit(tabChangesFocus=True, placeholderText="One instruction per line")
         self.editor.setAccessibleName("Instructions of the task")
         self.editor.setFixedHeight(48)
-        self.slider = QSlider(Qt.Orientation.Horizontal)
-        self.slider.setAccessibleName("Position on the path")
+        self.slider = named(QSlider(Qt.Orientation.Horizontal), "Position on the path")
         self.slider.setMinimumWidth(40)
         tip = "Open tasks or trajectories, export the accepted tasks, undo the last verdict"
         self.files = tool_button("Tasks", None, tip=tip, popupMode=QToolButton.ToolButtonPopupMode.InstantPopup)

@@ -22,6 +22,7 @@ from nvsim_app.look.boxes import hbox, vbox
 from nvsim_app.look.labels import Label, WrappingRow
 from nvsim_app.look.plain_text import plain, tooltip_text
 from nvsim_app.look.theme import GRID, HALF, type_font
+from nvsim_app.look.widgets import named
 from nvsim_app.painting.primitives import chip_box, paint_label
 from nvsim_app.painting.value_colors import ALPHA, ImageValues
 
@@ -165,9 +166,8 @@ class TrainingImages(QWidget):
         self.against = self._choice(["Photo", "Other run"], "Reference to compare the model with")
         above = WrappingRow(*buttons, self.part, self.against)
         above.setContentsMargins(4, 4, 4, 4)
-        self.slider = QSlider(Qt.Orientation.Horizontal, self)
+        self.slider = named(QSlider(Qt.Orientation.Horizontal, self), "Step")
         self.slider.setToolTip(tooltip_text("Displayed training step; at the end, it follows the training"))
-        self.slider.setAccessibleName("Step")
         self.slider.valueChanged.connect(lambda _: self._soon.start())
         self.words = Label(self)
         below = hbox((self.slider, 1), margins=(8, 4, 8, 4))
@@ -192,9 +192,8 @@ class TrainingImages(QWidget):
         return button
 
     def _choice(self, rows: list[str], about: str) -> QComboBox:
-        box = QComboBox(self)
+        box = named(QComboBox(self), tip=about)
         box.addItems(rows)
-        box.setToolTip(tooltip_text(about))
         box.currentIndexChanged.connect(lambda _: self._soon.start())
         return box
 

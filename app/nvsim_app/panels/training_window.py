@@ -10,7 +10,7 @@ from nvsim_app.jobs.queue import JobHandle, JobQueue
 from nvsim_app.look.boxes import hbox, vbox
 from nvsim_app.look.labels import Label, WrappingRow
 from nvsim_app.look.plain_text import CAPTION, plain, tooltip_text
-from nvsim_app.look.widgets import Dialog
+from nvsim_app.look.widgets import Dialog, named
 from nvsim_app.panels.job_plots import JobPlots
 from nvsim_app.panels.job_table import STATE_WORDS, time_of_day
 from nvsim_app.panels.training_images import TrainingImages
@@ -34,12 +34,11 @@ class TrainingWindow(Dialog):
         self.images = TrainingImages(self)
         self.plots = JobPlots(self, large=True)
         self.legend = Label(self, wordWrap=True, quiet=True)
-        self.smoothing = QSlider(Qt.Orientation.Horizontal, self)
+        self.smoothing = named(QSlider(Qt.Orientation.Horizontal, self), "Smoothing")
         self.smoothing.setRange(0, _SMOOTHEST)
         self.smoothing.setToolTip(
             tooltip_text("How much the curves are smoothed; the measured values stay visible behind them")
         )
-        self.smoothing.setAccessibleName("Smoothing")
         self.smoothing.setMinimumWidth(90)
         self.smoothed = Label(self)
         head = WrappingRow()
@@ -71,9 +70,7 @@ class TrainingWindow(Dialog):
         self._list()
 
     def _choice(self, about: str) -> QComboBox:
-        box = QComboBox(self, sizeAdjustPolicy=QComboBox.SizeAdjustPolicy.AdjustToContents)
-        box.setToolTip(tooltip_text(about))
-        return box
+        return named(QComboBox(self, sizeAdjustPolicy=QComboBox.SizeAdjustPolicy.AdjustToContents), tip=about)
 
     # Contents ---------------------------------------------------------------------------------------------------
 

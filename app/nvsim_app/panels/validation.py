@@ -29,7 +29,7 @@ from nvsim_app.look import colors
 from nvsim_app.look.boxes import hbox, vbox
 from nvsim_app.look.labels import Label, WrappedRows, WrappingRow
 from nvsim_app.look.plain_text import SENTENCE, caption, plain, tooltip_text
-from nvsim_app.look.widgets import push_button, tool_button
+from nvsim_app.look.widgets import named, push_button, tool_button
 from nvsim_app.panels.deferred_refresh import DeferredRefresh
 from nvsim_app.state.document import Document
 
@@ -177,15 +177,13 @@ class ValidationPanel(QWidget):
         self.text.setAccessibleName("Filter by words or ids")
         self.text.textChanged.connect(self._on_filter)
         self.boxes = {severity: QCheckBox(self) for severity in SEVERITIES}
-        self.ignored = QCheckBox("ignored", self)
-        self.ignored.setToolTip("Show ignored findings too, with the reason")
+        self.ignored = named(QCheckBox("ignored", self), tip="Show ignored findings too, with the reason")
         for box in self.boxes.values():
             box.setChecked(True)
             box.toggled.connect(self._on_filter)
         self.ignored.toggled.connect(self._on_filter)
         top = WrappingRow(*self.boxes.values(), self.ignored)
-        self.tree = QTreeView(self, headerHidden=True, wordWrap=True, indentation=12)
-        self.tree.setAccessibleName("Findings")
+        self.tree = named(QTreeView(self, headerHidden=True, wordWrap=True, indentation=12), "Findings")
         self.tree.setModel(self.model)
         self.tree.setFrameShape(QTreeView.Shape.NoFrame)
         self.tree.setItemDelegate(WrappedRows(self.tree))
@@ -204,8 +202,7 @@ class ValidationPanel(QWidget):
             toolButtonStyle=Qt.ToolButtonStyle.ToolButtonTextOnly,
             popupMode=QToolButton.ToolButtonPopupMode.MenuButtonPopup,
         )
-        self.reason = QLineEdit(self, placeholderText="Reason to ignore it")
-        self.reason.setAccessibleName("Reason to ignore it")
+        self.reason = named(QLineEdit(self, placeholderText="Reason to ignore it"), "Reason to ignore it")
         self.reason.textChanged.connect(self._enable)
         self.reason.returnPressed.connect(self.ignore)
         self.ignore_button = push_button("Ignore", self, self.ignore)

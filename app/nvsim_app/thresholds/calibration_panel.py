@@ -27,7 +27,7 @@ from nvsim_app.look.labels import Label
 from nvsim_app.look.plain_text import plain, tooltip_text
 from nvsim_app.look.table import Column, TableModel, table
 from nvsim_app.look.theme import Plot, title_size
-from nvsim_app.look.widgets import NumberBox, push_button
+from nvsim_app.look.widgets import NumberBox, named, push_button
 from nvsim_app.state.document import Document
 from nvsim_app.thresholds.calibrations import Calibrations, cells, sentences, status
 from nvsim_app.thresholds.threshold_preview import ThresholdPreview
@@ -186,8 +186,7 @@ class CalibrationPanel(QWidget):
         vbox(split, on=self, margins=0)
 
     def _controls(self, parent: QWidget) -> QHBoxLayout:
-        self.judge = QComboBox(parent)
-        self.judge.setAccessibleName("Definition of a free corridor")
+        self.judge = named(QComboBox(parent), "Definition of a free corridor")
         for judge, text in _JUDGES.items():
             self.judge.addItem(text, judge)
         self.judge.setToolTip("A corridor is free if the robot's disc, or only its center, touches no obstacle")

@@ -24,7 +24,7 @@ from nvsim_app.look import colors
 from nvsim_app.look.boxes import STRETCH, hbox
 from nvsim_app.look.labels import Label, MarkedLabel
 from nvsim_app.look.plain_text import plain, tooltip_text
-from nvsim_app.look.widgets import push_button
+from nvsim_app.look.widgets import named, push_button
 from nvsim_app.state.document import Document
 from nvsim_app.thresholds.slider import MARKS, ThresholdRow, preset, thresholds, with_value
 from nvsim_app.thresholds.threshold_preview import ThresholdPreview
@@ -72,8 +72,7 @@ class ThresholdPanel(QScrollArea):
 
     def _buttons(self, parent: QWidget) -> QHBoxLayout:
         self.apply = QPushButton("Apply", parent)
-        self.reset = QPushButton("Reset", parent)
-        self.reset.setToolTip("Restore the thresholds of the project's graph")
+        self.reset = named(QPushButton("Reset", parent), tip="Restore the thresholds of the project's graph")
         self.build = QPushButton("Build again…", parent)
         self.build.setToolTip("Build the map again with these thresholds. This also explores steps that newly open")
         self.apply.clicked.connect(self.applied)
@@ -87,8 +86,7 @@ class ThresholdPanel(QScrollArea):
             self.rule.addItem(text, key)
         self.rule.setToolTip(tooltip_text(docs.get("rule", "")))
         self.rule.setAccessibleName("Rule")
-        self.both_ways = QCheckBox("Both ways", parent)
-        self.both_ways.setToolTip(tooltip_text(docs.get("both_ways", "")))
+        self.both_ways = named(QCheckBox("Both ways", parent), tip=docs.get("both_ways", ""))
         self.rule.currentIndexChanged.connect(lambda _: self._choose("rule", self.rule.currentData()))
         self.both_ways.toggled.connect(lambda on: self._choose("both_ways", on))
         return hbox((self.rule, 1), self.both_ways)

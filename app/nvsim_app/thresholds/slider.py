@@ -17,7 +17,7 @@ from nvsim_app.look.boxes import hbox
 from nvsim_app.look.labels import Label
 from nvsim_app.look.plain_text import tooltip_text
 from nvsim_app.look.theme import type_font
-from nvsim_app.look.widgets import NumberBox
+from nvsim_app.look.widgets import NumberBox, named
 
 
 @dataclass(frozen=True)
@@ -142,10 +142,9 @@ class ThresholdRow(QWidget):
         self.setObjectName(f"threshold_{threshold.field}")
         self.setToolTip(tooltip_text(f"{help} ({threshold.field})"))
         self.name = Label(threshold.name, self)
-        self.slider = MarkedSlider(self)
+        self.slider = named(MarkedSlider(self), threshold.name)
         self.slider.setRange(0, threshold.steps)
         self.slider.setPageStep(max(1, threshold.steps // 20))
-        self.slider.setAccessibleName(threshold.name)
         decimals, unit = 2 if threshold.step < 0.1 else 1, f" {threshold.unit}" if threshold.unit else ""
         self.figure = NumberBox(
             threshold.name, threshold.low, threshold.high, threshold.low, decimals, threshold.step, unit, self

@@ -16,6 +16,7 @@ from nvsim.figures import SHAPES
 from nvsim.graph.edits import EditError
 from nvsim_app.actions import Action
 from nvsim_app.look import colors, lengths
+from nvsim_app.look.widgets import named
 from nvsim_app.painting.graph_ink import LARGE, SMOOTH_LINES, DrawingCache
 from nvsim_app.painting.picking import NEAR
 from nvsim_app.painting.primitives import Primitives, disc
@@ -236,9 +237,7 @@ class StoreyPart(Part):
     def __init__(self, context: WindowContext) -> None:
         super().__init__(context)
         self._storeys = context.document.storeys
-        self.choice = QComboBox(context.window)
-        self.choice.setToolTip("Visible storey of the graph (Alt+PgUp, Alt+PgDown)")
-        self.choice.setAccessibleName("Storey")
+        self.choice = named(QComboBox(context.window), "Storey", "Visible storey of the graph (Alt+PgUp, Alt+PgDown)")
         self.choice.activated.connect(self._choose)
         self.choice.hide()
         self._primitives = Primitives()

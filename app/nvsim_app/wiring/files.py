@@ -20,6 +20,7 @@ from nvsim.project.layout import Layout
 from nvsim_app.actions import Action
 from nvsim_app.drawing.render_child import Picture
 from nvsim_app.look.plain_text import CAPTION, caption, plain, tooltip_text
+from nvsim_app.look.widgets import named
 from nvsim_app.panels.open_dialog import OpenDialog
 from nvsim_app.processes.serving import EndMessage
 from nvsim_app.processes.side_process import SideProcess
@@ -194,9 +195,8 @@ class ForeignPart(Part):
 
     def __init__(self, context: WindowContext) -> None:
         super().__init__(context)
-        self.scans = QComboBox(context.window, maxVisibleItems=24)
+        self.scans = named(QComboBox(context.window, maxVisibleItems=24), "Scan")
         self.scans.setToolTip("The scans of this folder (Ctrl+PgDown, Ctrl+PgUp)")
-        self.scans.setAccessibleName("Scan")
         self.scans.activated.connect(self._choose)
         self.scans.hide()
         context.document.contentsChanged.connect(self._on_contents)
