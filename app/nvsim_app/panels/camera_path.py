@@ -3,13 +3,7 @@
 from __future__ import annotations
 
 from PySide6.QtCore import Signal
-from PySide6.QtWidgets import (
-    QCheckBox,
-    QGridLayout,
-    QListWidget,
-    QPushButton,
-    QWidget,
-)
+from PySide6.QtWidgets import QCheckBox, QGridLayout, QListWidget, QPushButton, QWidget
 
 from nvsim_app.look import lengths
 from nvsim_app.look.boxes import vbox

@@ -8,15 +8,7 @@ from collections.abc import Sequence
 
 from PySide6.QtCore import QPointF, QRectF, QSize, Qt, Signal
 from PySide6.QtGui import QColor, QPainter, QPaintEvent, QPen, QPolygonF
-from PySide6.QtWidgets import (
-    QFormLayout,
-    QHeaderView,
-    QPushButton,
-    QSizePolicy,
-    QTreeWidget,
-    QTreeWidgetItem,
-    QWidget,
-)
+from PySide6.QtWidgets import QFormLayout, QHeaderView, QPushButton, QSizePolicy, QTreeWidget, QTreeWidgetItem, QWidget
 
 from nvsim.capture.findings import FindingGroup
 from nvsim.capture.summary import Summary

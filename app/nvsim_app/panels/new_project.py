@@ -8,15 +8,7 @@ from pathlib import Path
 
 from PySide6.QtCore import Qt, QTemporaryDir, QTimer, Signal
 from PySide6.QtGui import QCloseEvent
-from PySide6.QtWidgets import (
-    QDialogButtonBox,
-    QFileDialog,
-    QGridLayout,
-    QLineEdit,
-    QProgressBar,
-    QPushButton,
-    QWidget,
-)
+from PySide6.QtWidgets import QDialogButtonBox, QFileDialog, QGridLayout, QLineEdit, QProgressBar, QPushButton, QWidget
 
 from nvsim.capture import formats
 from nvsim.capture.excluded_frames import FROM_FILE, write_names

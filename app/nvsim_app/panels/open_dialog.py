@@ -6,13 +6,7 @@ from pathlib import Path
 
 from PySide6.QtCore import QEvent, QObject, Qt, QTimer, Signal
 from PySide6.QtGui import QIcon, QKeyEvent
-from PySide6.QtWidgets import (
-    QDialogButtonBox,
-    QLineEdit,
-    QPushButton,
-    QStyle,
-    QWidget,
-)
+from PySide6.QtWidgets import QDialogButtonBox, QLineEdit, QPushButton, QStyle, QWidget
 
 from nvsim.files.user_folders import home_folder
 from nvsim.project.path_kind import PathKind

@@ -11,15 +11,7 @@ import numpy as np
 import pyqtgraph
 from PySide6.QtCore import QModelIndex, Qt, Signal
 from PySide6.QtGui import QGuiApplication, QKeySequence, QShortcut
-from PySide6.QtWidgets import (
-    QComboBox,
-    QFileDialog,
-    QHeaderView,
-    QListWidget,
-    QListWidgetItem,
-    QSplitter,
-    QWidget,
-)
+from PySide6.QtWidgets import QComboBox, QFileDialog, QHeaderView, QListWidget, QListWidgetItem, QSplitter, QWidget
 
 from nvsim.errors import InputError
 from nvsim.plain_text import capitalized
@@ -33,13 +25,7 @@ from nvsim_app.look.table import Column, TableModel
 from nvsim_app.look.table import table as quiet_table
 from nvsim_app.look.theme import Plot
 from nvsim_app.look.widgets import named, push_button
-from nvsim_app.state.results import (
-    EvaluationResult,
-    ResultTable,
-    result_title,
-    save_table,
-    value_words,
-)
+from nvsim_app.state.results import EvaluationResult, ResultTable, result_title, save_table, value_words
 
 _FEW = 12  # rows whose names fit beside horizontal bars
 

@@ -8,13 +8,7 @@ from collections.abc import Iterator
 from typing import Any
 
 from PySide6.QtCore import QItemSelection, QItemSelectionModel, QModelIndex, Qt, Signal
-from PySide6.QtWidgets import (
-    QAbstractItemView,
-    QLineEdit,
-    QTableView,
-    QTabWidget,
-    QWidget,
-)
+from PySide6.QtWidgets import QAbstractItemView, QLineEdit, QTableView, QTabWidget, QWidget
 
 from nvsim.errors import InputError
 from nvsim.graph.clearness_cache import ClearnessCache

@@ -10,15 +10,7 @@ from typing import Any
 
 from PySide6.QtCore import QAbstractItemModel, QModelIndex, QPersistentModelIndex, Qt, Signal
 from PySide6.QtGui import QColor
-from PySide6.QtWidgets import (
-    QCheckBox,
-    QLineEdit,
-    QMenu,
-    QScrollArea,
-    QToolButton,
-    QTreeView,
-    QWidget,
-)
+from PySide6.QtWidgets import QCheckBox, QLineEdit, QMenu, QScrollArea, QToolButton, QTreeView, QWidget
 
 from nvsim.graph.findings import SEVERITIES, Finding, Fix
 from nvsim.graph.history import count_text
