@@ -76,4 +76,4 @@ PARTS: tuple[type[Part], ...] = (
 
 def actions() -> tuple[Action, ...]:
     """The commands of all parts."""
-    return tuple(action for part in PARTS for action in part.ACTIONS)
+    return tuple(action for part in PARTS for action in part.actions())

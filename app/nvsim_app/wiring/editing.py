@@ -128,14 +128,18 @@ class EditPart(Part):
         Action("&Edit", 1, "remove", "&Delete", "Delete the selected viewpoints and edges from the graph",
                lambda self: edit_commands.remove_selection(self._editing), "Del",
                with_selection(SelectionNeeds("things")), icon="remove", toolbar=True),
-        *(
+    )  # fmt: skip
+
+    @classmethod
+    def actions(cls) -> tuple[Action, ...]:
+        """The commands of this part, and one command for every offer in the table of operations."""
+        return cls.ACTIONS + tuple(
             Action("&Edit", o.section, o.id, o.text, o.tip,
                    lambda self, name=operation.name, o=o: self._run_offered_operation(name, o), o.shortcut,
                    with_selection(o.needs))
             for operation in operation_table.OPERATIONS.values()
             for o in operation.offers
-        ),
-    )  # fmt: skip
+        )  # fmt: skip
 
 
 def _lower(text: str | None) -> str:

@@ -70,11 +70,15 @@ class Part(QObject):
     before the menus."""
 
     ACTIONS: ClassVar[tuple[Action, ...]] = ()
-    """The commands."""
 
     def __init__(self, context: WindowContext) -> None:
         super().__init__(context.window)
         self.context = context
+
+    @classmethod
+    def actions(cls) -> tuple[Action, ...]:
+        """The commands. Called when a window is created."""
+        return cls.ACTIONS
 
     def docks(self) -> tuple[Dock, ...]:
         """The panels. Called once."""

@@ -94,7 +94,7 @@ class MainWindow(QMainWindow):
         self.panels = {dock.name: dock.widget for dock in docks}
         self.docks: Mapping[str, QDockWidget] = {dock.name: self._dock(dock) for dock in docks}
         self.rows: Sequence[Dock] = docks
-        self.actions_table = ActionTable(document, [(row, part) for part in self.parts for row in part.ACTIONS], self)
+        self.actions_table = ActionTable(document, [(row, part) for part in self.parts for row in part.actions()], self)
         self._build_bars()
         self._arrange()
         self._connect()
