@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 
-from PySide6.QtCore import QEvent, Qt, Signal
+from PySide6.QtCore import QEvent, QSignalBlocker, Qt, Signal
 from PySide6.QtGui import QAction, QKeyEvent
 from PySide6.QtWidgets import QSizePolicy, QSlider, QToolBar, QToolButton, QWidget
 
@@ -82,9 +82,8 @@ class FramePage(QWidget):
         for widget in (self._size_words, self.brush_size):
             widget.setVisible(share is not None)
         if share is not None:
-            blocked = self.brush_size.blockSignals(True)
-            self.brush_size.setValue(round(share * _BRUSH))
-            self.brush_size.blockSignals(blocked)
+            with QSignalBlocker(self.brush_size):
+                self.brush_size.setValue(round(share * _BRUSH))
 
     def changeEvent(self, event: QEvent) -> None:
         if event.type() == QEvent.Type.PaletteChange:

@@ -23,7 +23,7 @@ from nvsim_app.look.boxes import hbox, vbox
 from nvsim_app.look.labels import Label, WrappingRow
 from nvsim_app.look.plain_text import plain
 from nvsim_app.look.table import Column, Index, TableModel, table
-from nvsim_app.look.widgets import named, push_button
+from nvsim_app.look.widgets import push_button
 
 INKS = {
     "viewpoint added": colors.OPEN,
@@ -109,7 +109,7 @@ class ComparePanel(QWidget):
         self.steps.activated.connect(self._on_step)
         self.close_button = push_button("Close", self, self.closed, "End the comparison")
         self.words = Label("Select another graph, or a step of the history, to compare with.", self, wordWrap=True)
-        self.table = named(table(self.model, self), "Differences")
+        self.table = table(self.model, self, "Differences")
         self.table.setWordWrap(False)
         self.table.setItemDelegate(_BoxDelegate(self.table))
         header = self.table.horizontalHeader()

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
 
-from PySide6.QtCore import QByteArray, Qt, QUrl
+from PySide6.QtCore import QByteArray, QSignalBlocker, Qt, QUrl
 from PySide6.QtGui import QImage, QPalette, QTextCharFormat, QTextCursor, QTextDocument, QTextTable
 from PySide6.QtWidgets import QLineEdit, QListWidget, QListWidgetItem, QTextBrowser, QTextEdit, QWidget
 
@@ -153,26 +153,24 @@ class HelpWindow(Dialog):
         for row in range(self.list.count()):
             section: Section = self.list.item(row).data(_SECTION)
             if section.page == self.page:
-                self.list.blockSignals(True)
-                self.list.setCurrentRow(row)
-                self.list.blockSignals(False)
+                with QSignalBlocker(self.list):
+                    self.list.setCurrentRow(row)
                 return
 
     def _fill(self, words: str) -> None:
         found = find(words) if words.strip() else [page.sections[0] for page in help_pages()]
         titles = {page.name: page.title for page in help_pages()}
-        self.list.blockSignals(True)
-        self.list.clear()
-        for section in found:
-            title = titles[section.page]
-            item = QListWidgetItem(title if section.title in ("", title) else f"{section.title}\n  {title}")
-            item.setData(_SECTION, section)
-            self.list.addItem(item)
-        if not found:
-            item = QListWidgetItem("No help page contains these words.")
-            item.setFlags(Qt.ItemFlag.NoItemFlags)
-            self.list.addItem(item)
-        self.list.blockSignals(False)
+        with QSignalBlocker(self.list):
+            self.list.clear()
+            for section in found:
+                title = titles[section.page]
+                item = QListWidgetItem(title if section.title in ("", title) else f"{section.title}\n  {title}")
+                item.setData(_SECTION, section)
+                self.list.addItem(item)
+            if not found:
+                item = QListWidgetItem("No help page contains these words.")
+                item.setFlags(Qt.ItemFlag.NoItemFlags)
+                self.list.addItem(item)
         if words.strip() and found:
             self.list.setCurrentRow(0)
         elif not words.strip():

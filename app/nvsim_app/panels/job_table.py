@@ -183,7 +183,7 @@ class JobWorkers(QWidget):
         super().__init__(parent)
         self._handle: JobHandle | None = None
         self.model = WorkerModel(self)
-        self.table = named(table(self.model, self), "Workers")
+        self.table = table(self.model, self, "Workers")
         vbox(self.table, on=self, margins=0)
 
     def show_job(self, handle: JobHandle | None) -> None:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from functools import partial
 
-from PySide6.QtCore import QEvent, QObject, QSortFilterProxyModel, Qt
+from PySide6.QtCore import QEvent, QObject, QSignalBlocker, QSortFilterProxyModel, Qt
 from PySide6.QtGui import QKeyEvent, QKeySequence
 from PySide6.QtWidgets import (
     QCheckBox,
@@ -131,14 +131,13 @@ class PreferenceDialog(Dialog):
     def _show(self, key: str) -> None:
         """Shows a value that was changed elsewhere."""
         editor, value = self.editors[key], self._preferences[key]
-        editor.blockSignals(True)
-        if isinstance(editor, QComboBox):
-            editor.setCurrentIndex(editor.findData(value))
-        elif isinstance(editor, QCheckBox):
-            editor.setChecked(bool(value))
-        else:
-            editor.setValue(float(value))
-        editor.blockSignals(False)
+        with QSignalBlocker(editor):
+            if isinstance(editor, QComboBox):
+                editor.setCurrentIndex(editor.findData(value))
+            elif isinstance(editor, QCheckBox):
+                editor.setChecked(bool(value))
+            else:
+                editor.setValue(float(value))
 
     def _find(self, typed: str) -> None:
         words, count = typed.casefold().split(), 0

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 import pyqtgraph
-from PySide6.QtCore import QModelIndex, Qt, Signal
+from PySide6.QtCore import QModelIndex, QSignalBlocker, Qt, Signal
 from PySide6.QtGui import QGuiApplication, QKeySequence, QShortcut
 from PySide6.QtWidgets import QComboBox, QFileDialog, QHeaderView, QListWidget, QListWidgetItem, QSplitter, QWidget
 
@@ -82,7 +82,7 @@ class ResultPanel(QWidget):
         self.save = push_button("Save CSV…", self, self._choose_csv)
         self.save_plot = push_button("Save plot…", self, self._choose_plot)
         self.model = ResultModel(self)
-        self.view = named(quiet_table(self.model, self), "Figures")
+        self.view = quiet_table(self.model, self, "Figures")
         self.view.doubleClicked.connect(self._on_double_clicked)
         QShortcut(QKeySequence.StandardKey.Copy, self.view, self._copy, context=Qt.ShortcutContext.WidgetShortcut)
         self.plot = Plot("Plot of the figures", self)
@@ -116,13 +116,12 @@ class ResultPanel(QWidget):
         chosen = self.results[row].key if 0 <= row < len(self.results) else ""
         newest = bool(results) and results[0].key not in {r.key for r in self.results}
         self.results = results
-        self.list.blockSignals(True)
-        self.list.clear()
-        for result in results:
-            when = time.strftime("%d %b %H:%M", time.localtime(result.at)) if result.at else ""
-            item = QListWidgetItem(f"{plain(result.title)}\n{when}" if when else plain(result.title))
-            self.list.addItem(item)
-        self.list.blockSignals(False)
+        with QSignalBlocker(self.list):
+            self.list.clear()
+            for result in results:
+                when = time.strftime("%d %b %H:%M", time.localtime(result.at)) if result.at else ""
+                item = QListWidgetItem(f"{plain(result.title)}\n{when}" if when else plain(result.title))
+                self.list.addItem(item)
         self.empty.setVisible(not results)
         self.splitter.setVisible(bool(results))
         keys = [r.key for r in results]
@@ -132,11 +131,10 @@ class ResultPanel(QWidget):
     def _on_result(self, row: int) -> None:
         tables = self.results[row].tables if 0 <= row < len(self.results) else ()
         former = self.tables.currentText()
-        self.tables.blockSignals(True)
-        self.tables.clear()
-        self.tables.addItems([plain(t.title, CAPTION) for t in tables])
-        self.tables.setCurrentText(former)
-        self.tables.blockSignals(False)
+        with QSignalBlocker(self.tables):
+            self.tables.clear()
+            self.tables.addItems([plain(t.title, CAPTION) for t in tables])
+            self.tables.setCurrentText(former)
         self._on_table(self.tables.currentIndex())
 
     def _on_table(self, index: int) -> None:
@@ -145,12 +143,11 @@ class ResultPanel(QWidget):
         self.model.show_table(tables[index] if 0 <= index < len(tables) else ResultTable("", (), ()))
         self._fit_names()
         former = self.columns.currentText()
-        self.columns.blockSignals(True)
-        self.columns.clear()
-        titles = [capitalized(result_title(self.model.table.columns[i])) for i in self.model.table.columns_to_plot]
-        self.columns.addItems([plain(title, CAPTION) for title in titles])
-        self.columns.setCurrentText(former)
-        self.columns.blockSignals(False)
+        with QSignalBlocker(self.columns):
+            self.columns.clear()
+            titles = [capitalized(result_title(self.model.table.columns[i])) for i in self.model.table.columns_to_plot]
+            self.columns.addItems([plain(title, CAPTION) for title in titles])
+            self.columns.setCurrentText(former)
         self._draw()
 
     def _fit_names(self) -> None:

@@ -77,8 +77,7 @@ class SubmapPanel(QWidget):
         super().__init__()
         self._document = document
         self.model = SubmapModel(document, self)
-        self.table = table(self.model, self)
-        self.table.setAccessibleName("Submaps")
+        self.table = table(self.model, self, "Submaps")
         header = self.table.horizontalHeader()
         header.setStretchLastSection(False)  # otherwise the column keeps the width of a wider panel
         header.setSectionResizeMode(len(COLUMNS) - 1, header.ResizeMode.Stretch)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-from PySide6.QtCore import QEvent, Qt, QTimer, Signal
+from PySide6.QtCore import QEvent, QSignalBlocker, Qt, QTimer, Signal
 from PySide6.QtGui import QKeyEvent
 from PySide6.QtWidgets import QComboBox, QLineEdit, QMenu, QPlainTextEdit, QPushButton, QSlider, QToolButton, QWidget
 
@@ -201,10 +201,9 @@ class TaskPanel(QWidget):
     def show_entries(self, entries: tuple[TaskEntry, ...], review: Review) -> None:
         self.entries, self.model.review = entries, review
         self._lower = {e.key: "\n".join(e.task.instructions).lower() for e in entries}
-        self.split.blockSignals(True)
-        self.split.clear()
-        self.split.addItems(["every split", *sorted({e.split for e in entries})])
-        self.split.blockSignals(False)
+        with QSignalBlocker(self.split):
+            self.split.clear()
+            self.split.addItems(["every split", *sorted({e.split for e in entries})])
         self.refilter()
 
     def refilter(self, _: object = None) -> None:
@@ -274,20 +273,18 @@ class TaskPanel(QWidget):
     def _steps(self, at: int | None = None) -> None:
         """Sets the range of the slider to the trajectory or the path, and its value to `at`; None keeps the value."""
         entry, did = self.current, self.shown
-        self.slider.blockSignals(True)
-        self.slider.setRange(0, len(did.poses if did else entry.task.path) - 1 if entry else 0)
-        self.slider.setValue(self.slider.value() if at is None else at)
-        self.slider.blockSignals(False)
+        with QSignalBlocker(self.slider):
+            self.slider.setRange(0, len(did.poses if did else entry.task.path) - 1 if entry else 0)
+            self.slider.setValue(self.slider.value() if at is None else at)
 
     def _list_instructions(self) -> None:
         """Lists the worst instruction of the task and each one. Keeps the selected number if it exists."""
         count = 0 if self.current is None else len(self.current.task.instr_ids)
         before = self.which.currentIndex()
-        self.which.blockSignals(True)
-        self.which.clear()
-        self.which.addItems(["worst instruction", *(f"instruction {k + 1}" for k in range(count))])
-        self.which.setCurrentIndex(before if 0 <= before <= count else 0)
-        self.which.blockSignals(False)
+        with QSignalBlocker(self.which):
+            self.which.clear()
+            self.which.addItems(["worst instruction", *(f"instruction {k + 1}" for k in range(count))])
+            self.which.setCurrentIndex(before if 0 <= before <= count else 0)
 
     def _on_which(self) -> None:
         self._steps(0)

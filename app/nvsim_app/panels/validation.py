@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from functools import partial
 from typing import Any
 
-from PySide6.QtCore import QAbstractItemModel, QModelIndex, QPersistentModelIndex, Qt, Signal
+from PySide6.QtCore import QAbstractItemModel, QModelIndex, QPersistentModelIndex, QSignalBlocker, Qt, Signal
 from PySide6.QtGui import QColor
 from PySide6.QtWidgets import QCheckBox, QLineEdit, QMenu, QScrollArea, QToolButton, QTreeView, QWidget
 
@@ -269,17 +269,15 @@ class ValidationPanel(QWidget):
         else:
             self._show_checking()
         at = QModelIndex() if kept is None else self.model.index_of(kept.key)
-        blocked = self.tree.blockSignals(True)
-        for row, group in enumerate(self.model.groups):
-            index = self.model.index(row, 0)
-            self.tree.setExpanded(index, self._expanded.get(group.kind, len(group.findings) <= _FEW))
-            if kept is None and kind is not None and (kind.kind, kind.severity) == (group.kind, group.severity):
-                at = index
-        self.tree.blockSignals(blocked)
+        with QSignalBlocker(self.tree):
+            for row, group in enumerate(self.model.groups):
+                index = self.model.index(row, 0)
+                self.tree.setExpanded(index, self._expanded.get(group.kind, len(group.findings) <= _FEW))
+                if kept is None and kind is not None and (kind.kind, kind.severity) == (group.kind, group.severity):
+                    at = index
         if at.isValid():
-            self.tree.selectionModel().blockSignals(True)
-            self.tree.setCurrentIndex(at)
-            self.tree.selectionModel().blockSignals(False)
+            with QSignalBlocker(self.tree.selectionModel()):
+                self.tree.setCurrentIndex(at)
         self._enable()
 
     @property

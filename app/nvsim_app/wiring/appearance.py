@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from functools import partial
 
-from PySide6.QtCore import QRect, QSettings, Qt
+from PySide6.QtCore import QRect, QSettings, QSignalBlocker, Qt
 from PySide6.QtGui import QGuiApplication, QKeySequence, QShortcut
 from PySide6.QtWidgets import QApplication, QWidget
 from shiboken6 import isValid
@@ -33,9 +33,8 @@ class LookPart(Part):
 
     def _show_switch(self) -> None:
         dark = self.context.window.actions_table["dark"]
-        dark.blockSignals(True)
-        dark.setChecked(theme.is_dark(QApplication.palette()))
-        dark.blockSignals(False)
+        with QSignalBlocker(dark):
+            dark.setChecked(theme.is_dark(QApplication.palette()))
 
     def _show_about(self) -> None:
         show_and_focus(AboutWindow(self.context.document.path, self.context.window))

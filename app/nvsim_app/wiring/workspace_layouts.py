@@ -13,9 +13,10 @@ from dataclasses import dataclass, field
 from typing import Literal
 
 from PySide6.QtCore import QByteArray, QSettings, Qt
-from PySide6.QtWidgets import QApplication, QDockWidget, QHBoxLayout, QMenu, QTabBar, QToolButton, QWidget
+from PySide6.QtWidgets import QApplication, QDockWidget, QMenu, QTabBar, QToolButton, QWidget
 
 from nvsim_app.actions import Action
+from nvsim_app.look.boxes import hbox
 from nvsim_app.look.notices import Notice
 from nvsim_app.state.document import Document
 from nvsim_app.state.reasons import with_project
@@ -356,17 +357,13 @@ class WorkspacePart(Part):
     def _make_tabs(self) -> QWidget:
         """The buttons of the workspaces at the end of the menu bar."""
         holder = QWidget(self.context.window)
-        row = QHBoxLayout(holder)
-        row.setContentsMargins(0, 0, 8, 0)
-        row.setSpacing(0)
+        row = hbox(on=holder, margins=(0, 0, 8, 0), spacing=0)
         for layout in WORKSPACE_LAYOUTS:
-            button = QToolButton(holder)
-            button.setAutoRaise(True)
-            button.setFocusPolicy(Qt.FocusPolicy.TabFocus)
             action = self.context.window.actions_table[f"workspace_{layout.id}"]
             action.setIconText(layout.text.replace("&", ""))
+            button = QToolButton(holder, autoRaise=True, toolButtonStyle=Qt.ToolButtonStyle.ToolButtonTextOnly)
+            button.setFocusPolicy(Qt.FocusPolicy.TabFocus)
             button.setDefaultAction(action)
-            button.setToolButtonStyle(Qt.ToolButtonStyle.ToolButtonTextOnly)
             row.addWidget(button)
         return holder
 
