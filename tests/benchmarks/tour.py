@@ -406,7 +406,7 @@ class Tour:
         self.choose(panel.kind, 1)
         viewport = panel.list.viewport()
         first: QRect = gui.ask(
-            lambda: panel.list.visualRect(panel.filter.index(0, 0)) & viewport.visibleRegion().boundingRect()
+            lambda: panel.list.visualRect(panel.model.index(0, 0)) & viewport.visibleRegion().boundingRect()
         )
         hand.click("the first frame", viewport, first.center(), times=2)
         page = gui.ask(lambda: self.window.part(FramePart).browser.page)
