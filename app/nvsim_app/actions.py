@@ -5,8 +5,9 @@ A disabled command shows the reason in its tooltip and in the status bar.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
+from functools import partial
 
 from PySide6.QtCore import QObject
 from PySide6.QtGui import QAction, QActionGroup, QKeySequence, QPalette
@@ -34,46 +35,45 @@ MENUS = (
 class Action:
     """One command.
 
-    id         name of the command, also the key of its handler
     menu       one of MENUS
     section    commands of one menu are grouped by section, in ascending order, with separators between sections
+    id         name of the command
+    run        called with the part of the window that has the command, and with the new state if the command is
+               checkable and has no group
+    enabled    reason why the command is disabled, or None
     check      "" for a plain command, "on" or "off" for a checkable command and its initial state
     group      commands of one group exclude each other
     toolbar    whether the toolbar has a button for it
     """
 
+    menu: str
+    section: int
     id: str
     text: str
     tip: str
-    menu: str
-    section: int = 0
+    run: Callable[..., object]
     shortcut: str = ""
+    enabled: Callable[[Document], Reason] = never_disabled
     icon: str = ""
     check: str = ""
     group: str = ""
     toolbar: bool = False
-    enabled: Callable[[Document], Reason] = never_disabled
 
 
 class ActionTable(QObject):
     """The QActions of the table. They are enabled or disabled when the document changes."""
 
-    def __init__(
-        self,
-        document: Document,
-        actions: Iterable[Action],
-        handlers: Mapping[str, Callable[..., object]],
-        parent: QObject,
-    ) -> None:
-        """Raises KeyError if an action has no handler, and ValueError if its menu is unknown."""
+    def __init__(self, document: Document, actions: Iterable[tuple[Action, object]], parent: QObject) -> None:
+        """`actions` has every command with its part. Raises ValueError if a menu is unknown."""
         super().__init__(parent)
         self._document = document
         # Several parts add commands to one menu. Sorting groups its sections.
-        self.entries = sorted(actions, key=lambda a: (MENUS.index(a.menu), a.section))
+        rows = sorted(actions, key=lambda row: (MENUS.index(row[0].menu), row[0].section))
+        self.entries = [entry for entry, _ in rows]
         self.actions: dict[str, QAction] = {}
         self._reasons: dict[str, Reason] = {}
         groups: dict[str, QActionGroup] = {}
-        for entry in self.entries:
+        for entry, part in rows:
             action = QAction(entry.text, self)
             action.setObjectName(entry.id)
             if entry.shortcut:
@@ -85,7 +85,11 @@ class ActionTable(QObject):
                 if entry.group not in groups:
                     groups[entry.group] = QActionGroup(self)
                 groups[entry.group].addAction(action)
-            (action.toggled if entry.check and not entry.group else action.triggered).connect(handlers[entry.id])
+            run = partial(entry.run, part)
+            if entry.check and not entry.group:
+                action.toggled.connect(run)
+            else:
+                action.triggered.connect(lambda _, run=run: run())
             self.actions[entry.id] = action
         document.contentsChanged.connect(self.refresh)
         document.selectionChanged.connect(self.refresh)

@@ -50,7 +50,7 @@ class Session(QObject):
             self._read_once(SplatFile.of(path))
             return
         self._stop_watching()
-        self.window.show_source(None)
+        self.window.scene.feed.show(None)
         self.document.set_contents(Contents(path, reading=True))
         self._watcher = ProjectWatcher(path, self)
         self._watcher.read.connect(self._on_read)
@@ -60,12 +60,12 @@ class Session(QObject):
     def close_project(self) -> None:
         """Closes the project or file; the window stays open."""
         self._stop_watching()
-        self.window.show_source(None)
+        self.window.scene.feed.show(None)
         self.document.set_contents(Contents())
 
     def _read_once(self, file: SplatFile | GraphSource) -> None:
         self._stop_watching()
-        self.window.show_source(None)
+        self.window.scene.feed.show(None)
         self.document.set_contents(Contents(file.path, reading=True))
         self._watcher = FileReader(file, self)
         self._watcher.read.connect(self._on_read)
@@ -124,10 +124,10 @@ class Session(QObject):
     def _on_contents(self, parts: frozenset[str]) -> None:
         contents = self.document.contents
         if "scene_stamp" in parts and isinstance(contents.scene_stamp, SplatFile):
-            self.window.show_source(contents.scene_stamp)
+            self.window.scene.feed.show(contents.scene_stamp)
         elif "scene_stamp" in parts and contents.path is not None:
             source = ProjectSource(contents.path, memory_budget(self.window.preferences))
-            self.window.show_source(source if contents.scene_stamp is not None else None)
+            self.window.scene.feed.show(source if contents.scene_stamp is not None else None)
 
     def _on_preference(self, key: str) -> None:
         """Reloads the models with the new memory limit."""

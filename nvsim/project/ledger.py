@@ -109,15 +109,6 @@ def finish(
     results.remove_unreferenced_files(found, root)
 
 
-def remove_records(project: Project, stage: str) -> None:
-    """Removes the records of a stage, as if it had never run."""
-    found = project.stage_results()
-    in_use = found.get("in use", stage) or StageResult()
-    unfinished = {key: work for key, work in found.unfinished.items() if key[0] != stage}
-    found = replace(found, unfinished=unfinished).with_result("in use", stage, StageResult({}, in_use.files))
-    project.set_stage_results(found)
-
-
 # The models. If those in use belong to the newest cut into submaps, each new model replaces one of them. If they belong
 # to a previous cut, new models are used only when all submaps of the newest cut are trained. -------------------------
 
@@ -127,12 +118,6 @@ def trained_key(project: Project, submap: int) -> str:
     yet, because other submaps are still missing."""
     part = _newest(project.stage_results()).parts.get(submap)
     return "" if part is None else part.key
-
-
-def waiting_submaps(project: Project) -> tuple[int, ...]:
-    """Submaps of the newest cut that are trained while the models of a previous cut are in use."""
-    found = project.stage_results()
-    return tuple(sorted(_newest(found).parts)) if TRAIN in found.stages_of_previous_cut else ()
 
 
 def _newest(found: StageResults) -> StageResult:

@@ -46,7 +46,7 @@ def measured_on(side: int, settings: QSettings) -> dict[str, object]:
     document.set_contents(Contents(Path("field.nvsim"), graph=field(side)))
     part = window.part(ThresholdPart)
     part.show_panel()
-    window.scene.show_overview()
+    window.scene.places.show_overview()
     turns(lambda: True, 1.5)
     begin = time.perf_counter()
     part.trial.prepare()

@@ -110,7 +110,7 @@ def play(session: Session, capture: Path, folder: Path) -> dict[str, object]:
     until(lambda: window.scene.picture is not None and not window.scene.drawing, "the finished model in the view")
 
     # Inspect: a click on a viewpoint in the 3D view.
-    table["above"].trigger() if "above" in table.actions else window.scene.look_from_above()
+    table["above"].trigger() if "above" in table.actions else window.scene.places.look_from_above()
     until(lambda: not window.scene.drawing and window.scene.picture is not None, "the view from above")
     QTest.qWait(400)
     arrays = session.document.graph_arrays
@@ -173,7 +173,7 @@ def look_closer(session: Session, seen: dict[str, object]) -> None:
 
     page = window.part(FramePart).browser.page
     until(lambda: not window.document.views.pending, "the view at rest")
-    row = frames.list.visualRect(frames.filter.index(0, 0))
+    row = frames.list.visualRect(frames.model.index(0, 0))
     QTest.mouseClick(frames.list.viewport(), LEFT, pos=row.center())
     QTest.mouseDClick(frames.list.viewport(), LEFT, pos=row.center())
     until(lambda: page.isVisible() and page.canvas._render is not None, "the frame beside its render")

@@ -111,5 +111,5 @@ def test_switches_show_and_hide_their_overlays(window: MainWindow) -> None:
 def test_one_channel_is_on_at_a_time(window: MainWindow) -> None:
     table = window.actions_table
     table["depth"].trigger()
-    assert window.scene.channel == "depth"
+    assert window.scene.feed.channel == "depth"
     assert [a for a in ("rgb", "alpha", "normal", "depth") if table[a].isChecked()] == ["depth"]

@@ -15,7 +15,7 @@ from nvsim.graph.quantities import quantity
 from nvsim_app.layers.labels import short_ids
 from nvsim_app.look.table import TableModel
 from nvsim_app.panels.deferred_refresh import DeferredRefresh
-from nvsim_app.panels.history import HistoryModel
+from nvsim_app.panels.history import HistoryPanel
 from nvsim_app.panels.tables import edge_columns
 from nvsim_app.state.document import Document
 
@@ -62,14 +62,15 @@ def test_a_hidden_panel_waits_until_it_is_seen(panel: QWidget, qtbot: QtBot) -> 
 
 
 def test_history_rows_come_and_go_at_the_end(document: Document, qtmodeltester: ModelTester) -> None:
-    model = HistoryModel(document)
+    panel = HistoryPanel(document)
+    model = panel.model
     qtmodeltester.check(model)
     resets: list[int] = []
     model.modelReset.connect(lambda: resets.append(1))
     editing, ids = document.editing, document.graph_arrays.ids
 
     def texts() -> list[str]:
-        return [model.index(row).data() for row in range(model.rowCount())]
+        return [model.index(row, 0).data() for row in range(model.rowCount())]
 
     def move(row: int, name: str = "shift_viewpoints") -> None:
         assert editing.run(name, {"ids": [ids[row]], "by": [0.3, 0.0, 0.0]})

@@ -279,7 +279,7 @@ def test_its_keys_come_before_the_shortcuts_and_are_theirs_again_afterwards(hand
     hands.turn_to()
     plan, there = hands.window.panels["map"].plot, hands.state.location.viewpointId
     hands.press(K.Key_1, on=plan)
-    assert hands.window.scene.channel == "rgb" and hands.state.location.viewpointId != there
+    assert hands.window.scene.feed.channel == "rgb" and hands.state.location.viewpointId != there
     before = hands.state.viewIndex
     hands.press(K.Key_Left, on=plan)
     assert hands.state.viewIndex == (before - 12 - 1) % 12 + 12
@@ -287,7 +287,7 @@ def test_its_keys_come_before_the_shortcuts_and_are_theirs_again_afterwards(hand
     assert hands.window.modes.current.name == "select" and not hands.walk.active
     assert hands.window.centre.currentWidget() is hands.window.scene
     QTest.keyClick(hands.window.scene, K.Key_2)
-    assert hands.window.scene.channel == "alpha"
+    assert hands.window.scene.feed.channel == "alpha"
 
 
 def test_the_selection_and_the_map_follow(hands: Hands) -> None:

@@ -43,7 +43,7 @@ def test_views_become_key_poses_and_playing_ends_at_the_last(
 def test_a_picture_has_the_size_that_was_asked_for(
     part: CameraPathPart, window: MainWindow, qtbot: QtBot, tmp_path: Path
 ) -> None:
-    window.scene.show_source(demo_room.RoomSource())
+    window.scene.feed.show(demo_room.RoomSource())
     qtbot.waitUntil(lambda: window.scene.picture is not None, timeout=20_000)
     part.panel.width_box.setValue(640)
     part.panel.height_box.setValue(200)

@@ -201,6 +201,14 @@ def test_another_preset_changes_the_defaults(qtbot: QtBot, form: CommandForm) ->
     form.reject()
 
 
+def test_a_form_opens_with_the_stored_preset(qtbot: QtBot, tmp_path: Path) -> None:
+    settings = Settings(tmp_path)
+    settings.keep("train", "splatfacto-i", {})
+    again = CommandForm("train", "Train", tmp_path, settings)
+    qtbot.addWidget(again)
+    assert again.presets.currentText() == "splatfacto-i" != presets_of("train")[0]
+
+
 def test_a_setting_is_found_by_its_words(qtbot: QtBot, form: CommandForm) -> None:
     qtbot.keyClicks(form.search, "floor texture learned")
     shown = [path for path, row in form.rows.items() if row.isVisible()]

@@ -135,7 +135,7 @@ def test_the_open_frame_is_undone_like_other_views_and_comes_back_with_the_proje
 def test_a_frame_opens_beside_the_render_from_its_own_camera(opened, qtbot: QtBot) -> None:
     window, browser = opened
     browser.page.canvas.show_render(None)
-    window.scene.show_source(RoomSource())
+    window.scene.feed.show(RoomSource())
     qtbot.waitUntil(lambda: browser.page.canvas._render is not None, timeout=30_000)
     assert window.centre.currentWidget() is browser.page and window.document.selection.frame == 2
     assert "frame 3 of 8" in browser.page.title.text()
@@ -586,7 +586,7 @@ def test_the_mask_lies_over_the_3d_view_too_and_follows_the_brush(opened, qtbot:
     window.document.select(frame=6)
     qtbot.waitUntil(lambda: browser.matter.index == 6, timeout=10_000)
     assert not overlays["frame_mask"].missing and not browser.is_open
-    window.scene.snap_to_frame(6)
+    window.scene.places.snap_to_frame(6)
     qtbot.waitUntil(lambda: np.allclose(window.scene.pose.position, browser.matter.frame.camera.position))
     before = window.scene.grab().toImage()
     browser.open(6)
@@ -627,7 +627,7 @@ def test_a_prompted_network_of_the_users_own_answers_points(
     assert correction.mask[60, 320] and "is running" not in browser.page.hint.text()
     # A network that cannot be used is said so once; surfaces grow in its place.
     (tmp_path / "prompted.decoder.onnx").write_bytes(b"broken")
-    browser.candidates.stop_process()
+    browser.candidates.link.stop_process()
     monkeypatch.setattr(FrameLink, "ask_candidates", lambda self, frame: None)
     (pane,) = canvas.panes()  # the words below it may take another line now
     qtbot.mouseClick(canvas, RIGHT, pos=pane.to_canvas(320, 60).toPoint())

@@ -22,18 +22,9 @@ from nvsim.project.corrections import save_correction
 from nvsim.project.layout import Layout
 from nvsim.project.project import Project
 from nvsim_app.frames.link import FrameLink
-from nvsim_app.frames.model import (
-    CORRECTED_ROLE,
-    COVERAGE_ROLE,
-    COVERAGES,
-    MASK_ROLE,
-    SCORE_ROLE,
-    SUBMAP_ROLE,
-    frame_words,
-)
-from nvsim_app.frames.state import Score, Scores, newest_scores
+from nvsim_app.frames.state import Score, Scores, frame_words, mask_words, newest_scores
 from nvsim_app.frames.worker import thumbnail_path
-from nvsim_app.panels.frames import FramePanel
+from nvsim_app.panels.frames import COVERAGES, FramePanel
 from nvsim_app.state.document import Document
 from nvsim_app.state.loading import Contents, ProjectReader
 from nvsim_app.state.results import EvaluationResult, tables_of
@@ -116,14 +107,13 @@ def test_the_model_keeps_qts_rules_while_the_document_changes(
 
 def test_a_submap_shows_its_frames_and_those_it_shares(panel: FramePanel, document: Document) -> None:
     panel.submap.setCurrentIndex(2)  # after "all": submap 1
-    shown = {panel.filter.mapToSource(panel.filter.index(r, 0)).row() for r in range(panel.filter.rowCount())}
-    assert shown == set(document.contents.submaps[1].frames)
+    assert set(panel.model.rows) == set(document.contents.submaps[1].frames)
     assert panel.count.text() == "38 of 120"
     # Stages that begin and end read the submaps anew; the choice stays.
     document.set_contents(replace(document.contents, submaps=tuple(document.contents.submaps)[:3]))
-    assert panel.submap.currentData() == 1 and panel.filter.rowCount() == 38
+    assert panel.submap.currentData() == 1 and panel.model.rowCount() == 38
     document.set_contents(replace(document.contents, submaps=document.contents.submaps[:1]))
-    assert panel.submap.currentData() is None and panel.filter.rowCount() == 120
+    assert panel.submap.currentData() is None and panel.model.rowCount() == 120
 
 
 def test_frames_are_found_by_how_much_floor_they_show(panel: FramePanel) -> None:
@@ -132,16 +122,12 @@ def test_frames_are_found_by_how_much_floor_they_show(panel: FramePanel) -> None
     found = []
     for row in range(len(COVERAGES)):
         panel.coverage.setCurrentIndex(row)
-        found.append([panel.filter.mapToSource(panel.filter.index(r, 0)).row() for r in range(panel.filter.rowCount())])
+        found.append(panel.model.rows)
     assert len(found[0]) == 120 and found[1:] == [[0], [1], [2], [3, 4]]
     panel.coverage.setCurrentIndex(0)
     panel.kind.setCurrentText("Corrected")
-    assert panel.filter.rowCount() == 1 and panel.filter.index(0, 0).data(CORRECTED_ROLE)
+    assert panel.model.rows == [4]
     panel.kind.setCurrentIndex(0)
-
-
-def shown_rows(panel: FramePanel) -> list[int]:
-    return [panel.filter.mapToSource(panel.filter.index(r, 0)).row() for r in range(panel.filter.rowCount())]
 
 
 def evaluated(at: float, **psnr: float) -> EvaluationResult:
@@ -153,21 +139,21 @@ def evaluated(at: float, **psnr: float) -> EvaluationResult:
 def test_held_out_frames_are_found_and_the_worst_stands_first(panel: FramePanel, document: Document) -> None:
     document.set_contents(replace(document.contents, held_out=frozenset({4, 12, 20}), modified_time=50.0))
     panel.kind.setCurrentText("Held out")
-    assert shown_rows(panel) == [4, 12, 20]
+    assert panel.model.rows == [4, 12, 20]
     assert not panel.order.isEnabled() and "Jobs > Evaluate views" in panel.order.toolTip()
     older, newer = evaluated(60.0, f4=1.0), evaluated(100.0, f4=24.0, f12=19.0, f33=3.0)
     panel.state.show_scores(newest_scores([newer, older]))
     assert panel.order.isEnabled()
     panel.order.setCurrentText("Worst PSNR")
-    assert shown_rows(panel) == [12, 4, 20], "a frame without a score comes last"
+    assert panel.model.rows == [12, 4, 20], "a frame without a score comes last"
     panel.order.setCurrentText("Worst SSIM")
-    assert shown_rows(panel) == [4, 12, 20]
-    assert panel.model.index(12).data(SCORE_ROLE) == Score(19.0, 0.81)
-    assert panel.model.index(33).data(SCORE_ROLE) is None, "it is not held out any more"
+    assert panel.model.rows == [4, 12, 20]
+    assert panel.state.score(12) == Score(19.0, 0.81)
+    assert panel.state.score(33) is None, "it is not held out any more"
     assert frame_words(panel.state, 12).endswith("held out: PSNR 19.0 dB, SSIM 0.81")
     assert frame_words(panel.state, 20).endswith("held out of training")
     panel.kind.setCurrentText("Trained on")
-    assert len(shown_rows(panel)) == 117 and 12 not in shown_rows(panel)
+    assert len(panel.model.rows) == 117 and 12 not in panel.model.rows
     # Models that were made since then are others than those that were measured.
     document.set_contents(replace(document.contents, modified_time=200.0, scene_stamp="others"))
     assert frame_words(panel.state, 12).endswith("SSIM 0.81 of earlier models")
@@ -221,16 +207,16 @@ def test_thumbnails_and_coverage_come_from_the_process_and_stay_on_disk(qtbot: Q
     qtbot.addWidget(panel)
     panel.resize(320, 500)
     panel.show()
-    index = panel.model.index
-    assert index(6).data(MASK_ROLE) == index(11).data(MASK_ROLE) == "reading masks…"
-    qtbot.waitUntil(lambda: index(0).data(Qt.ItemDataRole.DecorationRole) is not None, timeout=PATIENCE)
-    qtbot.waitUntil(lambda: len(panel.state.coverage) == 11, timeout=PATIENCE)
-    assert index(6).data(COVERAGE_ROLE) == pytest.approx(0.5, abs=0.01)
-    assert index(3).data(COVERAGE_ROLE) == 1.0 and index(3).data(CORRECTED_ROLE)
-    qtbot.waitUntil(lambda: not panel.state.reading, timeout=PATIENCE)
-    assert index(6).data(MASK_ROLE) == "50 % floor" and index(11).data(MASK_ROLE) == "no mask yet"
-    assert index(11).data(COVERAGE_ROLE) == -1.0 and index(0).data(SUBMAP_ROLE) == 0
-    assert "corrected by hand" in index(3).data(Qt.ItemDataRole.ToolTipRole)
+    index, state = panel.model.index, panel.state
+    assert mask_words(state, 6) == mask_words(state, 11) == "reading masks…"
+    qtbot.waitUntil(lambda: index(0, 0).data(Qt.ItemDataRole.DecorationRole) is not None, timeout=PATIENCE)
+    qtbot.waitUntil(lambda: len(state.coverage) == 11, timeout=PATIENCE)
+    assert state.coverage[6] == pytest.approx(0.5, abs=0.01)
+    assert state.coverage[3] == 1.0 and 3 in state.corrected
+    qtbot.waitUntil(lambda: not state.reading, timeout=PATIENCE)
+    assert mask_words(state, 6) == "50 % floor" and mask_words(state, 11) == "no mask yet"
+    assert 11 not in state.coverage and document.trajectory.submaps[0] == 0
+    assert "corrected by hand" in index(3, 0).data(Qt.ItemDataRole.ToolTipRole)
     assert panel.thumbnails.pixmap(0).width() == 160
     assert thumbnail_path(Layout(project), document.contents.capture.frames[0].image_path).is_file()
     link.stop_process()

@@ -195,7 +195,7 @@ def test_the_panorama_arrives_from_the_drawing_process_and_is_kept(
     part = part_of(window)
     document.select(viewpoint=document.graph_arrays.ids[3])
     part.show_panel()
-    window.show_source(demo_room.RoomSource())
+    window.scene.feed.show(demo_room.RoomSource())
     qtbot.waitUntil(lambda: part.panoramas.current is not None and part.panoramas.current.final, timeout=60_000)
     assert not part.panoramas.drawing
     picture = part.panel.view.grab().toImage()
@@ -204,7 +204,7 @@ def test_the_panorama_arrives_from_the_drawing_process_and_is_kept(
     document.select(viewpoint=document.graph_arrays.ids[4])
     document.select(viewpoint=document.graph_arrays.ids[3])
     assert part.panoramas.current is kept
-    window.show_source(None)
+    window.scene.feed.show(None)
 
 
 def test_nothing_is_drawn_while_nobody_looks(part: InspectorPart, window: MainWindow) -> None:

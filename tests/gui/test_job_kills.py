@@ -173,7 +173,7 @@ def test_a_paused_training_frees_the_project_and_survives_the_window(
     assert handle is not None
     panel = session.window.panels["jobs"]
     assert isinstance(panel, JobPanel)
-    dock = session.window._docks["jobs"]
+    dock = session.window.docks["jobs"]
     dock.show()
     dock.raise_()
 
@@ -209,7 +209,7 @@ def test_a_renderer_that_was_given_up_is_started_again_by_refresh(
         os.kill(pid, signal.SIGKILL)
         qtbot.waitUntil(lambda pid=pid: link.process_id != pid, timeout=PATIENCE)
     qtbot.waitUntil(lambda: link.given_up, timeout=PATIENCE)
-    assert "File > Refresh" in session.window.scene.note
+    assert "File > Refresh" in session.window.scene.feed.note
     session.window.actions_table["refresh"].trigger()
     qtbot.waitUntil(lambda: link.ready and session.window.scene.picture is not None, timeout=PATIENCE)
-    assert session.window.scene.note == ""
+    assert session.window.scene.feed.note == ""

@@ -52,7 +52,7 @@ def test_panels_of_a_small_window_do_not_cover_each_other(window: MainWindow, qt
 def test_a_row_without_room_goes_on_in_the_next_line(qtbot: QtBot) -> None:
     holder = QWidget()
     qtbot.addWidget(holder)
-    row = WrappingRow(holder)
+    row = WrappingRow(on=holder)
     buttons = [QPushButton(text, holder) for text in ("one", "two", "three")]
     for button in buttons:
         row.addWidget(button)

@@ -72,7 +72,7 @@ def test_return_runs_what_is_chosen_and_closes(part: PalettePart, window: MainWi
     assert part.view.isVisible()
     qtbot.keyClicks(part.view.line, "alpha")
     qtbot.keyClick(part.view.line, Qt.Key.Key_Return)
-    assert not part.view.isVisible() and window.scene.channel == "alpha"
+    assert not part.view.isVisible() and window.scene.feed.channel == "alpha"
     part.view.open()
     assert rows(part)[0].title == "Alpha", "what was used lately comes first"
     qtbot.keyClick(part.view.line, Qt.Key.Key_Escape)

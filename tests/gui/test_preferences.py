@@ -128,11 +128,11 @@ def test_the_theme_and_what_is_drawn_follow(window: MainWindow) -> None:
         window.preferences.set("theme", name)
         assert theme.is_dark(QApplication.palette()) == (name == "dark") == table["dark"].isChecked()
     window.preferences.set("splat_budget", "100000")
-    assert window.scene.budget == 100_000 and table["budget_100000"].isChecked()
+    assert window.scene.feed.budget == 100_000 and table["budget_100000"].isChecked()
     table["budget_0"].trigger()
     assert window.preferences["splat_budget"] == "0"
     window.preferences.set("renderer", "CPU")
-    assert window.scene.renderer == "CPU" and table["renderer_CPU"].isChecked()
+    assert window.scene.feed.renderer == "CPU" and table["renderer_CPU"].isChecked()
 
 
 def test_jobs_get_so_many_threads(window: MainWindow, monkeypatch, tmp_path: Path) -> None:

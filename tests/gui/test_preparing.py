@@ -52,5 +52,5 @@ def test_it_gives_way_to_a_reconstruction(qtbot: QtBot, session: Session) -> Non
     made = Preparing(session.window, session, BUSY)
     made.begin()
     qtbot.waitUntil(lambda: _says(session), timeout=10_000)
-    session.window.show_source(RoomSource())
+    session.window.scene.feed.show(RoomSource())
     assert not made._process.running and not _says(session)

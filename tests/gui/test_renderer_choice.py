@@ -186,10 +186,10 @@ def test_the_choice_of_the_person_is_remembered(
     make_window: Callable[[Document], MainWindow], document: Document, settings: QSettings
 ) -> None:
     first = make_window(document)
-    assert first.scene.renderer == AUTOMATIC and first.actions_table[f"renderer_{AUTOMATIC}"].isChecked()
+    assert first.scene.feed.renderer == AUTOMATIC and first.actions_table[f"renderer_{AUTOMATIC}"].isChecked()
     first.actions_table[f"renderer_{OPENGL}"].trigger()
-    assert first.scene.renderer == OPENGL
+    assert first.scene.feed.renderer == OPENGL
     again = make_window(document)
-    assert again.scene.renderer == OPENGL and again.actions_table[f"renderer_{OPENGL}"].isChecked()
+    assert again.scene.feed.renderer == OPENGL and again.actions_table[f"renderer_{OPENGL}"].isChecked()
     settings.setValue("renderer", "nonsense")
-    assert make_window(document).scene.renderer == AUTOMATIC
+    assert make_window(document).scene.feed.renderer == AUTOMATIC

@@ -109,7 +109,7 @@ def test_the_panel_shows_copies_and_saves(qtbot: QtBot, tmp_path: Path, monkeypa
 
     qtbot.waitUntil(fits)
     assert [panel.model.headerData(i, Qt.Orientation.Horizontal) for i in range(2)] == ["Figure", "Value\u2002"]
-    assert panel.model.index(0, 0).data() == "Viewpoints" and panel.table.rows[0][0] == "viewpoints"
+    assert panel.model.index(0, 0).data() == "Viewpoints" and panel.model.table.rows[0][0] == "viewpoints"
     assert panel.list.currentItem().text().startswith("Evaluate the graph (stored)")  # a new one is shown at once
     panel.close()
 

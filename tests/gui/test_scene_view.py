@@ -137,7 +137,7 @@ def test_hidden_layers_leave_no_pixel(view: SceneView, document: Document) -> No
 
 
 def test_the_sharp_picture_follows_the_moving_ones(view: SceneView, document: Document, qtbot: QtBot) -> None:
-    view.show_source(demo_room.RoomSource(burn=0.08))
+    view.feed.show(demo_room.RoomSource(burn=0.08))
     qtbot.waitUntil(lambda: view.picture is not None and not view.picture.request.moving, timeout=PATIENCE)
     moving = []
     view.pictureShown.connect(lambda p: moving.append(p.request.moving))
@@ -158,7 +158,7 @@ def test_the_sharp_picture_follows_the_moving_ones(view: SceneView, document: Do
 
 
 def test_overlays_stay_with_the_picture_beneath_them(view: SceneView, document: Document, qtbot: QtBot) -> None:
-    view.show_source(demo_room.RoomSource())
+    view.feed.show(demo_room.RoomSource())
     qtbot.waitUntil(lambda: view.picture is not None, timeout=PATIENCE)
     shown = view.picture.request.camera.position.copy()
     view.navigation.set_pose(ViewPose((3, 3, 3)))
@@ -168,7 +168,7 @@ def test_overlays_stay_with_the_picture_beneath_them(view: SceneView, document: 
 def test_home_is_the_first_frame_once_there_is_a_reconstruction(
     view: SceneView, document: Document, qtbot: QtBot
 ) -> None:
-    view.home()
+    view.places.home()
     first = document.contents.capture.frames[0].camera
     qtbot.waitUntil(lambda: np.allclose(view.pose.position, first.position), timeout=PATIENCE)
 
@@ -184,27 +184,27 @@ def test_another_project_places_the_camera_anew(view: SceneView, document: Docum
 
 def test_the_last_image_stays_while_models_that_were_trained_again_are_loaded(view: SceneView, qtbot: QtBot) -> None:
     source = demo_room.RoomSource()
-    view.show_source(source)
+    view.feed.show(source)
     qtbot.waitUntil(lambda: view.picture is not None and not view.drawing, timeout=PATIENCE)
     before = view.picture
-    view.show_source(demo_room.RoomSource())
+    view.feed.show(demo_room.RoomSource())
     assert view.picture is before and view.feed.note, "nothing goes blank, and it says what it waits for"
     qtbot.waitUntil(lambda: view.picture is not before and not view.drawing, timeout=PATIENCE)
     assert view.picture is not None and not view.feed.note
-    view.show_source(demo_room.RoomSource())
+    view.feed.show(demo_room.RoomSource())
     view.navigation.set_pose(ViewPose((3, 3, 3)))
     assert view.picture is None and np.allclose(view.overlay_camera.position, (3, 3, 3)), "the graph follows the camera"
-    view.show_source(source)
-    view.show_source(None)
+    view.feed.show(source)
+    view.feed.show(None)
     assert view.picture is None
-    view.show_source(demo_room.RoomSource(burn=0.001))
+    view.feed.show(demo_room.RoomSource(burn=0.001))
     assert view.picture is None, "another reconstruction"
 
 
 @pytest.mark.parametrize("key", [Qt.Key.Key_2, Qt.Key.Key_3, Qt.Key.Key_4])
 def test_measured_channels_have_a_legend_and_colors_have_none(view: SceneView, qtbot: QtBot, key: Qt.Key) -> None:
     view.navigation.set_pose(ViewPose((7.0, 7.8, 1.5)))  # in front of a bright wall
-    view.show_source(demo_room.RoomSource())
+    view.feed.show(demo_room.RoomSource())
     qtbot.waitUntil(lambda: view.picture is not None and not view.drawing, timeout=PATIENCE)
     corner = QRect(8, 8, 172, 16)
 

@@ -128,10 +128,10 @@ def test_back_brings_pose_channel_and_layers(window: MainWindow, qtbot: QtBot) -
     overlays.set_shown("graph", False)
     scene.navigation.set_pose(replace(POSE, heading=2.5))
     window.actions_table["view_back"].trigger()
-    assert scene.channel == "rgb" and window.actions_table["rgb"].isChecked() and overlays["graph"].shown
+    assert scene.feed.channel == "rgb" and window.actions_table["rgb"].isChecked() and overlays["graph"].shown
     qtbot.waitUntil(lambda: scene.pose == POSE, timeout=4000)
     window.actions_table["view_forward"].trigger()
-    assert scene.channel == "alpha" and not overlays["graph"].shown
+    assert scene.feed.channel == "alpha" and not overlays["graph"].shown
     qtbot.waitUntil(lambda: scene.pose.heading == 2.5, timeout=4000)
 
 
@@ -163,7 +163,7 @@ def test_each_setting_of_the_view_is_a_step_of_its_own_and_says_so(window: MainW
 
     def seen() -> tuple[object, ...]:
         layers = overlays["trajectory"].shown, overlays["graph"].opacity
-        return scene.channel, *layers, scene.budget, scene.renderer, scene.navigation.goal.heading
+        return scene.feed.channel, *layers, scene.feed.budget, scene.feed.renderer, scene.navigation.goal.heading
 
     undone = [seen()]
     while back.isEnabled():
@@ -203,7 +203,7 @@ def test_a_project_opens_as_it_was_left(
     again = Document()
     second = make_window(again)
     again.set_contents(demo_room.contents(Path("demo.nvsim")))
-    assert second.scene.pose == POSE and second.scene.channel == "normal"
+    assert second.scene.pose == POSE and second.scene.feed.channel == "normal"
     assert again.selection.viewpoint == document.graph_arrays.ids[4]
     assert (
         second.panels["map"].visible_range == pytest.approx(seen)

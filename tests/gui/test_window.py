@@ -50,14 +50,14 @@ def test_the_layout_comes_back(settings: QSettings, document: Document, qtbot: Q
     first = MainWindow(document, settings, Notices())
     qtbot.addWidget(first)
     first.show()
-    first._docks["camera_path"].hide()
+    first.docks["camera_path"].hide()
     first.close()
     second = MainWindow(document, settings, Notices())
     qtbot.addWidget(second)
     second.show()
-    assert second._docks["camera_path"].isHidden() and not second._docks["map"].isHidden()
+    assert second.docks["camera_path"].isHidden() and not second.docks["map"].isHidden()
     second.actions_table["reset_layout"].trigger()
-    assert not second._docks["camera_path"].isHidden()
+    assert not second.docks["camera_path"].isHidden()
     second.close()
 
 
@@ -95,7 +95,7 @@ def test_the_theme_switches_and_is_remembered(window: MainWindow, settings: QSet
 def test_trouble_in_the_renderer_is_a_notice(window: MainWindow) -> None:
     window.scene.link.troubled.emit(RenderError("The model is damaged.", "trace", fatal=True))
     assert window.notice_area.texts == ["The model is damaged."]
-    assert window.scene.note == "The model is damaged."
+    assert window.scene.feed.note == "The model is damaged."
 
 
 def test_a_picture_is_saved_and_a_failure_is_said(window: MainWindow, tmp_path: Path) -> None:
@@ -120,7 +120,7 @@ def test_every_group_of_tabs_has_one_bar(window: MainWindow, qtbot: QtBot) -> No
 
 
 def test_a_panel_behind_a_tab_has_no_title_and_gets_it_back_alone(window: MainWindow, qtbot: QtBot) -> None:
-    layers, others = window._docks["layers"], window.tabifiedDockWidgets(window._docks["layers"])
+    layers, others = window.docks["layers"], window.tabifiedDockWidgets(window.docks["layers"])
     qtbot.waitUntil(lambda: layers.titleBarWidget() is not None)
     for dock in others:
         dock.hide()

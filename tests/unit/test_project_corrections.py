@@ -27,6 +27,7 @@ from nvsim.project.corrections import (
 from nvsim.project.project import Project
 from nvsim.project.stages import floors, mapped, trained
 from nvsim.project.stages.submap_training import training_views
+from nvsim.project.state.results import StageResult
 from nvsim.submaps.split import Submap
 from nvsim.training.config import TrainingConfig
 
@@ -91,9 +92,17 @@ def test_a_correction_of_a_frame_that_is_held_out_leaves_the_model_current(proje
     assert [trained.train_key(project, s, TrainingConfig()) for s in project.submaps()] == before
 
 
+def forget_floors(project: Project) -> None:
+    """Removes the record of the floors stage, so that it runs again."""
+    found = project.stage_results()
+    in_use = found.get("in use", "floors")
+    assert in_use is not None
+    project.set_stage_results(found.with_result("in use", "floors", StageResult({}, in_use.files)))
+
+
 def test_finding_the_floors_again_keeps_the_corrections_unless_they_are_to_go(project: Project) -> None:
     correct(project, 2)
-    ledger.remove_records(project, "floors")
+    forget_floors(project)
     floors.run(project, ignore_event)
     assert np.array_equal(read_mask(project.mask_path(2)), lower_half())
     assert corrected_frames(project.layout, project.need_capture().frames) == {2}
@@ -103,7 +112,7 @@ def test_finding_the_floors_again_keeps_the_corrections_unless_they_are_to_go(pr
 
 
 def test_the_supported_floor_follows_the_corrections(project: Project) -> None:
-    ledger.remove_records(project, "floors")
+    forget_floors(project)
     floors.run(project, ignore_event)
     before = project.support().cells.copy()
     for index in range(12):

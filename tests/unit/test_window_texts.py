@@ -57,6 +57,8 @@ def _slips(source: str, name: str) -> list[str]:
                 found.append(f"{name}:{node.lineno}: appendHtml without escape_html()")
             if called == "setTitle" and any(k.arg == "size" for k in node.keywords) and not _own(node.args[0]):
                 found.append(f"{name}:{node.lineno}: the title of a plot without escape_html()")
+        if isinstance(node, ast.keyword) and node.arg == "toolTip" and not _own(node.value):
+            found.append(f"{name}:{node.value.lineno}: toolTip without tooltip_text()")
         if isinstance(node, ast.If) and "ToolTipRole" in ast.dump(node.test):
             for line in node.body:
                 if isinstance(line, ast.Return) and not _own(line.value):
@@ -84,6 +86,7 @@ def test_no_file_of_the_window_goes_around_the_module_that_makes_texts_plain() -
     [
         "label = QLabel(job.title)",
         "button.setToolTip(frame.name)",
+        "label = Label(words, self, toolTip=frame.name)",
         "button.setToolTip(f'Open {frame.name}')",
         "item.setToolTip(0, words if words else 'nothing')",
         "if role == Qt.ItemDataRole.ToolTipRole:\n    return row.note",

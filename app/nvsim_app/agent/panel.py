@@ -6,13 +6,14 @@ import math
 from collections.abc import Callable
 
 from PySide6.QtCore import QModelIndex, Qt, Signal
-from PySide6.QtWidgets import QCheckBox, QGridLayout, QHBoxLayout, QPushButton, QVBoxLayout, QWidget
+from PySide6.QtWidgets import QCheckBox, QGridLayout, QPushButton, QWidget
 
 from nvsim_app.agent.agent_walk import AgentWalk
 from nvsim_app.agent.state import AgentState, Location
+from nvsim_app.look.boxes import STRETCH, hbox, vbox
 from nvsim_app.look.labels import Hint, Label, Value
-from nvsim_app.look.plain_text import tooltip_text
 from nvsim_app.look.table import Column, TableModel, table
+from nvsim_app.look.widgets import named
 
 
 def angle(radians: float, short: bool = False) -> str:
@@ -62,8 +63,8 @@ class AgentPanel(QWidget):
     restrictedChosen = Signal(bool)
     imageChosen = Signal(bool)
 
-    def __init__(self, walk: AgentWalk, parent: QWidget | None = None) -> None:
-        super().__init__(parent)
+    def __init__(self, walk: AgentWalk) -> None:
+        super().__init__()
         self._walk = walk
         self.values = {name: Value(parent=self) for name in _FIELDS}
         for name, value in self.values.items():
@@ -93,14 +94,12 @@ class AgentPanel(QWidget):
         self.refresh()
 
     def _box(self, text: str, words: str) -> QCheckBox:
-        made = QCheckBox(text, self)
-        made.setToolTip(tooltip_text(words))
+        made = named(QCheckBox(text, self), tip=words)
         made.setFocusPolicy(Qt.FocusPolicy.TabFocus)  # a click does not move the keyboard focus
         return made
 
     def _button(self, text: str, words: str) -> QPushButton:
-        made = QPushButton(text, self)
-        made.setToolTip(tooltip_text(words))
+        made = named(QPushButton(text, self), tip=words)
         made.setFocusPolicy(Qt.FocusPolicy.TabFocus)
         return made
 
@@ -110,25 +109,12 @@ class AgentPanel(QWidget):
         fields.setHorizontalSpacing(8)
         fields.setVerticalSpacing(4)
         for row, (name, value) in enumerate(self.values.items()):
-            caption = Label(name, self)
-            caption.setForegroundRole(caption.palette().ColorRole.PlaceholderText)
+            caption = Label(name, self, quiet=True)
             fields.addWidget(caption, row, 0)
             fields.addWidget(value, row, 1)
-        choices = QHBoxLayout()
-        choices.addWidget(self.restricted)
-        choices.addWidget(self.image)
-        choices.addStretch(1)
-        buttons = QHBoxLayout()
-        buttons.addWidget(self.copy_state)
-        buttons.addWidget(self.copy_trajectory)
-        buttons.addStretch(1)
-        layout = QVBoxLayout(self)
-        layout.setContentsMargins(8, 8, 8, 8)
-        layout.setSpacing(8)
-        layout.addLayout(fields)
-        layout.addWidget(self.table, 1)
-        layout.addLayout(choices)
-        layout.addLayout(buttons)
+        choices = hbox(self.restricted, self.image, STRETCH)
+        buttons = hbox(self.copy_state, self.copy_trajectory, STRETCH)
+        vbox(fields, (self.table, 1), choices, buttons, on=self, margins=8, spacing=8)
 
     def point(self, index: int) -> None:
         """Selects the row of a navigable location; -1 selects none."""

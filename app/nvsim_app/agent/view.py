@@ -97,12 +97,9 @@ class AgentView(QWidget):
     taken = Signal(str)
     pointedAt = Signal(int)
 
-    def __init__(self, document: Document, walk: AgentWalk, parent: QWidget | None = None) -> None:
-        super().__init__(parent)
+    def __init__(self, document: Document, walk: AgentWalk) -> None:
+        super().__init__(accessibleName="View of the agent", focusPolicy=Qt.FocusPolicy.StrongFocus, mouseTracking=True)
         self.setObjectName("agentView")
-        self.setAccessibleName("View of the agent")
-        self.setFocusPolicy(Qt.FocusPolicy.StrongFocus)
-        self.setMouseTracking(True)
         self.setMinimumSize(WIDTH // 2, HEIGHT // 3)
         self.setSizePolicy(QSizePolicy.Policy.Expanding, QSizePolicy.Policy.Expanding)
         self._document, self._walk = document, walk

@@ -41,7 +41,7 @@ def graph_views(window: MainWindow, figures: dict[str, float | str | None]) -> I
         return
     for layer in scene.overlays.layers:
         scene.overlays.set_shown(layer.name, layer.name in ("graph", "labels", "trajectory"))
-    scene.show_source(None)
+    scene.feed.show(None)
     scene.navigation.set_pose(cameras.overview(document.extent))
     plan.frame_everything()
     yield 0.3
@@ -131,7 +131,7 @@ def measure(settings: QSettings, edits: int = 120, viewpoints: int = 10_000, see
     run_event_loop(lambda: True, SETTLE)
     for layer in window.scene.overlays.layers:
         window.scene.overlays.set_shown(layer.name, True)
-    window.scene.show_overview()
+    window.scene.places.show_overview()
     plan.frame_everything()
     run_event_loop(lambda: True, SETTLE)
     rng = random.Random(seed)

@@ -9,17 +9,7 @@ from typing import Any
 
 from PySide6.QtCore import Qt, QTimer, Signal
 from PySide6.QtGui import QFontDatabase, QGuiApplication
-from PySide6.QtWidgets import (
-    QComboBox,
-    QDialogButtonBox,
-    QFrame,
-    QHBoxLayout,
-    QLineEdit,
-    QListWidget,
-    QPushButton,
-    QVBoxLayout,
-    QWidget,
-)
+from PySide6.QtWidgets import QComboBox, QDialogButtonBox, QFrame, QHBoxLayout, QLineEdit, QListWidget, QWidget
 
 from nvsim.cli.options import command_of
 from nvsim.errors import InputError
@@ -35,10 +25,11 @@ from nvsim_app.forms.fields import (
     validate,
 )
 from nvsim_app.forms.rows import OptionRow
+from nvsim_app.look.boxes import STRETCH, hbox, vbox
 from nvsim_app.look.labels import InkLabel, Label
 from nvsim_app.look.plain_text import SENTENCE, plain
 from nvsim_app.look.theme import type_font
-from nvsim_app.look.widgets import Dialog, DialogButtons, Scrolling
+from nvsim_app.look.widgets import Dialog, DialogButtons, Scrolling, named, push_button
 
 GENERAL = "General"
 TYPING = 250  # milliseconds after the last key press until the values are validated
@@ -90,20 +81,15 @@ class CommandForm(Dialog):
 
     def _build(self, title: str, start_text: str) -> None:
         about = (command_of(self.verb).__doc__ or "").split("\n\n")[0]
-        intro = Label(" ".join(about.split()), self)
-        intro.setWordWrap(True)
-        self.replaces = Label(self._replaced(), self)
-        self.replaces.setWordWrap(True)
+        intro = Label(" ".join(about.split()), self, wordWrap=True)
+        self.replaces = Label(self._replaced(), self, wordWrap=True)
         self.replaces.setVisible(bool(self.replaces.text()))
-        self.presets = QComboBox(self)
-        self.presets.setAccessibleName("Preset")
+        self.presets = named(QComboBox(self), "Preset")
         self.presets.addItems(presets_of(self.verb))
         self.presets.setCurrentText(self._settings.preset(self.verb))
         self.presets.currentTextChanged.connect(self._on_preset)
-        self.search = QLineEdit(self)
+        self.search = QLineEdit(self, placeholderText="Find a setting", clearButtonEnabled=True)
         self.search.setAccessibleName("Find an option")
-        self.search.setPlaceholderText("Find a setting")
-        self.search.setClearButtonEnabled(True)
         self.search.textChanged.connect(self._filter)
         self.presets.setVisible(self.presets.count() > 0)
         above = QHBoxLayout()
@@ -112,38 +98,27 @@ class CommandForm(Dialog):
             above.addWidget(self.presets)
             above.addSpacing(12)
         above.addWidget(self.search, 1)
-        self.list = QListWidget(self)
-        self.list.setAccessibleName("Groups of options")
+        self.list = named(QListWidget(self), "Groups of options")
         self.list.setFixedWidth(150)
         self.list.setFrameShape(QFrame.Shape.NoFrame)
         self.list.setSpacing(4)
         self.list.currentTextChanged.connect(self._go_to_section)
         self._page = QWidget(self)
-        self._column = QVBoxLayout(self._page)
-        self._column.setContentsMargins(8, 8, 8, 8)
-        self._column.addStretch(1)
-        self.area = Scrolling(self._page, self)
-        self.area.setAccessibleName("Options")
+        self._column = vbox(STRETCH, on=self._page, margins=8)
+        self.area = named(Scrolling(self._page, self), "Options")
         self.area.setFrameShape(QFrame.Shape.StyledPanel)
         self.area.setHorizontalScrollBarPolicy(Qt.ScrollBarPolicy.ScrollBarAlwaysOff)
-        self._middle = QHBoxLayout()
-        self._middle.addWidget(self.list)
-        self._middle.addWidget(self.area, 1)
+        self._middle = hbox(self.list, (self.area, 1))
         self.problem = InkLabel("blocked", self)
         self.problem.setWordWrap(True)
         self.problem.hide()
         self._command_line = ""
-        self.command = QLineEdit(self)
-        self.command.setAccessibleName("Command")
-        self.command.setReadOnly(True)
+        self.command = named(QLineEdit(self, readOnly=True), "Command", "The command for a terminal")
         self.command.setFont(QFontDatabase.systemFont(QFontDatabase.SystemFont.FixedFont))
-        self.command.setToolTip("The command for a terminal")
-        copy = QPushButton("Copy", self)
-        copy.setAutoDefault(False)
-        copy.clicked.connect(lambda: QGuiApplication.clipboard().setText(self._command_line))
-        line = QHBoxLayout()
-        line.addWidget(self.command, 1)
-        line.addWidget(copy)
+        copy = push_button(
+            "Copy", self, lambda: QGuiApplication.clipboard().setText(self._command_line), autoDefault=False
+        )
+        line = hbox((self.command, 1), copy)
         buttons = DialogButtons(self)
         self.start_button = buttons.addButton(start_text, QDialogButtonBox.ButtonRole.AcceptRole)
         self.keep_button = buttons.addButton("Save settings", QDialogButtonBox.ButtonRole.ActionRole)
@@ -153,14 +128,7 @@ class CommandForm(Dialog):
         self.reset_button.clicked.connect(self.reset)
         buttons.accepted.connect(self._start)
         buttons.rejected.connect(self.reject)
-        layout = QVBoxLayout(self)
-        layout.addWidget(intro)
-        layout.addWidget(self.replaces)
-        layout.addLayout(above)
-        layout.addLayout(self._middle, 1)
-        layout.addWidget(self.problem)
-        layout.addLayout(line)
-        layout.addWidget(buttons)
+        vbox(intro, self.replaces, above, (self._middle, 1), self.problem, line, buttons, on=self)
 
     def _replaced(self) -> str:
         """The sentence of the command about the results that it replaces; "" if it replaces none."""
@@ -194,8 +162,7 @@ class CommandForm(Dialog):
         title = next(iter(self._waiting))
         fields = self._waiting.pop(title)
         if self.list.isVisibleTo(self):
-            heading = Label(title, self._page)
-            heading.setFont(type_font(bold=True))
+            heading = Label(title, self._page, font=type_font(bold=True))
             heading.setContentsMargins(0, 8, 0, 4)
             self._headings[title] = heading
             self._column.insertWidget(self._column.count() - 1, heading)

@@ -17,7 +17,6 @@ from PySide6.QtWidgets import (
     QHBoxLayout,
     QLineEdit,
     QSizePolicy,
-    QToolButton,
     QWidget,
 )
 
@@ -26,6 +25,7 @@ from nvsim_app.forms.fields import Field
 from nvsim_app.look.labels import Label
 from nvsim_app.look.plain_text import tooltip_text
 from nvsim_app.look.theme import type_font
+from nvsim_app.look.widgets import tool_button
 
 _NOWHERE = object()
 _CODE = re.compile(r"`(?!nvsim )([^`]*)`")  # names in the help; `in_window` replaces commands
@@ -41,19 +41,15 @@ class OptionRow(QWidget):
         self.field = field
         self.editor = editor_of(field, self)
         self.editor.show_value(field.default)
-        self._name = Label(field.name, self)
+        self._name = Label(field.name, self, minimumWidth=150)
         self._name.setBuddy(self.editor)
-        self._name.setMinimumWidth(150)
         self._origin = Label(self)
         quiet = self._origin.palette().ColorRole.PlaceholderText
         self._origin.setForegroundRole(quiet)
         self._origin.setMinimumWidth(190)
         self._origin.setWordWrap(True)
         self._paper = "" if paper is _NOWHERE else f"paper {value_text(paper)}"
-        self.reset_button = QToolButton(self)
-        self.reset_button.setText("↺")
-        self.reset_button.setAutoRaise(True)
-        self.reset_button.clicked.connect(self.reset)
+        self.reset_button = tool_button("↺", self, self.reset, autoRaise=True)
         policy = self.reset_button.sizePolicy()
         policy.setRetainSizeWhenHidden(True)
         self.reset_button.setSizePolicy(policy)
@@ -67,10 +63,8 @@ class OptionRow(QWidget):
         grid.addWidget(self.reset_button, 0, 3)
         grid.setColumnStretch(1, 1)
         if field.help:
-            help = Label(_CODE.sub("“\\1”", field.help), self)
-            help.setWordWrap(True)
+            help = Label(_CODE.sub("“\\1”", field.help), self, wordWrap=True, selectable=True)
             help.setForegroundRole(quiet)
-            help.setTextInteractionFlags(Qt.TextInteractionFlag.TextSelectableByMouse)
             help.setMinimumWidth(380)  # without it, the label's height is computed for a narrow column
             help.setContentsMargins(0, 0, 0, 4)
             grid.addWidget(help, 1, 0, 1, 4)
@@ -226,14 +220,10 @@ class LineEditor(Editor):
             self.line.setAlignment(Qt.AlignmentFlag.AlignRight)
             self._row.addWidget(self.line)
         if field.kind == "path":
-            button = QToolButton(self)
-            button.setText("Browse…")
-            button.setToolTip("Select a path")
-            button.clicked.connect(self._browse)
+            button = tool_button("Browse…", self, self._browse, "Select a path")
             self._row.addWidget(button)
         elif field.kind not in self.WIDE:
-            unit = Label(field.unit, self)
-            unit.setForegroundRole(unit.palette().ColorRole.PlaceholderText)
+            unit = Label(field.unit, self, quiet=True)
             self._row.addWidget(unit)
             self._row.addStretch(1)
         self.line.textChanged.connect(lambda _: self.changed.emit())

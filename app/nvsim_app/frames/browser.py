@@ -16,9 +16,8 @@ from nvsim_app.frames.correction import Box
 from nvsim_app.frames.corrector import Candidates, Corrector
 from nvsim_app.frames.frame_data import Failure, FrameData, FrameRender, Reader
 from nvsim_app.frames.layers import CANDIDATES, OF_DEPTH, OF_MASK, FrameLayer, standard_layers
-from nvsim_app.frames.model import frame_words
 from nvsim_app.frames.page import FramePage
-from nvsim_app.frames.state import FrameState
+from nvsim_app.frames.state import FrameState, frame_words
 from nvsim_app.layers.capture import FrameMaskLayer
 from nvsim_app.look.notices import Notices
 from nvsim_app.look.plain_text import escape_html, plain
@@ -148,7 +147,7 @@ class FrameBrowser(QObject):
         """Writes pending corrections and ends the thread and the process. The page must not be used afterwards."""
         self.corrector.close()
         self._reader.stop()
-        self.candidates.stop_process()
+        self.candidates.link.stop_process()
 
     # The frame on the page --------------------------------------------------------------------------------------
 
@@ -229,9 +228,9 @@ class FrameBrowser(QObject):
         if self.matter is None or not self.is_open or not found or self._document.contents.scene_stamp is None:
             return
         # A difference compares colors, regardless of the channel of the 3D view.
-        channel = "rgb" if canvas.mode == "difference" else self._scene.channel
+        channel = "rgb" if canvas.mode == "difference" else self._scene.feed.channel
         self.render.ask(self.matter, found[0].scale * canvas.devicePixelRatioF(), channel)
-        canvas.render_note = "" if self._scene.link.ready else self._scene.note
+        canvas.render_note = "" if self._scene.link.ready else self._scene.feed.note
 
     # The candidates ---------------------------------------------------------------------------------------------
 

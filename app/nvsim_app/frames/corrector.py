@@ -275,10 +275,6 @@ class Candidates(QObject):
         self._corrector.set_normals(steps)
         self.changed.emit()
 
-    def stop_process(self) -> None:
-        """Ends the process."""
-        self.link.stop_process()
-
     def _on_failed(self, what: str, index: int, sentence: str) -> None:
         self._notices.warning(sentence)
         if what == "prompt" or index == -1:

@@ -226,7 +226,7 @@ class FrameRender(QObject):
         size = max(1, round(width * min(1.0, scale))), max(1, round(height * min(1.0, scale)))
         camera, scene = matter.frame.camera.scaled(*size), self._scene
         number = next(self._numbers)
-        scene.link.ask(Request(number, camera, channel, False, scene.renderer, _VIEW, values=True))
+        scene.link.ask(Request(number, camera, channel, False, scene.feed.renderer, _VIEW, values=True))
 
     def _on_picture(self, picture: Picture) -> None:
         if picture.request.view != _VIEW or self._matter is None:

@@ -4,24 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 
-from PySide6.QtCore import QEvent, Qt, Signal
+from PySide6.QtCore import QEvent, QSignalBlocker, Qt, Signal
 from PySide6.QtGui import QAction, QKeyEvent
-from PySide6.QtWidgets import (
-    QHBoxLayout,
-    QSizePolicy,
-    QSlider,
-    QToolBar,
-    QToolButton,
-    QVBoxLayout,
-    QWidget,
-)
+from PySide6.QtWidgets import QSizePolicy, QSlider, QToolBar, QToolButton, QWidget
 
 from nvsim_app.frames.canvas import Canvas
 from nvsim_app.frames.layers import FrameLayer, LayerList
+from nvsim_app.look.boxes import hbox, vbox
 from nvsim_app.look.icons import icon
 from nvsim_app.look.labels import Label, MarkedLabel
-from nvsim_app.look.plain_text import tooltip_text
-from nvsim_app.look.widgets import Scrolling
+from nvsim_app.look.widgets import Scrolling, named
 
 _BRUSH = 100  # steps of the size slider
 _CONTROL = Qt.KeyboardModifier.ControlModifier
@@ -40,59 +32,31 @@ class FramePage(QWidget):
     sizeChanged = Signal(float)
     keyed = Signal(str)
 
-    def __init__(self, layers: tuple[FrameLayer, ...], parent: QWidget | None = None) -> None:
-        super().__init__(parent)
+    def __init__(self, layers: tuple[FrameLayer, ...]) -> None:
+        super().__init__()
         self.brushing = False  # whether [ and ] change the size of the brush
-        self.canvas = Canvas(layers, self)
-        self.canvas.setAccessibleName("Frame beside its render")
+        self.canvas = named(Canvas(layers, self), "Frame beside its render")
         self.layers = LayerList(layers, self)
         self.layers.changed.connect(lambda _: self.canvas.update())
         self.title = MarkedLabel(self)
         self.title.setSizePolicy(QSizePolicy.Policy.Ignored, QSizePolicy.Policy.Preferred)
-        self.hint = Label(self)
-        self.hint.setWordWrap(True)
-        self.hint.setForegroundRole(self.hint.palette().ColorRole.PlaceholderText)
+        self.hint = Label(self, wordWrap=True, quiet=True)
         self.hint.setSizePolicy(QSizePolicy.Policy.Ignored, QSizePolicy.Policy.Preferred)
         self.gain = _slider(self, 10, 200, 30, "Gain of the difference")
         self.gain.valueChanged.connect(lambda value: self.gainChanged.emit(value / 10))
         self.brush_size = _slider(self, 0, _BRUSH, 40, "Size of the brush ([ and ], or the wheel)")
         self.brush_size.valueChanged.connect(lambda value: self.sizeChanged.emit(value / _BRUSH))
         self._gain_words, self._size_words = Label("Gain", self), Label("Size", self)
-        self._first, self._second = QHBoxLayout(), QHBoxLayout()
-        for bar in (self._first, self._second):
-            bar.setContentsMargins(8, 4, 8, 0)
-            bar.setSpacing(4)
         # Tool bars move buttons without enough space into a menu, so that the page does not make the window wider.
         self._back, self._modes, self._tools = (_bar(self, name) for name in ("back", "modes", "tools"))
-        self._first.addWidget(self._back)
-        self._first.addSpacing(10)
         self.title.setSizePolicy(QSizePolicy.Policy.Ignored, QSizePolicy.Policy.Preferred)
-        self._first.addWidget(self.title, 1)
-        for words, slider in ((self._gain_words, self.gain), (self._size_words, self.brush_size)):
-            self._first.addSpacing(8)
-            self._first.addWidget(words)
-            self._first.addWidget(slider)
-        self._second.addWidget(self._modes, 10)
-        self._second.addWidget(self._tools, 9)
-        side = QVBoxLayout()
-        side.setContentsMargins(8, 8, 8, 8)
-        side.setSpacing(8)
-        side.addWidget(MarkedLabel("<b>Layers</b>", self))
-        side.addWidget(Scrolling(self.layers, self), 1)
-        middle = QHBoxLayout()
-        middle.setSpacing(0)
-        middle.addWidget(self.canvas, 1)
-        middle.addLayout(side)
-        low = QHBoxLayout()
-        low.setContentsMargins(8, 4, 8, 4)
-        low.addWidget(self.hint)
-        layout = QVBoxLayout(self)
-        layout.setContentsMargins(0, 0, 0, 0)
-        layout.setSpacing(4)
-        layout.addLayout(self._first)
-        layout.addLayout(self._second)
-        layout.addLayout(middle, 1)
-        layout.addLayout(low)
+        sliders: tuple[QWidget | int, ...] = 8, self._gain_words, self.gain, 8, self._size_words, self.brush_size
+        first = hbox(self._back, 10, (self.title, 1), *sliders, margins=(8, 4, 8, 0), spacing=4)
+        second = hbox((self._modes, 10), (self._tools, 9), margins=(8, 4, 8, 0), spacing=4)
+        side = vbox(MarkedLabel("<b>Layers</b>", self), (Scrolling(self.layers, self), 1), margins=8, spacing=8)
+        middle = hbox((self.canvas, 1), side, spacing=0)
+        low = hbox(self.hint, margins=(8, 4, 8, 4))
+        vbox(first, second, (middle, 1), low, on=self, margins=0, spacing=4)
         self.show_mode("wipe")
         self.show_brush(None)
         self._apply_palette()
@@ -118,9 +82,8 @@ class FramePage(QWidget):
         for widget in (self._size_words, self.brush_size):
             widget.setVisible(share is not None)
         if share is not None:
-            blocked = self.brush_size.blockSignals(True)
-            self.brush_size.setValue(round(share * _BRUSH))
-            self.brush_size.blockSignals(blocked)
+            with QSignalBlocker(self.brush_size):
+                self.brush_size.setValue(round(share * _BRUSH))
 
     def changeEvent(self, event: QEvent) -> None:
         if event.type() == QEvent.Type.PaletteChange:
@@ -172,9 +135,8 @@ class FramePage(QWidget):
 
 
 def _bar(parent: QWidget, name: str) -> QToolBar:
-    bar = QToolBar(parent)
+    bar = QToolBar(parent, toolButtonStyle=Qt.ToolButtonStyle.ToolButtonTextOnly)
     bar.setObjectName(f"frame_{name}")
-    bar.setToolButtonStyle(Qt.ToolButtonStyle.ToolButtonTextOnly)
     bar.setFocusPolicy(Qt.FocusPolicy.NoFocus)
     layout = bar.layout()
     assert layout is not None, "a tool bar has one"
@@ -185,11 +147,9 @@ def _bar(parent: QWidget, name: str) -> QToolBar:
 
 
 def _slider(parent: QWidget, low: int, high: int, value: int, words: str) -> QSlider:
-    slider = QSlider(Qt.Orientation.Horizontal, parent)
+    slider = named(QSlider(Qt.Orientation.Horizontal, parent), words, words)
     slider.setRange(low, high)
     slider.setValue(value)
-    slider.setToolTip(tooltip_text(words))
-    slider.setAccessibleName(words)
     slider.setFixedWidth(110)
     slider.setFocusPolicy(Qt.FocusPolicy.TabFocus)  # a click leaves the keyboard focus with the page
     return slider

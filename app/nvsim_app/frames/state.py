@@ -149,3 +149,28 @@ class FrameState(QObject):
     def _all_changed(self) -> None:
         capture = self._document.contents.capture
         self.changed.emit(0, max(0, len(capture.frames) - 1) if capture is not None else 0)
+
+
+def mask_words(state: FrameState, frame: int) -> str:
+    """The floor share of a frame as text, for example "23 % floor"."""
+    share = state.coverage.get(frame)
+    if share is not None:
+        return f"{100 * share:.0f} % floor"
+    return "reading masks…" if state.reading else "no mask yet"
+
+
+def coverage_words(state: FrameState, frame: int) -> str:
+    """The floor share of a frame as text, for example "23 % floor, corrected by hand"."""
+    words = mask_words(state, frame)
+    return f"{words}, corrected by hand" if frame in state.corrected else words
+
+
+def frame_words(state: FrameState, frame: int) -> str:
+    """The state of a frame as text, for example "23 % floor, held out: PSNR 24.1 dB, SSIM 0.83"."""
+    words = coverage_words(state, frame)
+    if frame not in state.held_out:
+        return words
+    score = state.score(frame)
+    if score is None:
+        return f"{words}, held out of training"
+    return f"{words}, held out: {score.words}{' of earlier models' if state.outdated else ''}"

@@ -4,17 +4,7 @@ from __future__ import annotations
 
 from PySide6.QtCore import QEvent, QModelIndex, QPointF, QRectF, QSize, Qt, Signal
 from PySide6.QtGui import QColor, QPainter, QPaintEvent, QPen, QResizeEvent
-from PySide6.QtWidgets import (
-    QBoxLayout,
-    QButtonGroup,
-    QCheckBox,
-    QFrame,
-    QScrollArea,
-    QSizePolicy,
-    QToolButton,
-    QVBoxLayout,
-    QWidget,
-)
+from PySide6.QtWidgets import QBoxLayout, QButtonGroup, QCheckBox, QFrame, QScrollArea, QSizePolicy, QWidget
 
 from nvsim.mapping.explanation.explain import CriterionResult, Explanation
 from nvsim.plain_text import capitalized
@@ -22,11 +12,13 @@ from nvsim_app.inspector.panorama_view import PanoramaView
 from nvsim_app.inspector.panoramas import Panoramas
 from nvsim_app.inspector.state import Inspection
 from nvsim_app.look import colors
+from nvsim_app.look.boxes import vbox
 from nvsim_app.look.icons import swatch
 from nvsim_app.look.labels import Label, WrappingRow
 from nvsim_app.look.plain_text import tooltip_text
 from nvsim_app.look.table import Column, TableModel, TableView, table
 from nvsim_app.look.theme import type_font
+from nvsim_app.look.widgets import named, tool_button
 from nvsim_app.state.directions import Direction, two_decimals
 
 _ROW = 21  # pixels
@@ -156,39 +148,29 @@ class InspectorPanel(QScrollArea):
 
     chosen = Signal(object)
 
-    def __init__(self, inspection: Inspection, panoramas: Panoramas, parent: QWidget | None = None) -> None:
-        super().__init__(parent)
-        self.setWidgetResizable(True)
+    def __init__(self, inspection: Inspection, panoramas: Panoramas) -> None:
+        super().__init__(widgetResizable=True)
         self.setFrameShape(QFrame.Shape.NoFrame)
         self.setHorizontalScrollBarPolicy(Qt.ScrollBarPolicy.ScrollBarAlwaysOff)
         self._inspection = inspection
         content = QWidget(self)
         self.view = PanoramaView(inspection, panoramas, content)
         self.view.chosen.connect(self.chosen)
-        self.sentence = Label(content)
-        self.sentence.setWordWrap(True)
-        self.sentence.setTextInteractionFlags(Qt.TextInteractionFlag.TextSelectableByMouse)
+        self.sentence = Label(
+            content, wordWrap=True, selectable=True, alignment=Qt.AlignmentFlag.AlignTop | Qt.AlignmentFlag.AlignLeft
+        )
         self.sentence.setMinimumHeight(2 * self.sentence.fontMetrics().lineSpacing())
-        self.sentence.setAlignment(Qt.AlignmentFlag.AlignTop | Qt.AlignmentFlag.AlignLeft)
         self.bars = MeasureBars(content)
         self.model: TableModel[Direction] = TableModel(
             _COLUMNS, self, lambda direction: direction.key, lambda direction: direction.sentence, dense=True
         )
         self.list = self._list(content)
-        beside = QVBoxLayout()
-        beside.setSpacing(8)
-        beside.addWidget(self.sentence)
-        beside.addWidget(self.list, 1)
-        beside.addWidget(self.bars)
+        beside = vbox(self.sentence, (self.list, 1), self.bars, spacing=8)
         self._halves = QBoxLayout(QBoxLayout.Direction.TopToBottom)
         self._halves.setSpacing(8)
         self._halves.addWidget(self.view, 3)
         self._halves.addLayout(beside, 2)
-        layout = QVBoxLayout(content)
-        layout.setContentsMargins(8, 8, 8, 8)
-        layout.setSpacing(8)
-        layout.addLayout(self._head(content))
-        layout.addLayout(self._halves, 1)
+        vbox(self._head(content), (self._halves, 1), on=content, margins=8, spacing=8)
         self.setWidget(content)
         inspection.changed.connect(self._fill)
         inspection.pointed.connect(self._show_pointed)
@@ -196,26 +178,22 @@ class InspectorPanel(QScrollArea):
 
     def _head(self, parent: QWidget) -> WrappingRow:
         row = WrappingRow()
-        self.title = Label(parent)
-        self.title.setFont(type_font(bold=True))
+        self.title = Label(parent, font=type_font(bold=True))
         self.title.setMinimumWidth(self.title.fontMetrics().horizontalAdvance("dddddd") + 6)
         row.addWidget(self.title)
         self.channels = QButtonGroup(self)
         for i, (channel, text) in enumerate(CHANNELS.items()):
-            button = QToolButton(parent)
-            button.setText(text)
-            button.setCheckable(True)
-            button.setAutoRaise(True)
+            tip = f"Show {text.lower()} in the panorama"
+            button = tool_button(
+                text, parent, tip=tip, checkable=True, autoRaise=True, objectName=f"panorama_{channel}"
+            )
             button.setChecked(channel == "rgb")
-            button.setToolTip(tooltip_text(f"Show {text.lower()} in the panorama"))
-            button.setObjectName(f"panorama_{channel}")
             button.setProperty("channel", channel)
             self.channels.addButton(button, i)
             row.addWidget(button)
         self.channels.buttonClicked.connect(lambda button: self.view.set_channel(button.property("channel")))
-        self.regions = QCheckBox("Regions", parent)
+        self.regions = named(QCheckBox("Regions", parent), tip="Show the regions of interest of the eight directions")
         self.regions.setChecked(True)
-        self.regions.setToolTip("Show the regions of interest of the eight directions")
         self.regions.toggled.connect(self.view.show_regions)
         row.addWidget(self.regions)
         return row

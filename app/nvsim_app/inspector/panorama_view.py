@@ -8,17 +8,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 from PySide6.QtCore import QEvent, QPointF, QRectF, QSize, Qt, Signal
-from PySide6.QtGui import (
-    QColor,
-    QImage,
-    QMouseEvent,
-    QPainter,
-    QPaintEvent,
-    QPen,
-    QPolygonF,
-    QResizeEvent,
-    QWheelEvent,
-)
+from PySide6.QtGui import QColor, QImage, QMouseEvent, QPainter, QPaintEvent, QPen, QPolygonF, QResizeEvent, QWheelEvent
 from PySide6.QtWidgets import QSizePolicy, QWidget
 
 from nvsim_app.inspector.panoramas import Panoramas
@@ -50,12 +40,10 @@ class PanoramaView(QWidget):
     walked = Signal(str)
 
     def __init__(self, inspection: Inspection, panoramas: Panoramas, parent: QWidget | None = None) -> None:
-        super().__init__(parent)
+        super().__init__(parent, mouseTracking=True, accessibleName="Panorama of the selected viewpoint")
         self.setObjectName("panoramaView")
-        self.setMouseTracking(True)
         self.setMinimumSize(220, 80)
         self.setSizePolicy(QSizePolicy.Policy.Expanding, QSizePolicy.Policy.Expanding)
-        self.setAccessibleName("Panorama of the selected viewpoint")
         self._inspection, self._panoramas = inspection, panoramas
         self.neighbours = NeighbourMarks(inspection)
         self.channel = "rgb"

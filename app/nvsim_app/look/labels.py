@@ -38,12 +38,21 @@ class Label(QLabel):
         self,
         words: str | QWidget | None = "",
         parent: QWidget | None = None,
+        quiet: bool = False,
+        selectable: bool = False,
         **options: Any,  # Any: Qt properties of different types
     ) -> None:
-        """The arguments of QLabel: text and parent, or only the parent."""
+        """The arguments of QLabel: text and parent, or only the parent.
+
+        A `quiet` label has the color of placeholders. The mouse can select the text of a `selectable` label.
+        """
         own = words if isinstance(words, str) else ""
         super().__init__(parent if isinstance(words, str) else words, **options)
         self.setTextFormat(Qt.TextFormat.PlainText)
+        if quiet:
+            self.setForegroundRole(QPalette.ColorRole.PlaceholderText)
+        if selectable:
+            self.setTextInteractionFlags(Qt.TextInteractionFlag.TextSelectableByMouse)
         if own:
             self.setText(own)
 
@@ -118,13 +127,10 @@ class Hint(Label):
     """
 
     def __init__(self, area: QAbstractScrollArea, words: Callable[[], str]) -> None:
-        super().__init__(area.viewport())
+        super().__init__(area.viewport(), quiet=True, wordWrap=True, alignment=Qt.AlignmentFlag.AlignCenter)
         self._under = area.viewport()
         self._words = words
         self.setObjectName("hint")
-        self.setWordWrap(True)
-        self.setAlignment(Qt.AlignmentFlag.AlignCenter)
-        self.setForegroundRole(self.palette().ColorRole.PlaceholderText)
         self.setAttribute(Qt.WidgetAttribute.WA_TransparentForMouseEvents)
         area.viewport().installEventFilter(self)
         self.refresh()
@@ -154,10 +160,12 @@ class Hint(Label):
 class WrappingRow(QLayout):
     """A layout that places widgets from left to right, and wraps to the next line. Hidden widgets take no space."""
 
-    def __init__(self, parent: QWidget | None = None, spacing: int = 4) -> None:
-        super().__init__(parent)
+    def __init__(self, *widgets: QWidget, on: QWidget | None = None, spacing: int = 4) -> None:
+        super().__init__(on)
         self._items: list[QLayoutItem] = []
         self.setSpacing(spacing)
+        for widget in widgets:
+            self.addWidget(widget)
 
     def addItem(self, item: QLayoutItem) -> None:
         self._items.append(item)

@@ -14,13 +14,15 @@ from typing import Literal
 
 from PySide6.QtCore import QEvent, QObject, Qt, QTimer, Signal
 from PySide6.QtGui import QColor, QEnterEvent, QPainter, QPaintEvent
-from PySide6.QtWidgets import QFrame, QHBoxLayout, QToolButton, QVBoxLayout, QWidget
+from PySide6.QtWidgets import QFrame, QVBoxLayout, QWidget
 
 from nvsim.errors import InputError
 from nvsim_app.look import colors
+from nvsim_app.look.boxes import hbox, vbox
 from nvsim_app.look.labels import Label
 from nvsim_app.look.plain_text import lines
 from nvsim_app.look.theme import GRID
+from nvsim_app.look.widgets import tool_button
 
 Severity = Literal["log", "info", "warning", "error"]
 SECONDS: dict[Severity, float] = {"info": 6.0, "warning": 12.0, "error": 40.0}
@@ -94,29 +96,13 @@ class _NoticeCard(QFrame):
         self._timer.timeout.connect(close)
         self._timer.setInterval(int(1000 * SECONDS[notice.severity]))
         self._timer.start()
-        self._label = Label(self)
-        self._label.setText(self._words)
-        self._label.setWordWrap(True)
-        self._label.setTextInteractionFlags(Qt.TextInteractionFlag.TextSelectableByMouse)
-        button = QToolButton(self)
-        button.setText("×")
-        button.setAutoRaise(True)
-        button.setToolTip("Close this notice")
-        button.clicked.connect(close)
-        layout = QHBoxLayout(self)
-        layout.setContentsMargins(16, 8, 8, 8)
-        words = QVBoxLayout()
-        words.setSpacing(4)
-        words.addWidget(self._label)
+        self._label = Label(self, text=self._words, wordWrap=True, selectable=True)
+        button = tool_button("×", self, close, "Close this notice", autoRaise=True)
+        words = vbox(self._label, spacing=4)
         if notice.detail:
-            more = QToolButton(self)
-            more.setText("Details in the log")
-            more.setAutoRaise(True)
-            more.setObjectName("noticeDetails")
-            more.clicked.connect(explain)
+            more = tool_button("Details in the log", self, explain, autoRaise=True, objectName="noticeDetails")
             words.addWidget(more, 0, Qt.AlignmentFlag.AlignLeft)
-        layout.addLayout(words, 1)
-        layout.addWidget(button, 0, Qt.AlignmentFlag.AlignTop)
+        hbox((words, 1), (button, 0, Qt.AlignmentFlag.AlignTop), on=self, margins=(16, 8, 8, 8))
 
     def enterEvent(self, event: QEnterEvent) -> None:
         self._timer.stop()

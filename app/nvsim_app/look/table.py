@@ -13,7 +13,7 @@ from typing import Any, Generic, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 from PySide6.QtCore import QAbstractItemModel, QAbstractTableModel, QModelIndex, QPersistentModelIndex, QSize, Qt
-from PySide6.QtGui import QColor, QResizeEvent
+from PySide6.QtGui import QColor, QFont, QResizeEvent
 from PySide6.QtWidgets import (
     QAbstractItemView,
     QHeaderView,
@@ -49,6 +49,7 @@ class Column(Generic[Row]):
     width     in pixels; 0 for the default of the view
     measured  whether the value is a length, so that the title names its unit
     ink       color of the text as #rrggbb, "" for the normal one
+    font      font of the text, None for the normal one
     icon      image beside the text
     optional  hidden if the table is too narrow for all columns; the last optional column first
     """
@@ -62,6 +63,7 @@ class Column(Generic[Row]):
     width: int = 0
     measured: bool = False
     ink: Callable[[Row], str] | None = None
+    font: Callable[[Row], QFont | None] | None = None
     icon: Callable[[Row], Any] | None = None
     optional: bool = False
 
@@ -75,7 +77,7 @@ class TableModel(QAbstractTableModel, Generic[Row]):
 
     key      what identifies a row: while the keys stay the same, rows are updated in place
     about    tooltip of a row
-    in_place whether rows are inserted and removed one by one, so that the others keep their widgets; for short tables
+    in_place whether rows are inserted and removed one by one, so that the others keep their widgets
     dense    whether rows are low and columns narrow, for a short list in a side panel
     """
 
@@ -131,17 +133,18 @@ class TableModel(QAbstractTableModel, Generic[Row]):
         before, after = [*map(self._key, self.rows)], [self._key(rows[i]) for i in order.tolist()]
         if not self._in_place or before == after:
             return before == after
-        if [key for key in before if key in after] != [key for key in after if key in before]:
+        old, new = set(before), set(after)
+        if [key for key in before if key in new] != [key for key in after if key in old]:
             return False  # the order of the common rows has changed
         self._place_of = None
         for place in reversed(range(len(before))):
-            if before[place] not in after:
+            if before[place] not in new:
                 self.beginRemoveRows(_ROOT, place, place)
                 self._order = np.delete(self._order, place)
                 self.endRemoveRows()
-        self._all, self._order = rows, order[[key in before for key in after]]
+        self._all, self._order = rows, order[[key in old for key in after]]
         for place, key in enumerate(after):
-            if key not in before:
+            if key not in old:
                 self.beginInsertRows(_ROOT, place, place)
                 self._order = np.insert(self._order, place, order[place])
                 self.endInsertRows()
@@ -227,6 +230,8 @@ class TableModel(QAbstractTableModel, Generic[Row]):
             return tooltip_text((column.about or self._about)(row)) or None
         if role == Qt.ItemDataRole.ForegroundRole and column.ink is not None and (ink := column.ink(row)):
             return QColor(ink)
+        if role == Qt.ItemDataRole.FontRole and column.font is not None:
+            return column.font(row)
         if role == Qt.ItemDataRole.DecorationRole and column.icon is not None:
             return column.icon(row)
         return None

@@ -3,6 +3,8 @@ status bar, and frames around widgets."""
 
 from __future__ import annotations
 
+from typing import Any, TypeVar
+
 from PySide6.QtCore import QEvent, QObject, QRect, QRectF, QSize, Qt
 from PySide6.QtGui import QIcon, QPainter, QPaintEvent, QPen, QRegion, QShowEvent, QValidator, QWheelEvent
 from PySide6.QtWidgets import (
@@ -22,9 +24,11 @@ from PySide6.QtWidgets import (
     QLineEdit,
     QMainWindow,
     QMenuBar,
+    QPushButton,
     QScrollArea,
     QStatusBar,
     QTabBar,
+    QToolButton,
     QWidget,
 )
 from shiboken6 import isValid
@@ -33,6 +37,7 @@ from nvsim_app.look.labels import Label
 from nvsim_app.look.plain_text import tooltip_text
 from nvsim_app.look.theme import GRID, HALF, type_font
 
+AnyWidget = TypeVar("AnyWidget", bound=QWidget)
 _RIM = QSize(20, 50)  # pixels that the frame of a window manager may take
 
 
@@ -57,6 +62,35 @@ class DialogButtons(QDialogButtonBox):
         for button in self.buttons():
             button.setIcon(QIcon())
         super().showEvent(event)
+
+
+def named(widget: AnyWidget, name: str = "", tip: str = "") -> AnyWidget:
+    """The widget, after giving it a name for screen readers and a tooltip; "" keeps its own."""
+    if name:
+        widget.setAccessibleName(name)
+    if tip:
+        widget.setToolTip(tooltip_text(tip))
+    return widget
+
+
+def push_button(text: str, parent: QWidget | None, clicked: object, tip: str = "", **properties: Any) -> QPushButton:
+    """A button. `clicked` is a function or a signal, and `properties` are Qt properties."""
+    button = QPushButton(text, parent, **properties)
+    button.setToolTip(tooltip_text(tip))
+    button.clicked.connect(clicked)
+    return button
+
+
+def tool_button(
+    text: str, parent: QWidget | None, clicked: object = None, tip: str = "", **properties: Any
+) -> QToolButton:
+    """A small button, without a function if it opens a menu. Otherwise like `push_button`."""
+    button = QToolButton(parent, **properties)
+    button.setText(text)
+    button.setToolTip(tooltip_text(tip))
+    if clicked is not None:
+        button.clicked.connect(clicked)
+    return button
 
 
 def show_and_focus(window: QWidget) -> None:
@@ -99,8 +133,7 @@ class Scrolling(QScrollArea):
     """A scroll area around `inner`. Scroll bars appear if `inner` needs more space than available."""
 
     def __init__(self, inner: QWidget, parent: QWidget | None = None) -> None:
-        super().__init__(parent)
-        self.setWidgetResizable(True)
+        super().__init__(parent, widgetResizable=True)
         self.setFrameShape(QFrame.Shape.NoFrame)
         self.setFocusPolicy(Qt.FocusPolicy.NoFocus)  # Tab moves to the widgets in it
         self._inner = inner
@@ -211,13 +244,10 @@ class NumberBox(QDoubleSpinBox):
         suffix: str = "",
         parent: QWidget | None = None,
     ) -> None:
-        super().__init__(parent)
+        super().__init__(parent, decimals=decimals, singleStep=step, suffix=suffix)
         self.setAccessibleName(name)
         self.setKeyboardTracking(False)
-        self.setDecimals(decimals)
         self.setRange(low, high)
-        self.setSingleStep(step)
-        self.setSuffix(suffix)
         self.setValue(value)
 
     def validate(self, text: str, place: int) -> tuple[QValidator.State, str, int]:

@@ -82,9 +82,6 @@ class AddEdgeMode(Mode):
         self.context.refresh()
         return was
 
-    def leave(self) -> None:
-        self.cancel()
-
     @property
     def _existing_start(self) -> str | None:
         """The first viewpoint, if it still exists."""
@@ -204,9 +201,6 @@ class AddViewpointMode(Mode):
         self._ghost = None
         self.context.refresh()
         return False
-
-    def leave(self) -> None:
-        self.cancel()
 
     def _joined(self) -> str | None:
         chosen = self.context.editing.selection.viewpoints

@@ -71,9 +71,6 @@ class MeasureMode(Mode):
         self.context.refresh()
         return was
 
-    def leave(self) -> None:
-        self.cancel()
-
     def _place(self, pointer: Pointer) -> tuple[float, float, float] | None:
         there = None if pointer.free else pointer.viewpoint
         if there is None:

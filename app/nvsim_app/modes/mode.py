@@ -82,6 +82,7 @@ class Mode:
 
     def leave(self) -> None:
         """Called when another mode becomes current. Drops unfinished actions."""
+        self.cancel()
 
     def cancel(self) -> bool:
         """Cancels the current action. Returns False if there is none."""

@@ -126,9 +126,6 @@ class SelectMode(Mode):
         self.context.refresh()
         return self._box.cancel() or was
 
-    def leave(self) -> None:
-        self.cancel()
-
     def hover(self, pointer: Pointer) -> bool:
         held = pointer.viewpoint or pointer.edge
         shape = Qt.CursorShape.PointingHandCursor if held is not None else Qt.CursorShape.ArrowCursor
@@ -171,19 +168,24 @@ class SelectMode(Mode):
             label(painter, self._now.point, f"move {what}{lengths.length(float(np.linalg.norm(self._offset)))}")
 
 
-class BoxMode(Mode):
-    """Selects the viewpoints and edges in a box."""
+class _ShapeMode(Mode):
+    """Selects the items inside a shape that is dragged."""
 
-    name = "box"
-    hint = "Drag a box to select its contents · Shift adds, Ctrl toggles · Esc returns to Select"
     cursor = Qt.CursorShape.CrossCursor
-    _box: tuple[GraphSurface, QRectF] | None = None
 
     def click(self, pointer: Pointer) -> bool:
         return select_at_pointer(self.context, pointer)
 
     def takes_drag(self, start: Pointer) -> bool:
         return True
+
+
+class BoxMode(_ShapeMode):
+    """Selects the viewpoints and edges in a box."""
+
+    name = "box"
+    hint = "Drag a box to select its contents · Shift adds, Ctrl toggles · Esc returns to Select"
+    _box: tuple[GraphSurface, QRectF] | None = None
 
     def drag(self, start: Pointer, now: Pointer) -> None:
         self._box = (start.surface, QRectF(start.point, now.point).normalized())
@@ -200,27 +202,18 @@ class BoxMode(Mode):
         self.context.refresh()
         return was
 
-    leave = cancel  # type: ignore[assignment]
-
     def paint(self, painter: QPainter, surface: GraphSurface) -> None:
         if self._box is not None and self._box[0] is surface:
             area(painter, self._box[1])
 
 
-class LassoMode(Mode):
+class LassoMode(_ShapeMode):
     """Selects the viewpoints and edges inside a freehand line."""
 
     name = "lasso"
     hint = "Draw a line around the items to select · Shift adds, Ctrl toggles · Esc returns to Select"
-    cursor = Qt.CursorShape.CrossCursor
     _surface: GraphSurface | None = None
     _way: tuple[QPointF, ...] = ()
-
-    def click(self, pointer: Pointer) -> bool:
-        return select_at_pointer(self.context, pointer)
-
-    def takes_drag(self, start: Pointer) -> bool:
-        return True
 
     def drag(self, start: Pointer, now: Pointer) -> None:
         if self._surface is None:
@@ -238,8 +231,6 @@ class LassoMode(Mode):
         was, self._surface, self._way = self._surface is not None, None, ()
         self.context.refresh()
         return was
-
-    leave = cancel  # type: ignore[assignment]
 
     def paint(self, painter: QPainter, surface: GraphSurface) -> None:
         if self._surface is surface and len(self._way) > 1:

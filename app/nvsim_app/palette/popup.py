@@ -14,13 +14,14 @@ from PySide6.QtWidgets import (
     QStyle,
     QStyledItemDelegate,
     QStyleOptionViewItem,
-    QVBoxLayout,
     QWidget,
 )
 
+from nvsim_app.look.boxes import vbox
 from nvsim_app.look.labels import Label
 from nvsim_app.look.plain_text import plain, tooltip_text
 from nvsim_app.look.theme import type_font
+from nvsim_app.look.widgets import named
 from nvsim_app.palette.entries import PaletteEntry
 
 _WIDTH, _ROWS = 560, 11
@@ -87,17 +88,15 @@ class PaletteView(QFrame):
         self.setAutoFillBackground(True)
         self._offer = offer
         self._before: QWidget | None = None
-        self.line = QLineEdit(self)
+        self.line = QLineEdit(
+            self, placeholderText="Type a command, a viewpoint or a frame", clearButtonEnabled=True, frame=False
+        )
         self.line.setAccessibleName("Command, viewpoint or frame")
-        self.line.setPlaceholderText("Type a command, a viewpoint or a frame")
-        self.line.setClearButtonEnabled(True)
-        self.line.setFrame(False)
         self.line.setMinimumHeight(34)
         self.line.setTextMargins(8, 0, 4, 0)
         self.line.textChanged.connect(self._fill)
         self.line.installEventFilter(self)
-        self.list = QListWidget(self)
-        self.list.setAccessibleName("Matches")
+        self.list = named(QListWidget(self), "Matches")
         self.list.setItemDelegate(_Rows(self.list))
         self.list.setFrameShape(QFrame.Shape.NoFrame)
         self.list.setFocusPolicy(Qt.FocusPolicy.NoFocus)
@@ -105,12 +104,7 @@ class PaletteView(QFrame):
         self.list.itemClicked.connect(self._run)
         self.nothing = Label("Nothing matches.", self)
         self.nothing.setContentsMargins(8, 8, 8, 8)
-        layout = QVBoxLayout(self)
-        layout.setContentsMargins(4, 4, 4, 4)
-        layout.setSpacing(0)
-        layout.addWidget(self.line)
-        layout.addWidget(self.nothing)
-        layout.addWidget(self.list)
+        vbox(self.line, self.nothing, self.list, on=self, margins=4, spacing=0)
         parent.installEventFilter(self)
         self.hide()
 
@@ -138,8 +132,8 @@ class PaletteView(QFrame):
         self.list.clear()
         for entry in self._offer(typed):
             item = QListWidgetItem()
-            item.setData(_ENTRY, entry)
             item.setToolTip(tooltip_text(f"Unavailable: {entry.reason}.") if entry.reason else "")
+            item.setData(_ENTRY, entry)
             item.setData(Qt.ItemDataRole.AccessibleTextRole, entry.title)
             self.list.addItem(item)
         self.list.setCurrentRow(0)

@@ -11,9 +11,10 @@ from pathlib import Path
 import psutil
 from PySide6.QtCore import Qt, qVersion
 from PySide6.QtGui import QFontDatabase, QGuiApplication, QIcon, QOffscreenSurface, QOpenGLContext
-from PySide6.QtWidgets import QDialogButtonBox, QHBoxLayout, QPlainTextEdit, QVBoxLayout, QWidget
+from PySide6.QtWidgets import QDialogButtonBox, QPlainTextEdit, QWidget
 
 from nvsim.kernel_threads import cores
+from nvsim_app.look.boxes import hbox, vbox
 from nvsim_app.look.icons import FOLDER
 from nvsim_app.look.labels import Label
 from nvsim_app.look.theme import type_font
@@ -36,31 +37,20 @@ class AboutWindow(Dialog):
         self.resize(620, 480)
         picture = Label(self)
         picture.setPixmap(QIcon(str(FOLDER / "app.svg")).pixmap(64, 64))
-        name = Label(f"NVSim {version_of('nvsim')}", self)
-        name.setFont(type_font("large", bold=True))
-        what = Label(_WHAT, self)
-        what.setWordWrap(True)
-        words = QVBoxLayout()
-        words.addWidget(name)
-        words.addWidget(what)
-        head = QHBoxLayout()
-        head.setSpacing(16)
-        head.addWidget(picture, 0, Qt.AlignmentFlag.AlignTop)
-        head.addLayout(words, 1)
-        self.report = QPlainTextEdit(report(project), self)
-        self.report.setReadOnly(True)
-        self.report.setLineWrapMode(QPlainTextEdit.LineWrapMode.NoWrap)
+        name = Label(f"NVSim {version_of('nvsim')}", self, font=type_font("large", bold=True))
+        what = Label(_WHAT, self, wordWrap=True)
+        words = vbox(name, what)
+        head = hbox((picture, 0, Qt.AlignmentFlag.AlignTop), (words, 1), spacing=16)
+        self.report = QPlainTextEdit(
+            report(project), self, readOnly=True, lineWrapMode=QPlainTextEdit.LineWrapMode.NoWrap
+        )
         self.report.setFont(QFontDatabase.systemFont(QFontDatabase.SystemFont.FixedFont))
         self.report.setAccessibleName("System report")
         buttons = DialogButtons(QDialogButtonBox.StandardButton.Close, self)
         self.copy = buttons.addButton("Copy system report", QDialogButtonBox.ButtonRole.ActionRole)
         self.copy.clicked.connect(self._copy)
         buttons.rejected.connect(self.close)
-        layout = QVBoxLayout(self)
-        layout.setSpacing(8)
-        layout.addLayout(head)
-        layout.addWidget(self.report, 1)
-        layout.addWidget(buttons)
+        vbox(head, (self.report, 1), buttons, on=self, spacing=8)
 
     def _copy(self) -> None:
         QGuiApplication.clipboard().setText(self.report.toPlainText())

@@ -3,19 +3,13 @@
 from __future__ import annotations
 
 from PySide6.QtCore import Signal
-from PySide6.QtWidgets import (
-    QCheckBox,
-    QGridLayout,
-    QListWidget,
-    QPushButton,
-    QVBoxLayout,
-    QWidget,
-)
+from PySide6.QtWidgets import QCheckBox, QGridLayout, QListWidget, QPushButton, QWidget
 
 from nvsim_app.look import lengths
+from nvsim_app.look.boxes import vbox
 from nvsim_app.look.labels import Hint, Label, WrappingRow
 from nvsim_app.look.plain_text import tooltip_text
-from nvsim_app.look.widgets import NumberBox
+from nvsim_app.look.widgets import NumberBox, named
 from nvsim_app.painting.cameras import ViewPose, heading_degrees
 
 
@@ -32,19 +26,15 @@ class CameraPathPanel(QWidget):
     pictureWanted = Signal()
     videoWanted = Signal()
 
-    def __init__(self, parent: QWidget | None = None) -> None:
-        super().__init__(parent)
+    def __init__(self) -> None:
+        super().__init__()
         self.setObjectName("cameraPathPanel")
         self.width_box = NumberBox("Width", 16, 8192, 1920, 0, suffix=" px")
         self.height_box = NumberBox("Height", 16, 8192, 1080, 0, suffix=" px")
-        self.layers = QCheckBox("With layers")
+        self.layers = named(QCheckBox("With layers"), tip="Draw the visible layers over the image")
         self.layers.setChecked(True)
-        self.layers.setToolTip("Draw the visible layers over the image")
-        self.picture = QPushButton("Save image…")
-        self.picture.setToolTip("Render the view in this size and save it")
-        self.keys = QListWidget()
-        self.keys.setAccessibleName("Views of the path")
-        self.keys.setToolTip("Double-click to go there")
+        self.picture = named(QPushButton("Save image…"), tip="Render the view in this size and save it")
+        self.keys = named(QListWidget(), "Views of the path", "Double-click to go there")
         self.hint = Hint(self.keys, self._missing).refresh_with(self.keys)
         self.add, self.remove = QPushButton("Add view"), QPushButton("Remove")
         self.add.setToolTip("Add the current view as the next key pose")
@@ -90,23 +80,13 @@ class CameraPathPanel(QWidget):
             )
 
     def _lay_out(self) -> None:
-        column = QVBoxLayout(self)
-        column.setContentsMargins(8, 8, 8, 8)
         size = QGridLayout()
         size.addWidget(Label("Size"), 0, 0)
         size.addWidget(self.width_box, 0, 1)
         size.addWidget(Label("×"), 0, 2)
         size.addWidget(self.height_box, 0, 3)
         size.setColumnStretch(4, 1)
-        column.addLayout(size)
-        column.addLayout(_row(self.layers, self.picture))
-        column.addWidget(self.keys, 1)
-        column.addLayout(_row(self.add, self.remove, self.play))
-        column.addLayout(_row(self.seconds, self.fps, self.video))
-
-
-def _row(*widgets: QWidget) -> WrappingRow:
-    row = WrappingRow()
-    for widget in widgets:
-        row.addWidget(widget)
-    return row
+        picture = WrappingRow(self.layers, self.picture)
+        keys = WrappingRow(self.add, self.remove, self.play)
+        video = WrappingRow(self.seconds, self.fps, self.video)
+        vbox(size, picture, (self.keys, 1), keys, video, on=self, margins=8)

@@ -8,16 +8,7 @@ from collections.abc import Sequence
 
 from PySide6.QtCore import QPointF, QRectF, QSize, Qt, Signal
 from PySide6.QtGui import QColor, QPainter, QPaintEvent, QPen, QPolygonF
-from PySide6.QtWidgets import (
-    QFormLayout,
-    QHeaderView,
-    QPushButton,
-    QSizePolicy,
-    QTreeWidget,
-    QTreeWidgetItem,
-    QVBoxLayout,
-    QWidget,
-)
+from PySide6.QtWidgets import QFormLayout, QHeaderView, QPushButton, QSizePolicy, QTreeWidget, QTreeWidgetItem, QWidget
 
 from nvsim.capture.findings import FindingGroup
 from nvsim.capture.summary import Summary
@@ -25,8 +16,10 @@ from nvsim.plain_text import capitalized
 from nvsim.reconstruction.footage_check import VideoFile
 from nvsim_app.jobs.queries import CheckResult
 from nvsim_app.look import colors
+from nvsim_app.look.boxes import vbox
 from nvsim_app.look.labels import Label, WrappedRows, WrappingRow
 from nvsim_app.look.plain_text import in_window, lines, plain, tooltip_text
+from nvsim_app.look.widgets import push_button
 
 _COLORS = {"error": "blocked", "warning": "warning", "note": "quiet"}
 _SIGNS = {"error": "✗ ", "warning": "⚠ ", "note": ""}
@@ -93,9 +86,8 @@ class CaptureFixes(QWidget):
         super().__init__(parent)
         self._frames: tuple[str, ...] = ()
         self._axes = ""
-        self.axes = QPushButton(self)
-        self.axes.setToolTip("Read the poses in the axis convention that matches the images")
-        self.axes.clicked.connect(lambda: self.axesWanted.emit(self._axes))
+        tip = "Read the poses in the axis convention that matches the images"
+        self.axes = push_button("", self, lambda: self.axesWanted.emit(self._axes), tip)
         self.leave_out, self.take_back = QPushButton(self), QPushButton(self)
         self.folder = QPushButton("Folder of the images…", self)
         self.scale = QPushButton("Enter the camera height", self)
@@ -105,10 +97,8 @@ class CaptureFixes(QWidget):
         self.take_back.clicked.connect(self.takeBackWanted)
         self.folder.clicked.connect(self.folderWanted)
         self.scale.clicked.connect(self.scaleWanted)
-        row = WrappingRow(self)
+        row = WrappingRow(self.axes, self.folder, self.leave_out, self.scale, self.take_back, on=self)
         row.setContentsMargins(0, 0, 0, 0)
-        for button in (self.axes, self.folder, self.leave_out, self.scale, self.take_back):
-            row.addWidget(button)
         self.show_fixes(None, None, 0, True)
 
     def show_fixes(
@@ -230,10 +220,8 @@ class CaptureSummary(QWidget):
         super().__init__(parent)
         self.map = TrajectoryMap(self)
         self.rows: dict[str, Label] = {}
-        form = QFormLayout()
+        form = QFormLayout(verticalSpacing=4, labelAlignment=Qt.AlignmentFlag.AlignLeft)
         form.setContentsMargins(0, 0, 0, 0)
-        form.setVerticalSpacing(4)
-        form.setLabelAlignment(Qt.AlignmentFlag.AlignLeft)
         for name in (
             "Video",
             "Length",
@@ -251,10 +239,7 @@ class CaptureSummary(QWidget):
             value.setTextInteractionFlags(Qt.TextInteractionFlag.TextSelectableByMouse)
             form.addRow(Label(name, self), value)
         self.form = form
-        layout = QVBoxLayout(self)
-        layout.setContentsMargins(0, 0, 0, 0)
-        layout.addWidget(self.map, 1)
-        layout.addLayout(form)
+        vbox((self.map, 1), form, on=self, margins=0)
         self.show_summary(None)
 
     def show_summary(

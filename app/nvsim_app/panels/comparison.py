@@ -9,16 +9,7 @@ from typing import Any
 
 from PySide6.QtCore import QModelIndex, Qt, Signal
 from PySide6.QtGui import QPalette
-from PySide6.QtWidgets import (
-    QComboBox,
-    QHBoxLayout,
-    QHeaderView,
-    QPushButton,
-    QStyledItemDelegate,
-    QStyleOptionViewItem,
-    QVBoxLayout,
-    QWidget,
-)
+from PySide6.QtWidgets import QComboBox, QHeaderView, QStyledItemDelegate, QStyleOptionViewItem, QWidget
 
 from nvsim.errors import InputError
 from nvsim.graph.compare import Comparison, Deviation, compare
@@ -28,9 +19,11 @@ from nvsim.graph.types import NavGraph
 from nvsim.project.work import STAGE
 from nvsim_app.layers.labels import short_ids
 from nvsim_app.look import colors
+from nvsim_app.look.boxes import hbox, vbox
 from nvsim_app.look.labels import Label, WrappingRow
 from nvsim_app.look.plain_text import plain
 from nvsim_app.look.table import Column, Index, TableModel, table
+from nvsim_app.look.widgets import push_button
 
 INKS = {
     "viewpoint added": colors.OPEN,
@@ -105,50 +98,32 @@ class ComparePanel(QWidget):
     merged = Signal(object)
     activated = Signal(object)
 
-    def __init__(self, parent: QWidget | None = None) -> None:
-        super().__init__(parent)
+    def __init__(self) -> None:
+        super().__init__()
         self.compared: ComparedGraphs | None = None
         self.model = DeviationModel(self)
-        self.open = QPushButton("Other graph…", self)
-        self.open.setToolTip("Select a connectivity file to compare with")
-        self.open.clicked.connect(self.opened)
-        self.steps = QComboBox(self)
+        self.open = push_button("Other graph…", self, self.opened, "Select a connectivity file to compare with")
+        self.steps = QComboBox(self, sizeAdjustPolicy=QComboBox.SizeAdjustPolicy.AdjustToMinimumContentsLengthWithIcon)
         self.steps.setAccessibleName("Earlier step to compare with")
         self.steps.setToolTip("Compare with the graph after a step of the history")
-        self.steps.setSizeAdjustPolicy(QComboBox.SizeAdjustPolicy.AdjustToMinimumContentsLengthWithIcon)
         self.steps.activated.connect(self._on_step)
-        self.close_button = QPushButton("Close", self)
-        self.close_button.setToolTip("End the comparison")
-        self.close_button.clicked.connect(self.closed)
-        self.words = Label("Select another graph, or a step of the history, to compare with.", self)
-        self.words.setWordWrap(True)
-        self.table = table(self.model, self)
-        self.table.setAccessibleName("Differences")
+        self.close_button = push_button("Close", self, self.closed, "End the comparison")
+        self.words = Label("Select another graph, or a step of the history, to compare with.", self, wordWrap=True)
+        self.table = table(self.model, self, "Differences")
         self.table.setWordWrap(False)
         self.table.setItemDelegate(_BoxDelegate(self.table))
         header = self.table.horizontalHeader()
         header.setSectionResizeMode(QHeaderView.ResizeMode.Interactive)
         header.resizeSection(0, 150)
         self.table.doubleClicked.connect(self._on_double_click)
-        self.all = QPushButton("Select all", self)
-        self.all.clicked.connect(self._choose_all)
-        self.merge = QPushButton("Merge selected", self)
-        self.merge.setToolTip("Apply the selected differences to the edited graph, as one step")
-        self.merge.clicked.connect(self._on_merge)
+        self.all = push_button("Select all", self, self._choose_all)
+        self.merge = push_button(
+            "Merge selected", self, self._on_merge, "Apply the selected differences to the edited graph, as one step"
+        )
         self.model.dataChanged.connect(self._enable)
-        top, bottom = QHBoxLayout(), WrappingRow()
-        for widget, stretch in ((self.open, 0), (self.steps, 1)):
-            top.addWidget(widget, stretch)
-        bottom.addWidget(self.all)
-        bottom.addWidget(self.close_button)
-        bottom.addWidget(self.merge)
-        layout = QVBoxLayout(self)
-        layout.setContentsMargins(4, 4, 4, 4)
-        layout.setSpacing(4)
-        layout.addLayout(top)
-        layout.addWidget(self.words)
-        layout.addWidget(self.table, 1)
-        layout.addLayout(bottom)
+        top = hbox(self.open, (self.steps, 1))
+        bottom = WrappingRow(self.all, self.close_button, self.merge)
+        vbox(top, self.words, (self.table, 1), bottom, on=self, margins=4, spacing=4)
         self.show_compared(None)
 
     def show_steps(self, texts: tuple[str, ...], current: int) -> None:

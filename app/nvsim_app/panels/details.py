@@ -6,12 +6,13 @@ import math
 
 from PySide6.QtCore import QEvent, QPointF, QRectF, QSize, Qt, Signal
 from PySide6.QtGui import QColor, QPainter, QPaintEvent, QPen
-from PySide6.QtWidgets import QComboBox, QFrame, QGridLayout, QScrollArea, QSizePolicy, QVBoxLayout, QWidget
+from PySide6.QtWidgets import QComboBox, QFrame, QGridLayout, QScrollArea, QSizePolicy, QWidget
 
 from nvsim.capture.findings import SCALE_ASSUMED, SCALE_IN_HEIGHTS
 from nvsim.reconstruction.report import rows
 from nvsim_app.layers.labels import short_id, short_ids
 from nvsim_app.look import colors, lengths
+from nvsim_app.look.boxes import STRETCH, vbox
 from nvsim_app.look.labels import Label, MarkedLabel, Value
 from nvsim_app.look.plain_text import escape_html, plain
 from nvsim_app.look.theme import type_font
@@ -83,16 +84,14 @@ class DetailsPanel(QScrollArea):
 
     pieceWanted = Signal(int)
 
-    def __init__(self, document: Document, parent: QWidget | None = None) -> None:
-        super().__init__(parent)
+    def __init__(self, document: Document) -> None:
+        super().__init__()
         self._document = document
         self.setWidgetResizable(True)
         self.setFrameShape(QFrame.Shape.NoFrame)
         self.setHorizontalScrollBarPolicy(Qt.ScrollBarPolicy.ScrollBarAlwaysOff)
         content = QWidget(self)
-        self.title = Label(content)
-        self.title.setFont(type_font("large", bold=True))
-        self.title.setTextInteractionFlags(Qt.TextInteractionFlag.TextSelectableByMouse)
+        self.title = Label(content, font=type_font("large", bold=True), selectable=True)
         self.title.setSizePolicy(QSizePolicy.Policy.Ignored, QSizePolicy.Policy.Preferred)
         self._facts = QGridLayout()
         self._facts.setColumnStretch(1, 1)
@@ -101,19 +100,11 @@ class DetailsPanel(QScrollArea):
         self.words = MarkedLabel(content)
         self.words.setWordWrap(True)
         self.words.setTextInteractionFlags(Qt.TextInteractionFlag.TextSelectableByMouse)
-        layout = QVBoxLayout(content)
-        layout.setContentsMargins(8, 8, 8, 8)
-        layout.setSpacing(8)
         self.pieces = QComboBox(content)
         self.pieces.setAccessibleName("Piece of the video")
         self.pieces.setToolTip("Import another piece of the video; each has its own unit")
         self.pieces.activated.connect(lambda row: self.pieceWanted.emit(row))
-        layout.addWidget(self.title)
-        layout.addWidget(self.pieces)
-        layout.addLayout(self._facts)
-        layout.addWidget(self.rose)
-        layout.addWidget(self.words)
-        layout.addStretch(1)
+        vbox(self.title, self.pieces, self._facts, self.rose, self.words, STRETCH, on=content, margins=8, spacing=8)
         self.setWidget(content)
         document.selectionChanged.connect(self.refresh)
         document.graphChanged.connect(self.refresh)
@@ -279,10 +270,7 @@ def _shown(value: str) -> QWidget:
     """A line for text without spaces, which is copied as a whole, or a label that wraps longer text."""
     if len(value) < _LONG or " " not in value:
         return Value(value)
-    words = Label(plain(value))
-    words.setWordWrap(True)
-    words.setTextInteractionFlags(Qt.TextInteractionFlag.TextSelectableByMouse)
-    return words
+    return Label(plain(value), wordWrap=True, selectable=True)
 
 
 def _plain(key: str) -> str:

@@ -8,11 +8,12 @@ from collections.abc import Callable, Collection
 from typing import Any
 
 from PySide6.QtCore import QSettings, Qt, Signal
-from PySide6.QtWidgets import QComboBox, QDialogButtonBox, QFormLayout, QVBoxLayout, QWidget
+from PySide6.QtWidgets import QComboBox, QDialogButtonBox, QFormLayout, QWidget
 
 from nvsim.graph.offers import ChoiceField, NumberField
 from nvsim.project.work import PIPELINE, STAGE, StageName
 from nvsim_app.look import lengths
+from nvsim_app.look.boxes import vbox
 from nvsim_app.look.labels import Label
 from nvsim_app.look.plain_text import tooltip_text
 from nvsim_app.look.widgets import Dialog, DialogButtons, NumberBox
@@ -39,9 +40,7 @@ class Form(Dialog):
         self._key, self._settings, self._run = key, settings, run
         self._fields = fields
         self.inputs: dict[str, NumberBox | QComboBox] = {}
-        label = Label(words, self)
-        label.setWordWrap(True)
-        label.setMinimumWidth(300)
+        label = Label(words, self, wordWrap=True, minimumWidth=300)
         rows = QFormLayout()
         for field in fields:
             rows.addRow(field.title, self._make_widget(field))
@@ -50,11 +49,7 @@ class Form(Dialog):
         self.buttons.addButton(QDialogButtonBox.StandardButton.Close)
         self.apply.clicked.connect(self.run)
         self.buttons.rejected.connect(self.close)
-        layout = QVBoxLayout(self)
-        layout.setSpacing(8)
-        layout.addWidget(label)
-        layout.addLayout(rows)
-        layout.addWidget(self.buttons)
+        vbox(label, rows, self.buttons, on=self, spacing=8)
 
     def _make_widget(self, field: NumberField | ChoiceField) -> QWidget:
         stored = self._settings.value(f"forms/{self._key}/{field.name}")
@@ -106,9 +101,7 @@ class KnownLength(Dialog):
         value = metres / unit.metres
         self.length = NumberBox("True length", 0.01, 10_000.0, value, 3, suffix=f" {unit.symbol}", parent=self)
         self.length.valueChanged.connect(self._show_state)
-        self.words = Label(outdated_results_text(stages), self)
-        self.words.setWordWrap(True)
-        self.words.setMinimumWidth(380)
+        self.words = Label(outdated_results_text(stages), self, wordWrap=True, minimumWidth=380)
         form = QFormLayout()
         form.addRow("Measured length", Label(lengths.length(metres, 3), self))
         form.addRow("True length", self.length)
@@ -119,11 +112,7 @@ class KnownLength(Dialog):
         self.buttons.accepted.connect(self.accept)
         self.buttons.rejected.connect(self.reject)
         self.accepted.connect(lambda: self.chosen.emit(self.factor))
-        layout = QVBoxLayout(self)
-        layout.setSpacing(8)
-        layout.addLayout(form)
-        layout.addWidget(self.words)
-        layout.addWidget(self.buttons)
+        vbox(form, self.words, self.buttons, on=self, spacing=8)
         self.length.selectAll()
         self._show_state()
 

@@ -3,6 +3,10 @@ beside its render."""
 
 from __future__ import annotations
 
+import math
+from collections.abc import Mapping
+from types import MappingProxyType
+
 from PySide6.QtCore import (
     QModelIndex,
     QObject,
@@ -18,41 +22,41 @@ from PySide6.QtCore import (
 from PySide6.QtGui import QColor, QFontMetrics, QKeyEvent, QPainter, QPalette, QPixmap
 from PySide6.QtWidgets import (
     QComboBox,
-    QHBoxLayout,
     QLineEdit,
     QListView,
     QSizePolicy,
     QStyle,
     QStyledItemDelegate,
     QStyleOptionViewItem,
-    QVBoxLayout,
     QWidget,
 )
 
+from nvsim.capture.types import Frame
 from nvsim_app.frames.link import FrameLink
-from nvsim_app.frames.model import (
-    CORRECTED_ROLE,
-    COVERAGE_ROLE,
-    COVERAGES,
-    HELD_OUT_ROLE,
-    KINDS,
-    MASK_ROLE,
-    ORDERS,
-    SCORE_ROLE,
-    SUBMAP_ROLE,
-    FrameFilter,
-    FrameModel,
-    Thumbnails,
-)
-from nvsim_app.frames.state import FrameState, Score
+from nvsim_app.frames.state import FrameState, Score, frame_words, mask_words
+from nvsim_app.frames.thumbnails import Thumbnails
 from nvsim_app.look import colors
+from nvsim_app.look.boxes import hbox, vbox
 from nvsim_app.look.icons import swatch
 from nvsim_app.look.labels import Hint, Label
 from nvsim_app.look.plain_text import tooltip_text
+from nvsim_app.look.table import Column, TableModel
 from nvsim_app.look.theme import type_font
+from nvsim_app.look.widgets import named
 from nvsim_app.painting.primitives import paint_label
 from nvsim_app.state.document import Document
 
+KINDS = {"All frames": "", "Held out": "held out", "Trained on": "trained on", "Corrected": "corrected"}
+ORDERS = {"In order": "", "Worst PSNR": "psnr", "Worst SSIM": "ssim"}
+"""Label, and name of the score by which the list is sorted in ascending order; "" for the order of the capture."""
+COVERAGES = {
+    "Any floor": (-2.0, 2.0),
+    "No floor": (-0.5, 0.0005),
+    "Up to 10 % floor": (0.0005, 0.1),
+    "10 to 30 % floor": (0.1, 0.3),
+    "Over 30 % floor": (0.3, 2.0),
+}
+"""Label and range of the floor share: above the first and up to the second number. Unknown shares count as -1."""
 _KIND = (
     "Held out: frames that no model is trained on, for evaluation. Corrected: frames with a floor mask edited by hand"
 )
@@ -65,8 +69,7 @@ class _List(QListView):
     chosen = Signal(QModelIndex)
 
     def __init__(self, parent: QWidget) -> None:
-        super().__init__(parent)
-        self.setUniformItemSizes(True)
+        super().__init__(parent, uniformItemSizes=True)
         self.setFrameShape(self.Shape.NoFrame)
         self.setVerticalScrollMode(self.ScrollMode.ScrollPerPixel)
         self.setHorizontalScrollBarPolicy(Qt.ScrollBarPolicy.ScrollBarAlwaysOff)
@@ -85,139 +88,130 @@ class FramePanel(QWidget):
 
     opened = Signal(int)
 
-    def __init__(
-        self,
-        document: Document,
-        link: FrameLink | None = None,
-        state: FrameState | None = None,
-        parent: QWidget | None = None,
-    ) -> None:
-        super().__init__(parent)
+    def __init__(self, document: Document, link: FrameLink | None = None, state: FrameState | None = None) -> None:
+        super().__init__()
         self._document = document
         link = link or FrameLink(self)
         self.state = state or FrameState(document, link, self)
         self.thumbnails = Thumbnails(document, link, self)
-        self.model = FrameModel(document, self.thumbnails, self.state, self)
-        self.filter = FrameFilter(document, self)
-        self.filter.setSourceModel(self.model)
-        self.search = QLineEdit(self)
+        self.thumbnails.changed.connect(self._update_rows)
+        column = Column("Frame", self._name, icon=self.thumbnails.pixmap)
+        self.model: TableModel[int] = TableModel((column,), self, about=self._about)
+        self.search = QLineEdit(self, placeholderText="Find a frame by name", clearButtonEnabled=True)
         self.search.setAccessibleName("Find a frame by name")
-        self.search.setPlaceholderText("Find a frame by name")
-        self.search.setClearButtonEnabled(True)
-        self.search.textChanged.connect(self.filter.show_name)
         document.projectLeft.connect(self.search.clear)
         self.submap = _choice(self, "Show only frames of this submap, with those that it shares with adjacent submaps")
-        self.submap.currentIndexChanged.connect(lambda _: self.filter.show_submap(self.submap.currentData()))
-        self.coverage = _choice(self, "Show only frames with this much floor in their mask")
-        for words, above, up_to in COVERAGES:
-            self.coverage.addItem(words, (above, up_to))
-        self.coverage.currentIndexChanged.connect(lambda _: self.filter.show_coverage(*self.coverage.currentData()))
-        self.kind = _choice(self, _KIND)
-        for words, kind in KINDS:
-            self.kind.addItem(words, kind)
-        self.kind.currentIndexChanged.connect(lambda _: self.filter.show_kind(self.kind.currentData()))
-        self.order = _choice(self, _ORDER)
-        for words, by in ORDERS:
-            self.order.addItem(words, by)
-        self.order.currentIndexChanged.connect(lambda _: self._on_order())
-        self.count = Label(self)
-        self.count.setForegroundRole(self.count.palette().ColorRole.PlaceholderText)
-        self.list = _List(self)
-        self.list.setAccessibleName("Frames")
-        self.list.setModel(self.filter)
-        self.list.setItemDelegate(FrameDelegate(self.list))
+        self.coverage = _choice(self, "Show only frames with this much floor in their mask", COVERAGES)
+        self.kind = _choice(self, _KIND, KINDS)
+        self.order = _choice(self, _ORDER, ORDERS)
+        self.count = Label(self, quiet=True)
+        self.list = named(_List(self), "Frames")
+        self.list.setModel(self.model)
+        self.list.setItemDelegate(FrameDelegate(document, self.state, self.list))
         self.hint = Hint(self.list, self._missing).refresh_with(self.list)
         self.list.selectionModel().currentChanged.connect(self._on_current)
-        self.list.chosen.connect(lambda index: self.opened.emit(self.filter.mapToSource(index).row()))
-        # A filter that hides the selected row makes another row current, which is not the user's choice.
-        self._filtering = False
-        for begins in (self.filter.layoutAboutToBeChanged, self.filter.rowsAboutToBeRemoved):
-            begins.connect(lambda: self._set_filtering(True))
-        for ends in (self.filter.layoutChanged, self.filter.rowsRemoved, self.filter.rowsInserted):
-            ends.connect(lambda: self._set_filtering(False))
-        self.filter.modelReset.connect(self._say_count)
+        self.list.chosen.connect(lambda index: self.opened.emit(self.model.row(index.row())))
+        self.search.textChanged.connect(self._filter)
+        for choice in (self.submap, self.coverage, self.kind, self.order):
+            choice.currentIndexChanged.connect(self._filter)
+        self.order.currentIndexChanged.connect(self.list.scrollToTop)
         document.selectionChanged.connect(self._show_selection)
         document.contentsChanged.connect(self._on_contents)
-        self.state.changed.connect(self._offer_order)
-        first, choices, kinds = QHBoxLayout(), QHBoxLayout(), QHBoxLayout()
-        for row in (first, choices, kinds):
-            row.setSpacing(4)
-        choices.addWidget(self.submap, 1)
-        choices.addWidget(self.coverage, 1)
-        kinds.addWidget(self.kind, 1)
-        kinds.addWidget(self.order, 1)
-        first.addWidget(self.search, 1)
-        first.addWidget(self.count)
-        layout = QVBoxLayout(self)
-        layout.setContentsMargins(4, 4, 4, 0)
-        layout.setSpacing(4)
-        layout.addLayout(first)
-        layout.addLayout(choices)
-        layout.addLayout(kinds)
-        layout.addWidget(self.list, 1)
+        self.state.changed.connect(self._on_state)
+        first = hbox((self.search, 1), self.count, spacing=4)
+        choices = hbox((self.submap, 1), (self.coverage, 1), spacing=4)
+        kinds = hbox((self.kind, 1), (self.order, 1), spacing=4)
+        vbox(first, choices, kinds, (self.list, 1), on=self, margins=(4, 4, 4, 0), spacing=4)
         self._on_contents(frozenset({"submaps"}))
-        self._offer_order()
-        self._say_count()
+        self._on_state()
+
+    @property
+    def _frames(self) -> tuple[Frame, ...]:
+        """All frames of the capture."""
+        capture = self._document.contents.capture
+        return () if capture is None else capture.frames
+
+    def _name(self, frame: int) -> str:
+        return self._frames[frame].name
+
+    def _about(self, frame: int) -> str:
+        return f"{self._frames[frame].image_path}\n{frame_words(self.state, frame)}"
 
     def _missing(self) -> str:
-        if self.filter.rowCount():
+        if self.model.rowCount():
             return ""
-        all_frames = self.model.rowCount()
-        return "No frame matches the filter." if all_frames else "The frames of the capture appear here."
+        return "No frame matches the filter." if self._frames else "The frames of the capture appear here."
+
+    def _filter(self, _: object = None) -> None:
+        """Lists the frames that match the filter, in the selected order."""
+        submap, text, by = self.submap.currentData(), self.search.text().casefold(), self.order.currentData()
+        found = [i for i, frame in enumerate(self._frames) if text in frame.name.casefold() and self._matches(i)]
+        if submap is not None:
+            submaps = self._document.contents.submaps
+            members = frozenset(frame for s in submaps if s.index == submap for frame in s.frames)
+            found = [frame for frame in found if frame in members]
+        if by:
+            scores = {frame: self.state.score(frame) for frame in found}
+            found.sort(key=lambda frame: getattr(scores[frame], by, math.inf))
+        self.model.show(found)
+        shown, everything = len(found), len(self._frames)
+        self.count.setText(f"{shown:,} of {everything:,}" if shown != everything else f"{everything:,} frames")
+        self._show_selection()
+
+    def _matches(self, frame: int) -> bool:
+        """Whether a frame has the selected floor share and kind."""
+        (above, up_to), kind = self.coverage.currentData(), self.kind.currentData()
+        if not above < self.state.coverage.get(frame, -1.0) <= up_to:
+            return False
+        if kind == "corrected":
+            return frame in self.state.corrected
+        return not kind or (frame in self.state.held_out) == (kind == "held out")
 
     def _on_contents(self, parts: frozenset[str]) -> None:
-        if "submaps" not in parts:
-            return
-        chosen = self.submap.currentData()
-        with QSignalBlocker(self.submap):
-            self.submap.clear()
-            self.submap.addItem("All submaps", None)
-            for submap in self._document.contents.submaps:
-                self.submap.addItem(swatch(colors.submap_color(submap.index)), f"Submap {submap.index}", submap.index)
-            found = self.submap.findData(chosen)
-            self.submap.setCurrentIndex(max(0, found))
-        if found < 0 and chosen is not None:
-            self.filter.show_submap(None)
+        if "capture" in parts:
+            self.thumbnails.clear()
+        if "submaps" in parts:
+            chosen = self.submap.currentData()
+            with QSignalBlocker(self.submap):
+                self.submap.clear()
+                self.submap.addItem("All submaps", None)
+                for submap in self._document.contents.submaps:
+                    color = colors.submap_color(submap.index)
+                    self.submap.addItem(swatch(color), f"Submap {submap.index}", submap.index)
+                self.submap.setCurrentIndex(max(0, self.submap.findData(chosen)))
+        if parts & {"capture", "submaps"}:
+            self._filter()
 
-    def _on_order(self) -> None:
-        self.filter.show_order(self.order.currentData())
-        self.list.scrollToTop()
-
-    def _offer_order(self) -> None:
-        """Enables sorting by score only if there are scores."""
+    def _on_state(self) -> None:
+        """Enables sorting by score only if there are scores, and shows the state of the frames."""
         measured = self.state.measured
         if not measured:
             self.order.setCurrentIndex(0)
         self.order.setEnabled(measured)
         why = "no held-out frame was measured; Jobs > Evaluate views measures them"
         self.order.setToolTip(tooltip_text(_ORDER + ("" if measured else f"\nUnavailable: {why}.")))
+        if any(choice.currentIndex() > 0 for choice in (self.coverage, self.kind, self.order)):
+            self._filter()
+        self._update_rows()
 
-    def _set_filtering(self, filtering: bool) -> None:
-        self._filtering = filtering
-        if not filtering:
-            self._say_count()
-            self._show_selection()
-
-    def _say_count(self) -> None:
-        shown, all_frames = self.filter.rowCount(), self.model.rowCount()
-        self.count.setText(f"{shown:,} of {all_frames:,}" if shown != all_frames else f"{all_frames:,} frames")
+    def _update_rows(self) -> None:
+        self.list.viewport().update()
 
     def _on_current(self, current: QModelIndex) -> None:
-        if current.isValid() and not self._filtering:
-            self._document.select(frame=self.filter.mapToSource(current).row())
+        if current.isValid():
+            self._document.select(frame=self.model.row(current.row()))
 
     def _show_selection(self) -> None:
         frame = self._document.selection.frame
-        if frame is None:
-            self.list.setCurrentIndex(QModelIndex())
-            return
-        self.list.setCurrentIndex(self.filter.mapFromSource(self.model.index(frame)))
+        places = [] if frame is None else self.model.places_of(frozenset({frame}))
+        self.list.setCurrentIndex(self.model.index(places[0], 0) if places else QModelIndex())
 
 
-def _choice(parent: QWidget, words: str) -> QComboBox:
-    box = QComboBox(parent)
-    box.setToolTip(tooltip_text(words))
+def _choice(parent: QWidget, words: str, choices: Mapping[str, object] = MappingProxyType({})) -> QComboBox:
+    box = named(QComboBox(parent), tip=words)
     box.setSizePolicy(QSizePolicy.Policy.Ignored, QSizePolicy.Policy.Fixed)
+    for text, value in choices.items():
+        box.addItem(text, value)
     return box
 
 
@@ -229,8 +223,9 @@ FLOOR = "#2ec4b6"
 class FrameDelegate(QStyledItemDelegate):
     """Paints the rows of a list of frames."""
 
-    def __init__(self, parent: QObject | None = None) -> None:
+    def __init__(self, document: Document, frames: FrameState, parent: QObject) -> None:
         super().__init__(parent)
+        self._document, self._frames = document, frames
 
     def sizeHint(self, option: QStyleOptionViewItem, index: QModelIndex | QPersistentModelIndex) -> QSize:
         return QSize(PICTURE.width() + 100, PICTURE.height() + 2 * _MARGIN)
@@ -249,9 +244,12 @@ class FrameDelegate(QStyledItemDelegate):
             painter.fillRect(rect, palette.midlight())
         picture = QRect(rect.left() + _MARGIN, rect.top() + _MARGIN, PICTURE.width(), PICTURE.height())
         _paint_picture(painter, picture, index.data(Qt.ItemDataRole.DecorationRole), palette)
+        model = index.model()
+        assert isinstance(model, TableModel)
+        frame: int = model.row(index.row())
         strip = QRect(picture.left(), picture.top(), 4, picture.height())
-        painter.fillRect(strip, QColor(colors.submap_color(int(index.data(SUBMAP_ROLE)))))
-        held_out, score = bool(index.data(HELD_OUT_ROLE)), index.data(SCORE_ROLE)
+        painter.fillRect(strip, QColor(colors.submap_color(int(self._document.trajectory.submaps[frame]))))
+        held_out, score = frame in self._frames.held_out, self._frames.score(frame)
         if held_out:
             _paint_mark(painter, picture)
 
@@ -266,10 +264,10 @@ class FrameDelegate(QStyledItemDelegate):
         painter.setPen(palette.color(text_role))
         name = metrics.elidedText(str(index.data()), Qt.TextElideMode.ElideLeft, right - left)
         painter.drawText(QRect(left, top, right - left, line), Qt.AlignmentFlag.AlignVCenter, name)
-        share = float(index.data(COVERAGE_ROLE))
+        share = self._frames.coverage.get(frame, -1.0)
         painter.setPen(quiet)
-        words = str(index.data(MASK_ROLE))
-        if index.data(CORRECTED_ROLE):
+        words = mask_words(self._frames, frame)
+        if frame in self._frames.corrected:
             words += " · corrected"
         words = metrics.elidedText(words, Qt.TextElideMode.ElideRight, right - left)
         painter.drawText(QRect(left, top + line, right - left, line), Qt.AlignmentFlag.AlignVCenter, words)
@@ -282,8 +280,8 @@ class FrameDelegate(QStyledItemDelegate):
         painter.restore()
 
 
-def _score_words(score: object, metrics: QFontMetrics, width: int) -> str:
-    if not isinstance(score, Score):
+def _score_words(score: Score | None, metrics: QFontMetrics, width: int) -> str:
+    if score is None:
         return metrics.elidedText("not evaluated", Qt.TextElideMode.ElideRight, width)
     short = f"{score.psnr:.1f} dB, {score.ssim:.2f}"
     return score.words if metrics.horizontalAdvance(score.words) <= width else short

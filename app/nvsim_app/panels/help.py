@@ -7,22 +7,14 @@ from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
 
-from PySide6.QtCore import QByteArray, Qt, QUrl
+from PySide6.QtCore import QByteArray, QSignalBlocker, Qt, QUrl
 from PySide6.QtGui import QImage, QPalette, QTextCharFormat, QTextCursor, QTextDocument, QTextTable
-from PySide6.QtWidgets import (
-    QHBoxLayout,
-    QLineEdit,
-    QListWidget,
-    QListWidgetItem,
-    QTextBrowser,
-    QTextEdit,
-    QVBoxLayout,
-    QWidget,
-)
+from PySide6.QtWidgets import QLineEdit, QListWidget, QListWidgetItem, QTextBrowser, QTextEdit, QWidget
 
 import nvsim_resources
 from nvsim.capture import formats
-from nvsim_app.look.widgets import Dialog, show_and_focus
+from nvsim_app.look.boxes import hbox, vbox
+from nvsim_app.look.widgets import Dialog, named, show_and_focus
 
 FOLDER = Path(nvsim_resources.__file__).parent / "help"
 DOCS = FOLDER.parent / "docs"  # contains images, too
@@ -111,28 +103,20 @@ class HelpWindow(Dialog):
         self.setAttribute(Qt.WidgetAttribute.WA_DeleteOnClose)
         self.resize(820, 640)
         self.page = ""
-        self.search = QLineEdit(self)
+        self.search = QLineEdit(self, placeholderText="Find in the help", clearButtonEnabled=True)
         self.search.setAccessibleName("Search the help")
-        self.search.setPlaceholderText("Find in the help")
-        self.search.setClearButtonEnabled(True)
         self.search.textChanged.connect(self._fill)
-        self.list = QListWidget(self)
-        self.list.setAccessibleName("Pages")
+        self.list = named(QListWidget(self), "Pages")
         self.list.setFrameShape(self.list.Shape.NoFrame)
         self.list.setFixedWidth(230)
         self.list.setWordWrap(True)
         self.list.currentItemChanged.connect(self._on_current)
-        self.text = _Text(self)
-        self.text.setAccessibleName("Help page")
+        self.text = named(_Text(self), "Help page")
         self.text.setFrameShape(self.text.Shape.NoFrame)
         self.text.setOpenExternalLinks(False)
         self.text.document().setDocumentMargin(14)
-        beside = QVBoxLayout()
-        beside.addWidget(self.search)
-        beside.addWidget(self.list, 1)
-        layout = QHBoxLayout(self)
-        layout.addLayout(beside)
-        layout.addWidget(self.text, 1)
+        beside = vbox(self.search, (self.list, 1))
+        hbox(beside, (self.text, 1), on=self)
         self._fill("")
         self.show_page(page)
 
@@ -169,26 +153,24 @@ class HelpWindow(Dialog):
         for row in range(self.list.count()):
             section: Section = self.list.item(row).data(_SECTION)
             if section.page == self.page:
-                self.list.blockSignals(True)
-                self.list.setCurrentRow(row)
-                self.list.blockSignals(False)
+                with QSignalBlocker(self.list):
+                    self.list.setCurrentRow(row)
                 return
 
     def _fill(self, words: str) -> None:
         found = find(words) if words.strip() else [page.sections[0] for page in help_pages()]
         titles = {page.name: page.title for page in help_pages()}
-        self.list.blockSignals(True)
-        self.list.clear()
-        for section in found:
-            title = titles[section.page]
-            item = QListWidgetItem(title if section.title in ("", title) else f"{section.title}\n  {title}")
-            item.setData(_SECTION, section)
-            self.list.addItem(item)
-        if not found:
-            item = QListWidgetItem("No help page contains these words.")
-            item.setFlags(Qt.ItemFlag.NoItemFlags)
-            self.list.addItem(item)
-        self.list.blockSignals(False)
+        with QSignalBlocker(self.list):
+            self.list.clear()
+            for section in found:
+                title = titles[section.page]
+                item = QListWidgetItem(title if section.title in ("", title) else f"{section.title}\n  {title}")
+                item.setData(_SECTION, section)
+                self.list.addItem(item)
+            if not found:
+                item = QListWidgetItem("No help page contains these words.")
+                item.setFlags(Qt.ItemFlag.NoItemFlags)
+                self.list.addItem(item)
         if words.strip() and found:
             self.list.setCurrentRow(0)
         elif not words.strip():

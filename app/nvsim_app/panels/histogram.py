@@ -8,14 +8,16 @@ from itertools import compress
 import numpy as np
 import pyqtgraph as pg
 from PySide6.QtCore import Qt
-from PySide6.QtWidgets import QComboBox, QHBoxLayout, QPushButton, QVBoxLayout, QWidget
+from PySide6.QtWidgets import QComboBox, QWidget
 
 from nvsim.graph.edits import EditError
 from nvsim.graph.quantities import Kind, QuantityInputs, quantity
 from nvsim.graph.selection import GraphSelection
 from nvsim_app.look import colors
+from nvsim_app.look.boxes import hbox, vbox
 from nvsim_app.look.labels import Label
 from nvsim_app.look.theme import Plot
+from nvsim_app.look.widgets import named, push_button
 from nvsim_app.panels.deferred_refresh import DeferredRefresh
 from nvsim_app.state.document import Document
 
@@ -43,18 +45,16 @@ SETTLE = 95  # milliseconds
 class HistogramPanel(QWidget):
     """The histogram of one quantity of the document's graph."""
 
-    def __init__(self, document: Document, parent: QWidget | None = None) -> None:
-        super().__init__(parent)
+    def __init__(self, document: Document) -> None:
+        super().__init__()
         self._document = document
         self._ids: tuple[object, ...] = ()
         self._values = np.zeros(0)
         self._trouble = ""
         self._quiet = False
-        self.choice = QComboBox(self)
-        self.choice.setAccessibleName("Quantity")
+        self.choice = named(QComboBox(self), "Quantity")
         self.choice.addItems(list(QUANTITIES))
-        self.words = Label(self)
-        self.words.setForegroundRole(self.words.palette().ColorRole.PlaceholderText)
+        self.words = Label(self, quiet=True)
         self.plot = Plot("Histogram", self)
         self.bars = pg.BarGraphItem(x=[0.0], height=[0.0], width=1.0, brush=pg.mkBrush(colors.NODE), pen=pg.mkPen(None))
         self.region = pg.LinearRegionItem(brush=pg.mkBrush(255, 209, 102, 50), pen=pg.mkPen(colors.SELECTED, width=2))
@@ -63,18 +63,11 @@ class HistogramPanel(QWidget):
         self.plot.addItem(self.region)
         self.region.sigRegionChanged.connect(self._show_counts)
         self.region.sigRegionChangeFinished.connect(self.select_range)
-        self._none = QPushButton("Whole range", self)
-        self._none.setToolTip("Extend the region to all values without selecting anything")
-        self._none.clicked.connect(self._open)
-        row = QHBoxLayout()
-        row.addWidget(self.choice)
-        row.addWidget(self.words, 1, Qt.AlignmentFlag.AlignLeft)
-        row.addWidget(self._none)
-        layout = QVBoxLayout(self)
-        layout.setContentsMargins(4, 4, 4, 4)
-        layout.setSpacing(4)
-        layout.addLayout(row)
-        layout.addWidget(self.plot)
+        self._none = push_button(
+            "Whole range", self, self._open, "Extend the region to all values without selecting anything"
+        )
+        row = hbox(self.choice, (self.words, 1, Qt.AlignmentFlag.AlignLeft), self._none)
+        vbox(row, self.plot, on=self, margins=4, spacing=4)
         self.refresh = DeferredRefresh(self, self._renewal, SETTLE)
         self.refresh.mark()
         self.refresh.refresh_after_edits_of(document)

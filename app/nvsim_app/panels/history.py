@@ -3,111 +3,75 @@
 from __future__ import annotations
 
 import time
-from typing import Any
+from dataclasses import dataclass
 
-from PySide6.QtCore import QAbstractListModel, QModelIndex, QPersistentModelIndex, Qt
-from PySide6.QtGui import QColor
-from PySide6.QtWidgets import QListView, QVBoxLayout, QWidget
+from PySide6.QtCore import QModelIndex
+from PySide6.QtGui import QFont
+from PySide6.QtWidgets import QListView, QWidget
 
 from nvsim.graph.history import Step
 from nvsim_app.layers.labels import short_ids
 from nvsim_app.look import colors
-from nvsim_app.look.plain_text import plain, tooltip_text
+from nvsim_app.look.boxes import vbox
+from nvsim_app.look.table import Column, TableModel
 from nvsim_app.look.theme import type_font
+from nvsim_app.look.widgets import named
 from nvsim_app.state.document import Document
 
-_Index = QModelIndex | QPersistentModelIndex
-_ROOT = QModelIndex()
+
+@dataclass(frozen=True, eq=False)
+class _Row:
+    index: int
+    step: Step
 
 
-class HistoryModel(QAbstractListModel):
-    """One row for each step; the first one is the opened graph.
+class HistoryPanel(QWidget):
+    """The list of steps; the first one is the opened graph.
 
     Steps after the current one are gray. Steps that come from outside this window are in italics.
     """
 
-    def __init__(self, document: Document, parent: QWidget | None = None) -> None:
-        super().__init__(parent)
+    def __init__(self, document: Document) -> None:
+        super().__init__()
         self._document = document
-        self._shown: tuple[Step, ...] = ()
-        document.editing.stepsChanged.connect(self._renew)
-        self._renew()
-
-    def _renew(self) -> None:
-        """Adds and removes only the rows that changed, because a history can have thousands of steps."""
-        history = self._document.editing.history
-        steps = () if history is None else history.steps
-        before, kept = self._shown, min(len(self._shown), len(steps))
-        while kept and before[kept - 1] is not steps[kept - 1]:
-            kept -= 1
-        if not kept:
-            self.beginResetModel()
-            self._shown = steps
-            self.endResetModel()
-            return
-        if len(before) > kept:
-            self.beginRemoveRows(_ROOT, kept, len(before) - 1)
-            self._shown = steps[:kept]
-            self.endRemoveRows()
-        if len(steps) > kept:
-            self.beginInsertRows(_ROOT, kept, len(steps) - 1)
-            self._shown = steps
-            self.endInsertRows()
-        self.dataChanged.emit(self.index(0), self.index(len(steps) - 1))
-
-    @property
-    def current(self) -> int:
-        history = self._document.editing.history
-        return -1 if history is None else history.index
-
-    def rowCount(self, parent: _Index = _ROOT) -> int:
-        return 0 if parent.isValid() else len(self._shown)
-
-    def data(self, index: _Index, role: int = Qt.ItemDataRole.DisplayRole) -> Any:
-        history = self._document.editing.history
-        if history is None or not index.isValid() or index.row() >= len(self._shown):
-            return None
-        row = index.row()
-        step = self._shown[row]
-        if role == Qt.ItemDataRole.DisplayRole:
-            return plain(short_ids(self._document.graph, step.text))
-        if role == Qt.ItemDataRole.ToolTipRole:
-            when = time.strftime("%d %b %H:%M:%S", time.localtime(step.when))
-            return tooltip_text(f"{when}, not edited in this window" if step.outside else when)
-        if role == Qt.ItemDataRole.ForegroundRole and row > history.index:
-            return QColor(colors.text("quiet"))
-        if role == Qt.ItemDataRole.FontRole and (row == history.index or step.outside):
-            font = type_font(bold=row == history.index)
-            font.setItalic(step.outside)
-            return font
-        return None
-
-
-class HistoryPanel(QWidget):
-    """The list of steps."""
-
-    def __init__(self, document: Document, parent: QWidget | None = None) -> None:
-        super().__init__(parent)
-        self._document = document
-        self.model = HistoryModel(document, self)
-        self.list = QListView(self)
-        self.list.setAccessibleName("History of edits")
+        self._current = -1  # index of the current step
+        column = Column("Step", self._text, about=_about, ink=self._ink, font=self._font)
+        # Only changed rows are added and removed, because a history can have thousands of steps.
+        self.model: TableModel[_Row] = TableModel((column,), self, key=lambda row: id(row.step), in_place=True)
+        self.list = named(QListView(self, uniformItemSizes=True), "History of edits", "Click a step to go to it")
         self.list.setModel(self.model)
-        self.list.setUniformItemSizes(True)
         self.list.setFrameShape(self.list.Shape.NoFrame)
-        self.list.setToolTip("Click a step to go to it")
         self.list.clicked.connect(self._go_to_row)
-        document.editing.stepsChanged.connect(self._show_current)
-        layout = QVBoxLayout(self)
-        layout.setContentsMargins(0, 0, 0, 0)
-        layout.addWidget(self.list)
-        self._show_current()
+        document.editing.stepsChanged.connect(self._show_steps)
+        vbox(self.list, on=self, margins=0)
+        self._show_steps()
+
+    def _text(self, row: _Row) -> str:
+        return short_ids(self._document.graph, row.step.text)
+
+    def _ink(self, row: _Row) -> str:
+        return colors.text("quiet") if row.index > self._current else ""
+
+    def _font(self, row: _Row) -> QFont | None:
+        if row.index != self._current and not row.step.outside:
+            return None
+        font = type_font(bold=row.index == self._current)
+        font.setItalic(row.step.outside)
+        return font
 
     def _go_to_row(self, index: QModelIndex) -> None:
         self._document.editing.go_to(index.row())
 
-    def _show_current(self) -> None:
-        if self.model.current >= 0:
-            index = self.model.index(self.model.current)
+    def _show_steps(self) -> None:
+        history = self._document.editing.history
+        steps, self._current = ((), -1) if history is None else (history.steps, history.index)
+        self.model.show([_Row(index, step) for index, step in enumerate(steps)])
+        if history is not None:
+            index = self.model.index(self._current, 0)
             self.list.setCurrentIndex(index)
             self.list.scrollTo(index)
+
+
+def _about(row: _Row) -> str:
+    when = time.strftime("%d %b %H:%M:%S", time.localtime(row.step.when))
+    return f"{when}, not edited in this window" if row.step.outside else when

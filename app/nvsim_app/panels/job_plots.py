@@ -17,6 +17,7 @@ from PySide6.QtWidgets import QHBoxLayout, QVBoxLayout, QWidget
 from nvsim_app.jobs.history import MetricSeries
 from nvsim_app.jobs.queue import JobHandle
 from nvsim_app.look import colors
+from nvsim_app.look.boxes import vbox
 from nvsim_app.look.labels import Label
 from nvsim_app.look.theme import Plot
 
@@ -92,18 +93,13 @@ class JobPlots(QWidget):
         self._due = [name for name, _ in self._rows]
         self.plots: dict[str, Plot] = {}  # made when there are values, because they delay the start of the window
         self._curves: dict[tuple[str, str, int], pyqtgraph.PlotDataItem] = {}
-        self.empty = Label("Plots appear here while a submap or an agent trains.", self)
-        self.empty.setForegroundRole(self.empty.palette().ColorRole.PlaceholderText)
+        self.empty = Label("Plots appear here while a submap or an agent trains.", self, wordWrap=True, quiet=True)
         self.empty.setContentsMargins(8, 8, 8, 8)
-        self.empty.setWordWrap(True)
         self._row = QWidget(self)
         self._places = QVBoxLayout(self._row) if large else QHBoxLayout(self._row)
         self._places.setContentsMargins(4, 4, 4, 4)
         self._row.hide()
-        layout = QVBoxLayout(self)
-        layout.setContentsMargins(0, 0, 0, 0)
-        layout.addWidget(self.empty)
-        layout.addWidget(self._row, 1)
+        vbox(self.empty, (self._row, 1), on=self, margins=0)
         self._timer = QTimer(self, singleShot=True, interval=PERIOD)
         self._timer.timeout.connect(self._on_time)
 

@@ -13,7 +13,6 @@ from PySide6.QtWidgets import (
     QPushButton,
     QStyledItemDelegate,
     QStyleOptionViewItem,
-    QVBoxLayout,
     QWidget,
 )
 
@@ -23,10 +22,10 @@ from nvsim.project.jobs.joblist import Job
 from nvsim_app.forms.fields import command_line
 from nvsim_app.jobs.queue import JobHandle, JobQueue
 from nvsim_app.look import colors
+from nvsim_app.look.boxes import vbox
 from nvsim_app.look.labels import InkLabel, Label
-from nvsim_app.look.plain_text import tooltip_text
 from nvsim_app.look.table import Column, Index, TableModel, table
-from nvsim_app.look.widgets import Dialog, DialogButtons
+from nvsim_app.look.widgets import Dialog, DialogButtons, named
 
 _STATE_TEXTS = {
     "running": "running",
@@ -184,11 +183,8 @@ class JobWorkers(QWidget):
         super().__init__(parent)
         self._handle: JobHandle | None = None
         self.model = WorkerModel(self)
-        self.table = table(self.model, self)
-        self.table.setAccessibleName("Workers")
-        layout = QVBoxLayout(self)
-        layout.setContentsMargins(0, 0, 0, 0)
-        layout.addWidget(self.table)
+        self.table = table(self.model, self, "Workers")
+        vbox(self.table, on=self, margins=0)
 
     def show_job(self, handle: JobHandle | None) -> None:
         """Shows the workers of this job."""
@@ -227,9 +223,7 @@ class ImportedJobDialog(Dialog):
             "This job came with the project and was not ordered on this machine. If you order it here, it runs:"
         )
         command = command_line(job.order.verb, job.order.arguments)
-        self.command = QPlainTextEdit(command[:_MOST], self)
-        self.command.setAccessibleName("Command")
-        self.command.setReadOnly(True)
+        self.command = named(QPlainTextEdit(command[:_MOST], self, readOnly=True), "Command")
         self.command.setFont(QFontDatabase.systemFont(QFontDatabase.SystemFont.FixedFont))
         reason = queue.why_not_order_again(job)
         if len(command) > _MOST:
@@ -239,10 +233,9 @@ class ImportedJobDialog(Dialog):
         self.problem.setText(reason)
         self.problem.setVisible(bool(reason))
         buttons = DialogButtons(self)
-        self.order = QPushButton("Order here", self)
+        self.order = named(QPushButton("Order here", self), tip=reason or "Add the job to the queue as your own")
         self.order.setAutoDefault(False)
         self.order.setEnabled(not reason)
-        self.order.setToolTip(tooltip_text(reason or "Add the job to the queue as your own"))
         self.remove = QPushButton("Remove", self)
         self.remove.setAutoDefault(False)
         buttons.addButton(self.order, QDialogButtonBox.ButtonRole.AcceptRole)
@@ -251,15 +244,11 @@ class ImportedJobDialog(Dialog):
         self.order.clicked.connect(self._on_order)
         self.remove.clicked.connect(self._on_remove)
         buttons.rejected.connect(self.reject)
-        column = QVBoxLayout(self)
-        for widget in (about, self.command, self.problem, buttons):
-            column.addWidget(widget)
+        vbox(about, self.command, self.problem, buttons, on=self)
         self.resize(620, 260)
 
     def _label(self, text: str) -> Label:
-        label = Label(text, self)
-        label.setWordWrap(True)
-        return label
+        return Label(text, self, wordWrap=True)
 
     def _on_order(self) -> None:
         try:

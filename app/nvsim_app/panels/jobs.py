@@ -8,24 +8,16 @@ from functools import partial
 
 from PySide6.QtCore import QEvent, QObject, Qt, QUrl, Signal
 from PySide6.QtGui import QAction, QDesktopServices, QGuiApplication, QPalette
-from PySide6.QtWidgets import (
-    QHBoxLayout,
-    QHeaderView,
-    QMenu,
-    QPushButton,
-    QSplitter,
-    QTabWidget,
-    QToolButton,
-    QVBoxLayout,
-    QWidget,
-)
+from PySide6.QtWidgets import QHBoxLayout, QHeaderView, QMenu, QSplitter, QTabWidget, QToolButton, QWidget
 
 from nvsim_app.forms.fields import command_line
 from nvsim_app.jobs.history import folder_of
 from nvsim_app.jobs.queue import AGAIN, ELSEWHERE, JobHandle, JobQueue
+from nvsim_app.look.boxes import hbox, vbox
 from nvsim_app.look.labels import Hint, Label
 from nvsim_app.look.plain_text import plain, tooltip_text
 from nvsim_app.look.table import table
+from nvsim_app.look.widgets import push_button, tool_button
 from nvsim_app.panels.job_plots import JobPlots
 from nvsim_app.panels.job_table import BUTTONS, PROGRESS, ImportedJobDialog, JobModel, JobWorkers, ProgressBar, duration
 from nvsim_app.panels.log import JobLog
@@ -60,17 +52,10 @@ class WaitingJobsBar(QWidget):
         self._handles: list[JobHandle] = []
         self.setAutoFillBackground(True)
         self.setBackgroundRole(QPalette.ColorRole.ToolTipBase)
-        self.words = Label(self)
-        self.words.setWordWrap(True)
-        self.go_on = QPushButton("Continue", self)
-        self.go_on.clicked.connect(self._go_on)
-        self.later = QPushButton("Not now", self)
-        self.later.clicked.connect(self.hide)
-        row = QHBoxLayout(self)
-        row.setContentsMargins(8, 4, 8, 4)
-        row.addWidget(self.words, 1)
-        row.addWidget(self.go_on)
-        row.addWidget(self.later)
+        self.words = Label(self, wordWrap=True)
+        self.go_on = push_button("Continue", self, self._go_on)
+        self.later = push_button("Not now", self, self.hide)
+        hbox((self.words, 1), self.go_on, self.later, on=self, margins=(8, 4, 8, 4))
         self.hide()
 
     def show_jobs(self, handles: Sequence[JobHandle]) -> None:
@@ -122,8 +107,7 @@ class JobButtons(QWidget):
         self.more.setPopupMode(QToolButton.ToolButtonPopupMode.InstantPopup)
         self.more.setToolTip("Other commands for this job")
         self.more.setAccessibleName("Other commands")
-        menu = QMenu(self.more)
-        menu.setToolTipsVisible(True)
+        menu = QMenu(self.more, toolTipsVisible=True)
         self.more.setMenu(menu)
         for name, (text, _) in COMMANDS.items():
             action = self.commands[name] = QAction(text, self)
@@ -166,8 +150,8 @@ class JobPanel(QWidget):
     againWanted = Signal(object)
     largeWanted = Signal(object)
 
-    def __init__(self, queue: JobQueue, parent: QWidget | None = None) -> None:
-        super().__init__(parent)
+    def __init__(self, queue: JobQueue) -> None:
+        super().__init__()
         self.queue = queue
         self.model = JobModel(queue, self)
         self.offer = WaitingJobsBar(self.queue, self)
@@ -175,30 +159,21 @@ class JobPanel(QWidget):
         self._shape_table()
         self.hint = Hint(self.table, self._missing).refresh_with(self.table)
         self.plots, self.preview, self.log = JobPlots(self), JobPreview(self), JobLog(self)
-        self.tabs = QTabWidget(self)
-        self.tabs.setDocumentMode(True)
+        self.tabs = QTabWidget(self, documentMode=True)
         for widget, title in ((self.plots, "Curves"), (self.preview, "Preview"), (self.log, "Messages")):
             self.tabs.addTab(widget, title)
         self.workers = JobWorkers(self)
         self._workers_tab = self.tabs.addTab(self.workers, "Workers")
         self.tabs.setTabVisible(self._workers_tab, False)
         self.tabs.currentChanged.connect(lambda _: self._refresh_shown())
-        self.large = QToolButton(self)
-        self.large.setText("Enlarge…")
-        self.large.setAutoRaise(True)
-        self.large.setToolTip(tooltip_text(COMMANDS["enlarge"][1]))
-        self.large.clicked.connect(self._on_large)
+        self.large = tool_button("Enlarge…", self, self._on_large, COMMANDS["enlarge"][1], autoRaise=True)
         self.tabs.setCornerWidget(self.large)
         self._chosen: JobHandle | None = None  # whose details are shown
         self._held = False  # the user selected it; otherwise the running job is shown
         self._following = False  # the panel itself changes the selection
         self._buttons: dict[JobHandle, JobButtons] = {}
         left = QWidget(self)
-        column = QVBoxLayout(left)
-        column.setContentsMargins(0, 0, 0, 0)
-        column.setSpacing(0)
-        column.addWidget(self.offer)
-        column.addWidget(self.table, 1)
+        vbox(self.offer, (self.table, 1), on=left, margins=0, spacing=0)
         self.splitter = QSplitter(Qt.Orientation.Horizontal, self)
         self.splitter.addWidget(left)
         self.splitter.addWidget(self.tabs)
@@ -206,9 +181,7 @@ class JobPanel(QWidget):
         self.splitter.setStretchFactor(1, 2)
         self.splitter.setSizes([600, 400])
         self.tabs.installEventFilter(self)
-        layout = QVBoxLayout(self)
-        layout.setContentsMargins(0, 0, 0, 0)
-        layout.addWidget(self.splitter)
+        vbox(self.splitter, on=self, margins=0)
         self.table.selectionModel().currentRowChanged.connect(lambda *_: self._on_chosen())
         self.model.rowsReplaced.connect(self._on_rows)
         self.queue.changed.connect(self._on_changed)

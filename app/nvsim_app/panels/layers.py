@@ -4,8 +4,9 @@ from __future__ import annotations
 
 from PySide6.QtCore import Qt
 from PySide6.QtGui import QPalette, QShowEvent
-from PySide6.QtWidgets import QCheckBox, QFrame, QGridLayout, QScrollArea, QSlider, QVBoxLayout, QWidget
+from PySide6.QtWidgets import QCheckBox, QFrame, QGridLayout, QScrollArea, QSlider, QWidget
 
+from nvsim_app.look.boxes import STRETCH, vbox
 from nvsim_app.look.plain_text import caption, tooltip_text
 from nvsim_app.state.document import Document
 from nvsim_app.views.overlays import Overlays
@@ -14,10 +15,9 @@ from nvsim_app.views.overlays import Overlays
 class LayersPanel(QScrollArea):
     """Shows which layers are visible and how opaque they are, and changes both."""
 
-    def __init__(self, overlays: Overlays, document: Document, parent: QWidget | None = None) -> None:
-        super().__init__(parent)
+    def __init__(self, overlays: Overlays, document: Document) -> None:
+        super().__init__(widgetResizable=True)
         self.setObjectName("layersPanel")
-        self.setWidgetResizable(True)
         self.setFrameShape(QFrame.Shape.NoFrame)
         self._overlays = overlays
         self.boxes: dict[str, QCheckBox] = {}
@@ -59,8 +59,6 @@ class LayersPanel(QScrollArea):
 
     def _build(self) -> None:
         inside = QWidget()
-        column = QVBoxLayout(inside)
-        column.setContentsMargins(8, 8, 8, 8)
         grid = QGridLayout()
         grid.setHorizontalSpacing(8)
         grid.setVerticalSpacing(4)
@@ -77,6 +75,5 @@ class LayersPanel(QScrollArea):
             grid.addWidget(box, row, 0)
             grid.addWidget(slider, row, 1)
             self.boxes[layer.name], self.sliders[layer.name] = box, slider
-        column.addLayout(grid)
-        column.addStretch()
+        vbox(grid, STRETCH, on=inside, margins=8)
         self.setWidget(inside)

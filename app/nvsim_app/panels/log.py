@@ -25,11 +25,9 @@ _COLORS = {"log": "quiet", "info": "quiet", "warning": "warning", "error": "bloc
 class _Log(QPlainTextEdit):
     """Lines of text with their times. Subclasses write them again in `rewrite`, after a change of the theme."""
 
-    def __init__(self, empty: str, parent: QWidget | None) -> None:
-        super().__init__(parent)
-        self.setReadOnly(True)
+    def __init__(self, empty: str, parent: QWidget | None = None) -> None:
+        super().__init__(parent, readOnly=True, placeholderText=empty)
         self.setFrameShape(self.Shape.NoFrame)
-        self.setPlaceholderText(empty)
 
     def rewrite(self) -> None:
         raise NotImplementedError
@@ -49,8 +47,8 @@ class _Log(QPlainTextEdit):
 class LogPanel(_Log):
     """Shows notices with their times and details."""
 
-    def __init__(self, notices: Notices, parent: QWidget | None = None) -> None:
-        super().__init__("Nothing to report.", parent)
+    def __init__(self, notices: Notices) -> None:
+        super().__init__("Nothing to report.")
         self.setMaximumBlockCount(MOST_LINES)
         self._notices: deque[Notice] = deque(maxlen=MOST_LINES)
         notices.added.connect(self.append_notice)

@@ -12,22 +12,21 @@ from PySide6.QtGui import QDesktopServices
 from PySide6.QtWidgets import (
     QDialogButtonBox,
     QFileDialog,
-    QHBoxLayout,
     QPlainTextEdit,
     QPushButton,
     QSplitter,
     QTreeWidget,
     QTreeWidgetItem,
-    QVBoxLayout,
     QWidget,
 )
 
 from nvsim.files.user_folders import home_folder
 from nvsim.networks.description import SINGLE_FILES
+from nvsim_app.look.boxes import hbox, vbox
 from nvsim_app.look.labels import Label
 from nvsim_app.look.plain_text import tooltip_text
 from nvsim_app.look.theme import type_font
-from nvsim_app.look.widgets import Dialog, DialogButtons
+from nvsim_app.look.widgets import Dialog, DialogButtons, named
 from nvsim_app.processes.serving import EndMessage
 from nvsim_app.processes.side_process import SideProcess
 from nvsim_app.state.side_work import MODELS, Found, ModelTask
@@ -52,34 +51,23 @@ class ModelsWindow(Dialog):
         for label in (intro, self.folder, self.state):
             label.setWordWrap(True)
         self.folder.setTextInteractionFlags(Qt.TextInteractionFlag.TextSelectableByMouse)
-        self.tree = QTreeWidget(self)
+        self.tree = named(QTreeWidget(self), "Networks")
         self.tree.setHeaderLabels(["Network", "State"])
-        self.tree.setAccessibleName("Networks")
         self.tree.setRootIsDecorated(False)
         self.tree.currentItemChanged.connect(lambda *_: self._show_row())
-        self.details = QPlainTextEdit(self)
-        self.details.setReadOnly(True)
-        self.details.setAccessibleName("About the network")
-        both = QSplitter(self)
+        self.details = named(QPlainTextEdit(self, readOnly=True), "About the network")
+        both = QSplitter(self, childrenCollapsible=False)
         both.addWidget(self.tree)
         both.addWidget(self.details)
         both.setSizes([390, 550])
-        both.setChildrenCollapsible(False)
         buttons = DialogButtons(QDialogButtonBox.StandardButton.Close, self)
         about = "Select the ONNX files of one network; NVSim copies them"
         self.add_button = self._button(buttons, "Install…", about, self._add)
         self.check_button = self._button(buttons, "Test", "", self._check)
         self.open_button = self._button(buttons, "Open folder", "Open the folder of the networks", self._open_folder)
         buttons.rejected.connect(self.close)
-        below = QHBoxLayout()
-        below.addWidget(self.state, 1)
-        below.addWidget(buttons)
-        layout = QVBoxLayout(self)
-        layout.setSpacing(8)
-        for label in (intro, self.folder):
-            layout.addWidget(label)
-        layout.addWidget(both, 1)
-        layout.addLayout(below)
+        below = hbox((self.state, 1), buttons)
+        vbox(intro, self.folder, (both, 1), below, on=self, spacing=8)
         self.resize(940, 560)
         models.changed.connect(self._refresh)
         models.failed.connect(self._show_state)

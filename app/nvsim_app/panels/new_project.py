@@ -7,17 +7,8 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from PySide6.QtCore import Qt, QTemporaryDir, QTimer, Signal
-from PySide6.QtGui import QCloseEvent, QPalette
-from PySide6.QtWidgets import (
-    QDialogButtonBox,
-    QFileDialog,
-    QGridLayout,
-    QLineEdit,
-    QProgressBar,
-    QPushButton,
-    QVBoxLayout,
-    QWidget,
-)
+from PySide6.QtGui import QCloseEvent
+from PySide6.QtWidgets import QDialogButtonBox, QFileDialog, QGridLayout, QLineEdit, QProgressBar, QPushButton, QWidget
 
 from nvsim.capture import formats
 from nvsim.capture.excluded_frames import FROM_FILE, write_names
@@ -29,10 +20,11 @@ from nvsim.reconstruction.pose_networks import NONE, Use, suitable_models
 from nvsim_app.forms.fields import Field, fields_of
 from nvsim_app.forms.rows import Editor, LineEditor, editor_of
 from nvsim_app.jobs.queries import CaptureCheck, CheckResult
+from nvsim_app.look.boxes import vbox
 from nvsim_app.look.labels import InkLabel, Label
 from nvsim_app.look.plain_text import tooltip_text
 from nvsim_app.look.theme import type_font
-from nvsim_app.look.widgets import Dialog, DialogButtons, Scrolling
+from nvsim_app.look.widgets import Dialog, DialogButtons, Scrolling, named, push_button
 from nvsim_app.panels.capture_check import CaptureFixes, CaptureSummary, FindingTree
 from nvsim_app.state.recent_projects import place_for, problem_with
 
@@ -121,21 +113,16 @@ class NewProjectDialog(Dialog):
         self._show_state()
 
     def _build(self) -> None:
-        self.capture = QLineEdit(self)
+        self.capture = QLineEdit(self, placeholderText=f"{formats.names()}, or a video: a folder or a file")
         self.capture.setAccessibleName("Capture")
-        self.capture.setPlaceholderText(f"{formats.names()}, or a video: a folder or a file")
         folder, file = QPushButton("Folder…", self), QPushButton("File…", self)
-        another = QPushButton("Add…", self)
-        another.setToolTip("Add another capture of the building, in the same world and unit")
-        another.clicked.connect(self._browse_another)
+        another = push_button(
+            "Add…", self, self._browse_another, "Add another capture of the building, in the same world and unit"
+        )
         folder.clicked.connect(self._browse_folder)
         file.clicked.connect(self._browse_file)
-        self.project = QLineEdit(self)
-        self.project.setAccessibleName("Project")
-        self.project.setReadOnly(self._fixed is not None)
-        place = QPushButton("Browse…", self)
-        place.setEnabled(self._fixed is None)
-        place.clicked.connect(self._browse_project)
+        self.project = named(QLineEdit(self, readOnly=self._fixed is not None), "Project")
+        place = push_button("Browse…", self, self._browse_project, enabled=self._fixed is None)
         self.camera_height = self._line("camera_height")
         self.scale = self._line("scale")
         self.hold_out = self._line("hold_out")
@@ -158,24 +145,17 @@ class NewProjectDialog(Dialog):
         asked += ("Features", self.features), ("People", self.people)
         self._rows: dict[str, list[QWidget]] = {}
         for row, (words, editor) in enumerate(asked, start=2):
-            name = Label(words, self)
-            name.setToolTip(tooltip_text(editor.field.flag))
-            help = Label(editor.field.help, self)
-            help.setForegroundRole(QPalette.ColorRole.PlaceholderText)
-            help.setWordWrap(True)
+            name = Label(words, self, toolTip=tooltip_text(editor.field.flag))
+            help = Label(editor.field.help, self, wordWrap=True, quiet=True)
             grid.addWidget(name, row, 0)
             grid.addWidget(editor, row, 1)
             grid.addWidget(help, row, 2, 1, 4)
             self._rows[editor.field.path.rpartition(".")[2]] = [name, editor, help]
         grid.setColumnStretch(2, 1)
-        self.verdict = Label(self)
-        self.verdict.setFont(type_font(bold=True))
-        self.verdict.setWordWrap(True)
-        self.busy = QProgressBar(self)
-        self.busy.setAccessibleName("Progress of the check")
+        self.verdict = Label(self, font=type_font(bold=True), wordWrap=True)
+        self.busy = named(QProgressBar(self, textVisible=False), "Progress of the check")
         self.busy.setRange(0, 0)
         self.busy.setMaximumHeight(6)
-        self.busy.setTextVisible(False)
         policy = self.busy.sizePolicy()
         policy.setRetainSizeWhenHidden(True)
         self.busy.setSizePolicy(policy)
@@ -199,22 +179,15 @@ class NewProjectDialog(Dialog):
         self.import_button.clicked.connect(lambda: self._choose(everything=False))
         buttons.rejected.connect(self.reject)
         page = QWidget(self)
-        column = QVBoxLayout(page)
-        column.setContentsMargins(0, 0, 0, 0)
-        column.addLayout(grid)
-        column.addWidget(self.verdict)
-        column.addWidget(self.busy)
         found = QGridLayout()
         found.setColumnStretch(0, 1)
         found.addWidget(self.findings, 0, 0)
         found.addWidget(self.mending, 1, 0)
         found.addWidget(self.summary, 0, 1, 2, 1)
         self.summary.setFixedWidth(250)
-        column.addLayout(found, 1)
-        layout = QVBoxLayout(self)
-        layout.addWidget(Scrolling(page, self), 1)  # so that the buttons are visible on a small screen
-        layout.addWidget(self.problem)
-        layout.addWidget(buttons)
+        vbox(grid, self.verdict, self.busy, (found, 1), on=page, margins=0)
+        scrolled = Scrolling(page, self)  # so that the buttons are visible on a small screen
+        vbox((scrolled, 1), self.problem, buttons, on=self)
         self.capture.textChanged.connect(self._on_capture)
         self.project.textEdited.connect(self._on_named)
         self.project.textChanged.connect(lambda _: self._show_state())

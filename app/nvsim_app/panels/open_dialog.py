@@ -6,23 +6,16 @@ from pathlib import Path
 
 from PySide6.QtCore import QEvent, QObject, Qt, QTimer, Signal
 from PySide6.QtGui import QIcon, QKeyEvent
-from PySide6.QtWidgets import (
-    QDialogButtonBox,
-    QHBoxLayout,
-    QLineEdit,
-    QPushButton,
-    QStyle,
-    QVBoxLayout,
-    QWidget,
-)
+from PySide6.QtWidgets import QDialogButtonBox, QLineEdit, QPushButton, QStyle, QWidget
 
 from nvsim.files.user_folders import home_folder
 from nvsim.project.path_kind import PathKind
+from nvsim_app.look.boxes import hbox, vbox
 from nvsim_app.look.labels import Hint, Label
 from nvsim_app.look.plain_text import plain
 from nvsim_app.look.table import Column, TableModel, table
 from nvsim_app.look.theme import type_font
-from nvsim_app.look.widgets import Dialog, DialogButtons
+from nvsim_app.look.widgets import Dialog, DialogButtons, push_button
 from nvsim_app.state.folder_listing import Entry, Listing, Listings
 
 _TYPING = 120  # milliseconds after the last key press until the folder is read
@@ -59,15 +52,14 @@ class OpenDialog(Dialog):
         self._waiting.ended.connect(self._on_listed)
         self._due = QTimer(self, singleShot=True, interval=_TYPING)
         self._due.timeout.connect(self._list_folder)
-        self.line = QLineEdit(self)
+        self.line = QLineEdit(
+            self, placeholderText="The path of a project, a capture, a video, a graph or a splat file"
+        )
         self.line.setAccessibleName("Path")
-        self.line.setPlaceholderText("The path of a project, a capture, a video, a graph or a splat file")
         self.line.textEdited.connect(self._on_typed)
         self.line.installEventFilter(self)
-        self.up = QPushButton("Up", self)
-        self.up.setToolTip("Go to the parent folder (Alt+Up)")
+        self.up = push_button("Up", self, self.go_up, "Go to the parent folder (Alt+Up)")
         self.up.setShortcut("Alt+Up")
-        self.up.clicked.connect(self.go_up)
         columns = (
             Column[Entry]("Name", lambda entry: entry.path.name, width=480, icon=self._icon),
             Column[Entry]("Kind", lambda entry: _WORDS.get(entry.kind, "folder"), ink=self._ink),
@@ -78,11 +70,8 @@ class OpenDialog(Dialog):
         self.list.doubleClicked.connect(self.open_target)
         self.list.installEventFilter(self)
         self._hint = Hint(self.list, self._reason_for_no_entries).refresh_with(self.list)
-        self.says = Label(self)
-        self.says.setWordWrap(True)
-        self.says.setFont(type_font(bold=True))
-        self.rest = Label(self)
-        self.rest.setForegroundRole(self.rest.palette().ColorRole.PlaceholderText)
+        self.says = Label(self, wordWrap=True, font=type_font(bold=True))
+        self.rest = Label(self, quiet=True)
         buttons = DialogButtons(self)
         self.ok = buttons.addButton("Open", QDialogButtonBox.ButtonRole.AcceptRole)
         self.inside = buttons.addButton("Show contents", QDialogButtonBox.ButtonRole.ActionRole)
@@ -93,15 +82,8 @@ class OpenDialog(Dialog):
         buttons.rejected.connect(self.reject)
         for button in self.findChildren(QPushButton):
             button.setAutoDefault(False)  # the line and the list handle Enter
-        head = QHBoxLayout()
-        head.addWidget(self.line, 1)
-        head.addWidget(self.up)
-        layout = QVBoxLayout(self)
-        layout.addLayout(head)
-        layout.addWidget(self.list, 1)
-        layout.addWidget(self.rest)
-        layout.addWidget(self.says)
-        layout.addWidget(buttons)
+        head = hbox((self.line, 1), self.up)
+        vbox(head, (self.list, 1), self.rest, self.says, buttons, on=self)
         self.resize(720, 480)
         self.go_to(folder)
 

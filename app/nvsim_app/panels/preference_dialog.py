@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from functools import partial
 
-from PySide6.QtCore import QEvent, QObject, QSortFilterProxyModel, Qt
+from PySide6.QtCore import QEvent, QObject, QSignalBlocker, QSortFilterProxyModel, Qt
 from PySide6.QtGui import QKeyEvent, QKeySequence
 from PySide6.QtWidgets import (
     QCheckBox,
@@ -25,10 +25,11 @@ from PySide6.QtWidgets import (
 )
 
 from nvsim_app.look import colors
+from nvsim_app.look.boxes import vbox
 from nvsim_app.look.labels import Label, WrappingRow
 from nvsim_app.look.plain_text import plain, tooltip_text
 from nvsim_app.look.table import Column, Index, TableModel, table
-from nvsim_app.look.widgets import Dialog, DialogButtons, NumberBox
+from nvsim_app.look.widgets import Dialog, DialogButtons, NumberBox, named
 from nvsim_app.panels.preferences import PREFERENCES, KeyBindings, KeyRow, Preference, Preferences, Value
 
 _Editor = QComboBox | QCheckBox | NumberBox
@@ -43,10 +44,8 @@ class PreferenceDialog(Dialog):
         self.setWindowFlag(Qt.WindowType.Tool)
         self.setAttribute(Qt.WidgetAttribute.WA_DeleteOnClose)
         self._preferences = preferences
-        self.search = QLineEdit(self)
-        self.search.setPlaceholderText("Search settings, commands and keys")
+        self.search = QLineEdit(self, placeholderText="Search settings, commands and keys", clearButtonEnabled=True)
         self.search.setAccessibleName("Search the preferences")
-        self.search.setClearButtonEnabled(True)
         self.editors: dict[str, _Editor] = {}
         self._groups: list[tuple[QGroupBox, QFormLayout, list[Preference]]] = []
         self.keys = KeyPage(bindings, self)
@@ -60,10 +59,7 @@ class PreferenceDialog(Dialog):
         defaults.clicked.connect(preferences.reset)
         defaults.setAutoDefault(False)
         self.buttons.rejected.connect(self.close)
-        layout = QVBoxLayout(self)
-        layout.addWidget(self.search)
-        layout.addWidget(self.tabs, 1)
-        layout.addWidget(self.buttons)
+        vbox(self.search, (self.tabs, 1), self.buttons, on=self)
         self.search.textChanged.connect(self._find)
         preferences.changed.connect(self._show)
         self._find("")
@@ -84,8 +80,7 @@ class PreferenceDialog(Dialog):
             self._groups.append((box, rows, mine))
         column.addWidget(self.nothing)
         column.addStretch(1)
-        area = QScrollArea(self)
-        area.setWidgetResizable(True)
+        area = QScrollArea(self, widgetResizable=True)
         area.setFrameShape(QFrame.Shape.NoFrame)
         area.setWidget(page)
         area.setFocusPolicy(Qt.FocusPolicy.NoFocus)
@@ -136,14 +131,13 @@ class PreferenceDialog(Dialog):
     def _show(self, key: str) -> None:
         """Shows a value that was changed elsewhere."""
         editor, value = self.editors[key], self._preferences[key]
-        editor.blockSignals(True)
-        if isinstance(editor, QComboBox):
-            editor.setCurrentIndex(editor.findData(value))
-        elif isinstance(editor, QCheckBox):
-            editor.setChecked(bool(value))
-        else:
-            editor.setValue(float(value))
-        editor.blockSignals(False)
+        with QSignalBlocker(editor):
+            if isinstance(editor, QComboBox):
+                editor.setCurrentIndex(editor.findData(value))
+            elif isinstance(editor, QCheckBox):
+                editor.setChecked(bool(value))
+            else:
+                editor.setValue(float(value))
 
     def _find(self, typed: str) -> None:
         words, count = typed.casefold().split(), 0
@@ -245,25 +239,17 @@ class KeyPage(QWidget):
         self._fitting = _PreferenceFilter(self)
         self._fitting.setSourceModel(self.table)
         self.view = self._view()
-        self.editor = _KeyField(self)
+        self.editor = named(_KeyField(self), "New keys", "Click here and press the new keys; they apply at once")
         self.editor.setMaximumSequenceLength(1)
-        self.editor.setAccessibleName("New keys")
-        self.editor.setToolTip("Click here and press the new keys; they apply at once")
         self.none = self._button("None", "Remove the keys of this command")
         self.reset = self._button("Reset", "Restore the default keys of this command")
         self.reset_all = self._button("Reset to defaults", "Restore the default keys of all commands")
         self.only = QCheckBox("Only conflicts", self)
         self.only.setToolTip("Show only commands that have the same keys as another one")
-        self.words = Label(self)
-        self.words.setWordWrap(True)
-        row = WrappingRow()
+        self.words = Label(self, wordWrap=True)
         self.of = Label("Keys", self)
-        for widget in (self.of, self.editor, self.none, self.reset, self.reset_all, self.only):
-            row.addWidget(widget)
-        layout = QVBoxLayout(self)
-        layout.addWidget(self.view, 1)
-        layout.addLayout(row)
-        layout.addWidget(self.words)
+        row = WrappingRow(self.of, self.editor, self.none, self.reset, self.reset_all, self.only)
+        vbox((self.view, 1), row, self.words, on=self)
         self.editor.editingFinished.connect(self._bind)
         self.none.clicked.connect(self._clear)
         self.reset.clicked.connect(self._reset)
@@ -285,8 +271,7 @@ class KeyPage(QWidget):
         return view
 
     def _button(self, text: str, words: str) -> QPushButton:
-        button = QPushButton(text, self)
-        button.setToolTip(tooltip_text(words))
+        button = named(QPushButton(text, self), tip=words)
         button.setAutoDefault(False)
         return button
 

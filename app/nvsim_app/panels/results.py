@@ -9,24 +9,14 @@ from typing import Any
 
 import numpy as np
 import pyqtgraph
-from PySide6.QtCore import QModelIndex, Qt, Signal
+from PySide6.QtCore import QModelIndex, QSignalBlocker, Qt, Signal
 from PySide6.QtGui import QGuiApplication, QKeySequence, QShortcut
-from PySide6.QtWidgets import (
-    QComboBox,
-    QFileDialog,
-    QHBoxLayout,
-    QHeaderView,
-    QListWidget,
-    QListWidgetItem,
-    QPushButton,
-    QSplitter,
-    QVBoxLayout,
-    QWidget,
-)
+from PySide6.QtWidgets import QComboBox, QFileDialog, QHeaderView, QListWidget, QListWidgetItem, QSplitter, QWidget
 
 from nvsim.errors import InputError
 from nvsim.plain_text import capitalized
 from nvsim_app.look import colors
+from nvsim_app.look.boxes import STRETCH, hbox, vbox
 from nvsim_app.look.icons import save_image
 from nvsim_app.look.labels import Label
 from nvsim_app.look.notices import Notices
@@ -34,13 +24,8 @@ from nvsim_app.look.plain_text import CAPTION, plain
 from nvsim_app.look.table import Column, TableModel
 from nvsim_app.look.table import table as quiet_table
 from nvsim_app.look.theme import Plot
-from nvsim_app.state.results import (
-    EvaluationResult,
-    ResultTable,
-    result_title,
-    save_table,
-    value_words,
-)
+from nvsim_app.look.widgets import named, push_button
+from nvsim_app.state.results import EvaluationResult, ResultTable, result_title, save_table, value_words
 
 _FEW = 12  # rows whose names fit beside horizontal bars
 
@@ -79,76 +64,45 @@ class ResultPanel(QWidget):
     frameWanted = Signal(int)
     submapWanted = Signal(int)
 
-    def __init__(self, notices: Notices, parent: QWidget | None = None) -> None:
-        super().__init__(parent)
+    def __init__(self, notices: Notices) -> None:
+        super().__init__()
         self._notices = notices
         self.results: list[EvaluationResult] = []
-        self.list = QListWidget(self)
-        self.list.setAccessibleName("Evaluations")
+        self.list = named(QListWidget(self), "Evaluations")
         self.list.setFrameShape(QListWidget.Shape.NoFrame)
         self.list.setSpacing(4)
         self.list.setWordWrap(True)
         self.list.setHorizontalScrollBarPolicy(Qt.ScrollBarPolicy.ScrollBarAlwaysOff)
         self.list.currentRowChanged.connect(self._on_result)
-        self.tables = QComboBox(self)
-        self.tables.setAccessibleName("Table")
+        self.tables = named(QComboBox(self), "Table")
         self.tables.currentIndexChanged.connect(self._on_table)
-        self.columns = QComboBox(self)
-        self.columns.setAccessibleName("Column that is plotted")
+        self.columns = named(QComboBox(self), "Column that is plotted")
         self.columns.currentIndexChanged.connect(lambda _: self._draw())
-        self.copy = QPushButton("Copy", self)
-        self.copy.setToolTip("Copy the table with tabs, for a spreadsheet (Ctrl+C)")
-        self.copy.clicked.connect(self._copy)
-        self.save = QPushButton("Save CSV…", self)
-        self.save.clicked.connect(self._choose_csv)
-        self.save_plot = QPushButton("Save plot…", self)
-        self.save_plot.clicked.connect(self._choose_plot)
+        self.copy = push_button("Copy", self, self._copy, "Copy the table with tabs, for a spreadsheet (Ctrl+C)")
+        self.save = push_button("Save CSV…", self, self._choose_csv)
+        self.save_plot = push_button("Save plot…", self, self._choose_plot)
         self.model = ResultModel(self)
-        self.view = quiet_table(self.model, self)
-        self.view.setAccessibleName("Figures")
+        self.view = quiet_table(self.model, self, "Figures")
         self.view.doubleClicked.connect(self._on_double_clicked)
         QShortcut(QKeySequence.StandardKey.Copy, self.view, self._copy, context=Qt.ShortcutContext.WidgetShortcut)
         self.plot = Plot("Plot of the figures", self)
         self.plot.setMouseEnabled(x=True, y=True)
         self.plot.showGrid(y=True, alpha=0.15)
         self.plot.setMinimumWidth(160)
-        self.empty = Label("Results appear here. Jobs > Evaluate computes them.", self)
-        self.empty.setForegroundRole(self.empty.palette().ColorRole.PlaceholderText)
+        self.empty = Label("Results appear here. Jobs > Evaluate computes them.", self, quiet=True)
         self.empty.setContentsMargins(8, 8, 8, 8)
-        bar = QHBoxLayout()
-        bar.setContentsMargins(4, 4, 4, 4)
-        bar.setSpacing(4)
-        bar.addWidget(self.tables)
-        bar.addWidget(self.copy)
-        bar.addWidget(self.save)
-        bar.addStretch(1)
+        bar = hbox(self.tables, self.copy, self.save, STRETCH, margins=4, spacing=4)
         middle = QWidget(self)
-        column = QVBoxLayout(middle)
-        column.setContentsMargins(0, 0, 0, 0)
-        column.setSpacing(0)
-        column.addLayout(bar)
-        column.addWidget(self.view, 1)
-        above = QHBoxLayout()
-        above.setContentsMargins(4, 4, 4, 4)
-        above.setSpacing(4)
-        above.addWidget(self.columns)
-        above.addWidget(self.save_plot)
-        above.addStretch(1)
+        vbox(bar, (self.view, 1), on=middle, margins=0, spacing=0)
+        above = hbox(self.columns, self.save_plot, STRETCH, margins=4, spacing=4)
         self._right = right = QWidget(self)
-        beside = QVBoxLayout(right)
-        beside.setContentsMargins(0, 0, 0, 0)
-        beside.setSpacing(0)
-        beside.addLayout(above)
-        beside.addWidget(self.plot, 1)
+        vbox(above, (self.plot, 1), on=right, margins=0, spacing=0)
         self.splitter = QSplitter(Qt.Orientation.Horizontal, self)
         for widget, stretch in ((self.list, 1), (middle, 3), (right, 2)):
             self.splitter.addWidget(widget)
             self.splitter.setStretchFactor(self.splitter.count() - 1, stretch)
         self.splitter.setSizes([190, 420, 330])
-        layout = QVBoxLayout(self)
-        layout.setContentsMargins(0, 0, 0, 0)
-        layout.addWidget(self.empty)
-        layout.addWidget(self.splitter, 1)
+        vbox(self.empty, (self.splitter, 1), on=self, margins=0)
         self.show_results([])
 
     # Showing ----------------------------------------------------------------------------------------------------
@@ -162,32 +116,25 @@ class ResultPanel(QWidget):
         chosen = self.results[row].key if 0 <= row < len(self.results) else ""
         newest = bool(results) and results[0].key not in {r.key for r in self.results}
         self.results = results
-        self.list.blockSignals(True)
-        self.list.clear()
-        for result in results:
-            when = time.strftime("%d %b %H:%M", time.localtime(result.at)) if result.at else ""
-            item = QListWidgetItem(f"{plain(result.title)}\n{when}" if when else plain(result.title))
-            self.list.addItem(item)
-        self.list.blockSignals(False)
+        with QSignalBlocker(self.list):
+            self.list.clear()
+            for result in results:
+                when = time.strftime("%d %b %H:%M", time.localtime(result.at)) if result.at else ""
+                item = QListWidgetItem(f"{plain(result.title)}\n{when}" if when else plain(result.title))
+                self.list.addItem(item)
         self.empty.setVisible(not results)
         self.splitter.setVisible(bool(results))
         keys = [r.key for r in results]
         if results:
             self.list.setCurrentRow(0 if newest or chosen not in keys else keys.index(chosen))
 
-    @property
-    def table(self) -> ResultTable:
-        """The displayed table."""
-        return self.model.table
-
     def _on_result(self, row: int) -> None:
         tables = self.results[row].tables if 0 <= row < len(self.results) else ()
         former = self.tables.currentText()
-        self.tables.blockSignals(True)
-        self.tables.clear()
-        self.tables.addItems([plain(t.title, CAPTION) for t in tables])
-        self.tables.setCurrentText(former)
-        self.tables.blockSignals(False)
+        with QSignalBlocker(self.tables):
+            self.tables.clear()
+            self.tables.addItems([plain(t.title, CAPTION) for t in tables])
+            self.tables.setCurrentText(former)
         self._on_table(self.tables.currentIndex())
 
     def _on_table(self, index: int) -> None:
@@ -196,18 +143,17 @@ class ResultPanel(QWidget):
         self.model.show_table(tables[index] if 0 <= index < len(tables) else ResultTable("", (), ()))
         self._fit_names()
         former = self.columns.currentText()
-        self.columns.blockSignals(True)
-        self.columns.clear()
-        titles = [capitalized(result_title(self.table.columns[i])) for i in self.table.columns_to_plot]
-        self.columns.addItems([plain(title, CAPTION) for title in titles])
-        self.columns.setCurrentText(former)
-        self.columns.blockSignals(False)
+        with QSignalBlocker(self.columns):
+            self.columns.clear()
+            titles = [capitalized(result_title(self.model.table.columns[i])) for i in self.model.table.columns_to_plot]
+            self.columns.addItems([plain(title, CAPTION) for title in titles])
+            self.columns.setCurrentText(former)
         self._draw()
 
     def _fit_names(self) -> None:
         """Gives the names of figures the room that the values leave, so that the values are visible in a small
         window."""
-        header, named = self.view.horizontalHeader(), self.table.is_summary
+        header, named = self.view.horizontalHeader(), self.model.table.is_summary
         header.setStretchLastSection(not named)
         for place in range(header.count()):
             names = named and place == 0
@@ -216,16 +162,16 @@ class ResultPanel(QWidget):
 
     def _draw(self) -> None:
         self.plot.clear()
-        plotted, chosen = self.table.columns_to_plot, self.columns.currentIndex()
+        plotted, chosen = self.model.table.columns_to_plot, self.columns.currentIndex()
         shown = 0 <= chosen < len(plotted)
         for widget in (self.columns, self.save_plot):
             widget.setVisible(shown)
         self._right.setVisible(shown)  # otherwise the table has the space
         if not shown:
             return
-        values = np.array(self.table.numbers(plotted[chosen]))
+        values = np.array(self.model.table.numbers(plotted[chosen]))
         known = np.flatnonzero(np.isfinite(values))
-        names = [str(row[0]) for row in self.table.rows]
+        names = [str(row[0]) for row in self.model.table.rows]
         few = len(values) <= _FEW
         if few:  # horizontal bars leave room for their names
             bars = pyqtgraph.BarGraphItem(x0=0.0, width=values[known], y=known, height=0.7, brush=colors.NODE, pen=None)
@@ -246,13 +192,13 @@ class ResultPanel(QWidget):
     # Export -----------------------------------------------------------------------------------------------------
 
     def _copy(self) -> None:
-        QGuiApplication.clipboard().setText(self.table.separated("\t"))
+        QGuiApplication.clipboard().setText(self.model.table.separated("\t"))
 
     def _choose_csv(self) -> None:
-        name, _ = QFileDialog.getSaveFileName(self, "Save table", f"{self.table.title}.csv", "CSV (*.csv)")
+        name, _ = QFileDialog.getSaveFileName(self, "Save table", f"{self.model.table.title}.csv", "CSV (*.csv)")
         if name:
             try:
-                save_table(self.table, Path(name))
+                save_table(self.model.table, Path(name))
                 self._notices.info(f"Saved {name}.", about="save")
             except InputError as error:
                 self._notices.error(str(error), about="save")
@@ -267,7 +213,7 @@ class ResultPanel(QWidget):
                 self._notices.error(str(error), about="save")
 
     def _on_double_clicked(self, index: QModelIndex) -> None:
-        row = dict(zip(self.table.columns, self.table.rows[index.row()], strict=True))
+        row = dict(zip(self.model.table.columns, self.model.table.rows[index.row()], strict=True))
         if isinstance(row.get("frame"), int):
             self.frameWanted.emit(row["frame"])
         elif str(row.get("submap", "")).isdigit():

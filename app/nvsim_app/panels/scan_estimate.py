@@ -10,16 +10,18 @@ from pathlib import Path
 
 from PySide6.QtCore import QObject, QSize, Qt, Signal
 from PySide6.QtGui import QPalette
-from PySide6.QtWidgets import QFrame, QGridLayout, QPushButton, QVBoxLayout, QWidget
+from PySide6.QtWidgets import QFrame, QGridLayout, QVBoxLayout, QWidget
 
 from nvsim.graph.history import count_text
 from nvsim.networks.folder import models_folder
 from nvsim.r2r.features.layouts import LAYOUTS, Layout, feature_maker, missing_package_error, network_name
 from nvsim.r2r.observations.estimate import size_words
 from nvsim_app.jobs.queries import CommandQuery
+from nvsim_app.look.boxes import STRETCH, vbox
 from nvsim_app.look.labels import InkLabel, Label
 from nvsim_app.look.plain_text import tooltip_text
 from nvsim_app.look.theme import type_font
+from nvsim_app.look.widgets import push_button
 
 VERB, DATASET = "export scan", "export dataset"
 
@@ -116,9 +118,7 @@ class ScanEstimatePanel(QFrame):
         self.question.finished.connect(self.show_estimate)
         self.question.failed.connect(self._on_failed)
         self.unsaved = self._words("warning")
-        self.save = QPushButton("Save the graph", self)
-        self.save.setAutoDefault(False)
-        self.save.clicked.connect(self.saveWanted)
+        self.save = push_button("Save the graph", self, self.saveWanted, autoDefault=False)
         self.title = self._words()
         self.title.setFont(type_font(bold=True))
         self.rows = QWidget(self)
@@ -127,15 +127,10 @@ class ScanEstimatePanel(QFrame):
         self._grid.setColumnStretch(0, 1)
         self.room, self.there = self._words(), self._words()
         self.shortage = self._words("warning")
-        self.findings = QPushButton("Show the findings", self)
-        self.findings.setAutoDefault(False)
-        self.findings.setToolTip("Close this form and show the problems of the graph")
-        self.findings.clicked.connect(self.findingsWanted)
-        column = QVBoxLayout(self)
-        for widget in (self.unsaved, self.save, self.title, self.rows, self.room, self.there, self.shortage):
-            column.addWidget(widget)
-        column.addWidget(self.findings)
-        column.addStretch(1)
+        tip = "Close this form and show the problems of the graph"
+        self.findings = push_button("Show the findings", self, self.findingsWanted, tip, autoDefault=False)
+        above = (self.unsaved, self.save, self.title, self.rows)
+        vbox(*above, self.room, self.there, self.shortage, self.findings, STRETCH, on=self)
         self.show_unsaved("", False)
         self.findings.hide()
         self.estimate: ScanEstimate | None = None
@@ -240,8 +235,7 @@ class FeatureMakersPanel(QFrame):
     """Lists the layouts of features. `makers` holds a label for each layout, with the network that computes it."""
 
     def __init__(self, parent: QWidget | None = None) -> None:
-        super().__init__(parent)
-        self.setFrameShape(QFrame.Shape.StyledPanel)
+        super().__init__(parent, frameShape=QFrame.Shape.StyledPanel)
         self.setFixedWidth(_WIDE)
         column = QVBoxLayout(self)
         column.setSpacing(4)

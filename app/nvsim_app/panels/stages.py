@@ -10,7 +10,6 @@ from PySide6.QtGui import QImage, QPainter, QPaintEvent, QPixmap
 from PySide6.QtWidgets import (
     QBoxLayout,
     QDialogButtonBox,
-    QHBoxLayout,
     QListWidget,
     QListWidgetItem,
     QProgressBar,
@@ -23,11 +22,12 @@ from PySide6.QtWidgets import (
 from nvsim.project.earlier_results import KeptResult, megabytes
 from nvsim.project.work import PIPELINE, WORK
 from nvsim_app.jobs.queue import JobQueue
+from nvsim_app.look.boxes import STRETCH, hbox, vbox
 from nvsim_app.look.icons import icon
 from nvsim_app.look.labels import Label
 from nvsim_app.look.plain_text import plain
 from nvsim_app.look.theme import GRID, type_font
-from nvsim_app.look.widgets import Dialog, DialogButtons
+from nvsim_app.look.widgets import Dialog, DialogButtons, named, push_button
 from nvsim_app.panels.job_table import duration
 
 
@@ -121,15 +121,10 @@ class RunningJob(QWidget):
         self._queue = queue
         self.setCursor(Qt.CursorShape.PointingHandCursor)
         self.words = Label(self)
-        self.bar = QProgressBar(self)
-        self.bar.setAccessibleName("Progress of the job")
+        self.bar = named(QProgressBar(self, textVisible=False), "Progress of the job")
         self.bar.setRange(0, 1000)
-        self.bar.setTextVisible(False)
         self.bar.setFixedSize(90, 10)
-        row = QHBoxLayout(self)
-        row.setContentsMargins(4, 0, 8, 0)
-        row.addWidget(self.words)
-        row.addWidget(self.bar)
+        hbox(self.words, self.bar, on=self, margins=(4, 0, 8, 0))
         self.setSizePolicy(QSizePolicy.Policy.Maximum, QSizePolicy.Policy.Preferred)
         queue.changed.connect(self.refresh)
         queue.progressed.connect(self.refresh)
@@ -162,38 +157,22 @@ class EmptyState(QWidget):
     stageWanted = Signal(str)
     settingsWanted = Signal(str)
 
-    def __init__(self, parent: QWidget | None = None) -> None:
-        super().__init__(parent)
-        self.setAutoFillBackground(True)
+    def __init__(self) -> None:
+        super().__init__(autoFillBackground=True)
         self._verb = ""
         self._mark = Label(self, alignment=Qt.AlignmentFlag.AlignCenter)
-        self.sentence = Label(self, alignment=Qt.AlignmentFlag.AlignCenter)
-        self.sentence.setWordWrap(True)
-        self.sentence.setFont(type_font("large"))
+        self.sentence = Label(self, alignment=Qt.AlignmentFlag.AlignCenter, wordWrap=True, font=type_font("large"))
         self.imports = self._button("Import a capture…", self.importWanted.emit)
         self.everything = self._button("Run everything", self.runWanted.emit)
         self.stage = self._button("This stage only", lambda: self.stageWanted.emit(self._verb))
         self.settings = self._button("Settings…", lambda: self.settingsWanted.emit(self._verb))
-        buttons = QHBoxLayout()
-        buttons.addStretch(1)
-        for button in (self.imports, self.everything, self.stage, self.settings):
-            buttons.addWidget(button)
-        buttons.addStretch(1)
-        layout = QVBoxLayout(self)
-        layout.addStretch(2)
-        layout.addWidget(self._mark)
-        layout.addSpacing(8)
-        layout.addWidget(self.sentence)
-        layout.addSpacing(6)
-        layout.addLayout(buttons)
-        layout.addStretch(3)
+        buttons = hbox(STRETCH, self.imports, self.everything, self.stage, self.settings, STRETCH)
+        vbox((STRETCH, 2), self._mark, 8, self.sentence, 6, buttons, (STRETCH, 3), on=self)
         self.apply_palette()
         self.show_message("")
 
     def _button(self, text: str, handler: object) -> QPushButton:
-        button = QPushButton(text, self)
-        button.clicked.connect(handler)
-        return button
+        return push_button(text, self, handler)
 
     def apply_palette(self) -> None:
         """Draws the logo in the colors of the palette."""
@@ -234,10 +213,9 @@ class EarlierResults(Dialog):
             "Each row is the result of a stage before its last run. Restore exchanges it with the current result; "
             "later stages do not change.",
             self,
+            wordWrap=True,
         )
-        intro.setWordWrap(True)
-        self.list = QListWidget(self)
-        self.list.setAccessibleName("Earlier results")
+        self.list = named(QListWidget(self), "Earlier results")
         for one in kept:
             item = QListWidgetItem(f"{one.stage}: {one.words}, {megabytes(one.bytes)}", self.list)
             item.setData(Qt.ItemDataRole.UserRole, one.stage)

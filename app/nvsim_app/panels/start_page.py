@@ -19,7 +19,6 @@ from PySide6.QtGui import (
     QShowEvent,
 )
 from PySide6.QtWidgets import (
-    QHBoxLayout,
     QListWidget,
     QListWidgetItem,
     QPushButton,
@@ -27,17 +26,17 @@ from PySide6.QtWidgets import (
     QStyle,
     QStyledItemDelegate,
     QStyleOptionViewItem,
-    QVBoxLayout,
     QWidget,
 )
 
 from nvsim.capture import formats
 from nvsim_app.look import colors
+from nvsim_app.look.boxes import STRETCH, hbox, vbox
 from nvsim_app.look.icons import icon
 from nvsim_app.look.labels import Label
 from nvsim_app.look.plain_text import plain, tooltip_text
 from nvsim_app.look.theme import GRID, type_font
-from nvsim_app.look.widgets import Scrolling
+from nvsim_app.look.widgets import Scrolling, push_button
 from nvsim_app.state.side_work import ProjectPreview
 
 _THUMBNAIL = QSize(96, 64)
@@ -126,8 +125,8 @@ class RecentList(QListWidget):
         self.clear()
         for path in paths:
             item = QListWidgetItem(plain(path.name), self)
-            item.setData(_PATH, str(path))
             item.setToolTip(tooltip_text(path))
+            item.setData(_PATH, str(path))
             if path in kept:
                 item.setIcon(kept[path][0])
                 item.setData(_GONE, kept[path][1])
@@ -197,16 +196,10 @@ class DropZone(QWidget):
         self._hot = False
         self.setCursor(Qt.CursorShape.PointingHandCursor)
         self.setAccessibleName("Drop a project, a capture, a video, a graph or a splat file here")
-        layout = QVBoxLayout(self)
-        layout.setContentsMargins(2 * GRID, GRID, 2 * GRID, GRID)
-        layout.setSpacing(4)
-        words = Label("Drop a file or folder here", self)
-        words.setFont(type_font(bold=True))
-        layout.addWidget(words)
+        words = Label("Drop a file or folder here", self, font=type_font(bold=True))
+        layout = vbox(words, on=self, margins=(2 * GRID, GRID, 2 * GRID, GRID), spacing=4)
         for kind, what in KINDS:
-            row = Label(f"{kind} – {what}", self)
-            row.setWordWrap(True)
-            row.setForegroundRole(row.palette().ColorRole.PlaceholderText)
+            row = Label(f"{kind} – {what}", self, wordWrap=True, quiet=True)
             layout.addWidget(row)
 
     def highlight(self, on: bool) -> None:
@@ -237,16 +230,17 @@ class StartPage(QWidget):
     recentWanted = Signal(object)
     forgetWanted = Signal(object)
 
-    def __init__(self, parent: QWidget | None = None) -> None:
-        super().__init__(parent)
-        self.setAutoFillBackground(True)
+    def __init__(self) -> None:
+        super().__init__(autoFillBackground=True)
         self._mark = Label(self)
         self._mark.setFixedSize(44, 44)
-        name = Label("NVSim", self)
-        name.setFont(type_font("large", bold=True))
-        words = Label("Turn a capture of a building into a simulator for vision-and-language navigation.", self)
-        words.setWordWrap(True)
-        words.setForegroundRole(words.palette().ColorRole.PlaceholderText)
+        name = Label("NVSim", self, font=type_font("large", bold=True))
+        words = Label(
+            "Turn a capture of a building into a simulator for vision-and-language navigation.",
+            self,
+            wordWrap=True,
+            quiet=True,
+        )
         self.open = self._button(
             "Open…", "A project, a capture, a video, a graph or a splat file (Ctrl+O)", self.openWanted
         )
@@ -262,60 +256,32 @@ class StartPage(QWidget):
         self.open.setDefault(True)
         self.drop = DropZone(self)
         self.drop.clicked.connect(self.openWanted)
-        head = QHBoxLayout()
-        head.addWidget(self._mark)
-        head.addWidget(name, 1)
-        left = QVBoxLayout()
-        left.addLayout(head)
-        left.addWidget(words)
-        left.addSpacing(GRID)
-        for button in (self.open, self.new, self.demo):
-            left.addWidget(button)
-        left.addSpacing(GRID)
-        left.addWidget(self.drop)
-        left.addStretch(1)
+        head = hbox(self._mark, (name, 1))
+        left = vbox(head, words, GRID, self.open, self.new, self.demo, GRID, self.drop, STRETCH)
         holder = QWidget(self)
         holder.setLayout(left)
         column = Scrolling(holder, self)  # in a low window, so that no text is cut off
         column.setFixedWidth(360)
-        recent = Label("Recent projects", self)
-        recent.setFont(type_font(bold=True))
+        recent = Label("Recent projects", self, font=type_font(bold=True))
         self.recent = RecentList(self)
         self.recent.setMinimumWidth(260)
         self.recent.chosen.connect(self.recentWanted)
         self.recent.forgotten.connect(self.forgetWanted)
-        self.nothing = Label("Recent projects appear here.", self, alignment=Qt.AlignmentFlag.AlignCenter)
-        self.nothing.setForegroundRole(self.nothing.palette().ColorRole.PlaceholderText)
-        self.nothing.setWordWrap(True)
+        self.nothing = Label(
+            "Recent projects appear here.", self, alignment=Qt.AlignmentFlag.AlignCenter, wordWrap=True, quiet=True
+        )
         self._recents = QStackedLayout()
         self._recents.addWidget(self.recent)
         self._recents.addWidget(self.nothing)
-        self.forget = QPushButton("Remove", self)
-        self.forget.setToolTip("Remove the project from this list (Del); its files do not change")
-        self.forget.clicked.connect(self.recent.forget_current)
-        self.go = QPushButton("Open project", self)
-        self.go.setToolTip("Open the selected project (Enter)")
-        self.go.clicked.connect(self._choose)
-        below = QHBoxLayout()
-        below.addStretch(1)
-        below.addWidget(self.forget)
-        below.addWidget(self.go)
-        right = QVBoxLayout()
-        right.addWidget(recent)
-        right.addLayout(self._recents, 1)
-        right.addLayout(below)
-        right_holder = QWidget(self)
+        tip = "Remove the project from this list (Del); its files do not change"
+        self.forget = push_button("Remove", self, self.recent.forget_current, tip)
+        self.go = push_button("Open project", self, self._choose, "Open the selected project (Enter)")
+        below = hbox(STRETCH, self.forget, self.go)
+        right = vbox(recent, (self._recents, 1), below)
+        right_holder = QWidget(self, maximumWidth=640)
         right_holder.setLayout(right)
-        right_holder.setMaximumWidth(640)
-        both = QHBoxLayout()
-        both.setSpacing(24)
-        both.addStretch(1)
-        both.addWidget(column)
-        both.addWidget(right_holder, 8)
-        both.addStretch(1)
-        layout = QVBoxLayout(self)
-        layout.setContentsMargins(2 * GRID, 2 * GRID, 2 * GRID, 2 * GRID)
-        layout.addLayout(both, 1)
+        both = hbox(STRETCH, column, (right_holder, 8), STRETCH, spacing=24)
+        vbox((both, 1), on=self, margins=2 * GRID)
         self.apply_palette()
         self.show_recent(())
 
@@ -324,12 +290,7 @@ class StartPage(QWidget):
         return QSize(300, 200)
 
     def _button(self, text: str, what: str, wanted: object) -> QPushButton:
-        button = QPushButton(text, self)
-        button.setToolTip(tooltip_text(what))
-        button.setMinimumHeight(30)
-        button.setAutoDefault(True)
-        button.clicked.connect(wanted)
-        return button
+        return push_button(text, self, wanted, what, minimumHeight=30, autoDefault=True)
 
     def apply_palette(self) -> None:
         """Draws the logo in the colors of the palette."""
@@ -341,10 +302,6 @@ class StartPage(QWidget):
         self._recents.setCurrentWidget(self.recent if paths else self.nothing)
         for button in (self.forget, self.go):
             button.setVisible(bool(paths))
-
-    def show_looks(self, looked: Mapping[Path, ProjectPreview]) -> None:
-        """Shows the state and thumbnail of recent projects, which a background process has read."""
-        self.recent.show_looks(looked)
 
     def _choose(self) -> None:
         if self.recent.current is not None:

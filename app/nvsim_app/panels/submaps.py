@@ -4,9 +4,10 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from PySide6.QtWidgets import QVBoxLayout, QWidget
+from PySide6.QtWidgets import QWidget
 
 from nvsim_app.look import colors
+from nvsim_app.look.boxes import vbox
 from nvsim_app.look.icons import swatch
 from nvsim_app.look.labels import Hint
 from nvsim_app.look.table import Column, TableModel, table
@@ -72,12 +73,11 @@ class SubmapModel(TableModel[SubmapTableRow]):
 class SubmapPanel(QWidget):
     """The table of submaps. Selecting a row selects the submap in the whole window; a double-click moves the camera."""
 
-    def __init__(self, document: Document, parent: QWidget | None = None) -> None:
-        super().__init__(parent)
+    def __init__(self, document: Document) -> None:
+        super().__init__()
         self._document = document
         self.model = SubmapModel(document, self)
-        self.table = table(self.model, self)
-        self.table.setAccessibleName("Submaps")
+        self.table = table(self.model, self, "Submaps")
         header = self.table.horizontalHeader()
         header.setStretchLastSection(False)  # otherwise the column keeps the width of a wider panel
         header.setSectionResizeMode(len(COLUMNS) - 1, header.ResizeMode.Stretch)
@@ -85,9 +85,7 @@ class SubmapPanel(QWidget):
         self.table.selectionModel().selectionChanged.connect(self._on_selected)
         self.model.modelReset.connect(self._show_selection)
         document.selectionChanged.connect(self._show_selection)
-        layout = QVBoxLayout(self)
-        layout.setContentsMargins(0, 0, 0, 0)
-        layout.addWidget(self.table)
+        vbox(self.table, on=self, margins=0)
 
     def _missing(self) -> str:
         return "" if self.model.rowCount() else "Submaps appear here.\nCreate them with Jobs > Cut into submaps."

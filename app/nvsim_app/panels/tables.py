@@ -8,16 +8,7 @@ from collections.abc import Iterator
 from typing import Any
 
 from PySide6.QtCore import QItemSelection, QItemSelectionModel, QModelIndex, Qt, Signal
-from PySide6.QtWidgets import (
-    QAbstractItemView,
-    QHBoxLayout,
-    QLineEdit,
-    QPushButton,
-    QTableView,
-    QTabWidget,
-    QVBoxLayout,
-    QWidget,
-)
+from PySide6.QtWidgets import QAbstractItemView, QLineEdit, QTableView, QTabWidget, QWidget
 
 from nvsim.errors import InputError
 from nvsim.graph.clearness_cache import ClearnessCache
@@ -29,8 +20,10 @@ from nvsim.graph.selection import GraphSelection
 from nvsim.graph.types import EdgeKey, NavGraph
 from nvsim_app.layers.labels import short_id
 from nvsim_app.look import lengths
+from nvsim_app.look.boxes import hbox, vbox
 from nvsim_app.look.labels import InkLabel, Label
 from nvsim_app.look.table import Column, TableModel, table
+from nvsim_app.look.widgets import push_button
 from nvsim_app.panels.deferred_refresh import DeferredRefresh
 from nvsim_app.state.document import Document
 
@@ -44,35 +37,29 @@ class TablePanel(QWidget):
 
     activated = Signal(object)
 
-    def __init__(self, document: Document, parent: QWidget | None = None) -> None:
-        super().__init__(parent)
+    def __init__(self, document: Document) -> None:
+        super().__init__()
         self._document = document
         self._linking = False
         self.viewpoints = TableModel(viewpoint_columns(_EMPTY), self, about=str)
         self.edges = TableModel(edge_columns(_EMPTY, document.evidence), self, about=" – ".join)
         self._models: tuple[TableModel[Any], TableModel[Any]] = (self.viewpoints, self.edges)
-        self.filter = QLineEdit(self)
+        self.filter = QLineEdit(self, placeholderText='degree > 4 and origin == "person"', clearButtonEnabled=True)
         self.filter.setAccessibleName("Expression that filters the rows")
-        self.filter.setPlaceholderText('degree > 4 and origin == "person"')
         self.filter.setToolTip(
             "Shows the rows that match an expression; Enter selects them. Names: degree, height, included "
             "(viewpoints), length, slope, alpha (edges), component, storey, evidence, validity, submap, reviewed, "
             "locked, origin, x, y, z (both); and, or, not, comparisons, arithmetic. Or type a part of an id."
         )
-        self.filter.setClearButtonEnabled(True)
         self.filter.textChanged.connect(self._on_typed)
         self.filter.returnPressed.connect(self.select_filtered)
-        self.select = QPushButton("Select", self)
-        self.select.setToolTip("Select the matching viewpoints and edges in the graph (Enter)")
-        self.select.clicked.connect(self.select_filtered)
-        self.select.setEnabled(False)
+        tip = "Select the matching viewpoints and edges in the graph (Enter)"
+        self.select = push_button("Select", self, self.select_filtered, tip, enabled=False)
         self.trouble = InkLabel("warning", self)
         self.trouble.setWordWrap(True)
         self.trouble.hide()
-        self.count = Label(self)
-        self.count.setForegroundRole(self.count.palette().ColorRole.PlaceholderText)
-        self.tabs = QTabWidget(self)
-        self.tabs.setDocumentMode(True)
+        self.count = Label(self, quiet=True)
+        self.tabs = QTabWidget(self, documentMode=True)
         self.views: tuple[QTableView, QTableView] = (self._view(self.viewpoints), self._view(self.edges))
         for view, title in zip(self.views, ("Viewpoints", "Edges"), strict=True):
             self.tabs.addTab(view, title)
@@ -85,16 +72,8 @@ class TablePanel(QWidget):
         document.editing.selectionChanged.connect(self._show_selection)
         for model in self._models:
             document.unitsChanged.connect(model.refresh_text)
-        row = QHBoxLayout()
-        row.addWidget(self.filter, 1)
-        row.addWidget(self.select)
-        row.addWidget(self.count)
-        layout = QVBoxLayout(self)
-        layout.setContentsMargins(4, 4, 4, 0)
-        layout.setSpacing(4)
-        layout.addLayout(row)
-        layout.addWidget(self.trouble)
-        layout.addWidget(self.tabs)
+        row = hbox((self.filter, 1), self.select, self.count)
+        vbox(row, self.trouble, self.tabs, on=self, margins=(4, 4, 4, 0), spacing=4)
         self.refresh.finish()
 
     def _view(self, model: TableModel[Any]) -> QTableView:

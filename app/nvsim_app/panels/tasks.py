@@ -4,27 +4,18 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-from PySide6.QtCore import QEvent, Qt, QTimer, Signal
+from PySide6.QtCore import QEvent, QSignalBlocker, Qt, QTimer, Signal
 from PySide6.QtGui import QKeyEvent
-from PySide6.QtWidgets import (
-    QComboBox,
-    QHBoxLayout,
-    QLineEdit,
-    QMenu,
-    QPlainTextEdit,
-    QPushButton,
-    QSlider,
-    QToolButton,
-    QVBoxLayout,
-    QWidget,
-)
+from PySide6.QtWidgets import QComboBox, QLineEdit, QMenu, QPlainTextEdit, QPushButton, QSlider, QToolButton, QWidget
 
 from nvsim.r2r.reviewing import Episode, Key, Review, TaskEntry
 from nvsim_app.look import colors, lengths
+from nvsim_app.look.boxes import hbox, vbox
 from nvsim_app.look.labels import Label
 from nvsim_app.look.plain_text import tooltip_text
 from nvsim_app.look.table import Column, TableModel, TableView, style_table
 from nvsim_app.look.theme import GRID
+from nvsim_app.look.widgets import named, tool_button
 
 _KEYS = {Qt.Key.Key_A: "accepted", Qt.Key.Key_R: "rejected"}
 _WALK = 600  # milliseconds per step while the path is walked
@@ -140,8 +131,7 @@ class TaskPanel(QWidget):
         for choice, name in ((self.split, "Split"), (self.state, "State"), (self.order, "Order")):
             choice.setAccessibleName(name)
         self.text.setPlaceholderText("Filter by words or path id")
-        self.which = QComboBox()
-        self.which.setAccessibleName("Trajectory")
+        self.which = named(QComboBox(), "Trajectory")
         self.which.setToolTip(
             tooltip_text("Instruction whose trajectory is drawn and walked; 0 to 9 in the list select it")
         )
@@ -157,24 +147,14 @@ class TaskPanel(QWidget):
         self.table.setMinimumHeight(60)
         for column in _EPISODE:
             self.table.hideColumn(column)
-        self.words = Label("Open a folder of task files, such as R2R_train.json.")
-        self.words.setWordWrap(True)
-        self.editor = QPlainTextEdit()
+        self.words = Label("Open a folder of task files, such as R2R_train.json.", wordWrap=True)
+        self.editor = QPlainTextEdit(tabChangesFocus=True, placeholderText="One instruction per line")
         self.editor.setAccessibleName("Instructions of the task")
-        self.editor.setTabChangesFocus(True)
-        self.editor.setPlaceholderText("One instruction per line")
         self.editor.setFixedHeight(48)
-        self.slider = QSlider(Qt.Orientation.Horizontal)
-        self.slider.setAccessibleName("Position on the path")
+        self.slider = named(QSlider(Qt.Orientation.Horizontal), "Position on the path")
         self.slider.setMinimumWidth(40)
-        box = QVBoxLayout(self)
-        box.setContentsMargins(8, 8, 8, 8)
-        self.files = QToolButton()
-        self.files.setText("Tasks")
-        self.files.setToolTip(
-            tooltip_text("Open tasks or trajectories, export the accepted tasks, undo the last verdict")
-        )
-        self.files.setPopupMode(QToolButton.ToolButtonPopupMode.InstantPopup)
+        tip = "Open tasks or trajectories, export the accepted tasks, undo the last verdict"
+        self.files = tool_button("Tasks", None, tip=tip, popupMode=QToolButton.ToolButtonPopupMode.InstantPopup)
         menu = QMenu(self.files)
         for text, signal in (("Open folder…", self.opened), ("Open files…", self.picked),
                              ("Open trajectories…", self.played), ("Undo", self.undone),
@@ -184,16 +164,15 @@ class TaskPanel(QWidget):
         for choice in (self.split, self.state, self.order, self.which):
             choice.setSizeAdjustPolicy(QComboBox.SizeAdjustPolicy.AdjustToMinimumContentsLengthWithIcon)
             choice.setMinimumContentsLength(3)
-        box.addLayout(_row((self.files, 0), (self.text, 1)))
-        box.addLayout(_row((self.split, 1), (self.state, 1), (self.order, 1)))
         self.walk = QPushButton("Walk")
         self.walk.setCheckable(True)
         self.walk.setToolTip(
             tooltip_text("Walk the path, or the trajectory, one viewpoint at a time (Space in the list)")
         )
-        for widget in (self.table, self.words, self.editor):
-            box.addWidget(widget, 1 if widget is self.table else 0)
-        box.addLayout(_row((self.walk, 0), (self.slider, 1), (self.which, 1)))
+        first = hbox(self.files, (self.text, 1), spacing=GRID)
+        choices = hbox((self.split, 1), (self.state, 1), (self.order, 1), spacing=GRID)
+        last = hbox(self.walk, (self.slider, 1), (self.which, 1), spacing=GRID)
+        vbox(first, choices, (self.table, 1), self.words, self.editor, last, on=self, margins=8)
         self.text.textChanged.connect(self.refilter)
         for choice in (self.split, self.state, self.order):
             choice.currentIndexChanged.connect(self.refilter)
@@ -222,10 +201,9 @@ class TaskPanel(QWidget):
     def show_entries(self, entries: tuple[TaskEntry, ...], review: Review) -> None:
         self.entries, self.model.review = entries, review
         self._lower = {e.key: "\n".join(e.task.instructions).lower() for e in entries}
-        self.split.blockSignals(True)
-        self.split.clear()
-        self.split.addItems(["every split", *sorted({e.split for e in entries})])
-        self.split.blockSignals(False)
+        with QSignalBlocker(self.split):
+            self.split.clear()
+            self.split.addItems(["every split", *sorted({e.split for e in entries})])
         self.refilter()
 
     def refilter(self, _: object = None) -> None:
@@ -295,20 +273,18 @@ class TaskPanel(QWidget):
     def _steps(self, at: int | None = None) -> None:
         """Sets the range of the slider to the trajectory or the path, and its value to `at`; None keeps the value."""
         entry, did = self.current, self.shown
-        self.slider.blockSignals(True)
-        self.slider.setRange(0, len(did.poses if did else entry.task.path) - 1 if entry else 0)
-        self.slider.setValue(self.slider.value() if at is None else at)
-        self.slider.blockSignals(False)
+        with QSignalBlocker(self.slider):
+            self.slider.setRange(0, len(did.poses if did else entry.task.path) - 1 if entry else 0)
+            self.slider.setValue(self.slider.value() if at is None else at)
 
     def _list_instructions(self) -> None:
         """Lists the worst instruction of the task and each one. Keeps the selected number if it exists."""
         count = 0 if self.current is None else len(self.current.task.instr_ids)
         before = self.which.currentIndex()
-        self.which.blockSignals(True)
-        self.which.clear()
-        self.which.addItems(["worst instruction", *(f"instruction {k + 1}" for k in range(count))])
-        self.which.setCurrentIndex(before if 0 <= before <= count else 0)
-        self.which.blockSignals(False)
+        with QSignalBlocker(self.which):
+            self.which.clear()
+            self.which.addItems(["worst instruction", *(f"instruction {k + 1}" for k in range(count))])
+            self.which.setCurrentIndex(before if 0 <= before <= count else 0)
 
     def _on_which(self) -> None:
         self._steps(0)
@@ -364,12 +340,3 @@ class TaskPanel(QWidget):
             self.slider.setValue(self.slider.value() + (1 if key == Qt.Key.Key_Right else -1))
         else:
             self.judged.emit(_KEYS[Qt.Key(key)])
-
-
-def _row(*widgets: tuple[QWidget, int]) -> QHBoxLayout:
-    """A row of widgets with their stretch factors."""
-    row = QHBoxLayout()
-    row.setSpacing(GRID)
-    for widget, stretch in widgets:
-        row.addWidget(widget, stretch)
-    return row

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 from PySide6.QtCore import QBuffer, QByteArray, QIODevice, QPointF, QRectF, QSignalBlocker, QSize, Qt, QTimer
 from PySide6.QtGui import QColor, QImage, QImageReader, QPainter, QPaintEvent, QPixmap, QShowEvent
-from PySide6.QtWidgets import QButtonGroup, QComboBox, QHBoxLayout, QSlider, QToolButton, QVBoxLayout, QWidget
+from PySide6.QtWidgets import QButtonGroup, QComboBox, QSlider, QToolButton, QWidget
 
 from nvsim.events import Preview
 from nvsim.files.opening import read_regular
@@ -18,9 +18,11 @@ from nvsim_app.frames.canvas import MODES, Canvas
 from nvsim_app.frames.pictures import PaintedImage
 from nvsim_app.jobs.history import image_key
 from nvsim_app.jobs.queue import JobHandle
+from nvsim_app.look.boxes import hbox, vbox
 from nvsim_app.look.labels import Label, WrappingRow
 from nvsim_app.look.plain_text import plain, tooltip_text
 from nvsim_app.look.theme import GRID, HALF, type_font
+from nvsim_app.look.widgets import named
 from nvsim_app.painting.primitives import chip_box, paint_label
 from nvsim_app.painting.value_colors import ALPHA, ImageValues
 
@@ -159,29 +161,17 @@ class TrainingImages(QWidget):
         self.canvas = Canvas((), self)
         self.canvas.setMinimumSize(200, 120)
         self.modes = QButtonGroup(self)
-        above = WrappingRow()
-        above.setContentsMargins(4, 4, 4, 4)
-        for mode in MODES:
-            above.addWidget(self._button(mode))
+        buttons = [self._button(mode) for mode in MODES]
         self.part = self._choice(list(_COMPARED), "Image to compare with the photo")
         self.against = self._choice(["Photo", "Other run"], "Reference to compare the model with")
-        above.addWidget(self.part)
-        above.addWidget(self.against)
-        self.slider = QSlider(Qt.Orientation.Horizontal, self)
+        above = WrappingRow(*buttons, self.part, self.against)
+        above.setContentsMargins(4, 4, 4, 4)
+        self.slider = named(QSlider(Qt.Orientation.Horizontal, self), "Step")
         self.slider.setToolTip(tooltip_text("Displayed training step; at the end, it follows the training"))
-        self.slider.setAccessibleName("Step")
         self.slider.valueChanged.connect(lambda _: self._soon.start())
         self.words = Label(self)
-        below = QHBoxLayout()
-        below.setContentsMargins(8, 4, 8, 4)
-        below.addWidget(self.slider, 1)
-        column = QVBoxLayout(self)
-        column.setContentsMargins(0, 0, 0, 0)
-        column.setSpacing(4)
-        column.addLayout(above)
-        column.addWidget(self.canvas, 1)
-        column.addLayout(below)
-        column.addWidget(self.words)
+        below = hbox((self.slider, 1), margins=(8, 4, 8, 4))
+        vbox(above, (self.canvas, 1), below, self.words, on=self, margins=0, spacing=4)
         self.words.setContentsMargins(8, 0, 8, 4)
         self.words.setWordWrap(True)
         self._list()
@@ -202,9 +192,8 @@ class TrainingImages(QWidget):
         return button
 
     def _choice(self, rows: list[str], about: str) -> QComboBox:
-        box = QComboBox(self)
+        box = named(QComboBox(self), tip=about)
         box.addItems(rows)
-        box.setToolTip(tooltip_text(about))
         box.currentIndexChanged.connect(lambda _: self._soon.start())
         return box
 

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 from PySide6.QtCore import QSignalBlocker, Qt
 from PySide6.QtGui import QShowEvent
-from PySide6.QtWidgets import QComboBox, QHBoxLayout, QSlider, QSplitter, QVBoxLayout, QWidget
+from PySide6.QtWidgets import QComboBox, QSlider, QSplitter, QWidget
 
 from nvsim_app.jobs.queue import JobHandle, JobQueue
+from nvsim_app.look.boxes import hbox, vbox
 from nvsim_app.look.labels import Label, WrappingRow
 from nvsim_app.look.plain_text import CAPTION, plain, tooltip_text
-from nvsim_app.look.widgets import Dialog
+from nvsim_app.look.widgets import Dialog, named
 from nvsim_app.panels.job_plots import JobPlots
 from nvsim_app.panels.job_table import STATE_WORDS, time_of_day
 from nvsim_app.panels.training_images import TrainingImages
@@ -32,15 +33,12 @@ class TrainingWindow(Dialog):
         self.other = self._choice("Another run of this project to compare with; its curves are dashed")
         self.images = TrainingImages(self)
         self.plots = JobPlots(self, large=True)
-        self.legend = Label(self)
-        self.legend.setWordWrap(True)
-        self.legend.setForegroundRole(self.legend.palette().ColorRole.PlaceholderText)
-        self.smoothing = QSlider(Qt.Orientation.Horizontal, self)
+        self.legend = Label(self, wordWrap=True, quiet=True)
+        self.smoothing = named(QSlider(Qt.Orientation.Horizontal, self), "Smoothing")
         self.smoothing.setRange(0, _SMOOTHEST)
         self.smoothing.setToolTip(
             tooltip_text("How much the curves are smoothed; the measured values stay visible behind them")
         )
-        self.smoothing.setAccessibleName("Smoothing")
         self.smoothing.setMinimumWidth(90)
         self.smoothed = Label(self)
         head = WrappingRow()
@@ -50,28 +48,16 @@ class TrainingWindow(Dialog):
             head.addWidget(name)
             head.addWidget(box)
         right = QWidget(self)
-        column = QVBoxLayout(right)
-        column.setContentsMargins(0, 0, 0, 0)
-        row = QHBoxLayout()
-        row.setContentsMargins(8, 4, 8, 0)
-        row.addWidget(Label("Smoothing", self))
-        row.addWidget(self.smoothing, 1)
-        row.addWidget(self.smoothed)
-        column.addLayout(row)
-        column.addWidget(self.plots, 1)
-        column.addWidget(self.legend)
+        row = hbox(Label("Smoothing", self), (self.smoothing, 1), self.smoothed, margins=(8, 4, 8, 0))
+        vbox(row, (self.plots, 1), self.legend, on=right, margins=0)
         self.legend.setContentsMargins(8, 0, 8, 4)
-        self.splitter = QSplitter(Qt.Orientation.Horizontal, self)
+        self.splitter = QSplitter(Qt.Orientation.Horizontal, self, childrenCollapsible=True)
         self.splitter.addWidget(self.images)
         self.splitter.addWidget(right)
-        self.splitter.setChildrenCollapsible(True)
         self.splitter.setSizes([640, 420])
         self.splitter.setStretchFactor(0, 3)
         self.splitter.setStretchFactor(1, 2)
-        layout = QVBoxLayout(self)
-        layout.setContentsMargins(8, 8, 8, 4)
-        layout.addLayout(head)
-        layout.addWidget(self.splitter, 1)
+        vbox(head, (self.splitter, 1), on=self, margins=(8, 8, 8, 4))
         self.run.currentIndexChanged.connect(lambda _: self._on_run())
         self.submap.currentIndexChanged.connect(lambda _: self._on_submap())
         self.other.currentIndexChanged.connect(lambda _: self._on_other())
@@ -84,10 +70,7 @@ class TrainingWindow(Dialog):
         self._list()
 
     def _choice(self, about: str) -> QComboBox:
-        box = QComboBox(self)
-        box.setToolTip(tooltip_text(about))
-        box.setSizeAdjustPolicy(QComboBox.SizeAdjustPolicy.AdjustToContents)
-        return box
+        return named(QComboBox(self, sizeAdjustPolicy=QComboBox.SizeAdjustPolicy.AdjustToContents), tip=about)
 
     # Contents ---------------------------------------------------------------------------------------------------
 

@@ -8,20 +8,9 @@ from dataclasses import dataclass
 from functools import partial
 from typing import Any
 
-from PySide6.QtCore import QAbstractItemModel, QModelIndex, QPersistentModelIndex, Qt, Signal
+from PySide6.QtCore import QAbstractItemModel, QModelIndex, QPersistentModelIndex, QSignalBlocker, Qt, Signal
 from PySide6.QtGui import QColor
-from PySide6.QtWidgets import (
-    QCheckBox,
-    QHBoxLayout,
-    QLineEdit,
-    QMenu,
-    QPushButton,
-    QScrollArea,
-    QToolButton,
-    QTreeView,
-    QVBoxLayout,
-    QWidget,
-)
+from PySide6.QtWidgets import QCheckBox, QLineEdit, QMenu, QScrollArea, QToolButton, QTreeView, QWidget
 
 from nvsim.graph.findings import SEVERITIES, Finding, Fix
 from nvsim.graph.history import count_text
@@ -29,8 +18,10 @@ from nvsim.graph.paths import count_cut_off
 from nvsim.graph.selection import GraphSelection
 from nvsim_app.layers.labels import short_ids
 from nvsim_app.look import colors
+from nvsim_app.look.boxes import hbox, vbox
 from nvsim_app.look.labels import Label, WrappedRows, WrappingRow
 from nvsim_app.look.plain_text import SENTENCE, caption, plain, tooltip_text
+from nvsim_app.look.widgets import named, push_button, tool_button
 from nvsim_app.panels.deferred_refresh import DeferredRefresh
 from nvsim_app.state.document import Document
 
@@ -170,74 +161,48 @@ class ValidationPanel(QWidget):
 
     activated = Signal(object)
 
-    def __init__(self, document: Document, parent: QWidget | None = None) -> None:
-        super().__init__(parent)
+    def __init__(self, document: Document) -> None:
+        super().__init__()
         self._document = document
         self.model = FindingModel(document, self)
-        self.text = QLineEdit(self)
+        self.text = QLineEdit(self, placeholderText="Filter by words or ids", clearButtonEnabled=True)
         self.text.setAccessibleName("Filter by words or ids")
-        self.text.setPlaceholderText("Filter by words or ids")
-        self.text.setClearButtonEnabled(True)
         self.text.textChanged.connect(self._on_filter)
         self.boxes = {severity: QCheckBox(self) for severity in SEVERITIES}
-        self.ignored = QCheckBox("ignored", self)
-        self.ignored.setToolTip("Show ignored findings too, with the reason")
-        top = WrappingRow()
+        self.ignored = named(QCheckBox("ignored", self), tip="Show ignored findings too, with the reason")
         for box in self.boxes.values():
             box.setChecked(True)
             box.toggled.connect(self._on_filter)
-            top.addWidget(box)
         self.ignored.toggled.connect(self._on_filter)
-        top.addWidget(self.ignored)
-        self.tree = QTreeView(self)
-        self.tree.setAccessibleName("Findings")
+        top = WrappingRow(*self.boxes.values(), self.ignored)
+        self.tree = named(QTreeView(self, headerHidden=True, wordWrap=True, indentation=12), "Findings")
         self.tree.setModel(self.model)
-        self.tree.setHeaderHidden(True)
-        self.tree.setWordWrap(True)
-        self.tree.setIndentation(12)
         self.tree.setFrameShape(QTreeView.Shape.NoFrame)
         self.tree.setItemDelegate(WrappedRows(self.tree))
         self.tree.header().sectionResized.connect(self.tree.scheduleDelayedItemsLayout)
         self.tree.collapsed.connect(lambda index: self._on_expanded(index, False))
         self.tree.expanded.connect(lambda index: self._on_expanded(index, True))
         self._expanded: dict[str, bool] = {}  # kind -> whether the user expanded or collapsed it
-        self.sentence = Label(self)
-        self.sentence.setWordWrap(True)
-        self.sentence.setTextInteractionFlags(Qt.TextInteractionFlag.TextSelectableByMouse)
+        self.sentence = Label(self, wordWrap=True, selectable=True)
         self.sentence.hide()
         self.tree.selectionModel().currentChanged.connect(self._on_row)
         self.tree.doubleClicked.connect(self._on_double_click)
-        self.fix = QToolButton(self)
-        self.fix.setText("Fix")
-        self.fix.setToolButtonStyle(Qt.ToolButtonStyle.ToolButtonTextOnly)
-        self.fix.setPopupMode(QToolButton.ToolButtonPopupMode.MenuButtonPopup)
-        self.fix.clicked.connect(self.apply_first_fix)
-        self.reason = QLineEdit(self)
-        self.reason.setAccessibleName("Reason to ignore it")
-        self.reason.setPlaceholderText("Reason to ignore it")
+        self.fix = tool_button(
+            "Fix",
+            self,
+            self.apply_first_fix,
+            toolButtonStyle=Qt.ToolButtonStyle.ToolButtonTextOnly,
+            popupMode=QToolButton.ToolButtonPopupMode.MenuButtonPopup,
+        )
+        self.reason = named(QLineEdit(self, placeholderText="Reason to ignore it"), "Reason to ignore it")
         self.reason.textChanged.connect(self._enable)
         self.reason.returnPressed.connect(self.ignore)
-        self.ignore_button = QPushButton("Ignore", self)
-        self.ignore_button.clicked.connect(self.ignore)
-        bottom = QHBoxLayout()
-        bottom.addWidget(self.reason, 1)
-        bottom.addWidget(self.ignore_button)
-        self.kind_button = QPushButton("Ignore kind", self)
-        self.kind_button.clicked.connect(self.ignore_kind)
-        bottom.addWidget(self.kind_button)
-        self.clean = Label("No problems found.", self)
-        self.clean.setAlignment(Qt.AlignmentFlag.AlignCenter)
-        self.clean.setForegroundRole(self.clean.palette().ColorRole.PlaceholderText)
-        layout = QVBoxLayout(self)
-        layout.setContentsMargins(4, 4, 4, 4)
-        layout.setSpacing(4)
-        layout.addLayout(top)
-        layout.addWidget(self.text)
-        layout.addWidget(self.tree, 1)
-        layout.addWidget(self.clean, 1)
-        layout.addWidget(self.sentence)
-        layout.addWidget(self.fix)
-        layout.addLayout(bottom)
+        self.ignore_button = push_button("Ignore", self, self.ignore)
+        self.kind_button = push_button("Ignore kind", self, self.ignore_kind)
+        bottom = hbox((self.reason, 1), self.ignore_button, self.kind_button)
+        self.clean = Label("No problems found.", self, alignment=Qt.AlignmentFlag.AlignCenter, quiet=True)
+        lists = ((self.tree, 1), (self.clean, 1))  # one of them is shown
+        vbox(top, self.text, *lists, self.sentence, self.fix, bottom, on=self, margins=4, spacing=4)
         self._soon = DeferredRefresh(self, self.renew, SETTLE)
         document.editing.findingsChanged.connect(self._on_findings)
         document.projectLeft.connect(self.text.clear)
@@ -304,17 +269,15 @@ class ValidationPanel(QWidget):
         else:
             self._show_checking()
         at = QModelIndex() if kept is None else self.model.index_of(kept.key)
-        blocked = self.tree.blockSignals(True)
-        for row, group in enumerate(self.model.groups):
-            index = self.model.index(row, 0)
-            self.tree.setExpanded(index, self._expanded.get(group.kind, len(group.findings) <= _FEW))
-            if kept is None and kind is not None and (kind.kind, kind.severity) == (group.kind, group.severity):
-                at = index
-        self.tree.blockSignals(blocked)
+        with QSignalBlocker(self.tree):
+            for row, group in enumerate(self.model.groups):
+                index = self.model.index(row, 0)
+                self.tree.setExpanded(index, self._expanded.get(group.kind, len(group.findings) <= _FEW))
+                if kept is None and kind is not None and (kind.kind, kind.severity) == (group.kind, group.severity):
+                    at = index
         if at.isValid():
-            self.tree.selectionModel().blockSignals(True)
-            self.tree.setCurrentIndex(at)
-            self.tree.selectionModel().blockSignals(False)
+            with QSignalBlocker(self.tree.selectionModel()):
+                self.tree.setCurrentIndex(at)
         self._enable()
 
     @property

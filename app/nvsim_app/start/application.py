@@ -44,8 +44,8 @@ class Collecting(QObject):
     moving   returns whether the user would notice a pause of 20 ms now
     """
 
-    def __init__(self, moving: Callable[[], bool], parent: QObject | None = None) -> None:
-        super().__init__(parent)
+    def __init__(self, moving: Callable[[], bool]) -> None:
+        super().__init__()
         self._moving = moving
         self._looks = 0
         gc.disable()
@@ -97,8 +97,7 @@ class Preparing(QObject):
     def __init__(self, window: MainWindow, parent: QObject, program: ChildProgram = _PROGRAM) -> None:
         super().__init__(parent)
         self._window = window
-        self._label = Label(window)
-        self._label.setText(WORDS)
+        self._label = Label(window, text=WORDS)
         self._label.hide()
         self._process = SideProcess(program, self)
         self._process.heard.connect(self._show)

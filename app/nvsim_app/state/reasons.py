@@ -19,87 +19,56 @@ TRAININGS = ("train", "run", "demo", "r2r train")
 UNDECIDED = "a splat file is open, which has no trajectory and no graph"
 
 
+Check = Callable[[Document], Reason]
+
+
 def never_disabled(document: Document) -> Reason:
     return None
 
 
-def with_project(document: Document) -> Reason:
-    return None if document.path else "no project is open"
+def _needs(found: Callable[[Document], object], why: str, no_splats: bool = False) -> Check:
+    """A condition that holds if `found` returns a true value; with `no_splats`, only if no splat file is open."""
+
+    def reason(document: Document) -> Reason:
+        if no_splats and document.contents.outline is not None:
+            return UNDECIDED
+        return None if found(document) else why
+
+    return reason
 
 
-def with_positions(document: Document) -> Reason:
-    return None if len(document.extent) else "the project has neither a trajectory nor a graph yet"
+def _trains(document: Document) -> bool:
+    jobs = () if document.jobs is None else document.jobs.handles
+    return any(h.job.order.verb in TRAININGS for h in jobs)
 
 
-def with_places(document: Document) -> Reason:
-    """Needs frames or viewpoints."""
-    if document.contents.outline is not None:
-        return UNDECIDED
-    return with_positions(document)
-
-
-def with_project_folder(document: Document) -> Reason:
-    """Needs a project, not a splat file or a graph file."""
-    return None if document.project is not None else "no project is open"
-
-
-def with_results(document: Document) -> Reason:
-    return None if document.contents.results else "there are no evaluation results yet"
+_NOTHING = "the project has neither a trajectory nor a graph yet"
+with_project = _needs(lambda d: d.path, "no project is open")
+with_positions = _needs(lambda d: len(d.extent), _NOTHING)
+with_places = _needs(lambda d: len(d.extent), _NOTHING, no_splats=True)
+with_project_folder = _needs(lambda d: d.project, "no project is open")  # not a splat file or a graph file
+with_results = _needs(lambda d: d.contents.results, "there are no evaluation results yet")
+with_scene = _needs(lambda d: d.contents.scene_stamp is not None, STAGE["train"].missing)
+with_submaps = _needs(lambda d: d.contents.scene_stamp is not None, STAGE["train"].missing, no_splats=True)
+with_graph = _needs(lambda d: d.graph is not None, STAGE["map"].missing, no_splats=True)
+with_trajectory = _needs(lambda d: len(d.trajectory.positions), STAGE["import"].missing, no_splats=True)
+with_occupancy = _needs(lambda d: d.contents.occupancy is not None, "the project has no occupancy map yet")
+with_splat_file = _needs(lambda d: d.contents.outline is not None, "only a splat file can be turned upright")
+with_earlier_result = _needs(
+    lambda d: d.contents.restorable_stages,
+    "there is no earlier result yet; each new run of a stage stores the previous result",
+)
+with_training = _needs(_trains, "this project has no training jobs")
+with_frame = _needs(lambda d: d.frame_at_hand is not None, "no frame is selected")
+with_frame_page = _needs(lambda d: d.page_frame is not None, "the 3D view is already shown")
+with_editing = _needs(lambda d: d.editing.history is not None, "no navigation graph is open", no_splats=True)
+"""Needs an open graph, which may be read-only."""
 
 
 def with_evidence(document: Document) -> Reason:
     """Needs the graph of a project, which has evidence."""
-    if (first := with_graph(document)) is not None:
-        return first
-    return None if document.project is not None else "a graph file contains no evidence for new decisions"
-
-
-def with_scene(document: Document) -> Reason:
-    return None if document.contents.scene_stamp is not None else STAGE["train"].missing
-
-
-def with_submaps(document: Document) -> Reason:
-    if document.contents.outline is not None:
-        return UNDECIDED
-    return with_scene(document)
-
-
-def with_graph(document: Document) -> Reason:
-    if document.contents.outline is not None:
-        return UNDECIDED
-    return None if document.graph is not None else STAGE["map"].missing
-
-
-def with_trajectory(document: Document) -> Reason:
-    if document.contents.outline is not None:
-        return UNDECIDED
-    return None if len(document.trajectory.positions) else STAGE["import"].missing
-
-
-def with_occupancy(document: Document) -> Reason:
-    return None if document.contents.occupancy is not None else "the project has no occupancy map yet"
-
-
-def with_splat_file(document: Document) -> Reason:
-    return None if document.contents.outline is not None else "only a splat file can be turned upright"
-
-
-def with_earlier_result(document: Document) -> Reason:
-    kept = document.contents.restorable_stages
-    return None if kept else "there is no earlier result yet; each new run of a stage stores the previous result"
-
-
-def with_training(document: Document) -> Reason:
-    jobs = () if document.jobs is None else document.jobs.handles
-    return None if any(h.job.order.verb in TRAININGS for h in jobs) else "this project has no training jobs"
-
-
-def with_frame(document: Document) -> Reason:
-    return None if document.frame_at_hand is not None else "no frame is selected"
-
-
-def with_frame_page(document: Document) -> Reason:
-    return None if document.page_frame is not None else "the 3D view is already shown"
+    no_project = None if document.project is not None else "a graph file contains no evidence for new decisions"
+    return with_graph(document) or no_project
 
 
 def with_masks(document: Document) -> Reason:
@@ -109,16 +78,6 @@ def with_masks(document: Document) -> Reason:
     if "floors" not in document.contents.stages and not Layout(document.path).masks.is_dir():
         return STAGE["floors"].missing
     return None if os.access(document.path, os.W_OK) else "the project folder is not writable"
-
-
-Check = Callable[[Document], Reason]
-
-
-def with_editing(document: Document) -> Reason:
-    """Needs an open graph, which may be read-only."""
-    if document.contents.outline is not None:
-        return UNDECIDED
-    return None if document.editing.history is not None else "no navigation graph is open"
 
 
 def writable(document: Document) -> Reason:
@@ -195,39 +154,34 @@ def submaps_or_job(document: Document) -> Reason:
     return STAGE["submaps"].missing
 
 
-def depth_or_job(document: Document) -> Reason:
-    reason = capture_or_job(document)
-    if reason is not None or _pending(document) or "depth" in document.contents.stages:
-        return reason
-    return STAGE["depth"].missing
+def _stage_or_job(stage: StageName, before: Check) -> Check:
+    """Needs the result of a stage, or a job that may create it. `before` is the condition of the stage before it."""
+
+    def reason(document: Document) -> Reason:
+        first = before(document)
+        found = first is not None or _pending(document) or stage in document.contents.stages
+        return first if found else STAGE[stage].missing
+
+    return reason
 
 
-def floors_or_job(document: Document) -> Reason:
-    reason = submaps_or_job(document)
-    if reason is not None or _pending(document) or "floors" in document.contents.stages:
-        return reason
-    return STAGE["floors"].missing
+def _result_or_job(found: Check) -> Check:
+    def reason(document: Document) -> Reason:
+        if document.project is None:
+            return _without_project(document)
+        return None if _pending(document) else found(document)
+
+    return reason
 
 
-def models_or_job(document: Document) -> Reason:
-    if document.project is None:
-        return _without_project(document)
-    return None if _pending(document) else with_scene(document)
-
-
-def map_or_job(document: Document) -> Reason:
-    if document.project is None:
-        return _without_project(document)
-    return None if _pending(document) else with_graph(document)
-
-
+models_or_job = _result_or_job(with_scene)
 _WITH: dict[StageName, Callable[[Document], Reason]] = {
     "import": capture_or_job,
     "submaps": submaps_or_job,
-    "depth": depth_or_job,
-    "floors": floors_or_job,
+    "depth": _stage_or_job("depth", capture_or_job),
+    "floors": _stage_or_job("floors", submaps_or_job),
     "train": models_or_job,
-    "map": map_or_job,
+    "map": _result_or_job(with_graph),
 }
 
 

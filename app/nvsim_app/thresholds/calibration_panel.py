@@ -12,23 +12,16 @@ import pyqtgraph as pg
 from numpy.typing import NDArray
 from PySide6.QtCore import QEvent, QSignalBlocker, Qt, Signal
 from PySide6.QtGui import QColor
-from PySide6.QtWidgets import (
-    QCheckBox,
-    QComboBox,
-    QHBoxLayout,
-    QPushButton,
-    QSplitter,
-    QVBoxLayout,
-    QWidget,
-)
+from PySide6.QtWidgets import QCheckBox, QComboBox, QHBoxLayout, QSplitter, QWidget
 
 from nvsim.evaluation.calibrated import Judge
 from nvsim_app.look import colors
+from nvsim_app.look.boxes import STRETCH, hbox, vbox
 from nvsim_app.look.labels import Label
 from nvsim_app.look.plain_text import plain, tooltip_text
 from nvsim_app.look.table import Column, TableModel, table
 from nvsim_app.look.theme import Plot, title_size
-from nvsim_app.look.widgets import NumberBox
+from nvsim_app.look.widgets import NumberBox, named, push_button
 from nvsim_app.state.document import Document
 from nvsim_app.thresholds.calibrations import Calibrations, cells, sentences, status
 from nvsim_app.thresholds.threshold_preview import ThresholdPreview
@@ -150,10 +143,8 @@ class CalibrationPanel(QWidget):
 
     mapWanted = Signal()
 
-    def __init__(
-        self, calibrations: Calibrations, trial: ThresholdPreview, document: Document, parent: QWidget | None = None
-    ) -> None:
-        super().__init__(parent)
+    def __init__(self, calibrations: Calibrations, trial: ThresholdPreview, document: Document) -> None:
+        super().__init__()
         self._calibrations, self._trial, self._document = calibrations, trial, document
         self.status, self.words = Label(self), Label(self)
         for label in (self.status, self.words):
@@ -168,8 +159,7 @@ class CalibrationPanel(QWidget):
         )
         self.list = table(self.model, self, "Thresholds")
         self.list.selectionModel().currentRowChanged.connect(self._show_chosen)
-        self.take = QPushButton(self)
-        self.take.clicked.connect(self.apply_suggestion)
+        self.take = push_button("", self, self.apply_suggestion)
         self.plot = CalibrationPlot(self)
         self._lay_out()
         calibrations.changed.connect(self.refresh)
@@ -178,32 +168,19 @@ class CalibrationPanel(QWidget):
 
     def _lay_out(self) -> None:
         left = QWidget(self)
-        column = QVBoxLayout(left)
-        column.setContentsMargins(8, 4, 8, 4)
-        column.setSpacing(4)
-        column.addLayout(self._controls(left))
-        row = QHBoxLayout()
-        row.addWidget(self.status, 1)
-        row.addWidget(self.frame)
-        column.addLayout(row)
-        column.addWidget(self.list, 1)
-        row = QHBoxLayout()
-        row.addWidget(self.words, 1)
-        row.addWidget(self.take, 0, Qt.AlignmentFlag.AlignTop)
-        column.addLayout(row)
+        controls = self._controls(left)
+        about = hbox((self.status, 1), self.frame)
+        chosen = hbox((self.words, 1), (self.take, 0, Qt.AlignmentFlag.AlignTop))
+        vbox(controls, about, (self.list, 1), chosen, on=left, margins=(8, 4, 8, 4), spacing=4)
         split = QSplitter(Qt.Orientation.Horizontal, self)
         split.addWidget(left)
         split.addWidget(self.plot)
         split.setSizes([480, 500])
         split.setStretchFactor(1, 1)
-        layout = QVBoxLayout(self)
-        layout.setContentsMargins(0, 0, 0, 0)
-        layout.addWidget(split)
+        vbox(split, on=self, margins=0)
 
     def _controls(self, parent: QWidget) -> QHBoxLayout:
-        row = QHBoxLayout()
-        self.judge = QComboBox(parent)
-        self.judge.setAccessibleName("Definition of a free corridor")
+        self.judge = named(QComboBox(parent), "Definition of a free corridor")
         for judge, text in _JUDGES.items():
             self.judge.addItem(text, judge)
         self.judge.setToolTip("A corridor is free if the robot's disc, or only its center, touches no obstacle")
@@ -213,19 +190,14 @@ class CalibrationPanel(QWidget):
         self.want.setPrefix("surely ")
         self.want.setToolTip("A value is accepted if the 95 % interval of its validity begins here or above")
         self.want.valueChanged.connect(self._on_want)
-        self.map = QPushButton("Map…", parent)
-        self.map.setToolTip("Select the occupancy map to compare with: a ROS map.yaml, or an OctoMap .bt or .ot")
-        self.map.clicked.connect(self.mapWanted)
+        tip = "Select the occupancy map to compare with: a ROS map.yaml, or an OctoMap .bt or .ot"
+        self.map = push_button("Map…", parent, self.mapWanted, tip)
         self.frame = QCheckBox("in the capture's frame", parent)
         self.frame.setToolTip("Transform the selected map as the import transformed the capture")
         self.frame.toggled.connect(self._on_frame)
-        self.again = QPushButton("Calculate", parent)
-        self.again.setToolTip("Evaluate the graph with the thresholds of the sliders")
-        self.again.clicked.connect(lambda: self._calibrations.start())
-        for widget in (self.judge, self.want, self.map, self.again):
-            row.addWidget(widget)
-        row.addStretch(1)
-        return row
+        tip = "Evaluate the graph with the thresholds of the sliders"
+        self.again = push_button("Calculate", parent, lambda: self._calibrations.start(), tip)
+        return hbox(self.judge, self.want, self.map, self.again, STRETCH)
 
     def choose_map(self, path: Path) -> None:
         """Compares with this map, and calculates."""

@@ -21,8 +21,10 @@ from nvsim.mapping.evidence.rethreshold import ThresholdEffect
 from nvsim.mapping.families import FAMILIES
 from nvsim.project.work import STAGE, sentence
 from nvsim_app.look import colors
+from nvsim_app.look.boxes import STRETCH, hbox
 from nvsim_app.look.labels import Label, MarkedLabel
 from nvsim_app.look.plain_text import plain, tooltip_text
+from nvsim_app.look.widgets import named, push_button
 from nvsim_app.state.document import Document
 from nvsim_app.thresholds.slider import MARKS, ThresholdRow, preset, thresholds, with_value
 from nvsim_app.thresholds.threshold_preview import ThresholdPreview
@@ -37,9 +39,8 @@ class ThresholdPanel(QScrollArea):
     applied = Signal()
     built = Signal()
 
-    def __init__(self, trial: ThresholdPreview, document: Document, parent: QWidget | None = None) -> None:
-        super().__init__(parent)
-        self.setWidgetResizable(True)
+    def __init__(self, trial: ThresholdPreview, document: Document) -> None:
+        super().__init__(widgetResizable=True)
         self.setFrameShape(QFrame.Shape.NoFrame)
         self.setHorizontalScrollBarPolicy(Qt.ScrollBarPolicy.ScrollBarAlwaysOff)
         self._trial, self._document = trial, document
@@ -70,34 +71,25 @@ class ThresholdPanel(QScrollArea):
         self.refresh()
 
     def _buttons(self, parent: QWidget) -> QHBoxLayout:
-        row = QHBoxLayout()
         self.apply = QPushButton("Apply", parent)
-        self.reset = QPushButton("Reset", parent)
-        self.reset.setToolTip("Restore the thresholds of the project's graph")
+        self.reset = named(QPushButton("Reset", parent), tip="Restore the thresholds of the project's graph")
         self.build = QPushButton("Build again…", parent)
         self.build.setToolTip("Build the map again with these thresholds. This also explores steps that newly open")
         self.apply.clicked.connect(self.applied)
         self.reset.clicked.connect(lambda: self._trial.set_config(self._trial.project_config))
         self.build.clicked.connect(self.built)
-        for button in (self.apply, self.reset, self.build):
-            row.addWidget(button)
-        row.addStretch(1)
-        return row
+        return hbox(self.apply, self.reset, self.build, STRETCH)
 
     def _rules(self, parent: QWidget, docs: dict[str, str]) -> QHBoxLayout:
-        row = QHBoxLayout()
         self.rule = QComboBox(parent)
         for key, text in _RULES.items():
             self.rule.addItem(text, key)
         self.rule.setToolTip(tooltip_text(docs.get("rule", "")))
         self.rule.setAccessibleName("Rule")
-        self.both_ways = QCheckBox("Both ways", parent)
-        self.both_ways.setToolTip(tooltip_text(docs.get("both_ways", "")))
+        self.both_ways = named(QCheckBox("Both ways", parent), tip=docs.get("both_ways", ""))
         self.rule.currentIndexChanged.connect(lambda _: self._choose("rule", self.rule.currentData()))
         self.both_ways.toggled.connect(lambda on: self._choose("both_ways", on))
-        row.addWidget(self.rule, 1)
-        row.addWidget(self.both_ways)
-        return row
+        return hbox((self.rule, 1), self.both_ways)
 
     def _families(self, parent: QWidget, docs: dict[str, str]) -> QGridLayout:
         grid = QGridLayout()
@@ -126,11 +118,10 @@ class ThresholdPanel(QScrollArea):
             ("paper", "Paper's", "The criteria of the paper: means over the corridor, in one direction"),
         ):
             mark = MarkedLabel(f'<span style="color:{MARKS[key]}">▲</span>', parent)
-            button = QPushButton(text, parent)
-            button.setFlat(True)
-            button.setObjectName(f"preset_{key}")
-            button.setToolTip(tooltip_text(f"{words}; the mark of this color below each slider"))
-            button.clicked.connect(lambda _=False, k=key: self.apply_preset(k))
+            tip = f"{words}; the mark of this color below each slider"
+            button = push_button(
+                text, parent, lambda _=False, k=key: self.apply_preset(k), tip, flat=True, objectName=f"preset_{key}"
+            )
             row.addWidget(mark)
             row.addWidget(button)
         row.addStretch(1)

@@ -8,15 +8,16 @@ from dataclasses import dataclass
 
 from PySide6.QtCore import QPointF, QSignalBlocker, QSize, Qt, Signal
 from PySide6.QtGui import QColor, QPainter, QPaintEvent, QPalette, QPolygonF, QWheelEvent
-from PySide6.QtWidgets import QHBoxLayout, QSizePolicy, QSlider, QStyle, QStyleOptionSlider, QWidget
+from PySide6.QtWidgets import QSizePolicy, QSlider, QStyle, QStyleOptionSlider, QWidget
 
 from nvsim.mapping import criteria
 from nvsim.mapping.config import WIDEST, MappingConfig
 from nvsim_app.look import colors
+from nvsim_app.look.boxes import hbox
 from nvsim_app.look.labels import Label
 from nvsim_app.look.plain_text import tooltip_text
 from nvsim_app.look.theme import type_font
-from nvsim_app.look.widgets import NumberBox
+from nvsim_app.look.widgets import NumberBox, named
 
 
 @dataclass(frozen=True)
@@ -141,22 +142,16 @@ class ThresholdRow(QWidget):
         self.setObjectName(f"threshold_{threshold.field}")
         self.setToolTip(tooltip_text(f"{help} ({threshold.field})"))
         self.name = Label(threshold.name, self)
-        self.slider = MarkedSlider(self)
+        self.slider = named(MarkedSlider(self), threshold.name)
         self.slider.setRange(0, threshold.steps)
         self.slider.setPageStep(max(1, threshold.steps // 20))
-        self.slider.setAccessibleName(threshold.name)
         decimals, unit = 2 if threshold.step < 0.1 else 1, f" {threshold.unit}" if threshold.unit else ""
         self.figure = NumberBox(
             threshold.name, threshold.low, threshold.high, threshold.low, decimals, threshold.step, unit, self
         )
         self.figure.setAlignment(Qt.AlignmentFlag.AlignRight)
         self.figure.setFixedWidth(self.figure.fontMetrics().horizontalAdvance("00.00 m") + 34)
-        layout = QHBoxLayout(self)
-        layout.setContentsMargins(0, 0, 0, 0)
-        layout.setSpacing(8)
-        layout.addWidget(self.name)
-        layout.addWidget(self.slider, 1)
-        layout.addWidget(self.figure)
+        hbox(self.name, (self.slider, 1), self.figure, on=self, margins=0, spacing=8)
         self.slider.valueChanged.connect(lambda step: self.chosen.emit(threshold.field, threshold.to_value(step)))
         self.figure.valueChanged.connect(lambda value: self.chosen.emit(threshold.field, round(value, 6)))
 

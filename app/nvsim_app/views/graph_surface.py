@@ -7,7 +7,7 @@ floor. Picking is derived from these in the same way for both views.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Protocol
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -29,67 +29,44 @@ POINT_REACH = 6.0
 Place = tuple[float, float, float]
 
 
-class GraphSurface(Protocol):
-    """The part of a view that editing modes use."""
+class GraphSurface:
+    """The part of a view that editing modes use. Picking and selection are derived from `project` and `segments`."""
+
+    def __init__(self, document: Document) -> None:
+        self._document = document
 
     @property
     def widget(self) -> QWidget:
         """The widget that receives mouse events and shows hints."""
-        ...
+        raise NotImplementedError
 
     def project(self, points: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Pixels (N, 2) and depths (N,) of world points (N, 3) in meters. A positive depth is in front of the
         camera."""
-        ...
+        raise NotImplementedError
 
     def segments(
         self, a: NDArray[np.float64], b: NDArray[np.float64]
     ) -> tuple[NDArray[np.float64], NDArray[np.int64], NDArray[np.float64]]:
         """The visible parts of world segments from `a` to `b`, both (N, 3): ends in pixels (M, 4), index in the input
         (M,), depth (M,)."""
-        ...
+        raise NotImplementedError
 
     def floor_point(self, point: QPointF) -> Place | None:
         """The floor point (x, y, z) under a pixel in meters, world; None if there is none."""
-        ...
-
-    def pick_point(self, point: QPointF) -> Place | None:
-        """The point of the point cloud under a pixel; None if there is none or the cloud is not shown."""
-        ...
+        raise NotImplementedError
 
     @property
     def shows_graph(self) -> bool:
         """Whether the view shows the graph."""
-        ...
+        return True
 
     def disc_radii(self) -> NDArray[np.float64]:
         """(N, 2) horizontal and vertical radii in pixels of the discs of the displayed viewpoints."""
-        ...
-
-    def pick_viewpoint(self, point: QPointF) -> str | None: ...
-    def pick_edge(self, point: QPointF) -> tuple[str, str] | None: ...
-    def pick_frame(self, point: QPointF) -> int | None: ...
-
-    def polygon_selection(self, polygon: Sequence[QPointF]) -> frozenset[str]:
-        """The ids of the viewpoints inside a polygon of pixels."""
-        ...
-
-
-class _Surface:
-    """Picking and selection, derived from `project` and `segments`."""
-
-    def __init__(self, document: Document) -> None:
-        self._document = document
-
-    def project(self, points: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        raise TypeError("subclasses must implement the projection")
-
-    def segments(
-        self, a: NDArray[np.float64], b: NDArray[np.float64]
-    ) -> tuple[NDArray[np.float64], NDArray[np.int64], NDArray[np.float64]]:
-        raise TypeError("subclasses must implement the projection")
+        raise NotImplementedError
 
     def pick_point(self, point: QPointF) -> Place | None:
+        """The point of the point cloud under a pixel; None if there is none or the cloud is not shown."""
         return None
 
     def pick_viewpoint(self, point: QPointF) -> str | None:
@@ -116,6 +93,7 @@ class _Surface:
         return nearest_point(pixels, depths, (point.x(), point.y()), FRAME_REACH)
 
     def polygon_selection(self, polygon: Sequence[QPointF]) -> frozenset[str]:
+        """The ids of the viewpoints inside a polygon of pixels."""
         arrays = self._document.shown_arrays
         if not arrays.ids or len(polygon) < 3:
             return frozenset()
@@ -124,7 +102,7 @@ class _Surface:
         return frozenset(arrays.ids[row] for row in np.flatnonzero(inside))
 
 
-class MapSurface(_Surface):
+class MapSurface(GraphSurface):
     """The map as a surface for editing. Higher viewpoints cover lower ones."""
 
     def __init__(self, view: MapView, document: Document) -> None:
@@ -150,10 +128,6 @@ class MapSurface(_Surface):
         index = np.flatnonzero(seen)
         return lines[index], index, 1e4 - np.maximum(a[index, 2], b[index, 2])
 
-    @property
-    def shows_graph(self) -> bool:
-        return True
-
     def disc_radii(self) -> NDArray[np.float64]:
         """(N, 2) radii of the discs in pixels, all equal."""
         return np.full((len(self._document.shown_arrays.ids), 2), self._view.graph.radius)
@@ -163,7 +137,7 @@ class MapSurface(_Surface):
         return x, y, floor_height(self._document, x, y)
 
 
-class SceneSurface(_Surface):
+class SceneSurface(GraphSurface):
     """The 3D view as a surface for editing."""
 
     def __init__(self, view: SceneView, document: Document) -> None:

@@ -5,8 +5,9 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from PySide6.QtGui import QPixmap
-from PySide6.QtWidgets import QHBoxLayout, QSizePolicy, QWidget
+from PySide6.QtWidgets import QSizePolicy, QWidget
 
+from nvsim_app.look.boxes import hbox
 from nvsim_app.look.labels import Label, WrappingRow
 from nvsim_app.look.theme import GRID, type_font
 
@@ -23,7 +24,7 @@ class MapLegend(QWidget):
         self._entries: list[QWidget] = []  # the title and the groups
         self._more = 0  # number of groups without an entry
         self._rest = Label("", self)
-        self._row = WrappingRow(self, spacing=GRID)
+        self._row = WrappingRow(on=self, spacing=GRID)
         self._row.setContentsMargins(GRID, GRID // 2, GRID, GRID // 2)
         policy = QSizePolicy(QSizePolicy.Policy.Ignored, QSizePolicy.Policy.Minimum)
         policy.setHeightForWidth(True)
@@ -63,12 +64,9 @@ class MapLegend(QWidget):
 
 def _entry(legend: QWidget, symbol: QPixmap | None, words: str) -> QWidget:
     entry = QWidget(legend)
-    line = QHBoxLayout(entry)
-    line.setContentsMargins(0, 0, 0, 0)
-    line.setSpacing(GRID // 2)
+    line = hbox(Label(words, entry), on=entry, margins=0, spacing=GRID // 2)
     if symbol is not None:
         drawn = Label("", entry)
         drawn.setPixmap(symbol)
-        line.addWidget(drawn)
-    line.addWidget(Label(words, entry))
+        line.insertWidget(0, drawn)
     return entry

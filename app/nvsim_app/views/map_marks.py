@@ -87,10 +87,8 @@ class North(QWidget):
     """The north arrow, which always points up because the map is never rotated."""
 
     def __init__(self, parent: QWidget) -> None:
-        super().__init__(parent)
+        super().__init__(parent, toolTip="North: +y of the project's frame is up", accessibleName="North is up")
         self.setFixedSize(18, 30)
-        self.setToolTip("North: +y of the project's frame is up")
-        self.setAccessibleName("North is up")
 
     def paintEvent(self, event: QPaintEvent) -> None:
         painter = QPainter(self)

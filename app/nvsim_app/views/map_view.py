@@ -7,10 +7,11 @@ import pyqtgraph as pg
 from pyqtgraph.GraphicsScene.mouseEvents import MouseClickEvent
 from PySide6.QtCore import QEvent, QObject, QPointF, QRectF, Qt, QTimer, Signal
 from PySide6.QtGui import QColor, QMouseEvent, QPainter, QResizeEvent
-from PySide6.QtWidgets import QStyleOptionGraphicsItem, QVBoxLayout, QWidget
+from PySide6.QtWidgets import QStyleOptionGraphicsItem, QWidget
 
 from nvsim.occupancy.types import FREE, OCCUPIED, UNKNOWN
 from nvsim_app.look import colors, lengths
+from nvsim_app.look.boxes import vbox
 from nvsim_app.look.labels import Hint
 from nvsim_app.look.plain_text import plain
 from nvsim_app.look.theme import is_dark
@@ -39,8 +40,8 @@ class MapView(QWidget):
     cameraPlaced = Signal(float, float)
     hovered = Signal(object)
 
-    def __init__(self, document: Document, parent: QWidget | None = None) -> None:
-        super().__init__(parent)
+    def __init__(self, document: Document) -> None:
+        super().__init__()
         self.setObjectName("mapView")
         self._document = document
         self._framed = False
@@ -56,12 +57,8 @@ class MapView(QWidget):
         self.plot.hideAxis("bottom")
         self.plot.hideButtons()
         self.plot.setMenuEnabled(False)
-        layout = QVBoxLayout(self)
-        layout.setContentsMargins(0, 0, 0, 0)
-        layout.setSpacing(0)
-        layout.addWidget(self.plot, 1)
         self.legend = MapLegend(self)
-        layout.addWidget(self.legend)
+        vbox((self.plot, 1), self.legend, on=self, margins=0, spacing=0)
 
         self._occupancy = pg.ImageItem(axisOrder="row-major")
         self._occupancy.setZValue(0)

@@ -19,7 +19,7 @@ from PySide6.QtWidgets import QSizePolicy, QWidget
 from nvsim.geometry.camera import Camera
 from nvsim.occupancy.types import UNKNOWN
 from nvsim_app.drawing.picture_feed import PictureFeed
-from nvsim_app.drawing.render_child import Picture, RenderSource
+from nvsim_app.drawing.render_child import Picture
 from nvsim_app.look.theme import GRID
 from nvsim_app.painting import cameras
 from nvsim_app.painting.cameras import ViewPose
@@ -54,12 +54,9 @@ class SceneView(QWidget):
     remarked = Signal(object)
     hovered = Signal(object)
 
-    def __init__(self, document: Document, parent: QWidget | None = None) -> None:
-        super().__init__(parent)
+    def __init__(self, document: Document) -> None:
+        super().__init__(accessibleName="3D view", focusPolicy=Qt.FocusPolicy.StrongFocus, mouseTracking=True)
         self.setObjectName("sceneView")
-        self.setAccessibleName("3D view")
-        self.setFocusPolicy(Qt.FocusPolicy.StrongFocus)
-        self.setMouseTracking(True)
         self.setAttribute(Qt.WidgetAttribute.WA_OpaquePaintEvent)
         self.setSizePolicy(QSizePolicy.Policy.Expanding, QSizePolicy.Policy.Expanding)
         self.setMinimumSize(240, 200)
@@ -103,30 +100,6 @@ class SceneView(QWidget):
         """Whether an image is being rendered or will be requested soon."""
         return self.feed.drawing
 
-    @property
-    def channel(self) -> str:
-        """The displayed channel, one of tones.CHANNELS."""
-        return self.feed.channel
-
-    @property
-    def renderer(self) -> str:
-        """The renderer, one of renderer_choice.PREFERENCES."""
-        return self.feed.renderer
-
-    @property
-    def budget(self) -> int:
-        """Maximum number of rendered Gaussians, 0 for all."""
-        return self.feed.budget
-
-    @property
-    def note(self) -> str:
-        """The note that says why there is no image yet."""
-        return self.feed.note
-
-    def show_source(self, source: RenderSource | None) -> None:
-        """Shows this reconstruction; None shows only the overlays."""
-        self.feed.show(source)
-
     def set_channel(self, channel: str) -> None:
         self.feed.channel = channel
         self.feed.request_sharp_image()
@@ -139,28 +112,6 @@ class SceneView(QWidget):
         """Limits the number of rendered Gaussians to those that cover most area; 0 renders all."""
         self.feed.budget = budget
         self.feed.request_sharp_image()
-
-    # These are methods of the widget, because Qt removes connections to methods of a deleted widget.
-
-    def home(self) -> None:
-        self.places.home()
-
-    def show_overview(self) -> None:
-        self.places.show_overview()
-
-    def look_from_above(self) -> None:
-        self.places.look_from_above()
-
-    def focus_on_selection(self) -> None:
-        self.places.focus_on_selection()
-
-    def snap_to_frame(self, index: int) -> None:
-        self.places.snap_to_frame(index)
-
-    def go_to_position(self, position: np.ndarray, heading: float | None = None) -> None:
-        """Moves the camera to `position` ((3,) meters, world) with elevation 0. `heading` in radians; by default it
-        does not change."""
-        self.places.go_to_position(position, heading)
 
     def stay_at(self, pose: ViewPose) -> None:
         """Moves the camera to `pose`, and keeps it when more of the project is loaded."""
@@ -223,7 +174,7 @@ class SceneView(QWidget):
             paint_ground(painter, self.size(), self.palette())
         self.overlays.grid.bare = image is None
         self.overlays.paint(painter, self.overlay_camera, picture is not None and picture.request.moving)
-        paint_status(painter, self.size(), self.pose, picture, self.note or self.hint)
+        paint_status(painter, self.size(), self.pose, picture, self.feed.note or self.hint)
         if picture is not None and (scale := OF_CHANNEL.get(picture.request.channel)) is not None:
             paint_legend(painter, scale, self._legend_corner(scale))
         painter.end()
@@ -249,7 +200,7 @@ class SceneView(QWidget):
         if event.buttons():
             self.navigation.drag(event)
             return
-        hovered = self.pick_viewpoint(event.position())
+        hovered = self.surface.pick_viewpoint(event.position())
         if hovered != self.overlays.graph.hovered:
             self.setCursor(Qt.CursorShape.PointingHandCursor if hovered else Qt.CursorShape.ArrowCursor)
             self.show_hovered(hovered)
@@ -262,12 +213,12 @@ class SceneView(QWidget):
     def mouseDoubleClickEvent(self, event: QMouseEvent) -> None:
         if event.button() != Qt.MouseButton.LeftButton:
             return
-        viewpoint = self.pick_viewpoint(event.position())
+        viewpoint = self.surface.pick_viewpoint(event.position())
         if viewpoint is not None:
             arrays = self._document.graph_arrays
             self.places.go_to_position(arrays.positions[arrays.index[viewpoint]])
             return
-        frame = self.pick_frame(event.position())
+        frame = self.surface.pick_frame(event.position())
         if frame is not None:
             self._document.select(frame=frame)
             self.places.snap_to_frame(frame)
@@ -277,20 +228,12 @@ class SceneView(QWidget):
             self.places.focus_on_point(np.array(point))
 
     def _click(self, position: QPointF) -> None:
-        viewpoint = self.pick_viewpoint(position)
+        viewpoint = self.surface.pick_viewpoint(position)
         if viewpoint is not None:
             self._document.select(viewpoint=viewpoint)
             return
-        frame = self.pick_frame(position)
+        frame = self.surface.pick_frame(position)
         self._document.select(frame=frame)
-
-    def pick_viewpoint(self, point: QPointF) -> str | None:
-        """The id of the displayed viewpoint under a pixel, None if there is none."""
-        return self.surface.pick_viewpoint(point)
-
-    def pick_frame(self, point: QPointF) -> int | None:
-        """The index of the displayed frame under a pixel, None if there is none."""
-        return self.surface.pick_frame(point)
 
     def wheelEvent(self, event: QWheelEvent) -> None:
         self.navigation.wheel(event)

@@ -42,12 +42,6 @@ def with_standing(document: Document) -> Reason:
 class AgentPart(Part):
     """Commands and views for walking as an agent."""
 
-    ACTIONS = (
-        Action("mode_agent", "&Walk as an agent",
-               "Show the observation of an agent at the selected viewpoint, and move like it: 30° turns and edges",
-               "&Graph", 9, "F6", "mode_agent", check="off", group="mode", toolbar=True, enabled=with_standing),
-    )  # fmt: skip
-
     def __init__(self, context: WindowContext) -> None:
         super().__init__(context)
         document, modes = context.document, context.modes
@@ -137,7 +131,7 @@ class AgentPart(Part):
         if self._was_closed:
             self._dock().hide()
         if seen and state is not None and state.location.viewpointId in self.context.document.graph_arrays.index:
-            scene.go_to_position(state.position, state.heading)
+            scene.places.go_to_position(state.position, state.heading)
 
     def _dock(self) -> QDockWidget:
         dock = self.context.window.findChild(QDockWidget, "dock_agent")
@@ -244,6 +238,13 @@ class AgentPart(Part):
         if self.walk.state is not None:
             QApplication.clipboard().setText(trajectory_json(self.walk.trajectory))
             self.context.modes.said.emit("The trajectory is copied as JSON.")
+
+    ACTIONS = (
+        Action("&Graph", 9, "mode_agent", "&Walk as an agent",
+               "Show the observation of an agent at the selected viewpoint, and move like it: 30° turns and edges",
+               lambda self: self.context.modes.choose("agent"), "F6", with_standing, icon="mode_agent", check="off",
+               group="mode", toolbar=True),
+    )  # fmt: skip
 
 
 def _in_front(dock: QDockWidget) -> bool:

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from functools import partial
 
-from PySide6.QtCore import QRect, QSettings, Qt
+from PySide6.QtCore import QRect, QSettings, QSignalBlocker, Qt
 from PySide6.QtGui import QGuiApplication, QKeySequence, QShortcut
 from PySide6.QtWidgets import QApplication, QWidget
 from shiboken6 import isValid
@@ -26,26 +26,6 @@ from nvsim_app.wiring.part import Part, WindowContext
 class LookPart(Part):
     """Commands for the theme, full screen, and help."""
 
-    ACTIONS = (
-        Action("dark", "Dar&k theme", "Switch between dark and light", "&Window", shortcut="Ctrl+T", icon="theme",
-               check="on"),
-        Action("fullscreen", "F&ull screen", "Use the whole screen", "&Window", shortcut="F11", icon="fullscreen",
-               check="off"),
-        Action("help", "&Help pages", "Read or search the help", "&Help", 1, "F1", "help"),
-        Action("help_keys", "&Keys and mouse", "Read how to move around and what the keys do", "&Help", 1, "Shift+F1"),
-        Action("about", "&About NVSim", "Show the version and a system report to copy", "&Help", 2),
-    )  # fmt: skip
-
-    def handlers(self) -> Mapping[str, Callable[..., object]]:
-        window = self.context.window
-        return {
-            "dark": self._set_dark,
-            "fullscreen": lambda on: window.showFullScreen() if on else window.showNormal(),
-            "help": lambda: open_help("start", window),
-            "help_keys": lambda: open_help("keys", window),
-            "about": self._show_about,
-        }
-
     def restore(self, settings: QSettings) -> None:
         self.context.preferences.changed.connect(self._on_preference)
         QGuiApplication.styleHints().colorSchemeChanged.connect(self._on_desktop)
@@ -53,9 +33,8 @@ class LookPart(Part):
 
     def _show_switch(self) -> None:
         dark = self.context.window.actions_table["dark"]
-        dark.blockSignals(True)
-        dark.setChecked(theme.is_dark(QApplication.palette()))
-        dark.blockSignals(False)
+        with QSignalBlocker(dark):
+            dark.setChecked(theme.is_dark(QApplication.palette()))
 
     def _show_about(self) -> None:
         show_and_focus(AboutWindow(self.context.document.path, self.context.window))
@@ -81,20 +60,25 @@ class LookPart(Part):
         theme.apply(app, str(self.context.preferences["theme"]))
         self._show_switch()
 
+    ACTIONS = (
+        Action("&Window", 0, "dark", "Dar&k theme", "Switch between dark and light", _set_dark, "Ctrl+T", icon="theme",
+               check="on"),
+        Action("&Window", 0, "fullscreen", "F&ull screen", "Use the whole screen",
+               lambda self, on: self.context.window.showFullScreen() if on else self.context.window.showNormal(), "F11",
+               icon="fullscreen", check="off"),
+        Action("&Help", 1, "help", "&Help pages", "Read or search the help",
+               lambda self: open_help("start", self.context.window), "F1", icon="help"),
+        Action("&Help", 1, "help_keys", "&Keys and mouse", "Read how to move around and what the keys do",
+               lambda self: open_help("keys", self.context.window), "Shift+F1"),
+        Action("&Help", 2, "about", "&About NVSim", "Show the version and a system report to copy", _show_about),
+    )  # fmt: skip
+
 
 _SAID = 3000  # milliseconds that the status bar names the pane
 
 
 class FocusPart(Part):
     """Commands that move to the next or previous pane. They use Ctrl+F6, because F6 walks as an agent."""
-
-    ACTIONS = (
-        Action("next_pane", "&Next pane", "Focus the next panel or view", "&Window", 1, "Ctrl+F6"),
-        Action("previous_pane", "&Previous pane", "Focus the previous panel or view", "&Window", 1, "Ctrl+Shift+F6"),
-    )  # fmt: skip
-
-    def handlers(self) -> Mapping[str, Callable[..., object]]:
-        return {"next_pane": lambda: self.step(1), "previous_pane": lambda: self.step(-1)}
 
     def restore(self, settings: QSettings) -> None:
         self.ring = FocusRing(self.context.window)
@@ -130,6 +114,13 @@ class FocusPart(Part):
             first.setFocus(Qt.FocusReason.ShortcutFocusReason)
             self.context.window.statusBar().showMessage(title, _SAID)
 
+    ACTIONS = (
+        Action("&Window", 1, "next_pane", "&Next pane", "Focus the next panel or view", lambda self: self.step(1),
+               "Ctrl+F6"),
+        Action("&Window", 1, "previous_pane", "&Previous pane", "Focus the previous panel or view",
+               lambda self: self.step(-1), "Ctrl+Shift+F6"),
+    )  # fmt: skip
+
 
 def _in_front(panel: QWidget) -> bool:
     """Whether a panel can be seen. For Qt, a panel behind another tab is visible, but outside the window."""
@@ -155,19 +146,11 @@ _REMEMBERED = 12
 class PalettePart(Part):
     """Opens the command palette and stores the recent commands."""
 
-    ACTIONS = (
-        Action("palette", "&Command palette…", "Find any command, viewpoint, or frame by a few letters", "&Help", 0,
-               "Ctrl+P", "palette"),
-    )  # fmt: skip
-
     def __init__(self, context: WindowContext) -> None:
         super().__init__(context)
         self._recent: list[str] = []
         self.view = PaletteView(self._matching_entries, context.window)
         self.view.ran.connect(self._on_ran)
-
-    def handlers(self) -> Mapping[str, Callable[..., object]]:
-        return {"palette": self.view.open}
 
     def restore(self, settings: QSettings) -> None:
         QShortcut(QKeySequence("Ctrl+Shift+P"), self.context.window, self.view.open)
@@ -207,11 +190,11 @@ class PalettePart(Part):
     def _go_to_viewpoint(self, id: str) -> None:
         arrays = self.context.document.graph_arrays
         self.context.document.select(viewpoint=id)
-        self.context.scene.go_to_position(arrays.positions[arrays.index[id]])
+        self.context.scene.places.go_to_position(arrays.positions[arrays.index[id]])
 
     def _go_to_frame(self, frame: int) -> None:
         self.context.document.select(frame=frame)
-        self.context.scene.snap_to_frame(frame)
+        self.context.scene.places.snap_to_frame(frame)
 
     def _on_ran(self, entry: PaletteEntry) -> None:
         title = entry.title.removesuffix(" (on)").removesuffix(" (off)")
@@ -219,25 +202,20 @@ class PalettePart(Part):
             return
         self._recent = [title, *(t for t in self._recent if t != title)][:_REMEMBERED]
 
+    ACTIONS = (
+        Action("&Help", 0, "palette", "&Command palette…", "Find any command, viewpoint, or frame by a few letters",
+               lambda self: self.view.open(), "Ctrl+P", icon="palette"),
+    )  # fmt: skip
+
 
 class PreferencePart(Part):
     """Opens the preferences and applies their values."""
-
-    ACTIONS = (
-        Action("preferences", "Pre&ferences…", "Units, mouse, keys, saving, theme, memory, threads", "&Edit", 90,
-               "Ctrl+,"),
-        Action("preference_keys", "&Keys…", "Show all commands with their keys, change keys, and find conflicts",
-               "&Edit", 90, "Ctrl+Alt+K"),
-    )  # fmt: skip
 
     def __init__(self, context: WindowContext) -> None:
         super().__init__(context)
         self.dialog: PreferenceDialog | None = None
         self._ways: Mapping[int, tuple[int, int, int]] = ControlSettings().keys
         context.preferences.changed.connect(self._apply)
-
-    def handlers(self) -> Mapping[str, Callable[..., object]]:
-        return {"preferences": self.open, "preference_keys": self.open_keys}
 
     def restore(self, settings: QSettings) -> None:
         self.bindings = KeyBindings(self.context.window.actions_table, settings, self._fly, self)
@@ -282,3 +260,10 @@ class PreferencePart(Part):
             )
         elif key == "job_threads":
             self.context.jobs.threads = round(set.number(key))
+
+    ACTIONS = (
+        Action("&Edit", 90, "preferences", "Pre&ferences…", "Units, mouse, keys, saving, theme, memory, threads", open,
+               "Ctrl+,"),
+        Action("&Edit", 90, "preference_keys", "&Keys…",
+               "Show all commands with their keys, change keys, and find conflicts", open_keys, "Ctrl+Alt+K"),
+    )  # fmt: skip

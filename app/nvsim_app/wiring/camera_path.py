@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Iterable
 from itertools import count
 from pathlib import Path
 
@@ -26,17 +26,6 @@ _TICK = 15  # milliseconds
 
 class CameraPathPart(Part):
     """Edits the camera path, and renders images and videos."""
-
-    ACTIONS = (
-        Action("add_key", "&Add view to the camera path",
-               "Add the current view as the next key pose of the panel Camera path", "&Camera", 3, "Ctrl+Shift+V",
-               enabled=with_positions),
-        Action("play_path", "&Play the camera path", "Fly along the key poses", "&Camera", 3, enabled=with_positions),
-        Action("draw_video", "Render v&ideo…", "Render the camera path as PNG frames and an MP4, as a job", "&Camera",
-               3, enabled=with_scene),
-        Action("save_sized", "&Save an image of any size…",
-               "Render the view in the size that the panel Camera path sets", "&Camera", 3, enabled=with_positions),
-    )  # fmt: skip
 
     def __init__(self, context: WindowContext) -> None:
         super().__init__(context)
@@ -62,14 +51,6 @@ class CameraPathPart(Part):
             Dock("camera_path", "Camera path", self.panel, "left", tab="submaps", needs=with_positions,
                  workspaces=("explore",)),
         )  # fmt: skip
-
-    def handlers(self) -> Mapping[str, Callable[..., object]]:
-        return {
-            "add_key": self.add,
-            "play_path": self._play_command,
-            "draw_video": self._video_command,
-            "save_sized": self._choose_picture,
-        }
 
     def _has_path(self) -> bool:
         """Whether there is a path to follow. If not, shows the panel and a notice."""
@@ -140,7 +121,7 @@ class CameraPathPart(Part):
         scene = self.context.scene
         camera = scene.pose.camera(*self.panel.size_wanted)
         self._target = path
-        request = Request(next(self._numbers), camera, scene.channel, False, scene.renderer, _VIEW)
+        request = Request(next(self._numbers), camera, scene.feed.channel, False, scene.feed.renderer, _VIEW)
         if self.context.document.contents.scene_stamp is None:
             self._save(QImage(*self.panel.size_wanted, QImage.Format.Format_RGB32), request, blank=True)
         else:
@@ -183,3 +164,15 @@ class CameraPathPart(Part):
         with self.context.notices.reporting():
             write_camera_path(keys, self._keys())
             self.context.jobs.start("video", words, project, f"Video in {folder.name}", heavy=False)
+
+    ACTIONS = (
+        Action("&Camera", 3, "add_key", "&Add view to the camera path",
+               "Add the current view as the next key pose of the panel Camera path", add, "Ctrl+Shift+V",
+               with_positions),
+        Action("&Camera", 3, "play_path", "&Play the camera path", "Fly along the key poses", _play_command,
+               enabled=with_positions),
+        Action("&Camera", 3, "draw_video", "Render v&ideo…",
+               "Render the camera path as PNG frames and an MP4, as a job", _video_command, enabled=with_scene),
+        Action("&Camera", 3, "save_sized", "&Save an image of any size…",
+               "Render the view in the size that the panel Camera path sets", _choose_picture, enabled=with_positions),
+    )  # fmt: skip

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
 from pathlib import Path
 
 import numpy as np
@@ -38,17 +37,6 @@ class CheckPart(Part):
     """Commands of the validation and the review. The review starts at the least certain edge: N goes to the next one, Y
     marks it as reviewed, and Del removes it."""
 
-    ACTIONS = (
-        Action("next_review", "&Next to review", "Go to the least certain unreviewed edge; again: the next one",
-               "&Graph", 1, "N", "next_review", toolbar=True, enabled=with_editing),
-        Action("accept_review", "Mark &reviewed and continue", "Mark the selection as reviewed and go to the next edge",
-               "&Graph", 1, "Shift+N", enabled=writable),
-        Action("next_finding", "Next &finding", "Go to the next finding about the graph, most severe first",
-               "&Graph", 1, "F8", enabled=with_editing),
-        Action("validation", "&Validation", "Show the findings about the graph", "&Graph", 1, "Shift+F8",
-               enabled=with_editing),
-    )  # fmt: skip
-
     def __init__(self, context: WindowContext) -> None:
         super().__init__(context)
         self.panel = ValidationPanel(context.document)
@@ -66,14 +54,6 @@ class CheckPart(Part):
         return (
             Dock("validation", "Validation", self.panel, "right", "details", needs=with_editing, workspaces=("edit",)),
         )
-
-    def handlers(self) -> Mapping[str, Callable[..., object]]:
-        return {
-            "next_review": self.next,
-            "accept_review": self.accept,
-            "next_finding": self.next_finding,
-            "validation": lambda: self.context.window.show_dock("validation"),
-        }
 
     @property
     def reviewing(self) -> bool:
@@ -175,6 +155,18 @@ class CheckPart(Part):
     def _show(self, chosen: GraphSelection) -> None:
         self.context.part(SelectPart).show_selection(chosen)
 
+    ACTIONS = (
+        Action("&Graph", 1, "next_review", "&Next to review",
+               "Go to the least certain unreviewed edge; again: the next one", next, "N", with_editing,
+               icon="next_review", toolbar=True),
+        Action("&Graph", 1, "accept_review", "Mark &reviewed and continue",
+               "Mark the selection as reviewed and go to the next edge", accept, "Shift+N", writable),
+        Action("&Graph", 1, "next_finding", "Next &finding",
+               "Go to the next finding about the graph, most severe first", next_finding, "F8", with_editing),
+        Action("&Graph", 1, "validation", "&Validation", "Show the findings about the graph",
+               lambda self: self.context.window.show_dock("validation"), "Shift+F8", with_editing),
+    )  # fmt: skip
+
 
 SETTLE = 200  # milliseconds after an edit until it is compared again
 
@@ -183,11 +175,6 @@ _STYLES = {"edge removed": Qt.PenStyle.DotLine}
 
 class ComparePart(Part):
     """Compares graphs, draws their differences, and merges selected differences."""
-
-    ACTIONS = (
-        Action("compare", "&Compare…", "Show the differences to another graph or to an earlier step", "&Graph", 2, "F9",
-               enabled=with_editing),
-    )  # fmt: skip
 
     def __init__(self, context: WindowContext) -> None:
         super().__init__(context)
@@ -208,9 +195,6 @@ class ComparePart(Part):
 
     def docks(self) -> tuple[Dock, ...]:
         return (Dock("compare", "Compare", self.panel, "left", "frames", needs=with_editing, workspaces=("compare",)),)
-
-    def handlers(self) -> Mapping[str, Callable[..., object]]:
-        return {"compare": lambda: self.context.window.show_dock("compare")}
 
     def choose_file(self) -> None:
         window = self.context.window
@@ -295,3 +279,8 @@ class ComparePart(Part):
         ways = np.array([pair for pair in moved if None not in pair], float).reshape(-1, 2, 3)
         line(painter, surface, ways[:, 0], ways[:, 1], INKS["viewpoint moved"], 2.0)
         dots(painter, surface, ways[:, 1], INKS["viewpoint moved"], 5.0)
+
+    ACTIONS = (
+        Action("&Graph", 2, "compare", "&Compare…", "Show the differences to another graph or to an earlier step",
+               lambda self: self.context.window.show_dock("compare"), "F9", with_editing),
+    )  # fmt: skip

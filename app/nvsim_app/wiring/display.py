@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import itertools
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from functools import partial
 
 import numpy as np
@@ -16,6 +16,7 @@ from nvsim.figures import SHAPES
 from nvsim.graph.edits import EditError
 from nvsim_app.actions import Action
 from nvsim_app.look import colors, lengths
+from nvsim_app.look.widgets import named
 from nvsim_app.painting.graph_ink import LARGE, SMOOTH_LINES, DrawingCache
 from nvsim_app.painting.picking import NEAR
 from nvsim_app.painting.primitives import Primitives, disc
@@ -62,8 +63,8 @@ class ColoringPart(Part):
     """Colors the graph and draws the legend."""
 
     ACTIONS = tuple(
-        Action(f"color_{by or 'plain'}", text, tip, "&View", 6, check="off" if by else "on", group="coloring",
-               enabled=_enabled(by))
+        Action("&View", 6, f"color_{by or 'plain'}", text, tip, lambda self, by=by: self._choose(by),
+               enabled=_enabled(by), check="off" if by else "on", group="coloring")
         for by, (text, tip) in _WAYS.items()
     )  # fmt: skip
 
@@ -79,9 +80,6 @@ class ColoringPart(Part):
         self._kept: dict[GraphSurface, DrawingCache] = {}
         context.modes.beneath.append(self.paint)
 
-    def handlers(self) -> Mapping[str, Callable[..., object]]:
-        return {f"color_{by or 'plain'}": partial(self._choose, by) for by in _WAYS}
-
     def restore(self, settings: QSettings) -> None:
         document = self.context.document
         self._legend = DeferredRefresh(self.context.part(MapPart).view, self._show_legend, SETTLE)
@@ -93,7 +91,7 @@ class ColoringPart(Part):
             self.by = by
         self._legend.mark()
 
-    def _choose(self, by: str, _: bool = False) -> None:
+    def _choose(self, by: str) -> None:
         self.by = by
         self._kept.clear()
         self.context.settings.setValue("graph_colors", by)
@@ -236,39 +234,14 @@ def with_storeys(document: Document) -> Reason:
 class StoreyPart(Part):
     """Shows one storey or all. Clicks, areas, and Select all apply to visible storeys only."""
 
-    ACTIONS = (
-        Action("storey_up", "Storey &above", "Show only the next higher storey of the graph, in the map and in 3D",
-               "&View", 5, "Alt+PgUp", enabled=with_storeys),
-        Action("storey_down", "Storey &below", "Show only the next lower storey of the graph", "&View", 5, "Alt+PgDown",
-               enabled=with_storeys),
-        Action("storey_others", "&Fade other storeys", "Draw the other storeys faintly, in addition to the visible one",
-               "&View", 5, check="on", enabled=with_storeys),
-        Action("fade_hidden", "Fade items behind &walls",
-               "Draw items faintly in 3D if the occupancy map has walls before them", "&View", 5, check="on",
-               enabled=lambda document: with_graph(document) or with_occupancy(document)),
-        Action("storey_all", "All sto&reys", "Show all storeys of the graph", "&View", 5, "Alt+Home",
-               enabled=with_storeys),
-    )  # fmt: skip
-
     def __init__(self, context: WindowContext) -> None:
         super().__init__(context)
         self._storeys = context.document.storeys
-        self.choice = QComboBox(context.window)
-        self.choice.setToolTip("Visible storey of the graph (Alt+PgUp, Alt+PgDown)")
-        self.choice.setAccessibleName("Storey")
+        self.choice = named(QComboBox(context.window), "Storey", "Visible storey of the graph (Alt+PgUp, Alt+PgDown)")
         self.choice.activated.connect(self._choose)
         self.choice.hide()
         self._primitives = Primitives()
         self._ring = disc(colors.TRAJECTORY, "#20252b", shape="ring")
-
-    def handlers(self) -> Mapping[str, Callable[..., object]]:
-        return {
-            "storey_up": lambda: self._storeys.step(1),
-            "storey_down": lambda: self._storeys.step(-1),
-            "storey_all": lambda: self._storeys.choose(None),
-            "storey_others": self._fade_others,
-            "fade_hidden": self._fade_hidden,
-        }
 
     def restore(self, settings: QSettings) -> None:
         plan = self.context.part(MapPart).view
@@ -327,3 +300,19 @@ class StoreyPart(Part):
         self.context.part(MapPart).view.frame.place()
         self.choice.raise_()
         self.context.window.actions_table.refresh()
+
+    ACTIONS = (
+        Action("&View", 5, "storey_up", "Storey &above",
+               "Show only the next higher storey of the graph, in the map and in 3D",
+               lambda self: self._storeys.step(1), "Alt+PgUp", with_storeys),
+        Action("&View", 5, "storey_down", "Storey &below", "Show only the next lower storey of the graph",
+               lambda self: self._storeys.step(-1), "Alt+PgDown", with_storeys),
+        Action("&View", 5, "storey_others", "&Fade other storeys",
+               "Draw the other storeys faintly, in addition to the visible one", _fade_others, enabled=with_storeys,
+               check="on"),
+        Action("&View", 5, "fade_hidden", "Fade items behind &walls",
+               "Draw items faintly in 3D if the occupancy map has walls before them", _fade_hidden,
+               enabled=lambda document: with_graph(document) or with_occupancy(document), check="on"),
+        Action("&View", 5, "storey_all", "All sto&reys", "Show all storeys of the graph",
+               lambda self: self._storeys.choose(None), "Alt+Home", with_storeys),
+    )  # fmt: skip

@@ -29,29 +29,8 @@ from nvsim_app.wiring.checking import CheckPart
 from nvsim_app.wiring.part import Part, WindowContext
 
 
-def _edit(id: str, text: str, tip: str, section: int, shortcut: str = "", **more: object) -> Action:
-    return Action(id, text, tip, "&Edit", section, shortcut, **more)  # type: ignore[arg-type]
-
-
 class EditPart(Part):
     """Runs the editing commands."""
-
-    ACTIONS = (
-        Action("save", "&Save", "Write the graph to the project or to its file", "&File", 1, "Ctrl+S", "save",
-               toolbar=True, enabled=can_save),
-        _edit("undo", "&Undo", "Undo the last step", 0, "Ctrl+Z", icon="undo", toolbar=True, enabled=can_undo),
-        _edit("redo", "&Redo", "Redo the undone step", 0, "Ctrl+Shift+Z", icon="redo", toolbar=True, enabled=can_redo),
-        _edit("remove", "&Delete", "Delete the selected viewpoints and edges from the graph", 1, "Del", icon="remove",
-              toolbar=True, enabled=with_selection(SelectionNeeds("things"))),
-    )  # fmt: skip
-
-    @classmethod
-    def actions(cls) -> tuple[Action, ...]:
-        """The commands of this part, and one command for every offer in the table of operations."""
-        offers = tuple(offer for operation in operation_table.OPERATIONS.values() for offer in operation.offers)
-        return cls.ACTIONS + tuple(
-            _edit(o.id, o.text, o.tip, o.section, o.shortcut, enabled=with_selection(o.needs)) for o in offers
-        )
 
     def __init__(self, context: WindowContext) -> None:
         super().__init__(context)
@@ -68,19 +47,6 @@ class EditPart(Part):
 
     def _on_notified(self, words: str) -> None:
         self.context.notices.info(words, about="save graph")
-
-    def handlers(self) -> Mapping[str, Callable[..., object]]:
-        return {
-            "save": self._editing.save,
-            "undo": self._editing.undo,
-            "redo": self._editing.redo,
-            "remove": partial(edit_commands.remove_selection, self._editing),
-            **{
-                o.id: partial(self._run_offered_operation, operation.name, o)
-                for operation in operation_table.OPERATIONS.values()
-                for o in operation.offers
-            },
-        }
 
     def _name_steps(self) -> None:
         """Names the steps in Undo and Redo."""
@@ -116,7 +82,7 @@ class EditPart(Part):
             sorted(chosen.viewpoints, key=lambda id: arrays.index.get(id, -1)), sorted(chosen.edges)
         )
 
-    def _run_offered_operation(self, name: str, offer: MenuEntry, _: bool = False) -> None:
+    def _run_offered_operation(self, name: str, offer: MenuEntry) -> None:
         """Runs an offered operation on the selection, after its form if it has one."""
         if not offer.asks:
             self._run(name, offer, {})
@@ -151,6 +117,29 @@ class EditPart(Part):
         here = min(range(len(found)), key=lambda i: abs(found[i].floor - float(np.median(arrays.feet[rows, 2]))))
         other = here + 1 if here + 1 < len(found) else here - 1
         return round(found[other].floor - found[here].floor, 2)
+
+    ACTIONS = (
+        Action("&File", 1, "save", "&Save", "Write the graph to the project or to its file",
+               lambda self: self._editing.save(), "Ctrl+S", can_save, icon="save", toolbar=True),
+        Action("&Edit", 0, "undo", "&Undo", "Undo the last step", lambda self: self._editing.undo(), "Ctrl+Z", can_undo,
+               icon="undo", toolbar=True),
+        Action("&Edit", 0, "redo", "&Redo", "Redo the undone step", lambda self: self._editing.redo(), "Ctrl+Shift+Z",
+               can_redo, icon="redo", toolbar=True),
+        Action("&Edit", 1, "remove", "&Delete", "Delete the selected viewpoints and edges from the graph",
+               lambda self: edit_commands.remove_selection(self._editing), "Del",
+               with_selection(SelectionNeeds("things")), icon="remove", toolbar=True),
+    )  # fmt: skip
+
+    @classmethod
+    def actions(cls) -> tuple[Action, ...]:
+        """The commands of this part, and one command for every offer in the table of operations."""
+        return cls.ACTIONS + tuple(
+            Action("&Edit", o.section, o.id, o.text, o.tip,
+                   lambda self, name=operation.name, o=o: self._run_offered_operation(name, o), o.shortcut,
+                   with_selection(o.needs))
+            for operation in operation_table.OPERATIONS.values()
+            for o in operation.offers
+        )  # fmt: skip
 
 
 def _lower(text: str | None) -> str:

@@ -6,7 +6,7 @@ A graph that agents cannot use is refused with the finding, unless the user forc
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -60,40 +60,14 @@ _INSIST = {False: "refuse and give the reason", True: "export anyway"}
 class ExportPart(Part):
     """Exports the graph, and opens the forms of the other exports."""
 
-    ACTIONS = (
-        Action("export_graph", "&Export graph…", "Export the graph for agents, other tools, or as an image", "&File",
-               1, "Ctrl+E", "export", enabled=with_editing),
-        Action("export_scan", f"{WORK[VERB].title}…", sentence(WORK[VERB].summary)[:-1], "&File", 1,
-               "Ctrl+Shift+E", enabled=reason_of_command(VERB)),
-        Action("export_tasks", f"{WORK[TASKS].title}…", sentence(WORK[TASKS].summary)[:-1], "&File", 1,
-               enabled=reason_of_command(TASKS)),
-        Action("export_dataset", f"{WORK[DATASET].title}…", sentence(WORK[DATASET].summary)[:-1], "&File", 1,
-               "Ctrl+Shift+D", enabled=reason_of_command(DATASET)),
-        Action("export_features", f"{WORK[FEATURES].title}…", sentence(WORK[FEATURES].summary)[:-1], "&File", 1,
-               enabled=reason_of_command(FEATURES)),
-    )  # fmt: skip
-
     def __init__(self, context: WindowContext) -> None:
         super().__init__(context)
         self.form: Form | None = None
-
-    def handlers(self) -> Mapping[str, Callable[..., object]]:
-        return {
-            "export_graph": self.show_form,
-            "export_scan": self.open_scan_form,
-            "export_tasks": self.open_tasks_form,
-            "export_dataset": self.open_dataset_form,
-            "export_features": self.open_features_form,
-        }
 
     def restore(self, settings: QSettings) -> None:
         self.context.part(JobsPart).formOpened.connect(self._on_form)
 
     # A scan -----------------------------------------------------------------------------------------------------
-
-    def open_scan_form(self) -> CommandForm | None:
-        """Opens the form of the scan export, with an estimate."""
-        return self.context.part(JobsPart).open_form(VERB)
 
     def open_tasks_form(self) -> CommandForm | None:
         """Opens the form of the task export. Its default is the exported scan beside the project, if there is one."""
@@ -101,10 +75,6 @@ class ExportPart(Part):
         scans = None if project is None else project.parent / OUT[VERB]
         there = scans is not None and is_folder(scans / "connectivity")
         return self.context.part(JobsPart).open_form(TASKS, {"scans": str(scans)} if there else None)
-
-    def open_dataset_form(self) -> CommandForm | None:
-        """Opens the form of the dataset export, with an estimate."""
-        return self.context.part(JobsPart).open_form(DATASET)
 
     def open_features_form(self) -> CommandForm | None:
         """Opens the form of the feature export. Its default is the folder of the exported scan."""
@@ -204,6 +174,20 @@ class ExportPart(Part):
         if isinstance(file, ForeignGraph):  # keeps its poses and lists
             return file.export(graph, folder)
         return write_connectivity(graph, folder, lines_of_sight(graph, occupancy))
+
+    ACTIONS = (
+        Action("&File", 1, "export_graph", "&Export graph…", "Export the graph for agents, other tools, or as an image",
+               show_form, "Ctrl+E", with_editing, icon="export"),
+        Action("&File", 1, "export_scan", f"{WORK[VERB].title}…", sentence(WORK[VERB].summary)[:-1],
+               lambda self: self.context.part(JobsPart).open_form(VERB),
+               "Ctrl+Shift+E", reason_of_command(VERB)),
+        Action("&File", 1, "export_tasks", f"{WORK[TASKS].title}…", sentence(WORK[TASKS].summary)[:-1], open_tasks_form,
+               enabled=reason_of_command(TASKS)),
+        Action("&File", 1, "export_dataset", f"{WORK[DATASET].title}…", sentence(WORK[DATASET].summary)[:-1],
+               lambda self: self.context.part(JobsPart).open_form(DATASET), "Ctrl+Shift+D", reason_of_command(DATASET)),
+        Action("&File", 1, "export_features", f"{WORK[FEATURES].title}…", sentence(WORK[FEATURES].summary)[:-1],
+               open_features_form, enabled=reason_of_command(FEATURES)),
+    )  # fmt: skip
 
 
 _READ = frozenset({"graph", "submaps", "scene_stamp"})

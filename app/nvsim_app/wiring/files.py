@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import contextlib
 import os
-from collections.abc import Callable, Mapping
 from functools import partial
 from pathlib import Path
 
@@ -21,6 +20,7 @@ from nvsim.project.layout import Layout
 from nvsim_app.actions import Action
 from nvsim_app.drawing.render_child import Picture
 from nvsim_app.look.plain_text import CAPTION, caption, plain, tooltip_text
+from nvsim_app.look.widgets import named
 from nvsim_app.panels.open_dialog import OpenDialog
 from nvsim_app.processes.serving import EndMessage
 from nvsim_app.processes.side_process import SideProcess
@@ -36,35 +36,6 @@ _FOLDER = "open_folder"
 
 class FilePart(Part):
     """Commands that open and close files."""
-
-    ACTIONS = (
-        Action("open", "&Open…",
-               "Open a project, a capture, a video, a navigation graph (R2R connectivity), or a splat file", "&File",
-               shortcut="Ctrl+O", icon="open", toolbar=True),
-        Action("next_scan", "Ne&xt scan", "Open the next connectivity file in the same folder", "&File",
-               shortcut="Ctrl+PgDown", enabled=with_scans),
-        Action("previous_scan", "Pre&vious scan", "Open the previous connectivity file in the same folder", "&File",
-               shortcut="Ctrl+PgUp", enabled=with_scans),
-        Action("refresh", "&Refresh", "Read the project again", "&File", shortcut="F5", icon="refresh",
-               enabled=with_project),
-        Action("screenshot", "&Save image of the view…", "Save the 3D view as a PNG file", "&File", 1, "Ctrl+Alt+S",
-               "camera"),
-        Action("close_project", "&Close project", "Return to the start page; running jobs continue", "&File", 2,
-               "Ctrl+W", enabled=with_project),
-        Action("quit", "&Quit", "Close the window; running jobs continue", "&File", 2, "Ctrl+Q", "quit"),
-    )  # fmt: skip
-
-    def handlers(self) -> Mapping[str, Callable[..., object]]:
-        window = self.context.window
-        return {
-            "open": lambda _=False: self.choose(),
-            "next_scan": lambda: self._step_scan(1),
-            "previous_scan": lambda: self._step_scan(-1),
-            "refresh": window.refreshWanted.emit,
-            "screenshot": self.choose_picture,
-            "close_project": window.closeWanted.emit,
-            "quit": window.close,
-        }
 
     def restore(self, settings: QSettings) -> None:
         self.context.window.start.openWanted.connect(self.choose)
@@ -97,6 +68,24 @@ class FilePart(Part):
         path = self.context.document.path
         last = Path(str(self.context.settings.value(_FOLDER, "") or home_folder()))
         return path.absolute().parent if path is not None else last if last.is_dir() else home_folder()
+
+    ACTIONS = (
+        Action("&File", 0, "open", "&Open…",
+               "Open a project, a capture, a video, a navigation graph (R2R connectivity), or a splat file", choose,
+               "Ctrl+O", icon="open", toolbar=True),
+        Action("&File", 0, "next_scan", "Ne&xt scan", "Open the next connectivity file in the same folder",
+               lambda self: self._step_scan(1), "Ctrl+PgDown", with_scans),
+        Action("&File", 0, "previous_scan", "Pre&vious scan", "Open the previous connectivity file in the same folder",
+               lambda self: self._step_scan(-1), "Ctrl+PgUp", with_scans),
+        Action("&File", 0, "refresh", "&Refresh", "Read the project again",
+               lambda self: self.context.window.refreshWanted.emit(), "F5", with_project, icon="refresh"),
+        Action("&File", 1, "screenshot", "&Save image of the view…", "Save the 3D view as a PNG file", choose_picture,
+               "Ctrl+Alt+S", icon="camera"),
+        Action("&File", 2, "close_project", "&Close project", "Return to the start page; running jobs continue",
+               lambda self: self.context.window.closeWanted.emit(), "Ctrl+W", with_project),
+        Action("&File", 2, "quit", "&Quit", "Close the window; running jobs continue",
+               lambda self: self.context.window.close(), "Ctrl+Q", icon="quit"),
+    )  # fmt: skip
 
 
 _SOON = 150  # milliseconds
@@ -169,7 +158,7 @@ class RecentPart(Part):
 
     def _on_looked(self, end: EndMessage) -> None:
         if end.value is not None:
-            self.context.window.start.show_looks(end.value)
+            self.context.window.start.recent.show_looks(end.value)
 
     def _fill_menu(self) -> None:
         self._menu.clear()
@@ -183,7 +172,7 @@ class RecentPart(Part):
 
     def _on_picture(self, picture: Picture) -> None:
         scene = self.context.scene
-        if not picture.request.moving and scene.channel == "rgb" and scene.feed.image is not None:
+        if not picture.request.moving and scene.feed.channel == "rgb" and scene.feed.image is not None:
             self._seen = picture, scene.feed.image  # the QImage uses the memory of the picture
 
     def _keep_view(self) -> None:
@@ -204,25 +193,14 @@ class RecentPart(Part):
 class ForeignPart(Part):
     """Saves copies of a graph file, and switches between the scans of its folder."""
 
-    ACTIONS = (
-        Action("save_as", "Save &as…",
-               "Write the graph to another file and open it; the current file keeps its last saved state", "&File", 1,
-               "Ctrl+Shift+S", enabled=with_graph_file),
-    )  # fmt: skip
-
     def __init__(self, context: WindowContext) -> None:
         super().__init__(context)
-        self.scans = QComboBox(context.window)
+        self.scans = named(QComboBox(context.window, maxVisibleItems=24), "Scan")
         self.scans.setToolTip("The scans of this folder (Ctrl+PgDown, Ctrl+PgUp)")
-        self.scans.setAccessibleName("Scan")
-        self.scans.setMaxVisibleItems(24)
         self.scans.activated.connect(self._choose)
         self.scans.hide()
         context.document.contentsChanged.connect(self._on_contents)
         context.document.projectChanged.connect(self._on_project)
-
-    def handlers(self) -> Mapping[str, Callable[..., object]]:
-        return {"save_as": self.choose_copy}
 
     def choose_copy(self) -> None:
         file, path = self.context.document.contents.graph_file, self.context.document.path
@@ -272,3 +250,9 @@ class ForeignPart(Part):
 
     def _choose(self, row: int) -> None:
         self.context.window.projectChosen.emit(self.scans.itemData(row))
+
+    ACTIONS = (
+        Action("&File", 1, "save_as", "Save &as…",
+               "Write the graph to another file and open it; the current file keeps its last saved state", choose_copy,
+               "Ctrl+Shift+S", with_graph_file),
+    )  # fmt: skip

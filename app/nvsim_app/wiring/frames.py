@@ -3,8 +3,6 @@ mask."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
-
 from PySide6.QtCore import QSettings
 
 from nvsim_app.actions import Action
@@ -46,32 +44,6 @@ _SHORT = {
 class FramePart(Part):
     """Shows the list of frames and the frame page, and corrects masks."""
 
-    ACTIONS = (
-        Action("open_frame", "&Compare with render", "Show the selected frame beside the render from its camera", _MENU,
-               shortcut="Shift+F", icon="compare", toolbar=True, enabled=with_frame),
-        Action("leave_frame", "Back to the &3D view", "Close the frame, like Esc", _MENU, enabled=with_frame_page),
-        *(
-            Action(f"frame_{mode}", _MODES[mode][0], _MODES[mode][1], _MENU, 1, f"Ctrl+{number}",
-                   check="on" if mode == "wipe" else "off", group="frame_mode", enabled=with_frame)
-            for number, mode in enumerate(MODES, 1)
-        ),
-        Action("mask_brush", "Correct with &brush", "Paint floor in the mask or erase it; training uses the result",
-               _MENU, 2, "Ctrl+B", check="off", enabled=with_masks),
-        Action("mask_points", "Correct with p&oints",
-               "Click surfaces that are floor; right-click surfaces that are not", _MENU, 2, "Ctrl+Shift+B",
-               check="off", enabled=with_masks),
-        Action("mask_undo", "&Undo correction", "Undo the last change of the mask (Ctrl+Z)", _MENU, 3,
-               enabled=with_masks),
-        Action("mask_redo", "Re&do correction", "Redo the undone change of the mask (Ctrl+Y)", _MENU, 3,
-               enabled=with_masks),
-        Action("mask_revert", "Re&vert mask", "Restore the mask of the floors stage", _MENU, 3, enabled=with_masks),
-        Action("mask_candidate", "Use &hybrid mask",
-               "Use the mask grown from prompts, the last step of the hybrid segmentation, as the floor mask", _MENU, 3,
-               enabled=with_masks),
-        Action("help_frames", "Frames and &masks",
-               "How frames are compared with renders, and how their floor masks are corrected", "&Help", 1),
-    )  # fmt: skip
-
     def __init__(self, context: WindowContext) -> None:
         super().__init__(context)
         document = context.document
@@ -92,23 +64,6 @@ class FramePart(Part):
             Dock("frames", "Frames", self.panel, "left", height=350, needs=with_trajectory,
                  workspaces=("explore", "train", "compare")),
         )  # fmt: skip
-
-    def handlers(self) -> Mapping[str, Callable[..., object]]:
-        corrector = self.browser.corrector
-        handlers: dict[str, Callable[..., object]] = {
-            "open_frame": self._open,
-            "leave_frame": self._close_page,
-            "help_frames": lambda: open_help("frames", self.context.window),
-            "mask_undo": corrector.undo,
-            "mask_redo": corrector.redo,
-            "mask_revert": corrector.revert,
-            "mask_candidate": lambda: corrector.take_candidate("prompted"),
-        }
-        for mode in MODES:
-            handlers[f"frame_{mode}"] = lambda _=False, m=mode: self._compare(m)
-        for tool in TOOLS:
-            handlers[f"mask_{tool}"] = lambda on, t=tool: self._take_tool(t, on)
-        return handlers
 
     def restore(self, settings: QSettings) -> None:
         table = self.context.window.actions_table
@@ -193,3 +148,34 @@ class FramePart(Part):
     def _show_tool(self, tool: str) -> None:
         for name in TOOLS:
             self.context.window.actions_table[f"mask_{name}"].setChecked(name == tool)
+
+    ACTIONS = (
+        Action(_MENU, 0, "open_frame", "&Compare with render",
+               "Show the selected frame beside the render from its camera", _open, "Shift+F", with_frame,
+               icon="compare", toolbar=True),
+        Action(_MENU, 0, "leave_frame", "Back to the &3D view", "Close the frame, like Esc", _close_page,
+               enabled=with_frame_page),
+        *(
+            Action(_MENU, 1, f"frame_{mode}", *_MODES[mode], lambda self, mode=mode: self._compare(mode),
+                   f"Ctrl+{number}", with_frame, check="on" if mode == "wipe" else "off", group="frame_mode")
+            for number, mode in enumerate(MODES, 1)
+        ),
+        Action(_MENU, 2, "mask_brush", "Correct with &brush",
+               "Paint floor in the mask or erase it; training uses the result",
+               lambda self, on: self._take_tool("brush", on), "Ctrl+B", with_masks, check="off"),
+        Action(_MENU, 2, "mask_points", "Correct with p&oints",
+               "Click surfaces that are floor; right-click surfaces that are not",
+               lambda self, on: self._take_tool("points", on), "Ctrl+Shift+B", with_masks, check="off"),
+        Action(_MENU, 3, "mask_undo", "&Undo correction", "Undo the last change of the mask (Ctrl+Z)",
+               lambda self: self.browser.corrector.undo(), enabled=with_masks),
+        Action(_MENU, 3, "mask_redo", "Re&do correction", "Redo the undone change of the mask (Ctrl+Y)",
+               lambda self: self.browser.corrector.redo(), enabled=with_masks),
+        Action(_MENU, 3, "mask_revert", "Re&vert mask", "Restore the mask of the floors stage",
+               lambda self: self.browser.corrector.revert(), enabled=with_masks),
+        Action(_MENU, 3, "mask_candidate", "Use &hybrid mask",
+               "Use the mask grown from prompts, the last step of the hybrid segmentation, as the floor mask",
+               lambda self: self.browser.corrector.take_candidate("prompted"), enabled=with_masks),
+        Action("&Help", 1, "help_frames", "Frames and &masks",
+               "How frames are compared with renders, and how their floor masks are corrected",
+               lambda self: open_help("frames", self.context.window)),
+    )  # fmt: skip

@@ -3,7 +3,7 @@ a video."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import fields, replace
 from pathlib import Path
 
@@ -31,23 +31,12 @@ def with_own_frames(document: Document) -> Reason:
 class ReimportPart(Part):
     """Commands that import the capture again."""
 
-    ACTIONS = (
-        Action("set_scale", "Set the s&cale by a known length…",
-               "Click two points and enter their true distance; the capture is imported again with that scale",
-               "&Graph", 0, enabled=with_own_frames),
-        Action("leave_out_frame", "&Leave out this frame", "Import the capture again without the selected frame",
-               "F&rame", 4, enabled=lambda document: with_own_frames(document) or with_frame(document)),
-    )  # fmt: skip
-
     def __init__(self, context: WindowContext) -> None:
         super().__init__(context)
         mode = context.modes.modes["measure"]
         assert isinstance(mode, MeasureMode)
         self.mode = mode
         self.mode.on_confirm = self.ask
-
-    def handlers(self) -> Mapping[str, Callable[..., object]]:
-        return {"set_scale": self.ask, "leave_out_frame": self.leave_out}
 
     def restore(self, settings: QSettings) -> None:
         details = self.context.window.panels["details"]
@@ -137,6 +126,15 @@ class ReimportPart(Part):
         handle = self.context.jobs.start("import", [source, "--project", str(project), *options], project, title)
         self.context.part(JobsPart).show_panel()
         return handle
+
+    ACTIONS = (
+        Action("&Graph", 0, "set_scale", "Set the s&cale by a known length…",
+               "Click two points and enter their true distance; the capture is imported again with that scale", ask,
+               enabled=with_own_frames),
+        Action("F&rame", 4, "leave_out_frame", "&Leave out this frame",
+               "Import the capture again without the selected frame", leave_out,
+               enabled=lambda document: with_own_frames(document) or with_frame(document)),
+    )  # fmt: skip
 
 
 def without_option(words: Sequence[str], flag: str) -> list[str]:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
 from functools import partial
 
 import numpy as np
@@ -31,15 +30,6 @@ def with_viewpoint(document: Document) -> Reason:
 class InspectorPart(Part):
     """Shows the evidence of the selected viewpoint."""
 
-    ACTIONS = (
-        Action("inspect", "&Inspect viewpoint",
-               "Show the panorama of the selected viewpoint, and why each direction is open or blocked", "&Graph", 9,
-               "I", "inspect", enabled=with_viewpoint),
-        Action("show_rois", "&Regions of interest",
-               "Show the regions of interest that decide the directions of the selected viewpoint", "&View", 1, "R",
-               check="on", enabled=with_graph),
-    )  # fmt: skip
-
     def __init__(self, context: WindowContext) -> None:
         super().__init__(context)
         self.inspection = Inspection(context.document, self)
@@ -59,9 +49,6 @@ class InspectorPart(Part):
             Dock("inspector", "Inspector", self.panel, "right", tab="details", needs=with_editing,
                  workspaces=("explore", "edit", "compare")),
         )  # fmt: skip
-
-    def handlers(self) -> Mapping[str, Callable[..., object]]:
-        return {"inspect": self.show_panel, "show_rois": self._show_regions}
 
     def restore(self, settings: QSettings) -> None:
         overlays = self.context.scene.overlays
@@ -144,7 +131,9 @@ class InspectorPart(Part):
         if row is not None:
             way = document.graph_arrays.positions[row] - self.inspection.eye
             document.select(viewpoint=id)
-            self.context.scene.go_to_position(document.graph_arrays.positions[row], float(np.arctan2(way[0], way[1])))
+            self.context.scene.places.go_to_position(
+                document.graph_arrays.positions[row], float(np.arctan2(way[0], way[1]))
+            )
 
     def _go_in_direction(self, direction: Direction) -> None:
         """Goes to the viewpoint in this direction, and looks ahead. If there is none, a notice gives the reason."""
@@ -156,5 +145,14 @@ class InspectorPart(Part):
         place: np.ndarray = document.graph_arrays.positions[row]
         heading = direction.evidence.heading
         document.select(viewpoint=direction.neighbour)
-        self.context.scene.go_to_position(place, heading)
+        self.context.scene.places.go_to_position(place, heading)
         self.panel.view.set_heading(heading)
+
+    ACTIONS = (
+        Action("&Graph", 9, "inspect", "&Inspect viewpoint",
+               "Show the panorama of the selected viewpoint, and why each direction is open or blocked", show_panel,
+               "I", with_viewpoint, icon="inspect"),
+        Action("&View", 1, "show_rois", "&Regions of interest",
+               "Show the regions of interest that decide the directions of the selected viewpoint", _show_regions, "R",
+               with_graph, check="on"),
+    )  # fmt: skip

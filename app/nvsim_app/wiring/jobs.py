@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Sequence
 from typing import Any
 
 from PySide6.QtCore import QByteArray, QSettings, QTimer, Signal
@@ -50,8 +50,9 @@ def _notice_subject(verb: str) -> str:
 def _actions(verbs: Sequence[str], section: int) -> tuple[Action, ...]:
     rows = (WORK[verb] for verb in verbs)
     return tuple(
-        Action(_name(row.verb), f"{row.title}…", capitalized(row.summary), "&Jobs", section,
-               _SHORTCUTS.get(row.verb, ""), enabled=reason_of_command(row.verb))
+        Action("&Jobs", section, _name(row.verb), f"{row.title}…", capitalized(row.summary),
+               lambda part, verb=row.verb: part.open_form(verb), _SHORTCUTS.get(row.verb, ""),
+               reason_of_command(row.verb))
         for row in rows
     )  # fmt: skip
 
@@ -60,17 +61,6 @@ class JobsPart(Part):
     """Starts and shows jobs. formOpened(CommandForm): a form is about to be shown, and a part may add widgets to it."""
 
     formOpened = Signal(object)
-    ACTIONS = (
-        Action("run_everything", "&Run everything",
-               f"Queue every stage with its settings: {', '.join(PIPELINE)}; stages that are up to date end at once",
-               "&Jobs", shortcut="Ctrl+R", icon="run", toolbar=True, enabled=capture_or_job),
-        *_actions(PIPELINE, 1),
-        *_actions(EVALUATIONS, 2),
-        Action("earlier_results", "Ea&rlier results…", "Restore or delete the result of a stage before its last run",
-               "&Jobs", 4, enabled=with_earlier_result),
-        *_actions(_EXPORTS, 3),
-        *_actions(_AGENTS, 5),
-    )  # fmt: skip
 
     def docks(self) -> tuple[Dock, ...]:
         w = self.context
@@ -85,13 +75,6 @@ class JobsPart(Part):
         return (
             Dock("jobs", "Jobs", self.panel, "bottom", height=215, needs=with_project_folder, workspaces=("train",)),
         )
-
-    def handlers(self) -> Mapping[str, Callable[..., object]]:
-        opened = {
-            _name(verb): lambda _=False, v=verb: self.open_form(v)
-            for verb in (*PIPELINE, *EVALUATIONS, *_EXPORTS, *_AGENTS)
-        }
-        return {"run_everything": self.run_everything, "earlier_results": self.open_earlier, **opened}
 
     def restore(self, settings: QSettings) -> None:
         state = settings.value("jobs_splitter")
@@ -226,7 +209,7 @@ class JobsPart(Part):
         """Draws the new state of a model in training."""
         scene = self.context.scene
         if isinstance(event, Preview) and handle.running and not scene.drawing:
-            scene.set_channel(scene.channel)
+            scene.set_channel(scene.feed.channel)
 
     def _on_ended(self, handle: JobHandle) -> None:
         notices, state, about = self.context.notices, handle.state, _notice_subject(handle.job.order.verb)
@@ -257,6 +240,19 @@ class JobsPart(Part):
         )
         QTimer.singleShot(0, self.panel, self.show_panel)
 
+    ACTIONS = (
+        Action("&Jobs", 0, "run_everything", "&Run everything",
+               f"Queue every stage with its settings: {', '.join(PIPELINE)}; stages that are up to date end at once",
+               run_everything, "Ctrl+R", capture_or_job, icon="run", toolbar=True),
+        *_actions(PIPELINE, 1),
+        *_actions(EVALUATIONS, 2),
+        Action("&Jobs", 4, "earlier_results", "Ea&rlier results…",
+               "Restore or delete the result of a stage before its last run", open_earlier,
+               enabled=with_earlier_result),
+        *_actions(_EXPORTS, 3),
+        *_actions(_AGENTS, 5),
+    )  # fmt: skip
+
 
 MAKERS = ("import", "demo", "run")
 """Commands that create the capture of a project."""
@@ -277,15 +273,7 @@ _PLACE, _SPLIT, _SMOOTHING = "training/geometry", "training/splitter", "training
 class TrainingPart(Part):
     """Opens the training window."""
 
-    ACTIONS = (
-        Action("training", "Training &window…",
-               "Compare the images of training steps with a held-out photo, and the curves of two runs", "&Jobs", 4,
-               "Ctrl+Shift+J", enabled=with_training),
-    )  # fmt: skip
     window: TrainingWindow | None = None
-
-    def handlers(self) -> Mapping[str, Callable[..., object]]:
-        return {"training": self.open_window}
 
     def restore(self, settings: QSettings) -> None:
         self.context.part(JobsPart).panel.largeWanted.connect(self._open_for)
@@ -325,3 +313,9 @@ class TrainingPart(Part):
             settings.setValue(_PLACE, window.saveGeometry())
             settings.setValue(_SPLIT, window.splitter.saveState())
             settings.setValue(_SMOOTHING, window.smoothing.value())
+
+    ACTIONS = (
+        Action("&Jobs", 4, "training", "Training &window…",
+               "Compare the images of training steps with a held-out photo, and the curves of two runs", open_window,
+               "Ctrl+Shift+J", with_training),
+    )  # fmt: skip

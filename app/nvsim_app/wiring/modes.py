@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Mapping
+from collections.abc import Callable, Collection
 from functools import partial
 
 from PySide6.QtCore import QSettings
@@ -25,45 +25,19 @@ from nvsim_app.wiring.panels import MapPart
 from nvsim_app.wiring.part import Part, WindowContext
 from nvsim_app.wiring.proposing import ProposePart
 
-_SECTION = 0
+
+def _mode(name: str, text: str, tip: str, shortcut: str, enabled: Callable[[Document], Reason]) -> Action:
+    return Action("&Graph", 0, f"mode_{name}", text, tip, lambda part: part.stage.choose(name), shortcut, enabled,
+                  icon=f"mode_{name}", check="on" if name == "select" else "off", group="mode",
+                  toolbar=True)  # fmt: skip
 
 
-def _mode(
-    name: str, text: str, tip: str, shortcut: str, enabled: Callable[[Document], Reason], first: bool = False
-) -> Action:
-    return Action(
-        f"mode_{name}",
-        text,
-        tip,
-        "&Graph",
-        _SECTION,
-        shortcut,
-        f"mode_{name}",
-        "on" if first else "off",
-        "mode",
-        toolbar=True,
-        enabled=enabled,
-    )
+def _can_cancel(document: Document) -> Reason:
+    return with_frame_page(document) and with_editing(document) and with_positions(document)
 
 
 class ModePart(Part):
     """Commands that select a mode."""
-
-    ACTIONS = (
-        _mode("select", "&Select", "Click to select, drag the selection to move it", "V", with_editing, first=True),
-        _mode("box", "Select by &box", "Drag a box around viewpoints", "B", with_editing),
-        _mode("lasso", "Select by &lasso", "Draw a line around viewpoints", "K", with_editing),
-        _mode(
-            "add_viewpoint", "Add &viewpoints", "Click the floor, a frame of the trajectory, or an edge", "P", writable
-        ),
-        _mode("add_edge", "Add &edges", "Click two viewpoints to connect them", "C", writable),
-        _mode("measure", "&Measure", "Click points to measure between them", "M", with_positions),
-        Action("cancel", "Cancel",
-               "Cancel the current action, then return to the 3D view and to Select, then clear the selection",
-               "&Graph", _SECTION, "Esc",
-               enabled=lambda document: (
-                   with_frame_page(document) and with_editing(document) and with_positions(document))),
-    )  # fmt: skip
 
     def __init__(self, context: WindowContext) -> None:
         super().__init__(context)
@@ -71,12 +45,6 @@ class ModePart(Part):
         self.stage.changed.connect(self._show)
         self.stage.said.connect(self._show_hint)
         context.document.graphChanged.connect(self._leave_when_locked)
-
-    def handlers(self) -> Mapping[str, Callable[..., object]]:
-        handlers: dict[str, Callable[..., object]] = {"cancel": self._cancel}
-        for name in self.stage.modes:
-            handlers[f"mode_{name}"] = lambda _=False, n=name: self.stage.choose(n)
-        return handlers
 
     def restore(self, settings: QSettings) -> None:
         """Attaches the modes to both views, after all parts exist."""
@@ -104,6 +72,19 @@ class ModePart(Part):
     def _leave_when_locked(self, _: object) -> None:
         if not self.context.document.editing.writable and self.stage.current.name.startswith("add"):
             self.stage.choose("select")
+
+    ACTIONS = (
+        _mode("select", "&Select", "Click to select, drag the selection to move it", "V", with_editing),
+        _mode("box", "Select by &box", "Drag a box around viewpoints", "B", with_editing),
+        _mode("lasso", "Select by &lasso", "Draw a line around viewpoints", "K", with_editing),
+        _mode("add_viewpoint", "Add &viewpoints", "Click the floor, a frame of the trajectory, or an edge", "P",
+              writable),
+        _mode("add_edge", "Add &edges", "Click two viewpoints to connect them", "C", writable),
+        _mode("measure", "&Measure", "Click points to measure between them", "M", with_positions),
+        Action("&Graph", 0, "cancel", "Cancel",
+               "Cancel the current action, then return to the 3D view and to Select, then clear the selection", _cancel,
+               "Esc", _can_cancel),
+    )  # fmt: skip
 
 
 _OF_THINGS = (
@@ -138,8 +119,7 @@ class ContextPart(Part):
             editing.select(GraphSelection(frozenset({viewpoint})))
         elif viewpoint is None and edge is not None and edge not in chosen.edges:
             editing.select(GraphSelection(frozenset(), frozenset({edge})))
-        menu = QMenu(self.context.window)
-        menu.setToolTipsVisible(True)
+        menu = QMenu(self.context.window, toolTipsVisible=True)
         self._add_ghost(menu, pointer)
         if viewpoint is None and edge is None:
             self._fill_for_floor(menu, pointer)

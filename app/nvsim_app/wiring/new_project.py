@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 
 from PySide6.QtCore import QEvent, QMimeData, QObject, QSettings
@@ -43,26 +43,6 @@ def with_own_capture(document: Document) -> Reason:
 
 class NewProjectPart(Part):
     """Creates projects from captures, videos, or the built-in building, and adds captures."""
-
-    ACTIONS = (
-        Action("new_project", "&New project from a capture or video…",
-               f"Check a capture or a video and create a project from it: {formats.names()}, or MP4, MOV, MKV, WebM",
-               "&File", -1, "Ctrl+N", "new", toolbar=True),
-        Action("new_demo", "New project from the &built-in building…",
-               "Generate a building with ground truth and run all stages on it", "&File", -1),
-        Action("import", "&Import a capture…", "Import a capture into the open project", "&File", -1,
-               enabled=without_capture),
-        Action("add_capture", "A&dd a capture…", "Import another capture of the same building into the open project",
-               "&File", -1, enabled=with_own_capture),
-    )  # fmt: skip
-
-    def handlers(self) -> Mapping[str, Callable[..., object]]:
-        return {
-            "new_project": lambda _=False: self.open_dialog(),
-            "new_demo": lambda _=False: self.choose_demo(),
-            "add_capture": lambda _=False: self.open_addition(),
-            "import": lambda _=False: self.open_dialog(project=self.context.document.project),
-        }
 
     def restore(self, settings: QSettings) -> None:
         window = self.context.window
@@ -196,6 +176,19 @@ class NewProjectPart(Part):
             self.context.notices.error(sentence_about(path, kind))
         else:
             self.open_dialog(paths)
+
+    ACTIONS = (
+        Action("&File", -1, "new_project", "&New project from a capture or video…",
+               f"Check a capture or a video and create a project from it: {formats.names()}, or MP4, MOV, MKV, WebM",
+               open_dialog, "Ctrl+N", icon="new", toolbar=True),
+        Action("&File", -1, "new_demo", "New project from the &built-in building…",
+               "Generate a building with ground truth and run all stages on it", choose_demo),
+        Action("&File", -1, "import", "&Import a capture…", "Import a capture into the open project",
+               lambda self: self.open_dialog(project=self.context.document.project), enabled=without_capture),
+        Action("&File", -1, "add_capture", "A&dd a capture…",
+               "Import another capture of the same building into the open project", open_addition,
+               enabled=with_own_capture),
+    )  # fmt: skip
 
 
 def _dropped(data: QMimeData) -> list[Path]:

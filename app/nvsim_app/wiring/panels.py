@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from dataclasses import replace
-from functools import partial
 
 import numpy as np
 from PySide6.QtCore import QSettings, Signal
@@ -41,7 +40,7 @@ class SubmapPart(Part):
 
     def docks(self) -> tuple[Dock, ...]:
         panel = SubmapPanel(self.context.document)
-        panel.table.doubleClicked.connect(lambda _: self.context.scene.focus_on_selection())
+        panel.table.doubleClicked.connect(lambda _: self.context.scene.places.focus_on_selection())
         return (
             Dock("submaps", "Submaps", panel, "left", width=330, height=250, needs=with_trajectory,
                  workspaces=("explore", "train")),
@@ -50,11 +49,6 @@ class SubmapPart(Part):
 
 class MapPart(Part):
     """The map. The map and the 3D view move each other's camera."""
-
-    ACTIONS = (
-        Action("whole_map", "&Whole map", "Show trajectory, graph, and occupancy map completely on the map", "&View", 7,
-               "Shift+O", "overview", enabled=with_positions),
-    )  # fmt: skip
 
     def __init__(self, context: WindowContext) -> None:
         super().__init__(context)
@@ -73,9 +67,6 @@ class MapPart(Part):
                  workspaces=("explore", "train", "edit", "compare")),
         )  # fmt: skip
 
-    def handlers(self) -> Mapping[str, Callable[..., object]]:
-        return {"whole_map": self.view.show_whole}
-
     def restore(self, settings: QSettings) -> None:
         self.view.frame.set_action(self.context.window.actions_table["whole_map"])
 
@@ -91,7 +82,12 @@ class MapPart(Part):
         extent = self.context.document.extent
         if len(extent):
             nearest = extent[np.argmin(np.hypot(extent[:, 0] - x, extent[:, 1] - y))]
-            self.context.scene.go_to_position(np.array([x, y, nearest[2]]))
+            self.context.scene.places.go_to_position(np.array([x, y, nearest[2]]))
+
+    ACTIONS = (
+        Action("&View", 7, "whole_map", "&Whole map", "Show trajectory, graph, and occupancy map completely on the map",
+               lambda self: self.view.show_whole(), "Shift+O", with_positions, icon="overview"),
+    )  # fmt: skip
 
 
 def with_details(document: Document) -> Reason:
@@ -124,22 +120,12 @@ class LogPart(Part):
 _PREFIX = "layers/"
 
 
+def _set_shown(layer: str) -> Callable[[Part, bool], None]:
+    return lambda part, on: part.context.scene.overlays.set_shown(layer, on)
+
+
 class LayersPart(Part):
     """Shows and hides layers."""
-
-    ACTIONS = (
-        Action("show_graph", "&Graph", "Draw the navigation graph over the view", "&View", 1, "G", "graph", "on",
-               toolbar=True, enabled=with_graph),
-        Action("show_trajectory", "&Trajectory", "Draw the trajectory over the view, in the colors of its submaps",
-               "&View", 1, "J", "trajectory", "on", toolbar=True, enabled=with_trajectory),
-        Action("show_labels", "&Labels", "Show the ids of nearby viewpoints", "&View", 1, "L", "labels", "on",
-               toolbar=True, enabled=with_graph),
-        Action("show_occupancy", "&Occupancy on the floor",
-               "Draw the occupancy map on the floor: green is free, red is occupied", "&View", 1, check="off",
-               enabled=with_occupancy),
-        Action("show_frusta", "Camera &frusta", "Draw the cameras of nearby frames", "&View", 1, check="off",
-               enabled=with_trajectory),
-    )  # fmt: skip
 
     def __init__(self, context: WindowContext) -> None:
         super().__init__(context)
@@ -154,10 +140,6 @@ class LayersPart(Part):
             Dock("layers", "Layers", panel, "left", tab="submaps", needs=with_positions,
                  workspaces=("explore", "compare")),
         )  # fmt: skip
-
-    def handlers(self) -> Mapping[str, Callable[..., object]]:
-        overlays = self.context.scene.overlays
-        return {action.id: partial(overlays.set_shown, action.id.removeprefix("show_")) for action in self.ACTIONS}
 
     def restore(self, settings: QSettings) -> None:
         state: dict[str, tuple[bool, float]] = {}
@@ -203,6 +185,21 @@ class LayersPart(Part):
         table = self.context.window.actions_table
         for action in self.ACTIONS:
             table[action.id].setChecked(self.context.scene.overlays[action.id.removeprefix("show_")].shown)
+
+    ACTIONS = (
+        Action("&View", 1, "show_graph", "&Graph", "Draw the navigation graph over the view", _set_shown("graph"), "G",
+               with_graph, icon="graph", check="on", toolbar=True),
+        Action("&View", 1, "show_trajectory", "&Trajectory",
+               "Draw the trajectory over the view, in the colors of its submaps", _set_shown("trajectory"), "J",
+               with_trajectory, icon="trajectory", check="on", toolbar=True),
+        Action("&View", 1, "show_labels", "&Labels", "Show the ids of nearby viewpoints", _set_shown("labels"), "L",
+               with_graph, icon="labels", check="on", toolbar=True),
+        Action("&View", 1, "show_occupancy", "&Occupancy on the floor",
+               "Draw the occupancy map on the floor: green is free, red is occupied", _set_shown("occupancy"),
+               enabled=with_occupancy, check="off"),
+        Action("&View", 1, "show_frusta", "Camera &frusta", "Draw the cameras of nearby frames", _set_shown("frusta"),
+               enabled=with_trajectory, check="off"),
+    )  # fmt: skip
 
 
 class ResultPart(Part):
@@ -254,24 +251,16 @@ class ResultPart(Part):
 
     def _go_to_frame(self, frame: int) -> None:
         self.context.document.select(frame=frame)
-        self.context.scene.snap_to_frame(frame)
+        self.context.scene.places.snap_to_frame(frame)
 
 
 class ModelsPart(Part):
     """Opens the window of networks."""
 
-    ACTIONS = (
-        Action("models", "&Networks…",
-               "Show the installed networks, their authors, and the networks that would improve results", "&Jobs", 4),
-    )  # fmt: skip
-
     def docks(self) -> tuple[Dock, ...]:
         self.models = InstalledModels(self)
         self.page: ModelsWindow | None = None
         return ()
-
-    def handlers(self) -> Mapping[str, Callable[..., object]]:
-        return {"models": self.open_page}
 
     def store(self, settings: QSettings) -> None:
         self.models.stop()
@@ -288,3 +277,8 @@ class ModelsPart(Part):
     def _close_window(self) -> None:
         self.page = None
         self.models.stop()
+
+    ACTIONS = (
+        Action("&Jobs", 4, "models", "&Networks…",
+               "Show the installed networks, their authors, and the networks that would improve results", open_page),
+    )  # fmt: skip

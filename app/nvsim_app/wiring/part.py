@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, ClassVar, Literal, TypeVar
 
@@ -83,10 +83,6 @@ class Part(QObject):
     def docks(self) -> tuple[Dock, ...]:
         """The panels. Called once."""
         return ()
-
-    def handlers(self) -> Mapping[str, Callable[..., object]]:
-        """Action id -> handler. The handler of a checkable action receives the new state."""
-        return {}
 
     def restore(self, settings: QSettings) -> None:
         """Restores the settings of `store`, after all parts exist. `settings` may contain any value."""

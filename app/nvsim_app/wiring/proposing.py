@@ -4,7 +4,7 @@ viewpoints are measured in the background."""
 from __future__ import annotations
 
 import threading
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 
 import numpy as np
 from numpy.typing import NDArray
@@ -29,7 +29,6 @@ from nvsim_app.processes.serving import EndMessage
 from nvsim_app.processes.side_process import SideProcess
 from nvsim_app.state import edit_commands
 from nvsim_app.state.document import Document
-from nvsim_app.state.proposals import Proposals
 from nvsim_app.state.reasons import Reason, with_map, writable
 from nvsim_app.state.side_work import EVIDENCE, evidence_task
 from nvsim_app.views.graph_surface import EDGE_REACH, GraphSurface
@@ -43,22 +42,9 @@ class ProposePart(Part):
 
     _thought = Signal(object, str)
 
-    ACTIONS = (
-        Action("measure_automatically", "Measure &added or moved viewpoints",
-               "Measure the evidence of new and moved viewpoints in the background and propose edges", "&Graph", 3,
-               check="on", enabled=writable),
-        Action("propose_edges", "Propose &edges", "Propose edges that evidence and map allow and that shorten a detour",
-               "&Graph", 3, enabled=lambda document: _with_grounds(document)),
-        Action("propose_viewpoints", "Propose v&iewpoints",
-               "Propose viewpoints at free places without a viewpoint nearby", "&Graph", 3, enabled=with_map),
-        Action("accept_proposals", "A&ccept proposals", "Add the proposed edges and viewpoints to the graph", "&Graph",
-               3, "Ctrl+Return", enabled=lambda document: _with_proposals(document)),
-        Action("dismiss_proposals", "&Dismiss proposals", "Remove the proposed edges and viewpoints", "&Graph", 3,
-               "Ctrl+Backspace", enabled=lambda document: _with_proposals(document)),
-    )  # fmt: skip
-
     def __init__(self, context: WindowContext) -> None:
         super().__init__(context)
+        self.proposals = context.document.editing.proposals
         self._automatic = True
         self._thread: threading.Thread | None = None
         self._thought.connect(self._on_thought)
@@ -70,19 +56,6 @@ class ProposePart(Part):
         document.graphChanged.connect(self._on_edit)
         document.projectChanged.connect(self._on_project)
         context.modes.layers.append(self.paint)
-
-    def handlers(self) -> Mapping[str, Callable[..., object]]:
-        return {
-            "measure_automatically": self._set_automatic,
-            "propose_edges": self.propose_edges,
-            "propose_viewpoints": self.propose_viewpoints,
-            "accept_proposals": self.accept,
-            "dismiss_proposals": self.dismiss,
-        }
-
-    @property
-    def proposals(self) -> Proposals:
-        return self.context.document.editing.proposals
 
     def _set_automatic(self, on: bool) -> None:
         self._automatic = on
@@ -269,6 +242,22 @@ class ProposePart(Part):
         self.process.close()
         if self._thread is not None:
             self._thread.join()
+
+    ACTIONS = (
+        Action("&Graph", 3, "measure_automatically", "Measure &added or moved viewpoints",
+               "Measure the evidence of new and moved viewpoints in the background and propose edges", _set_automatic,
+               enabled=writable, check="on"),
+        Action("&Graph", 3, "propose_edges", "Propose &edges",
+               "Propose edges that evidence and map allow and that shorten a detour", propose_edges,
+               enabled=lambda document: _with_grounds(document)),
+        Action("&Graph", 3, "propose_viewpoints", "Propose v&iewpoints",
+               "Propose viewpoints at free places without a viewpoint nearby", propose_viewpoints, enabled=with_map),
+        Action("&Graph", 3, "accept_proposals", "A&ccept proposals",
+               "Add the proposed edges and viewpoints to the graph", accept, "Ctrl+Return",
+               lambda document: _with_proposals(document)),
+        Action("&Graph", 3, "dismiss_proposals", "&Dismiss proposals", "Remove the proposed edges and viewpoints",
+               dismiss, "Ctrl+Backspace", lambda document: _with_proposals(document)),
+    )  # fmt: skip
 
 
 def _with_grounds(document: Document) -> Reason:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 
 import numpy as np
 
@@ -26,25 +26,6 @@ _CHOSEN = with_selection(SelectionNeeds("things"), changes=False)
 class SelectPart(Part):
     """Selects viewpoints and edges, and shows the selection."""
 
-    ACTIONS = (
-        Action("select_all", "Select &all", "Select every viewpoint and edge", "&Edit", 5, "Ctrl+A",
-               enabled=with_editing),
-        Action("select_none", "Select n&one", "Clear the selection", "&Edit", 5, "Ctrl+Shift+A", enabled=_CHOSEN),
-        Action("invert", "In&vert selection", "Select everything that is not selected", "&Edit", 5, "Ctrl+I",
-               enabled=with_editing),
-        Action("grow", "&Grow selection", "Add the neighbors of the selection", "&Edit", 5, "Ctrl++", enabled=_CHOSEN),
-        Action("component", "Select &component", "Select everything that can be reached from the selection", "&Edit", 5,
-               "Ctrl+Shift+K", enabled=_CHOSEN),
-        Action("path", "Select pat&h between", "Select the shortest path of two viewpoints", "&Edit", 5, "Ctrl+Alt+P",
-               enabled=with_selection(SelectionNeeds("viewpoints", 2, 2), changes=False)),
-        Action("select_expression", "Select by e&xpression…", "For example: degree > 4 and not reviewed", "&Edit", 5,
-               "Ctrl+F", enabled=with_editing),
-        Action("select_range", "Select by &range…", "Select a range of a histogram: length, degree, evidence…", "&Edit",
-               5, enabled=with_editing),
-        Action("zoom_to", "&Zoom to selection", "Show the selection of the graph in the 3D view and on the map",
-               "&Edit", 6, "Z", enabled=_CHOSEN),
-    )  # fmt: skip
-
     def __init__(self, context: WindowContext) -> None:
         super().__init__(context)
         document = context.document
@@ -62,23 +43,6 @@ class SelectPart(Part):
             Dock("histogram", "Histogram", self.histogram, "bottom", "jobs", needs=with_editing, workspaces=("edit",)),
             Dock("history", "History", self.history, "left", "frames", needs=with_editing, workspaces=("edit",)),
         )  # fmt: skip
-
-    def handlers(self) -> Mapping[str, Callable[..., object]]:
-        return {
-            "select_all": lambda: self._select(
-                lambda graph, _: self._without_hidden_storeys(selecting.select_everything(graph))
-            ),
-            "select_none": lambda: self._editing.select(GraphSelection()),
-            "invert": lambda: self._select(
-                lambda graph, chosen: self._without_hidden_storeys(selecting.inverted(graph, chosen))
-            ),
-            "grow": lambda: self._select(selecting.with_neighbors),
-            "component": lambda: self._select(self._component),
-            "path": self._path,
-            "select_expression": self._ask_expression,
-            "select_range": lambda: self.context.window.show_dock("histogram"),
-            "zoom_to": lambda: self.show_selection(self._editing.selection),
-        }
 
     def _select(self, how: Callable[[NavGraph, GraphSelection], GraphSelection]) -> None:
         graph = self._editing.graph
@@ -99,11 +63,15 @@ class SelectPart(Part):
         if self.tables.filter.text().strip() and self.tables.trouble.isHidden():
             self.context.scene.setFocus()
 
-    def _without_hidden_storeys(self, chosen: GraphSelection) -> GraphSelection:
-        """Removes items on hidden storeys, because users cannot see what would happen to them."""
-        index = self.context.document.shown_arrays.index
-        edges = frozenset((a, b) for a, b in chosen.edges if a in index and b in index)
-        return GraphSelection(chosen.viewpoints & index.keys(), edges)
+    def _select_visible(self, how: Callable[[NavGraph, GraphSelection], GraphSelection]) -> None:
+        """Selects without the items on hidden storeys, because users cannot see what would happen to them."""
+
+        def visible(graph: NavGraph, chosen: GraphSelection) -> GraphSelection:
+            found, index = how(graph, chosen), self.context.document.shown_arrays.index
+            edges = frozenset((a, b) for a, b in found.edges if a in index and b in index)
+            return GraphSelection(found.viewpoints & index.keys(), edges)
+
+        self._select(visible)
 
     def _path(self) -> None:
         self._select(lambda graph, chosen: selecting.path_between(graph, *sorted(chosen.viewpoints)))
@@ -131,3 +99,27 @@ class SelectPart(Part):
         scene.navigation.go_to(pose)
         plan = self.context.part(MapPart).view
         plan.centre_on(float(middle[0]), float(middle[1]), max(4.0, 1.3 * size))
+
+    ACTIONS = (
+        Action("&Edit", 5, "select_all", "Select &all", "Select every viewpoint and edge",
+               lambda self: self._select_visible(lambda graph, _: selecting.select_everything(graph)), "Ctrl+A",
+               with_editing),
+        Action("&Edit", 5, "select_none", "Select n&one", "Clear the selection",
+               lambda self: self._editing.select(GraphSelection()), "Ctrl+Shift+A", _CHOSEN),
+        Action("&Edit", 5, "invert", "In&vert selection", "Select everything that is not selected",
+               lambda self: self._select_visible(selecting.inverted), "Ctrl+I", with_editing),
+        Action("&Edit", 5, "grow", "&Grow selection", "Add the neighbors of the selection",
+               lambda self: self._select(selecting.with_neighbors), "Ctrl++", _CHOSEN),
+        Action("&Edit", 5, "component", "Select &component", "Select everything that can be reached from the selection",
+               lambda self: self._select(self._component), "Ctrl+Shift+K", _CHOSEN),
+        Action("&Edit", 5, "path", "Select pat&h between", "Select the shortest path of two viewpoints", _path,
+               "Ctrl+Alt+P", with_selection(SelectionNeeds("viewpoints", 2, 2), changes=False)),
+        Action("&Edit", 5, "select_expression", "Select by e&xpression…", "For example: degree > 4 and not reviewed",
+               _ask_expression, "Ctrl+F", with_editing),
+        Action("&Edit", 5, "select_range", "Select by &range…",
+               "Select a range of a histogram: length, degree, evidence…",
+               lambda self: self.context.window.show_dock("histogram"), enabled=with_editing),
+        Action("&Edit", 6, "zoom_to", "&Zoom to selection",
+               "Show the selection of the graph in the 3D view and on the map",
+               lambda self: self.show_selection(self._editing.selection), "Z", _CHOSEN),
+    )  # fmt: skip

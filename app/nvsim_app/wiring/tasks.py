@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections import Counter
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from pathlib import Path
 from threading import Thread
 from typing import Any
@@ -38,10 +38,6 @@ SETTLE = 250  # milliseconds after an edit until the tasks are checked
 class TaskPart(Part):
     """Reads, reviews, and exports tasks, and draws their paths."""
 
-    ACTIONS = (
-        Action("tasks", "&Tasks", "Review paths and instructions of the scan, and trajectories of agents", "&Graph", 2,
-               "Shift+F9", enabled=with_editing),
-    )  # fmt: skip
     _came = Signal(object)  # a function from a thread, to call in the main thread
 
     def __init__(self, context: WindowContext) -> None:
@@ -96,9 +92,6 @@ class TaskPart(Part):
 
     def docks(self) -> tuple[Dock, ...]:
         return (Dock("tasks", "Tasks", self.panel, "right", tab="details", needs=with_editing),)
-
-    def handlers(self) -> Mapping[str, Callable[..., object]]:
-        return {"tasks": lambda: self.context.window.show_dock("tasks")}
 
     def store(self, settings: object) -> None:
         self.panel.keep()
@@ -238,7 +231,7 @@ class TaskPart(Part):
         elif number and ids[number - 1] in graph.viewpoints:
             way = here - np.array(graph.viewpoints[ids[number - 1]].position)
             heading = math.atan2(way[0], way[1])
-        self.context.scene.go_to_position(here, heading)
+        self.context.scene.places.go_to_position(here, heading)
         self.context.modes.refresh()
 
     def visit(self) -> None:
@@ -247,7 +240,7 @@ class TaskPart(Part):
         if entry is not None:
             there = frozenset(id for id in entry.task.path if id in document.graph_arrays.index)
             document.editing.select(GraphSelection(there))
-            self.context.scene.focus_on_selection()
+            self.context.scene.places.focus_on_selection()
 
     def paint(self, painter: QPainter, surface: GraphSurface) -> None:
         entry = self.panel.current
@@ -267,3 +260,8 @@ class TaskPart(Part):
             line(painter, surface, walked[:-1], walked[1:], colors.AGENT, 2.6)
         at = self._shown_path(entry)[self.panel.slider.value() : self.panel.slider.value() + 1]
         dots(painter, surface, self._places(at), colors.AGENT, 8.0, filled=False)
+
+    ACTIONS = (
+        Action("&Graph", 2, "tasks", "&Tasks", "Review paths and instructions of the scan, and trajectories of agents",
+               lambda self: self.context.window.show_dock("tasks"), "Shift+F9", with_editing),
+    )  # fmt: skip

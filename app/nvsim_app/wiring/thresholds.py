@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Mapping
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any
@@ -30,15 +29,6 @@ from nvsim_app.wiring.part import Dock, Part, WindowContext
 class ThresholdPart(Part):
     """Tries thresholds on the graph, and applies them."""
 
-    ACTIONS = (
-        Action("thresholds", "&Thresholds", "Try other thresholds on the whole graph, and preview the changed edges",
-               "&Graph", 9, "Shift+I", "thresholds", enabled=with_graph),
-        Action("thresholds_paper", "Try the &paper's thresholds", "Preview the graph with the criteria of the paper",
-               "&Graph", 9, enabled=with_graph),
-        Action("thresholds_reset", "Thresholds as &built", "Return to the thresholds that the graph was built with",
-               "&Graph", 9, enabled=with_graph),
-    )  # fmt: skip
-
     def __init__(self, context: WindowContext) -> None:
         super().__init__(context)
         document = context.document
@@ -59,13 +49,6 @@ class ThresholdPart(Part):
             Dock("thresholds", "Thresholds", self.panel, "right", tab="details", needs=with_evidence,
                  workspaces=("edit",)),
         )  # fmt: skip
-
-    def handlers(self) -> Mapping[str, Callable[..., object]]:
-        return {
-            "thresholds": self.show_panel,
-            "thresholds_paper": lambda: self._apply_preset("paper"),
-            "thresholds_reset": lambda: self._apply_preset("project"),
-        }
 
     def restore(self, settings: QSettings) -> None:
         plot = self.context.part(MapPart).view.plot
@@ -180,15 +163,21 @@ class ThresholdPart(Part):
         name = str(self.context.document.path).replace("/", "|").replace("\\", "|")
         return f"thresholds/{name}"
 
+    ACTIONS = (
+        Action("&Graph", 9, "thresholds", "&Thresholds",
+               "Try other thresholds on the whole graph, and preview the changed edges", show_panel, "Shift+I",
+               with_graph, icon="thresholds"),
+        Action("&Graph", 9, "thresholds_paper", "Try the &paper's thresholds",
+               "Preview the graph with the criteria of the paper", lambda self: self._apply_preset("paper"),
+               enabled=with_graph),
+        Action("&Graph", 9, "thresholds_reset", "Thresholds as &built",
+               "Return to the thresholds that the graph was built with", lambda self: self._apply_preset("project"),
+               enabled=with_graph),
+    )  # fmt: skip
+
 
 class CalibratePart(Part):
     """Shows the calibration of the thresholds."""
-
-    ACTIONS = (
-        Action("calibration", "Calibrat&ion",
-               "Compare every value of a threshold with an occupancy map, and suggest a value", "&Graph", 9,
-               enabled=with_evidence),
-    )  # fmt: skip
 
     def docks(self) -> tuple[Dock, ...]:
         document, trial = self.context.document, self.context.part(ThresholdPart).trial
@@ -202,9 +191,6 @@ class CalibratePart(Part):
             Dock("calibration", "Calibration", self.panel, "bottom", tab="jobs", needs=with_evidence,
                  workspaces=("edit",)),
         )  # fmt: skip
-
-    def handlers(self) -> Mapping[str, Callable[..., object]]:
-        return {"calibration": self.show_panel}
 
     def store(self, settings: QSettings) -> None:
         self.calibrations.stop()
@@ -231,3 +217,9 @@ class CalibratePart(Part):
 
     def _on_edit(self, change: Difference) -> None:
         self.panel.refresh()
+
+    ACTIONS = (
+        Action("&Graph", 9, "calibration", "Calibrat&ion",
+               "Compare every value of a threshold with an occupancy map, and suggest a value", show_panel,
+               enabled=with_evidence),
+    )  # fmt: skip

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Mapping
 from dataclasses import replace
 from pathlib import Path
 
@@ -45,13 +44,6 @@ def can_go_forward(document: Document) -> Reason:
 class ViewsPart(Part):
     """Records the views, and goes back and forward between them."""
 
-    ACTIONS = (
-        Action("view_back", "&Back", "Undo the last change of the view: camera, channel, layers, renderer", "&View", 4,
-               "Alt+Left", enabled=can_go_back),
-        Action("view_forward", "&Forward", "Redo the undone change of the view", "&View", 4, "Alt+Right",
-               enabled=can_go_forward),
-    )  # fmt: skip
-
     def __init__(self, context: WindowContext) -> None:
         super().__init__(context)
         self.states = context.document.views = ViewStates()
@@ -61,9 +53,6 @@ class ViewsPart(Part):
         # All changes of one command, including a camera move, are one step.
         self._soon = QTimer(self, singleShot=True, interval=0)
         self._soon.timeout.connect(self._record)
-
-    def handlers(self) -> Mapping[str, Callable[..., object]]:
-        return {"view_back": self.back, "view_forward": self.forward}
 
     def restore(self, settings: QSettings) -> None:
         scene, window = self.context.scene, self.context.window
@@ -105,9 +94,9 @@ class ViewsPart(Part):
                 scene.overlays.set_shown(name, shown)
                 scene.overlays.set_opacity(name, opacity)
         self._set_channel(state.channel)
-        if scene.renderer != state.renderer:
+        if scene.feed.renderer != state.renderer:
             table[f"renderer_{state.renderer}"].trigger()
-        if scene.budget != state.budget:
+        if scene.feed.budget != state.budget:
             table[f"budget_{state.budget}"].trigger()
         self._frames.show(state.page)
         if state.page.frame is None:
@@ -123,7 +112,7 @@ class ViewsPart(Part):
 
     def _set_channel(self, channel: str) -> None:
         self.context.window.actions_table[channel].setChecked(True)
-        if self.context.scene.channel != channel:
+        if self.context.scene.feed.channel != channel:
             self.context.scene.set_channel(channel)
 
     def _on_changed(self, _: object = None) -> None:
@@ -165,7 +154,7 @@ class ViewsPart(Part):
         scene = self.context.scene
         layers = {layer.name: (layer.shown, layer.opacity) for layer in scene.overlays.layers}
         pose = scene.navigation.goal
-        return ViewState(pose, scene.channel, layers, scene.renderer, scene.budget, self._frames.shown)
+        return ViewState(pose, scene.feed.channel, layers, scene.feed.renderer, scene.feed.budget, self._frames.shown)
 
     def _name_changes(self) -> None:
         """Names the changes in the commands Back and Forward."""
@@ -189,6 +178,13 @@ class ViewsPart(Part):
         self._soon.stop()
         self.states.clear()
         self._name_changes()
+
+    ACTIONS = (
+        Action("&View", 4, "view_back", "&Back", "Undo the last change of the view: camera, channel, layers, renderer",
+               back, "Alt+Left", can_go_back),
+        Action("&View", 4, "view_forward", "&Forward", "Redo the undone change of the view", forward, "Alt+Right",
+               can_go_forward),
+    )  # fmt: skip
 
 
 _PREFIX = "views/"
@@ -233,7 +229,7 @@ class ViewRestorePart(Part):
         frame = self._frames.shown.frame if self._wanted.frame is None else self._wanted.frame
         left = StoredViewState(
             scene.navigation.goal,
-            scene.channel,
+            scene.feed.channel,
             self._last or self._wanted.selection,
             frame,
             self._map.visible_range,
@@ -258,7 +254,7 @@ class ViewRestorePart(Part):
             scene.stay_at(kept.pose)
             self._moved = True  # the camera has its stored place
         self.context.window.actions_table[kept.channel].setChecked(True)
-        if scene.channel != kept.channel:
+        if scene.feed.channel != kept.channel:
             scene.set_channel(kept.channel)
         if kept.map_range is not None:
             self._map.restore_range(*kept.map_range)

@@ -23,7 +23,7 @@ from PySide6.QtWidgets import (
 
 from nvsim_app.actions import ActionTable
 from nvsim_app.drawing.painter import LogRemark
-from nvsim_app.drawing.render_child import RenderError, RenderSource
+from nvsim_app.drawing.render_child import RenderError
 from nvsim_app.jobs.queue import JobQueue
 from nvsim_app.look.icons import icon, save_image
 from nvsim_app.look.labels import Label
@@ -37,7 +37,7 @@ from nvsim_app.panels.start_page import StartPage
 from nvsim_app.state.document import Document
 from nvsim_app.state.opened_files import SplatFile
 from nvsim_app.views.scene_view import SceneView
-from nvsim_app.wiring import PARTS, actions
+from nvsim_app.wiring import PARTS
 from nvsim_app.wiring.part import AnyPart, Dock, WindowContext
 
 _REASON = 6000  # milliseconds that the status bar shows why a key had no effect
@@ -92,10 +92,9 @@ class MainWindow(QMainWindow):
         self.parts = [part(context) for part in PARTS]
         docks = [dock for part in self.parts for dock in part.docks()]
         self.panels = {dock.name: dock.widget for dock in docks}
-        self._docks = {dock.name: self._dock(dock) for dock in docks}
-        self._rows = docks
-        handlers = {id: handler for part in self.parts for id, handler in part.handlers().items()}
-        self.actions_table = ActionTable(document, actions(), handlers, self)
+        self.docks: Mapping[str, QDockWidget] = {dock.name: self._dock(dock) for dock in docks}
+        self.rows: Sequence[Dock] = docks
+        self.actions_table = ActionTable(document, [(row, part) for part in self.parts for row in part.actions()], self)
         self._build_bars()
         self._arrange()
         self._connect()
@@ -124,7 +123,7 @@ class MainWindow(QMainWindow):
 
     def _update_dock_titles(self) -> None:
         """Hides the titles of docks that share a place, because their tabs show the titles."""
-        for dock in self._docks.values():
+        for dock in self.docks.values():
             self._title(dock)
 
     def _title(self, dock: QDockWidget) -> None:
@@ -139,12 +138,11 @@ class MainWindow(QMainWindow):
         menus = self.actions_table.fill_menus(self.menuBar())
         window_menu = menus["&Window"]
         window_menu.addSeparator()
-        for dock in self._docks.values():
+        for dock in self.docks.values():
             window_menu.addAction(dock.toggleViewAction())
             dock.toggleViewAction().triggered.connect(dock.raise_)  # an opened dock is in front of its tabs
-        bar = QToolBar("Tools", self)
+        bar = QToolBar("Tools", self, movable=False)
         bar.setObjectName("toolbar")
-        bar.setMovable(False)
         bar.setContextMenuPolicy(Qt.ContextMenuPolicy.PreventContextMenu)
         tools = QToolBar(bar)  # only a tool bar in a widget has a menu of the buttons that do not fit
         tools.setObjectName("tools")
@@ -157,32 +155,31 @@ class MainWindow(QMainWindow):
         assert isinstance(more, QToolButton)
         more.setToolTip("More commands")
         more.setAccessibleName("More commands")
-        self._more_tools, self._tools = more, bar
+        self._more_tools, self.tools = more, bar
         self.setStatusBar(StatusLine(self))
-        self._summary = Label(self)
-        self._summary.setForegroundRole(self._summary.palette().ColorRole.PlaceholderText)
+        self._summary = Label(self, quiet=True)
         self.statusBar().addPermanentWidget(self._summary)
 
     def _arrange(self) -> None:
-        docks = self._docks
+        docks = self.docks
         self.setDockNestingEnabled(True)
         self.setCorner(Qt.Corner.BottomRightCorner, Qt.DockWidgetArea.RightDockWidgetArea)
         self.setTabPosition(Qt.DockWidgetArea.AllDockWidgetAreas, QTabWidget.TabPosition.North)
         above: dict[str, QDockWidget] = {}  # area -> its lowest dock
-        for row in (r for r in self._rows if not r.tab):
+        for row in (r for r in self.rows if not r.tab):
             if row.area in above:
                 self.splitDockWidget(above[row.area], docks[row.name], Qt.Orientation.Vertical)
             else:
                 self.addDockWidget(_AREAS[row.area], docks[row.name])
             above[row.area] = docks[row.name]
-        for row in (r for r in self._rows if r.tab):
+        for row in (r for r in self.rows if r.tab):
             self.tabifyDockWidget(docks[row.tab], docks[row.name])
-        for row in (r for r in self._rows if not r.tab):
+        for row in (r for r in self.rows if not r.tab):
             docks[row.name].raise_()
-        wide = [row for row in self._rows if row.width]
+        wide = [row for row in self.rows if row.width]
         self.resizeDocks([docks[r.name] for r in wide], [r.width for r in wide], Qt.Orientation.Horizontal)
         for area in reversed(_AREAS):
-            high = [row for row in self._rows if row.height and row.area == area]
+            high = [row for row in self.rows if row.height and row.area == area]
             self.resizeDocks([docks[r.name] for r in high], [r.height for r in high], Qt.Orientation.Vertical)
 
     def _connect(self) -> None:
@@ -194,10 +191,6 @@ class MainWindow(QMainWindow):
         self.jobs.changed.connect(self.actions_table.refresh)
 
     # Following the document ------------------------------------------------------------------------------------
-
-    def show_source(self, source: RenderSource | None) -> None:
-        """Draws this reconstruction in the center."""
-        self.scene.show_source(source)
 
     def _on_left(self) -> None:
         """Removes messages about the file that is left."""
@@ -287,31 +280,17 @@ class MainWindow(QMainWindow):
     @property
     def dock_titles(self) -> dict[str, str]:
         """Name -> title of every panel."""
-        return {row.name: row.title for row in self._rows}
+        return {row.name: row.title for row in self.rows}
 
     def show_dock(self, name: str) -> None:
         """Brings a panel to the front. Raises KeyError if the name is unknown."""
-        self._docks[name].show()
-        self._docks[name].raise_()
+        self.docks[name].show()
+        self.docks[name].raise_()
 
     def front_dock(self, name: str) -> None:
         """Brings a panel to the front of its tabs, unless it is closed. Raises KeyError if the name is unknown."""
-        if not self._docks[name].isHidden():
-            self._docks[name].raise_()
-
-    @property
-    def docks(self) -> Mapping[str, QDockWidget]:
-        """Name -> the dock that holds the panel."""
-        return self._docks
-
-    @property
-    def rows(self) -> Sequence[Dock]:
-        """The descriptions of all docks."""
-        return self._rows
-
-    def show_tools(self, on: bool) -> None:
-        """Shows or hides the tool bar, whose commands need an open file."""
-        self._tools.setVisible(on)
+        if not self.docks[name].isHidden():
+            self.docks[name].raise_()
 
     # Look and layout -------------------------------------------------------------------------------------------
 

@@ -8,15 +8,15 @@ shows a single view alone.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, field
-from functools import partial
 from typing import Literal
 
 from PySide6.QtCore import QByteArray, QSettings, Qt
-from PySide6.QtWidgets import QApplication, QDockWidget, QHBoxLayout, QMenu, QTabBar, QToolButton, QWidget
+from PySide6.QtWidgets import QApplication, QDockWidget, QMenu, QTabBar, QToolButton, QWidget
 
 from nvsim_app.actions import Action
+from nvsim_app.look.boxes import hbox
 from nvsim_app.look.notices import Notice
 from nvsim_app.state.document import Document
 from nvsim_app.state.reasons import with_project
@@ -87,18 +87,6 @@ def kind_of(document: Document) -> OpenKind:
 class WorkspacePart(Part):
     """Switches, stores, and restores workspaces."""
 
-    ACTIONS = (
-        *(
-            Action(f"workspace_{a.id}", f"{a.text} workspace", a.tip, "&View", 8, a.shortcut, check="off",
-                   group="workspace", enabled=with_project)
-            for a in WORKSPACE_LAYOUTS
-        ),
-        Action("maximise", "&Maximize the view", "Show only the focused panel, or else the center; again: all",
-               "&View", 9, "F12", enabled=with_project),
-        Action("reset_layout", "&Reset workspace", "Restore the default panels of this workspace",
-               "&Window", icon="layout", enabled=with_project),
-    )  # fmt: skip
-
     def __init__(self, context: WindowContext) -> None:
         super().__init__(context)
         self.current = WORKSPACE_LAYOUTS[0]
@@ -107,10 +95,6 @@ class WorkspacePart(Part):
         self._asked: set[str] = set()  # panels that the user opened although they do not apply
         self._put: dict[str, bool] = {}  # panel -> whether it was open at the last check
         self._before: QByteArray | None = None  # the layout before one view was shown alone
-
-    def handlers(self) -> Mapping[str, Callable[..., object]]:
-        entered = {f"workspace_{a.id}": partial(self._on_chosen, a.id) for a in WORKSPACE_LAYOUTS}
-        return {**entered, "maximise": lambda _=False: self.maximise(), "reset_layout": lambda _=False: self.reset()}
 
     def restore(self, settings: QSettings) -> None:
         window, document = self.context.window, self.context.document
@@ -183,7 +167,7 @@ class WorkspacePart(Part):
         self._remember()
         self._tabs.setVisible(self.kind != "nothing")
         self._lay_out()
-        self.context.window.show_tools(self.kind != "nothing")
+        self.context.window.tools.setVisible(self.kind != "nothing")
 
     def _lay_out(self) -> None:
         window, settings = self.context.window, self.context.settings
@@ -361,8 +345,7 @@ class WorkspacePart(Part):
     def _gather_in_menu(self) -> None:
         window = self.context.window
         actions = [window.actions_table[f"workspace_{a.id}"] for a in WORKSPACE_LAYOUTS]
-        gathered = QMenu("&Workspace", window)
-        gathered.setToolTipsVisible(True)
+        gathered = QMenu("&Workspace", window, toolTipsVisible=True)
         for menu in window.menuBar().findChildren(QMenu):
             if actions[0] in menu.actions():
                 menu.insertMenu(actions[0], gathered)
@@ -374,16 +357,24 @@ class WorkspacePart(Part):
     def _make_tabs(self) -> QWidget:
         """The buttons of the workspaces at the end of the menu bar."""
         holder = QWidget(self.context.window)
-        row = QHBoxLayout(holder)
-        row.setContentsMargins(0, 0, 8, 0)
-        row.setSpacing(0)
+        row = hbox(on=holder, margins=(0, 0, 8, 0), spacing=0)
         for layout in WORKSPACE_LAYOUTS:
-            button = QToolButton(holder)
-            button.setAutoRaise(True)
-            button.setFocusPolicy(Qt.FocusPolicy.TabFocus)
             action = self.context.window.actions_table[f"workspace_{layout.id}"]
             action.setIconText(layout.text.replace("&", ""))
+            button = QToolButton(holder, autoRaise=True, toolButtonStyle=Qt.ToolButtonStyle.ToolButtonTextOnly)
+            button.setFocusPolicy(Qt.FocusPolicy.TabFocus)
             button.setDefaultAction(action)
-            button.setToolButtonStyle(Qt.ToolButtonStyle.ToolButtonTextOnly)
             row.addWidget(button)
         return holder
+
+    ACTIONS = (
+        *(
+            Action("&View", 8, f"workspace_{a.id}", f"{a.text} workspace", a.tip,
+                   lambda self, id=a.id: self._on_chosen(id), a.shortcut, with_project, check="off", group="workspace")
+            for a in WORKSPACE_LAYOUTS
+        ),
+        Action("&View", 9, "maximise", "&Maximize the view",
+               "Show only the focused panel, or else the center; again: all", maximise, "F12", with_project),
+        Action("&Window", 0, "reset_layout", "&Reset workspace", "Restore the default panels of this workspace", reset,
+               enabled=with_project, icon="layout"),
+    )  # fmt: skip
