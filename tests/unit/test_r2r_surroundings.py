@@ -7,6 +7,7 @@ import re
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from functools import cache
+from itertools import pairwise
 from pathlib import Path
 from random import Random
 
@@ -181,12 +182,20 @@ def test_the_form_of_an_object_has_a_name_only_if_it_is_clear(form: Outline, sha
 
 
 def alternatives(pattern: str) -> list[str]:
-    """All texts of a pattern."""
-    found = re.search(r"\[([^\[\]]*)\]", pattern)
-    if not found:
+    """All texts of a pattern, each once."""
+    before, opened, after = pattern.partition("[")
+    if not opened:
         return [pattern]
-    parts = [pattern[: found.start()] + part + pattern[found.end() :] for part in found[1].split("|")]
-    return [text for part in parts for text in alternatives(part)]
+    depth, ends = 1, [-1]
+    for i, letter in enumerate(after):
+        depth += (letter == "[") - (letter == "]")
+        if depth == 0 or (depth == 1 and letter == "|"):
+            ends.append(i)
+        if depth == 0:
+            break
+    parts = [text for start, end in pairwise(ends) for text in alternatives(after[start + 1 : end])]
+    rest = alternatives(after[ends[-1] + 1 :])
+    return list(dict.fromkeys(before + part + text for part in parts for text in rest))
 
 
 NAMES = {name: f"{colour} {shape}" for shape, pattern in THINGS.items() for name_of in alternatives(pattern)
