@@ -28,13 +28,13 @@ _DEEPER = 0.35  # largest number of points below the floor, over the points of t
 _SIDEWAYS = 0.05  # second singular value of the sideways axes over the largest, at least, to estimate the vertical
 _SHORTEST = 0.06  # shortest line that is used, over the image width
 _LEVEL, _UPRIGHT = 0.97, 0.15  # |sine| above and below which a line does not give the direction of its wall
-_STEEPEST = 0.2  # |sine| of the angle between a possibly vertical line's plane and the vertical, at most
+_UPRIGHT_LINE = 0.2  # |sine| of the angle between a possibly vertical line's plane and the vertical, at most
 _TILTS, _TILT = 8.0, 0.5  # degrees: largest tilt of a given vertical, and distance of the tilts that are tried
-_GIVEN = 4.0  # degrees: usual error of a given vertical
-_STRAIGHT = 0.3  # degrees: usual error of a line
+_UP_ERROR = 4.0  # degrees: usual error of a given vertical
+_LINE_ERROR = 0.3  # degrees: usual error of a line
 _LINES = 4  # possibly vertical lines, at least
-_SURE = 0.3  # information on the vertical in both directions, at least: lines of full width at right angles
-_SURENESS, _SUREST = 0.15, 0.05  # degrees: deviation of the vertical for an information of 1, and the least
+_INFORMATION = 0.3  # information on the vertical in both directions, at least: lines of full width at right angles
+_DEVIATION, _LEAST_DEVIATION = 0.15, 0.05  # degrees: deviation of the vertical for an information of 1, and the least
 _BINS = 180  # histogram bins of wall directions in a quarter turn
 _CLEAR = 8.0  # height of the wall peak over the mean of the histogram, at least; 12 to 48 in buildings
 
@@ -141,25 +141,25 @@ def vertical_from_lines(lines: Lines, up: NDArray[np.float64]) -> tuple[NDArray[
     east, north = level_axes(up)
     beside = np.stack([lines.normals @ east, lines.normals @ north], axis=1)
     ahead = -lines.normals @ up
-    near = np.abs(ahead) < _STEEPEST
+    near = np.abs(ahead) < _UPRIGHT_LINE
     beside, ahead, weights = beside[near], ahead[near], lines.weights[near]
     if len(ahead) < _LINES:
         return None
     steps = np.radians(np.arange(-_TILTS, _TILTS + _TILT / 2, _TILT))
     tilts = np.stack(np.meshgrid(steps, steps), axis=-1).reshape(-1, 2)
     off = (beside @ tilts.T - ahead[:, None]) / np.radians(_TILT)
-    votes = weights @ np.exp(-(off**2)) * np.exp(-((tilts / np.radians(_GIVEN)) ** 2).sum(axis=1) / 2)
+    votes = weights @ np.exp(-(off**2)) * np.exp(-((tilts / np.radians(_UP_ERROR)) ** 2).sum(axis=1) / 2)
     tilt, information = tilts[votes.argmax()], np.zeros((2, 2))
     for _ in range(10):
-        off = (beside @ tilt - ahead) / np.radians(_STRAIGHT)
+        off = (beside @ tilt - ahead) / np.radians(_LINE_ERROR)
         weighted = beside * (weights / (1 + off**2) ** 2)[:, None]
         information = weighted.T @ beside + 1e-6 * np.eye(2)
         tilt = np.linalg.solve(information, weighted.T @ ahead)
     least = float(np.linalg.eigvalsh(information)[0])
-    if least < _SURE or np.abs(tilt).max() > np.radians(_TILTS):
+    if least < _INFORMATION or np.abs(tilt).max() > np.radians(_TILTS):
         return None
     found = up + tilt @ np.stack([east, north])
-    return found / np.linalg.norm(found), float(np.radians(max(_SURENESS / least**0.5, _SUREST)))
+    return found / np.linalg.norm(found), float(np.radians(max(_DEVIATION / least**0.5, _LEAST_DEVIATION)))
 
 
 def wall_direction(lines: Lines, up: NDArray[np.float64]) -> NDArray[np.float64] | None:

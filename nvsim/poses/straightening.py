@@ -41,7 +41,7 @@ from nvsim.poses.two_views import TwoViews
 
 _LENGTH = 12  # images of a part
 _LINED = 12  # images of a part in which lines are detected
-_FLAT = 0.012  # radians: usual error of a vertical that is known from the floor
+_FLOOR_TILT = 0.012  # radians: usual error of a vertical that is known from the floor
 _LAST, _FEWEST = 0.7, 3  # seconds, and images at least, from which the velocity of the camera is estimated
 _NEAR = 4  # images of a turn between two whose rotations are compared, at most
 _MISSING = 3  # images between two reconstructions over which the rotation is extrapolated, at most
@@ -58,11 +58,11 @@ _REACH = 0.5  # camera heights between an image beside a piece and the end of th
 _SHARED = 15  # points shared with another image, at least, for an image of a turn to be kept
 _DEPTH = 2.0  # camera heights: usual distance of points
 _SLIP = 0.1  # drift of the log scale from part to part, at most
-_SLIPS, _LEAST_SLIP = 5.0, 0.01  # the drift over the deviation that the points predict; the drift, at least
-_UPRIGHT = 0.995  # cosine between the verticals of the floor and of the cameras, at least, for the first to be used
+_SLIP_FACTOR, _LEAST_SLIP = 5.0, 0.01  # the drift over the deviation that the points predict; the drift, at least
+_UPS_AGREE = 0.995  # cosine between the verticals of the floor and of the cameras, at least, for the first to be used
 _FIRM = [_SLIP, *[FIRM[1]] * 3, *[FIRM[2] * _DEPTH] * 3]
 _LOOSE = [LOOSE[0], *[LOOSE[1]] * 3, *[LOOSE[2]] * 3]
-_LEVEL = 0.02  # camera heights: usual change of the height by dead reckoning between two parts that show a floor
+_HEIGHT_CHANGE = 0.02  # camera heights: usual change by dead reckoning between two parts that show a floor
 _UP = np.array([0, 0, 1.0])
 _UNKNOWN = np.full(3, np.nan)
 Poses = dict[int, pycolmap.Rigid3d]
@@ -83,7 +83,7 @@ class _UprightPart:
     piece: int
     height: float = np.nan
     up: NDArray[np.float64] = field(default_factory=lambda: _UNKNOWN)
-    tilt: float = _FLAT
+    tilt: float = _FLOOR_TILT
     wall: NDArray[np.float64] = field(default_factory=lambda: _UNKNOWN)
     slip: float = np.nan
 
@@ -347,7 +347,7 @@ def _parts_of(
     if piece < 0:
         return []
     chunks = np.array_split(run, max(1, round(len(run) / _LENGTH)))
-    slips = [np.nan, *(_SLIPS * scale_deviation_at(seen, int(chunk[0])) for chunk in chunks[1:])]
+    slips = [np.nan, *(_SLIP_FACTOR * scale_deviation_at(seen, int(chunk[0])) for chunk in chunks[1:])]
     parts = _without_outliers([_part_of(model, seen, chunk, up, folder) for chunk in chunks])
     return [replace(part, piece=piece, slip=slip) for part, slip in zip(parts, slips)]
 
@@ -381,7 +381,7 @@ def _part_of(
     lined = rows[:: max(1, len(rows) // _LINED)]
     images = [(model.images[int(seen.numbers[k])], seen.rotation[k]) for k in lined]
     lines = lines_of(folder, [(image.name, model.cameras[image.camera_id], rotation) for image, rotation in images])
-    edges = vertical_from_lines(lines, part.up if floor is not None and part.up @ up > _UPRIGHT else up)
+    edges = vertical_from_lines(lines, part.up if floor is not None and part.up @ up > _UPS_AGREE else up)
     if edges is not None:
         floor = camera_height(seen, mask, edges[0], is_exact=True)
         part = replace(part, height=np.nan if floor is None else floor[0], up=edges[0], tilt=edges[1])
@@ -398,7 +398,7 @@ def _without_outliers(parts: list[_UprightPart]) -> list[_UprightPart]:
         near = logs[max(0, k - 2) : k + 3]
         usual = np.median(near[np.isfinite(near)]) if np.isfinite(near).any() else np.nan
         if abs(logs[k] - usual) > _SLIPPED:
-            part = replace(part, height=np.nan, up=part.up if part.tilt < _FLAT else _UNKNOWN)
+            part = replace(part, height=np.nan, up=part.up if part.tilt < _FLOOR_TILT else _UNKNOWN)
         kept.append(part)
     return kept
 
@@ -510,7 +510,7 @@ def _solve(poses: Poses, parts: list[_UprightPart]) -> Poses:
             slip[k, 0] = np.clip(np.nan_to_num(other.slip, nan=_SLIP), _LEAST_SLIP, _SLIP)
         else:  # no stair, if the next parts of pieces on both sides show a floor
             beside = [next((p for p in side if p.piece >= 0), one) for side in (parts[k::-1], parts[k + 1 :])]
-            slip[k, 6] = _LEVEL if np.isfinite([p.height for p in beside]).all() else slip[k, 6]
+            slip[k, 6] = _HEIGHT_CHANGE if np.isfinite([p.height for p in beside]).all() else slip[k, 6]
     moves = solve(empty_loops(), pivot, joint, slip, _anchors(parts))
     return {n: transform_pose(poses[n], moves[k], pivot[k]) for k, part in enumerate(parts) for n in part.numbers}
 

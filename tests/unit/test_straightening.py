@@ -306,3 +306,14 @@ def test_a_reconstruction_is_leveled_to_camera_heights() -> None:
     for number in list(bare.points3D):
         bare.delete_point3D(number)
     assert not level_and_scale(bare, Path("no images"))
+
+
+def test_vertical_edges_determine_up_in_place_of_the_floor(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The edges say that the vertical is 2 degrees from that of the floor; the height follows from them too."""
+    edges = turned(2, (0, 1, 0)) @ (0, 0, 1.0)
+    monkeypatch.setattr(straightening, "vertical_from_lines", lambda lines, up: (edges, 0.001))
+    model = slipped(true_walk(), [1.0] * 3, np.eye(3))
+    upright = model.images[1].cam_from_world().rotation.matrix()
+    assert level_and_scale(model, Path("no images"))
+    rotated = model.images[1].cam_from_world().rotation.matrix().T @ upright
+    assert rotated @ edges == pytest.approx([0, 0, 1], abs=1e-6)
