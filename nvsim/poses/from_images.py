@@ -221,6 +221,8 @@ def _complete(models: list[pycolmap.Reconstruction], inputs: _MappingInputs, pla
     if model.num_reg_images() >= _CENTERED:
         adjust_all(model, True, poses_of(model) if held else None, _HELD)
     without_bad_points(model)
+    for piece in separate:
+        piece.extract_colors_for_all_images(images.folder)
     upright = tuple(images.ordered and level_and_scale(piece, images.folder) for piece in separate)
     placed(separate)
     registered = set(names_in(model))
@@ -396,7 +398,7 @@ def _triangulate_and_adjust(
     if inputs.images.ordered:
         turned = contradicted_rotations(poses, inputs.views)
         poses = {**poses, **{n: with_rotation(poses[n], rotation) for n, rotation in turned.items()}}
-    model = triangulate_with_poses(poses, cameras, inputs.path, inputs.images.folder, inputs.folder / "triangulated")
+    model = triangulate_with_poses(poses, cameras, inputs.path, inputs.folder / "triangulated")
     for astray in (8.0, 4.0):
         adjust_all(without_bad_points(model, astray), False, poses if held else None, _HELD, coarse=True)
     return model

@@ -217,16 +217,16 @@ def triangulate_with_poses(
     poses: Mapping[int, pycolmap.Rigid3d],
     cameras: Mapping[int, pycolmap.Camera],
     path: Path,
-    images: Path,
     folder: Path,
 ) -> pycolmap.Reconstruction:
-    """A reconstruction with these cameras and poses (world to camera, by image number), and with points triangulated
-    from all verified pairs."""
+    """A reconstruction with these cameras and poses (world to camera, by image number), and with points without colors,
+    triangulated from all verified pairs of the database at `path`. An intermediate file is written to `folder`."""
     fresh = reconstruction_of(poses, cameras, path)
     folder.mkdir(parents=True, exist_ok=True)
     options = pycolmap.IncrementalPipelineOptions()
     options.triangulation.min_angle = options.mapper.filter_min_tri_angle = _PARALLAX
-    return pycolmap.triangulate_points(fresh, path, images, folder, True, options)
+    options.ba_global_function_tolerance, options.extract_colors = _NEARLY, False
+    return pycolmap.triangulate_points(fresh, path, folder, folder, True, options)
 
 
 def adjust_all(

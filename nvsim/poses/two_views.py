@@ -7,6 +7,7 @@ the matches, it is therefore the result. It also checks both coordinates of each
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -17,7 +18,7 @@ _ROTATED, _EPIPOLAR = 4.0, 2.0  # largest error of a match in pixels, in an imag
 _ALONE = 0.8  # a rotation is the result if it explains this share of the matches that the essential matrix explains
 _HYPOTHESES, _ROUNDS = 96, 6
 _INLIERS = 20
-_CALIBRATED = pycolmap.TwoViewGeometryConfiguration.CALIBRATED
+_FLAT = 0.98  # share of the matches of an essential matrix that a homography explains, above which both are ambiguous
 
 
 @dataclass(frozen=True, eq=False)
@@ -56,22 +57,17 @@ def relative_pose(
     pixel = longest / 640 / cameras[0].mean_focal_length()
     rotation = rotation_between(one, other, _ROTATED * pixel)
     turned = np.linalg.norm(other - one @ rotation.T, axis=1) < _ROTATED * pixel
-    found = pycolmap.estimate_calibrated_two_view_geometry(
-        cameras[0], places[0], cameras[1], places[1], matches, _options(longest)
-    )
-    pose = found.cam2_from_cam1 if found.config == _CALIBRATED else None
-    inliers = np.zeros((0, 2), np.uint32) if pose is None else np.asarray(found.inlier_matches)
+    found = _essential_pose(cameras, (first, second), longest)
+    pose, inliers = (None, matches[:0]) if found is None else (found[0], matches[found[1]])
     if pose is not None and turned.sum() < _ALONE * len(inliers):
-        return TwoViews(np.asarray(pose.rotation.matrix()), inliers, False, found)
+        return TwoViews(np.asarray(pose.rotation.matrix()), inliers, False, _geometry(pose, inliers))
     if turned.sum() < _INLIERS:
         return None
     # Keep the matches of both: near points move against far ones, which determines the size of the room.
     agreed = np.unique(np.concatenate([matches[turned], inliers]), axis=0)
-    geometry = pycolmap.TwoViewGeometry()
-    geometry.config, geometry.inlier_matches = _CALIBRATED, agreed
     # A unit vector replaces the unknown translation. Global mapping uses rotations and tracks only.
-    geometry.cam2_from_cam1 = pycolmap.Rigid3d(pycolmap.Rotation3d(rotation), np.array([0, 0, 1.0]))
-    return TwoViews(rotation, agreed, True, geometry)
+    pose = pycolmap.Rigid3d(pycolmap.Rotation3d(rotation), np.array([0, 0, 1.0]))
+    return TwoViews(rotation, agreed, True, _geometry(pose, agreed))
 
 
 def share_of_agreeing_matches(
@@ -100,9 +96,15 @@ def share_of_agreeing_matches(
 
 def from_matches(matches: NDArray[np.uint32]) -> TwoViews:
     """Two images that share these matches (M, 2), without a relative pose."""
+    return TwoViews(np.eye(3), matches, True, _geometry(None, matches))
+
+
+def _geometry(pose: pycolmap.Rigid3d | None, matches: NDArray[np.uint32]) -> pycolmap.TwoViewGeometry:
     geometry = pycolmap.TwoViewGeometry()
-    geometry.config, geometry.inlier_matches = _CALIBRATED, matches
-    return TwoViews(np.eye(3), matches, True, geometry)
+    geometry.config, geometry.inlier_matches = pycolmap.TwoViewGeometryConfiguration.CALIBRATED, matches
+    if pose is not None:
+        geometry.cam2_from_cam1 = pose
+    return geometry
 
 
 def rotation_between(one: NDArray[np.float64], other: NDArray[np.float64], near: float) -> NDArray[np.float64]:
@@ -112,7 +114,9 @@ def rotation_between(one: NDArray[np.float64], other: NDArray[np.float64], near:
     picked = rng.integers(0, len(one), (_HYPOTHESES, 2))
     frames = [_frames(rays[picked[:, 0]], rays[picked[:, 1]]) for rays in (one, other)]
     tried = frames[1] @ frames[0].transpose(0, 2, 1)
-    off = np.linalg.norm(np.einsum("hij,nj->hni", tried, one) - other, axis=2)
+    # The distance of two unit vectors follows from their dot product.
+    products = np.einsum("ni,nj->ijn", other, one).reshape(9, -1)
+    off = np.sqrt(np.maximum(2 - 2 * tried.reshape(-1, 9) @ products, 0))
     rotation = tried[np.argmin(np.minimum(off, 2 * near).sum(axis=1))]
     for _ in range(_ROUNDS):
         off = np.linalg.norm(one @ rotation.T - other, axis=1)
@@ -130,14 +134,19 @@ def _frames(a: NDArray[np.float64], b: NDArray[np.float64]) -> NDArray[np.float6
     return np.asarray(axes / np.maximum(np.linalg.norm(axes, axis=1, keepdims=True), 1e-12))
 
 
-def _options(longest_side: int) -> pycolmap.TwoViewGeometryOptions:
-    """Options that prefer an essential matrix to a homography. The decomposition of a homography is ambiguous: it gave
-    rotations that were 5 to 50 degrees off."""
-    options = pycolmap.TwoViewGeometryOptions()
-    options.ransac.max_error = _EPIPOLAR * longest_side / 640
-    options.ransac.max_num_trials = 1000
-    options.ransac.random_seed = 0
-    options.min_num_inliers = _INLIERS
-    options.min_E_F_inlier_ratio, options.max_H_inlier_ratio = 0.6, 0.98
-    options.compute_relative_pose = True
-    return options
+def _essential_pose(
+    cameras: tuple[pycolmap.Camera, pycolmap.Camera], places: Sequence[NDArray[np.float64]], longest_side: int
+) -> tuple[pycolmap.Rigid3d, NDArray[np.bool_]] | None:
+    """The second camera from the first by an essential matrix, and which pairs of `places` (M, 2) agree. None if too
+    few agree, or if a homography explains them: its decomposition is ambiguous and gave rotations that were 5 to 50
+    degrees off."""
+    options = pycolmap.RANSACOptions()
+    options.max_error = _EPIPOLAR * longest_side / 640
+    options.min_num_trials, options.max_num_trials, options.random_seed = 100, 1000, 0
+    found = pycolmap.estimate_essential_matrix(*places, *cameras, options)
+    if found is None or found["num_inliers"] < _INLIERS:
+        return None
+    flat = pycolmap.estimate_homography_matrix(*places, options)
+    if flat is not None and flat["num_inliers"] > _FLAT * found["num_inliers"]:
+        return None
+    return found["cam2_from_cam1"], np.asarray(found["inlier_mask"], bool)

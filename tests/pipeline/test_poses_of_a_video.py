@@ -127,7 +127,7 @@ def test_a_bend_is_straightened_by_what_both_stretches_show(
     pivot = np.asarray(poses.model.images[last].projection_center())
     move = np.array([0.15, 0.0, 0.0, 0.1, 0.0, 0.0, 0.0])  # 15 percent larger, and turned by 6 degrees
     bent = {n: transform_pose(one, move, pivot) if n > last else one for n, one in straight.items()}
-    model = triangulate_with_poses(bent, dict(poses.model.cameras.items()), path, images.folder, tmp_path / "bent")
+    model = triangulate_with_poses(bent, dict(poses.model.cameras.items()), path, tmp_path / "bent")
     assert last in from_images._bends(model, inputs)
     mended, joined, pieces = from_images._joined_again(model, views, inputs)
     assert len(pieces[0]) >= 0.9 * len(straight)
