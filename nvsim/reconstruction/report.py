@@ -18,7 +18,7 @@ from nvsim.geometry.rotation import smallest_rotation
 from nvsim.poses.feature_comparison import FeatureComparison
 
 REPORT = "poses.json"
-SETTINGS = 10
+SETTINGS = 11
 """Version of the settings. A change that alters frames or poses increases it, so that older results are recomputed."""
 _LEAST = 8  # frames of a piece that has a model
 _FEWEST = 0.5  # share of the chosen frames that must have a pose

@@ -102,6 +102,21 @@ def test_the_focal_length_is_found(found: tuple[ImageSet, FoundPoses, list[str]]
     assert all(point.error < 4.0 for point in model.points3D.values())
 
 
+def test_points_have_the_colors_of_their_pixels(found: tuple[ImageSet, FoundPoses, list[str]]) -> None:
+    images, poses, _ = found
+    model = poses.model
+    image = model.images[min(model.reg_image_ids())]
+    pixels = cv2.imread(str(images.folder / image.name))[..., ::-1]
+    seen = [p for p in image.points2D if p.has_point3D()]
+    off = [
+        np.abs(model.points3D[p.point3D_id].color.astype(float) - pixels[int(p.xy[1]), int(p.xy[0])]).mean()
+        for p in seen
+    ]
+    assert len(seen) > 50 and np.median(off) < 25
+    colors = np.array([model.points3D[p.point3D_id].color for p in seen])
+    assert colors.std(axis=0).max() > 25
+
+
 def test_the_way_back_closes_loops(found: tuple[ImageSet, FoundPoses, list[str]]) -> None:
     _, poses, steps = found
     assert poses.loops > 0
