@@ -7,7 +7,6 @@ the matches, it is therefore the result. It also checks both coordinates of each
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -57,7 +56,7 @@ def relative_pose(
     pixel = longest / 640 / cameras[0].mean_focal_length()
     rotation = rotation_between(one, other, _ROTATED * pixel)
     turned = np.linalg.norm(other - one @ rotation.T, axis=1) < _ROTATED * pixel
-    found = _essential_pose(cameras, (first, second), longest)
+    found = _essential_pose(cameras, first, second, longest)
     pose, inliers = (None, matches[:0]) if found is None else (found[0], matches[found[1]])
     if pose is not None and turned.sum() < _ALONE * len(inliers):
         return TwoViews(np.asarray(pose.rotation.matrix()), inliers, False, _geometry(pose, inliers))
@@ -135,18 +134,21 @@ def _frames(a: NDArray[np.float64], b: NDArray[np.float64]) -> NDArray[np.float6
 
 
 def _essential_pose(
-    cameras: tuple[pycolmap.Camera, pycolmap.Camera], places: Sequence[NDArray[np.float64]], longest_side: int
+    cameras: tuple[pycolmap.Camera, pycolmap.Camera],
+    first: NDArray[np.float64],
+    second: NDArray[np.float64],
+    longest_side: int,
 ) -> tuple[pycolmap.Rigid3d, NDArray[np.bool_]] | None:
-    """The second camera from the first by an essential matrix, and which pairs of `places` (M, 2) agree. None if too
-    few agree, or if a homography explains them: its decomposition is ambiguous and gave rotations that were 5 to 50
-    degrees off."""
+    """The second camera from the first by an essential matrix, and which of the matched pixels `first` and `second`
+    (M, 2) agree. None if too few agree. Also None if a homography explains them: such an essential matrix gave
+    rotations that were 5 to 50 degrees off."""
     options = pycolmap.RANSACOptions()
     options.max_error = _EPIPOLAR * longest_side / 640
     options.min_num_trials, options.max_num_trials, options.random_seed = 100, 1000, 0
-    found = pycolmap.estimate_essential_matrix(*places, *cameras, options)
+    found = pycolmap.estimate_essential_matrix(first, second, cameras[0], cameras[1], options)
     if found is None or found["num_inliers"] < _INLIERS:
         return None
-    flat = pycolmap.estimate_homography_matrix(*places, options)
+    flat = pycolmap.estimate_homography_matrix(first, second, options)
     if flat is not None and flat["num_inliers"] > _FLAT * found["num_inliers"]:
         return None
     return found["cam2_from_cam1"], np.asarray(found["inlier_mask"], bool)

@@ -106,7 +106,7 @@ def test_points_have_the_colors_of_their_pixels(found: tuple[ImageSet, FoundPose
     images, poses, _ = found
     model = poses.model
     image = model.images[min(model.reg_image_ids())]
-    pixels = cv2.imread(str(images.folder / image.name))[..., ::-1]
+    pixels = np.asarray(cv2.imread(str(images.folder / image.name)))[..., ::-1]
     seen = [p for p in image.points2D if p.has_point3D()]
     off = [
         np.abs(model.points3D[p.point3D_id].color.astype(float) - pixels[int(p.xy[1]), int(p.xy[0])]).mean()
