@@ -20,10 +20,8 @@ from nvsim.poses.match_database import Keypoints, Pair
 _RATIO = 0.9  # distance to the best match over the distance to the second best
 _FEWEST = 25  # points that agree, at least; wrong similarities had 10 at most
 _NEAR = 0.03  # largest distance of matched points, as a share of the piece's extent
-_SPREAD, _FALLS = (
-    0.08,
-    0.2,
-)  # least second deviation of the fewest points, as a share of the extent: 0.05 for 250 points
+_SPREAD = 0.08  # least second deviation of the agreeing points, as a share of the extent
+_MANY, _SPREAD_OF_MANY = 250, 0.05  # points that agree, at least, for this least deviation
 _FASTER = 3.0  # largest step between pieces, in units of the usual step
 
 
@@ -141,7 +139,8 @@ def _similarity(
         return 0, None, nothing, nothing
     agreed = pairs[np.asarray(found["inlier_mask"], bool)]
     spread = np.linalg.svd(base.points[agreed[:, 1]] - base.points[agreed[:, 1]].mean(axis=0), compute_uv=False)
-    if not len(agreed) or spread[1] / len(agreed) ** 0.5 < _SPREAD * (_FEWEST / len(agreed)) ** _FALLS * extent:
+    least = _SPREAD if len(agreed) < _MANY else _SPREAD_OF_MANY
+    if spread[1] / max(len(agreed), 1) ** 0.5 < least * extent:
         return 0, None, nothing, nothing
     return len(agreed), found["tgt_from_src"], agreed[:, 0], agreed[:, 1]
 

@@ -146,7 +146,7 @@ def test_many_points_may_be_near_each_other_and_few_may_not() -> None:
         return len(join([base, other], ONE_VIDEO)[0])
 
     assert joined(600) == 40
-    assert joined(30) == 24
+    assert joined(100) == 24
 
 
 def test_images_of_two_pieces_may_alternate() -> None:
