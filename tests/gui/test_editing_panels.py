@@ -7,9 +7,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from PySide6.QtCore import QItemSelectionModel, QPointF, Qt
+from PySide6.QtCore import QCoreApplication, QEvent, QItemSelectionModel, QPointF, Qt
 from PySide6.QtGui import QImage
-from PySide6.QtWidgets import QApplication, QWidget
+from PySide6.QtWidgets import QApplication, QMenu, QWidget
 from pytestqt.modeltest import ModelTester
 from pytestqt.qtbot import QtBot
 
@@ -73,6 +73,27 @@ def test_a_finding_is_selected_fixed_and_taken_back(validation: ValidationPanel,
     document.editing.undo()
     validation.renew()
     assert [f for f in validation.model.rows if f.kind == "isolated"]
+
+
+def test_edits_leave_no_menus_of_fixes(
+    window: MainWindow, validation: ValidationPanel, document: Document, qtbot: QtBot
+) -> None:
+    def menus() -> int:
+        QCoreApplication.sendPostedEvents(None, QEvent.Type.DeferredDelete.value)
+        return len(validation.findChildren(QMenu))
+
+    cut_off(document)
+    validation.renew()
+    window.activateWindow()
+    qtbot.waitUntil(window.isActiveWindow, timeout=3000)
+    before = menus()
+    undo = Qt.KeyboardModifier.ControlModifier
+    for keys in 5 * [undo, undo | Qt.KeyboardModifier.ShiftModifier]:
+        graph = document.graph
+        qtbot.keyClick(window, Qt.Key.Key_Z, keys)
+        assert document.graph is not graph
+        validation.renew()
+    assert menus() <= before + 1
 
 
 def test_all_of_a_kind_are_ignored_with_one_reason_and_shown_again(

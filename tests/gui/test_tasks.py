@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 from pathlib import Path
 
+import pytest
 from PySide6.QtCore import Qt
 from pytestqt.qtbot import QtBot
 
@@ -18,6 +19,7 @@ from nvsim_app.jobs.queue import JobHandle
 from nvsim_app.wiring.panels import MapPart
 from nvsim_app.wiring.tasks import TaskPart
 from nvsim_app.wiring.window import MainWindow
+from nvsim_app.wiring.workspace_layouts import WORKSPACE_LAYOUTS
 
 
 def test_tasks_are_judged_rewritten_and_flagged(window: MainWindow, qtbot: QtBot, tmp_path: Path) -> None:
@@ -112,12 +114,38 @@ def test_exported_tasks_open_with_their_path_on_the_map(window: MainWindow, qtbo
     table, last = panel.table, panel.model.columnCount() - 1
     assert table.columnWidth(last) >= 150 and table.horizontalScrollBar().maximum() == 0
     assert panel.model.index(0, last).data() == LONG
-    lines = table.rowHeight(0) // table.fontMetrics().lineSpacing()
-    assert lines >= 2 and table.wordWrap()
+    window.resize(1280, 1100)  # rows have two lines if there is room
+    qtbot.waitUntil(lambda: table.rowHeight(0) >= 2 * table.fontMetrics().lineSpacing())
+    assert table.wordWrap()
     step = len(panel.current.task.path) - 1
     qtbot.keyClick(table, Qt.Key.Key_Down)
     qtbot.keyClick(table, Qt.Key.Key_Right)
     assert panel.current.task.path_id == 1 and panel.slider.value() == step
+
+
+@pytest.mark.parametrize("workspace", [layout.id for layout in WORKSPACE_LAYOUTS])
+def test_five_tasks_are_in_sight_while_jobs_are_open(
+    window: MainWindow, qtbot: QtBot, tmp_path: Path, workspace: str
+) -> None:
+    part = window.part(TaskPart)
+    graph = part.context.document.graph
+    assert graph is not None
+    tasks = [Task(i, graph.scan, list(graph.edges)[0], 0.5, (LONG,)) for i in range(9)]
+    write_tasks(tmp_path / "R2R_train.json", tasks)
+    window.resize(1280, 720)
+    window.actions_table[f"workspace_{workspace}"].trigger()
+    window.actions_table["reset_layout"].trigger()
+    for name in ("tasks", "jobs"):
+        window.show_dock(name)
+    part.open(tmp_path)
+    table = part.panel.table
+    qtbot.waitUntil(lambda: part.panel.model.rowCount() == 9 and table.visibleRegion().boundingRect().height() > 50)
+    qtbot.wait(100)
+    for row in range(5):
+        cell = table.visualRect(part.panel.model.index(row, 1))
+        assert table.viewport().visibleRegion().contains(cell), f"row {row} is not in sight"
+        qtbot.mouseClick(table.viewport(), Qt.MouseButton.LeftButton, pos=cell.center())
+        assert part.panel.current == part.panel.entries[row]
 
 
 def test_tasks_of_a_renamed_project_are_shown(window: MainWindow, qtbot: QtBot, tmp_path: Path) -> None:

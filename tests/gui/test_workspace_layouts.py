@@ -10,10 +10,11 @@ import demo_room
 import pytest
 from PySide6.QtCore import QSettings, Qt
 from PySide6.QtTest import QTest
-from PySide6.QtWidgets import QApplication, QMenu, QTabBar
+from PySide6.QtWidgets import QApplication, QMenu, QStyle, QStyleOptionTab, QTabBar, QToolButton
 from pytestqt.qtbot import QtBot
 
 from nvsim.graph.connectivity import write_connectivity
+from nvsim_app.look import theme as themes
 from nvsim_app.look.notices import Notices
 from nvsim_app.palette.entries import commands, matching_entries
 from nvsim_app.session import Session
@@ -245,3 +246,38 @@ def test_keys_act_on_the_graph_after_a_workspace_is_entered(window: MainWindow, 
         assert window.modes.current.name == "add_viewpoint"
         assert not window.panels["tables"].filter.text() and not window.panels["validation"].text.text()
         QTest.keyClick(window.focusWidget() or window, Qt.Key.Key_V)
+
+
+@pytest.mark.parametrize("theme", ["dark", "light"])
+def test_tabs_without_room_for_their_titles_scroll(window: MainWindow, qtbot: QtBot, theme: str) -> None:
+    themes.apply(QApplication.instance(), theme)
+    window.resize(960, 540)
+    enter(window, "edit")
+    for name in ("agent", "tasks"):
+        window.show_dock(name)
+    qtbot.wait(100)
+    bars = [b for b in window.findChildren(QTabBar, options=Qt.FindChildOption.FindDirectChildrenOnly)]
+    (bar,) = [b for b in bars if b.isVisible() and "Tasks" in [b.tabText(i) for i in range(b.count())]]
+    needed = [bar.fontMetrics().horizontalAdvance(bar.tabText(tab)) for tab in range(bar.count())]
+    assert sum(needed) > 0.8 * bar.width() and not [text for text in cut_titles(bar)]
+    assert bar.rect().contains(bar.tabRect(bar.currentIndex()).center())
+    back, _ = sorted((b for b in bar.findChildren(QToolButton) if b.isVisible()), key=lambda b: b.x())
+    while not bar.rect().contains(bar.tabRect(0).center()):
+        before = bar.tabRect(0).x()
+        qtbot.mouseClick(back, Qt.MouseButton.LeftButton)
+        assert bar.tabRect(0).x() > before
+    qtbot.mouseClick(bar, Qt.MouseButton.LeftButton, pos=bar.tabRect(0).center())
+    assert bar.currentIndex() == 0 and window.panels["details"].isVisible()
+    assert all(bar.tabToolTip(tab) == bar.tabText(tab) for tab in range(bar.count()))
+
+
+def cut_titles(bar: QTabBar) -> list[str]:
+    """The titles that have less room than they need."""
+    found = []
+    for tab in range(bar.count()):
+        option = QStyleOptionTab()
+        bar.initStyleOption(option, tab)
+        room = bar.style().subElementRect(QStyle.SubElement.SE_TabBarTabText, option, bar).width() + 2
+        if bar.fontMetrics().horizontalAdvance(bar.tabText(tab)) > room:
+            found.append(bar.tabText(tab))
+    return found

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 from PySide6.QtCore import QEvent, QSignalBlocker, Qt, QTimer, Signal
-from PySide6.QtGui import QKeyEvent
+from PySide6.QtGui import QKeyEvent, QResizeEvent
 from PySide6.QtWidgets import QComboBox, QLineEdit, QMenu, QPlainTextEdit, QPushButton, QSlider, QToolButton, QWidget
 
 from nvsim.r2r.reviewing import Episode, Key, Review, TaskEntry
@@ -20,6 +20,7 @@ from nvsim_app.look.widgets import named, tool_button
 _KEYS = {Qt.Key.Key_A: "accepted", Qt.Key.Key_R: "rejected"}
 _WALK = 600  # milliseconds per step while the path is walked
 _PAUSE = 1500  # milliseconds without a key press until typed text is stored
+_ROWS = 5  # rows that the smallest list shows
 _READABLE = 160  # minimum width of the column of instructions, pixels
 _EPISODE = (5, 6)  # columns of the results of an agent
 _DIGITS = range(Qt.Key.Key_0, Qt.Key.Key_9 + 1)
@@ -93,9 +94,22 @@ def _is_ours(event: QKeyEvent) -> bool:
 
 
 class _Table(TableView):
-    """The list of tasks, with its own keys."""
+    """The list of tasks, with its own keys. At least `_ROWS` rows are in sight. They have two lines of the instruction
+    if there is room, else one; the editor shows all of it."""
 
     pressed_key = Signal(int)
+    _heights = (0, 0)
+
+    def set_line_heights(self, one: int, two: int) -> None:
+        """Sets the heights of a row with one and with two lines of text, pixels."""
+        self._heights = one, two
+        self.setMinimumHeight(_ROWS * one + self.horizontalHeader().sizeHint().height() + 2 * self.frameWidth())
+
+    def resizeEvent(self, event: QResizeEvent) -> None:
+        one, two = self._heights
+        if two:
+            self.verticalHeader().setDefaultSectionSize(two if self.viewport().height() >= _ROWS * two else one)
+        super().resizeEvent(event)
 
     def event(self, event: QEvent) -> bool:
         if event.type() == QEvent.Type.ShortcutOverride and isinstance(event, QKeyEvent) and _is_ours(event):
@@ -142,9 +156,9 @@ class TaskPanel(QWidget):
         self.table.setModel(self.model)
         style_table(self.table, "Tasks")
         self.table.setWordWrap(True)
-        # Two lines of the instruction; the editor shows all of it.
-        self.table.verticalHeader().setDefaultSectionSize(2 * self.table.fontMetrics().lineSpacing() + GRID)
-        self.table.setMinimumHeight(60)
+        self.table.set_line_heights(
+            self.table.verticalHeader().defaultSectionSize(), 2 * self.table.fontMetrics().lineSpacing() + GRID
+        )
         for column in _EPISODE:
             self.table.hideColumn(column)
         self.words = Label("Open a folder of task files, such as R2R_train.json.", wordWrap=True)

@@ -4,6 +4,7 @@ kind with one click, or ignore it permanently with a reason."""
 from __future__ import annotations
 
 from collections import Counter
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
 from typing import Any
@@ -391,16 +392,10 @@ class ValidationPanel(QWidget):
         self.fix.setText(caption(words))
         nothing = "Select a finding" if group is None else "There is no automatic fix; look at the place"
         self.fix.setToolTip(tooltip_text(nothing if words == "Fix" else words))
-        menu = QMenu(self.fix)
-        for fix in fixes:
-            menu.addAction(caption(fix.text), partial(self._apply, fix))
-        menu.addSeparator()
-        for text, number in texts:
-            menu.addAction(caption(text), partial(self.fix_all, number))
-        old = self.fix.menu()
-        self.fix.setMenu(menu if len(menu.actions()) > 1 else None)  # type: ignore[arg-type]
-        if old is not None:
-            old.deleteLater()
+        self._fill_fixes([
+            *((fix.text, partial(self._apply, fix)) for fix in fixes),
+            *((text, partial(self.fix_all, number)) for text, number in texts),
+        ], len(fixes))  # fmt: skip
         self.reason.setEnabled(group is not None and not ignored and editing.writable)
         self.ignore_button.setText("Show again" if ignored else "Ignore")
         self.ignore_button.setEnabled(
@@ -415,6 +410,21 @@ class ValidationPanel(QWidget):
             if ignored
             else "Enter the reason on the left; the finding stays ignored in this project"
         )
+
+    def _fill_fixes(self, entries: list[tuple[str, Callable[[], None]]], own: int) -> None:
+        """Gives the button of fixes a menu if there are several: first the `own` ones of the selected finding."""
+        old = self.fix.menu()
+        self.fix.setMenu(None)  # type: ignore[arg-type]
+        if old is not None:
+            old.deleteLater()
+        if len(entries) < 2:
+            return
+        menu = QMenu(self.fix)
+        for place, (text, apply) in enumerate(entries):
+            if place == own:
+                menu.addSeparator()
+            menu.addAction(caption(text), apply)
+        self.fix.setMenu(menu)
 
 
 def _fixes(group: FindingGroup, number: int) -> list[Fix]:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
-from PySide6.QtCore import QByteArray, QEvent, QSettings, QSize, Qt, QTimer, Signal
+from PySide6.QtCore import QByteArray, QChildEvent, QEvent, QSettings, QSize, Qt, QTimer, Signal
 from PySide6.QtGui import QCloseEvent, QKeyEvent, QKeySequence, QWindow
 from PySide6.QtWidgets import (
     QApplication,
@@ -314,6 +314,13 @@ class MainWindow(QMainWindow):
         if reason:
             self.statusBar().showMessage(plain(reason), _REASON)
         super().keyPressEvent(event)
+
+    def childEvent(self, event: QChildEvent) -> None:
+        """Gives the tabs of docks the room of their titles. Qt would shorten the titles to a few letters before it
+        shows scroll buttons."""
+        if event.type() == QEvent.Type.ChildPolished and isinstance(bar := event.child(), QTabBar):
+            bar.setElideMode(Qt.TextElideMode.ElideNone)
+        super().childEvent(event)
 
     def changeEvent(self, event: QEvent) -> None:
         if event.type() == QEvent.Type.PaletteChange and hasattr(self, "actions_table"):
