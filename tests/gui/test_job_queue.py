@@ -58,10 +58,30 @@ def test_a_mistake_is_told_in_one_sentence(qtbot: QtBot, queue: JobQueue, projec
     wrong = queue.start("submaps", ["--project", str(project), "--count", "0"], project, "Cut into submaps")
     until(qtbot, wrong, "failed")
     assert "give at least 1" in wrong.message and wrong.job.status.code == 2
-    unknown = queue.start("submaps", ["--project", str(project), "--colour", "red"], project, "Cut into submaps")
-    until(qtbot, unknown, "failed")
-    assert "option is invalid" in unknown.message
-    assert "--colour" in unknown.job.messages.read_text()
+
+
+def test_a_stored_job_with_a_removed_option_names_itself_and_the_option_and_later_jobs_run(
+    qtbot: QtBot, queue: JobQueue, project: Path
+) -> None:
+    """An earlier version stored the job; its option `--colour` does not exist any more."""
+    jobs = JobList(project)
+    jobs.add("submaps", ["--project", str(project), "--colour", "red"], "Old job")
+    jobs.add("submaps", ["--project", str(project), "--count", "2"], "Next job")
+    qtbot.waitUntil(lambda: len(queue.handles) == 2, timeout=SECONDS)
+    old, later = queue.handles
+    queue.begin_waiting()
+    until(qtbot, old, "failed")
+    assert old.message == (
+        "The job “Old job” cannot run because its option --colour is not valid in this version of NVSim; remove the "
+        "job and add it again from the Jobs menu."
+    )
+    assert "Unrecognized options: --colour" in old.job.messages.read_text() and old.job.status.code == 2
+    assert queue.why_not_resume(later) == ""
+    queue.resume(later)
+    until(qtbot, later, "done", "failed")
+    assert later.state == "done", later.message
+    queue.remove(old)
+    assert queue.handles == [later]
 
 
 def test_heavy_jobs_wait_for_each_other_and_the_worker_hands_on_by_itself(
