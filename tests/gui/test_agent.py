@@ -129,7 +129,7 @@ def assert_same(hands: Hands, sim: Simulator) -> None:
         assert getattr(shown, name) == getattr(given, name), name
     assert place(shown.location) == place(given.location)
     assert [place(p) for p in shown.navigableLocations] == [place(p) for p in given.navigableLocations]
-    # Kernels that two processes compiled at the same time may round a grey value differently.
+    # Kernels that two processes compiled at the same time may round a gray value differently.
     apart = np.abs(hands.walk.pixels.astype(int) - given.rgb)
     assert apart.max() <= 1 and np.count_nonzero(apart) < 100
 

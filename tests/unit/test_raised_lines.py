@@ -14,7 +14,7 @@ from nvsim.perception.raised_lines import LineConfig, RaisedLines, raised_lines,
 from nvsim.perception.support import observe
 
 LENS = Intrinsics.from_fov(480, 360, np.radians(80))
-FLOOR = 0.3  # metres, world
+FLOOR = 0.3  # meters, world
 _FINER = 4
 
 
@@ -28,7 +28,7 @@ def cameras() -> list[Camera]:
 
 
 def drawn(camera: Camera, bar: float | None, planks: float | None) -> NDArray[np.uint8]:
-    """A grey floor with planks along x so many metres wide, and a dark bar along x over y = 0 at a height in metres."""
+    """A gray floor with planks along x so many meters wide, and a dark bar along x over y = 0 at a height in meters."""
     big = camera.scaled(LENS.width * _FINER, LENS.height * _FINER)
     rays = big.rays()
     down = np.minimum(rays[..., 2], -1e-3)

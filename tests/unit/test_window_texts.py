@@ -67,7 +67,7 @@ def _slips(source: str, name: str) -> list[str]:
 
 
 def _escaped(markup: ast.expr) -> bool:
-    """Of an f-string: figures and colours, and texts by `escape_html`."""
+    """Of an f-string: figures and colors, and texts by `escape_html`."""
     for part in ast.walk(markup):
         if isinstance(part, ast.FormattedValue) and isinstance(part.value, ast.Attribute) and part.value.attr == "text":
             return False
