@@ -1,4 +1,4 @@
-"""Walking as an agent in the window: what is shown is what the simulator gives for the same actions."""
+"""Navigate as an agent in the window: the views equal those of the simulator for the same actions."""
 
 from __future__ import annotations
 

@@ -45,7 +45,7 @@ def until(qtbot: QtBot, handle: JobHandle, *states: str) -> None:
     qtbot.waitUntil(lambda: handle.state in states, timeout=SECONDS)
 
 
-def test_a_job_runs_and_tells_how_it_ended(qtbot: QtBot, queue: JobQueue, project: Path) -> None:
+def test_a_job_runs_and_reports_its_end(qtbot: QtBot, queue: JobQueue, project: Path) -> None:
     handle = queue.start("submaps", ["--project", str(project), "--count", "2"], project, "Cut into submaps")
     with qtbot.waitSignal(queue.ended, timeout=SECONDS):
         until(qtbot, handle, "done", "failed")
@@ -54,7 +54,7 @@ def test_a_job_runs_and_tells_how_it_ended(qtbot: QtBot, queue: JobQueue, projec
     assert handle.history.lines[0].text == "Started."
 
 
-def test_a_mistake_is_told_in_one_sentence(qtbot: QtBot, queue: JobQueue, project: Path) -> None:
+def test_an_invalid_value_is_reported_in_one_sentence(qtbot: QtBot, queue: JobQueue, project: Path) -> None:
     wrong = queue.start("submaps", ["--project", str(project), "--count", "0"], project, "Cut into submaps")
     until(qtbot, wrong, "failed")
     assert "give at least 1" in wrong.message and wrong.job.status.code == 2
@@ -152,7 +152,7 @@ def test_a_job_that_was_stopped_shows_how_far_it_came_and_where(qtbot: QtBot, pr
 
 
 @pytest.mark.parametrize("state", ["queued", "failed", "interrupted"])
-def test_a_job_that_nobody_looked_at_shows_how_far_it_came_too(qtbot: QtBot, project: Path, state: State) -> None:
+def test_a_job_that_was_never_selected_shows_its_progress(qtbot: QtBot, project: Path, state: State) -> None:
     jobs = JobList(project)
     job = jobs.add("train", ["--project", str(project)], "Train")
     job.events.write_text(event_line(Log("Started."), 0.0) + event_line(Progress("train", 3, 4, "submap 0"), 1.0))

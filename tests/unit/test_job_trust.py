@@ -221,7 +221,9 @@ def test_what_the_user_saw_can_be_ordered_anew_and_nothing_else(jobs: JobList) -
         ("video", ["--project", "ROOT", "--path", "ROOT/p.json", "--out", "/tmp"], "outside of the project"),
     ],
 )
-def test_somebody_elses_order_stays_in_the_project(tmp_path: Path, verb: str, arguments: list[str], words: str) -> None:
+def test_a_job_of_another_person_is_refused_if_it_leaves_the_project(
+    tmp_path: Path, verb: str, arguments: list[str], words: str
+) -> None:
     root = tmp_path / "house.nvsim"
     root.mkdir()
     (root / "link").symlink_to("/tmp")

@@ -1,4 +1,4 @@
-"""What nobody looked down at, but somebody walked over, is floor."""
+"""Floor that no image shows is floor if the trajectory crosses it."""
 
 import numpy as np
 import pytest

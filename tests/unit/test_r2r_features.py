@@ -1,4 +1,4 @@
-"""Files of features as agents open them, what is in them against what was computed by hand, and what a kill leaves."""
+"""Feature files as agents open them, compared with values computed by hand, and after a killed export."""
 
 from __future__ import annotations
 

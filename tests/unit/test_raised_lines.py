@@ -1,4 +1,5 @@
-"""Thin bars over patterned floors, drawn by projecting them: what stands is found where it is, what lies is not."""
+"""Thin bars over patterned floors, drawn by projection: raised bars are found in place, and marks on the floor are
+not."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""From a video to a capture: what counts as a video, its poses, interruptions, and what is refused."""
+"""From a video to a capture: file types, poses, interruptions, and refused input."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
-"""Nobody who writes the next panel can forget that a text from outside is plain text: what takes a text for markup is
-named here, with the files that may use it."""
+"""Text from files is shown as plain text. This test lists the functions that interpret markup and the files that may
+call them."""
 
 from __future__ import annotations
 
