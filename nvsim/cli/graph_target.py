@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 from nvsim.cli import terminal
 from nvsim.errors import InputError
 from nvsim.graph.edits import EditError
-from nvsim.graph.history import History
+from nvsim.graph.history import History, count_text
 from nvsim.graph.journal import Journal, sidecar
 from nvsim.graph.operations import EditContext
 from nvsim.graph.quantities import QuantityInputs
@@ -171,8 +171,8 @@ class GraphTarget:
             history = journal.history(self.read())
             if not history.is_saved:
                 raise InputError(
-                    f"{self.path} has {journal.recovered} unsaved edits; open it in the window and save or "
-                    "undo them first."
+                    f"{self.path} has {count_text(journal.recovered, 'unsaved edit')}; open it in the window and save "
+                    "or undo them first."
                 )
             yield history
             if history.is_saved:

@@ -12,10 +12,11 @@ import contextlib
 import dataclasses
 import io
 import os
+import re
 import signal
 import subprocess
 import sys
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -26,33 +27,32 @@ from nvsim.files.atomic import as_input_error
 from nvsim.files.opening import open_own_file, read_end
 from nvsim.kernel_threads import limit
 from nvsim.project.jobs.files import EventWriter
-from nvsim.project.jobs.joblist import Job, JobList
+from nvsim.project.jobs.joblist import Job, JobCommand, JobList
 from nvsim.project.work import WORK
 
 
-def check_order(root: Path, verb: str, arguments: Sequence[str], confined: bool = False) -> None:
-    """Raises InputError if `nvsim VERB ARGUMENTS` is not a job for the project at `root`. With `confined` also if an
-    option names another machine, an endpoint, or a path outside the project; a project from another person may contain
-    such jobs."""
+def check_order(root: Path, order: JobCommand, confined: bool = False) -> None:
+    """Raises InputError if `order` is not a job for the project at `root`, or this version does not have one of its
+    options. With `confined` also if an option names another machine, an endpoint, or a path outside the project; a
+    project from another person may contain such jobs."""
     from nvsim.cli.arguments import parse
     from nvsim.cli.options import command_of
 
+    verb = order.verb
     if verb not in WORK:
         raise InputError(f"`nvsim {verb}` cannot be a job; run it in a terminal.")
     # The parser has its own options, one of which writes a file.
-    own = [word for word in arguments if word.replace("_", "-").startswith("--tyro-")]
+    own = [word for word in order.arguments if word.replace("_", "-").startswith("--tyro-")]
     if own:
         raise InputError(f"`nvsim {verb}` has no option {own[0]}; start the job again.")
-    command = command_of(verb)
-    if confined:
-        said = io.StringIO()
-        try:
-            with contextlib.redirect_stderr(said), contextlib.redirect_stdout(said):
-                parsed = parse(command, list(arguments), verb)
-        except SystemExit as stop:
-            raise InputError(f"`nvsim {verb}` does not take these options; start the job again.") from stop
-    else:
-        parsed = parse(command, list(arguments), verb)
+    said = io.StringIO()
+    try:
+        with contextlib.redirect_stderr(said), contextlib.redirect_stdout(said):
+            parsed = parse(command_of(verb), list(order.arguments), verb)
+    except SystemExit as stop:
+        if not confined:  # the log of the job has the complete report of the parser
+            print_lines(said.getvalue(), error=True)
+        raise InputError(_invalid_option_message(order, said.getvalue())) from stop
     if parsed.project.expanduser().resolve() != root.resolve():
         raise InputError(f"The job is for another project, {parsed.project}; start it there.")
     cluster = getattr(parsed, "cluster", None)
@@ -73,6 +73,17 @@ def check_order(root: Path, verb: str, arguments: Sequence[str], confined: bool 
                 f"The option {name} of this job is {path}, outside of the project, which another person chose; start "
                 "the job again from the Jobs menu and choose the path yourself."
             )
+
+
+def _invalid_option_message(order: JobCommand, report: str) -> str:
+    """One sentence about an option that this version does not accept. `report` is the text of the parser, which names
+    the option first. Jobs that an earlier version stored may contain options that were renamed or removed."""
+    found = re.search(r"--[A-Za-z][\w.-]*", report)
+    option = f"its option {found[0]}" if found else "one of its options"
+    return (
+        f"The job “{order.title}” cannot run because {option} is not valid in this version of NVSim; remove the job "
+        "and add it again from the Jobs menu."
+    )
 
 
 def _paths(options: Any) -> Iterator[tuple[str, Path]]:
@@ -142,7 +153,7 @@ def _run(jobs: JobList, job: Job) -> tuple[int, str]:
     try:
         if job.order.folder:
             os.chdir(job.order.folder)
-        check_order(jobs.root, job.order.verb, job.order.arguments)
+        check_order(jobs.root, job.order)
         with redirect_events(hear):
             code = command([*job.order.verb.split(), *job.order.arguments])
     except InputError as error:

@@ -54,7 +54,7 @@ Phase = Literal["single", "confirmed", "labelled", "shown", "finished"]
 
 - single: depth of a frame alone
 - confirmed: depth that its neighbors confirm
-- labelled: gaps filled with planes of the building
+- labeled: gaps filled with planes of the building
 - shown: depth that the neighbors confirm after filling
 - finished: depth that the whole capture does not contradict
 

@@ -37,7 +37,7 @@ class Calibration:
 
     A row contains threshold, corridors, accepted and its share; valid, validity, low and high (its 95 % interval); and
     recall, the share of free corridors that is accepted. The names with _robot give these metrics for a robot.
-    viewpoints, edges and coverage describe the remaining graph. beyond counts newly open steps towards places without a
+    viewpoints, edges and coverage describe the remaining graph. beyond counts newly open steps toward places without a
     viewpoint, which only a new build can add.
     """
 
@@ -90,7 +90,7 @@ def text_of(found: Calibration) -> str:
         f"Loosest thresholds whose validity has a 95 % interval above {found.want:g}, with the others unchanged:",
         "",
         text_table(columns, rows),
-        "edges and coverage: change of the graph. from: lower end of the interval. beyond: newly open steps towards "
+        "edges and coverage: change of the graph. from: lower end of the interval. beyond: newly open steps toward "
         "places without a viewpoint, which only a new build can add.",
     ]
     return "\n".join([*lines, *([found.why_none] if found.why_none else [])]) + "\n"

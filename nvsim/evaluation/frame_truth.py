@@ -68,7 +68,7 @@ class FrameTruth:
         return read_mask(self._file("floor", frame.name), width, height), np.ones((height, width), bool)
 
     def normal_map(self, index: int, width: int, height: int) -> NDArray[np.float32]:
-        """(H, W, 3) float32 unit normals, world, towards the camera; zero if unknown. With a cloud, pixels whose color
+        """(H, W, 3) float32 unit normals, world, toward the camera; zero if unknown. With a cloud, pixels whose color
         differs from the frame are unknown. Raises InputError if the map is missing or unreadable."""
         frame = self.project.need_capture().frames[index]
         if self.labels is not None:

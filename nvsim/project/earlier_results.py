@@ -127,7 +127,7 @@ def replaced_result_sentence(project: Project, stage: str, only: tuple[int, ...]
     if former:
         end = "the old ones stay until the new ones of all submaps are finished"
     instead = "replaces the earlier result, which `nvsim restore` can restore until then"
-    then = instead if stage in now.restorable_stages else "can be restored afterwards"
+    then = instead if stage in now.restorable_stages else "can be restored afterward"
     return f"{stage} replaces {describe(found, stage, former)}; {end}, and {then}."
 
 

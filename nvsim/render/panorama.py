@@ -67,7 +67,7 @@ def render_equirectangular(
     Raises InputError if the submap's files cannot be read or the backend cannot run here, ValueError for an unknown
     channel.
     """
-    # The depth of a pixel with several surfaces is the mean weighted by alpha: resample both, and divide afterwards.
+    # The depth of a pixel with several surfaces is the mean weighted by alpha: resample both, and divide afterward.
     needed = channels | {"alpha"} if "depth" in channels else channels
     cameras, model = views_around(position, width, heading), model_of(scene, position)
     if mask is None:

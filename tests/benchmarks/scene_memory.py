@@ -2,7 +2,7 @@
 
 python tests/benchmarks/scene_memory.py [--submaps N] [--gaussians N] [--limit GIB] [--budget GIB] [--folder DIR]
 
-Writes N submaps of random Gaussians of degree 3 in a row (240 MB per million Gaussians; removed afterwards). A separate
+Writes N submaps of random Gaussians of degree 3 in a row (240 MB per million Gaussians; removed afterward). A separate
 process moves along them and back, and renders a view at every step. Its models have a budget of --budget GiB. Its
 address space is limited to --limit GiB (RLIMIT_AS), and larger allocations fail, so a finished run respects the limit.
 The peaks of resident memory (ru_maxrss) and of address space (VmPeak) are also printed.

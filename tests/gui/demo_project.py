@@ -19,7 +19,7 @@ from nvsim.splats.types import FloorTexture, Gaussians, SubmapModel
 
 
 def surfaces() -> list[tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]]:
-    """Rectangles as (corner, side, side, colour): the four walls and the faces of the furniture."""
+    """Rectangles as (corner, side, side, color): the four walls and the faces of the furniture."""
     w, d, h = demo_room.WIDTH, demo_room.DEPTH, demo_room.HEIGHT
     walls = [
         ((0, 0, 0), (w, 0, 0), (0, 0, h), (0.83, 0.80, 0.74)),

@@ -23,7 +23,7 @@ from nvsim_app.drawing.painter import Renderer
 from nvsim_app.state.loading import Contents
 
 WIDTH, DEPTH, HEIGHT, EYE = 14.0, 9.0, 2.8, 1.5
-# Boxes that stand in the room: low corner, high corner, colour.
+# Boxes that stand in the room: low corner, high corner, color.
 FURNITURE = (
     ((3.0, 3.2, 0.0), (4.8, 4.2, 0.75), (0.55, 0.38, 0.24)),
     ((8.6, 2.0, 0.0), (9.2, 4.8, 1.9), (0.35, 0.42, 0.55)),

@@ -19,7 +19,7 @@ ALT = Qt.KeyboardModifier.AltModifier
 
 
 class Hand:
-    """Works in one view of a window: places are metres, world."""
+    """Works in one view of a window: places are meters, world."""
 
     def __init__(self, window: MainWindow, surface: GraphSurface) -> None:
         self.window, self.surface = window, surface

@@ -1,4 +1,4 @@
-"""By keyboard alone, by ear, and without colours."""
+"""By keyboard alone, by ear, and without colors."""
 
 from __future__ import annotations
 

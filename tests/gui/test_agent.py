@@ -1,4 +1,4 @@
-"""Walking as an agent in the window: what is shown is what the simulator gives for the same actions."""
+"""Navigate as an agent in the window: the views equal those of the simulator for the same actions."""
 
 from __future__ import annotations
 
@@ -129,7 +129,7 @@ def assert_same(hands: Hands, sim: Simulator) -> None:
         assert getattr(shown, name) == getattr(given, name), name
     assert place(shown.location) == place(given.location)
     assert [place(p) for p in shown.navigableLocations] == [place(p) for p in given.navigableLocations]
-    # Kernels that two processes compiled at the same time may round a grey value differently.
+    # Kernels that two processes compiled at the same time may round a gray value differently.
     apart = np.abs(hands.walk.pixels.astype(int) - given.rgb)
     assert apart.max() <= 1 and np.count_nonzero(apart) < 100
 

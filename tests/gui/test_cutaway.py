@@ -53,7 +53,7 @@ def test_an_eye_in_a_room_is_inside_and_one_above_the_roof_outside(cutaway: Cuta
     assert cutaway.is_outside(np.array([7.0, 7.0, 4.0]))
 
 
-def test_floor_that_nobody_saw_is_not_shown(tmp_path: Path) -> None:
+def test_floor_that_no_image_shows_is_not_drawn(tmp_path: Path) -> None:
     with Project.open(demo_project.write_project(tmp_path / "demo.nvsim", count=500, models=1)) as project:
         cutaway = Cutaway(project.scene(), project.submaps(), lambda xy: xy[..., 0] > 7.0)
     seen, unseen = floor_colors(cutaway.model, np.array([[10.0, 4.5], [4.0, 7.5]]), np.zeros(3))

@@ -49,7 +49,7 @@ def test_a_panel_is_a_widget_and_a_part(
     assert not window.docks["count"].isHidden()
 
 
-def test_an_operation_with_an_offer_stands_in_the_menu(
+def test_an_operation_with_a_menu_entry_is_in_the_menu(
     document: Document, make_window: Callable[[Document], MainWindow], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     row = operation_table.Operation(

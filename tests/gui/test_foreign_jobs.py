@@ -1,4 +1,4 @@
-"""A project that somebody sent holds jobs: the window shows them, runs none, and lets the user order one here."""
+"""A project from another person contains jobs: the window shows them, runs none, and lets the user order one here."""
 
 from __future__ import annotations
 
@@ -71,7 +71,7 @@ def test_run_everything_runs_nothing_that_came_with_the_project(
     assert panel.model.index(panel.table.currentIndex().row(), 1).data() == "ordered elsewhere"
 
 
-def test_what_leads_out_of_the_project_can_be_looked_at_but_not_ordered(project: Path, qtbot: QtBot) -> None:
+def test_a_foreign_job_that_writes_outside_the_project_is_shown_but_not_ordered(project: Path, qtbot: QtBot) -> None:
     foreign(project, "export r2r", "--project", str(project), "--out", "/tmp/somewhere else")
     queue = JobQueue()
     queue.set_project(project)
@@ -86,7 +86,7 @@ def test_what_leads_out_of_the_project_can_be_looked_at_but_not_ordered(project:
     queue.stop()
 
 
-def test_what_the_user_orders_here_after_a_look_is_run(project: Path, qtbot: QtBot) -> None:
+def test_a_foreign_job_runs_after_the_user_orders_it(project: Path, qtbot: QtBot) -> None:
     foreign(project, "submaps", "--project", str(project), "--count", "1")
     queue = JobQueue()
     queue.set_project(project)
@@ -100,7 +100,7 @@ def test_what_the_user_orders_here_after_a_look_is_run(project: Path, qtbot: QtB
     queue.stop()
 
 
-def test_a_picture_that_a_job_tells_of_is_looked_for_among_those_of_the_project(project: Path, tmp_path: Path) -> None:
+def test_a_preview_of_a_job_is_read_only_from_the_pictures_of_the_project(project: Path, tmp_path: Path) -> None:
     os.mkfifo(tmp_path / "pipe.jpg")
     folder = foreign(project, "train", state="failed")
     (folder / "events.jsonl").write_text(event_line(Preview("train", str(tmp_path / "pipe.jpg")), 1.0))
@@ -114,7 +114,7 @@ def test_a_picture_that_a_job_tells_of_is_looked_for_among_those_of_the_project(
     queue.stop()
 
 
-def test_places_that_came_with_the_settings_of_a_project_are_not_used(project: Path, tmp_path: Path) -> None:
+def test_paths_in_the_settings_of_a_foreign_project_are_ignored(project: Path, tmp_path: Path) -> None:
     (project / "settings.json").write_text(
         json.dumps({"evaluate graph": {"picture": str(tmp_path / "theirs.png"), "robot_radius": 0.5}})
     )

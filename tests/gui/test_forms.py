@@ -148,7 +148,7 @@ def test_settings_keep_only_what_was_changed(tmp_path: Path) -> None:
         '{"train": {"config.steps": NaN, "config.loss.ssim": 1' + 400 * "0" + "}}",
     ],
 )
-def test_a_settings_file_that_somebody_wrote_into_does_no_harm(tmp_path: Path, text: str) -> None:
+def test_a_damaged_settings_file_is_ignored(tmp_path: Path, text: str) -> None:
     (tmp_path / "settings.json").write_text(text)
     assert Settings(tmp_path).arguments("train") == []
 
@@ -238,7 +238,7 @@ def test_numbers_keep_every_digit(value: float, text: str) -> None:
 
 
 @pytest.mark.parametrize("verb", [verb for verb in VERBS if not verb.startswith("export")])  # these need a folder
-def test_a_form_that_nobody_touched_can_be_started(verb: str, qtbot: QtBot, tmp_path: Path) -> None:
+def test_an_unchanged_form_can_be_started(verb: str, qtbot: QtBot, tmp_path: Path) -> None:
     form = CommandForm(verb, verb, PROJECT, Settings(tmp_path))
     qtbot.addWidget(form)
     form.finish_building()

@@ -149,7 +149,7 @@ def test_the_legend_is_that_of_the_graph_on_screen(window: MainWindow, document:
 def test_a_large_graph_is_not_drawn_anew_while_it_and_the_view_stay(
     window: MainWindow, document: Document, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """What is kept is what would be drawn; the plain graph is drawn by nobody but its own item."""
+    """The cached picture equals a new drawing, and only its own item draws the plain graph."""
     document.set_contents(replace(document.contents, graph=random_graph(1500), occupancy=None))
     part, view = window.part(ColoringPart), window.modes.canvases[1].surface.widget
     drawn: list[object] = []

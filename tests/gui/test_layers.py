@@ -34,7 +34,7 @@ from nvsim_app.wiring.window import MainWindow
 
 
 class Flood(Layer):
-    """Fills everything with one colour."""
+    """Fills everything with one color."""
 
     name, title = "flood", "Flood"
 

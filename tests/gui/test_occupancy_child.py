@@ -39,7 +39,7 @@ def test_what_is_wrong_with_a_map_is_one_sentence(project: Path) -> None:
         start_reading(project).result()
 
 
-def test_a_reading_that_nobody_wants_any_more_ends_at_once(project: Path) -> None:
+def test_a_read_that_is_no_longer_needed_ends_at_once(project: Path) -> None:
     child = start_reading(project)
     child.kill()
     assert child.result() is None

@@ -97,7 +97,7 @@ def test_a_path_in_a_label_is_copied_as_it_is(qtbot: QtBot) -> None:
     assert path in label.text() and lines("x" * 300) == "x" * 300
 
 
-def test_markup_of_somebody_else_in_a_label_of_ours_is_shown_as_text(qtbot: QtBot, tmp_path: Path) -> None:
+def test_markup_from_a_file_is_shown_as_plain_text(qtbot: QtBot, tmp_path: Path) -> None:
     with hostile.trap(tmp_path / "trap") as opened:
         for markup in ('<b>ours</b> <img src="{}">', '<table background="{}"><tr><td>x</td></tr></table>'):
             label = MarkedLabel(markup.format(tmp_path / "trap"))

@@ -1,4 +1,4 @@
-"""A cancelled training leaves the trained model in the view; an earlier result comes back from the Jobs menu."""
+"""A canceled training leaves the trained model in the view; an earlier result comes back from the Jobs menu."""
 
 from __future__ import annotations
 

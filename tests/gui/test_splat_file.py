@@ -1,4 +1,4 @@
-"""Splat files of other programs in the window: shown with their own colours, turned upright, the rest disabled."""
+"""Splat files of other programs in the window: shown with their own colors, turned upright, the rest disabled."""
 
 from __future__ import annotations
 

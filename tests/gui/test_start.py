@@ -67,8 +67,8 @@ def test_missing_libraries_are_named_by_their_packages() -> None:
 def test_the_window_imports_nothing_that_takes_long_until_it_is_usable_nor_when_a_project_is_open(
     tmp_path: Path,
 ) -> None:
-    """It is usable when the event loop comes round for the first time; what stands in the way of two seconds is what
-    was imported until then, and what it did by itself."""
+    """The window is usable when the event loop first runs. Modules that are imported before, and work that starts by
+    itself, delay this."""
     project = demo_project.write_project(tmp_path / "demo.nvsim", count=500, models=0)
     settings = f"QSettings({str(tmp_path / 'settings.ini')!r}, QSettings.Format.IniFormat)"
     program = (

@@ -1,4 +1,4 @@
-"""Submap colours against the nearest core camera, worked out pixel by pixel."""
+"""Submap colors against the nearest core camera, worked out pixel by pixel."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ def submaps():
 
 
 def nearest(submaps, x: float, y: float) -> tuple[int, float]:
-    """The submap, and by how many metres it is nearer than the second."""
+    """The submap, and by how many meters it is nearer than the second."""
     distances = sorted((np.linalg.norm(s.positions[:, :2] - (x, y), axis=1).min(), s.index) for s in submaps)
     return distances[0][1], distances[1][0] - distances[0][0]
 

@@ -26,7 +26,7 @@ from nvsim_app.state.loading import Contents
 from nvsim_app.wiring.jobs import JobsPart, TrainingPart
 from nvsim_app.wiring.window import MainWindow
 
-PHOTO, ALPHA, BACKGROUND = 30, 90, 150  # grey levels of what stays the same in the images
+PHOTO, ALPHA, BACKGROUND = 30, 90, 150  # gray levels of what stays the same in the images
 
 
 def trained(project: Path, run: str, steps: list[int], submap: int = 0, title: str = "Train") -> int:

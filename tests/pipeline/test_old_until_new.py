@@ -1,4 +1,4 @@
-"""What a stage made is in use until what replaces it is finished, and can be brought back afterwards."""
+"""What a stage made is in use until what replaces it is finished, and can be brought back afterward."""
 
 from __future__ import annotations
 

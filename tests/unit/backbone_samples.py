@@ -1,4 +1,4 @@
-"""Small real ONNX networks, whose answers can be computed by hand: linear functions of an image's mean colours."""
+"""Small real ONNX networks, whose answers can be computed by hand: linear functions of an image's mean colors."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ def mean_network(
     tokens: int = 0,
     description: str = "",
 ) -> Path:
-    """A file at `path` and its description: mean colours (N, 3) times `weights(width)`; as outputs also `whole`, which
+    """A file at `path` and its description: mean colors (N, 3) times `weights(width)`; as outputs also `whole`, which
     is not pooled, with `classes` the `logits`, 1000, and with `tokens` in their place (N, tokens, width) of
     `weights(tokens * width, 2)`."""
     kind, number = (TensorProto.FLOAT16, np.float16) if half else (TensorProto.FLOAT, np.float32)

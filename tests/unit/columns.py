@@ -16,8 +16,8 @@ from nvsim.geometry.directions import Sphere
 from nvsim.occupancy.types import FREE, OCCUPIED, UNKNOWN, OccupancyMap
 from nvsim.render.backends import RenderOutput
 
-_FAR = 5.0  # metres; no corridor is longer
-_STEP = 0.02  # metres along a ray
+_FAR = 5.0  # meters; no corridor is longer
+_STEP = 0.02  # meters along a ray
 _BLOCK = 20  # steps at a time: most rays meet a column long before _FAR
 _AZIMUTHS = 1440
 _HEADINGS = np.arange(_AZIMUTHS) / _AZIMUTHS * 2 * np.pi
@@ -56,7 +56,7 @@ class Columns:
         return RenderOutput(alpha=alpha.astype(np.float32), normal=np.zeros((*alpha.shape, 3), np.float32))
 
     def _clear_way(self, xy: tuple[float, float]) -> NDArray[np.float64]:
-        """(azimuths,) metres to the first column."""
+        """(azimuths,) meters to the first column."""
         if xy not in self._ways:
             first, open_ways = np.full(_AZIMUTHS, 2 * _FAR), np.arange(_AZIMUTHS)
             along = np.arange(0, _FAR, _STEP)
@@ -82,7 +82,7 @@ def flat_floor(xy: NDArray[np.floating]) -> NDArray[np.floating]:
 
 
 def room(width: float, height: float, resolution: float = 0.05, wall: float = 0.1) -> OccupancyMap:
-    """A free rectangle from (0, 0) to (width, height) metres inside walls, in 4 m of unknown."""
+    """A free rectangle from (0, 0) to (width, height) meters inside walls, in 4 m of unknown."""
     margin = 4.0
     columns, rows = (round((s + 2 * margin) / resolution) for s in (width, height))
     empty = OccupancyMap(np.full((rows, columns), UNKNOWN, np.uint8), resolution, (-margin, -margin))

@@ -1,6 +1,6 @@
 """Four graphs with the signatures of GeoWizard's parts whose answer is known: a perfect denoiser, which says of every
 noisy latent what leads to those of the photo, where the switch says normals, and to nothing where it says depth. The
-decoder gives back what was encoded, so that the normal is written in the colour, n = 2 c - 1."""
+decoder gives back what was encoded, so that the normal is written in the color, n = 2 c - 1."""
 
 from __future__ import annotations
 

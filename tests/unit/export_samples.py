@@ -1,4 +1,4 @@
-"""Small exported scans, fabricated: a graph, and images whose colours say where they look."""
+"""Small exported scans, fabricated: a graph, and images whose colors say where they look."""
 
 from __future__ import annotations
 
@@ -48,7 +48,7 @@ def save_jpeg(path: Path, image: np.ndarray) -> None:
 
 
 def export(root: Path, *graphs: NavGraph, views: bool = True, strips: bool = False, size: tuple[int, int] = (64, 48)):
-    """Writes graphs and images of them; every view is of one colour with a bar, which its index and place decide."""
+    """Writes graphs and images of them; every view is of one color with a bar, which its index and place decide."""
     for graph in graphs:
         write_connectivity(graph, root / "connectivity")
         for n, viewpoint in enumerate(v for v in graph.viewpoints.values() if v.included):

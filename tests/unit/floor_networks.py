@@ -1,5 +1,5 @@
 """Networks of the semantic role whose answer is known, with the signatures of common exports of ADE20K: the logit of
-class 3 is 4 times the red, that of class 28 twice the green, that of class 0 the blue, the others are 0. Colours are 0
+class 3 is 4 times the red, that of class 28 twice the green, that of class 0 the blue, the others are 0. Colors are 0
 to 1."""
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ def segformer(
 
 
 def mmseg(path: Path, size: int = 512) -> Path:
-    """`input`, ImageNet's range in grey levels; `output` the label of each pixel."""
+    """`input`, ImageNet's range in gray levels; `output` the label of each pixel."""
     nodes = [*_logits("input", 150), ("ArgMax", ["fine"], ["output"], {"axis": 1, "keepdims": 1})]
     outputs = [value("output", 1, 1, size, size, kind=I64)]
     return save(path, nodes, [value("input", 1, 3, size, size)], outputs, _weights(150, 255.0))

@@ -11,7 +11,7 @@ from capture_samples import FOCAL, HEIGHT, WIDTH, csv, nerfstudio_tree, ply, wal
 
 from nvsim.occupancy.types import FREE, OCCUPIED, UNKNOWN, OccupancyMap
 
-SIDE, CEILING = 3.02, 2.61  # metres from the middle to the walls; off the borders of cells
+SIDE, CEILING = 3.02, 2.61  # meters from the middle to the walls; off the borders of cells
 BOX = np.array([[0.52, -0.61, 0.0], [1.22, 0.22, 0.92]])
 MOUNT = np.array([[0.0, -1, 0, 0.1], [0, 0, -1, 0.0], [1, 0, 0, -0.2], [0, 0, 0, 1]])  # rig to scanner
 HEAD = "# kapture format: 1.1\n"
@@ -35,13 +35,13 @@ def sphere(count: int = 10_000) -> np.ndarray:
 
 
 def scan(origin: np.ndarray) -> np.ndarray:
-    """(N, 3) metres, world."""
+    """(N, 3) meters, world."""
     directions = sphere()
     return origin + cast(origin, directions)[:, None] * directions
 
 
 def depth_image(pose: np.ndarray) -> np.ndarray:
-    """(HEIGHT, WIDTH) metres along the optical axis."""
+    """(HEIGHT, WIDTH) meters along the optical axis."""
     u, v = (np.arange(WIDTH) + 0.5 - WIDTH / 2) / FOCAL, (np.arange(HEIGHT) + 0.5 - HEIGHT / 2) / FOCAL
     local = np.stack([*np.meshgrid(u, v), np.ones((HEIGHT, WIDTH))], axis=-1)
     along = cast(pose[:3, 3], (local @ pose[:3, :3].T).reshape(-1, 3))
@@ -104,7 +104,7 @@ def write_kapture(folder: Path, poses: np.ndarray, merged: bool = False, depth: 
 
 def write_nerfstudio(folder: Path, poses: np.ndarray, to_source: np.ndarray | None = None, unit: float = 1.0) -> Path:
     """transforms.json with depth images and without a cloud; in a world turned by `to_source` (3, 3), and in units of
-    which `unit` make a metre."""
+    which `unit` make a meter."""
     names = write_images(folder / "images", len(poses))
     (folder / "depth").mkdir()
     placed = poses.copy()

@@ -1,4 +1,4 @@
-"""Networks of normals whose answer is known, with the signatures of common exports: n = 2 c - 1 of the colour c."""
+"""Networks of normals whose answer is known, with the signatures of common exports: n = 2 c - 1 of the color c."""
 
 from __future__ import annotations
 

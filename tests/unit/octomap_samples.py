@@ -8,12 +8,12 @@ from collections.abc import Iterator
 
 import numpy as np
 
-RESOLUTION, REACH = 0.25, 1.75  # metres
+RESOLUTION, REACH = 0.25, 1.75  # meters
 
 
 def scans() -> Iterator[tuple[np.ndarray, np.ndarray]]:
     """Eleven scans, some of them again and again, so that voxels reach their limits: points (24, 3) and the place of
-    the sensor (3,), metres, all of them exact in float32."""
+    the sensor (3,), meters, all of them exact in float32."""
     i = np.arange(24)
     for s in (0, 1, 0, 2, 0, 0, 1, 0, 0, 3, 0):
         points = np.stack([(i * 37 + s * 11) % 64 - 32, (i * 23 + s * 29) % 64 - 32, (i * 13 + s * 5) % 32 - 16], 1)

@@ -8,7 +8,7 @@ from nvsim.geometry.floor_surface import FloorSurface, StackedFloor
 from nvsim.perception.stacked_support import StackedSupport
 from nvsim.perception.support import FloorSupport
 
-SLOPE = 0.6  # metres upwards for one along x
+SLOPE = 0.6  # meters upwards for one along x
 
 
 def stairwell() -> StackedFloor:

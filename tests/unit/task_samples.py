@@ -42,7 +42,7 @@ def exported(folder: Path, *graphs: NavGraph) -> Path:
 
 
 def as_agents_load(graph: NavGraph) -> nx.Graph:
-    """As the agents' `load_nav_graphs` does: included viewpoints with edges alone, weights in metres of space."""
+    """As the agents' `load_nav_graphs` does: included viewpoints with edges alone, weights in meters of space."""
     found = nx.Graph()
     at = {id: np.array(v.position) for id, v in graph.viewpoints.items() if v.included}
     for a, b in graph.edges:

@@ -147,7 +147,7 @@ def test_the_two_frames_are_inverse_to_each_other() -> None:
 
 
 def write_images_alone(folder: Path, rotation: np.ndarray, unit: float) -> Path:
-    """A room as photographs and poses in `unit` per metre, turned, with nothing that claims metres."""
+    """A room as photographs and poses in `unit` per meter, turned, with nothing that claims meters."""
     k = Intrinsics.from_fov(480, 360, np.radians(80))
     frames = []
     for i in range(40):

@@ -131,7 +131,7 @@ def test_cameras_that_look_at_the_ceiling_have_no_floor_in_view(tmp_path: Path) 
     assert finding.severity == "warning" and "never traversable" in finding.consequence
 
 
-def test_a_cloud_without_floor_is_told(tmp_path: Path) -> None:
+def test_a_point_cloud_without_floor_is_reported(tmp_path: Path) -> None:
     points = sample.room(20000)
     report = check(sample.write_nerfstudio(tmp_path, sample.walk(), points[points[:, 2] > 0.05]))
     assert [f.severity for f in found(report, "no floor below the cameras")] == ["warning"]

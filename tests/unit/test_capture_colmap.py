@@ -78,7 +78,7 @@ def test_images_txt_with_a_broken_line_names_the_line(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("binary", [False, True])
 @pytest.mark.parametrize("name", ["points3D.ply", "points3d.PLY", "input.ply"])
-def test_a_ply_file_stands_in_for_missing_points(tmp_path: Path, binary: bool, name: str) -> None:
+def test_a_ply_file_replaces_missing_points(tmp_path: Path, binary: bool, name: str) -> None:
     points = sample.room(500)
     written(tmp_path, binary)
     model = tmp_path / "sparse" / "0"
@@ -89,7 +89,7 @@ def test_a_ply_file_stands_in_for_missing_points(tmp_path: Path, binary: bool, n
     np.testing.assert_array_equal(cloud.points, points)
 
 
-def test_a_ply_file_stands_in_for_an_empty_list_of_points(tmp_path: Path) -> None:
+def test_a_ply_file_replaces_an_empty_list_of_points(tmp_path: Path) -> None:
     written(tmp_path, binary=True)
     model = tmp_path / "sparse" / "0"
     (model / "points3D.bin").write_bytes(bytes(8))

@@ -1,4 +1,4 @@
-"""The data check says what is in a capture, says what is the same once, and names what mends it."""
+"""The data check lists the content of a capture, reports equal problems once, and names the fix."""
 
 from __future__ import annotations
 

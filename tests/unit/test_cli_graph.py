@@ -94,7 +94,7 @@ def test_unsaved_edits_of_a_window_are_not_run_over(file: Path, capsys: pytest.C
     with Journal.open(sidecar(file), plain=True) as journal:
         perform_operation(journal.history(read_connectivity(file)), "remove_viewpoints", {"ids": ["v0"]})
         assert main(edit) == 2 and "edited in a window" in capsys.readouterr().err
-    assert main(edit) == 2 and "unsaved edits" in capsys.readouterr().err
+    assert main(edit) == 2 and "has 1 unsaved edit;" in capsys.readouterr().err
     assert len(read_connectivity(file).edges) == 5
 
 

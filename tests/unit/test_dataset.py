@@ -130,11 +130,12 @@ def test_what_is_not_its_own_stays(project: Path, tmp_path: Path, capsys: pytest
 def test_a_job_may_only_name_places_that_its_user_chose(project: Path, tmp_path: Path) -> None:
     from nvsim.cli.worker import check_order
     from nvsim.errors import InputError
+    from nvsim.project.jobs.joblist import JobCommand
 
     words = ["--project", str(project), "--out", str(project / "set"), "--also", str(tmp_path / "other.nvsim")]
-    check_order(project, "export dataset", words)
+    check_order(project, JobCommand("export dataset", tuple(words), "Dataset"))
     with pytest.raises(InputError, match="also"):
-        check_order(project, "export dataset", words, confined=True)
+        check_order(project, JobCommand("export dataset", tuple(words), "Dataset"), confined=True)
 
 
 def test_tasks_of_a_scan_with_another_id_than_its_project_name_the_option(

@@ -40,7 +40,7 @@ CONFIG = replace(DepthConfig(), longest_side=160, planes=32, threads=1)
 
 @dataclass
 class Layout:
-    """How a program writes depth: the key of a frame, the extension, values from metres, more keys at the top."""
+    """How a program writes depth: the key of a frame, the extension, values from meters, more keys at the top."""
 
     key: str
     extension: str
@@ -73,7 +73,7 @@ LAYOUTS = {
 
 
 def true_depth(camera_to_world: np.ndarray, camera: object) -> np.ndarray:
-    """(H, W) metres along the optical axis to the walls of the synthetic room."""
+    """(H, W) meters along the optical axis to the walls of the synthetic room."""
     rays = camera.rays().astype(np.float64)  # type: ignore[attr-defined]
     with np.errstate(divide="ignore", invalid="ignore"):
         leaves = np.max((np.stack([np.zeros(3), ROOM])[:, None, None] - camera_to_world[:3, 3]) / rays, axis=0)

@@ -95,7 +95,7 @@ def test_a_wall_stands_behind_what_hangs_on_it() -> None:
 def test_a_bare_wall_takes_the_plane_that_its_border_lies_on() -> None:
     planes = find_planes([room(np.random.default_rng(0))])
     lens = Intrinsics(80, 60, 60.0, 60.0, 40.0, 30.0)
-    # Towards +x, level: right is -y, down is -z.
+    # Toward +x, level: right is -y, down is -z.
     turn = np.array([[0.0, 0, 1], [-1, 0, 0], [0, -1, 0]])
 
     def view(y: float) -> View:

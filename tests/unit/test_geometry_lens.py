@@ -65,7 +65,7 @@ def test_the_undistort_map_is_opencvs_half_a_pixel_apart() -> None:
     coefficients = np.array([-0.12, 0.03, 0.002, -0.001])
     lens = Lens("OPENCV", 640, 480, (*PIXEL, *coefficients))
     target = Intrinsics(320, 240, 210.0, 205.0, 161.0, 118.0)
-    # OpenCV puts the first pixel's centre at 0, the lens at 0.5.
+    # OpenCV puts the first pixel's center at 0, the lens at 0.5.
     shifted, new = MATRIX.copy(), np.array([[210.0, 0, 160.5], [0, 205.0, 117.5], [0, 0, 1]])
     shifted[:2, 2] -= 0.5
     expected = np.stack(cv2.initUndistortRectifyMap(shifted, coefficients, None, new, (320, 240), cv2.CV_32FC1), -1)

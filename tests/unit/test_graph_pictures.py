@@ -24,7 +24,7 @@ def opened(tmp_path: Path, text: str) -> ForeignFile:
 
 
 def world_colours(directions: np.ndarray) -> np.ndarray:
-    """Of world directions (..., 3): what a picture would show of a sky whose colour says where one looks."""
+    """Of world directions (..., 3): what a picture would show of a sky whose color says where one looks."""
     unit = directions / np.linalg.norm(directions, axis=-1, keepdims=True)
     return np.round(127.5 + 120 * unit).astype(np.uint8)
 

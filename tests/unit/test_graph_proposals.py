@@ -113,7 +113,7 @@ def test_excluded_viewpoints_and_other_floors_are_left_alone() -> None:
     assert propose_edges(edits.set_included(graph, ["b"], False), hall()) == ()
 
 
-def test_a_viewpoint_is_proposed_in_the_room_that_nobody_sees() -> None:
+def test_a_viewpoint_is_proposed_in_a_room_without_viewpoints() -> None:
     occupancy = with_wall(hall(), 6, 0.0, 5.0)  # the way to the right half leads past its upper end
     graph = graph_of({"a": (2, 3), "b": (4.5, 3)}, "ab")
     found = propose_viewpoints(graph, occupancy, sees=4.0)

@@ -59,7 +59,7 @@ def test_two_graphs_are_pooled() -> None:
 def test_ties_are_those_that_a_list_of_shortest_paths_has(seed: int) -> None:
     rng = np.random.default_rng(seed)
     names = [f"v{i}" for i in range(24)]
-    # A lattice with a little noise has ties within a centimetre, and others just beyond it.
+    # A lattice with a little noise has ties within a centimeter, and others just beyond it.
     places = {n: (i % 6 + rng.normal(0, 0.003), i // 6 + rng.normal(0, 0.003)) for i, n in enumerate(names)}
     near = [p for p in itertools.combinations(names, 2) if math.dist(places[p[0]], places[p[1]]) < 1.5]
     kept = [p for p in near if rng.random() < 0.7]

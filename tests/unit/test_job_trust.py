@@ -27,7 +27,7 @@ from nvsim.project.jobs.files import (
     order_proof,
     secret_path,
 )
-from nvsim.project.jobs.joblist import Job, JobList
+from nvsim.project.jobs.joblist import Job, JobCommand, JobList
 
 
 @pytest.fixture
@@ -200,7 +200,11 @@ def test_what_the_user_saw_can_be_ordered_anew_and_nothing_else(jobs: JobList) -
         ("rm -rf", [], "cannot be a job"),
         ("map", ["--project", "/elsewhere"], "for another project"),
         ("map", ["--tyro-write-completion", "bash", "/tmp/x"], "no option"),
-        ("map", ["--project", "ROOT", "--colour", "red"], "does not take"),
+        (
+            "map",
+            ["--project", "ROOT", "--colour", "red"],
+            "“Theirs” cannot run because its option --colour is not valid",
+        ),
         ("export r2r", ["--project", "ROOT", "--out", "/etc"], "outside of the project"),
         ("export r2r", ["--project", "ROOT", "--out=ROOT/../x"], "outside of the project"),
         ("export r2r", ["--project", "ROOT", "--out=ROOT/link/x"], "outside of the project"),
@@ -217,18 +221,24 @@ def test_what_the_user_saw_can_be_ordered_anew_and_nothing_else(jobs: JobList) -
         ("video", ["--project", "ROOT", "--path", "ROOT/p.json", "--out", "/tmp"], "outside of the project"),
     ],
 )
-def test_somebody_elses_order_stays_in_the_project(tmp_path: Path, verb: str, arguments: list[str], words: str) -> None:
+def test_a_job_of_another_person_is_refused_if_it_leaves_the_project(
+    tmp_path: Path, verb: str, arguments: list[str], words: str
+) -> None:
     root = tmp_path / "house.nvsim"
     root.mkdir()
     (root / "link").symlink_to("/tmp")
     with pytest.raises(InputError, match=words):
-        check_order(root, verb, [text.replace("ROOT", str(root)) for text in arguments], confined=True)
+        check_order(
+            root, JobCommand(verb, tuple(a.replace("ROOT", str(root)) for a in arguments), "Theirs"), confined=True
+        )
 
 
 def test_an_order_within_the_project_can_be_taken_over(tmp_path: Path) -> None:
     root = tmp_path / "house.nvsim"
-    check_order(root, "train", ["--project", str(root), "--preset", "nvsim", "--steps", "100"], confined=True)
-    check_order(root, "export r2r", ["--project", str(root), "--out", str(root / "r2r")], confined=True)
+    train = ("--project", str(root), "--preset", "nvsim", "--steps", "100")
+    check_order(root, JobCommand("train", train, "Train"), confined=True)
+    export = ("--project", str(root), "--out", str(root / "r2r"))
+    check_order(root, JobCommand("export r2r", export, "Export"), confined=True)
 
 
 # The secret -----------------------------------------------------------------------------------------------------

@@ -89,7 +89,7 @@ def test_mean_forgives_what_the_worst_row_sees() -> None:
 
 def test_one_cell_blocks_only_inside_the_robot_width() -> None:
     alpha = np.zeros((29, CELLS))
-    alpha[10, 3] = 1.0  # its centre is 0.275 m from the middle
+    alpha[10, 3] = 1.0  # its center is 0.275 m from the middle
     assert decide(evidence(alpha), CONFIG) == "open"
     assert decide(evidence(alpha), replace(CONFIG, robot_radius=0.3)) == "alpha"
     alpha[10, 4] = 1.0

@@ -1,4 +1,4 @@
-"""The criterion of a network's normals, through a real network that reads them from the colours of a scene painted by
+"""The criterion of a network's normals, through a real network that reads them from the colors of a scene painted by
 its normals."""
 
 from __future__ import annotations
@@ -43,7 +43,7 @@ BOTH = MappingConfig(criteria=("alpha", "normal", "network-normal"), settle=Fals
 
 
 def painted(floor: np.ndarray) -> SubmapModel:
-    """The hall with every Gaussian in the colour of its normal in the world, over a floor of the colour of `floor`."""
+    """The hall with every Gaussian in the color of its normal in the world, over a floor of the color of `floor`."""
     model = hall()
     g = model.gaussians
     normals = matrix_from_quaternion(g.quats.astype(np.float64))[:, :, 2]

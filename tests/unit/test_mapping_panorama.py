@@ -74,7 +74,7 @@ def around(source: Hall, place: tuple[float, float], config: MappingConfig) -> l
 @pytest.mark.parametrize("heading", [0.0, 2.5])
 def test_the_sphere_is_that_of_the_rendered_panorama(heading: float) -> None:
     sphere = Sphere(HERE, 64, 32, heading)
-    shown = render_equirectangular(compass(), HERE, 64, 32, heading=heading).rgb  # the colour is the direction
+    shown = render_equirectangular(compass(), HERE, 64, 32, heading=heading).rgb  # the color is the direction
     assert shown is not None and np.abs(shown - sphere.rays()).max() < 0.01
     pixels, distance = sphere.project(HERE + 3.0 * sphere.rays())
     rows, columns = np.mgrid[:32, :64] + 0.5

@@ -17,7 +17,7 @@ from nvsim.occupancy.types import OCCUPIED, OccupancyMap
 
 PAPER = MappingConfig.paper()
 TAU_ALPHA, TAU_NORMAL, TAU_DIST = 0.95, 0.85, 2.5
-EXACT = 1.0  # metres
+EXACT = 1.0  # meters
 
 
 def world() -> OccupancyMap:

@@ -33,7 +33,7 @@ CONFIG = MappingConfig(view_size=96, settle=False, jitter=0.0)
 ROOM = room(9, 6)
 FLOATER = fill(ROOM, 4.2, 2.4, 4.6, 3.6, OCCUPIED)  # what the second model alone shows
 WALK = np.column_stack([np.linspace(1.0, 8.0, 15), np.full(15, 3.0), np.full(15, 1.2)])
-OVERLAP = (3.0, 6.0)  # metres along x where the second model was trained as well
+OVERLAP = (3.0, 6.0)  # meters along x where the second model was trained as well
 
 
 class Pair(Columns):

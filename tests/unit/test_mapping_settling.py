@@ -27,7 +27,7 @@ LATTICES = replace(SMALL, settle=False, jitter=0.0)
 
 
 def rooms() -> OccupancyMap:
-    """Three rooms in a row with doors of a metre, a pillar in the middle one."""
+    """Three rooms in a row with doors of a meter, a pillar in the middle one."""
     occupancy = room(15, 6)
     for x in (5.0, 10.0):
         occupancy = fill(fill(occupancy, x - 0.05, 0, x + 0.05, 6, OCCUPIED), x - 0.1, 2.5, x + 0.1, 3.5, np.uint8(0))

@@ -22,7 +22,7 @@ HALF_WIDTH = 0.3
 
 
 def cluttered(seed: int) -> OccupancyMap:
-    """A room of 6 by 5 metres with boxes in it."""
+    """A room of 6 by 5 meters with boxes in it."""
     rng, occupancy = np.random.default_rng(seed), room(6, 5)
     for x, y in rng.uniform((1.2, 0), (5.5, 4.5), (7, 2)):
         width, depth = rng.uniform(0.2, 1.2, 2)

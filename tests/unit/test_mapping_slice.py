@@ -29,7 +29,7 @@ def gaussians(rows: list[tuple[tuple[float, ...], tuple[float, ...], tuple[float
 def covered(
     corridor: Corridor, mean: NDArray, covariance: NDArray, opacity: float, low: float, high: float
 ) -> NDArray[np.float64]:
-    """(rows, CELLS) the Gaussian's cover by numerical integration along the vertical through each cell's centre, of its
+    """(rows, CELLS) the Gaussian's cover by numerical integration along the vertical through each cell's center, of its
     density widened by a uniform cell's variance, relative to its own peak as seen from above."""
     forward = np.array([math.sin(corridor.heading), math.cos(corridor.heading)])
     right = np.array([forward[1], -forward[0]])

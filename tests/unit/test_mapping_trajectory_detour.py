@@ -1,4 +1,4 @@
-"""A corridor around a glass room: what nobody walked through is told apart from what is merely not walked."""
+"""A corridor around a glass room: the map distinguishes glass from free floor that the trajectory does not cross."""
 
 from __future__ import annotations
 

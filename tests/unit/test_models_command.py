@@ -26,7 +26,7 @@ def models(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 
 def listed(capsys: pytest.CaptureFixture[str]) -> dict:
-    """The catalogue, without the models that come with NVSim."""
+    """The catalog, without the models that come with NVSim."""
     capsys.readouterr()
     assert main(["models", "--json"]) == 0
     found = json.loads(capsys.readouterr().out)

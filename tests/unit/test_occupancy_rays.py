@@ -1,4 +1,4 @@
-"""Ray casting: what OctoMap makes of the same scans, and what a slow reference does."""
+"""Ray casting compared with OctoMap on the same scans, and with a slow reference."""
 
 from __future__ import annotations
 

@@ -31,7 +31,7 @@ def built(capture: Capture, wanted: Wanted = "auto") -> BuiltMap:
 
 
 def off_the_room(points: np.ndarray) -> np.ndarray:
-    """(N,) metres from the surfaces of the room and of the box."""
+    """(N,) meters from the surfaces of the room and of the box."""
     outer = np.array([measured_room.SIDE, measured_room.SIDE]) - np.abs(points[:, :2])
     shell = np.minimum(np.abs(outer).min(axis=1), np.abs(points[:, 2:] - [0, measured_room.CEILING]).min(axis=1))
     beyond = np.maximum(BOX[0] - points, points - BOX[1])

@@ -1,4 +1,4 @@
-"""What a path is: one answer, whatever lies there, for whoever asks."""
+"""Classify a path: all commands and the window get the same answer for every kind of file."""
 
 import json
 import os

@@ -244,7 +244,7 @@ def test_beside_the_depth_of_images_a_network_says_what_the_cloud_draws_wrongly(
 
 
 def test_a_front_of_which_an_image_knows_no_depth_is_no_floor_if_a_network_sees_that_it_stands() -> None:
-    """A box that the cloud lacks, of the floor's colour to a network of looks."""
+    """A box that the cloud lacks, of the floor's color to a network of looks."""
     points = scan().points
     cloud = Cloud(points[~((points > BOX[0] - 0.02) & (points < BOX[1] + 0.02)).all(axis=1)])
     provider, view = GeometricFloor(cloud, FLAT), camera(0)

@@ -1,5 +1,5 @@
 """A prompted pair as it was installed before there were descriptions, by a toy whose answer is known: the regions of
-the colours at the points."""
+the colors at the points."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ SIDE = 64
 
 
 def encoder(path: Path, form: str = "samexporter") -> Path:
-    """Each feature is the image, averaged, its colours in the first three channels."""
+    """Each feature is the image, averaged, its colors in the first three channels."""
     names = ("high_res_feats_0", "high_res_feats_1", "image_embed")
     image = {"huggingface": "pixel_values", "osam": "input"}.get(form, "image")
     nodes, constants, outputs = [], {}, []
@@ -36,7 +36,7 @@ def encoder(path: Path, form: str = "samexporter") -> Path:
 
 
 def decoder(path: Path, form: str = "samexporter") -> Path:
-    """Logits above zero where the fine feature is like its mean at the points labelled 1, unlike that of the others."""
+    """Logits above zero where the fine feature is like its mean at the points labeled 1, unlike that of the others."""
     huggingface, four = form == "huggingface", form == "osam"
     lead = [1] if huggingface else []
     points = value("input_points" if huggingface else "point_coords", 1, *lead, "n", 2)
@@ -94,7 +94,7 @@ def opened(*paths: Path) -> PromptedNetwork:
 
 
 def picture() -> tuple[np.ndarray, np.ndarray]:
-    """(90, 150, 3), and where its lower right is of another colour."""
+    """(90, 150, 3), and where its lower right is of another color."""
     image = np.full((90, 150, 3), (200, 60, 60), np.uint8)
     floor = np.zeros((90, 150), bool)
     floor[45:, 60:] = True

@@ -19,7 +19,7 @@ YES, NO = np.ones(1, bool), np.zeros(1, bool)
 
 
 def scene() -> tuple[np.ndarray, np.ndarray]:
-    """Normals of a wall with a floor and a desk before it, with a little noise; an image of one colour with a rug."""
+    """Normals of a wall with a floor and a desk before it, with a little noise; an image of one color with a rug."""
     rng = np.random.default_rng(1)
     normals = np.zeros((*SHAPE, 3))
     normals[...] = (0, -1, 0)

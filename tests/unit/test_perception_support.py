@@ -1,4 +1,4 @@
-"""What nobody looked down at, but somebody walked over, is floor."""
+"""Floor that no image shows is floor if the trajectory crosses it."""
 
 import numpy as np
 import pytest
@@ -64,7 +64,7 @@ def test_what_the_depth_of_images_shows_standing_under_a_camera_is_no_floor():
 
 
 def crossed(standing: slice, walk: np.ndarray, thin: slice | None = None) -> FloorSupport:
-    """Floor of 4 by 2 metres that the depth of images shows something on, after a walk."""
+    """Floor of 4 by 2 meters that the depth of images shows something on, after a walk."""
     known, blocked, bar = (np.zeros((20, 40), bool) for _ in range(3))
     blocked[:, standing] = True
     if thin is not None:

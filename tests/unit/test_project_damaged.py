@@ -64,7 +64,7 @@ def test_a_mask_that_was_deleted_is_made_again(project: Path) -> None:
         assert opened.layout.mask(2).read_bytes() == before
 
 
-def test_a_correction_that_is_a_folder_is_told(project: Path) -> None:
+def test_a_correction_that_is_a_folder_is_reported(project: Path) -> None:
     with Project.open(project, writable=True) as opened:
         frame = opened.need_capture().frames[1]
         path = opened.layout.correction(frame.name)

@@ -1,4 +1,4 @@
-"""What an export of a scan is said to come to, beside what it is."""
+"""Compare the predicted size of an exported scan with its real size."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Files of features as agents open them, what is in them against what was computed by hand, and what a kill leaves."""
+"""Feature files as agents open them, compared with values computed by hand, and after a killed export."""
 
 from __future__ import annotations
 
@@ -62,7 +62,7 @@ def read_tsv(path: Path) -> dict[str, np.ndarray]:
 
 
 def by_hand(folder: Path, id: str, matrix: np.ndarray) -> np.ndarray:
-    """(36, width): what the network of mean colours makes of the views of a viewpoint."""
+    """(36, width): what the network of mean colors makes of the views of a viewpoint."""
     views = [cv2.imread(str(folder / "views" / "Hall" / id / f"{i}.jpg"))[..., ::-1] for i in range(36)]
     return (np.stack([view.mean(axis=(0, 1)) for view in views]) / 255 - MEAN) / STD @ matrix
 

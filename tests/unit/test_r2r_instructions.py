@@ -161,7 +161,7 @@ def test_every_fact_can_be_read_back_from_the_words(detail: Detail) -> None:
         assert "  " not in text and "then" not in re.findall(r"Then [^.]*?, (then)", text)
 
 
-def test_no_phrase_stands_for_two_facts() -> None:
+def test_no_phrase_has_two_meanings() -> None:
     phrases = [p for group in (*TURN_PHRASES.values(), *WALK_PHRASES.values()) for p in group]
     phrases += [*AHEAD_PHRASES, *CLOCK_PHRASES, *DEGREE_PHRASES, *METRE_PHRASES, *HALF_METRE, *ONE_METRE]
     assert len(set(phrases)) == len(phrases)

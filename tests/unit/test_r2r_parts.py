@@ -14,7 +14,7 @@ from nvsim.r2r.observations.parts import split
 
 
 def lattices(rooms: int, side: int) -> NavGraph:
-    """Square lattices in a row, neighbours joined by one edge: a door."""
+    """Square lattices in a row, neighbors joined by one edge: a door."""
     viewpoints, edges = {}, []
     for room in range(rooms):
         for i in range(side):

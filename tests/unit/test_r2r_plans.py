@@ -1,4 +1,4 @@
-"""Floor plans: what stands and lies there, at its place, from the submap whose camera passed nearest."""
+"""Floor plans show obstacles and floor in place, from the submap whose camera passed nearest."""
 
 from __future__ import annotations
 

@@ -40,7 +40,7 @@ def no_proxy(monkeypatch: pytest.MonkeyPatch) -> None:
 
 @pytest.fixture(scope="module")
 def scans(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A house whose colours say where one looks."""
+    """A house whose colors say where one looks."""
     root = exported(tmp_path_factory.mktemp("scans"), GRAPH)
     first, *others = GRAPH.viewpoints
     folder = root / GRAPH.scan / "matterport_skybox_images"

@@ -318,7 +318,7 @@ def test_a_wall_hides_what_is_behind_it(tmp_path):
     places = ScanPlaces(tmp_path, "room")
     here = Viewpoint("here", (0.0, 0.0, 1.5))
     depth = np.zeros((64, 384), np.uint16)  # nothing stands anywhere
-    depth[:, 3 * 64 : 4 * 64] = 3 * 4000  # but in front, three metres away
+    depth[:, 3 * 64 : 4 * 64] = 3 * 4000  # but in front, three meters away
     places.images.mkdir(parents=True)
     cv2.imwrite(str(places.depth("here")), depth)
     others = [(0.0, 2.0), (0.0, 3.2), (0.0, 4.0), (5.0, 0.0), (-15.0, 0.0), (-17.0, 0.0), (0.0, 0.0)]

@@ -322,7 +322,7 @@ def test_every_cue_can_be_read_back_from_the_short_words(ends: bool) -> None:
         assert found - by in (cues - by, (cues - by) | loose) and (by <= found or loose <= found), text
 
 
-def test_no_short_phrase_stands_for_two_facts() -> None:
+def test_no_short_phrase_has_two_meanings() -> None:
     tables = [TURNS, short.WALKS, {str(metres): words for metres, words in short.ROUGHLY.items()}]
     tables += [short.PASSING, short.UNTIL, short.STOP_BY, short.TO_STAIRS, short.STAIRS, short.RUG]
     meanings: dict[str, set[tuple[int, str]]] = {}

@@ -194,7 +194,9 @@ def test_files_have_the_fields_of_r2r_and_come_back_as_they_were(tmp_path: Path)
         assert len(read_tasks(tmp_path / "tasks" / f"R4R_{name}.json")) == len(dataset.joined[name])
 
 
-def test_a_file_of_tasks_of_somebody_else_is_not_replaced(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_task_file_that_nvsim_did_not_write_is_not_replaced(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     scans, out = exported(tmp_path, house("one")), tmp_path / "tasks"
     out.mkdir()
     (out / "R2R_train.json").write_text("[]")

@@ -1,4 +1,5 @@
-"""Thin bars over patterned floors, drawn by projecting them: what stands is found where it is, what lies is not."""
+"""Thin bars over patterned floors, drawn by projection: raised bars are found in place, and marks on the floor are
+not."""
 
 from __future__ import annotations
 
@@ -14,7 +15,7 @@ from nvsim.perception.raised_lines import LineConfig, RaisedLines, raised_lines,
 from nvsim.perception.support import observe
 
 LENS = Intrinsics.from_fov(480, 360, np.radians(80))
-FLOOR = 0.3  # metres, world
+FLOOR = 0.3  # meters, world
 _FINER = 4
 
 
@@ -28,7 +29,7 @@ def cameras() -> list[Camera]:
 
 
 def drawn(camera: Camera, bar: float | None, planks: float | None) -> NDArray[np.uint8]:
-    """A grey floor with planks along x so many metres wide, and a dark bar along x over y = 0 at a height in metres."""
+    """A gray floor with planks along x so many meters wide, and a dark bar along x over y = 0 at a height in meters."""
     big = camera.scaled(LENS.width * _FINER, LENS.height * _FINER)
     rays = big.rays()
     down = np.minimum(rays[..., 2], -1e-3)

@@ -1,4 +1,4 @@
-"""From a video to a capture: what counts as a video, its poses, interruptions, and what is refused."""
+"""From a video to a capture: file types, poses, interruptions, and refused input."""
 
 from __future__ import annotations
 
@@ -175,7 +175,7 @@ def test_the_poses_of_a_video_are_those_it_was_filmed_from(filmed: Filmed) -> No
     s[2] *= np.linalg.det(u @ vt)
     turn = u @ np.diag([1, 1, np.linalg.det(u @ vt)]) @ vt
     off = np.linalg.norm(a - (s.sum() / (b**2).sum()) * b @ turn.T, axis=1)
-    assert off.max() < 0.1, off  # metres, of a path of 3 m
+    assert off.max() < 0.1, off  # meters, of a path of 3 m
 
 
 def test_a_killed_run_continues_with_its_frames(filmed: Filmed) -> None:

@@ -45,7 +45,7 @@ FLOORS = {
 
 
 def sampled(level, low, high, xy):
-    """Bilinear at texel centres, border values outside."""
+    """Bilinear at texel centers, border values outside."""
     rows, columns = level.shape[:2]
     c = np.clip((xy[..., 0] - low[0]) / (high[0] - low[0]) * columns - 0.5, 0, columns - 1)
     r = np.clip((xy[..., 1] - low[1]) / (high[1] - low[1]) * rows - 0.5, 0, rows - 1)

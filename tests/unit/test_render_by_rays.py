@@ -18,7 +18,7 @@ GEOMETRY = frozenset({"alpha", "depth", "normal"})
 
 
 def around_the_eye(seed: int, count: int, widest: float = 0.6) -> Gaussians:
-    """Gaussians within two metres of the origin, wide and thin, opaque and faint."""
+    """Gaussians within two meters of the origin, wide and thin, opaque and faint."""
     r = np.random.default_rng(seed)
     scales = np.log(r.uniform(0.02, widest, (count, 3)) * [1, 1, 0.1])
     arrays = (r.uniform(-2, 2, (count, 3)), scales, r.normal(size=(count, 4)), r.normal(0, 2, count))

@@ -1,4 +1,4 @@
-"""The tiled rasteriser against the slow reference, and what it promises about order, threads and odd input."""
+"""The tiled rasterizer against the slow reference, and what it promises about order, threads and odd input."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The hand-written gradients of the rasteriser against torch's own, through a reference that shares no code with it."""
+"""The hand-written gradients of the rasterizer against torch's own, through a reference that shares no code with it."""
 
 from __future__ import annotations
 
@@ -143,7 +143,7 @@ def test_absolute_gradients_equal_the_sum_over_pixels_of_one_pixel_at_a_time():
         weight[y, x] = weights()[0][y, x]
     (rgb * weight).sum().backward()
 
-    # A shift of the projected centre of each Gaussian alone, made by hand in the reference's place of it.
+    # A shift of the projected center of each Gaussian alone, made by hand in the reference's place of it.
     shift = torch.zeros(count, 2, dtype=torch.float64, requires_grad=True)
     doubles = [t.double() for t in tensors]
     image = shifted(doubles, shift)
@@ -160,7 +160,7 @@ def test_absolute_gradients_equal_the_sum_over_pixels_of_one_pixel_at_a_time():
 
 
 def shifted(tensors, shift):
-    """The reference image with every centre moved by `shift` pixels, the footprint's shape unchanged: a change of the
+    """The reference image with every center moved by `shift` pixels, the footprint's shape unchanged: a change of the
     principal point per Gaussian has that effect, and nothing else depends on it within the clamps."""
     means, log_scales, quats, opacity_logits, sh = tensors
     k = CAMERA.intrinsics

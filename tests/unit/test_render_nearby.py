@@ -18,7 +18,7 @@ GEOMETRY = frozenset({"alpha", "depth", "normal"})
 
 
 def hall(seed: int, count: int = 20_000) -> Gaussians:
-    """Gaussians of a millimetre to some metres, all around the origin, a few of them far away."""
+    """Gaussians of a millimeter to some meters, all around the origin, a few of them far away."""
     r = np.random.default_rng(seed)
     means = r.uniform(-12, 12, (count, 3)) * [1, 1, 0.15]
     means[:50] *= 100

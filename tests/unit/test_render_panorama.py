@@ -44,7 +44,7 @@ def compass() -> SubmapModel:
 
 
 def sphere(count: int = 30_000) -> SubmapModel:
-    """Flat Gaussians that tile a sphere of RADIUS around HERE, coloured by a smooth function of the direction."""
+    """Flat Gaussians that tile a sphere of RADIUS around HERE, colored by a smooth function of the direction."""
     i = np.arange(count) + 0.5
     z, turn = 1 - 2 * i / count, math.pi * (1 + math.sqrt(5)) * i
     flat = np.sqrt(1 - z * z)
@@ -61,7 +61,7 @@ def sphere(count: int = 30_000) -> SubmapModel:
 
 
 def directions(width: int, height: int, heading: float = 0.0) -> np.ndarray:
-    """(H, W, 3) of the pixel centres, as the convention says: the middle column is `heading`, clockwise."""
+    """(H, W, 3) of the pixel centers, as the convention says: the middle column is `heading`, clockwise."""
     azimuth = heading + ((np.arange(width) + 0.5) / width - 0.5) * 2 * np.pi
     elevation = (0.5 - (np.arange(height) + 0.5) / height) * np.pi
     flat = np.cos(elevation)[:, None]
@@ -80,7 +80,7 @@ def test_every_pixel_shows_its_own_direction(heading):
 def test_on_a_sphere_alpha_distance_and_normal_are_the_same_everywhere():
     image = render_equirectangular(sphere(), HERE, 192, 96, ALL)
     assert image.alpha.min() > 0.98
-    np.testing.assert_allclose(image.depth, RADIUS, rtol=0.05)  # means of centres that lie around the ray
+    np.testing.assert_allclose(image.depth, RADIUS, rtol=0.05)  # means of centers that lie around the ray
     facing = -(image.normal * directions(192, 96)).sum(-1) / image.alpha
     assert facing.min() > 0.98
     truth = 0.5 + 0.4 * np.sin(3 * directions(192, 96))

@@ -75,7 +75,7 @@ def test_a_level_pose_that_faces_y_shows_its_front_face_at_heading_0_and_its_rig
 
 
 def test_depth_is_along_the_axis_where_the_strip_is_the_distance() -> None:
-    """A room of 4 x 6 x 3 metres seen from off its middle: the closed form of its walls."""
+    """A room of 4 x 6 x 3 meters seen from off its middle: the closed form of its walls."""
     low, high, eye = np.array([0, 0, 0.0]), np.array([4, 6, 3.0]), np.array([1.5, 2.5, 1.2])
 
     def distance(rays: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -92,7 +92,7 @@ def test_depth_is_along_the_axis_where_the_strip_is_the_distance() -> None:
         seen = camera(heading, elevation)
         expected = 4000 * distance(seen.rays().astype(float)) * (seen.rays() @ seen.rotation[:, 2])
         assert np.abs(out[..., 0] - expected).max() < 0.02 * expected.max()
-        assert np.median(np.abs(out[..., 0] - expected)) < 40  # a centimetre: the nearest pixel's
+        assert np.median(np.abs(out[..., 0] - expected)) < 40  # a centimeter: the nearest pixel's
 
 
 def test_a_view_shows_the_colours_that_its_directions_have(tmp_path: Path) -> None:

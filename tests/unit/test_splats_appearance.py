@@ -1,4 +1,4 @@
-"""Appearance without torch: what the formulas say, what is kept between calls, and what a model folder brings back."""
+"""Appearance without torch: compare with the formulas, test the cache between calls, and read a model folder back."""
 
 from __future__ import annotations
 

@@ -152,7 +152,7 @@ def put(*path: str | int, value: object) -> Change:
         put("sh0", value=3),
     ],
 )
-def test_a_sog_whose_description_lies_is_refused(
+def test_a_sog_with_a_false_description_is_refused(
     tmp_path: Path, unpacked: dict[str, bytes], packing: str, change: Change
 ) -> None:
     refused(laid(tmp_path, changed(unpacked, change), packing))
@@ -277,7 +277,7 @@ def test_a_compressed_ply_with_too_few_or_too_many_harmonics_is_refused(tmp_path
     ],
     ids=range(9),
 )
-def test_a_compressed_ply_whose_header_lies_is_refused(tmp_path: Path, old: bytes, new: bytes) -> None:
+def test_a_compressed_ply_with_a_false_header_is_refused(tmp_path: Path, old: bytes, new: bytes) -> None:
     whole = compressed(300, 2, 9)
     assert old in whole
     (tmp_path / "a.ply").write_bytes(whole.replace(old, new))
@@ -338,7 +338,7 @@ def test_a_text_ply_is_read_in_little_memory(tmp_path: Path) -> None:
     ],
     ids=range(10),
 )
-def test_a_ply_that_lies_is_refused(tmp_path: Path, header: bytes, body: bytes, words: str) -> None:
+def test_a_ply_with_a_false_header_is_refused(tmp_path: Path, header: bytes, body: bytes, words: str) -> None:
     (tmp_path / "a.ply").write_bytes(header + body)
     refused(tmp_path / "a.ply", words)
 

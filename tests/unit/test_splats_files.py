@@ -1,4 +1,4 @@
-"""Model folders and PLY files: what is written comes back, and what is damaged is refused with a sentence."""
+"""Model folders and PLY files: written models are read back, and damaged files are refused with a sentence."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The scene model: who answers where, and what stays in memory."""
+"""The scene model: the submap that renders each place, and the models that stay in memory."""
 
 from __future__ import annotations
 
@@ -159,7 +159,7 @@ def test_nothing_is_loaded_ahead_that_does_not_fit_beside_what_is_used(folders):
     assert settled(roomy, (1, 0)), "the least recently used made room"
 
 
-def test_a_broken_neighbour_disturbs_nobody_until_it_is_asked_for(folders):
+def test_a_damaged_submap_fails_only_when_it_is_used(folders):
     (folders[1] / "model.json").write_text("{")
     scene = SceneModel(SUBMAPS, folders)
     for _ in range(3):

@@ -1,4 +1,4 @@
-"""What reaches a terminal holds no control character of a file, whichever command prints it."""
+"""No command prints a control character from a file to a terminal."""
 
 from __future__ import annotations
 

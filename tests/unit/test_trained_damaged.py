@@ -1,4 +1,4 @@
-"""What training wrote, and what the window keeps, damaged: one sentence each, or as if it were not there."""
+"""Damaged files of training and of the window give one sentence each, or are treated as missing."""
 
 from __future__ import annotations
 
@@ -172,7 +172,7 @@ def test_networks_whose_header_lies_or_whose_shapes_do_not_fit_are_refused(tmp_p
     ],
     ids=range(6),
 )
-def test_gaussians_of_a_model_whose_header_lies_are_refused(tmp_path: Path, old: bytes, new: bytes) -> None:
+def test_a_model_file_with_a_false_header_is_refused(tmp_path: Path, old: bytes, new: bytes) -> None:
     save_model(model(), tmp_path)
     data = next(tmp_path.glob("gaussians*")).read_bytes()
     assert old in data
@@ -298,7 +298,7 @@ def header_of(**changes: Any) -> dict[str, Any]:
     ],
     ids=range(14),
 )
-def test_evidence_that_lies_is_refused(data: bytes) -> None:
+def test_evidence_with_false_sizes_is_refused(data: bytes) -> None:
     refused(lambda: decode_evidence(data), len(data), "damaged")
 
 
@@ -340,7 +340,7 @@ INDEX: dict[str, Any] = {"version": 1, "scan": "a", "viewpoints": [], "edges": [
     ],
     ids=range(11),
 )
-def test_a_graph_blob_that_lies_is_refused(data: bytes) -> None:
+def test_a_graph_record_with_false_counts_is_refused(data: bytes) -> None:
     refused(lambda: decode_graph(data), len(data), "damaged")
 
 

@@ -1,4 +1,4 @@
-"""How a model grows: the cap, who is chosen, what two Gaussians in the place of one look like."""
+"""How a model grows: the cap, the selected Gaussians, and the look of two Gaussians that replace one."""
 
 from __future__ import annotations
 

@@ -13,7 +13,7 @@ from tests.benchmarks.trajectory_scores import read_poses, score
 
 
 def _trajectory(count: int = 40) -> NDArray[np.float64]:
-    """(count, 4, 4) camera-to-world matrices along a bent way of a few metres."""
+    """(count, 4, 4) camera-to-world matrices along a bent way of a few meters."""
     rng = np.random.default_rng(2)
     poses = np.tile(np.eye(4), (count, 1, 1))
     s = np.linspace(0, 1, count)

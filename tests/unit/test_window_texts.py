@@ -1,5 +1,5 @@
-"""Nobody who writes the next panel can forget that a text from outside is plain text: what takes a text for markup is
-named here, with the files that may use it."""
+"""Text from files is shown as plain text. This test lists the functions that interpret markup and the files that may
+call them."""
 
 from __future__ import annotations
 
@@ -67,7 +67,7 @@ def _slips(source: str, name: str) -> list[str]:
 
 
 def _escaped(markup: ast.expr) -> bool:
-    """Of an f-string: figures and colours, and texts by `escape_html`."""
+    """Of an f-string: figures and colors, and texts by `escape_html`."""
     for part in ast.walk(markup):
         if isinstance(part, ast.FormattedValue) and isinstance(part.value, ast.Attribute) and part.value.attr == "text":
             return False

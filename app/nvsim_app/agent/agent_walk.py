@@ -218,7 +218,7 @@ class AgentWalk(QObject):
         if 0 <= index < len(places):
             self._go_on(Step(places[index].viewpointId if index else ""))
         elif index < 0:
-            self.refused.emit("That viewpoint is not navigable from here; turn towards it, or go nearer.")
+            self.refused.emit("That viewpoint is not navigable from here; turn toward it, or go nearer.")
         else:
             many = f"The navigable locations are 0 to {len(places) - 1}" if len(places) > 1 else "None is in view"
             self.refused.emit(f"There is no navigable location {index}. {many}; turn to see others.")

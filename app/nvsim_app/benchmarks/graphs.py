@@ -2,7 +2,7 @@
 hovered over, and the time of a single edit until both views have painted it with everything visible.
 
 The time of an edit includes the operation, history, difference, findings, and all painting. The benchmark also measures
-how long the event loop is blocked afterwards, while the panels update.
+how long the event loop is blocked afterward, while the panels update.
 """
 
 from __future__ import annotations

@@ -198,7 +198,7 @@ class PictureFeed(QObject):
         self._ask(moving=False)
 
     def release(self) -> None:
-        """Ends the rendering process. The feed must not be used afterwards."""
+        """Ends the rendering process. The feed must not be used afterward."""
         self._rest.stop()
         self._patience.stop()
         self.link.close()

@@ -1,5 +1,5 @@
 """Compiles the render kernels in the rendering process before the user needs them. The first time on a machine this
-takes half a minute; afterwards the cache is read quickly. Does not use Qt."""
+takes half a minute; afterward the cache is read quickly. Does not use Qt."""
 
 from __future__ import annotations
 

@@ -144,7 +144,7 @@ class FrameBrowser(QObject):
             self.left.emit()
 
     def release(self) -> None:
-        """Writes pending corrections and ends the thread and the process. The page must not be used afterwards."""
+        """Writes pending corrections and ends the thread and the process. The page must not be used afterward."""
         self.corrector.close()
         self._reader.stop()
         self.candidates.link.stop_process()

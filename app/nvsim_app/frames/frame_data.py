@@ -160,7 +160,7 @@ class Reader(QObject):
         self._do(index, task)
 
     def write(self, layout: Layout, frame: Frame, index: int, mask: NDArray[np.bool_] | None) -> None:
-        """Stores `mask` (H, W) bool as the correction; None removes it. Do not modify `mask` afterwards."""
+        """Stores `mask` (H, W) bool as the correction; None removes it. Do not modify `mask` afterward."""
 
         def task() -> None:
             write_correction(layout, frame, mask)

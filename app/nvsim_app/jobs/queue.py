@@ -255,7 +255,7 @@ class JobQueue(QObject):
         if self._jobs is None:
             return "no project is open"
         try:
-            check_order(self._jobs.root, job.order.verb, job.order.arguments, confined=True)
+            check_order(self._jobs.root, job.order, confined=True)
         except InputError as error:
             return str(error)
         return ""
@@ -265,7 +265,7 @@ class JobQueue(QObject):
         allowed or has changed meanwhile."""
         if self._jobs is None:
             return
-        check_order(self._jobs.root, seen.order.verb, seen.order.arguments, confined=True)
+        check_order(self._jobs.root, seen.order, confined=True)
         self._jobs.order_again(seen)
         self._begin(self._jobs, None if seen.order.heavy else seen.number)
         self._update_jobs()

@@ -25,7 +25,7 @@ class PaintsOver(Protocol):
 
     def paint(self, painter: QPainter, camera: Camera) -> None:
         """Paints over the image of `camera`, whose intrinsics use logical pixels of the widget. The caller sets the
-        opacity of the painter before, and restores its state afterwards."""
+        opacity of the painter before, and restores its state afterward."""
         ...
 
 

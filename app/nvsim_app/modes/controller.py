@@ -212,7 +212,7 @@ class _Input(QObject):
         self._start: Pointer | None = None
         self._dragging = False
         self._passing = False  # true while this object sends an event to the view
-        self._given_up = False  # the drag was cancelled while the button is still down
+        self._given_up = False  # the drag was canceled while the button is still down
         self._right: QPointF | None = None  # position of a right press that may still become a click
         surface.widget.setMouseTracking(True)
         surface.widget.installEventFilter(self)

@@ -151,7 +151,7 @@ def sentences(state: Calibrations, field: str, judge: Judge) -> str:
     row = state.figures_at(field, then["threshold"])
     words += f"{then['threshold']:.2f} would give {_figures(row, suffix)}"
     steps = "step opens" if row["beyond"] == 1 else "steps open"
-    return words + (f"; {row['beyond']} {steps} towards new places, use Build again." if row["beyond"] else ".")
+    return words + (f"; {row['beyond']} {steps} toward new places, use Build again." if row["beyond"] else ".")
 
 
 def status(state: Calibrations, document: Document, chosen: str) -> str:

@@ -125,7 +125,7 @@ class SceneView(QWidget):
             self.update()
 
     def release(self) -> None:
-        """Ends the rendering process. The view must not be used afterwards."""
+        """Ends the rendering process. The view must not be used afterward."""
         self.navigation.stop()
         self.feed.release()
 

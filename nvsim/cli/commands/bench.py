@@ -24,7 +24,7 @@ class BenchRender:
     """Measure the milliseconds of a view of many Gaussians, part by part, forward and backward, on the CPU or a GPU."""
 
     scene: Path | None = None
-    """A splat file (.ply, .spz, .splat, .sog), seen from (1.8, 1.6, 1.6) towards (6, 4.8, 1) with a field of view of 70
+    """A splat file (.ply, .spz, .splat, .sog), seen from (1.8, 1.6, 1.6) toward (6, 4.8, 1) with a field of view of 70
     degrees. Default: a room made in memory."""
     gaussians: int = 100_000
     """Gaussians of the room in memory."""

@@ -75,7 +75,7 @@ class BenchApp:
     """Measure a second time while a submap of the built-in building trains with low priority, as a job does."""
     kernels: Kernels = "kept"
     """Compiled kernels when the window opens: those that this machine has stored, those that an installation compiles,
-    or none. The last two use an empty cache that is deleted afterwards."""
+    or none. The last two use an empty cache that is deleted afterward."""
     cycles: int = 0
     """Close and open the project so many times, and report the memory growth of the window."""
     json: bool = False

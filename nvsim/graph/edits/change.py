@@ -84,7 +84,7 @@ class Change:
         self._touched_viewpoints[viewpoint.id] = None
 
     def remove_viewpoints(self, *ids: str) -> None:
-        """Remove viewpoints with their edges and all evidence measured from them or towards them. Raises EditError if
+        """Remove viewpoints with their edges and all evidence measured from them or toward them. Raises EditError if
         one does not exist, is locked, or has a locked edge."""
         gone = dict.fromkeys(ids)
         for id in gone:

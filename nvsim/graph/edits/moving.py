@@ -1,5 +1,5 @@
 """Move viewpoints: to given positions, to the line between two viewpoints, or to the builder's lattice. Evidence
-measured from or towards an old position is kept and marked as stale."""
+measured from or toward an old position is kept and marked as stale."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from nvsim.graph.types import NavGraph
 
 def move_viewpoints(graph: NavGraph, positions: Mapping[str, Place]) -> NavGraph:
     """Move each viewpoint to its new position (x, y, z), meters, world, at an unchanged height above the floor. The
-    viewpoints and their edges get the origin "person" and are not reviewed. The evidence measured from or towards them
+    viewpoints and their edges get the origin "person" and are not reviewed. The evidence measured from or toward them
     becomes stale.
 
     Raises EditError if one does not exist, is locked, or has a locked edge, or if a position is not finite.

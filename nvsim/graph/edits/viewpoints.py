@@ -55,7 +55,7 @@ def nearest_trajectory_position(position: Sequence[float], trajectory: Iterable[
 
 
 def remove_viewpoints(graph: NavGraph, ids: Iterable[str]) -> NavGraph:
-    """Remove viewpoints with their edges and all evidence measured from them or towards them.
+    """Remove viewpoints with their edges and all evidence measured from them or toward them.
 
     Raises EditError if one does not exist, is locked, or has a locked edge.
     """

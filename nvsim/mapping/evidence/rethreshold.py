@@ -31,7 +31,7 @@ class ThresholdEffect:
     new_edges, lost_edges  (M, 2) rows of the viewpoints that gain or lose an edge
     kept_by_user           number of edges that the thresholds refuse but that a user made or locked
     isolated_viewpoints    number of viewpoints that lose their last edge
-    new_steps              number of steps that newly open towards positions without a viewpoint; only a new build goes
+    new_steps              number of steps that newly open toward positions without a viewpoint; only a new build goes
                            there
     one_way_measured       number of edges that appear although the corridor back was not measured
     codes                  (E,) decisions of the evidence, see `EvidenceStack.decide`

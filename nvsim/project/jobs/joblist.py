@@ -101,7 +101,7 @@ class JobList:
     # Reading ----------------------------------------------------------------------------------------------------
 
     def jobs(self) -> list[Job]:
-        """All jobs by number. A job whose process has ended without a status is "interrupted", or paused or cancelled
+        """All jobs by number. A job whose process has ended without a status is "interrupted", or paused or canceled
         if the user asked for that."""
         newest = self._numbers()[-_MOST_JOBS:]
         return [job for number in newest if (job := self.job(number)) is not None]

@@ -91,7 +91,7 @@ class OpenGLRenderer:
         """Draws the newest ready frame into the framebuffer's viewport, and requests this view if it is a new one.
 
         Returns the camera of the drawn image: `camera` itself if the image is exact. Returns None if no frame is ready
-        yet and the viewport was cleared. The framebuffer is in use afterwards; blending and tests are off. Raises
+        yet and the viewport was cleared. The framebuffer is in use afterward; blending and tests are off. Raises
         errors of the preparation of an earlier view.
         """
         self._ask(model, camera)
@@ -137,7 +137,7 @@ class OpenGLRenderer:
         return pixels
 
     def _current(self) -> AbstractContextManager[object]:
-        """Makes an owned context current, and restores the previous one afterwards. Does nothing for a window's
+        """Makes an owned context current, and restores the previous one afterward. Does nothing for a window's
         context."""
         return self._context if self._owned else nullcontext()
 

@@ -1,7 +1,7 @@
 """The Gaussians under training as tensors on a CUDA GPU, drawn by gsplat.
 
 Parameters, moments, and the work of the color network are on the GPU. Each step transfers the two images with their
-gradients, and the weights of the small networks. Strategies get copies, which are written back afterwards."""
+gradients, and the weights of the small networks. Strategies get copies, which are written back afterward."""
 
 from __future__ import annotations
 
