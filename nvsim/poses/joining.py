@@ -28,6 +28,8 @@ _SPREAD_OF_CONFIRMED = 0.065  # the least deviation if pairs of images agree wit
 _PAIRS, _VERIFIED = 24, 5  # pairs of images that are compared; relative poses among them, at least, to judge a join
 _TURNED = 3.2  # degrees: median difference of their rotations, at most; 1 to 2.7 in right joins, 4 to 7 in wrong ones
 _FASTER = 3.0  # largest step between pieces, in units of the usual step
+RotationOf = Callable[[Pair], NDArray[np.float64] | None]
+"""The relative rotation (3, 3), first to second image, of a pair of images, by index. None if it is unknown."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -83,10 +85,6 @@ def piece_of(model: pycolmap.Reconstruction, numbers: Sequence[int], keypoints: 
         np.array(looks, np.float32).reshape(len(looks), -1) if looks else np.zeros((0, 0), np.float32),
         seen,
     )
-
-
-RotationOf = Callable[[Pair], NDArray[np.float64] | None]
-"""The relative rotation (3, 3), first to second image, of a pair of images, by index. None if it is unknown."""
 
 
 def join(
