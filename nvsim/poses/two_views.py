@@ -17,7 +17,7 @@ _ROTATED, _EPIPOLAR = 4.0, 2.0  # largest error of a match in pixels, in an imag
 _ALONE = 0.8  # a rotation is the result if it explains this share of the matches that the essential matrix explains
 _HYPOTHESES, _ROUNDS = 96, 6
 _INLIERS = 20
-_FLAT = 0.98  # share of the matches of an essential matrix that a homography explains, above which both are ambiguous
+_CALIBRATED = pycolmap.TwoViewGeometryConfiguration.CALIBRATED
 
 
 @dataclass(frozen=True, eq=False)
@@ -56,17 +56,22 @@ def relative_pose(
     pixel = longest / 640 / cameras[0].mean_focal_length()
     rotation = rotation_between(one, other, _ROTATED * pixel)
     turned = np.linalg.norm(other - one @ rotation.T, axis=1) < _ROTATED * pixel
-    found = _essential_pose(cameras, first, second, longest)
-    pose, inliers = (None, matches[:0]) if found is None else (found[0], matches[found[1]])
+    found = pycolmap.estimate_calibrated_two_view_geometry(
+        cameras[0], places[0], cameras[1], places[1], matches, _options(longest)
+    )
+    pose = found.cam2_from_cam1 if found.config == _CALIBRATED else None
+    inliers = np.zeros((0, 2), np.uint32) if pose is None else np.asarray(found.inlier_matches)
     if pose is not None and turned.sum() < _ALONE * len(inliers):
-        return TwoViews(np.asarray(pose.rotation.matrix()), inliers, False, _geometry(pose, inliers))
+        return TwoViews(np.asarray(pose.rotation.matrix()), inliers, False, found)
     if turned.sum() < _INLIERS:
         return None
     # Keep the matches of both: near points move against far ones, which determines the size of the room.
     agreed = np.unique(np.concatenate([matches[turned], inliers]), axis=0)
+    geometry = pycolmap.TwoViewGeometry()
+    geometry.config, geometry.inlier_matches = _CALIBRATED, agreed
     # A unit vector replaces the unknown translation. Global mapping uses rotations and tracks only.
-    pose = pycolmap.Rigid3d(pycolmap.Rotation3d(rotation), np.array([0, 0, 1.0]))
-    return TwoViews(rotation, agreed, True, _geometry(pose, agreed))
+    geometry.cam2_from_cam1 = pycolmap.Rigid3d(pycolmap.Rotation3d(rotation), np.array([0, 0, 1.0]))
+    return TwoViews(rotation, agreed, True, geometry)
 
 
 def share_of_agreeing_matches(
@@ -95,15 +100,9 @@ def share_of_agreeing_matches(
 
 def from_matches(matches: NDArray[np.uint32]) -> TwoViews:
     """Two images that share these matches (M, 2), without a relative pose."""
-    return TwoViews(np.eye(3), matches, True, _geometry(None, matches))
-
-
-def _geometry(pose: pycolmap.Rigid3d | None, matches: NDArray[np.uint32]) -> pycolmap.TwoViewGeometry:
     geometry = pycolmap.TwoViewGeometry()
-    geometry.config, geometry.inlier_matches = pycolmap.TwoViewGeometryConfiguration.CALIBRATED, matches
-    if pose is not None:
-        geometry.cam2_from_cam1 = pose
-    return geometry
+    geometry.config, geometry.inlier_matches = _CALIBRATED, matches
+    return TwoViews(np.eye(3), matches, True, geometry)
 
 
 def rotation_between(one: NDArray[np.float64], other: NDArray[np.float64], near: float) -> NDArray[np.float64]:
@@ -133,22 +132,14 @@ def _frames(a: NDArray[np.float64], b: NDArray[np.float64]) -> NDArray[np.float6
     return np.asarray(axes / np.maximum(np.linalg.norm(axes, axis=1, keepdims=True), 1e-12))
 
 
-def _essential_pose(
-    cameras: tuple[pycolmap.Camera, pycolmap.Camera],
-    first: NDArray[np.float64],
-    second: NDArray[np.float64],
-    longest_side: int,
-) -> tuple[pycolmap.Rigid3d, NDArray[np.bool_]] | None:
-    """The second camera from the first by an essential matrix, and which of the matched pixels `first` and `second`
-    (M, 2) agree. None if too few agree. Also None if a homography explains them: such an essential matrix gave
+def _options(longest_side: int) -> pycolmap.TwoViewGeometryOptions:
+    """Options that prefer an essential matrix to a homography. The decomposition of a homography is ambiguous: it gave
     rotations that were 5 to 50 degrees off."""
-    options = pycolmap.RANSACOptions()
-    options.max_error = _EPIPOLAR * longest_side / 640
-    options.min_num_trials, options.max_num_trials, options.random_seed = 100, 1000, 0
-    found = pycolmap.estimate_essential_matrix(first, second, cameras[0], cameras[1], options)
-    if found is None or found["num_inliers"] < _INLIERS:
-        return None
-    flat = pycolmap.estimate_homography_matrix(first, second, options)
-    if flat is not None and flat["num_inliers"] > _FLAT * found["num_inliers"]:
-        return None
-    return found["cam2_from_cam1"], np.asarray(found["inlier_mask"], bool)
+    options = pycolmap.TwoViewGeometryOptions()
+    options.ransac.max_error = _EPIPOLAR * longest_side / 640
+    options.ransac.max_num_trials = 1000
+    options.ransac.random_seed = 0
+    options.min_num_inliers = _INLIERS
+    options.min_E_F_inlier_ratio, options.max_H_inlier_ratio = 0.6, 0.98
+    options.compute_relative_pose = True
+    return options
