@@ -25,6 +25,7 @@ _NEAR = 0.03  # largest distance of matched points, as a share of the piece's ex
 _SPREAD = 0.08  # least second deviation of the agreeing points, as a share of the extent
 _MANY, _SPREAD_OF_MANY = 250, 0.05  # points that agree, at least, for this least deviation
 _SPREAD_OF_CONFIRMED = 0.065  # the least deviation if pairs of images agree with the join
+_APART = 17  # frames between the images of such a pair, at least: near ones agree although both are at a wrong place
 _PAIRS, _VERIFIED = 24, 5  # pairs of images that are compared; relative poses among them, at least, to judge a join
 _TURNED = 3.2  # degrees: median difference of their rotations, at most; 1 to 2.7 in right joins, 4 to 7 in wrong ones
 _FASTER = 3.0  # largest step between pieces, in units of the usual step
@@ -137,10 +138,11 @@ def _pairs_with_enough_points(shared: dict[Pair, dict[int, int]]) -> dict[Pair, 
 def _confirmed(
     poses: dict[int, pycolmap.Rigid3d], shared: dict[Pair, dict[int, int]], rotation_of: RotationOf
 ) -> bool | None:
-    """Whether the relative rotations of the pairs of images that share most points agree with the `poses`. None if too
-    few are known."""
+    """Whether the relative rotations of the pairs of images that share most points, far apart in the video, agree with
+    the `poses`. None if too few are known."""
     off = []
-    for i, j in sorted(shared, key=lambda pair: -len(shared[pair]))[:_PAIRS]:
+    apart = [(i, j) for i, j in shared if j - i >= _APART]
+    for i, j in sorted(apart, key=lambda pair: -len(shared[pair]))[:_PAIRS]:
         rotation = rotation_of((i, j))
         if rotation is not None:
             relative = poses[j + 1].rotation.matrix() @ poses[i + 1].rotation.matrix().T
