@@ -22,7 +22,7 @@ from nvsim.poses.focal_length import estimate_focal_length
 from nvsim.poses.guided_matching import guided_pairs
 from nvsim.poses.image_pairs import ALIKE, neighbor_pairs, similar_pairs
 from nvsim.poses.image_set import ImageSet
-from nvsim.poses.joining import PosePiece, RotationOf, join, piece_of
+from nvsim.poses.joining import PosePiece, join, piece_of
 from nvsim.poses.loops import close_loops
 from nvsim.poses.mapping import (
     adjust_all,
@@ -84,7 +84,6 @@ _BESIDE = 0.2  # median depths between an image beside a piece and the end of th
 _LOOSE = 0.03  # standard deviation of the log scale above which a straightened video is split
 _KEPT = 0.95  # share of the observed points that remain if a video is straightened again, at least
 _CENTERED = 30  # images that are needed to estimate the principal point
-_FEWEST_OF_JOIN = 30  # matches of two images whose relative pose judges a join, at least
 _FEWEST = {True: 15, False: 25}  # matches of a pair, at least: of neighbors, of other pairs
 ProgressCallback = Callable[[str, int, int], None]
 """Called with the name of the current step, the number of finished items, and their total."""
@@ -253,7 +252,7 @@ def _straight_videos(
             pieces += [piece_of(straight[0], p, inputs.keypoints) for p in straight[2] if len(p) >= LEAST]
     if not pieces:
         return None
-    poses, views = _join_pieces(pieces, dict(models[0].cameras.items()), inputs)
+    poses, views = _join_pieces(pieces, inputs)
     write_geometries(inputs.path, views)
     model = _triangulate_and_adjust(poses, dict(models[0].cameras.items()), inputs, True)
     model, _, loops = _close_loops(model, views, inputs, True)
@@ -338,8 +337,7 @@ def _joined_again(
         if best is None or len(pieces[0]) > len(best[2][0]):
             best = model, views, pieces
         large = [piece_of(model, p, inputs.keypoints) for p in pieces if len(p) >= LEAST]
-        rotation_of = _rotation_of(inputs, dict(model.cameras.items()))
-        poses, across = join(large, inputs.images.clips, rotation_of) if len(large) > 1 else ({}, {})
+        poses, across = join(large, inputs.images.clips) if len(large) > 1 else ({}, {})
         joined = [piece for piece in pieces if piece[0] in poses]
         if len(joined) < 2:
             break
@@ -376,7 +374,7 @@ def _join_firm_pieces(
     first = models[0] if base is None else base
     if len(pieces) < 2:
         return first, inputs.views
-    poses, views = _join_pieces(pieces, dict(first.cameras.items()), inputs)
+    poses, views = _join_pieces(pieces, inputs)
     if len(views) == len(inputs.views) and base is not None:
         return base, inputs.views
     write_geometries(inputs.path, views)
@@ -384,26 +382,12 @@ def _join_firm_pieces(
 
 
 def _join_pieces(
-    pieces: list[PosePiece], cameras: Mapping[int, pycolmap.Camera], inputs: _MappingInputs
+    pieces: list[PosePiece], inputs: _MappingInputs
 ) -> tuple[dict[int, pycolmap.Rigid3d], dict[Pair, TwoViews]]:
     """Poses, world to camera by image number, of the pieces that match the largest one. Also the image pairs that
     connect them."""
-    poses, across = join(pieces, inputs.images.clips, _rotation_of(inputs, cameras))
+    poses, across = join(pieces, inputs.images.clips)
     return poses, inputs.views | {pair: from_matches(own) for pair, own in across.items() if pair not in inputs.views}
-
-
-def _rotation_of(inputs: _MappingInputs, cameras: Mapping[int, pycolmap.Camera]) -> RotationOf:
-    def rotation_of(pair: Pair) -> NDArray[np.float64] | None:
-        one, other = (inputs.keypoints[i] for i in pair)
-        if pair not in inputs.matches:
-            inputs.matches[pair] = one.matches(other, False)
-        if len(inputs.matches[pair]) < _FEWEST_OF_JOIN:
-            return None
-        both = (cameras[int(inputs.images.camera[pair[0]]) + 1], cameras[int(inputs.images.camera[pair[1]]) + 1])
-        found = relative_pose(both, (one.places, other.places), inputs.matches[pair])
-        return None if found is None else found.rotation
-
-    return rotation_of
 
 
 def _triangulate_and_adjust(

@@ -149,26 +149,6 @@ def test_many_points_may_be_near_each_other_and_few_may_not() -> None:
     assert joined(100) == 24
 
 
-def test_relative_rotations_confirm_or_refuse_a_join() -> None:
-    poses = walk()
-    rng = np.random.default_rng(5)
-    counter = np.array([1.5, 3, 0]) + rng.uniform(-1, 1, (200, 3)) * [1.2, 0.45, 0.3]
-
-    def joined(degrees: float | None, places: NDArray[np.float64] | None) -> int:
-        def rotation_of(pair: tuple[int, int]) -> NDArray[np.float64] | None:
-            first, second = (poses[k + 1].rotation.matrix() for k in pair)
-            off = Rotation.from_euler("y", degrees or 0, degrees=True).as_matrix()
-            return None if degrees is None else np.asarray(off @ second @ first.T)
-
-        base = piece(poses, 1, 24, numbers(0, 200), points=places)
-        other = piece(poses, 25, 40, numbers(0, 200), points=places).transformed(APART)
-        return len(join([base, other], ONE_VIDEO, rotation_of)[0])
-
-    assert (joined(0.5, None), joined(6.0, None), joined(None, None)) == (40, 24, 40)
-    # Points near each other determine the similarity less, and need images that confirm it.
-    assert (joined(0.5, counter), joined(6.0, counter), joined(None, counter)) == (40, 24, 24)
-
-
 def test_images_of_two_pieces_may_alternate() -> None:
     poses = walk()
     base, other = piece(poses, 1, 40, numbers(0, 200)), piece(poses, 1, 40, numbers(120, 300))
