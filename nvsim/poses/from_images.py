@@ -53,6 +53,7 @@ from nvsim.poses.pieces import (
     names_in,
     split_after,
     split_into_pieces,
+    split_off,
     submodel,
     with_images_beside,
     with_single_images,
@@ -64,6 +65,7 @@ from nvsim.poses.straightening import (
     contradicts_floor,
     level_and_scale,
     merge_turning_pieces,
+    rotated_images,
     straighten_video,
 )
 from nvsim.poses.threads import thread_pool
@@ -190,11 +192,13 @@ def _complete(models: list[pycolmap.Reconstruction], inputs: _MappingInputs, pla
     if images.ordered:
         for found in models:
             correct_rotations(found, inputs.views)
+        firm = firmly_connected_pieces(model, images.times)[0]
         model, views, loops = _close_loops(*_join_firm_pieces(None, models, inputs), inputs, False)
         model, joined, pieces = _joined_again(model, views, inputs)
         if len(joined) > len(views):  # the joined pieces are now near enough to show places of each other again
             model, _, loops = _close_loops(model, joined, inputs, False, loops)
             pieces = with_images_beside(model, pieces, _BESIDE * median_depth(model))
+        pieces = split_off(pieces, rotated_images(model, firm, images.folder))
         bent = contradicts_floor(model, images.folder)
         if bent or len(pieces[0]) < _ENOUGH * len(images.names):
             placed([model])

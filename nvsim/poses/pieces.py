@@ -32,6 +32,12 @@ def split_after(pieces: Iterable[Sequence[int]], cuts: Collection[int]) -> list[
     return sorted(found, key=len, reverse=True)
 
 
+def split_off(pieces: Iterable[Sequence[int]], images: Collection[int]) -> list[list[int]]:
+    """The `pieces` (image numbers), without `images`, which become pieces of their own; the largest first."""
+    parts = [[n for n in piece if (n in images) == apart] for piece in pieces for apart in (False, True)]
+    return sorted((part for part in parts if part), key=len, reverse=True)
+
+
 def with_single_images(pieces: Sequence[Sequence[int]]) -> list[list[int]]:
     """The `pieces` (image numbers), the largest first, where a single image belongs to the piece of the image before
     and the image after it: its place is between theirs."""

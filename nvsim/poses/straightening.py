@@ -8,7 +8,7 @@ its viewing direction.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
@@ -53,6 +53,7 @@ _LONGEST_TURN, _TURNING = 45, 2.5  # of a rotation in place: images, at most; de
 _CHECKED = 4  # parts with a floor that are needed to test whether a reconstruction has one scale
 _OTHER_SCALE, _OTHER_SHARE = 0.06, 0.15  # deviation of the log scale; allowed share of parts beyond it
 _SAME_HEIGHT, _SAME_UP, _SAME_WALL = 0.06, 3.0, 3.0  # largest differences across a turn: logarithm, degrees, degrees
+_ROTATED_WALL, _OTHER_WALL, _MAIN_SHARE = 3.0, 15.0, 0.5  # degrees from the main direction: wrong; of another wing
 _STILL, _SAME_TURN = 0.1, 3.0  # camera heights, degrees: largest differences of two poses of an image of a turn
 _REACH = 0.5  # camera heights between an image beside a piece and the end of the piece, at most
 _SHARED = 15  # points shared with another image, at least, for an image of a turn to be kept
@@ -161,6 +162,30 @@ def contradicts_floor(model: pycolmap.Reconstruction, folder: Path) -> bool:
         return False
     off = np.abs(median_filter(logs, 3, mode="nearest") - np.median(logs))
     return bool(((off > _OTHER_SCALE) & (off < _SLIPPED)).mean() > _OTHER_SHARE)
+
+
+def rotated_images(model: pycolmap.Reconstruction, firm: Collection[int], folder: Path) -> set[int]:
+    """The images of a reconstruction whose walls are rotated relative to those of the other images.
+
+    Where a camera rotates in place, the points may agree with a rotation that is some degrees wrong; the walls of a
+    building do not. The images `firm` are connected well and not tested: the walls of a wing may have their own
+    direction. Empty if most parts of the video do not agree on a direction. `folder` has the images."""
+    numbers = np.array(sorted(model.reg_image_ids()))
+    runs = np.split(numbers, np.flatnonzero(np.diff(np.isin(numbers, list(firm)))) + 1)
+    groups = [part.tolist() for run in runs for part in np.array_split(run, -(-len(run) // _LENGTH))]
+    found = anchors_of(model, groups, folder)
+    known = np.isfinite(found.wall).all(axis=1)
+    if known.sum() < _CHECKED:
+        return set()
+    up = np.nansum(found.up, axis=0)
+    walls = found.wall[known] @ np.stack(level_axes(up / np.linalg.norm(up)), axis=1)
+    angles = np.degrees(np.arctan2(walls[:, 1], walls[:, 0]))
+    apart = np.abs((angles[:, None] - angles + 45) % 90 - 45)
+    off = apart[(apart < _ROTATED_WALL).sum(axis=1).argmax()]
+    if (off < _ROTATED_WALL).mean() < _MAIN_SHARE:
+        return set()
+    wrong = np.flatnonzero(known)[(off > _ROTATED_WALL) & (off < _OTHER_WALL)]
+    return {n for k in wrong for n in groups[k] if n not in firm}
 
 
 def merge_turning_pieces(

@@ -5,16 +5,23 @@ from __future__ import annotations
 from dataclasses import replace
 from pathlib import Path
 
+import cv2
 import numpy as np
 import pycolmap
 import pytest
-from known_reconstruction import center_of, facing, pose, reconstruction, seen_from, turned
+from known_reconstruction import HEIGHT, WIDTH, center_of, facing, places_in, pose, reconstruction, seen_from, turned
 from numpy.typing import NDArray
 
 from nvsim.geometry.rotation import rotation_angle
 from nvsim.poses import straightening
-from nvsim.poses.pieces import names_in, with_images_beside, with_single_images
-from nvsim.poses.straightening import contradicts_floor, level_and_scale, merge_turning_pieces, straighten_video
+from nvsim.poses.pieces import names_in, split_off, with_images_beside, with_single_images
+from nvsim.poses.straightening import (
+    contradicts_floor,
+    level_and_scale,
+    merge_turning_pieces,
+    rotated_images,
+    straighten_video,
+)
 from nvsim.poses.two_views import TwoViews, from_matches
 
 HIGH, STEP = 1.5, 0.4  # meters
@@ -284,6 +291,10 @@ def test_a_single_image_belongs_to_the_piece_around_it() -> None:
     assert with_single_images(pieces) == [[1, 2, 3, 4, 5, 6, 7, 8], [10, 11, 12], [9], [13]]
 
 
+def test_images_that_are_split_off_become_pieces() -> None:
+    assert split_off([[1, 2, 3, 4, 5], [6, 7, 8]], {4, 5, 8, 9}) == [[1, 2, 3], [4, 5], [6, 7], [8]]
+
+
 def test_a_stretch_of_another_scale_contradicts_the_floor(tmp_path: Path) -> None:
     true = true_walk()
     assert not contradicts_floor(slipped(true, [1.0, 1.0, 1.0], turned(20, (1, 2, 3))), tmp_path)
@@ -317,3 +328,32 @@ def test_vertical_edges_determine_up_in_place_of_the_floor(monkeypatch: pytest.M
     assert level_and_scale(model, Path("no images"))
     rotated = model.images[1].cam_from_world().rotation.matrix().T @ upright
     assert rotated @ edges == pytest.approx([0, 0, 1], abs=1e-6)
+
+
+def draw_shelves(folder: Path, true: dict[int, pycolmap.Rigid3d]) -> None:
+    """The images of a hall with shelves along both directions of its walls."""
+    spots = np.arange(-6.0, 26.0, 2.0)
+    ends = [((-8, y, z), (28, y, z)) for y in spots for z in (0.4, 2.0)]
+    ends += [((x, -8, z), (x, 28, z)) for x in spots for z in (0.4, 2.0)]
+    segments = np.array(ends)[:, 0, None] + np.linspace(0, 1, 400)[:, None] * np.diff(np.array(ends), axis=1)
+    for n, one in true.items():
+        image = np.full((HEIGHT, WIDTH), 200, np.uint8)
+        for segment in segments:
+            places, shown = places_in(one, segment)
+            near = shown & (np.linalg.norm(segment - center_of(one), axis=1) < 6)
+            if near.sum() > 1:
+                cv2.polylines(image, [np.round(places[near]).astype(np.int32)], False, 0, 3)
+        assert cv2.imwrite(str(folder / f"{n:06d}.jpg"), image)
+
+
+def test_images_are_rotated_if_their_walls_are(tmp_path: Path) -> None:
+    true = true_walk()
+    draw_shelves(tmp_path, true)
+    (first, _), after = stages(2)[0], range(stages(2)[2][0], stages(2)[2][1] + 1)
+    for degrees, found in ((0.0, set()), (1.0, set()), (6.0, set(after)), (30.0, set())):  # 30: another wing
+        own = turned(degrees, (0, 0, 1))
+        moved = true | {n: pose(true[n].rotation.matrix() @ own.T, center_of(true[n])) for n in after}
+        model = slipped(moved, [1.0, 1.0, 1.0], np.eye(3))
+        before_turn = range(first, first + LEG + TURN)
+        assert rotated_images(model, list(before_turn), tmp_path) == found
+        assert rotated_images(model, list(true), tmp_path) == set()  # well connected images are right
