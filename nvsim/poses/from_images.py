@@ -192,13 +192,12 @@ def _complete(models: list[pycolmap.Reconstruction], inputs: _MappingInputs, pla
     if images.ordered:
         for found in models:
             correct_rotations(found, inputs.views)
-        firm = firmly_connected_pieces(model, images.times)[0]
         model, views, loops = _close_loops(*_join_firm_pieces(None, models, inputs), inputs, False)
         model, joined, pieces = _joined_again(model, views, inputs)
         if len(joined) > len(views):  # the joined pieces are now near enough to show places of each other again
             model, _, loops = _close_loops(model, joined, inputs, False, loops)
             pieces = with_images_beside(model, pieces, _BESIDE * median_depth(model))
-        pieces = split_off(pieces, rotated_images(model, firm, images.folder))
+        pieces = split_off(pieces, rotated_images(model, images.folder, inputs.views, len(images.names)))
         bent = contradicts_floor(model, images.folder)
         if bent or len(pieces[0]) < _ENOUGH * len(images.names):
             placed([model])

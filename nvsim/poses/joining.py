@@ -20,7 +20,7 @@ from nvsim.poses.match_database import Keypoints, Pair
 _RATIO = 0.9  # distance to the best match over the distance to the second best
 _FEWEST = 25  # points that agree, at least; wrong similarities had 10 at most
 _NEAR = 0.03  # largest distance of matched points, as a share of the piece's extent
-_SPREAD = 0.08  # least second deviation of the agreeing points, as a share of the extent
+_SPREAD = 0.065  # least second deviation of the agreeing points, as a share of the extent
 _MANY, _SPREAD_OF_MANY = 250, 0.05  # points that agree, at least, for this least deviation
 _FASTER = 3.0  # largest step between pieces, in units of the usual step
 

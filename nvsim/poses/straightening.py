@@ -8,7 +8,7 @@ its viewing direction.
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
@@ -164,15 +164,27 @@ def contradicts_floor(model: pycolmap.Reconstruction, folder: Path) -> bool:
     return bool(((off > _OTHER_SCALE) & (off < _SLIPPED)).mean() > _OTHER_SHARE)
 
 
-def rotated_images(model: pycolmap.Reconstruction, firm: Collection[int], folder: Path) -> set[int]:
-    """The images of a reconstruction whose walls are rotated relative to those of the other images.
+def rotated_images(
+    model: pycolmap.Reconstruction, folder: Path, views: Mapping[tuple[int, int], TwoViews], count: int
+) -> set[int]:
+    """The images of a video of `count` images whose walls are rotated relative to those of most images.
 
     Where a camera rotates in place, the points may agree with a rotation that is some degrees wrong; the walls of a
-    building do not. The images `firm` are connected well and not tested: the walls of a wing may have their own
-    direction. Empty if most parts of the video do not agree on a direction. `folder` has the images."""
-    numbers = np.array(sorted(model.reg_image_ids()))
-    runs = np.split(numbers, np.flatnonzero(np.diff(np.isin(numbers, list(firm)))) + 1)
-    groups = [part.tolist() for run in runs for part in np.array_split(run, -(-len(run) // _LENGTH))]
+    building do not. The images between two such turns are rotated if all of their walls are, with the images of the
+    turns. Empty if most parts of the video do not agree on a direction. `folder` has the images. `views` are relative
+    poses of pairs of images, by index."""
+    registered = set(model.reg_image_ids())
+    rotating = _only_rotating(views, count)
+    turning = np.concatenate([[False], rotating[:-1] & rotating[1:], [False]])
+    runs = np.split(np.arange(1, count + 1), np.flatnonzero(np.diff(turning)) + 1)
+    groups: list[list[int]] = []
+    run_of: list[int] = []
+    for k, run in enumerate(runs):
+        own = [n for n in run.tolist() if n in registered]
+        if not turning[run[0] - 1] and len(own) >= _FEWEST:
+            parts = np.array_split(own, -(-len(own) // _LENGTH))
+            groups += [part.tolist() for part in parts]
+            run_of += [k] * len(parts)
     found = anchors_of(model, groups, folder)
     known = np.isfinite(found.wall).all(axis=1)
     if known.sum() < _CHECKED:
@@ -182,10 +194,13 @@ def rotated_images(model: pycolmap.Reconstruction, firm: Collection[int], folder
     angles = np.degrees(np.arctan2(walls[:, 1], walls[:, 0]))
     apart = np.abs((angles[:, None] - angles + 45) % 90 - 45)
     off = apart[(apart < _ROTATED_WALL).sum(axis=1).argmax()]
-    if (off < _ROTATED_WALL).mean() < _MAIN_SHARE:
+    if (off < _ROTATED_WALL).mean() <= _MAIN_SHARE:
         return set()
-    wrong = np.flatnonzero(known)[(off > _ROTATED_WALL) & (off < _OTHER_WALL)]
-    return {n for k in wrong for n in groups[k] if n not in firm}
+    own_run = np.array(run_of)[known]
+    is_right = (off <= _ROTATED_WALL) | (off >= _OTHER_WALL)
+    wrong = set(own_run.tolist()) - set(own_run[is_right].tolist())
+    beside = {n for k in wrong for n in (k - 1, k + 1) if 0 <= n < len(runs) and turning[runs[n][0] - 1]}
+    return registered & {n for k in wrong | beside for n in runs[k].tolist()}
 
 
 def merge_turning_pieces(

@@ -347,13 +347,14 @@ def draw_shelves(folder: Path, true: dict[int, pycolmap.Rigid3d]) -> None:
 
 
 def test_images_are_rotated_if_their_walls_are(tmp_path: Path) -> None:
-    true = true_walk()
+    true = true_walk(3)
     draw_shelves(tmp_path, true)
-    (first, _), after = stages(2)[0], range(stages(2)[2][0], stages(2)[2][1] + 1)
-    for degrees, found in ((0.0, set()), (1.0, set()), (6.0, set(after)), (30.0, set())):  # 30: another wing
+    last, first, count = stages(3)[2][1], stages(3)[4][0], len(true)
+    turn = {(n - 1, n): from_matches(np.zeros((0, 2), np.uint32)) for n in range(last, first)}
+    for degrees, found in ((0.0, ()), (1.0, ()), (6.0, range(last + 1, count + 1)), (30.0, ())):  # 30: another wing
         own = turned(degrees, (0, 0, 1))
+        after = range(first, count + 1)
         moved = true | {n: pose(true[n].rotation.matrix() @ own.T, center_of(true[n])) for n in after}
-        model = slipped(moved, [1.0, 1.0, 1.0], np.eye(3))
-        before_turn = range(first, first + LEG + TURN)
-        assert rotated_images(model, list(before_turn), tmp_path) == found
-        assert rotated_images(model, list(true), tmp_path) == set()  # well connected images are right
+        model = slipped(moved, [1.0] * 5, np.eye(3))
+        assert rotated_images(model, tmp_path, turn, count) == set(found)
+        assert rotated_images(model, tmp_path, {}, count) == set()  # a wing that the camera walks into
