@@ -14,6 +14,7 @@ from hypothesis import strategies as st
 
 from nvsim.errors import InputError
 from nvsim.networks.image_preparation import Preparation
+from nvsim.networks.onnx_server import import_onnxruntime
 from nvsim.networks.onnx_session import providers
 from nvsim.r2r.features.network import Description, Network, parse_description
 
@@ -152,9 +153,7 @@ def test_bytes_that_are_no_network_are_refused(tmp_path: Path) -> None:
 
 
 def test_a_provider_that_onnxruntime_has_not_is_named() -> None:
-    import onnxruntime
-
-    if "CUDAExecutionProvider" in onnxruntime.get_available_providers():
+    if "CUDAExecutionProvider" in import_onnxruntime().get_available_providers():
         assert providers("cuda") == ["CUDAExecutionProvider"]
     else:
         with pytest.raises(InputError, match="cannot run on cuda .it has .*CPUExecutionProvider.*onnxruntime-gpu"):
