@@ -29,7 +29,7 @@ EPISODE = {
 GOAL = {"position", "radius", "object_id", "object_name", "object_name_id", "object_category", "room_id", "room_name"}
 GOAL |= {"view_points"}
 IMAGE = {"position", "rotation", "hfov", "image_dimensions", "frame_coverage", "object_coverage"}
-FEW = ["--fewest-edges", "2", "--least-metres", "2", "--train", "8", "--val-seen", "2", "--val-unseen", "0"]
+FEW = ["--fewest-edges", "2", "--least-meters", "2", "--train", "8", "--val-seen", "2", "--val-unseen", "0"]
 SOFA = Block((1.2, 4.0, 0), (3.2, 4.9, 0.82), (0, 0, 0))
 CABINET = Block((4.3, 2.6, 0), (4.95, 4.1, 1.8), (0, 0, 0))
 

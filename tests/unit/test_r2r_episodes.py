@@ -79,7 +79,7 @@ def test_sampled_paths_avoid_a_door_that_is_too_narrow(tmp_path: Path, capsys: p
     blocks, graph = flat_house(0.45)
     scans, out = export_blocks(tmp_path / "scans", blocks, graph), tmp_path / "tasks"
     command = ["export", "tasks", "--scans", str(scans), "--out", str(out), "--fewest-edges", "2"]
-    command += ["--least-metres", "3", "--train", "20", "--val-seen", "4", "--val-unseen", "0"]
+    command += ["--least-meters", "3", "--train", "20", "--val-seen", "4", "--val-unseen", "0"]
 
     def through_the_door() -> list[bool]:
         tasks = [task for name in ("train", "val_seen") for task in json.loads((out / f"R2R_{name}.json").read_text())]
@@ -124,7 +124,7 @@ def test_rotations_turn_habitats_ahead_to_where_one_looks(degrees: float) -> Non
 def test_files_are_as_their_readers_want_them(tmp_path: Path) -> None:
     blocks, graph = flat_house()
     scans, out = export_blocks(tmp_path / "scans", blocks, graph), tmp_path / "tasks"
-    few = ["--fewest-edges", "2", "--least-metres", "3", "--train", "6", "--val-seen", "2", "--val-unseen", "0"]
+    few = ["--fewest-edges", "2", "--least-meters", "3", "--train", "6", "--val-seen", "2", "--val-unseen", "0"]
     command = ["export", "tasks", "--scans", str(scans), "--out", str(out), *few]
     assert main([*command, "--vlnce", "--streamvln", "--json"]) == 0
     tasks = {task["path_id"]: task for task in json.loads((out / "R2R_train.json").read_text())}

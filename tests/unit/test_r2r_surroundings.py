@@ -124,7 +124,7 @@ def test_sight_tells_apart_what_turns_and_metres_do_not(house: Seen) -> None:
 def test_instructions_name_what_is_seen_and_are_followed_again(house: Seen) -> None:
     graph, seen = house
     dataset = sample_tasks(
-        [graph], (), PathBounds(fewest_edges=2, least_metres=3), PathCounts(30, 2, 0, unseen_share=0.01)
+        [graph], (), PathBounds(fewest_edges=2, least_meters=3), PathCounts(30, 2, 0, unseen_share=0.01)
     )
     told = instruct(dataset, [graph], 3, 0, {graph.scan: seen})
     assert told.paths > 15 and len(told.found) >= 0.9 * told.paths

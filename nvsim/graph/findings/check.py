@@ -42,7 +42,7 @@ def check_graph(graph: NavGraph, context: Context = _NOTHING) -> list[Finding]:
         message = f"{len(ids)} viewpoints around {graph.short(ids[0])} cannot be reached from the others."
         fixes = (Fix("Exclude them", "include", {"ids": list(ids), "included": False}),)
         found.append(Finding("island", "warning", message, ids, fixes=fixes))
-    places, beside = Neighbourhood(context.limits.near), Neighbourhood(context.limits.neighbours)
+    places, beside = Neighbourhood(context.limits.near), Neighbourhood(context.limits.neighbors)
     for viewpoint in graph.viewpoints.values():
         places.set_viewpoint(viewpoint)
         beside.set_viewpoint(viewpoint)
@@ -242,7 +242,7 @@ def about_detour(graph: NavGraph, key: EdgeKey, context: Context) -> list[Findin
 def influence_radius(limits: Limits) -> float:
     """Return the radius in meters around the ends of changed edges within which detour findings can change. Each
     changed path is at most `detour` long, so one of its halves is within half of that."""
-    return max(limits.neighbours, limits.detour / 2)
+    return max(limits.neighbors, limits.detour / 2)
 
 
 def ids_within(graph: NavGraph, start: str, limit: float) -> set[str]:
@@ -312,7 +312,7 @@ class DetourFindings:
 def _may_join(graph: NavGraph, key: EdgeKey, limits: Limits) -> bool:
     """Whether two viewpoints without an edge could have a short and level one."""
     a, b = graph.viewpoints[key[0]], graph.viewpoints[key[1]]
-    if key in graph.edges or not limits.near <= math.dist(a.position, b.position) < limits.neighbours:
+    if key in graph.edges or not limits.near <= math.dist(a.position, b.position) < limits.neighbors:
         return False
     rise = abs(a.position[2] - a.height - b.position[2] + b.height)
     run = math.hypot(a.position[0] - b.position[0], a.position[1] - b.position[1])

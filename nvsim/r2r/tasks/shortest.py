@@ -89,9 +89,9 @@ class PathBounds:
     """Smallest number of edges in a path."""
     most_edges: int = 6
     """Largest number of edges in a path."""
-    least_metres: float = 5.0
+    least_meters: float = 5.0
     """Smallest length of a path in meters."""
-    most_metres: float = math.inf
+    most_meters: float = math.inf
     """Largest length of a path in meters."""
     ties: bool = False
     """Also use paths that have an alternative at most 1 cm longer. Agents may be taught the alternative."""
@@ -102,10 +102,10 @@ class PathBounds:
                 f"No path has from {self.fewest_edges} to {self.most_edges} edges; give --fewest-edges from 1 to "
                 f"--most-edges, and --most-edges up to {LONGEST}."
             )
-        if not 0 <= self.least_metres <= self.most_metres:
+        if not 0 <= self.least_meters <= self.most_meters:
             raise InputError(
-                f"No path is from {self.least_metres:g} to {self.most_metres:g} m long; give --least-metres from 0 to "
-                "--most-metres."
+                f"No path is from {self.least_meters:g} to {self.most_meters:g} m long; give --least-meters from 0 to "
+                "--most-meters."
             )
 
 
@@ -149,7 +149,7 @@ def eligible_paths(ways: PathGraph, bounds: PathBounds) -> EligiblePaths:
     for source in range(len(ways.ids)):
         tree = shortest.tree(source, most)
         fits = (tree.edges >= bounds.fewest_edges) & (tree.edges <= most)
-        fits &= (tree.metres >= bounds.least_metres) & (tree.metres <= bounds.most_metres)
+        fits &= (tree.metres >= bounds.least_meters) & (tree.metres <= bounds.most_meters)
         fits[: source + 1] = False  # these pairs were tested from their other end
         if not bounds.ties and fits.any():
             fits &= ~ways.shortest_paths_with_ties(source)[2]

@@ -237,15 +237,18 @@ def _task(path_id: int, scan: _Scan, rows: tuple[int, ...], random: Random) -> T
 
 
 def _why_none(split: str, bounds: PathBounds, robot: bool) -> str:
-    what = f"path of {bounds.fewest_edges} to {bounds.most_edges} edges and at least {bounds.least_metres:g} m"
+    what = f"path of {bounds.fewest_edges} to {bounds.most_edges} edges and at least {bounds.least_meters:g} m"
     what += " with room for a robot" if robot else ""
     if split == "val_unseen":
         return (
-            f"No region contains a {what} for val_unseen; give a larger --unseen-share, name whole scans with "
-            "--unseen, change the bounds, or give --val-unseen 0."
+            f"No region contains a {what} for val_unseen; give a larger --unseen-share, lower --fewest-edges or "
+            "--least-meters, name whole scans with --unseen, or give --val-unseen 0."
         )
     flag = f"--{split.replace('_', '-')}"
-    return f"No {what} is left for {split}; change the bounds, give a smaller --unseen-share, or {flag} 0."
+    return (
+        f"No {what} is left for {split}; lower --fewest-edges or --least-meters, give a smaller --unseen-share, or "
+        f"{flag} 0."
+    )
 
 
 def replace_instructions(dataset: Dataset, texts: Mapping[int, Sequence[str]]) -> Dataset:
