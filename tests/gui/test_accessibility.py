@@ -42,7 +42,7 @@ _INNER = (QTabBar, QTabWidget, QScrollBar, QLabel)
 
 
 def controls(window: QWidget) -> list[QWidget]:
-    """What a user works with, without the parts that Qt makes of them."""
+    """The controls of the user, without the child widgets that Qt creates."""
     found = []
     for each in window.findChildren(QWidget):
         parent = each.parent()

@@ -48,7 +48,7 @@ def project(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 class Hands:
-    """Walks in a window, and a simulator by its side that is told the same."""
+    """Navigates in a window, and sends the same actions to a simulator."""
 
     def __init__(self, window: MainWindow, qtbot: QtBot) -> None:
         self.window, self.document, self.qtbot = window, window.document, qtbot

@@ -1,4 +1,5 @@
-"""Two viewpoints selected, or the second pointed at while an edge is drawn: what speaks for an edge between them."""
+"""Evidence for an edge between two selected viewpoints, or between a viewpoint and the one under the cursor while an
+edge is drawn."""
 
 from __future__ import annotations
 

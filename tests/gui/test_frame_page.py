@@ -203,7 +203,7 @@ def test_the_difference_is_that_of_the_colours_whatever_the_views_show(
 
 
 def hover(qtbot: QtBot, browser: FrameBrowser, x: float, y: float) -> list[str]:
-    """What is said under the cursor at x, y, in shares of the image."""
+    """The text for the pixel under the cursor at x, y, as shares of the image."""
     canvas = browser.page.canvas
     (box,) = (pane.image_rect for pane in canvas.panes()[:1])
     at = QPointF(box.left() + x * box.width(), box.top() + y * box.height())
@@ -386,7 +386,7 @@ def test_brackets_and_wheel_set_the_size_of_the_brush(opened, qtbot: QtBot) -> N
 
 
 def steps_of(browser: FrameBrowser) -> HybridSteps:
-    """What the process that makes candidates would say, made of the room's truth."""
+    """The messages of the process that computes candidates, made from the room's ground truth."""
     view = demo_room.cast(browser.matter.frame.camera.scaled(320, 240))
     floor = view.normal[..., 2] > 0.9
     return HybridSteps(floor, floor, floor, np.zeros((0, 2), np.float32), floor, view.normal.astype(np.float32))

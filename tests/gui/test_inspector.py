@@ -1,4 +1,5 @@
-"""The inspector: regions lie where evidence was measured, words say what decided, pointing is shared by all views."""
+"""The inspector: regions are drawn at the position of their evidence, texts name the decisive criterion, and all views
+share the hovered edge."""
 
 from __future__ import annotations
 

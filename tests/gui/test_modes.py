@@ -263,7 +263,7 @@ def test_the_status_bar_says_what_a_click_does(hand: Hand) -> None:
 
 
 def right_click(hand: Hand, place: np.ndarray | tuple[float, ...]) -> list[str]:
-    """What the menu offers there, by words without the letters that are underlined."""
+    """The entries of the context menu at this position, without the marks of underlined letters."""
     menus = []
     hand.window.modes.menuWanted.connect(menus.append)
     point = hand.pixel(place)

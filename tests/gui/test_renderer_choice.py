@@ -1,4 +1,4 @@
-"""Which renderer draws: a matter of measuring, of what the person wants, and of what works."""
+"""The choice of the renderer: by measured times, by the setting of the user, and by errors."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A project that is opened again: what was selected, and what the user selected or cleared since."""
+"""A reopened project restores the selection, unless the user has changed it since."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Help, the system report, views to go back to, and a project that opens as it was left."""
+"""Help, the system report, stored views, and a project that restores its last state."""
 
 from __future__ import annotations
 

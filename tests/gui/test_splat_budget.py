@@ -1,4 +1,4 @@
-"""Fewer Gaussians: which ones stay, and that what belongs to them stays with them."""
+"""Fewer Gaussians: the choice of the Gaussians, and the values that belong to them."""
 
 from __future__ import annotations
 

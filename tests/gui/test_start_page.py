@@ -1,4 +1,4 @@
-"""What is shown while nothing is open, and one way to open everything."""
+"""The start page, and the one way to open any file."""
 
 from __future__ import annotations
 

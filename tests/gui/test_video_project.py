@@ -1,4 +1,4 @@
-"""From a video to a project by the window: what it says about the video, the job, and the report about the poses."""
+"""From a video to a project in the window: the check of the video, the job, and the report about the poses."""
 
 from __future__ import annotations
 

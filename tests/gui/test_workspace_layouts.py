@@ -1,4 +1,5 @@
-"""Workspaces: panels for a kind of work, kept as the user leaves them; what has nothing to say is closed."""
+"""Workspaces: panels for one kind of work, in the layout of the user. Panels that do not apply to the open file are
+hidden."""
 
 from __future__ import annotations
 

@@ -86,7 +86,7 @@ def export_blocks(root: Path, blocks: list[Block], graph: NavGraph) -> Path:
 
 
 def seen_from(blocks: list[Block], eye: NDArray[np.float64]) -> tuple[NDArray[np.uint8], NDArray[np.float64]]:
-    """(S, 6 S, 3) colors and (S, 6 S) metres of what a viewpoint sees: 0 where there is nothing."""
+    """(S, 6 S, 3) colors and (S, 6 S) distances in meters from a viewpoint; 0 in directions without a surface."""
     rays = np.concatenate(list(face_rays(SIDE) @ camera_pose(np.zeros(3), 0.0)[:3, :3].T), axis=1)
     rays /= np.linalg.norm(rays, axis=-1, keepdims=True)
     rays = np.where(np.abs(rays) < 1e-9, 1e-9, rays)

@@ -18,7 +18,7 @@ HEAD = "# kapture format: 1.1\n"
 
 
 def cast(origin: np.ndarray, directions: np.ndarray) -> np.ndarray:
-    """(N,) distances from `origin` (3,) along `directions` (N, 3) to what is first met."""
+    """(N,) distances from `origin` (3,) along `directions` (N, 3) to the first surface."""
     room = np.array([[-SIDE, -SIDE, 0], [SIDE, SIDE, CEILING]])
     with np.errstate(divide="ignore", invalid="ignore"):
         leaves = np.max((room[:, None] - origin) / directions, axis=0).min(axis=1)

@@ -24,7 +24,7 @@ def real_basis(directions, degree):
 
 
 def polynomial_basis(d, degree):
-    """The same as polynomials, so that torch can differentiate it."""
+    """The spherical harmonics as polynomials, so that torch can differentiate them."""
     x, y, z = d.unbind(-1)
     one = torch.ones_like(x)
     s = math.sqrt

@@ -430,7 +430,7 @@ def test_scenes_are_written_again_if_their_images_or_clouds_change(
 
 
 def test_a_second_export_keeps_what_the_agent_wrote(dataset: Path) -> None:
-    """Checkpoints and results of an agent lie in its folder."""
+    """The folder contains checkpoints and results of an agent."""
     folder = dataset / "agents" / "mapgpt"
     (folder / "mine.txt").write_text("mine")
     command = ["export", "dataset", "--project", str(dataset.parent / "hall.nvsim"), "--out", str(dataset)]

@@ -32,7 +32,7 @@ def house(request: pytest.FixtureRequest) -> Scene:
 
 
 def below(scene: Scene, xyz: NDArray[np.float64]) -> float:
-    """Metres straight down from a place to what is there."""
+    """Meters straight down from a position to the next surface."""
     return float(trace(*xyz, 0.0, 0.0, -1.0, scene.solids, NOBODY)[0])
 
 

@@ -1,4 +1,4 @@
-"""Point cloud files: every encoding gives the same points, and what is broken is named."""
+"""Point cloud files: every encoding gives the same points, and errors name the damaged file."""
 
 from __future__ import annotations
 

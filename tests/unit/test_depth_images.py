@@ -266,7 +266,7 @@ def test_frames_without_a_depth_image_are_estimated_beside_the_others(tmp_path: 
 
 
 def test_masks_leave_no_depth_and_no_evidence(tmp_path: Path) -> None:
-    """Whatever the images show where they are ignored, the estimated depth is the same, and 0 there."""
+    """Estimated depth does not depend on masked pixels, and is 0 there."""
     path = write_room(tmp_path, kept=slice(0, 0), count=MANY)
     tree = json.loads(path.read_text())
     usable = np.ones((HEIGHT, WIDTH), bool)

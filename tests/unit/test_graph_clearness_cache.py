@@ -1,4 +1,4 @@
-"""The evidence of edges that is kept from edit to edit is what one would work out anew."""
+"""The cached evidence of edges equals newly computed evidence after every edit."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What each edit does to a graph, and where it refuses."""
+"""The effect of each edit on a graph, and the cases in which it is refused."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Exports, each read back by another program's reader, and the refusal of what agents would choke on."""
+"""Each export is read by another program's reader. Graphs that agents cannot load are refused."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The pictures beside a connectivity file as panoramas: each direction shows what lies there in the world."""
+"""The images beside a connectivity file as panoramas: each direction shows the right part of the world."""
 
 from __future__ import annotations
 

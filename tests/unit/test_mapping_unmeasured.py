@@ -1,4 +1,4 @@
-"""Whether corridors that lead elsewhere speak against an edge that nobody measured."""
+"""Whether corridors in other directions contradict an edge that was not measured."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""ONNX files from somebody else: endless, too large, crashing, or with weights in the user's files."""
+"""ONNX files from other people: endless, too large, crashing, or with weights in the user's files."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What rays are cast from: scans and depth images of captures, in every form that they come in."""
+"""Sources of rays: LiDAR scans and depth images of captures, in all their formats."""
 
 from __future__ import annotations
 

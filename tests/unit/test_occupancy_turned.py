@@ -1,4 +1,4 @@
-"""Maps with a yaw, and what a map says of itself."""
+"""Maps with a yaw, and the description of a map."""
 
 from __future__ import annotations
 

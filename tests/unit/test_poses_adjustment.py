@@ -50,7 +50,7 @@ def seen(cameras: list[Camera], noise: float = 0.2, wrong: float = 0.0) -> Track
 
 
 def jitter(poses: NDArray[np.float64], cameras: list[Camera]) -> tuple[float, float]:
-    """Metres and degrees by which steps from a camera to the next are off: what makes images disagree."""
+    """Errors of the steps from camera to camera, in meters and degrees, by which images disagree."""
     true = np.stack([c.camera_to_world for c in cameras])
     off = np.diff(poses[:, :3, 3] - true[:, :3, 3], axis=0)
     turned = Rotation.from_matrix(true[:, :3, :3].transpose(0, 2, 1) @ poses[:, :3, :3])

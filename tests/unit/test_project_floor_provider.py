@@ -1,5 +1,5 @@
-"""Who finds the floor of a project: `auto` and its reasons, named models, and masks by real networks whose answer is
-known, with what fails in a frame said of that frame."""
+"""Floor masks of a project: `auto` and its reasons, named models, and real networks with a known answer. An error names
+the frame that caused it."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Agents without a model do what their definitions say, in the simulator, and their scores are what they must be."""
+"""Agents without a model follow their definitions in the simulator, and get the correct scores."""
 
 from __future__ import annotations
 

@@ -46,7 +46,7 @@ def replayed(start: NDArray[np.float64], heading: float, actions: list[int]) -> 
 
 
 def touched(blocks: list[Block], places: NDArray[np.float64]) -> float:
-    """Metres to the nearest box that stands in a robot's way."""
+    """Meters to the nearest box in the way of a robot."""
     standing = [block for block in blocks if block.hi[2] > 0.05 and block.lo[2] < 1.7]
     return min(float(block.metres_to(places).min()) for block in standing)
 

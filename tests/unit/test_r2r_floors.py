@@ -130,7 +130,8 @@ def test_a_change_of_the_floor_inside_a_room_is_not_said_because_it_may_be_a_rug
 
 
 def test_a_patch_is_the_floor_from_above() -> None:
-    """What is straight below lies in its middle, and what is farther than the floor would be is none."""
+    """The middle of the patch is the floor straight below the viewpoint. Pixels that are farther away than the floor
+    are not part of the patch."""
     side = 32
     strip = np.zeros((side, 6 * side, 3), np.uint8)
     strip[:, 5 * side :] = 200  # the face that looks down

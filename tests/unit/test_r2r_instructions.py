@@ -1,4 +1,4 @@
-"""Instructions say what the path does, a follower that does not know the path finds it again, and words hold facts."""
+"""Instructions describe the path, a follower without the path finds it again, and texts contain only facts."""
 
 from __future__ import annotations
 
@@ -115,7 +115,7 @@ def pattern_of(phrase: str) -> str:
 
 
 def read(text: str, detail: Detail) -> list[Leg]:
-    """What one understands who knows the phrases: the facts of every sentence but the last."""
+    """The facts in every sentence but the last, for a reader who knows the phrases."""
     legs = []
     for sentence in re.findall(r"[^.]+(?:\.\d+[^.]*)*\.", text)[:-1]:
         words = sentence.lower()

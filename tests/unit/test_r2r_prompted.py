@@ -197,7 +197,7 @@ def test_an_endpoint_that_fails_writes_no_dataset_and_the_next_call_goes_on(scan
 
 
 def oracle(graph: NavGraph, goals: dict[str, str], starts: dict[str, str]) -> Behaviour:
-    """Goes the shortest way to the goal that the instruction names, by what the prompt says alone."""
+    """Takes the shortest path to the goal that the instruction names, using only the prompt."""
     agents = as_agents_load(graph)
 
     def behave(n: int, asked: Asked) -> Reply:

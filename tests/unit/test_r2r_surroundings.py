@@ -1,4 +1,4 @@
-"""What stands around is found where it stands, in its colour, and nothing else; and instructions say it."""
+"""Objects near the path are found at their position and with their color, and instructions name them."""
 
 from __future__ import annotations
 

@@ -30,7 +30,7 @@ def camera(heading: float = 0.4, pitch: float = -0.8, size: tuple[int, int] = (5
 
 
 def by_the_book(gaussians: Gaussians, view: Camera) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """What `draw_by_rays` gives, pixel by pixel."""
+    """The result of `draw_by_rays`, computed pixel by pixel."""
     k, pose = view.intrinsics, view.world_to_camera
     u, v = np.meshgrid(np.arange(k.width) + 0.5, np.arange(k.height) + 0.5)
     rays = np.dstack([(u - k.cx) / k.fx, (v - k.cy) / k.fy, np.ones_like(u)]) @ pose[:3, :3]  # world, of depth 1

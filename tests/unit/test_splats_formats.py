@@ -183,7 +183,7 @@ def webp(pixels, columns):
 
 
 def sog(gaussians, seed=0):
-    """The files of a SOG, and what a reader must find in them."""
+    """The files of a SOG, and the values that a reader must find in them."""
     r, n = np.random.default_rng(seed), len(gaussians)
     logs = np.sign(gaussians.means) * np.log1p(np.abs(gaussians.means))
     low, high = logs.min(axis=0), logs.max(axis=0)
