@@ -156,7 +156,7 @@ _FEW = 4
 _PARTS = (1.0, 0.5, 0.25)
 
 
-def neighbours(poses: NDArray[np.float64], frame: int, count: int, baseline: float, spread: float = 0.2) -> list[int]:
+def neighbors(poses: NDArray[np.float64], frame: int, count: int, baseline: float, spread: float = 0.2) -> list[int]:
     """Indices of at most `count` frames that show the view of `frame` with parallax, best first.
 
     poses     (N, 4, 4) camera to world, meters

@@ -243,13 +243,13 @@ def _coverage_shares(
     return {
         "coverage": _share(int(covered.sum()), int(area.sum())),
         **(_seen_coverage(covered, area & seen(occupancy.centres()), occupancy) if seen is not None else {}),
-        "reachable_m2": _square_metres(area, occupancy),
+        "reachable_m2": _square_meters(area, occupancy),
     }
 
 
 def _seen_coverage(covered: NDArray[np.bool_], known: NDArray[np.bool_], occupancy: OccupancyMap) -> dict[str, float]:
     shown = int((covered & known).sum())
-    return {"coverage_seen": _share(shown, int(known.sum())), "seen_m2": _square_metres(known, occupancy)}
+    return {"coverage_seen": _share(shown, int(known.sum())), "seen_m2": _square_meters(known, occupancy)}
 
 
 def _on_stairs(
@@ -264,7 +264,7 @@ def _on_stairs(
     }
 
 
-def _square_metres(cells: NDArray[np.bool_], occupancy: OccupancyMap) -> float:
+def _square_meters(cells: NDArray[np.bool_], occupancy: OccupancyMap) -> float:
     return round(float(cells.sum()) * occupancy.resolution**2, 2)
 
 

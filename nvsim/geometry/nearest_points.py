@@ -12,8 +12,8 @@ _SIDE = 2.5  # side of the cells in which neighbors are searched, in distances b
 _WIDER = 4.0  # factor by which the cells grow if neighbors are missing
 
 
-def distance_to(points: NDArray[np.float32], neighbour: int) -> NDArray[np.float32]:
-    """(N,) float32 meters from each of the `points` (N, 3) to its `neighbour`-th nearest point, or to the farthest
+def distance_to(points: NDArray[np.float32], neighbor: int) -> NDArray[np.float32]:
+    """(N,) float32 meters from each of the `points` (N, 3) to its `neighbor`-th nearest point, or to the farthest
     point of a tiny cloud.
 
     The result equals that of a k-d tree. The cell search takes a tenth of the time for half a million points."""
@@ -21,7 +21,7 @@ def distance_to(points: NDArray[np.float32], neighbour: int) -> NDArray[np.float
 
     from nvsim.geometry import nearest_kernels
 
-    count = min(neighbour + 1, len(points))  # the nearest point to a point is itself
+    count = min(neighbor + 1, len(points))  # the nearest point to a point is itself
     found = np.full(len(points), np.nan, np.float32)
     if not len(points):
         return found

@@ -204,8 +204,8 @@ def _with_walk(
     from scipy.spatial import cKDTree
 
     walk = carried_as_usual(capture.positions, floor)[:, :2]
-    metres, _ = cKDTree(places_between(walk, radius / 2, STRIDE)).query(occupancy.centres())
-    new = (metres <= radius) & (occupancy.cells != FREE)
+    meters, _ = cKDTree(places_between(walk, radius / 2, STRIDE)).query(occupancy.centres())
+    new = (meters <= radius) & (occupancy.cells != FREE)
     return replace(occupancy, cells=np.where(new, FREE, occupancy.cells)), int(new.sum())
 
 

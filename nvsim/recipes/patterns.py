@@ -121,8 +121,8 @@ def _flat(rows: int, columns: int, tone: Tone) -> Image:
     return np.broadcast_to(np.asarray(tone, np.float32), (rows, columns, 3)).copy()
 
 
-def _noise_pattern(rows: int, columns: int, metres: float, texel: float, rng: Rng) -> Image:
-    return smooth_noise(rows, columns, (max(metres / texel, 1.0),) * 2, rng)
+def _noise_pattern(rows: int, columns: int, meters: float, texel: float, rng: Rng) -> Image:
+    return smooth_noise(rows, columns, (max(meters / texel, 1.0),) * 2, rng)
 
 
 def _plain_pattern(rows: int, columns: int, texel: float, rng: Rng) -> Image:

@@ -159,7 +159,7 @@ def test_keys_are_the_simulators_actions_and_what_is_shown_is_its_state_and_its_
     assert len({pose.viewpoint for pose in hands.walk.trajectory}) > 1
 
 
-def test_without_the_restriction_all_neighbours_are_navigable(hands: Hands, project: Path) -> None:
+def test_without_the_restriction_all_neighbors_are_navigable(hands: Hands, project: Path) -> None:
     hands.begin()
     hands.part.panel.restricted.click()
     hands.rest()
@@ -167,7 +167,7 @@ def test_without_the_restriction_all_neighbours_are_navigable(hands: Hands, proj
     graph = hands.document.graph
     assert graph is not None
     ids = {p.viewpointId for p in hands.state.navigableLocations[1:]}
-    assert ids == set(graph.neighbours(hands.state.location.viewpointId))
+    assert ids == set(graph.neighbors(hands.state.location.viewpointId))
 
 
 def test_back_and_home_are_as_if_nothing_had_been_done_since(hands: Hands) -> None:

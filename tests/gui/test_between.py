@@ -58,7 +58,7 @@ def test_the_line_that_is_drawn_says_it_as_well(
     window.modes.canvases[1].grab()
     found = path_between(document, a, b)
     assert found is not None and any(found.sentence[:40] in text for text in said)
-    free = document.graph.neighbours(a)[0]
+    free = document.graph.neighbors(a)[0]
     hand.hover(hand.foot(document.graph_arrays.index[free]))
     hand.key(Qt.Key.Key_Shift)
     assert path_between(document, a, free).support_of_edge == 1

@@ -188,10 +188,10 @@ def test_the_inspector_shows_the_pictures_beside_the_file_and_leads_along_edges(
     qtbot.waitUntil(lambda: part.panoramas.current is not None, timeout=20_000)
     assert np.abs(part.panoramas.current.pixels["rgb"][..., :3].astype(int) - (40, 120, 200)).max() < 8
     assert [b.isEnabled() for b in panel.channels.buttons()] == [True, False, False]
-    qtbot.waitUntil(lambda: len(panel.view.neighbours._ids) > 0, timeout=20_000)
-    near = panel.view.neighbours._ids[0]
-    assert near in document.graph.neighbours(id)
-    assert panel.view.neighbours.neighbor_under(QPointF(*panel.view.neighbours._pixels[0])) == near
+    qtbot.waitUntil(lambda: len(panel.view.neighbors._ids) > 0, timeout=20_000)
+    near = panel.view.neighbors._ids[0]
+    assert near in document.graph.neighbors(id)
+    assert panel.view.neighbors.neighbor_under(QPointF(*panel.view.neighbors._pixels[0])) == near
     panel.view.walked.emit(near)
     assert document.selection.viewpoint == near
     document.select(viewpoint=other)

@@ -70,9 +70,9 @@ def test_the_difference_is_that_of_the_channel_that_differs_most(qapp, gain: flo
 
 
 @pytest.mark.parametrize("metres", [0.3, 0.5, 2.41, 7.0, 20.0])
-def test_the_bar_has_the_colour_of_the_image_where_the_value_lies(qapp, metres: float) -> None:
-    red, green, blue, _ = pixel(pictures.depth(np.full((1, 1), metres, np.float32)), 0, 0)
-    share = DEPTH.share(metres)
+def test_the_bar_has_the_colour_of_the_image_where_the_value_lies(qapp, meters: float) -> None:
+    red, green, blue, _ = pixel(pictures.depth(np.full((1, 1), meters, np.float32)), 0, 0)
+    share = DEPTH.share(meters)
     at = DEPTH.colours[round(share * (len(DEPTH.colours) - 1))]
     assert np.abs(at.astype(int) - (red, green, blue)).max() <= 6
     views = round(share * 8) or 1

@@ -28,14 +28,14 @@ class Block:
     hi: Triple
     colour: tuple[int, int, int]
 
-    def metres_to(self, xy: NDArray[np.float64]) -> NDArray[np.float64]:
-        """(N,) metres of places (N, 2) from it, seen from above."""
+    def meters_to(self, xy: NDArray[np.float64]) -> NDArray[np.float64]:
+        """(N,) meters of places (N, 2) from it, seen from above."""
         off = np.maximum(np.maximum(np.array(self.lo[:2]) - xy, xy - np.array(self.hi[:2])), 0)
         return np.hypot(*off.T)
 
 
 def flat_house(door: float = 0.9) -> tuple[list[Block], NavGraph]:
-    """A room of 5 by 5 m with a brown floor, a blue sofa and a tall red cabinet, and a door of so many metres into a
+    """A room of 5 by 5 m with a brown floor, a blue sofa and a tall red cabinet, and a door of so many meters into a
     grey corridor that runs east."""
     middle = 0.8
     low, high = middle - door / 2, middle + door / 2
@@ -79,9 +79,9 @@ def export_blocks(root: Path, blocks: list[Block], graph: NavGraph) -> Path:
     places = ScanPlaces(root, graph.scan)
     places.images.mkdir(parents=True)
     for v in graph.viewpoints.values():
-        colour, metres = seen_from(blocks, np.array(v.position))
+        colour, meters = seen_from(blocks, np.array(v.position))
         cv2.imwrite(str(places.strip(v.id)), colour[..., ::-1])
-        cv2.imwrite(str(places.depth(v.id)), np.minimum(np.rint(metres * 4000), 65535).astype(np.uint16))
+        cv2.imwrite(str(places.depth(v.id)), np.minimum(np.rint(meters * 4000), 65535).astype(np.uint16))
     return root
 
 

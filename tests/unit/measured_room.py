@@ -114,8 +114,8 @@ def write_nerfstudio(folder: Path, poses: np.ndarray, to_source: np.ndarray | No
     tree = nerfstudio_tree(placed, names)
     del tree["ply_file_path"]
     for frame, name, pose in zip(tree["frames"], names, poses, strict=True):
-        millimetres = np.rint(1000 * unit * depth_image(pose)).astype(np.uint16)
-        assert cv2.imwrite(str(folder / "depth" / name), millimetres)
+        millimeters = np.rint(1000 * unit * depth_image(pose)).astype(np.uint16)
+        assert cv2.imwrite(str(folder / "depth" / name), millimeters)
         frame["depth_file_path"] = f"depth/{name}"
     path = folder / "transforms.json"
     path.write_text(json.dumps(tree))

@@ -118,7 +118,7 @@ def test_occupancy_agrees_with_the_cloud(building: Path) -> None:
     assert ndimage.binary_dilation(hit, iterations=2)[edge].mean() > 0.7
 
 
-def test_the_cloud_stays_inside_with_centimetre_noise(building: Path) -> None:
+def test_the_cloud_stays_inside_with_centimeter_noise(building: Path) -> None:
     scene, points = make_scene(CONFIG), cloud(building)
     assert len(points) > 20_000
     assert (points[:, :2] > -0.05).all() and (

@@ -19,7 +19,7 @@ def full(request: pytest.FixtureRequest) -> Scene:
     return make_scene(BuildingConfig(seed=request.param))
 
 
-def test_about_300_square_metres_in_at_least_six_rooms(full: Scene) -> None:
+def test_about_300_square_meters_in_at_least_six_rooms(full: Scene) -> None:
     assert full.plan.extent.area == pytest.approx(300, rel=0.02)
     assert sum(r.kind != "corridor" for r in full.plan.rooms) >= 6
     assert sum(q.area for r in full.plan.rooms for q in r.rects) == pytest.approx(full.plan.extent.area, rel=1e-6)

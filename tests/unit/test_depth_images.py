@@ -48,12 +48,12 @@ class Layout:
     top: dict[str, float]
 
 
-def millimetres(depth: np.ndarray) -> np.ndarray:
+def millimeters(depth: np.ndarray) -> np.ndarray:
     return np.rint(1000 * depth).astype(np.uint16)
 
 
 LAYOUTS = {
-    "nerfstudio": Layout("depth_file_path", ".png", millimetres, {}),
+    "nerfstudio": Layout("depth_file_path", ".png", millimeters, {}),
     "instant-ngp": Layout(
         "depth_path", ".png", lambda d: np.rint(5000 * d).astype(np.uint16), {"integer_depth_scale": 1 / 5000}
     ),
@@ -68,7 +68,7 @@ LAYOUTS = {
         "depth_file_path", ".npy", lambda d: d.astype(np.float32), {"depth_unit_scale_factor": 0.001}
     ),
     "float TIFF in metres": Layout("depth_file_path", ".tiff", lambda d: d.astype(np.float32), {}),
-    "TIFF in millimetres": Layout("depth_path", ".tif", millimetres, {}),
+    "TIFF in millimetres": Layout("depth_path", ".tif", millimeters, {}),
 }
 
 

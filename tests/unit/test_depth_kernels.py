@@ -10,7 +10,7 @@ from nvsim.depth.agreement import compare_depth_maps
 from nvsim.depth.refinement import refine, smooth_depth
 from nvsim.depth.smoothing import best_inverse_depth, smooth_cost
 from nvsim.depth.sweep import WORST, sweep, turned_census
-from nvsim.depth.view import View, Warp, census_of, neighbours
+from nvsim.depth.view import View, Warp, census_of, neighbors
 from nvsim.geometry.camera import Camera, Intrinsics
 
 LENS = Intrinsics(96, 72, 80.0, 80.0, 48.0, 36.0)
@@ -169,8 +169,8 @@ def test_depths_count_that_other_views_have_too_and_not_those_seen_through(wall)
     assert good.mean() > 0.5 and np.abs(found.inverse / truth - 1)[good].max() < 0.01
 
 
-def test_neighbours_look_the_same_way_from_another_place() -> None:
+def test_neighbors_look_the_same_way_from_another_place() -> None:
     poses = np.stack([camera_at(x).camera_to_world for x in (0.0, 0.01, 0.5, 0.6, 9.0)])
     poses = np.concatenate([poses, camera_at(0.6, yaw=2.0).camera_to_world[None]])
-    assert neighbours(poses, 0, 4, 0.6) == [3, 2]  # 2 is only then far enough from 3 when cameras may be nearer
-    assert neighbours(poses[:2], 0, 4, 0.6) == []
+    assert neighbors(poses, 0, 4, 0.6) == [3, 2]  # 2 is only then far enough from 3 when cameras may be nearer
+    assert neighbors(poses[:2], 0, 4, 0.6) == []

@@ -30,7 +30,7 @@ def room(rng: np.random.Generator) -> ObservedPoints:
     return ObservedPoints(points.astype(np.float32), eyes.astype(np.float32), np.full(len(points), 2e4, np.float32))
 
 
-def test_the_six_faces_of_a_room_are_found_to_the_centimetre() -> None:
+def test_the_six_faces_of_a_room_are_found_to_the_centimeter() -> None:
     planes = find_planes([room(np.random.default_rng(0))])
     assert len(planes) == 6
     offsets = sorted(round(p.offset, 2) for p in planes)

@@ -117,7 +117,7 @@ def test_copies_stand_on_the_other_floor_with_their_edges() -> None:
     new = list(after.viewpoints.values())[5:]
     assert [v.position for v in new] == [(0, 0, 4.5), (2, 0.5, 4.5), (4, 3, 4.5)]
     assert {v.origin for v in new} == {"person"} and len(after.edges) == 5
-    assert new[1].id in after.neighbours(new[0].id) and not after.neighbours(new[2].id)
+    assert new[1].id in after.neighbors(new[0].id) and not after.neighbors(new[2].id)
     with pytest.raises(EditError, match="positions of the originals"):
         edits.copy_by(walk(), ["a"], 0.0)
 

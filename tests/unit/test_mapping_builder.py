@@ -209,7 +209,7 @@ def test_reapplying_keeps_what_a_person_added() -> None:
     first = next(iter(graph.viewpoints))
     edited = add_edge(add_viewpoint(graph, Viewpoint("mine", (7.0, 7.0, 1.2), origin="person")), first, "mine")
     again = build_map(world, positions, flat_floor, world.support, SMALL, scan="test", previous=edited).graph
-    assert "mine" in again.viewpoints and again.neighbours("mine") == (first,)
+    assert "mine" in again.viewpoints and again.neighbors("mine") == (first,)
 
 
 def test_walk_that_stands_on_nothing_is_refused_with_a_sentence() -> None:

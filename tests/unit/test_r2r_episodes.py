@@ -48,7 +48,7 @@ def replayed(start: NDArray[np.float64], heading: float, actions: list[int]) -> 
 def touched(blocks: list[Block], places: NDArray[np.float64]) -> float:
     """Meters to the nearest box in the way of a robot."""
     standing = [block for block in blocks if block.hi[2] > 0.05 and block.lo[2] < 1.7]
-    return min(float(block.metres_to(places).min()) for block in standing)
+    return min(float(block.meters_to(places).min()) for block in standing)
 
 
 @pytest.mark.parametrize("path, heading", [("abcfgh", 0.0), ("hgfce", 2.0), ("iha"[:2] + "gfcb", 5.5), ("adeb", 1.0)])
@@ -64,8 +64,8 @@ def test_actions_lead_to_the_goal_and_touch_nothing(
     assert np.hypot(*(places[-1] - episode.path[-1, :2])) <= 0.3 + 1e-9
     assert touched(blocks, places) >= ROBOT
     assert len(episode.walk.places) == len(episode.walk.headings) == len(actions) == len(episode.floors)
-    metres = np.linalg.norm(np.diff(episode.path, axis=0), axis=1).sum()
-    assert actions.count(1) * 0.25 <= 1.25 * metres + 0.5
+    meters = np.linalg.norm(np.diff(episode.path, axis=0), axis=1).sum()
+    assert actions.count(1) * 0.25 <= 1.25 * meters + 0.5
 
 
 def test_a_path_through_a_door_that_is_too_narrow_has_no_episode(tmp_path: Path) -> None:

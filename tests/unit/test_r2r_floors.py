@@ -114,7 +114,7 @@ def test_floors_that_may_be_one_are_not_told_apart(one: str, other: str, differ:
     ],
 )
 def test_a_change_of_the_floor_is_said_where_it_is_for_good(floors: list[str], cue: Cue | None) -> None:
-    seen = Surroundings(metres={("a", "b"): 3.0}, doors={("a", "b"): (1.0,)}, passed={("a", "b"): ()},
+    seen = Surroundings(meters={("a", "b"): 3.0}, doors={("a", "b"): (1.0,)}, passed={("a", "b"): ()},
                         floors={("a", "b"): tuple(floors)})  # fmt: skip
     assert cues_along(["a", "b"], 0.0, seen) - {Cue("through", "1")} == (frozenset([cue]) if cue else frozenset())
 
@@ -122,7 +122,7 @@ def test_a_change_of_the_floor_is_said_where_it_is_for_good(floors: list[str], c
 def test_a_change_of_the_floor_inside_a_room_is_not_said_because_it_may_be_a_rug() -> None:
     def cues(doors: tuple[float, ...]) -> set[Cue]:
         floors = {("a", "b"): ("wooden",) * 8 + ("tiled",) * 8}
-        seen = Surroundings(metres={("a", "b"): 3.2}, doors={("a", "b"): doors}, passed={("a", "b"): ()}, floors=floors)
+        seen = Surroundings(meters={("a", "b"): 3.2}, doors={("a", "b"): doors}, passed={("a", "b"): ()}, floors=floors)
         return {cue for cue in cues_along(["a", "b"], 0.0, seen) if cue.kind == "floor"}
 
     assert cues((1.6,)) == cues((2.0,)) == {Cue("floor", "wooden to tiled")}

@@ -85,10 +85,10 @@ def test_steps_over_seams_are_found():
     for face in range(6):
         strip[:, 32 * face : 32 * (face + 1)] = 20 * face
     over, beside = seam_steps(strip)
-    assert beside == 0 and over == pytest.approx(20 * np.mean([abs(a - b) for a, b in NEIGHBOURS]))
+    assert beside == 0 and over == pytest.approx(20 * np.mean([abs(a - b) for a, b in NEIGHBORS]))
 
 
-NEIGHBOURS = [(a, b) for a in range(6) for b in range(a) if {a, b} not in ({0, 5}, {1, 3}, {2, 4})]
+NEIGHBORS = [(a, b) for a in range(6) for b in range(a) if {a, b} not in ({0, 5}, {1, 3}, {2, 4})]
 """The twelve pairs of faces that share a border: all but the opposite ones."""
 
 

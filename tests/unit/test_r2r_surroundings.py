@@ -82,7 +82,7 @@ def test_things_are_found_in_their_colour_and_shape_and_nothing_else(house: Seen
 
 def test_doorways_rooms_and_corridors_are_where_they_are(house: Seen) -> None:
     graph, seen = house
-    assert {pair for pair, metres in seen.doors.items() if metres} == {("c", "f"), ("f", "c")}
+    assert {pair for pair, meters in seen.doors.items() if meters} == {("c", "f"), ("f", "c")}
     assert seen.doors["c", "f"] == pytest.approx([0.95], abs=0.1)
     assert seen.doors["f", "c"] == pytest.approx([1.15], abs=0.1)
     assert seen.kinds["e"] == "room" and seen.kinds["g"] == seen.kinds["h"] == "corridor"
@@ -105,7 +105,7 @@ def test_one_who_leaves_the_room_goes_from_brown_to_grey_through_the_door(house:
     assert not [cue for cue in cues_along("ab", math.radians(90), house[1]) if cue.kind in ("floor", "through")]
 
 
-def test_sight_tells_apart_what_turns_and_metres_do_not(house: Seen) -> None:
+def test_sight_tells_apart_what_turns_and_meters_do_not(house: Seen) -> None:
     graph, seen = house
     ways = PathGraph.of(graph)
     plain, seeing = PathSteps(ways), PathSteps(ways, seen)
@@ -323,7 +323,7 @@ def test_every_cue_can_be_read_back_from_the_short_words(ends: bool) -> None:
 
 
 def test_no_short_phrase_has_two_meanings() -> None:
-    tables = [TURNS, short.WALKS, {str(metres): words for metres, words in short.ROUGHLY.items()}]
+    tables = [TURNS, short.WALKS, {str(meters): words for meters, words in short.ROUGHLY.items()}]
     tables += [short.PASSING, short.UNTIL, short.STOP_BY, short.TO_STAIRS, short.STAIRS, short.RUG]
     meanings: dict[str, set[tuple[int, str]]] = {}
     for i, table in enumerate(tables):
@@ -361,7 +361,7 @@ def test_one_name_stands_for_one_object_of_an_instruction() -> None:
         things,
         visible={"a": (), "b": ((0, 0.0, 2.0),), "c": ((2, 0.0, 1.0),)},
         passed={("a", "b"): ((0, "left", 1.0), (1, "right", 1.0)), ("b", "c"): ((1, "right", 0.5), (2, "left", 1.0))},
-        metres=dict.fromkeys(steps, 2.0),
+        meters=dict.fromkeys(steps, 2.0),
         doors=dict.fromkeys(steps, ()),
         floors=dict.fromkeys(steps, ()),
     )

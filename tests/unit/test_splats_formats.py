@@ -26,7 +26,7 @@ CAMERA = Camera(Intrinsics(96, 72, 80.0, 80.0, 48.0, 36.0), camera_pose(np.array
 
 
 def wall(count=3000, degree=3, seed=0):
-    """Gaussians of a few centimeters to a few decimetres before CAMERA, most of them overlapping."""
+    """Gaussians of a few centimeters to a few decimeters before CAMERA, most of them overlapping."""
     r = np.random.default_rng(seed)
     local = r.uniform([-1.5, -1.2, 2.0], [1.5, 1.2, 4.0], (count, 3))
     means = local @ CAMERA.rotation.T + CAMERA.position

@@ -73,9 +73,9 @@ def orbit_pose(pose: ViewPose, dx: float, dy: float) -> ViewPose:
 
 def pan_pose(pose: ViewPose, dx: float, dy: float, picture_height: int) -> ViewPose:
     """The pose after a drag of (dx, dy) pixels that moves sideways. The pivot stays under the cursor."""
-    metres = 2 * pose.reach * tan(pose.fov / 2) / picture_height
+    meters = 2 * pose.reach * tan(pose.fov / 2) / picture_height
     axes = pose.axes
-    return replace(pose, position=_to_tuple(np.asarray(pose.position) - metres * (dx * axes[:, 0] + dy * axes[:, 1])))
+    return replace(pose, position=_to_tuple(np.asarray(pose.position) - meters * (dx * axes[:, 0] + dy * axes[:, 1])))
 
 
 def zoomed(pose: ViewPose, factor: float, toward: NDArray[np.float64] | None = None) -> ViewPose:

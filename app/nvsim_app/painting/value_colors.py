@@ -156,13 +156,13 @@ def _bar(share: NDArray[np.floating]) -> NDArray[np.uint8]:
 _ALONG = np.linspace(0, 1, _STEPS)
 
 
-def _depth_share(metres: float) -> float | None:
+def _depth_share(meters: float) -> float | None:
     near, far = DEPTH_RANGE
-    return None if metres <= 0 else math.log(min(max(metres, near), far) / near) / math.log(far / near)
+    return None if meters <= 0 else math.log(min(max(meters, near), far) / near) / math.log(far / near)
 
 
-def _depth_words(metres: float) -> str:
-    return "no depth" if metres <= 0 else f"{metres:.2f} m"
+def _depth_words(meters: float) -> str:
+    return "no depth" if meters <= 0 else f"{meters:.2f} m"
 
 
 def _depth_marks() -> tuple[tuple[float, str], ...]:

@@ -151,7 +151,7 @@ def _part(graph: NavGraph, ids: tuple[str, ...]) -> NavGraph:
         id: v for id, v in graph.viewpoints.items() if any(math.dist(v.position, centre) < AROUND for centre in centres)
     }
     for id in ids:
-        near |= {other: graph.viewpoints[other] for other in graph.neighbours(id)}
+        near |= {other: graph.viewpoints[other] for other in graph.neighbors(id)}
     return NavGraph(
         graph.scan,
         near,
@@ -199,7 +199,7 @@ MODELS = ChildProgram(_work, "models", "The networks cannot be listed")
 """ModelTask -> Found"""
 
 
-_MEMORY = 4 << 30  # bytes; a map of a square kilometre needs 0.4 GB
+_MEMORY = 4 << 30  # bytes; a map of a square kilometer needs 0.4 GB
 
 
 def start_reading(path: Path) -> Child:

@@ -58,8 +58,8 @@ def targets_of(
     bottoms = tuple(storeys[level].floor for level in levels)
     boxes: dict[str, dict[int, dict[int, Box]]] = {}
     for id, visible in seen.visible.items():
-        for i, _, metres in visible:
-            if metres <= REACH and (found := _boxes_from(graph.viewpoints[id], seen.things[i], bottoms[i])):
+        for i, _, meters in visible:
+            if meters <= REACH and (found := _boxes_from(graph.viewpoints[id], seen.things[i], bottoms[i])):
                 boxes.setdefault(id, {})[i] = found
     places: dict[int, NDArray[np.float64]] = {}
     for level, layers in enumerate(storeys):

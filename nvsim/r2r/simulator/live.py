@@ -26,7 +26,7 @@ from nvsim.mapping.evidence.traversed_floor import TraversedFloor
 from nvsim.mapping.views.view_sources import ViewSource
 from nvsim.project.scene_views import LiveScene
 from nvsim.r2r.observations.incremental_surround import PlacesSeen
-from nvsim.r2r.observations.skybox import UNITS_A_METRE, distances
+from nvsim.r2r.observations.skybox import UNITS_A_METER, distances
 from nvsim.r2r.simulator.conventions import InvalidValue
 from nvsim.r2r.simulator.images import Goal, ViewSize
 from nvsim.r2r.simulator.scan import OneScan, Scan, Scans, level_scan
@@ -194,8 +194,8 @@ class LiveImages:
         if not view.depth:
             return rgb, None
         along = camera.rays() @ camera.rotation[:, 2].astype(np.float32)
-        metres = distances(solid, camera, model.floor) * along
-        depth = np.minimum(metres * UNITS_A_METRE + np.float32(0.5), 65535)
+        meters = distances(solid, camera, model.floor) * along
+        depth = np.minimum(meters * UNITS_A_METER + np.float32(0.5), 65535)
         return rgb, depth.astype(np.uint16)[..., None]
 
     def position_after_move(self, here: NDArray[np.float64], goal: Goal) -> NDArray[np.float64]:

@@ -65,8 +65,8 @@ def floor_materials(layers: Layers) -> NDArray[np.int64]:
         _add(sums, layers, one.underfoot)
     seen, energy, cos2, sin2, cos4, sin4, *lab = sums
 
-    def mean_over(metres: float, values: NDArray[np.float64]) -> NDArray[np.float64]:
-        side = round(metres / CELL) | 1
+    def mean_over(meters: float, values: NDArray[np.float64]) -> NDArray[np.float64]:
+        side = round(meters / CELL) | 1
         return np.asarray(cv2.blur(values, (side, side), borderType=cv2.BORDER_CONSTANT))
 
     count = np.maximum(mean_over(_NEAR, seen), 1e-9)
@@ -169,7 +169,7 @@ def _lies_on_another(patch: NDArray[np.bool_], kinds: NDArray[np.int64], walls: 
         return False
     near, far = (
         cv2.dilate(patch.astype(np.uint8), np.ones((side, side), np.uint8)).astype(bool)
-        for side in (2 * round(metres / CELL) + 1 for metres in _RING)
+        for side in (2 * round(meters / CELL) + 1 for meters in _RING)
     )
     beside, around = near & ~patch, far & ~near
     if not around.any() or walls[beside].mean() > _WALLED:
