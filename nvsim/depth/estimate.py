@@ -312,22 +312,22 @@ def estimate_single_frame(views: Views, index: int, config: DepthConfig) -> tupl
     view = views.at(index)
     chosen = neighbors(views.poses, index, config.sources, config.baseline)
     if not chosen:
-        return np.zeros_like(view.grey), np.zeros_like(view.grey)
+        return np.zeros_like(view.gray), np.zeros_like(view.gray)
     warps = [Warp.between(view.camera, views.camera(j)) for j in chosen]
     turned, shifts = np.stack([w.turned for w in warps]), np.stack([w.shift for w in warps])
-    sources = [views.at(j).grey for j in chosen]
+    sources = [views.at(j).gray for j in chosen]
     inverse = np.linspace(1 / config.farthest, 1 / config.nearest, config.planes)
     step = float(inverse[1] - inverse[0])
     cost = sweep(view.census, sources, turned, shifts, inverse, config.threshold)
-    total = smooth_cost(cost, view.grey, config.small_change_cost, config.large_change_cost, config.edge_step)
+    total = smooth_cost(cost, view.gray, config.small_change_cost, config.large_change_cost, config.edge_step)
     found, margin = best_inverse_depth(total, inverse.astype(np.float32))
-    found[(margin < config.margin) | (view.grey < 0)] = 0
+    found[(margin < config.margin) | (view.gray < 0)] = 0
     found = smooth_depth(found, _REACH, 2 * step)
     knowledge = np.zeros_like(found)
     few = config.refining_sources
     for _ in range(config.steps):
         found, knowledge = refine(
-            view.grey, sources[:few], turned[:few], shifts[:few], found, config.window, step, config.noise
+            view.gray, sources[:few], turned[:few], shifts[:few], found, config.window, step, config.noise
         )
         found = smooth_depth(found, _REACH, 0.5 * step)
     with np.errstate(divide="ignore"):

@@ -81,9 +81,9 @@ def covered_areas(
         cell = storey.occupancy.resolution**2
         whole += [cell * float(covered.sum()), cell * float(area.sum())]
         if seen is not None:
-            centres = storey.occupancy.centres()
-            heights = np.full((*centres.shape[:2], 1), storey.floor)
-            known = area & np.asarray(seen(np.concatenate([centres, heights], axis=-1)), bool)
+            centers = storey.occupancy.centers()
+            heights = np.full((*centers.shape[:2], 1), storey.floor)
+            known = area & np.asarray(seen(np.concatenate([centers, heights], axis=-1)), bool)
             shown += [cell * float((covered & known).sum()), cell * float(known.sum())]
     return (float(whole[0]), float(whole[1])), (float(shown[0]), float(shown[1]))
 
@@ -242,7 +242,7 @@ def _coverage_shares(
     covered = visible(occupancy, _places(graph, valid), reach) & area
     return {
         "coverage": _share(int(covered.sum()), int(area.sum())),
-        **(_seen_coverage(covered, area & seen(occupancy.centres()), occupancy) if seen is not None else {}),
+        **(_seen_coverage(covered, area & seen(occupancy.centers()), occupancy) if seen is not None else {}),
         "reachable_m2": _square_meters(area, occupancy),
     }
 

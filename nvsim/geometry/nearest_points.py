@@ -67,6 +67,6 @@ def axes_of(around: NDArray[np.floating]) -> NDArray[np.float64]:
 
     The points spread least along the first axis, which is the surface normal if they are on a surface. Signs are
     arbitrary."""
-    centred = around.astype(np.float64)
-    centred -= centred.mean(axis=1, keepdims=True)
-    return np.asarray(np.linalg.eigh(np.einsum("nki,nkj->nij", centred, centred))[1])
+    centered = around.astype(np.float64)
+    centered -= centered.mean(axis=1, keepdims=True)
+    return np.asarray(np.linalg.eigh(np.einsum("nki,nkj->nij", centered, centered))[1])

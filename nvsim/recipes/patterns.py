@@ -91,9 +91,9 @@ def paint_pale(paint: Paint, at: tuple[float, float], width: float, height: floa
     """Like `nvsim.building.painting.paint_face`, nearly white or gray like walls and cupboards of many homes, so that
     mainly light and edges are visible. Returns (rows, columns, 3) float32, 0 to 1; sizes are in meters."""
     image = paint_face(paint, at, width, height, texel, rng)
-    grey = image.mean(axis=2, keepdims=True)
-    calm = grey.mean() + rng.uniform(0.1, 0.6) * (grey - grey.mean()) + rng.uniform(0, 0.3) * (image - grey)
-    return np.clip(calm * (rng.uniform(0.4, 0.9) / max(0.1, float(grey.mean()))), 0.02, 0.97).astype(np.float32)
+    gray = image.mean(axis=2, keepdims=True)
+    calm = gray.mean() + rng.uniform(0.1, 0.6) * (gray - gray.mean()) + rng.uniform(0, 0.3) * (image - gray)
+    return np.clip(calm * (rng.uniform(0.4, 0.9) / max(0.1, float(gray.mean()))), 0.02, 0.97).astype(np.float32)
 
 
 def _texels(rect: Rect, texel: float) -> tuple[int, int, int, int]:

@@ -175,7 +175,7 @@ class SceneModel:
 
     def _load(self, folder: Path) -> SubmapModel:
         model = load_model(folder)
-        return model if self._colours else _grey(model)
+        return model if self._colours else _gray(model)
 
     def _with_folder(self, index: int, read: Callable[[Path], T]) -> T:
         """Calls `read` with the folder of a model. If the folder vanished, tries the folder that it moved to."""
@@ -262,10 +262,10 @@ class SceneModel:
         return found
 
 
-def _grey(model: SubmapModel) -> SubmapModel:
+def _gray(model: SubmapModel) -> SubmapModel:
     """The parts that alpha, depth, and normals need."""
-    grey = replace(model.gaussians, sh=np.zeros((len(model.gaussians), 1, 3), np.float32))
-    return replace(model, gaussians=grey, background=None, texture=None, appearance=None)
+    gray = replace(model.gaussians, sh=np.zeros((len(model.gaussians), 1, 3), np.float32))
+    return replace(model, gaussians=gray, background=None, texture=None, appearance=None)
 
 
 def default_budget() -> int:

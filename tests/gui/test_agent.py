@@ -285,7 +285,7 @@ def test_its_keys_come_before_the_shortcuts_and_are_theirs_again_afterwards(hand
     assert hands.state.viewIndex == (before - 12 - 1) % 12 + 12
     QTest.keyClick(hands.part.view, K.Key_Escape)
     assert hands.window.modes.current.name == "select" and not hands.walk.active
-    assert hands.window.centre.currentWidget() is hands.window.scene
+    assert hands.window.center.currentWidget() is hands.window.scene
     QTest.keyClick(hands.window.scene, K.Key_2)
     assert hands.window.scene.feed.channel == "alpha"
 
@@ -342,12 +342,12 @@ def test_a_small_window_makes_room_for_the_image_and_takes_it_back(hands: Hands)
 def test_the_3d_view_shows_the_agent_in_place_of_its_image(hands: Hands) -> None:
     hands.begin()
     hands.part.panel.image.click()
-    assert hands.window.centre.currentWidget() is hands.window.scene
+    assert hands.window.center.currentWidget() is hands.window.scene
     before = hands.state.viewIndex
     hands.press(K.Key_Right, on=hands.window.scene)
     assert hands.state.viewIndex == (before - 11) % 12 + 12
     hands.part.panel.image.click()
-    assert hands.window.centre.currentWidget() is hands.part.view
+    assert hands.window.center.currentWidget() is hands.part.view
 
 
 def test_regions_are_drawn_only_while_the_inspector_is_looked_at(hands: Hands) -> None:

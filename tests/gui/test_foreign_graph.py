@@ -50,7 +50,7 @@ def test_a_file_alone_opens_and_is_left_as_it_was(session: Session, folder: Path
     opened(session, path, qtbot)
     assert len(session.document.graph.viewpoints) == 22 and session.document.project is None
     assert session.window.windowTitle().startswith("first_connectivity.json")
-    assert session.window.centre.currentWidget() is session.window.scene and not session.window.scene.hint
+    assert session.window.center.currentWidget() is session.window.scene and not session.window.scene.hint
     session.close()
     assert path.read_bytes() == before and not sidecar(path).exists()
 
@@ -215,9 +215,9 @@ def test_what_came_back_after_a_crash_is_said_over_the_view(session: Session, fo
     editing.run("remove_edges", {"pairs": [list(next(iter(session.document.graph.edges)))]})
     session.close_project()  # the disk holds what a crash would leave
     opened(session, path, qtbot)
-    area, centre = session.window.notice_area, session.window.centre
+    area, center = session.window.notice_area, session.window.center
     assert editing.dirty and any("1 unsaved edit" in text for text in area.texts)
-    children = [child for child in centre.children() if child in (area, centre.currentWidget())]
+    children = [child for child in center.children() if child in (area, center.currentWidget())]
     assert children[-1] is area, "the view does not cover it"
 
 

@@ -101,9 +101,9 @@ def test_a_pixel_of_a_render_tells_the_alpha_and_the_normal_that_it_shows() -> N
     alpha = np.array([[1.0, 0.6, 0.3, 0.05]], np.float32)
     normal = np.array([[[0, 0.6, 0.8]]] * 4, np.float32).reshape(1, 4, 3)
     view = RenderOutput(None, alpha, None, normal)
-    greys, colours = picture(view, "alpha")[0], picture(view, "normal")[0]
+    grays, colours = picture(view, "alpha")[0], picture(view, "normal")[0]
     for column, true in enumerate(alpha[0, :3]):
-        known = alpha_shown(greys[column])
+        known = alpha_shown(grays[column])
         assert known == pytest.approx(true, abs=1 / 255)
         assert normal_shown(colours[column], known) == pytest.approx(normal[0, column], abs=0.04)
     assert not normal_shown(colours[3], 0.05).any()

@@ -21,7 +21,7 @@ def test_colours_are_clamped_and_stored_blue_first() -> None:
     assert picture(view(), "rgb")[0].tolist() == [[0, 127, 255, 255], [63, 0, 255, 255]]
 
 
-def test_alpha_is_grey() -> None:
+def test_alpha_is_gray() -> None:
     assert picture(view(), "alpha")[0].tolist() == [[255, 255, 255, 255], [0, 0, 0, 255]]
 
 

@@ -17,7 +17,7 @@ from nvsim.r2r.observations.layout import ScanPlaces
 
 SIDE = 96
 Triple = tuple[float, float, float]
-WALL, BROWN, GREY = (225, 222, 215), (140, 92, 55), (128, 128, 128)
+WALL, BROWN, GRAY = (225, 222, 215), (140, 92, 55), (128, 128, 128)
 BLUE, RED = (60, 85, 150), (150, 60, 50)
 CEILING = 2.6
 
@@ -36,12 +36,12 @@ class Block:
 
 def flat_house(door: float = 0.9) -> tuple[list[Block], NavGraph]:
     """A room of 5 by 5 m with a brown floor, a blue sofa and a tall red cabinet, and a door of so many meters into a
-    grey corridor that runs east."""
+    gray corridor that runs east."""
     middle = 0.8
     low, high = middle - door / 2, middle + door / 2
     blocks = [
         Block((-0.2, -0.2, -0.2), (5.05, 5.2, 0.0), BROWN),
-        Block((5.05, -0.2, -0.2), (15.2, 5.2, 0.0), GREY),
+        Block((5.05, -0.2, -0.2), (15.2, 5.2, 0.0), GRAY),
         Block((-0.2, -0.2, CEILING), (15.2, 5.2, CEILING + 0.2), WALL),
         Block((-0.2, -0.2, 0), (0.0, 5.2, CEILING), WALL),
         Block((-0.2, -0.2, 0), (15.2, 0.0, CEILING), WALL),

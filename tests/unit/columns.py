@@ -92,8 +92,8 @@ def room(width: float, height: float, resolution: float = 0.05, wall: float = 0.
 
 def fill(occupancy: OccupancyMap, x0: float, y0: float, x1: float, y1: float, state: np.uint8) -> OccupancyMap:
     """A copy of the map in which the cells with their centers in a rectangle have `state`."""
-    centres = occupancy.centres()
-    x, y = centres[..., 0], centres[..., 1]
+    centers = occupancy.centers()
+    x, y = centers[..., 0], centers[..., 1]
     cells = occupancy.cells.copy()
     cells[(x > x0) & (x < x1) & (y > y0) & (y < y1)] = state
     return OccupancyMap(cells, occupancy.resolution, occupancy.origin)

@@ -102,8 +102,8 @@ def splat(means, log_scales, quats, opacity_logits, sh, camera, antialiased=True
     pixels = torch.stack(
         torch.meshgrid(torch.arange(k.width) + 0.5, torch.arange(k.height) + 0.5, indexing="xy"), -1
     ).double()
-    centre = torch.stack([k.fx * x / z + k.cx, k.fy * y / z + k.cy], -1)
-    d = pixels[None] - centre[:, None, None]  # [N, H, W, 2]
+    center = torch.stack([k.fx * x / z + k.cx, k.fy * y / z + k.cy], -1)
+    d = pixels[None] - center[:, None, None]  # [N, H, W, 2]
     power = -0.5 * torch.einsum("nhwi,nij,nhwj->nhw", d, conic, d)
     alpha = (opacity[:, None, None] * power.exp()).clamp(max=ALPHA_MAX)
     alpha = torch.where(alpha < ALPHA_MIN, torch.zeros_like(alpha), alpha)

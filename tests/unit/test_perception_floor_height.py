@@ -222,4 +222,4 @@ def test_a_stair_is_followed_with_its_landings():
     off = surface.height_at(middle) - flight.height_at(middle)
     assert np.abs(off).max() < 0.06 and np.sqrt((off**2).mean()) < 0.02
     for rect, height in flight.treads():
-        assert abs(float(surface.height_at(np.array(rect.centre))) - height) < 0.07, "a tread is within half a rise"
+        assert abs(float(surface.height_at(np.array(rect.center))) - height) < 0.07, "a tread is within half a rise"

@@ -18,7 +18,7 @@ from nvsim.r2r.surroundings.visibility import PIXEL, FloorPatch, ViewFromViewpoi
 
 Paint = Callable[[NDArray[np.float64], NDArray[np.float64]], NDArray[np.float64]]
 SIDE = 3.2
-BROWN, GREY, GREEN = np.array([143.0, 107, 74]), np.array([128.0, 128, 128]), np.array([50.0, 110, 60])
+BROWN, GRAY, GREEN = np.array([143.0, 107, 74]), np.array([128.0, 128, 128]), np.array([50.0, 110, 60])
 
 
 def hashed(i: NDArray[np.int64]) -> NDArray[np.float64]:
@@ -33,11 +33,11 @@ def planks(x: NDArray[np.float64], y: NDArray[np.float64]) -> NDArray[np.float64
 def tiles(x: NDArray[np.float64], y: NDArray[np.float64]) -> NDArray[np.float64]:
     i, j = np.floor(x / 0.3).astype(int), np.floor(y / 0.3).astype(int)
     joint = (np.mod(x, 0.3) < 0.02) | (np.mod(y, 0.3) < 0.02)
-    return GREY * np.where(joint, 0.6, 1 + 0.15 * hashed(i * 31 + j * 17))[..., None]
+    return GRAY * np.where(joint, 0.6, 1 + 0.15 * hashed(i * 31 + j * 17))[..., None]
 
 
 def speckled(x: NDArray[np.float64], y: NDArray[np.float64]) -> NDArray[np.float64]:
-    return GREY * (1 + 0.2 * np.random.default_rng(0).standard_normal(x.shape).clip(-2, 2))[..., None]
+    return GRAY * (1 + 0.2 * np.random.default_rng(0).standard_normal(x.shape).clip(-2, 2))[..., None]
 
 
 def plain(colour: NDArray[np.float64]) -> Paint:
@@ -70,7 +70,7 @@ def layers(paint: Paint, turned: float = 0.0) -> Layers:
 
 @pytest.mark.parametrize("turned", [0.0, 25.0, 45.0, 90.0])
 @pytest.mark.parametrize(
-    "paint, name", [(planks, "wooden"), (tiles, "tiled"), (speckled, "grey"), (plain(GREY), "grey"),
+    "paint, name", [(planks, "wooden"), (tiles, "tiled"), (speckled, "grey"), (plain(GRAY), "grey"),
                     (plain(BROWN), "brown")],
 )  # fmt: skip
 def test_joints_say_what_a_floor_is_made_of_and_nothing_else_does(paint: Paint, name: str, turned: float) -> None:

@@ -85,7 +85,7 @@ def test_the_matrix_is_what_the_frame_does(place):
     frame = Frame.around(np.array([[-3.0, -2.0, 1.0], [5.0, 4.0, 1.0]]))
     np.testing.assert_allclose(np.array(frame.world_to_pixel) @ [*place, 1.0], frame.pixel(*place))
     column, row = frame.pixel(*place)
-    np.testing.assert_allclose(frame.centres()[int(row), int(column)], place, atol=frame.meters)
+    np.testing.assert_allclose(frame.centers()[int(row), int(column)], place, atol=frame.meters)
 
 
 def test_storeys_over_one_another_have_plans_of_their_own():

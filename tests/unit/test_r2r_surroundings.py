@@ -13,7 +13,7 @@ from random import Random
 
 import numpy as np
 import pytest
-from boxed_scan import BLUE, BROWN, GREY, RED, WALL, Block, export_blocks, flat_house
+from boxed_scan import BLUE, BROWN, GRAY, RED, WALL, Block, export_blocks, flat_house
 
 from nvsim.graph.paths import PathGraph
 from nvsim.graph.types import NavGraph
@@ -61,7 +61,7 @@ def house(tmp_path_factory: pytest.TempPathFactory) -> Seen:
 
 @pytest.mark.parametrize(
     "rgb, name",
-    [(BLUE, "blue"), (RED, "red"), (BROWN, "brown"), (GREY, "grey"), (WALL, "white"), ((60, 110, 50), "green")],
+    [(BLUE, "blue"), (RED, "red"), (BROWN, "brown"), (GRAY, "grey"), (WALL, "white"), ((60, 110, 50), "green")],
 )
 def test_colours_have_the_names_that_people_give_them(rgb: tuple[int, int, int], name: str) -> None:
     assert COLOURS[int(names_of(lab_of(np.array(rgb, float))))] == name
@@ -98,7 +98,7 @@ def test_sides_are_those_of_one_who_walks(house: Seen) -> None:
     assert not [cue for cue in cues_along("gh", math.radians(90), seen) if cue.kind in ("past", "by")]
 
 
-def test_one_who_leaves_the_room_goes_from_brown_to_grey_through_the_door(house: Seen) -> None:
+def test_one_who_leaves_the_room_goes_from_brown_to_gray_through_the_door(house: Seen) -> None:
     cues = cues_along("bcfg", math.radians(90), house[1])
     assert {Cue("through", "1"), Cue("into", "corridor"), Cue("floor", "brown to grey")} <= cues
     assert Cue("along", "corridor") in cues_along("gh", math.radians(90), house[1])

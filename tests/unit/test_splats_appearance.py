@@ -84,7 +84,7 @@ def test_the_colour_network_is_evaluated_where_the_camera_is_and_ignores_own_col
         np.testing.assert_allclose(found[1:].ravel(), w["rest.weight"] @ h + w["rest.bias"], rtol=1e-4, atol=1e-5)
 
 
-def test_within_a_cell_the_colours_are_those_of_its_centre_and_do_not_depend_on_the_way() -> None:
+def test_within_a_cell_the_colours_are_those_of_its_center_and_do_not_depend_on_the_way() -> None:
     appearance, exact, g = network(), network(cell=0.0), gaussians()
     first = appearance.coloured(g, np.array([1.01, 2.02, 1.33])).sh.copy()
     appearance.coloured(g, np.array([3.0, 0.0, 1.0]))

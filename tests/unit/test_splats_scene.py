@@ -243,9 +243,9 @@ def test_without_colours_models_take_a_fifth_of_the_memory_and_show_the_same_sha
     gaussians = Gaussians(*(np.float32(a) for a in arrays), r.normal(0, 0.3, (500, 16, 3)).astype(np.float32))
     save_model(SubmapModel(gaussians, None, None, FloorSurface.flat(0.0)), tmp_path / "m")
     place = [Submap(0, (0,), (0,), np.zeros((1, 3)))]
-    coloured, grey = (SceneModel(place, [tmp_path / "m"], colours=c) for c in (True, False))
+    coloured, gray = (SceneModel(place, [tmp_path / "m"], colours=c) for c in (True, False))
     camera = Camera(Intrinsics.from_fov(40, 40, 1.5), camera_pose(np.array([0.0, -3.0, 0.0]), 0.0))
-    whole, shape = (render_model(s.model(0), camera, frozenset({"alpha", "normal", "depth"})) for s in (coloured, grey))
+    whole, shape = (render_model(s.model(0), camera, frozenset({"alpha", "normal", "depth"})) for s in (coloured, gray))
     for name in ("alpha", "normal", "depth"):
         np.testing.assert_array_equal(getattr(shape, name), getattr(whole, name))
-    assert grey.memory < 0.25 * coloured.memory
+    assert gray.memory < 0.25 * coloured.memory

@@ -119,11 +119,11 @@ def seen_from_frame(camera: Camera) -> ViewPose:
 def top_view(points: NDArray[np.float64], aspect: float = 1.6) -> ViewPose:
     """The pose that shows all of `points` (N, 3) in meters, world, from above, north up, with a margin."""
     low, high = points.min(axis=0), points.max(axis=0)
-    centre = (low + high) / 2
+    center = (low + high) / 2
     fov, margin = radians(40), 2.5  # meters, so that walls around the trajectory are visible
     half = max((high[1] - low[1]) / 2 + margin, ((high[0] - low[0]) / 2 + margin) / aspect)
     reach = half / tan(fov / 2)
-    return ViewPose((float(centre[0]), float(centre[1]), float(high[2]) + reach), 0.0, -pi / 2, reach, fov)
+    return ViewPose((float(center[0]), float(center[1]), float(high[2]) + reach), 0.0, -pi / 2, reach, fov)
 
 
 def overview(points: NDArray[np.float64]) -> ViewPose:

@@ -219,7 +219,7 @@ class MapView(QWidget):
             self.frame.show(True)
             self.plot.setRange(QRectF(x, y, width, height), padding=0)
 
-    def centre_on(self, x: float, y: float, size: float) -> None:
+    def center_on(self, x: float, y: float, size: float) -> None:
         """Centers the map at x, y and shows at least `size` meters. Zooms in only if the current range is more than
         eight times as large."""
         self._fitted = None

@@ -99,7 +99,7 @@ class FreeSpace:
         if not room.size:
             return False
         rows, columns = np.indices(room.shape)
-        places = self.layers.centres_of(np.stack([rows + top, columns + left], axis=-1))
+        places = self.layers.centers_of(np.stack([rows + top, columns + left], axis=-1))
         along = ends[1] - ends[0]
         share = ((places - ends[0]) @ along / max(float(along @ along), 1e-12)).clip(0, 1)
         near = np.linalg.norm(ends[0] + share[..., None] * along - places, axis=-1) <= _REACH

@@ -102,12 +102,12 @@ class Projection:
 
         small = np.asarray(cv2.resize(image, _FINE, interpolation=cv2.INTER_AREA))
         colours = np.asarray(cv2.resize(small, _COLOURS, interpolation=cv2.INTER_AREA), np.float32) / 127.5 - 1
-        grey = np.asarray(cv2.cvtColor(small, cv2.COLOR_RGB2GRAY), np.float32)
-        across, down = (np.asarray(cv2.Sobel(grey, cv2.CV_32F, *d, ksize=3)) for d in ((1, 0), (0, 1)))
+        gray = np.asarray(cv2.cvtColor(small, cv2.COLOR_RGB2GRAY), np.float32)
+        across, down = (np.asarray(cv2.Sobel(gray, cv2.CV_32F, *d, ksize=3)) for d in ((1, 0), (0, 1)))
         strength = np.hypot(across, down)
         # Edges have no sign: directions half a turn apart are equal.
         direction = np.floor(np.mod(np.arctan2(down, across), np.pi) / np.pi * _DIRECTIONS).astype(np.int64)
-        rows, columns = np.indices(grey.shape)
+        rows, columns = np.indices(gray.shape)
         cell = rows * _EDGES[1] // _FINE[1] * _EDGES[0] + columns * _EDGES[0] // _FINE[0]
         bins = cell * _DIRECTIONS + np.minimum(direction, _DIRECTIONS - 1)
         edges = np.bincount(bins.ravel(), strength.ravel(), _EDGES[0] * _EDGES[1] * _DIRECTIONS)

@@ -83,7 +83,7 @@ class Frame:
         """Returns the column and row of a position in meters."""
         return (x - self.low[0]) / self.meters, (self.high[1] - y) / self.meters
 
-    def centres(self) -> NDArray[np.float64]:
+    def centers(self) -> NDArray[np.float64]:
         """Returns (height, width, 2) x, y of the pixel centers, meters."""
         x = self.low[0] + (np.arange(self.width) + 0.5) * self.meters
         y = self.high[1] - (np.arange(self.height) + 0.5) * self.meters
@@ -109,7 +109,7 @@ def draw_plan(
     from scipy.spatial import cKDTree
 
     rows, columns = -(-frame.height // _COARSER), -(-frame.width // _COARSER)
-    cells = frame.centres()[::_COARSER, ::_COARSER]
+    cells = frame.centers()[::_COARSER, ::_COARSER]
     distance, nearest = cKDTree(positions[:, :2]).query(cells)
     owner = np.where(distance <= _REACH, owners[nearest], -1).reshape(rows, columns)
     owner = owner.repeat(_COARSER, axis=0).repeat(_COARSER, axis=1)[: frame.height, : frame.width]
@@ -140,7 +140,7 @@ def _floor(model: SubmapModel, frame: Frame, mask: NDArray[np.bool_]) -> Float32
         return np.full((int(mask.sum()), 3), _PAPER, np.float32)
     low, high = mesh.vertices[:, :2].min(axis=0), mesh.vertices[:, :2].max(axis=0)
     rows, columns = mesh.image.shape[:2]
-    share = (frame.centres() - low) / (high - low)
+    share = (frame.centers() - low) / (high - low)
     at = [(share[..., i] * n - 0.5).astype(np.float32) for i, n in ((0, columns), (1, rows))]
     image = mesh.image.astype(np.float32)
     image[..., :3] *= image[..., 3:] / 255

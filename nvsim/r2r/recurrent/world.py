@@ -230,5 +230,5 @@ def _read_features(
 
 def _normalize_rows(rows: Float32) -> Float32:
     """Scales rows to mean 0 and standard deviation 1, so that features of any network have one scale."""
-    centred = rows - rows.mean(axis=1, keepdims=True)
-    return np.asarray(centred / (centred.std(axis=1, keepdims=True) + 1e-6), np.float32)
+    centered = rows - rows.mean(axis=1, keepdims=True)
+    return np.asarray(centered / (centered.std(axis=1, keepdims=True) + 1e-6), np.float32)

@@ -157,7 +157,7 @@ def _named_object(
         return None  # the top is another object, or an artifact above this one
     if not _is_firm(layers, points):
         return None
-    return FloorObject(colour, shape, layers.centres_of(cells[:, ::-1]), points, top, (longer, shorter))
+    return FloorObject(colour, shape, layers.centers_of(cells[:, ::-1]), points, top, (longer, shorter))
 
 
 def _is_firm(layers: Layers, points: NDArray[np.float64]) -> bool:

@@ -88,7 +88,7 @@ class Layers:
         at = np.floor((np.asarray(xy)[..., :2] - self.low) / CELL).astype(np.int64)
         return at[..., ::-1]
 
-    def centres_of(self, cells: NDArray[np.integer]) -> NDArray[np.float64]:
+    def centers_of(self, cells: NDArray[np.integer]) -> NDArray[np.float64]:
         """Returns (..., 2) world x, y in meters of the centers of cells (..., 2)."""
         return (cells[..., ::-1] + 0.5) * CELL + np.array(self.low)
 
