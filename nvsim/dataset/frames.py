@@ -169,8 +169,8 @@ def _draw(order: _Order) -> None:
         assert rgb is not None
         atomic.write_bytes(folder / "rgb" / f"{i:03d}.jpg", jpeg(as_bytes(rgb), _QUALITY, whole_chroma=False))
         if order.look_down:
-            colour, depth = _render_looking_down(model, episode.camera(i, -LOOK_DOWN))
-            atomic.write_bytes(folder / "rgb_down" / f"{i:03d}.jpg", jpeg(colour, _QUALITY, whole_chroma=False))
+            color, depth = _render_looking_down(model, episode.camera(i, -LOOK_DOWN))
+            atomic.write_bytes(folder / "rgb_down" / f"{i:03d}.jpg", jpeg(color, _QUALITY, whole_chroma=False))
             atomic.write_bytes(folder / "depth_down" / f"{i:03d}.png", png(depth))
     for stale in folder.glob("*/*.*"):
         if int(stale.stem) >= len(order.models):

@@ -66,7 +66,7 @@ class GoalScene:
 
     def name(self, thing: int) -> str:
         one = self.targets.things[thing]
-        return plain_name(one.shape, one.colour)
+        return plain_name(one.shape, one.color)
 
 
 def write_goals(splits: Mapping[str, Sequence[Task]], scenes: Mapping[str, GoalScene], folder: Path) -> list[Path]:

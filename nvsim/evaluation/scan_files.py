@@ -224,7 +224,7 @@ def direction_errors(side: int, quality: int) -> dict[str, dict[str, float]]:
     of which 8 bits and JPEG alone cause 0.1 to 0.2."""
     model = direction_model()
     skybox = skybox_of(draw_surround(model, _HERE, focal_of(side)), model.floor, side)
-    data = np.frombuffer(jpeg(skybox.colour, quality, whole_chroma=True), np.uint8)
+    data = np.frombuffer(jpeg(skybox.color, quality, whole_chroma=True), np.uint8)
     strip = np.asarray(cv2.imdecode(data, cv2.IMREAD_COLOR))[..., ::-1]
     found = {}
     for name in NAMES:

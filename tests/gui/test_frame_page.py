@@ -188,7 +188,7 @@ def test_the_divider_shows_the_photo_on_its_left_and_the_render_on_its_right(ope
     assert colors(grabbed(browser), left) == [(255, 255, 255)]
 
 
-def test_the_difference_is_that_of_the_colours_whatever_the_views_show(
+def test_the_difference_is_that_of_the_colors_whatever_the_views_show(
     opened, qtbot: QtBot, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     window, browser = opened
@@ -435,7 +435,7 @@ def test_points_wait_for_the_normals_and_then_take_the_whole_floor(opened, qtbot
     assert correction.is_corrected and correction.mask[y, x]
 
 
-def test_points_follow_colours_where_no_normals_can_be_had(opened, qtbot: QtBot, monkeypatch) -> None:
+def test_points_follow_colors_where_no_normals_can_be_had(opened, qtbot: QtBot, monkeypatch) -> None:
     window, browser = opened
     monkeypatch.setattr(FrameLink, "ask_candidates", lambda self, frame: None)
     with_tool(opened, "points")

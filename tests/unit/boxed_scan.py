@@ -26,7 +26,7 @@ CEILING = 2.6
 class Block:
     lo: Triple
     hi: Triple
-    colour: tuple[int, int, int]
+    color: tuple[int, int, int]
 
     def meters_to(self, xy: NDArray[np.float64]) -> NDArray[np.float64]:
         """(N,) meters of places (N, 2) from it, seen from above."""
@@ -79,8 +79,8 @@ def export_blocks(root: Path, blocks: list[Block], graph: NavGraph) -> Path:
     places = ScanPlaces(root, graph.scan)
     places.images.mkdir(parents=True)
     for v in graph.viewpoints.values():
-        colour, meters = seen_from(blocks, np.array(v.position))
-        cv2.imwrite(str(places.strip(v.id)), colour[..., ::-1])
+        color, meters = seen_from(blocks, np.array(v.position))
+        cv2.imwrite(str(places.strip(v.id)), color[..., ::-1])
         cv2.imwrite(str(places.depth(v.id)), np.minimum(np.rint(meters * 4000), 65535).astype(np.uint16))
     return root
 
@@ -91,10 +91,10 @@ def seen_from(blocks: list[Block], eye: NDArray[np.float64]) -> tuple[NDArray[np
     rays /= np.linalg.norm(rays, axis=-1, keepdims=True)
     rays = np.where(np.abs(rays) < 1e-9, 1e-9, rays)
     nearest = np.full(rays.shape[:2], np.inf)
-    colour = np.zeros((*rays.shape[:2], 3), np.uint8)
+    color = np.zeros((*rays.shape[:2], 3), np.uint8)
     for block in blocks:
         one, two = (np.array(block.lo) - eye) / rays, (np.array(block.hi) - eye) / rays
         enter, leave = np.minimum(one, two).max(axis=-1), np.maximum(one, two).min(axis=-1)
         hit = (enter > 0) & (enter < leave) & (enter < nearest)
-        nearest[hit], colour[hit] = enter[hit], block.colour
-    return colour, np.where(np.isfinite(nearest), nearest, 0.0)
+        nearest[hit], color[hit] = enter[hit], block.color
+    return color, np.where(np.isfinite(nearest), nearest, 0.0)

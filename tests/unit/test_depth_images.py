@@ -170,7 +170,7 @@ def cut(path: Path) -> None:
     path.write_bytes(path.read_bytes()[:200])
 
 
-def colour(path: Path) -> None:
+def color(path: Path) -> None:
     assert cv2.imwrite(str(path), np.full((HEIGHT, WIDTH, 3), 90, np.uint8))
 
 
@@ -181,7 +181,7 @@ def colour(path: Path) -> None:
         (blacken, "contains no depth"),
         (widen, "does not fit"),
         (cut, "truncated"),
-        (colour, "one channel"),
+        (color, "one channel"),
     ],
 )
 def test_a_depth_image_that_cannot_be_used_is_a_warning(tmp_path: Path, harm: object, words: str) -> None:

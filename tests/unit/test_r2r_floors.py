@@ -1,4 +1,4 @@
-"""Floors are called what they are made of where joints say so, and by their colour where not; stairs are apart."""
+"""Floors are called what they are made of where joints say so, and by their color where not; stairs are apart."""
 
 from __future__ import annotations
 
@@ -40,8 +40,8 @@ def speckled(x: NDArray[np.float64], y: NDArray[np.float64]) -> NDArray[np.float
     return GRAY * (1 + 0.2 * np.random.default_rng(0).standard_normal(x.shape).clip(-2, 2))[..., None]
 
 
-def plain(colour: NDArray[np.float64]) -> Paint:
-    return lambda x, y: np.broadcast_to(colour, (*x.shape, 3))
+def plain(color: NDArray[np.float64]) -> Paint:
+    return lambda x, y: np.broadcast_to(color, (*x.shape, 3))
 
 
 def layers(paint: Paint, turned: float = 0.0) -> Layers:
@@ -64,8 +64,8 @@ def layers(paint: Paint, turned: float = 0.0) -> Layers:
     voxels = np.column_stack([column.ravel(), row.ravel(), level]).astype(np.int32)
     step = round(CELL / PIXEL * 2) / 2
     at = (np.arange(cells) * step + step / 2).astype(int)
-    colours = image[at][:, at].reshape(-1, 3).astype(np.float32)
-    return Layers((seen,), 0.0, (0.0, 0.0), voxels, colours, (cells, cells), (2.1, 2.6))
+    colors = image[at][:, at].reshape(-1, 3).astype(np.float32)
+    return Layers((seen,), 0.0, (0.0, 0.0), voxels, colors, (cells, cells), (2.1, 2.6))
 
 
 @pytest.mark.parametrize("turned", [0.0, 25.0, 45.0, 90.0])
@@ -81,7 +81,7 @@ def test_joints_say_what_a_floor_is_made_of_and_nothing_else_does(paint: Paint, 
     assert not any(floors_differ(name, other) for other in others)
 
 
-def test_a_coloured_rectangle_on_another_floor_is_a_rug_and_between_walls_a_room() -> None:
+def test_a_colored_rectangle_on_another_floor_is_a_rug_and_between_walls_a_room() -> None:
     def carpeted(x: NDArray[np.float64], y: NDArray[np.float64]) -> NDArray[np.float64]:
         on = (np.abs(x - 20 - SIDE / 2) < 0.7) & (np.abs(y - 20 - SIDE / 2) < 0.6)
         return np.where(on[..., None], GREEN, planks(x, y))
@@ -137,8 +137,8 @@ def test_a_patch_is_the_floor_from_above() -> None:
     strip[:, 5 * side :] = 200  # the face that looks down
     viewpoint = Viewpoint("v", (10.0, 20.0, 1.5), height=1.5)
     patch = floor_patch(viewpoint, strip, np.full((side, 6 * side), 1.5))
-    count = patch.colours.shape[0]
-    assert patch.low == pytest.approx((8.4, 18.4)) and (patch.colours[count // 2, count // 2] == 200).all()
+    count = patch.colors.shape[0]
+    assert patch.low == pytest.approx((8.4, 18.4)) and (patch.colors[count // 2, count // 2] == 200).all()
     assert patch.seen[count // 2, count // 2] and not patch.seen[0, 0]  # 1.5 m below, and farther in the corner
 
 

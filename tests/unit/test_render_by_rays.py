@@ -118,7 +118,7 @@ def test_what_is_drawn_by_rays_lies_before_what_is_splatted(seed: int) -> None:
     assert np.abs(mixed.depth * mixed.alpha - depth).mean() < 0.05
 
 
-def test_who_asks_for_colours_as_well_sees_the_same_of_what_stands() -> None:
+def test_who_asks_for_colors_as_well_sees_the_same_of_what_stands() -> None:
     model, view = SubmapModel(around_the_eye(3, 40), None, None, FloorSurface.flat(0.0)), camera()
     mask = [np.ones((36, 50), bool)]
     alone = render_regions(model, [view], mask, GEOMETRY)[0]

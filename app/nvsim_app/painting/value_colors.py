@@ -121,7 +121,7 @@ class ValueScale:
     title     the measured quantity and its unit
     words     formats a value with its unit
     share     maps a value to its position on the bar, 0 to 1, or to None
-    colours   (N, 3) uint8 RGB along the bar, its left end first; empty if there are `swatches`
+    colors   (N, 3) uint8 RGB along the bar, its left end first; empty if there are `swatches`
     marks     positions on the bar, 0 to 1, and the labels below them
     swatches  colors as RGB and the meaning of each
     """
@@ -129,7 +129,7 @@ class ValueScale:
     title: str
     words: Callable[[Any], str]  # Any: a number, or (3,) of a normal
     share: Callable[[Any], float | None] = _no_position
-    colours: NDArray[np.uint8] = field(default_factory=lambda: np.zeros((0, 3), np.uint8))
+    colors: NDArray[np.uint8] = field(default_factory=lambda: np.zeros((0, 3), np.uint8))
     marks: tuple[tuple[float, str], ...] = ()
     swatches: tuple[tuple[tuple[int, int, int], str], ...] = ()
 

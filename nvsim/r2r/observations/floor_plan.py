@@ -163,8 +163,8 @@ def _slice_below_cut(model: SubmapModel, cameras: NDArray[np.floating]) -> Gauss
     ways = means - cameras[cKDTree(cameras).query(means)[1]]
     ways /= np.maximum(np.linalg.norm(ways, axis=1, keepdims=True), 1e-6)
     weights = harmonics.basis(ways, g.sh_degree)
-    colours = np.maximum(0.5 + np.einsum("nk,nkc->nc", weights, g.sh[rows]), 0)
-    sh = ((colours - 0.5) / harmonics.DC).astype(np.float32)[:, None]
+    colors = np.maximum(0.5 + np.einsum("nk,nkc->nc", weights, g.sh[rows]), 0)
+    sh = ((colors - 0.5) / harmonics.DC).astype(np.float32)[:, None]
     return Gaussians(means, g.log_scales[rows], g.quats[rows], g.opacity_logits[rows], np.ascontiguousarray(sh))
 
 

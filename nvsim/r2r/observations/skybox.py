@@ -97,17 +97,17 @@ def distances(solid: Float32, camera: Camera, floor: FloorSurface) -> Float32:
 class Skybox:
     """The strips of one viewpoint.
 
-    colour  (S, 6 S, 3) uint8, RGB
+    color  (S, 6 S, 3) uint8, RGB
     depth   (S, 6 S) uint16, units of 0.25 mm along the ray, 0 if there is no surface, 65535 from 16.38 m on
     """
 
-    colour: NDArray[np.uint8]
+    color: NDArray[np.uint8]
     depth: NDArray[np.uint16]
 
     @property
     def faces(self) -> list[NDArray[np.uint8]]:
         """Six faces (S, S, 3) uint8, in the order of the strip."""
-        return np.split(self.colour, 6, axis=1)
+        return np.split(self.color, 6, axis=1)
 
 
 def face_cameras(position: NDArray[np.floating], side: int) -> list[Camera]:
@@ -131,16 +131,16 @@ def skybox_of(surround: Surround, floor: FloorSurface, side: int) -> Skybox:
     """Returns the strips with faces of `side` pixels. The depth is that of `floor` where there are no Gaussians."""
     strip = Skybox(np.empty((side, 6 * side, 3), np.uint8), np.empty((side, 6 * side), np.uint16))
     for i, camera in enumerate(face_cameras(surround.position, side)):
-        colour, solid = surround.colour_and_solid(camera, FINER)
+        color, solid = surround.color_and_solid(camera, FINER)
         columns = slice(i * side, (i + 1) * side)
-        strip.colour[:, columns] = as_bytes(colour)
+        strip.color[:, columns] = as_bytes(color)
         strip.depth[:, columns] = as_units(distances(solid, camera, floor))
     return strip
 
 
-def as_bytes(colour: NDArray[np.floating]) -> NDArray[np.uint8]:
+def as_bytes(color: NDArray[np.floating]) -> NDArray[np.uint8]:
     """Converts colors of any shape from 0 to 1 to uint8."""
-    return np.asarray(np.clip(colour, 0, 1) * np.float32(255) + np.float32(0.5), np.uint8)
+    return np.asarray(np.clip(color, 0, 1) * np.float32(255) + np.float32(0.5), np.uint8)
 
 
 def as_units(meters: NDArray[np.floating]) -> NDArray[np.uint16]:
@@ -168,7 +168,7 @@ class Painter:
         """Draws the images of a viewpoint of `model`. Raises InputError if the backend is not available."""
         at, size = np.array(viewpoint.position), self._settings.size
         surround = self._last = draw_surround(model, at, focal_of(size), self._backend, self._last)
-        views = [as_bytes(surround.colour(camera)) for camera in sweep(at)] if self._settings.views else []
+        views = [as_bytes(surround.color(camera)) for camera in sweep(at)] if self._settings.views else []
         return Images(skybox_of(surround, model.floor, size), views)
 
 
@@ -178,7 +178,7 @@ def encode_images(
     """Returns paths and contents of the image files."""
     skybox, id = images.skybox, viewpoint.id
     files = [
-        (places.strip(id), jpeg(skybox.colour, settings.quality, whole_chroma=True)),
+        (places.strip(id), jpeg(skybox.color, settings.quality, whole_chroma=True)),
         (places.depth(id), png(skybox.depth)),
     ]
     if settings.faces:

@@ -32,7 +32,7 @@ def _on_face(x: np.float32, y: np.float32, z: np.float32, half: np.float32) -> t
 
 
 @njit(cache=True, nogil=True, fastmath={"contract", "arcp", "nsz"})
-def draw_colours(
+def draw_colors(
     strip: NDArray[np.uint8],  # (side, 6 * side, 3)
     rays: NDArray[np.float32],  # (3, 3) from `rays_of`
     out: NDArray[np.uint8],  # (H, W, 3) output

@@ -187,10 +187,10 @@ class LiveImages:
         camera = Camera(intrinsics, camera_pose(position, heading, elevation))
         try:
             model = scene.model_at(camera.position)[1]
-            colour, solid = self._seen.image(model, camera, view.depth)
+            color, solid = self._seen.image(model, camera, view.depth)
         except InputError as error:
             raise InvalidValue(str(error)) from error
-        rgb = (colour[..., ::-1] + np.float32(0.5)).astype(np.uint8)
+        rgb = (color[..., ::-1] + np.float32(0.5)).astype(np.uint8)
         if not view.depth:
             return rgb, None
         along = camera.rays() @ camera.rotation[:, 2].astype(np.float32)

@@ -154,7 +154,7 @@ def write_surroundings(path: Path, scans: Mapping[str, Surroundings]) -> Path:
 def _data(seen: Surroundings) -> dict[str, Any]:
     things = [
         {
-            "colour": thing.colour,
+            "colour": thing.color,
             "shape": thing.shape,
             "place": thing.middle.round(2).tolist(),
             "sides": [round(side, 2) for side in thing.sides],

@@ -36,12 +36,12 @@ class FloorPatch:
     """A square image of the floor.
 
     low     (x, y) meters of the lower corner of pixel [0, 0]; rows follow y, columns x
-    colours (G, G, 3) uint8, RGB
+    colors (G, G, 3) uint8, RGB
     seen    (G, G) bool, whether the pixel shows the floor and not an object on it
     """
 
     low: tuple[float, float]
-    colours: NDArray[np.uint8]
+    colors: NDArray[np.uint8]
     seen: NDArray[np.bool_]
 
 
@@ -67,14 +67,14 @@ class ViewFromViewpoint:
 
     meters  (S, 6 S) float32 meters along the rays of a strip's pixels, 0 if there is no surface
     points  (n, 3) float32, meters, world, of the pixels within 8 m
-    colours (n, 3) uint8, RGB
+    colors (n, 3) uint8, RGB
     underfoot  the floor around the viewpoint
     """
 
     viewpoint: Viewpoint
     meters: NDArray[np.float32]
     points: NDArray[np.float32]
-    colours: NDArray[np.uint8]
+    colors: NDArray[np.uint8]
     underfoot: FloorPatch
 
     @property
@@ -127,11 +127,11 @@ def _view_from(places: ScanPlaces, viewpoint: Viewpoint) -> ViewFromViewpoint:
     columns = (np.arange(6 * side) * 2 + 1) * depth.shape[1] // (12 * side)
     # Depth is sampled, because a mean of two surfaces would be a point in the air. Color is averaged.
     meters = (depth[rows][:, columns] / np.float32(UNITS_A_METER)).astype(np.float32)
-    colour = cv2.resize(np.ascontiguousarray(strip), (6 * side, side), interpolation=cv2.INTER_AREA)
+    color = cv2.resize(np.ascontiguousarray(strip), (6 * side, side), interpolation=cv2.INTER_AREA)
     kept = (meters > 0.2) & (meters < _REACH)
     points = np.array(viewpoint.position, np.float32) + _directions(side)[kept] * meters[kept][:, None]
     underfoot = floor_patch(viewpoint, strip, depth / np.float32(UNITS_A_METER))
-    return ViewFromViewpoint(viewpoint, meters, points.astype(np.float32), colour[kept], underfoot)
+    return ViewFromViewpoint(viewpoint, meters, points.astype(np.float32), color[kept], underfoot)
 
 
 @cache
