@@ -98,12 +98,12 @@ def add_scale_bar(axes: Axes, unit: tuple[str, float] = ("m", 1.0)) -> None:
     """Add a scale bar to axes in meters. `unit` is its unit: symbol and length in meters."""
     from mpl_toolkits.axes_grid1.anchored_artists import AnchoredSizeBar
 
-    symbol, metres = unit
+    symbol, meters = unit
     left, right = axes.get_xlim()
-    length = max((b for b in _BARS if b * metres <= 0.25 * (right - left)), default=_BARS[0])
+    length = max((b for b in _BARS if b * meters <= 0.25 * (right - left)), default=_BARS[0])
     bar = AnchoredSizeBar(
-        axes.transData, length * metres, f"{length:g} {symbol}", "lower left", pad=0.4, borderpad=0.8, sep=3,
-        size_vertical=0.02 * length * metres, color=INK, label_top=True,
+        axes.transData, length * meters, f"{length:g} {symbol}", "lower left", pad=0.4, borderpad=0.8, sep=3,
+        size_vertical=0.02 * length * meters, color=INK, label_top=True,
     )  # fmt: skip
     bar.patch.set(edgecolor="none", alpha=0.8)
     axes.add_artist(bar)

@@ -106,10 +106,10 @@ def shoot(camera: Camera) -> None:
     graph, occupancy = document.graph, document.contents.occupancy
     assert graph is not None and occupancy is not None
     ids = sorted(graph.viewpoints)
-    centre = np.mean([place(graph, id) for id in ids], axis=0)
+    center = np.mean([place(graph, id) for id in ids], axis=0)
     pairs = [(a, b) for i, a in enumerate(ids) for b in ids[:i] if 2 < math.dist(place(graph, a), place(graph, b)) < 3]
     blocked = [p for p in pairs if not segment_is_free(occupancy, *(place(graph, id)[:2] for id in p))]
-    inmost = min(blocked, key=lambda p: sum(math.dist(place(graph, id), centre) for id in p))
+    inmost = min(blocked, key=lambda p: sum(math.dist(place(graph, id), center) for id in p))
     assert editing.run("add_edges", {"pairs": [list(inmost)]})
     editor.until(lambda: bool(editing.findings))
     table["next_finding"].trigger()

@@ -3,7 +3,7 @@
 # usage: install.sh VENV REQUIREMENT...   (a requirement as pip takes it: ".", "-e .[test]", a wheel)
 set -eu
 here="$(cd "$(dirname "$0")" && pwd)"
-venv="$1"
+venv="${1:?usage: install.sh VENV REQUIREMENT...}"
 shift
 "$here/system-packages.sh"
 [ -x "$venv/bin/python" ] || "${PYTHON:-python3}" -m venv "$venv"

@@ -99,7 +99,7 @@ def shoot(camera: Camera) -> None:
     camera.take("window-frame")
     table["leave_frame"].trigger()
 
-    document.select(viewpoint=max(ids, key=lambda id: len(document.graph.neighbours(id))))
+    document.select(viewpoint=max(ids, key=lambda id: len(document.graph.neighbors(id))))
     table["focus"].trigger()
     camera.rest()
     table["show_trajectory"].trigger()

@@ -41,8 +41,8 @@ def random_graph(viewpoints: int = 10_000, edges: int | None = None, directions:
     distance, near = cKDTree(places).query(places, k=min(viewpoints, 13))
     pairs = {
         (min(i, j), max(i, j)): d
-        for i, (row, metres) in enumerate(zip(near.tolist(), distance.tolist(), strict=True))
-        for j, d in zip(row, metres, strict=True)
+        for i, (row, meters) in enumerate(zip(near.tolist(), distance.tolist(), strict=True))
+        for j, d in zip(row, meters, strict=True)
     }
     chosen = sorted((d, pair) for pair, d in pairs.items() if pair[0] != pair[1])
     made = [edge(ids[i], ids[j]) for _, (i, j) in chosen[: 4 * viewpoints if edges is None else edges]]
@@ -129,7 +129,7 @@ def _single_edits(
     while len(found) < count:
         graph = history.graph
         id = rng.choice(list(graph.viewpoints))
-        joined = graph.neighbours(id)
+        joined = graph.neighbors(id)
         x, y, z = graph.viewpoints[id].position
         place = [x + rng.uniform(-1, 1), y + rng.uniform(-1, 1), z]
         near = rng.choice(joined) if joined else id
@@ -143,7 +143,7 @@ def _single_edits(
             "remove_edges": {"pairs": [[id, near]]},
             "split_edge": {"edge": [id, near]},
             "merge_viewpoints": {"ids": [id, near], "middle": True},
-            "add_edges": {"pairs": [[id, (graph.neighbours(near) or (near,))[-1]]]},
+            "add_edges": {"pairs": [[id, (graph.neighbors(near) or (near,))[-1]]]},
         }
         kind = rng.choice(sorted(kinds))
         before = time.perf_counter()

@@ -88,8 +88,8 @@ def _write_skybox(folder: Path, id: str, rotation: NDArray[np.float64], side: in
     strip = np.concatenate(list(128 + 80 * rays / 2 + 40 * waves), axis=1).round().astype(np.uint8)
     quality = [cv2.IMWRITE_JPEG_QUALITY, 95, cv2.IMWRITE_JPEG_SAMPLING_FACTOR, cv2.IMWRITE_JPEG_SAMPLING_FACTOR_444]
     SkyboxFiles(folder).strip(id).write_bytes(cv2.imencode(".jpg", strip, quality)[1].tobytes())
-    metres = np.concatenate(list(3 + waves[..., 0]), axis=1)
-    depth = (4000 * metres).round().astype(np.uint16)
+    meters = np.concatenate(list(3 + waves[..., 0]), axis=1)
+    depth = (4000 * meters).round().astype(np.uint16)
     SkyboxFiles(folder).depth(id).write_bytes(cv2.imencode(".png", depth)[1].tobytes())
 
 

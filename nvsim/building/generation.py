@@ -95,7 +95,7 @@ def novel_cameras(scene: Scene, occupancy: OccupancyMap, rng: np.random.Generato
     level = scene.storeys[storey].floor
     walk = scene.walk[scene.walk[:, 3] == level]
     free = np.argwhere((occupancy.cells == FREE) & (clearance(occupancy) >= ROOM))
-    places = occupancy.centres()[free[:, 0], free[:, 1]]
+    places = occupancy.centers()[free[:, 0], free[:, 1]]
     if scene.plan.flight is not None:
         hole = scene.plan.flight.rect.expanded(0.1)
         places = places[[not hole.contains(x, y) for x, y in places]]

@@ -58,12 +58,12 @@ def _small_plan(rng: np.random.Generator, glazed: bool, within: Rect | None) -> 
     stops = (
         TrajectoryCorner(split * 0.36, 1.35),
         TrajectoryCorner(*west, turns_in_place=True),
-        TrajectoryCorner(split - ENTRY, door.centre),
-        TrajectoryCorner(split + ENTRY, door.centre),
+        TrajectoryCorner(split - ENTRY, door.center),
+        TrajectoryCorner(split + ENTRY, door.center),
         TrajectoryCorner(*east, turns_in_place=True),
-        TrajectoryCorner(split + ENTRY, door.centre),
-        TrajectoryCorner(split - ENTRY, door.centre),
-        TrajectoryCorner(split * 0.30, door.centre + 0.2),
+        TrajectoryCorner(split + ENTRY, door.center),
+        TrajectoryCorner(split - ENTRY, door.center),
+        TrajectoryCorner(split * 0.30, door.center + 0.2),
     )
     return Plan(Rect(0, 0, width, depth), rooms, tuple(walls), (door,), stops)
 
@@ -97,8 +97,8 @@ def _full_plan(rng: np.random.Generator, glazed: bool) -> Plan:
         Wall("x", core.y1, core.x0 - 0.06, core.x1 + 0.06, glass=glazed),
     ]
 
-    def door(along: str, line: float, centre: float) -> Opening:
-        return Opening(along, line, centre, _uniform(rng, 0.95, 1.1))
+    def door(along: str, line: float, center: float) -> Opening:
+        return Opening(along, line, center, _uniform(rng, 0.95, 1.1))
 
     # The doors on the left are at the ends of corridors, those on the right are beside one
     door_l1 = door("y", x1, yb)
@@ -135,53 +135,53 @@ def _full_plan(rng: np.random.Generator, glazed: bool) -> Plan:
     def detour_across(o: Opening, line: float, sign: float, reach: float) -> list[TrajectoryCorner]:
         """The stops of a detour into a room and back. It leaves the corridor at y = `line`, meters, through the opening
         `o`, and visits both ends of the room, `reach` meters deep. `sign` is 1 if the room is above the corridor."""
-        inside = TrajectoryCorner(o.centre, o.line + sign * ENTRY)
+        inside = TrajectoryCorner(o.center, o.line + sign * ENTRY)
         y = o.line + sign * reach * 0.52
         a, b = x1 + (x2 - x1) * 0.28, x1 + (x2 - x1) * 0.72
-        far, near = (a, b) if abs(a - o.centre) > abs(b - o.centre) else (b, a)
+        far, near = (a, b) if abs(a - o.center) > abs(b - o.center) else (b, a)
         return [
-            TrajectoryCorner(o.centre, line),
+            TrajectoryCorner(o.center, line),
             inside,
             TrajectoryCorner(far, y, True),
             TrajectoryCorner(near, y),
             inside,
-            TrajectoryCorner(o.centre, line),
+            TrajectoryCorner(o.center, line),
         ]
 
     stops = [
         # once around: up on the left, with the room above and the core on the way, then the room below
-        TrajectoryCorner(xl, door_l1.centre),
+        TrajectoryCorner(xl, door_l1.center),
         TrajectoryCorner(xl, yt),
         *detour_across(opening_t, yt, 1.0, above),
-        TrajectoryCorner(door_c.centre, yt),
-        TrajectoryCorner(door_c.centre, core.y1 - ENTRY),
+        TrajectoryCorner(door_c.center, yt),
+        TrajectoryCorner(door_c.center, core.y1 - ENTRY),
         TrajectoryCorner(middle, (core.y0 + core.y1) / 2 - 0.2, True),
-        TrajectoryCorner(door_c.centre, core.y1 - ENTRY),
-        TrajectoryCorner(door_c.centre, yt),
+        TrajectoryCorner(door_c.center, core.y1 - ENTRY),
+        TrajectoryCorner(door_c.center, yt),
         TrajectoryCorner(xr, yt),
         TrajectoryCorner(xr, yb),
         *detour_across(door_b, yb, -1.0, below),
         TrajectoryCorner(xl, yb),
         # through both rooms on the left
-        TrajectoryCorner(xl, door_l1.centre),
-        TrajectoryCorner(x1 - ENTRY, door_l1.centre),
+        TrajectoryCorner(xl, door_l1.center),
+        TrajectoryCorner(x1 - ENTRY, door_l1.center),
         TrajectoryCorner(*low_l, True),
-        TrajectoryCorner(opening_l.centre, split_l - 0.6),
-        TrajectoryCorner(opening_l.centre, split_l + 0.6),
+        TrajectoryCorner(opening_l.center, split_l - 0.6),
+        TrajectoryCorner(opening_l.center, split_l + 0.6),
         TrajectoryCorner(*high_l, True),
-        TrajectoryCorner(x1 - ENTRY, door_l2.centre),
-        TrajectoryCorner(xl, door_l2.centre),
+        TrajectoryCorner(x1 - ENTRY, door_l2.center),
+        TrajectoryCorner(xl, door_l2.center),
         # and around the other way, through both rooms on the right
         TrajectoryCorner(xl, yb),
         TrajectoryCorner(xr, yb),
-        TrajectoryCorner(xr, door_r1.centre),
-        TrajectoryCorner(x2 + ENTRY, door_r1.centre),
+        TrajectoryCorner(xr, door_r1.center),
+        TrajectoryCorner(x2 + ENTRY, door_r1.center),
         TrajectoryCorner(*low_r, True),
-        TrajectoryCorner(opening_r.centre, split_r - 0.6),
-        TrajectoryCorner(opening_r.centre, split_r + 0.6),
+        TrajectoryCorner(opening_r.center, split_r - 0.6),
+        TrajectoryCorner(opening_r.center, split_r + 0.6),
         TrajectoryCorner(*high_r, True),
-        TrajectoryCorner(x2 + ENTRY, door_r2.centre),
-        TrajectoryCorner(xr, door_r2.centre),
+        TrajectoryCorner(x2 + ENTRY, door_r2.center),
+        TrajectoryCorner(xr, door_r2.center),
         TrajectoryCorner(xr, yt),
         TrajectoryCorner(xl, yt),
     ]
@@ -311,10 +311,10 @@ def _trajectory_through_shops(
     for k, street in enumerate(streets):
         low, high = _on_raster(street.middle - _LANE), _on_raster(street.middle + _LANE)
         stops.append(TrajectoryCorner(west, low))
-        for opening, rect in sorted(shops[2 * k], key=lambda visit: visit[0].centre):
+        for opening, rect in sorted(shops[2 * k], key=lambda visit: visit[0].center):
             stops += _visit(opening, rect, low, -1.0, rng)
         stops += [TrajectoryCorner(east, low), TrajectoryCorner(east, high)]
-        for opening, rect in sorted(shops[2 * k + 1], key=lambda visit: -visit[0].centre):
+        for opening, rect in sorted(shops[2 * k + 1], key=lambda visit: -visit[0].center):
             stops += _visit(opening, rect, high, 1.0, rng)
         stops.append(TrajectoryCorner(west, high))
     if cross:
@@ -329,9 +329,9 @@ def _trajectory_through_shops(
 
 def _visit(opening: Opening, rect: Rect, lane: float, sign: float, rng: np.random.Generator) -> list[TrajectoryCorner]:
     """From the lane at y = `lane` through the opening to the middle of the shop, a full turn there, and back."""
-    inside = TrajectoryCorner(opening.centre, opening.line + sign * ENTRY)
-    x, y = rect.centre
+    inside = TrajectoryCorner(opening.center, opening.line + sign * ENTRY)
+    x, y = rect.center
     middle = TrajectoryCorner(
         _on_raster(x + rng.uniform(-0.4, 0.4)), _on_raster(y + sign * rng.uniform(0.0, 0.6)), True
     )
-    return [TrajectoryCorner(opening.centre, lane), inside, middle, inside, TrajectoryCorner(opening.centre, lane)]
+    return [TrajectoryCorner(opening.center, lane), inside, middle, inside, TrajectoryCorner(opening.center, lane)]

@@ -272,7 +272,7 @@ def _paint_planks(
 
 def _rug_place(room: Room, rng: np.random.Generator) -> Rect:
     area = room.rects[0]
-    x, y = area.centre
+    x, y = area.center
     w = min(float(rng.uniform(2.2, 3.0)), area.x1 - area.x0 - 1.6)
     d = min(float(rng.uniform(1.7, 2.4)), area.y1 - area.y0 - 1.2)
     x0, y0 = round(x - w / 2, 2), round(y - d / 2, 2)

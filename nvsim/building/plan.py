@@ -91,7 +91,7 @@ class Rect:
     y1: float
 
     @property
-    def centre(self) -> tuple[float, float]:
+    def center(self) -> tuple[float, float]:
         return (self.x0 + self.x1) / 2, (self.y0 + self.y1) / 2
 
     @property
@@ -143,7 +143,7 @@ class Opening:
 
     along: str
     line: float
-    centre: float
+    center: float
     width: float
     height: float = 2.08
     framed: bool = True
@@ -152,8 +152,8 @@ class Opening:
         """The ground within `depth` meters of the opening on both sides."""
         half = self.width / 2
         if self.along == "x":
-            return Rect(self.centre - half, self.line - depth, self.centre + half, self.line + depth)
-        return Rect(self.line - depth, self.centre - half, self.line + depth, self.centre + half)
+            return Rect(self.center - half, self.line - depth, self.center + half, self.line + depth)
+        return Rect(self.line - depth, self.center - half, self.line + depth, self.center + half)
 
 
 @dataclass(frozen=True)
@@ -191,7 +191,7 @@ class Plan:
                 if w.along == "x"
                 else replace(w, line=width - w.line)
             ),
-            lambda o: replace(o, centre=width - o.centre) if o.along == "x" else replace(o, line=width - o.line),
+            lambda o: replace(o, center=width - o.center) if o.along == "x" else replace(o, line=width - o.line),
         )
 
     def transposed(self) -> Plan:

@@ -69,9 +69,9 @@ def wall_boxes(plan: Plan, wall_paints: dict[str, Paint], frame: Paint) -> list[
             (
                 o
                 for o in plan.openings
-                if o.along == wall.along and o.line == wall.line and wall.start < o.centre < wall.end
+                if o.along == wall.along and o.line == wall.line and wall.start < o.center < wall.end
             ),
-            key=lambda o: o.centre,
+            key=lambda o: o.center,
         )
         if wall.glass:
             boxes += _glass_wall(wall, openings, frame)
@@ -87,8 +87,8 @@ def wall_boxes(plan: Plan, wall_paints: dict[str, Paint], frame: Paint) -> list[
         edges = sorted(cuts)
         for start, end in zip(edges, edges[1:]):
             here = start
-            for o in (o for o in openings if start < o.centre < end):
-                gap = (o.centre - o.width / 2, o.centre + o.width / 2)
+            for o in (o for o in openings if start < o.center < end):
+                gap = (o.center - o.width / 2, o.center + o.width / 2)
                 if o.framed:
                     gap = (gap[0] - _FRAME, gap[1] + _FRAME)
                 boxes.append(_piece(plan, wall, here, gap[0], 0.0, HEIGHT, wall_paints))
@@ -119,9 +119,9 @@ def _piece(plan: Plan, wall: Wall, start: float, end: float, low: float, high: f
 
 def _door_frame(o: Opening, thickness: float, paint: Paint) -> list[Box]:
     half, out = o.width / 2, thickness / 2 + 0.02
-    left = _upright(o.along, o.line, out, o.centre - half - _FRAME - 0.03, o.centre - half)
-    right = _upright(o.along, o.line, out, o.centre + half, o.centre + half + _FRAME + 0.03)
-    over = _upright(o.along, o.line, out, o.centre - half - _FRAME - 0.03, o.centre + half + _FRAME + 0.03)
+    left = _upright(o.along, o.line, out, o.center - half - _FRAME - 0.03, o.center - half)
+    right = _upright(o.along, o.line, out, o.center + half, o.center + half + _FRAME + 0.03)
+    over = _upright(o.along, o.line, out, o.center - half - _FRAME - 0.03, o.center + half + _FRAME + 0.03)
     return [
         _box(left, 0.0, o.height + 0.06, paint),
         _box(right, 0.0, o.height + 0.06, paint),
@@ -134,7 +134,7 @@ def _glass_wall(wall: Wall, openings: list[Opening], frame: Paint) -> list[Box]:
     boxes: list[Box] = []
     start = wall.start
     for o in openings:
-        left, right = o.centre - o.width / 2 - _FRAME, o.centre + o.width / 2 + _FRAME
+        left, right = o.center - o.width / 2 - _FRAME, o.center + o.width / 2 + _FRAME
         boxes += _glass_panel(replace(wall, start=start, end=left))
         boxes.append(
             _box(_upright(wall.along, wall.line, GLASS / 2, left, right), o.height, HEIGHT, _GLASS_PAINT, glass=True)

@@ -107,13 +107,13 @@ def _with_strip(
 def _to_the_far_room(plan: Plan) -> tuple[TrajectoryCorner, ...]:
     """From the end of a full building's tour to the room in the middle of its far side."""
     into = max((o for o in plan.openings if o.along == "x"), key=lambda o: o.line)
-    return TrajectoryCorner(into.centre, plan.trajectory_corners[-1].y), TrajectoryCorner(
-        into.centre, into.line + ENTRY
+    return TrajectoryCorner(into.center, plan.trajectory_corners[-1].y), TrajectoryCorner(
+        into.center, into.line + ENTRY
     )
 
 
 def _to_the_near_room(plan: Plan) -> tuple[TrajectoryCorner, ...]:
     """From the end of a full building's tour, and from its beginning, to the room in its far corner."""
     end = plan.trajectory_corners[-1]
-    into = min((o for o in plan.openings if o.along == "y" and o.centre == end.y), key=lambda o: o.line)
+    into = min((o for o in plan.openings if o.along == "y" and o.center == end.y), key=lambda o: o.line)
     return end, TrajectoryCorner(into.line - ENTRY, end.y)

@@ -69,12 +69,12 @@ def find_floor(
     for _ in range(2):
         if np.count_nonzero(on_plane) < _LEAST_POINTS:
             return None
-        centre = near[on_plane].mean(axis=0)
-        axes = np.linalg.svd(near[on_plane] - centre, full_matrices=False)[2]
+        center = near[on_plane].mean(axis=0)
+        axes = np.linalg.svd(near[on_plane] - center, full_matrices=False)[2]
         normal = axes[2] * (1.0 if axes[2] @ up >= 0 else -1.0)
         if normal @ up < np.cos(np.radians(cone_degrees)):
             normal = searched  # too few points to fit a tilt; the direction of the search is more reliable
-        low = float(centre @ normal)
+        low = float(center @ normal)
         on_plane = np.abs(near @ normal - low) < 1.5 * thickness
     share = np.count_nonzero(on_plane) / max(1, int(np.count_nonzero(near @ normal < 0)))
     heights = near @ normal - low

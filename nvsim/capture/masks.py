@@ -102,8 +102,8 @@ def decode_mask(mask: MaskFile) -> NDArray[np.bool_]:
     if is_cut_off(data):
         raise InputError(f"{mask.path} is truncated (its end mark is missing); {_AGAIN}.")
     flags = cv2.IMREAD_GRAYSCALE
-    grey = decode_pixels(data, mask.path, flags, what="a mask", then=_AGAIN)
-    white = grey > (_JPEG_BLACK if data.startswith(b"\xff\xd8") else 0)
+    gray = decode_pixels(data, mask.path, flags, what="a mask", then=_AGAIN)
+    white = gray > (_JPEG_BLACK if data.startswith(b"\xff\xd8") else 0)
     return np.asarray(white if mask.ignored == "black" else ~white)
 
 

@@ -27,6 +27,12 @@ Inline = Annotated[T, tyro.conf.arg(name="")]
 """A configuration whose fields become options without a prefix."""
 _COLUMN = 30  # characters from the left edge to the text of an option
 _NAMES = {int: "INT", float: "FLOAT", str: "TEXT", Path: "PATH"}
+_EARLIER_FLAGS = {
+    "--least-metres": "--least-meters",
+    "--most-metres": "--most-meters",
+    "--neighbours": "--neighbors",
+}
+"""Flags of earlier versions, which scripts and stored jobs contain -> their current names."""
 
 
 def requested_help(argv: Sequence[str]) -> Literal["common", "all"] | None:
@@ -189,6 +195,7 @@ def _number(info: tyro.constructors.PrimitiveTypeInfo) -> tyro.constructors.Prim
 def parse(command: type[Command], argv: list[str], verb: str) -> Any:
     """Parses `argv` into the command. Prints the help if `argv` asks for it, and exits with code 0. Prints usage and
     exits with code 2 on a wrong option."""
+    argv = _with_current_flags(argv)
     if asked := requested_help(argv):
         print_lines(*lines(command, verb, argv, everything=asked == "all"))
         sys.exit(0)
@@ -214,6 +221,12 @@ def parse(command: type[Command], argv: list[str], verb: str) -> Any:
         for hint in _hints_on_lists(command, argv):
             print_lines(hint, error=True)
         sys.exit(2)
+
+
+def _with_current_flags(argv: list[str]) -> list[str]:
+    own = argv.index("--") if "--" in argv else len(argv)
+    pairs = [word.partition("=") for word in argv[:own]]
+    return [*(_EARLIER_FLAGS.get(flag, flag) + sign + value for flag, sign, value in pairs), *argv[own:]]
 
 
 def _hints_on_lists(command: type[Command], argv: list[str]) -> list[str]:

@@ -169,8 +169,8 @@ def _draw(order: _Order) -> None:
         assert rgb is not None
         atomic.write_bytes(folder / "rgb" / f"{i:03d}.jpg", jpeg(as_bytes(rgb), _QUALITY, whole_chroma=False))
         if order.look_down:
-            colour, depth = _render_looking_down(model, episode.camera(i, -LOOK_DOWN))
-            atomic.write_bytes(folder / "rgb_down" / f"{i:03d}.jpg", jpeg(colour, _QUALITY, whole_chroma=False))
+            color, depth = _render_looking_down(model, episode.camera(i, -LOOK_DOWN))
+            atomic.write_bytes(folder / "rgb_down" / f"{i:03d}.jpg", jpeg(color, _QUALITY, whole_chroma=False))
             atomic.write_bytes(folder / "depth_down" / f"{i:03d}.png", png(depth))
     for stale in folder.glob("*/*.*"):
         if int(stale.stem) >= len(order.models):
@@ -185,8 +185,8 @@ def _render_looking_down(model: SubmapModel, camera: Camera) -> tuple[NDArray[np
     assert view.rgb is not None and view.alpha is not None and view.depth is not None
     along = camera.intrinsics.ray_lengths()
     solid = np.stack([view.alpha, view.alpha * view.depth * along], axis=2)
-    millimetres = distances(solid, camera, model.floor) / along * np.float32(1000)
-    return as_bytes(view.rgb), np.clip(np.rint(millimetres), 0, 65535).astype(np.uint16)
+    millimeters = distances(solid, camera, model.floor) / along * np.float32(1000)
+    return as_bytes(view.rgb), np.clip(np.rint(millimeters), 0, 65535).astype(np.uint16)
 
 
 def _is_finished(order: _Order) -> bool:

@@ -51,7 +51,7 @@ class GoalScene:
     def _lengths(self) -> NDArray[np.float64]:
         return self._path_graph.lengths(np.arange(len(self._path_graph.ids)))
 
-    def metres(self, start: str, end: str) -> float:
+    def meters(self, start: str, end: str) -> float:
         """Returns the length of the shortest path between two viewpoints in meters."""
         return float(self._lengths[self._path_graph.ids.index(start), self._path_graph.ids.index(end)])
 
@@ -66,7 +66,7 @@ class GoalScene:
 
     def name(self, thing: int) -> str:
         one = self.targets.things[thing]
-        return plain_name(one.shape, one.colour)
+        return plain_name(one.shape, one.color)
 
 
 def write_goals(splits: Mapping[str, Sequence[Task]], scenes: Mapping[str, GoalScene], folder: Path) -> list[Path]:
@@ -113,7 +113,7 @@ def points_of(tasks: Sequence[Task], scenes: Mapping[str, GoalScene]) -> dict[st
         scene = scenes[task.scan]
         start, goal = scene.floor_at(task.path[0]), scene.floor_at(task.path[-1])
         info = {
-            "geodesic_distance": round(scene.metres(task.path[0], task.path[-1]), 3),
+            "geodesic_distance": round(scene.meters(task.path[0], task.path[-1]), 3),
             "euclidean_distance": round(float(np.linalg.norm(goal - start)), 3),
         }
         goals = [{"position": in_habitat(goal[None])[0], "radius": None}]
@@ -161,11 +161,11 @@ def objects_of(tasks: Sequence[Task], scenes: Mapping[str, GoalScene]) -> dict[s
         shape, targets = scene.targets.things[thing].shape, scene.targets
         same = [k for k in targets.places if targets.things[k].shape == shape]
         goals.setdefault(f"{task.scan}.glb_{shape}", [_goal(scene, k) for k in same])
-        nearest, metres = min(((k, _metres_to(scene, task.path[0], k)) for k in same), key=lambda found: found[1])
+        nearest, meters = min(((k, _meters_to(scene, task.path[0], k)) for k in same), key=lambda found: found[1])
         start = scene.floor_at(task.path[0])
         straight = min(float(np.linalg.norm(targets.places[k] - start, axis=1).min()) for k in same)
         info = {
-            "geodesic_distance": round(metres, 3),
+            "geodesic_distance": round(meters, 3),
             "euclidean_distance": round(straight, 3),
             "closest_goal_object_id": nearest,
         }
@@ -179,13 +179,13 @@ def objects_of(tasks: Sequence[Task], scenes: Mapping[str, GoalScene]) -> dict[s
     }
 
 
-def _metres_to(scene: GoalScene, start: str, thing: int) -> float:
+def _meters_to(scene: GoalScene, start: str, thing: int) -> float:
     """Returns meters along the graph to a viewpoint that sees an object, and from there straight to a place at it."""
     places = scene.targets.places[thing]
     found = [math.inf]
     for id, objects in scene.targets.boxes.items():
         if thing in objects:
-            found.append(scene.metres(start, id) + float(np.linalg.norm(places - scene.floor_at(id), axis=1).min()))
+            found.append(scene.meters(start, id) + float(np.linalg.norm(places - scene.floor_at(id), axis=1).min()))
     return min(found)
 
 
@@ -201,7 +201,7 @@ def images_of(tasks: Sequence[Task], scenes: Mapping[str, GoalScene]) -> dict[st
         if not images:
             continue
         info = {
-            "geodesic_distance": round(_metres_to(scene, task.path[0], thing), 3),
+            "geodesic_distance": round(_meters_to(scene, task.path[0], thing), 3),
             "euclidean_distance": round(
                 math.dist(scene.floor_at(task.path[0])[:2], scene.targets.things[thing].middle), 3
             ),

@@ -35,12 +35,12 @@ class TextViews:
     kind: str = ""
     found: list[dict[str, dict[str, float]]] = field(default_factory=lambda: [{} for _ in range(SECTORS)])
 
-    def add(self, name: str, heading: float, metres: float) -> None:
+    def add(self, name: str, heading: float, meters: float) -> None:
         """Adds an object or a doorway at a heading in radians. The nearest one of a name and a direction stays."""
         degrees = math.degrees(heading) % 360
         here = self.found[round(degrees / (360 / SECTORS)) % SECTORS]
-        if name not in here or metres < here[name]["distance"]:
-            here[name] = {"heading": degrees, "distance": metres}
+        if name not in here or meters < here[name]["distance"]:
+            here[name] = {"heading": degrees, "distance": meters}
 
     @property
     def sentences(self) -> list[str]:

@@ -36,7 +36,7 @@ from nvsim.depth.planes import Plane, find_planes, is_behind_floor
 from nvsim.depth.refinement import refine, smooth_depth
 from nvsim.depth.smoothing import best_inverse_depth, smooth_cost
 from nvsim.depth.sweep import sweep
-from nvsim.depth.view import Views, Warp, neighbours
+from nvsim.depth.view import Views, Warp, neighbors
 from nvsim.depth.visibility import Carver, DepthCheck
 from nvsim.events import Listener, Progress, ignore_event
 from nvsim.files.atomic import make_folder
@@ -185,7 +185,7 @@ class FramesInPhases:
     def _label(self, out: Path, index: int) -> None:
         views, config, planes = self.views, self._config, self.planes
         known = _certain(views.camera(index), *read_draft(self._folder / "confirmed", index), planes, config)
-        chosen = neighbours(views.poses, index, config.labeling_sources, config.baseline)
+        chosen = neighbors(views.poses, index, config.labeling_sources, config.baseline)
         camera = views.camera(index)
         warps = [Warp.between(camera, views.camera(j)) for j in chosen]
         sources = [views.at(j) for j in chosen]
@@ -209,7 +209,7 @@ class FramesInPhases:
 
     def _confirm_frame(self, phase: Phase, index: int) -> AgreedDepth:
         config = self._config
-        near = neighbours(self.views.poses, index, config.compared_maps, config.baseline, 0.1)
+        near = neighbors(self.views.poses, index, config.compared_maps, config.baseline, 0.1)
         least = 0 if index in self._measured else config.views
         return _confirm_depth(self.views, index, near, self.maps[phase], config, least)
 
@@ -310,24 +310,24 @@ def estimate_single_frame(views: Views, index: int, config: DepthConfig) -> tupl
     The first is inverse depth, 1 / meters, 0 where unknown. The second is its inverse variance, meters squared: the
     amount of information in the images."""
     view = views.at(index)
-    chosen = neighbours(views.poses, index, config.sources, config.baseline)
+    chosen = neighbors(views.poses, index, config.sources, config.baseline)
     if not chosen:
-        return np.zeros_like(view.grey), np.zeros_like(view.grey)
+        return np.zeros_like(view.gray), np.zeros_like(view.gray)
     warps = [Warp.between(view.camera, views.camera(j)) for j in chosen]
     turned, shifts = np.stack([w.turned for w in warps]), np.stack([w.shift for w in warps])
-    sources = [views.at(j).grey for j in chosen]
+    sources = [views.at(j).gray for j in chosen]
     inverse = np.linspace(1 / config.farthest, 1 / config.nearest, config.planes)
     step = float(inverse[1] - inverse[0])
     cost = sweep(view.census, sources, turned, shifts, inverse, config.threshold)
-    total = smooth_cost(cost, view.grey, config.small_change_cost, config.large_change_cost, config.edge_step)
+    total = smooth_cost(cost, view.gray, config.small_change_cost, config.large_change_cost, config.edge_step)
     found, margin = best_inverse_depth(total, inverse.astype(np.float32))
-    found[(margin < config.margin) | (view.grey < 0)] = 0
+    found[(margin < config.margin) | (view.gray < 0)] = 0
     found = smooth_depth(found, _REACH, 2 * step)
     knowledge = np.zeros_like(found)
     few = config.refining_sources
     for _ in range(config.steps):
         found, knowledge = refine(
-            view.grey, sources[:few], turned[:few], shifts[:few], found, config.window, step, config.noise
+            view.gray, sources[:few], turned[:few], shifts[:few], found, config.window, step, config.noise
         )
         found = smooth_depth(found, _REACH, 0.5 * step)
     with np.errstate(divide="ignore"):

@@ -281,14 +281,14 @@ def _add(
     return inverse.size, filled
 
 
-def normals_of(points: NDArray[np.float32], towards: NDArray[np.floating], neighbours: int = 24) -> NDArray[np.float32]:
+def normals_of(points: NDArray[np.float32], towards: NDArray[np.floating], neighbors: int = 24) -> NDArray[np.float32]:
     """(N, 3) float32 unit normals of `points` (N, 3): the direction in which their neighbors spread least.
 
     Each normal is oriented along `towards` (N, 3), the vectors from the points to the cameras. Neighbors are searched
     strip by strip, because a tree of all points of a large building needs too much memory."""
     if len(points) < 3:
         return np.asarray(towards / np.linalg.norm(towards, axis=1, keepdims=True), np.float32)
-    count, along = min(neighbours, len(points)), points[:, int(np.ptp(points, axis=0).argmax())]
+    count, along = min(neighbors, len(points)), points[:, int(np.ptp(points, axis=0).argmax())]
     borders = np.append(np.sort(along)[::_STRIP], np.inf)
     out = np.empty((len(points), 3), np.float32)
     for low, high in pairwise(borders):

@@ -59,7 +59,7 @@ def label_planes(
         config.unknown_cost + usual,
     )
     _fill(photo, confirmed, forms, extents, limits, prior, rule, cost)
-    total = smooth_cost(cost, view.grey, int(config.change_cost), config.change_cost, config.edge_step)
+    total = smooth_cost(cost, view.gray, int(config.change_cost), config.change_cost, config.edge_step)
     return _choose_labels(total, confirmed, forms, np.asarray(chosen, np.int16), far)
 
 

@@ -213,9 +213,9 @@ def _parallel(points: Float64, say: Float64, normal: Float64, found: list[Plane]
         least = _SMALLEST / _COARSE**2 * _LEAST
         if smooth[peak] * 3.8 < least:
             break
-        centre = base + (peak + 0.5) * step
-        close = np.flatnonzero(free & (np.abs(height - centre) < _THICKNESS))
-        around = np.flatnonzero(free & (np.abs(height - centre) < _SCATTER))
+        center = base + (peak + 0.5) * step
+        close = np.flatnonzero(free & (np.abs(height - center) < _THICKNESS))
+        around = np.flatnonzero(free & (np.abs(height - center) < _SCATTER))
         taken[around] = True
         corner = plane[close].min(axis=0)
         cell = np.floor((plane[close] - corner) / _CELL).astype(int)

@@ -56,26 +56,26 @@ def refine(
     push, curve = np.zeros(found.shape, np.float32), np.zeros(found.shape, np.float32)
     moments = np.empty((*found.shape, _MOMENTS), np.float32)
     tiny = noise * noise
-    for grey, turned, shift in zip(sources, rotations, shifts, strict=True):
-        _sample(reference, grey, turned, shift, found, moments)
+    for gray, turned, shift in zip(sources, rotations, shifts, strict=True):
+        _sample(reference, gray, turned, shift, found, moments)
         _add_image(np.asarray(cv2.blur(moments, (window, window)), np.float32), tiny, push, curve)
     return _apply_step(found, push, curve, longest, tiny), curve * np.float32(window * window / (2 * tiny))
 
 
 @njit(cache=True, nogil=True, error_model="numpy", fastmath=True)
-def _interpolate(grey: Float32, p: float, q: float) -> float:
-    """`grey` (H, W) interpolated at column p and row q, which must be inside."""
+def _interpolate(gray: Float32, p: float, q: float) -> float:
+    """`gray` (H, W) interpolated at column p and row q, which must be inside."""
     x, y = int(p), int(q)
-    right, below = min(x + 1, grey.shape[1] - 1), min(y + 1, grey.shape[0] - 1)
+    right, below = min(x + 1, gray.shape[1] - 1), min(y + 1, gray.shape[0] - 1)
     a, b = p - x, q - y
-    top = grey[y, x] + a * (grey[y, right] - grey[y, x])
-    return float(top + b * (grey[below, x] + a * (grey[below, right] - grey[below, x]) - top))
+    top = gray[y, x] + a * (gray[y, right] - gray[y, x])
+    return float(top + b * (gray[below, x] + a * (gray[below, right] - gray[below, x]) - top))
 
 
 @njit(cache=True, nogil=True, error_model="numpy", fastmath=True)
 def _sample(
     reference: Float32,
-    grey: Float32,
+    gray: Float32,
     turned: NDArray[np.float64],
     shift: NDArray[np.float64],
     found: Float32,
@@ -84,7 +84,7 @@ def _sample(
     """Fill `out` (H, W, 10): whether the pixel is seen; its gray value in the reference and in the source; the slope in
     the source along the epipolar line per inverse depth; and the products of the last three."""
     height, width = found.shape
-    wide, tall = grey.shape[1] - 1.0, grey.shape[0] - 1.0
+    wide, tall = gray.shape[1] - 1.0, gray.shape[0] - 1.0
     for y in range(height):
         for x in range(width):
             w = found[y, x]
@@ -101,9 +101,9 @@ def _sample(
             length = np.sqrt(du * du + dv * dv) + 1e-6
             # The slope comes from two samples half a pixel to either side.
             hx, hy = 0.5 * du / length, 0.5 * dv / length
-            ahead = _interpolate(grey, min(max(p + hx, 0.0), wide), min(max(q + hy, 0.0), tall))
-            behind = _interpolate(grey, min(max(p - hx, 0.0), wide), min(max(q - hy, 0.0), tall))
-            here, there, slope = reference[y, x], _interpolate(grey, p, q), (ahead - behind) * length
+            ahead = _interpolate(gray, min(max(p + hx, 0.0), wide), min(max(q + hy, 0.0), tall))
+            behind = _interpolate(gray, min(max(p - hx, 0.0), wide), min(max(q - hy, 0.0), tall))
+            here, there, slope = reference[y, x], _interpolate(gray, p, q), (ahead - behind) * length
             if min(here, there, ahead, behind) < 0:
                 continue
             out[y, x, 0] = 1

@@ -90,8 +90,8 @@ def sweep(
     best = np.full((count, height, width), WORST, np.uint8)
     following = np.full((count, height, width), WORST, np.uint8)
     across, down = np.arange(width), np.arange(height)
-    for grey, turned, shift in zip(sources, rotations, shifts, strict=True):
-        theirs, left, top = turned_census(grey, turned, width, height, threshold)
+    for gray, turned, shift in zip(sources, rotations, shifts, strict=True):
+        theirs, left, top = turned_census(gray, turned, width, height, threshold)
         move = np.linalg.solve(turned, shift)
         for d, w in enumerate(inverse):
             scale = 1 + w * move[2]
@@ -113,13 +113,13 @@ def _index(places: NDArray[np.float64], size: int) -> NDArray[np.uint32]:
 
 
 def turned_census(
-    grey: NDArray[np.float32], turned: NDArray[np.float64], width: int, height: int, threshold: float
+    gray: NDArray[np.float32], turned: NDArray[np.float64], width: int, height: int, threshold: float
 ) -> tuple[NDArray[np.uint64], int, int]:
-    """The census of a source `grey` (H', W') float32, rotated to the viewing direction of the image: (R, C) uint64.
+    """The census of a source `gray` (H', W') float32, rotated to the viewing direction of the image: (R, C) uint64.
 
     Also returns the column and row of its first pixel in the image of `width` x `height` pixels. Pixels outside the
     source, and a border of one pixel, are `NOTHING`."""
-    tall, wide = grey.shape
+    tall, wide = gray.shape
     corners = np.linalg.solve(turned, np.array([[0, wide - 1, wide - 1, 0], [0, 0, tall - 1, tall - 1], [1, 1, 1, 1]]))
     low, high = np.array([-width // 2, -height // 2]), np.array([3 * width // 2, 3 * height // 2])
     if corners[2].min() > _LEAST_DEPTH * np.linalg.solve(turned, [wide / 2, tall / 2, 1])[2]:
@@ -129,7 +129,7 @@ def turned_census(
     columns, rows = np.maximum(high - low, 1)
     into = turned @ np.array([[1.0, 0, low[0]], [0, 1, low[1]], [0, 0, 1]])
     size, flags = (int(columns), int(rows)), cv2.WARP_INVERSE_MAP
-    values = cv2.warpPerspective(grey, into, size, flags=flags | cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
+    values = cv2.warpPerspective(gray, into, size, flags=flags | cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
     seen = cv2.warpPerspective(np.ones((tall, wide), np.uint8), into, size, flags=flags | cv2.INTER_NEAREST)
     # A homography does not distinguish front and back.
     depth = (into[2, 0] * np.arange(columns))[None] + (into[2, 1] * np.arange(rows) + into[2, 2])[:, None]

@@ -48,16 +48,16 @@ def _fill_census(
                 to[x] = (to[x] << np.uint64(2)) | brighter | darker
 
 
-def census_of(grey: NDArray[np.float32], threshold: float) -> NDArray[np.uint64]:
-    """(H, W) uint64 census of `grey` (H, W) float32.
+def census_of(gray: NDArray[np.float32], threshold: float) -> NDArray[np.uint64]:
+    """(H, W) uint64 census of `gray` (H, W) float32.
 
     It has two bits for each of 32 pixels in a 9 x 7 neighborhood: brighter and darker by more than `threshold` gray
     levels. Border pixels are replicated. A negative gray value marks a pixel that must not be used. If the neighborhood
     of a pixel contains one, its census is `NOTHING`."""
-    padded = cv2.copyMakeBorder(grey, _UP, _UP, _LEFT, _LEFT, cv2.BORDER_REPLICATE)
-    out = np.empty(grey.shape, np.uint64)
+    padded = cv2.copyMakeBorder(gray, _UP, _UP, _LEFT, _LEFT, cv2.BORDER_REPLICATE)
+    out = np.empty(gray.shape, np.uint64)
     _fill_census(np.asarray(padded, np.float32), np.float32(threshold), _AROUND, out)
-    ignored = (grey < 0).astype(np.uint8)
+    ignored = (gray < 0).astype(np.uint8)
     if ignored.any():
         out[cv2.dilate(ignored, np.ones((2 * _UP + 1, 2 * _LEFT + 1), np.uint8)) > 0] = NOTHING
     return out
@@ -66,12 +66,12 @@ def census_of(grey: NDArray[np.float32], threshold: float) -> NDArray[np.uint64]
 @dataclass(frozen=True, eq=False)
 class View:
     """camera  pinhole camera at the working size
-    grey    (H, W) float32, gray values, slightly blurred; negative where the frame's mask ignores pixels
+    gray    (H, W) float32, gray values, slightly blurred; negative where the frame's mask ignores pixels
     census  (H, W) uint64
     """
 
     camera: Camera
-    grey: NDArray[np.float32]
+    gray: NDArray[np.float32]
     census: NDArray[np.uint64]
 
     @staticmethod
@@ -84,12 +84,12 @@ class View:
         plain = cv2.cvtColor(image, cv2.COLOR_RGB2GRAY).astype(np.float32)
         usable = usable_pixels(frame, intrinsics)
         if usable is None:
-            grey = np.asarray(cv2.GaussianBlur(plain, (0, 0), 0.7), np.float32)
+            gray = np.asarray(cv2.GaussianBlur(plain, (0, 0), 0.7), np.float32)
         else:  # ignored pixels do not contribute to the blur
             share = cv2.GaussianBlur(usable.astype(np.float32), (0, 0), 0.7)
             blurred = cv2.GaussianBlur(plain * usable, (0, 0), 0.7) / np.maximum(share, 1e-6)
-            grey = np.where(usable, blurred, _IGNORED).astype(np.float32)
-        return View(Camera(intrinsics, frame.camera_to_world), grey, census_of(grey, threshold))
+            gray = np.where(usable, blurred, _IGNORED).astype(np.float32)
+        return View(Camera(intrinsics, frame.camera_to_world), gray, census_of(gray, threshold))
 
 
 @dataclass(frozen=True, eq=False)
@@ -156,7 +156,7 @@ _FEW = 4
 _PARTS = (1.0, 0.5, 0.25)
 
 
-def neighbours(poses: NDArray[np.float64], frame: int, count: int, baseline: float, spread: float = 0.2) -> list[int]:
+def neighbors(poses: NDArray[np.float64], frame: int, count: int, baseline: float, spread: float = 0.2) -> list[int]:
     """Indices of at most `count` frames that show the view of `frame` with parallax, best first.
 
     poses     (N, 4, 4) camera to world, meters

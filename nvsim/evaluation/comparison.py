@@ -34,7 +34,7 @@ class ComparedImage:
     def of(name: str, image: Image, floor: NDArray[np.bool_] | None) -> ComparedImage:
         """From an image (H, W, 3) float32, 0 to 1, and its floor mask (H, W)."""
         return ComparedImage(
-            name, _tile_bytes(image), None if floor is None else _tile_bytes(_grey((~floor).astype(np.float32)))
+            name, _tile_bytes(image), None if floor is None else _tile_bytes(_gray((~floor).astype(np.float32)))
         )
 
 
@@ -49,7 +49,7 @@ class Tile:
     @staticmethod
     def of(rgb: Image, alpha: Image, figures: Mapping[str, float]) -> Tile:
         """From a render (H, W, 3) and its alpha (H, W), float32, 0 to 1, and its metrics."""
-        return Tile(_tile_bytes(np.clip(rgb, 0, 1)), _tile_bytes(_grey(np.clip(alpha, 0, 1))), _captions(figures))
+        return Tile(_tile_bytes(np.clip(rgb, 0, 1)), _tile_bytes(_gray(np.clip(alpha, 0, 1))), _captions(figures))
 
 
 def _captions(f: Mapping[str, float]) -> tuple[str, str]:
@@ -114,5 +114,5 @@ def _tile_bytes(image: Image) -> Bytes:
     return np.asarray(np.rint(cv2.resize(image, size, interpolation=how) * 255), np.uint8)
 
 
-def _grey(plane: Image) -> Image:
+def _gray(plane: Image) -> Image:
     return np.repeat(plane[..., None], 3, axis=2)

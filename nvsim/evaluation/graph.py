@@ -81,9 +81,9 @@ def covered_areas(
         cell = storey.occupancy.resolution**2
         whole += [cell * float(covered.sum()), cell * float(area.sum())]
         if seen is not None:
-            centres = storey.occupancy.centres()
-            heights = np.full((*centres.shape[:2], 1), storey.floor)
-            known = area & np.asarray(seen(np.concatenate([centres, heights], axis=-1)), bool)
+            centers = storey.occupancy.centers()
+            heights = np.full((*centers.shape[:2], 1), storey.floor)
+            known = area & np.asarray(seen(np.concatenate([centers, heights], axis=-1)), bool)
             shown += [cell * float((covered & known).sum()), cell * float(known.sum())]
     return (float(whole[0]), float(whole[1])), (float(shown[0]), float(shown[1]))
 
@@ -242,14 +242,14 @@ def _coverage_shares(
     covered = visible(occupancy, _places(graph, valid), reach) & area
     return {
         "coverage": _share(int(covered.sum()), int(area.sum())),
-        **(_seen_coverage(covered, area & seen(occupancy.centres()), occupancy) if seen is not None else {}),
-        "reachable_m2": _square_metres(area, occupancy),
+        **(_seen_coverage(covered, area & seen(occupancy.centers()), occupancy) if seen is not None else {}),
+        "reachable_m2": _square_meters(area, occupancy),
     }
 
 
 def _seen_coverage(covered: NDArray[np.bool_], known: NDArray[np.bool_], occupancy: OccupancyMap) -> dict[str, float]:
     shown = int((covered & known).sum())
-    return {"coverage_seen": _share(shown, int(known.sum())), "seen_m2": _square_metres(known, occupancy)}
+    return {"coverage_seen": _share(shown, int(known.sum())), "seen_m2": _square_meters(known, occupancy)}
 
 
 def _on_stairs(
@@ -264,7 +264,7 @@ def _on_stairs(
     }
 
 
-def _square_metres(cells: NDArray[np.bool_], occupancy: OccupancyMap) -> float:
+def _square_meters(cells: NDArray[np.bool_], occupancy: OccupancyMap) -> float:
     return round(float(cells.sum()) * occupancy.resolution**2, 2)
 
 

@@ -18,10 +18,10 @@ def wilson(part: float, whole: float) -> tuple[float, float]:
     if whole <= 0:
         return 0.0, 1.0
     share, z2 = part / whole, _NORMAL**2
-    centre = (share + z2 / (2 * whole)) / (1 + z2 / whole)
+    center = (share + z2 / (2 * whole)) / (1 + z2 / whole)
     half = _NORMAL / (1 + z2 / whole) * math.sqrt(share * (1 - share) / whole + z2 / (4 * whole**2))
     # At the ends the bound is exactly 0 or 1, independent of rounding.
-    return 0.0 if part == 0 else max(0.0, centre - half), 1.0 if part == whole else min(1.0, centre + half)
+    return 0.0 if part == 0 else max(0.0, center - half), 1.0 if part == whole else min(1.0, center + half)
 
 
 def grouped_mean(values: NDArray[np.float64], groups: NDArray[np.integer]) -> tuple[float, float]:

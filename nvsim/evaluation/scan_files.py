@@ -182,9 +182,9 @@ def seam_steps(strip: NDArray[np.uint8]) -> tuple[float, float]:
     """Mean gray step (of the mean of three channels) across the 24 borders of a strip (S, 6 S, 3) uint8, and between
     pixels next to them on both sides."""
     side = strip.shape[0]
-    grey = strip.astype(np.float32).mean(axis=2)
+    gray = strip.astype(np.float32).mean(axis=2)
     # Pixels inside a border, at it, and beyond it on the next face, found by the rays through their positions.
-    inner, last, beyond, after = (grey[pixels_along(side, _rays(side, i))] for i in (-1.5, -0.5, 0.5, 1.5))
+    inner, last, beyond, after = (gray[pixels_along(side, _rays(side, i))] for i in (-1.5, -0.5, 0.5, 1.5))
     beside = (np.abs(last - inner).mean() + np.abs(after - beyond).mean()) / 2
     return float(np.abs(beyond - last).mean()), float(beside)
 
@@ -224,7 +224,7 @@ def direction_errors(side: int, quality: int) -> dict[str, dict[str, float]]:
     of which 8 bits and JPEG alone cause 0.1 to 0.2."""
     model = direction_model()
     skybox = skybox_of(draw_surround(model, _HERE, focal_of(side)), model.floor, side)
-    data = np.frombuffer(jpeg(skybox.colour, quality, whole_chroma=True), np.uint8)
+    data = np.frombuffer(jpeg(skybox.color, quality, whole_chroma=True), np.uint8)
     strip = np.asarray(cv2.imdecode(data, cv2.IMREAD_COLOR))[..., ::-1]
     found = {}
     for name in NAMES:

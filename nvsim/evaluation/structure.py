@@ -123,8 +123,8 @@ class MapPaths:
         """(E,) meters from a place (2,) of a storey to those of `ends` on the same storey, infinite to the others."""
         found = np.full(len(ends), np.inf)
         here = self.storeys[ends] == storey
-        metres = self._geodesics[storey].lengths(place, self.places[ends[here]])
-        found[here] = np.where(np.isnan(metres), np.inf, metres)
+        meters = self._geodesics[storey].lengths(place, self.places[ends[here]])
+        found[here] = np.where(np.isnan(meters), np.inf, meters)
         return found
 
     def _meters_to_stair(self, stair: Stair, rows: NDArray[np.int64]) -> Float64:
@@ -148,10 +148,10 @@ class MapPaths:
         for i, one in enumerate(stairs):
             for j, other in enumerate(stairs[:i]):
                 for k in {one.lower, one.upper} & {other.lower, other.upper}:
-                    metres = self._geodesics[k].lengths(middles[i], middles[j][None])[0]
-                    if np.isfinite(metres):
+                    meters = self._geodesics[k].lengths(middles[i], middles[j][None])[0]
+                    if np.isfinite(meters):
                         climbs = (self._extra_stair_length(one) + self._extra_stair_length(other)) / 2
-                        apart[i, j] = apart[j, i] = min(apart[i, j], metres + climbs)
+                        apart[i, j] = apart[j, i] = min(apart[i, j], meters + climbs)
         for via in range(len(stairs)):
             apart = np.minimum(apart, apart[:, via, None] + apart[via])
         return apart

@@ -12,8 +12,8 @@ _SIDE = 2.5  # side of the cells in which neighbors are searched, in distances b
 _WIDER = 4.0  # factor by which the cells grow if neighbors are missing
 
 
-def distance_to(points: NDArray[np.float32], neighbour: int) -> NDArray[np.float32]:
-    """(N,) float32 meters from each of the `points` (N, 3) to its `neighbour`-th nearest point, or to the farthest
+def distance_to(points: NDArray[np.float32], neighbor: int) -> NDArray[np.float32]:
+    """(N,) float32 meters from each of the `points` (N, 3) to its `neighbor`-th nearest point, or to the farthest
     point of a tiny cloud.
 
     The result equals that of a k-d tree. The cell search takes a tenth of the time for half a million points."""
@@ -21,7 +21,7 @@ def distance_to(points: NDArray[np.float32], neighbour: int) -> NDArray[np.float
 
     from nvsim.geometry import nearest_kernels
 
-    count = min(neighbour + 1, len(points))  # the nearest point to a point is itself
+    count = min(neighbor + 1, len(points))  # the nearest point to a point is itself
     found = np.full(len(points), np.nan, np.float32)
     if not len(points):
         return found
@@ -67,6 +67,6 @@ def axes_of(around: NDArray[np.floating]) -> NDArray[np.float64]:
 
     The points spread least along the first axis, which is the surface normal if they are on a surface. Signs are
     arbitrary."""
-    centred = around.astype(np.float64)
-    centred -= centred.mean(axis=1, keepdims=True)
-    return np.asarray(np.linalg.eigh(np.einsum("nki,nkj->nij", centred, centred))[1])
+    centered = around.astype(np.float64)
+    centered -= centered.mean(axis=1, keepdims=True)
+    return np.asarray(np.linalg.eigh(np.einsum("nki,nkj->nij", centered, centered))[1])

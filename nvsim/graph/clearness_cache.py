@@ -38,7 +38,7 @@ class ClearnessCache:
         for key_of_edge in touched.edges:
             self._values.pop(key_of_edge, None)
         for id in ids:
-            for other in {*before.neighbours(id), *graph.neighbours(id)}:
+            for other in {*before.neighbors(id), *graph.neighbors(id)}:
                 self._values.pop((min(id, other), max(id, other)), None)
 
     def at(self, graph: NavGraph, key: EdgeKey) -> float:

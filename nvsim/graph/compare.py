@@ -26,7 +26,7 @@ KINDS: tuple[Kind, ...] = (
     "edge added",
     "edge removed",
 )
-_MILLIMETRE = 1e-3
+_MILLIMETER = 1e-3
 
 
 @dataclass(frozen=True)
@@ -137,12 +137,12 @@ def merge(a: NavGraph, b: NavGraph, comparison: Comparison, chosen: Iterable[Dev
 def _compare_viewpoints(a: Viewpoint, b: Viewpoint) -> list[Deviation]:
     found = []
     distance = math.dist(a.position, b.position)
-    if distance > _MILLIMETRE:
+    if distance > _MILLIMETER:
         found.append(Deviation("viewpoint moved", f"Viewpoint {a.id} moved by {distance:.2f} m.", a.id, None, distance))
     words = []
     if a.included != b.included:
         words.append("is included in navigation" if b.included else "is excluded from navigation")
-    if abs(a.height - b.height) > _MILLIMETRE:
+    if abs(a.height - b.height) > _MILLIMETER:
         words.append(f"has its camera {b.height:.2f} m above the floor, not {a.height:.2f} m")
     if words:
         found.append(Deviation("viewpoint changed", f"Viewpoint {a.id} {' and '.join(words)}.", a.id))

@@ -43,7 +43,7 @@ def _reachable_viewpoints(graph: NavGraph, start: str, without: EdgeKey | None =
     seen, front, cut = {start}, [start], set(without or ())
     while front:
         here = front.pop()
-        for id in graph.neighbours(here):
+        for id in graph.neighbors(here):
             if id not in seen and graph.viewpoints[id].included and {here, id} != cut:
                 seen.add(id)
                 front.append(id)

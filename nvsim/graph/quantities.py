@@ -117,7 +117,7 @@ def _at_start(of_viewpoint: _Quantity) -> _Quantity:
 
 
 def _degree(graph: NavGraph, known: QuantityInputs) -> Values:
-    return np.array([len(graph.neighbours(id)) for id in graph.viewpoints], np.float64)
+    return np.array([len(graph.neighbors(id)) for id in graph.viewpoints], np.float64)
 
 
 def _component(graph: NavGraph, known: QuantityInputs) -> Values:
@@ -240,8 +240,8 @@ _STEEP = 0.25  # rise per meter of edge, 14 degrees; ramps in buildings have 5 d
 _STEP = 0.15  # meters: rise of a single step, which does not count as stairs
 
 
-def slope_of(rise: float, metres: float) -> Slope:
-    """Return the slope of an edge of `metres` meters whose end is `rise` meters higher than its beginning."""
-    if abs(rise) <= max(_STEEP * metres, _STEP):
+def slope_of(rise: float, meters: float) -> Slope:
+    """Return the slope of an edge of `meters` meters whose end is `rise` meters higher than its beginning."""
+    if abs(rise) <= max(_STEEP * meters, _STEP):
         return "level"
     return "up" if rise > 0 else "down"

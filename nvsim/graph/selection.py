@@ -73,14 +73,14 @@ def with_neighbors(graph: NavGraph, chosen: GraphSelection) -> GraphSelection:
     """Return the selection plus the neighbors of its viewpoints and the ends of its edges. If edges are selected, the
     edges between all of these are added as well."""
     ends = chosen.viewpoints.union(*chosen.edges)
-    more = ends.union(*(graph.neighbours(id) for id in chosen.viewpoints))
+    more = ends.union(*(graph.neighbors(id) for id in chosen.viewpoints))
     return GraphSelection(more, chosen.edges | inner_edges(graph, more) if chosen.edges else chosen.edges)
 
 
 def inner_edges(graph: NavGraph, viewpoints: Iterable[str]) -> frozenset[EdgeKey]:
     """Return the edges with both ends in `viewpoints`."""
     inside = frozenset(viewpoints)
-    return frozenset((id, other) for id in inside for other in graph.neighbours(id) if id < other and other in inside)
+    return frozenset((id, other) for id in inside for other in graph.neighbors(id) if id < other and other in inside)
 
 
 def component(graph: NavGraph, viewpoints: Iterable[str]) -> GraphSelection:
@@ -89,7 +89,7 @@ def component(graph: NavGraph, viewpoints: Iterable[str]) -> GraphSelection:
     seen = {id for id in viewpoints if id in graph.viewpoints}
     front = list(seen)
     while front:
-        for other in graph.neighbours(front.pop()):
+        for other in graph.neighbors(front.pop()):
             if other not in seen:
                 seen.add(other)
                 front.append(other)

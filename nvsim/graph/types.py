@@ -234,6 +234,6 @@ class NavGraph:
         this graph. Ids from scripts, such as house_01_0001, differ only at their end."""
         return id if len(id) <= least + 2 else id[: max(least, self._letters)]
 
-    def neighbours(self, viewpoint: str) -> tuple[str, ...]:
+    def neighbors(self, viewpoint: str) -> tuple[str, ...]:
         """Return the ids joined to `viewpoint` by an edge, in edge order."""
         return self.adjacency.get(viewpoint, ())

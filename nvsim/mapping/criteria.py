@@ -268,7 +268,7 @@ class _Grid(NamedTuple):
 
 @lru_cache(maxsize=64)
 def _cells_within(grid: _Grid, reach: float) -> NDArray[np.bool_]:
-    along, across = _centres(grid)
+    along, across = _centers(grid)
     found = np.asarray(np.hypot(along[:, None], across[None, :]) <= reach)
     found.setflags(write=False)
     return found
@@ -276,13 +276,13 @@ def _cells_within(grid: _Grid, reach: float) -> NDArray[np.bool_]:
 
 @lru_cache(maxsize=1024)
 def _part(grid: _Grid, length: float, half_width: float) -> Part:
-    along, across = _centres(grid)
+    along, across = _centers(grid)
     rows = max(1, int((along - grid.depth / 2 < length + half_width - 1e-9).sum()))
     inside = np.flatnonzero(np.abs(across) <= max(half_width, grid.width / grid.cells) + 1e-9)
     return slice(0, rows), slice(int(inside[0]), int(inside[-1]) + 1)
 
 
-def _centres(grid: _Grid) -> tuple[NDArray[np.floating], NDArray[np.floating]]:
+def _centers(grid: _Grid) -> tuple[NDArray[np.floating], NDArray[np.floating]]:
     """(rows,) meters ahead and (cells,) meters to the right of the cell centers."""
     along = grid.near + (np.arange(grid.rows) + 0.5) * grid.depth
     return along, ((np.arange(grid.cells) + 0.5) / grid.cells - 0.5) * grid.width

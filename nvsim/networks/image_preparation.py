@@ -12,7 +12,7 @@ from nvsim.networks.toml_table import TomlTable
 
 Image = NDArray[np.uint8]
 Resize = Literal["crop", "stretch", "corner", "centre"]
-Colours = Literal["RGB", "BGR"]
+Colors = Literal["RGB", "BGR"]
 Axes = Literal["NCHW", "NHWC", "HWC"]
 Interpolation = Literal["bicubic", "linear", "area"]
 MOST_PIXELS = 2048
@@ -86,8 +86,8 @@ class Preparation:
                     `pad` beside it
     interpolation   between pixels; with "area", an image that shrinks is averaged first
     brightest       the value of 255: 1.0, or 255.0 if `mean` is in gray levels
-    mean, std       of the three colors, in the order of `colours`
-    colours         order of the colors
+    mean, std       of the three colors, in the order of `colors`
+    colors          order of the colors
     layout          order of the axes; HWC takes one image
     pad             color beside the image: red, green, blue, 0 to 255
     multiple        the sides are multiples of this number of pixels, if the network accepts any size
@@ -101,7 +101,7 @@ class Preparation:
     brightest: float = 1.0
     mean: tuple[float, float, float] = (0.485, 0.456, 0.406)
     std: tuple[float, float, float] = (0.229, 0.224, 0.225)
-    colours: Colours = "RGB"
+    colors: Colors = "RGB"
     layout: Axes = "NCHW"
     pad: tuple[float, float, float] = (0.0, 0.0, 0.0)
     multiple: int = 1
@@ -116,7 +116,7 @@ class Preparation:
         in it."""
         place = self.placement(*image.shape[:2])
         sized: NDArray[Any] = self._resize(image, place)
-        if self.colours == "BGR":
+        if self.colors == "BGR":
             sized = sized[..., ::-1]
         scale = self.brightest / 255 / np.array(self.std)
         offset = np.array(self.mean) / np.array(self.std)
@@ -181,7 +181,7 @@ def preparation_in(table: TomlTable, needs_size: bool = True) -> Preparation:
         table.number("brightest", Preparation.brightest),
         table.three("mean", Preparation.mean),
         table.three("std", Preparation.std, positive=True),
-        table.one_of("colours", get_args(Colours), Preparation.colours),
+        table.one_of("colours", get_args(Colors), Preparation.colors),
         table.one_of("layout", get_args(Axes) if open_size else ("NCHW", "NHWC"), Preparation.layout),
         table.three("pad", Preparation.pad),
         table.integer("multiple", 1024, 1) if open_size else 1,

@@ -94,7 +94,7 @@ def _fit(description: Description, signatures: dict[Path, Signature]) -> tuple[i
 
 
 _FLOATS = ("tensor(float)", "tensor(float16)")
-_GREY = (0.485, 0.456, 0.406)
+_GRAY = (0.485, 0.456, 0.406)
 _AXES = (("left", "right"), ("up", "down"), ("backward", "forward"))
 KEYS = ("white", "mean", "std", "axes", "halved", "multiple")
 
@@ -129,7 +129,7 @@ def description_from_legacy_toml(
                 "resize": "centre", "interpolation": "linear", "brightest": white,
                 "mean": list(table.three("mean", (0.0, 0.0, 0.0))),
                 "std": list(table.three("std", (1.0, 1.0, 1.0), positive=True)),
-                "pad": [255 * part for part in _GREY], "multiple": table.integer("multiple", 1024, 1),
+                "pad": [255 * part for part in _GRAY], "multiple": table.integer("multiple", 1024, 1),
             }
         },
         "steps": [

@@ -6,9 +6,11 @@ module has few imports, because the child imports it at its start.
 
 from __future__ import annotations
 
+import os
 import re
 from dataclasses import dataclass
 from pathlib import Path
+from types import ModuleType
 from typing import Any
 
 from nvsim.errors import InputError
@@ -60,13 +62,25 @@ class RunFailure:
     reason: str
 
 
+def import_onnxruntime() -> ModuleType:
+    """The module `onnxruntime`, with its telemetry disabled unless the environment enables it.
+
+    By default, onnxruntime 1.29 and newer sends data about each network to its vendor, also on Linux, and writes a
+    device identifier into the user's cache folder. It reads the variable once, when it is imported.
+    """
+    os.environ.setdefault("ORT_DISABLE_TELEMETRY", "1")
+    import onnxruntime
+
+    module: ModuleType = onnxruntime
+    return module
+
+
 class OnnxServer:
     """Processes Load and Run requests."""
 
     def __init__(self) -> None:
-        import onnxruntime
-
-        onnxruntime.set_default_logger_severity(4)
+        self._onnxruntime = import_onnxruntime()
+        self._onnxruntime.set_default_logger_severity(4)
         self._session: Any = None
 
     def __call__(self, request: LoadRequest | RunRequest) -> LoadedModel | RunFailure | list[Any]:
@@ -78,16 +92,14 @@ class OnnxServer:
             return RunFailure(_reason_of(error))
 
     def _load(self, request: LoadRequest) -> LoadedModel | RunFailure:
-        import onnxruntime
-
         self._session = None  # frees the memory of the previous session
-        options = onnxruntime.SessionOptions()
+        options = self._onnxruntime.SessionOptions()
         options.intra_op_num_threads = request.threads
         options.add_session_config_entry("session.intra_op.allow_spinning", "0")
         options.add_session_config_entry("session.load_model_format", "ONNX")  # the format whose files are checked
         options.log_severity_level = 4
         try:
-            session = onnxruntime.InferenceSession(str(request.path), options, providers=list(request.providers))
+            session = self._onnxruntime.InferenceSession(str(request.path), options, providers=list(request.providers))
         except Exception as error:
             return RunFailure(_reason_of(error))
         with reading(request.path, "an ONNX network", "export it again"):

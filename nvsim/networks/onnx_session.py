@@ -22,7 +22,15 @@ from numpy.typing import NDArray
 from nvsim.errors import InputError
 from nvsim.kernel_threads import allowed_threads
 from nvsim.networks.external_data import check_external_data
-from nvsim.networks.onnx_server import LoadedModel, LoadRequest, Node, OnnxServer, RunFailure, RunRequest
+from nvsim.networks.onnx_server import (
+    LoadedModel,
+    LoadRequest,
+    Node,
+    OnnxServer,
+    RunFailure,
+    RunRequest,
+    import_onnxruntime,
+)
 from nvsim.processes.child import Child, Limits
 
 Provider = Literal["auto", "cpu", "cuda"]
@@ -111,9 +119,7 @@ class Session:
 
 def providers(wanted: Provider) -> list[str]:
     """The onnxruntime providers to use, best first. Raises InputError if none of them is available."""
-    import onnxruntime
-
-    here = onnxruntime.get_available_providers()
+    here = import_onnxruntime().get_available_providers()
     found = [name for name in _PROVIDERS[wanted] if name in here]
     if not found:
         raise InputError(

@@ -45,7 +45,7 @@ _STEPS = _steps()
 
 
 class GridWays:
-    """`metres` (rows, columns) float64: path length from `start` to every reached cell, infinite elsewhere."""
+    """`meters` (rows, columns) float64: path length from `start` to every reached cell, infinite elsewhere."""
 
     def __init__(
         self,
@@ -67,7 +67,7 @@ class GridWays:
 
         rows, columns = room.shape
         self._columns, self._start = columns, start
-        self.metres, self._before = np.full((rows, columns), np.inf), np.full(rows * columns, -1, np.int32)
+        self.meters, self._before = np.full((rows, columns), np.inf), np.full(rows * columns, -1, np.int32)
         open_cells = np.ascontiguousarray(room, np.bool_)
         if not open_cells[start]:
             open_cells = open_cells.copy()
@@ -81,7 +81,7 @@ class GridWays:
             count = int(wanted.sum())
         prices = _ALIKE if cost_factors is None else np.ascontiguousarray(cost_factors, np.float64)
         first = start[0] * columns + start[1]
-        measure_paths(open_cells, prices, first, resolution, reach, wanted, count, _STEPS, self.metres, self._before)
+        measure_paths(open_cells, prices, first, resolution, reach, wanted, count, _STEPS, self.meters, self._before)
 
     def cells_to(self, end: Cell) -> NDArray[np.int64]:
         """(K, 2) int64 row and column of the cells from the start to a reached cell `end`, both included."""
@@ -115,7 +115,7 @@ class Geodesics:
         row, column = last[inside].T
         found[inside] = GridWays(
             self._room, self._occupancy.resolution, (int(first[0]), int(first[1])), ends=last[inside]
-        ).metres[row, column]
+        ).meters[row, column]
         starts = np.broadcast_to(start, ends.shape)
         straight = np.linalg.norm(ends - start, axis=1)
         free = inside & segments_are_free(self._room, self._occupancy, starts, ends)

@@ -167,11 +167,11 @@ def _read(path: Path, heights: Heights, floor: float | None) -> OccupancyMap:
             f"{path} spans {size[0] * resolution:.0f} x {size[1] * resolution:.0f} m in cells of {resolution} m; "
             "cut it to the building."
         )
-    centre = 1 << (DEPTH - 1)
+    center = 1 << (DEPTH - 1)
     if floor is None:
-        floor = (_floor_level(leaves) - centre) * resolution
-    first = (floor + heights.from_height) / resolution + centre
-    last = (floor + heights.to_height) / resolution + centre
+        floor = (_floor_level(leaves) - center) * resolution
+    first = (floor + heights.from_height) / resolution + center
+    last = (floor + heights.to_height) / resolution + center
     inside = (leaves[:, 2] < last) & (leaves[:, 2] + leaves[:, 3] > first)
     chosen = leaves[inside]
     if float((chosen[:, 3].astype(np.float64) ** 2).sum()) > _MOST_PAINTED:
@@ -179,7 +179,7 @@ def _read(path: Path, heights: Heights, floor: float | None) -> OccupancyMap:
     cells = np.full((int(size[1]), int(size[0])), UNKNOWN, np.uint8)
     _paint(cells, chosen[chosen[:, 4] == FREE], low_corner, FREE)
     _paint(cells, chosen[chosen[:, 4] == OCCUPIED], low_corner, OCCUPIED)
-    origin = (low_corner[:2] - centre) * resolution
+    origin = (low_corner[:2] - center) * resolution
     return OccupancyMap(cells, resolution, (float(origin[0]), float(origin[1])))
 
 

@@ -77,7 +77,7 @@ class RayGrid:
                 f"too many cells of {resolution:g} m for the memory; give a larger --resolution in meters."
             )
         empty = OccupancyMap(np.full((rows, columns), UNKNOWN, np.uint8), resolution, self._origin)
-        lowest = (floor.height_at(empty.centres()).astype(np.float64) + heights.from_height) / resolution
+        lowest = (floor.height_at(empty.centers()).astype(np.float64) + heights.from_height) / resolution
         self._base = np.ceil(lowest - 0.5 - 1e-6).astype(np.int32)
         self._levels = int(self._base.min()), int(self._base.max()) + self.layers
         self._log_odds = np.zeros(rows * columns * self.layers, np.float32)

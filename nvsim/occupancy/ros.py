@@ -71,7 +71,7 @@ def provenance_in(path: Path, text: str) -> Provenance | None:
         raise InputError(f"{path} has a provenance in an invalid form; {then}.") from error
 
 
-_GREY = {int(FREE): 254, int(OCCUPIED): 0, int(UNKNOWN): 205}
+_GRAY = {int(FREE): 254, int(OCCUPIED): 0, int(UNKNOWN): 205}
 
 
 def read_ros_map(yaml_path: Path) -> OccupancyMap:
@@ -100,13 +100,13 @@ def _read(yaml_path: Path) -> OccupancyMap:
     image_path, note = find_image(yaml_path, description.image)
     picture = _read_picture(image_path, yaml_path)
     # Every gray value is classified once, because a map has far more cells than gray values.
-    grey = np.linspace(0.0, 255.0, np.iinfo(picture.dtype).max + 1)
-    states = np.full(grey.shape, UNKNOWN, np.uint8)
+    gray = np.linspace(0.0, 255.0, np.iinfo(picture.dtype).max + 1)
+    states = np.full(gray.shape, UNKNOWN, np.uint8)
     if description.raw:
-        states[(grey <= 100) & (grey >= 100 * description.occupied)] = OCCUPIED
-        states[grey <= 100 * description.free] = FREE
+        states[(gray <= 100) & (gray >= 100 * description.occupied)] = OCCUPIED
+        states[gray <= 100 * description.free] = FREE
     else:
-        occupancy = grey / 255.0 if description.negate else (255.0 - grey) / 255.0
+        occupancy = gray / 255.0 if description.negate else (255.0 - gray) / 255.0
         states[occupancy > description.occupied] = OCCUPIED
         states[occupancy < description.free] = FREE
     x, y, yaw = description.origin
@@ -126,7 +126,7 @@ def write_ros_map(occupancy: OccupancyMap, yaml_path: Path, provenance: Provenan
     """
     image_path = yaml_path.with_suffix(".pgm")
     table = np.zeros(256, np.uint8)
-    for state, value in _GREY.items():
+    for state, value in _GRAY.items():
         table[state] = value
     rows, columns = occupancy.cells.shape
     header = f"P5\n{columns} {rows}\n255\n".encode()

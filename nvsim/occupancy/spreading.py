@@ -19,15 +19,15 @@ def measure_paths(
     wanted: NDArray[np.bool_],  # (rows, columns), or (0, 0) if count is below 0
     count: int,  # of cells that are True in `wanted`; the search stops when all are reached; below 0 for no stop
     steps: NDArray[np.int64],  # (16, 6), see `grid_ways._steps`
-    metres: NDArray[np.float64],  # (rows, columns) output, initially infinite
+    meters: NDArray[np.float64],  # (rows, columns) output, initially infinite
     before: NDArray[np.int32],  # (rows * columns,) output, the previous cell on the path; initially -1
 ) -> None:
-    """Compute shortest path lengths `metres` (rows, columns) from the cell `first` over the True cells of `room`."""
+    """Compute shortest path lengths `meters` (rows, columns) from the cell `first` over the True cells of `room`."""
     # A heap of the waiting cells, nearest on top. `place` is the position of a cell in it; -1 initially, -2 if settled.
     rows, columns = room.shape
     heap = np.empty(rows * columns, np.int32)
     place = np.full(rows * columns, -1, np.int32)
-    far, free = metres.reshape(-1), room.reshape(-1)
+    far, free = meters.reshape(-1), room.reshape(-1)
     prices, wanted = prices.reshape(-1), wanted.reshape(-1)
     lengths = np.empty(len(steps))
     for k in range(len(steps)):
@@ -60,10 +60,10 @@ def measure_paths(
             length = lengths[k]
             if len(prices):
                 length = length * (prices[cell] + prices[other]) / 2
-            metre = far[cell] + length
-            if metre > reach or metre >= far[other]:
+            meter = far[cell] + length
+            if meter > reach or meter >= far[other]:
                 continue
-            far[other], before[other] = metre, cell
+            far[other], before[other] = meter, cell
             if place[other] == -1:
                 place[other] = waiting
                 heap[waiting] = other

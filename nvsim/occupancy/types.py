@@ -54,7 +54,7 @@ class OccupancyMap:
         r, c = np.where(inside, index[..., 0], 0), np.where(inside, index[..., 1], 0)
         return np.where(inside, self.cells[r, c], UNKNOWN)
 
-    def centres(self) -> NDArray[np.float64]:
+    def centers(self) -> NDArray[np.float64]:
         """(rows, columns, 2) float64 world x, y of the cell centers, meters."""
         rows, columns = self.cells.shape
         x = self.origin[0] + (np.arange(columns) + 0.5) * self.resolution
@@ -99,7 +99,7 @@ def transformed_map(
     for first in range(0, len(new.cells), _ROWS):
         part = new.cells[first : first + _ROWS]
         strip = OccupancyMap(part, resolution, (new.origin[0], new.origin[1] + first * resolution))
-        part[:] = occupancy.states_at((strip.centres() - shift) @ turn / scale)
+        part[:] = occupancy.states_at((strip.centers() - shift) @ turn / scale)
     return new
 
 
@@ -116,13 +116,13 @@ def compare_maps(found: OccupancyMap, true: OccupancyMap) -> dict[str, Any]:
     free_cells, occupied_cells                numbers of truly free and occupied cells
     beside_m2                                 square meters that are free in `found` and unknown in `true`
     """
-    at = found.states_at(true.centres())
+    at = found.states_at(true.centers())
     figures: dict[str, Any] = {}
     for name in ("free", "occupied"):
         chosen = at[true.cells == _NAMES[name]]
         for what, state in _NAMES.items():
             figures[f"{name}_found_{what}"] = round(float((chosen == state).mean()), 4) if len(chosen) else None
         figures[f"{name}_cells"] = len(chosen)
-    beside = (found.cells == FREE) & (true.states_at(found.centres()) == UNKNOWN)
+    beside = (found.cells == FREE) & (true.states_at(found.centers()) == UNKNOWN)
     figures["beside_m2"] = round(float(np.count_nonzero(beside)) * found.resolution**2, 2)
     return figures

@@ -21,7 +21,7 @@ from nvsim.geometry.nearest_points import axes_of
 from nvsim.geometry.splatting import SplatCloud
 
 FLOOR, OTHER, UNKNOWN = 1, 0, 255
-_NEIGHBOURS = 40
+_NEIGHBORS = 40
 _LEVEL, _STANDING = 0.05, 0.1  # meters from the floor: a point is floor up to the first, and other from the second on
 _FLAT = 0.3  # ratio of thickness to width below which a neighborhood is a surface
 _COVER = 0.75  # half-width of a point's square, in distances to its fourth neighbor
@@ -57,7 +57,7 @@ class CloudLabels:
         flat = np.empty(len(points), bool)
         for at in range(0, len(points), _CHUNK):
             part = slice(at, at + _CHUNK)
-            distance, index = self._tree.query(points[part], k=_NEIGHBOURS, workers=1)
+            distance, index = self._tree.query(points[part], k=_NEIGHBORS, workers=1)
             around = points[index]
             axes = axes_of(around)
             spread = np.abs(np.einsum("nkj,nji->nki", around - around.mean(axis=1, keepdims=True), axes)).mean(axis=1)

@@ -15,7 +15,7 @@ from nvsim.geometry.nearest_points import axes_of
 from nvsim.perception.geometric import GeometricFloor
 from nvsim.perception.roles import Float32, Image
 
-_NEIGHBOURS = 14
+_NEIGHBORS = 14
 
 
 @dataclass(frozen=True)
@@ -49,7 +49,7 @@ class CloudNormals:
         ground = seen.floor if self.floor.has_dense_cloud else seen.floor | seen.unsure
         normals[ground] = (0, 0, 1)
         rows, columns = np.nonzero(np.isfinite(seen.before) & ~ground)
-        if self.cloud is not None and len(rows) and len(self.cloud.points) >= _NEIGHBOURS:
+        if self.cloud is not None and len(rows) and len(self.cloud.points) >= _NEIGHBORS:
             toward = rays[rows, columns]
             hits = small.position + seen.before[rows, columns, None] * toward
             normals[rows, columns] = self._planes(self.cloud, hits, toward)
@@ -62,7 +62,7 @@ class CloudNormals:
         rays `toward` (N, 3)."""
         if "cloud" not in self._tree:
             self._tree["cloud"] = cKDTree(cloud.points)
-        _, index = self._tree["cloud"].query(places, k=_NEIGHBOURS, workers=1)
+        _, index = self._tree["cloud"].query(places, k=_NEIGHBORS, workers=1)
         planes = axes_of(cloud.points[index])[..., 0]
         planes *= -np.sign(np.sum(planes * toward, axis=-1, keepdims=True))
         return planes.astype(np.float32)

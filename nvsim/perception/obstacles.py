@@ -25,7 +25,7 @@ _UNDER = 0.125  # meters around a foot: with floor on all sides of this disc, th
 _OPEN = 0.7  # least share of the usual number of floor points in each half of that disc
 _OVER, _TOP = 0.2, 1.2  # meters: radius of the disc, and greatest height of the points, that show an overhang
 _ROOF = 0.8  # least share of one half of that disc that the overhang covers
-_NEIGHBOURHOOD = 0.4
+_NEIGHBORHOOD = 0.4
 _RIM = 1  # cells
 _HOLE = 1.0  # square meters: unscanned areas up to this size are floor if floor surrounds them
 
@@ -70,10 +70,10 @@ def split_obstacles(
 
 
 def _local_mean(points: Float32, values: Float32) -> Float32:
-    """(N,) the mean of `values` (N,) over all points in one cube of _NEIGHBOURHOOD meters."""
+    """(N,) the mean of `values` (N,) over all points in one cube of _NEIGHBORHOOD meters."""
     if len(points) == 0:
         return values
-    cube = np.floor((points - points.min(axis=0)) / _NEIGHBOURHOOD).astype(np.int64)
+    cube = np.floor((points - points.min(axis=0)) / _NEIGHBORHOOD).astype(np.int64)
     sizes = cube.max(axis=0) + 1
     _, member = np.unique((cube[:, 2] * sizes[1] + cube[:, 1]) * sizes[0] + cube[:, 0], return_inverse=True)
     member = member.reshape(-1)

@@ -164,8 +164,8 @@ def _segments_above(camera: Camera, segments: Float64, floor: float, c: LineConf
     local = np.concatenate([(pixels - [k.cx, k.cy]) / [k.fx, k.fy], np.ones((len(pixels), 2, 1))], axis=2)
     rays = local @ camera.rotation.T
     down = rays[..., 2] < -_DOWN
-    metres = height / np.where(down, -rays[..., 2], 1.0)
-    places = metres[..., None] * rays
+    meters = height / np.where(down, -rays[..., 2], 1.0)
+    places = meters[..., None] * rays
     near = down.all(axis=1) & (np.hypot(places[..., 0], places[..., 1]) < c.reach).all(axis=1)
     near &= np.hypot(*(places[:, 1] - places[:, 0])[:, :2].T) > c.shortest_line
     if not np.isfinite(floor) or height <= max(c.heights):

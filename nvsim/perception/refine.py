@@ -46,10 +46,10 @@ def refine(mask: Mask, scale: Float32, image: Image, config: RefineConfig) -> Ma
     markers[inside > reach] = 1
     markers[outside > reach] = 2
     cv2.watershed(cv2.GaussianBlur(image, (0, 0), 1.0), markers)
-    return _by_colour((markers == 1) | ((markers <= 0) & large), image)
+    return _by_color((markers == 1) | ((markers <= 0) & large), image)
 
 
-def _by_colour(mask: Mask, image: Image) -> Mask:
+def _by_color(mask: Mask, image: Image) -> Mask:
     """`mask` (H, W) with each border pixel on the side whose mean color nearby is closer to its own. Colors are from
     `image` (H, W, 3) uint8; the means leave out the border. An edge is one or two pixels wide, and a watershed ends
     anywhere in it."""

@@ -38,7 +38,7 @@ class Stairs:
         slope = np.hypot(*slopes)
         steep = (slope > _GENTLE) & (slope < _STEEP)
         for _ in range(round(_GOING / surface.spacing) if steep.any() else 0):
-            steep = _with_neighbours(steep, surface.heights, _STEEP * surface.spacing)
+            steep = _with_neighbors(steep, surface.heights, _STEEP * surface.spacing)
         return Stairs(surface, steep)
 
     def __bool__(self) -> bool:
@@ -135,7 +135,7 @@ def _smaller_change(heights: NDArray[np.float64], axis: int) -> NDArray[np.float
     return np.minimum(np.concatenate([first, change], axis), np.concatenate([change, last], axis))
 
 
-def _with_neighbours(nodes: Mask, heights: Float32, drop: float) -> Mask:
+def _with_neighbors(nodes: Mask, heights: Float32, drop: float) -> Mask:
     """(rows, columns) `nodes` and their neighbors, except across a drop of more than `drop` meters."""
     found = nodes.copy()
     for here, there in ((np.s_[:-1], np.s_[1:]), (np.s_[:, :-1], np.s_[:, 1:])):

@@ -103,10 +103,10 @@ class FloorSupport:
         return FloorSupport(cells, (float(origin[0]), float(origin[1])), spacing)
 
 
-def _fill_discs(cells: Mask, centres: NDArray[np.floating], reach: float) -> None:
-    """Sets the cells within `reach` of `centres` (N, 2), which are column and row; all in cells."""
+def _fill_discs(cells: Mask, centers: NDArray[np.floating], reach: float) -> None:
+    """Sets the cells within `reach` of `centers` (N, 2), which are column and row; all in cells."""
     y, x = np.ogrid[: cells.shape[0], : cells.shape[1]]
-    for column, row in np.unique(np.round(centres, 1), axis=0):
+    for column, row in np.unique(np.round(centers, 1), axis=0):
         r0, r1 = max(0, int(row - reach)), int(row + reach) + 2
         c0, c1 = max(0, int(column - reach)), int(column + reach) + 2
         cells[r0:r1, c0:c1] |= (y[r0:r1] - row) ** 2 + (x[:, c0:c1] - column) ** 2 <= reach**2
@@ -207,8 +207,8 @@ def observe(
 
     x = origin[0] + (np.arange(columns) + 0.5) * config.spacing
     y = origin[1] + (np.arange(rows) + 0.5) * config.spacing
-    centres = np.stack(np.meshgrid(x, y), axis=-1)
-    ground = np.dstack([centres, surface.height_at(centres)])
+    centers = np.stack(np.meshgrid(x, y), axis=-1)
+    ground = np.dstack([centers, surface.height_at(centers)])
     as_floor: NDArray[np.int32] = np.zeros((rows, columns), np.int32)
     as_other: NDArray[np.int32] = np.zeros((rows, columns), np.int32)
     reach = int(np.ceil(config.distance / config.spacing))

@@ -36,7 +36,7 @@ _FARTHEST, _TURNED = 1.5, 35.0  # largest distance in meters and largest angle i
 _BASELINES = ((0.0, 0.12, 2), (0.12, 0.35, 3), (0.35, 0.8, 3), (0.8, _FARTHEST, 1))
 """Baselines from and to, meters, and how many frames at such a distance each frame is compared with. Near frames
 determine the rotation, far frames the position."""
-_A_METRE = 20.0  # degrees that count as much as a meter
+_A_METER = 20.0  # degrees that count as much as a meter
 _ASTRAY = 8.0  # pixels: largest distance of a match from its epipolar line by the given poses
 _OFF = 1.5  # pixels: largest distance from the epipolar line of the fundamental matrix on which most matches agree
 _FEWEST_MATCHES = 10  # matches of a pair, at least
@@ -46,13 +46,13 @@ _FEWEST_MATCHES = 10  # matches of a pair, at least
 class RefinedPoses:
     """frames         the frames with their new poses
     before, after  median reprojection errors with the given and with the new poses, pixels
-    metres         median distance by which cameras moved, meters; `degrees` is the median rotation
+    meters         median distance by which cameras moved, meters; `degrees` is the median rotation
     """
 
     frames: tuple[Frame, ...]
     before: float
     after: float
-    metres: float
+    meters: float
     degrees: float
 
 
@@ -141,11 +141,11 @@ def pairs_to_compare(poses: NDArray[np.float64]) -> list[tuple[int, int]]:
         # Query the frames one by one: thousands of frames of one room have millions of neighbors in total.
         near = np.array(tree.query_ball_point(places[i], _FARTHEST, return_sorted=True), np.int64)
         others = near[near != i]
-        metres = np.linalg.norm(places[others] - places[i], axis=1)
+        meters = np.linalg.norm(places[others] - places[i], axis=1)
         turned = np.degrees(np.arccos(np.clip(views[others] @ views[i], -1, 1)))
         for low, high, count in _BASELINES:
-            fit = np.flatnonzero((metres >= low) & (metres < high) & (turned < _TURNED))
-            worse = turned[fit] + _A_METRE * np.abs(metres[fit] - (low + high) / 2)
+            fit = np.flatnonzero((meters >= low) & (meters < high) & (turned < _TURNED))
+            worse = turned[fit] + _A_METER * np.abs(meters[fit] - (low + high) / 2)
             for j in others[fit[np.argsort(worse, kind="stable")[:count]]]:
                 pairs.add((min(i, int(j)), max(i, int(j))))
     return sorted(pairs)

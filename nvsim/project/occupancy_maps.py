@@ -97,7 +97,7 @@ def observed_occupancy(project: Project, capture: Capture, support: FloorSupport
         resolution *= 2
     columns, rows = grid_size(low, high, resolution, "the cameras")
     empty = OccupancyMap(np.full((rows, columns), UNKNOWN, np.uint8), resolution, (float(low[0]), float(low[1])))
-    cells = np.where(support.is_supported(empty.centres()), FREE, UNKNOWN)
+    cells = np.where(support.is_supported(empty.centers()), FREE, UNKNOWN)
     band, counts = Heights(), np.zeros(rows * columns, np.int64)
     for start in range(0, len(points), _BLOCK):
         part = points[start : start + _BLOCK]
@@ -204,8 +204,8 @@ def _with_walk(
     from scipy.spatial import cKDTree
 
     walk = carried_as_usual(capture.positions, floor)[:, :2]
-    metres, _ = cKDTree(places_between(walk, radius / 2, STRIDE)).query(occupancy.centres())
-    new = (metres <= radius) & (occupancy.cells != FREE)
+    meters, _ = cKDTree(places_between(walk, radius / 2, STRIDE)).query(occupancy.centers())
+    new = (meters <= radius) & (occupancy.cells != FREE)
     return replace(occupancy, cells=np.where(new, FREE, occupancy.cells)), int(new.sum())
 
 

@@ -284,12 +284,12 @@ class Project:
             return StackedSupport.load(self.layout.support, floor_of(self))
         return FloorSupport.load(self.layout.support)
 
-    def scene(self, memory_budget: int | None = None, live: bool = False, colours: bool = True) -> SceneModel | None:
+    def scene(self, memory_budget: int | None = None, live: bool = False, colors: bool = True) -> SceneModel | None:
         """The trained models in use as one scene; None if there is none.
 
         memory_budget  bytes for the models in memory, see SceneModel
         live           use models in training for submaps without a finished model, if all belong to one cut
-        colours        False loads gray models, which need less memory
+        colors        False loads gray models, which need less memory
         """
         submaps, layout = self.submaps("train"), self.layout
         live = live and not self.uses_previous_submaps("train")
@@ -302,7 +302,7 @@ class Project:
         root = self.root
         # A folder is removed when its training ends, or when newer models replace it while this scene is open.
         return SceneModel(
-            submaps, found, memory_budget, moved=lambda index: layout_of(root).model(index), colours=colours
+            submaps, found, memory_budget, moved=lambda index: layout_of(root).model(index), colors=colors
         )
 
     @property

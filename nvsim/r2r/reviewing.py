@@ -200,8 +200,8 @@ def task_error(task: Task, distances: Distances) -> str:
     if wrong or isinstance(task, JoinedTask) or len(task.path) < 2:
         return wrong
     rows = [distances.row[id] for id in task.path]
-    metres = float(distances.metres[rows[:-1], rows[1:]].sum())
-    longer = metres - float(distances.metres[rows[0], rows[-1]])
+    meters = float(distances.meters[rows[:-1], rows[1:]].sum())
+    longer = meters - float(distances.meters[rows[0], rows[-1]])
     return f"a path {longer:.2f} m shorter leads to the goal" if longer > SAME_LENGTH else ""
 
 

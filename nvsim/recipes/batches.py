@@ -86,8 +86,8 @@ def degrade_image(image: Array, rng: np.random.Generator) -> Array:
     if rng.random() < 0.8:
         values = values ** np.float32(np.exp(rng.normal(0, 0.25)))
         values = values * np.exp(rng.normal(0, 0.25) + rng.normal(0, 0.07, 3)).astype(np.float32)
-        grey = values.mean(axis=2, keepdims=True)
-        values = grey + (values - grey) * np.float32(rng.uniform(0.0, 1.5) if rng.random() < 0.6 else 1.0)
+        gray = values.mean(axis=2, keepdims=True)
+        values = gray + (values - gray) * np.float32(rng.uniform(0.0, 1.5) if rng.random() < 0.6 else 1.0)
         values = (values - 0.45) * np.float32(rng.uniform(0.7, 1.3)) + np.float32(0.45)
     if rng.random() < 0.3:
         values = values[..., rng.permutation(3)]

@@ -19,7 +19,7 @@ from nvsim.building.truth import floor_mask, normals
 from nvsim.errors import InputError
 from nvsim.geometry.camera import Camera, Intrinsics, camera_pose
 from nvsim.recipes.examples import SIZE, Example
-from nvsim.recipes.patterns import colour, paint_anew, paint_ceiling, paint_floor, paint_pale
+from nvsim.recipes.patterns import color, paint_anew, paint_ceiling, paint_floor, paint_pale
 
 FIRST_SEED = 1000
 """Seeds below this are never used for training, because demos and tests use them."""
@@ -233,7 +233,7 @@ def _box(low: tuple[float, float, float], high: tuple[float, float, float], pain
 
 
 def _random_color(rng: np.random.Generator) -> tuple[float, float, float]:
-    r, g, b = colour(rng)
+    r, g, b = color(rng)
     return float(r), float(g), float(b)
 
 
@@ -294,7 +294,7 @@ def _at_furniture(top: Box, rng: np.random.Generator) -> NDArray[np.float64]:
 def _crowd(scene: Scene, camera: Camera, rng: np.random.Generator) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Capsules (P, 5) and colors (P, 3) of people, bins and columns in front of a camera."""
     level = max((s.floor for s in scene.storeys if s.floor < camera.position[2]), default=0.0)
-    capsules, colours = [], []
+    capsules, colors = [], []
     for _ in range(int(rng.integers(0, 4)) if rng.random() < 0.5 else 0):
         ahead = camera.rotation[:2, 2] / max(1e-6, float(np.linalg.norm(camera.rotation[:2, 2])))
         side = np.array([-ahead[1], ahead[0]])
@@ -302,14 +302,14 @@ def _crowd(scene: Scene, camera: Camera, rng: np.random.Generator) -> tuple[NDAr
         if rng.random() < 0.5:  # a person
             for r, low, high in ((0.12, 0.12, 0.8), (rng.uniform(0.17, 0.24), 0.95, 1.35), (0.11, 1.55, 1.65)):
                 capsules.append((x, y, level + low, level + high, r))
-                colours.append(_random_color(rng))
+                colors.append(_random_color(rng))
         else:
             r = rng.uniform(0.05, 0.4)
             capsules.append((x, y, level, level + rng.uniform(0.1, 2.5), r))
-            colours.append(_random_color(rng))
+            colors.append(_random_color(rng))
     if not capsules:
         return np.empty((0, 5)), np.empty((0, 3))
-    return np.array(capsules), np.array(colours)
+    return np.array(capsules), np.array(colors)
 
 
 def _normals(scene: Scene, view: View, camera: Camera, people: NDArray[np.float64]) -> NDArray[np.float32]:

@@ -17,7 +17,7 @@ Rng = np.random.Generator
 Tone = NDArray[np.floating]
 
 
-def colour(rng: Rng) -> Tone:
+def color(rng: Rng) -> Tone:
     """(3,) RGB, 0 to 1. More than half of the colors are close to wood and sand; many are nearly gray."""
     hue = rng.uniform(0.04, 0.15) if rng.random() < 0.55 else rng.random()
     return np.array(colorsys.hsv_to_rgb(hue, rng.beta(1.2, 4.0), rng.uniform(0.12, 0.95)))
@@ -81,7 +81,7 @@ def paint_anew(paint: Paint, at: tuple[float, float], width: float, height: floa
     if rng.random() < 0.5:
         image = paint_face(paint, at, width, height, texel, rng)
         if rng.random() < 0.7:
-            image = image * (colour(rng) / max(0.1, float(image.mean()))).astype(np.float32)
+            image = image * (color(rng) / max(0.1, float(image.mean()))).astype(np.float32)
         return np.clip(image, 0.02, 0.97).astype(np.float32)
     rows, columns = max(2, round(height / texel)), max(2, round(width / texel))
     return pattern(rows, columns, texel, rng)
@@ -91,9 +91,9 @@ def paint_pale(paint: Paint, at: tuple[float, float], width: float, height: floa
     """Like `nvsim.building.painting.paint_face`, nearly white or gray like walls and cupboards of many homes, so that
     mainly light and edges are visible. Returns (rows, columns, 3) float32, 0 to 1; sizes are in meters."""
     image = paint_face(paint, at, width, height, texel, rng)
-    grey = image.mean(axis=2, keepdims=True)
-    calm = grey.mean() + rng.uniform(0.1, 0.6) * (grey - grey.mean()) + rng.uniform(0, 0.3) * (image - grey)
-    return np.clip(calm * (rng.uniform(0.4, 0.9) / max(0.1, float(grey.mean()))), 0.02, 0.97).astype(np.float32)
+    gray = image.mean(axis=2, keepdims=True)
+    calm = gray.mean() + rng.uniform(0.1, 0.6) * (gray - gray.mean()) + rng.uniform(0, 0.3) * (image - gray)
+    return np.clip(calm * (rng.uniform(0.4, 0.9) / max(0.1, float(gray.mean()))), 0.02, 0.97).astype(np.float32)
 
 
 def _texels(rect: Rect, texel: float) -> tuple[int, int, int, int]:
@@ -121,19 +121,19 @@ def _flat(rows: int, columns: int, tone: Tone) -> Image:
     return np.broadcast_to(np.asarray(tone, np.float32), (rows, columns, 3)).copy()
 
 
-def _noise_pattern(rows: int, columns: int, metres: float, texel: float, rng: Rng) -> Image:
-    return smooth_noise(rows, columns, (max(metres / texel, 1.0),) * 2, rng)
+def _noise_pattern(rows: int, columns: int, meters: float, texel: float, rng: Rng) -> Image:
+    return smooth_noise(rows, columns, (max(meters / texel, 1.0),) * 2, rng)
 
 
 def _plain_pattern(rows: int, columns: int, texel: float, rng: Rng) -> Image:
     soft = _noise_pattern(rows, columns, rng.uniform(0.3, 1.5), texel, rng)
-    return _flat(rows, columns, colour(rng)) * (1 + rng.uniform(0, 0.05) * soft[..., None])
+    return _flat(rows, columns, color(rng)) * (1 + rng.uniform(0, 0.05) * soft[..., None])
 
 
 def _carpet(rows: int, columns: int, texel: float, rng: Rng) -> Image:
     fine = rng.standard_normal((rows, columns)).astype(np.float32) * rng.uniform(0.02, 0.12)
     coarse = sum(_noise_pattern(rows, columns, rng.uniform(*s), texel, rng) for s in ((0.02, 0.06), (0.1, 0.8)))
-    image = _flat(rows, columns, colour(rng)) * (1 + (fine + rng.uniform(0, 0.06) * np.asarray(coarse))[..., None])
+    image = _flat(rows, columns, color(rng)) * (1 + (fine + rng.uniform(0, 0.06) * np.asarray(coarse))[..., None])
     if rng.random() < 0.4:
         size = rng.uniform(0.3, 0.7)
         j, i = _cells(rows, columns, texel, size)
@@ -149,7 +149,7 @@ def _cells(rows: int, columns: int, texel: float, size: float) -> tuple[Tone, To
 def _tiles(rows: int, columns: int, texel: float, rng: Rng) -> Image:
     size, gap = rng.uniform(0.1, 0.9), rng.uniform(0.004, 0.02)
     j, i = _cells(rows, columns, texel, size)
-    first, second = colour(rng), colour(rng)
+    first, second = color(rng), color(rng)
     chequered = rng.random() < 0.25
     image = np.where((((i + j) % 2) * chequered)[..., None] > 0, second, first).astype(np.float32)
     tone = rng.normal(0, rng.uniform(0, 0.08), (64, 64))[j % 64, i % 64]
@@ -177,7 +177,7 @@ def _planks_along(rows: int, columns: int, texel: float, rng: Rng) -> Image:
     tone = tone + rng.uniform(0.01, 0.08) * grain
     seam = (np.mod(y, width) < rng.uniform(0.002, 0.012))[:, None] | (np.mod(along, 1.0) < 0.006)
     tone = np.where(seam, tone - rng.uniform(0, 0.3), tone)
-    return np.asarray(_flat(rows, columns, colour(rng)) * (1 + tone[..., None]), np.float32)
+    return np.asarray(_flat(rows, columns, color(rng)) * (1 + tone[..., None]), np.float32)
 
 
 def _stone(rows: int, columns: int, texel: float, rng: Rng) -> Image:
@@ -188,23 +188,23 @@ def _stone(rows: int, columns: int, texel: float, rng: Rng) -> Image:
     if rng.random() < 0.3:
         rough = np.where(_noise_pattern(rows, columns, 0.02, texel, rng) > 1.2, 2.0, rough)  # chips
     shade = 1 + rng.uniform(0.02, 0.15) * np.asarray(rough)[..., None]
-    return np.asarray(_flat(rows, columns, colour(rng)) * shade, np.float32)
+    return np.asarray(_flat(rows, columns, color(rng)) * shade, np.float32)
 
 
 def _stripes(rows: int, columns: int, texel: float, rng: Rng) -> Image:
     y, x = ((np.arange(n) + 0.5) * texel for n in (rows, columns))
     angle, width = rng.choice([0, np.pi / 2, rng.uniform(0, np.pi)]), rng.uniform(0.03, 0.6)
     at = np.mod((np.cos(angle) * x[None, :] + np.sin(angle) * y[:, None]) / width, 1.0)
-    return np.where((at < rng.uniform(0.2, 0.8))[..., None], colour(rng), colour(rng)).astype(np.float32)
+    return np.where((at < rng.uniform(0.2, 0.8))[..., None], color(rng), color(rng)).astype(np.float32)
 
 
 def _collage(rows: int, columns: int, texel: float, rng: Rng) -> Image:
     """Overlapping rectangles, like sheets, books and boxes."""
-    image = _flat(rows, columns, colour(rng))
+    image = _flat(rows, columns, color(rng))
     for _ in range(int(rng.integers(3, 30))):
         h, w = (max(1, round(rng.uniform(0.03, 0.6) / texel)) for _ in range(2))
         r, c = int(rng.integers(-h, rows)), int(rng.integers(-w, columns))
-        image[max(r, 0) : r + h, max(c, 0) : c + w] = colour(rng)
+        image[max(r, 0) : r + h, max(c, 0) : c + w] = color(rng)
     return image
 
 

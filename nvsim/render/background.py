@@ -15,7 +15,7 @@ from nvsim.render.floor_texture import (
     footprint_of,
     pack_floor,
     pack_texture,
-    texture_colour,
+    texture_color,
 )
 from nvsim.render.kernel_types import Float32, Int64, pack
 from nvsim.render.sh_polynomials import COEFFICIENTS, change_of_basis, row_numbers
@@ -25,7 +25,7 @@ from nvsim.splats.types import SubmapModel
 _F = np.float32
 _ZERO, _ONE, _HALF = _F(0), _F(1), _F(0.5)
 _SEGMENT = 64
-_COLOUR, _PLANES = 4, 7  # after the direction and its forward component
+_COLOR, _PLANES = 4, 7  # after the direction and its forward component
 _DARK = _F(1 / 1024)  # a background dimmed by more than this is invisible in 8 bits
 
 
@@ -50,7 +50,7 @@ def _sky_segment(
         planes[3, i] = n
     for channel in range(3):
         e0, e1, e2, e3, e4, o0, o1, o2, o3 = row_numbers(terms, v, channel)
-        line, forward = planes[_COLOUR + channel], planes[3]
+        line, forward = planes[_COLOR + channel], planes[3]
         for i in range(count):
             u, n = (_F(x0 + i) + _HALF - view[14]) / view[12], forward[i]
             even = e0 + u * (e1 + u * (e2 + u * (e3 + u * e4)))
@@ -87,14 +87,14 @@ def _paint_row(
             through = transmittance[x0 + i]
             if through < _DARK:
                 continue
-            red, green, blue = planes[_COLOUR, i], planes[_COLOUR + 1, i], planes[_COLOUR + 2, i]
+            red, green, blue = planes[_COLOR, i], planes[_COLOR + 1, i], planes[_COLOR + 2, i]
             if textured:
                 dx, dy, dz = planes[0, i], planes[1, i], planes[2, i]
                 distance = distance_to_floor(heights, grid, view[22], view[23], view[24], dx, dy, dz)
                 if distance > _ZERO:
                     footprint = footprint_of(distance, planes[3, i], dz, view[12])
                     x, y_ = view[22] + distance * dx, view[23] + distance * dy
-                    r, g, b = texture_colour(texels, table, sizes, bounds, x, y_, footprint)
+                    r, g, b = texture_color(texels, table, sizes, bounds, x, y_, footprint)
                     red, green, blue = red + r, green + g, blue + b
             rgb[x0 + i, 0] += through * red
             rgb[x0 + i, 1] += through * green

@@ -83,7 +83,7 @@ def _draw(
 ) -> None:
     height, width = transmittance.shape
     fx, fy, cx, cy = lens[0], lens[1], lens[2], lens[3]
-    turn, scale, centre, fraction = np.empty((3, 3)), np.empty(3), np.empty(3), np.empty(10)
+    turn, scale, center, fraction = np.empty((3, 3)), np.empty(3), np.empty(3), np.empty(10)
     for row in order:
         opacity = 1 / (1 + math.exp(-min(max(float(opacity_logits[row]), -40.0), 40.0)))
         reach = 2 * math.log(max(255 * opacity, 1e-9))
@@ -93,25 +93,25 @@ def _draw(
         w, x, y, z = quats[row, 0] / length, quats[row, 1] / length, quats[row, 2] / length, quats[row, 3] / length
         r = rotation(_F(w), _F(x), _F(y), _F(z))
         for i in range(3):
-            centre[i] = pose[i, 3]
+            center[i] = pose[i, 3]
             for j in range(3):
-                centre[i] += pose[i, j] * means[row, j]
+                center[i] += pose[i, j] * means[row, j]
                 turn[i, j] = pose[i, 0] * r[j] + pose[i, 1] * r[3 + j] + pose[i, 2] * r[6 + j]
-        thinnest = math.sqrt(EPS2D) * centre[2] / max(fx, fy)  # least width after the low-pass filter of a pixel
+        thinnest = math.sqrt(EPS2D) * center[2] / max(fx, fy)  # least width after the low-pass filter of a pixel
         shortest = 0
         for k in range(3):
             scale[k] = max(math.exp(min(max(float(log_scales[row, k]), -20.0), 20.0)), thinnest)
             if log_scales[row, k] < log_scales[row, shortest]:
                 shortest = k
-        deep = _entry(turn, scale, centre, reach, 2, 2)
-        low, high = _slopes(turn, scale, centre, reach, 0, deep)
+        deep = _entry(turn, scale, center, reach, 2, 2)
+        low, high = _slopes(turn, scale, center, reach, 0, deep)
         left, right = _pixels(fx * low + cx, fx * high + cx, width)
-        low, high = _slopes(turn, scale, centre, reach, 1, deep)
+        low, high = _slopes(turn, scale, center, reach, 1, deep)
         top, bottom = _pixels(fy * low + cy, fy * high + cy, height)
         if left > right or top > bottom:
             continue
-        _along_rays(turn, scale, centre, lens, fraction)
-        facing = turn[0, shortest] * centre[0] + turn[1, shortest] * centre[1] + turn[2, shortest] * centre[2]
+        _along_rays(turn, scale, center, lens, fraction)
+        facing = turn[0, shortest] * center[0] + turn[1, shortest] * center[1] + turn[2, shortest] * center[2]
         sign = _F(-1) if facing > 0 else _F(1)
         towards_eye = sign * r[shortest], sign * r[3 + shortest], sign * r[6 + shortest]
         log_opacity = _F(math.log(opacity)) * LOG2E
@@ -130,7 +130,7 @@ def _draw(
 def _along_rays(
     turn: Float64,  # (3, 3) from the Gaussian's axes to those of the camera
     scale: Float64,  # (3,) meters
-    centre: Float64,  # (3,) meters, the camera's frame
+    center: Float64,  # (3,) meters, the camera's frame
     lens: Float64,  # fx, fy, cx, cy
     fraction: Float64,  # (10,) out
 ) -> None:
@@ -138,7 +138,7 @@ def _along_rays(
     two polynomials: o . d (of u, v and 1) and d . d (of u u, u v, u, v v, v and 1)."""
     fraction[:] = 0
     for k in range(3):
-        o = (turn[0, k] * centre[0] + turn[1, k] * centre[1] + turn[2, k] * centre[2]) / scale[k]
+        o = (turn[0, k] * center[0] + turn[1, k] * center[1] + turn[2, k] * center[2]) / scale[k]
         a, b = turn[0, k] / scale[k] / lens[0], turn[1, k] / scale[k] / lens[1]
         c = turn[2, k] / scale[k] - a * lens[2] - b * lens[3]
         fraction[0] += o * o
@@ -179,10 +179,10 @@ def _draw_row(
 
 
 @njit(forceinline=True, error_model="numpy")
-def _entry(turn: Float64, scale: Float64, centre: Float64, reach: float, i: int, j: int) -> float:
-    """An entry of the dual conic centre centre^T - reach * covariance in the camera's frame. A plane n through the
+def _entry(turn: Float64, scale: Float64, center: Float64, reach: float, i: int, j: int) -> float:
+    """An entry of the dual conic center center^T - reach * covariance in the camera's frame. A plane n through the
     camera touches the ellipsoid if n^T conic n = 0, and cuts it if this is less."""
-    found = centre[i] * centre[j]
+    found = center[i] * center[j]
     for k in range(3):
         found -= reach * turn[i, k] * scale[k] * scale[k] * turn[j, k]
     return found
@@ -190,18 +190,18 @@ def _entry(turn: Float64, scale: Float64, centre: Float64, reach: float, i: int,
 
 @njit(forceinline=True, error_model="numpy")
 def _slopes(
-    turn: Float64, scale: Float64, centre: Float64, reach: float, axis: int, deep: float
+    turn: Float64, scale: Float64, center: Float64, reach: float, axis: int, deep: float
 ) -> tuple[float, float]:
     """The least and the greatest x / z (axis 0) or y / z (1) of the rays in front of the camera that meet the
     ellipsoid. `deep` is its entry (2, 2), which is positive if the ellipsoid is entirely on one side of the camera."""
-    across, along = _entry(turn, scale, centre, reach, axis, 2), _entry(turn, scale, centre, reach, axis, axis)
+    across, along = _entry(turn, scale, center, reach, axis, 2), _entry(turn, scale, center, reach, axis, axis)
     root = math.sqrt(max(across * across - along * deep, 0.0))
     if deep > 0:
         return (across - root) / deep, (across + root) / deep
     if along <= 0 or deep == 0:
         return -math.inf, math.inf
     # It begins beside the camera, on one side of it: of the two roots, one of each sign, that of this side bounds it.
-    if centre[axis] < 0:
+    if center[axis] < 0:
         return -math.inf, (across + root) / deep
     return (across - root) / deep, math.inf
 

@@ -144,7 +144,7 @@ def footprint_of(
 
 
 @njit(fastmath=FLAGS, error_model="numpy")
-def texture_colour(
+def texture_color(
     texels: Float32,  # (n, 3) colors, all levels in one array
     table: Int64,  # (levels, 3) first texel, rows, columns
     sizes: Float32,  # (levels,) texel size, meters

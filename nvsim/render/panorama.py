@@ -78,7 +78,7 @@ def render_equirectangular(
         tiles = tuple(map(tiles_of, pixels_seen(width, height, wanted)))
     side, lengths = cameras[0].intrinsics.width, cameras[0].intrinsics.ray_lengths()
     parts = [bool(needed & {"rgb", "alpha"}), bool(needed & {"depth", "normal"})]
-    colours, shapes = (np.zeros((len(cameras) * part, side, side, 4), np.float32) for part in parts)
+    colors, shapes = (np.zeros((len(cameras) * part, side, side, 4), np.float32) for part in parts)
     wanted_views = list(zip(cameras, tiles, strict=True))
     if "rgb" in needed or resolve_backend(backend) != "numba":
         views: Iterable[RenderOutput] = (
@@ -88,9 +88,9 @@ def render_equirectangular(
         views = render_geometry_views([model] * len(cameras), wanted_views, needed)
     for i, view in enumerate(views):
         if view.rgb is not None:
-            colours[i, ..., :3] = view.rgb
+            colors[i, ..., :3] = view.rgb
         if view.alpha is not None:
-            colours[i, ..., 3] = view.alpha
+            colors[i, ..., 3] = view.alpha
         if view.normal is not None:
             shapes[i, ..., :3] = view.normal
         if view.depth is not None and view.alpha is not None:
@@ -98,7 +98,7 @@ def render_equirectangular(
     images = [np.empty((height * part, width, 4), np.float32) for part in parts]
     focal, angles = np.float32(cameras[0].intrinsics.fx), half_angles(width, height)
     with LOCK:
-        resample(colours, shapes, axes_ahead(), focal, *angles, wanted, *images)
+        resample(colors, shapes, axes_ahead(), focal, *angles, wanted, *images)
     result = RenderOutput()
     if "rgb" in channels:
         result.rgb = np.ascontiguousarray(images[0][..., :3])

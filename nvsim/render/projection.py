@@ -45,7 +45,7 @@ _MOST_REACH = _F(math.sqrt(2 * math.log(255)))  # standard deviations at which a
 
 
 @njit(forceinline=True, fastmath=FLAGS, error_model="numpy")
-def _write_colour(
+def _write_color(
     row: Float32,  # (16,) out, as in render.layout
     sh: Float32,  # (K, 3) of the Gaussian
     count: int,  # number of evaluated coefficients
@@ -209,7 +209,7 @@ def _project_part(
                 planes[24 * CHUNK + i],
             )
             g = seen[i]
-            _write_colour(row, sh[g], basis, planes, i, g, features, matrix)
+            _write_color(row, sh[g], basis, planes, i, g, features, matrix)
             ids[at] = g
             at += 1
     visible[block] = at - first

@@ -43,10 +43,10 @@ def _write_parameters(
     ids: Int32,  # (N,) the Gaussian of each row of splats
     gradients: Float32,  # (threads, N or more, 12) of `raster_gradient.draw_gradient`
     planes: Float32,  # (PLANES * CHUNK,) out, as in `chunk_gradient`
-    colours: Float32,  # (CHUNK, 3) out
+    colors: Float32,  # (CHUNK, 3) out
 ) -> None:
     """Writes the parameters of the Gaussians of the rows from `at` on, and the gradients of their splats, summed over
-    the threads, to `planes`; those of the colors to `colours`."""
+    the threads, to `planes`; those of the colors to `colors`."""
     for i in range(count):
         g, row, splat = np.int64(ids[at + i]), gradients[0, at + i], splats[at + i]
         red, green, blue, depth, u, v = row[0], row[1], row[2], row[3], row[4], row[5]
@@ -70,9 +70,9 @@ def _write_parameters(
                 abs_v + row[11],
             )
         # A channel that was clamped at zero has no gradient.
-        colours[i, 0] = red if splat[RED] > _ZERO else _ZERO
-        colours[i, 1] = green if splat[GREEN] > _ZERO else _ZERO
-        colours[i, 2] = blue if splat[BLUE] > _ZERO else _ZERO
+        colors[i, 0] = red if splat[RED] > _ZERO else _ZERO
+        colors[i, 1] = green if splat[GREEN] > _ZERO else _ZERO
+        colors[i, 2] = blue if splat[BLUE] > _ZERO else _ZERO
         planes[(GIVEN + 0) * CHUNK + i], planes[(GIVEN + 1) * CHUNK + i], planes[(GIVEN + 2) * CHUNK + i] = depth, u, v
         planes[(GIVEN + 3) * CHUNK + i], planes[(GIVEN + 4) * CHUNK + i], planes[(GIVEN + 5) * CHUNK + i] = a, b, c
         planes[(GIVEN + 6) * CHUNK + i] = opacity
@@ -94,14 +94,14 @@ def _tint_gradients(
     ids: Int32,  # (N,) the Gaussian of each row of splats
     features: Float32,  # (N, F)
     matrix: Float32,  # (3, F)
-    colours: Float32,  # (CHUNK, 3) gradient by the colors
+    colors: Float32,  # (CHUNK, 3) gradient by the colors
     d_features: Float32,  # (N, F) out
     d_matrix: Float32,  # (3, F) changed
 ) -> None:
     """Gradients of the features from those of the colors; those of the matrix are added to d_matrix."""
     for i in range(count):
         own, to = features[ids[at + i]], d_features[ids[at + i]]
-        red, green, blue = _DC * colours[i, 0], _DC * colours[i, 1], _DC * colours[i, 2]
+        red, green, blue = _DC * colors[i, 0], _DC * colors[i, 1], _DC * colors[i, 2]
         for f in range(own.shape[0]):
             value = own[f]
             to[f] = matrix[0, f] * red + matrix[1, f] * green + matrix[2, f] * blue
@@ -111,20 +111,20 @@ def _tint_gradients(
 
 
 @njit(fastmath=FLAGS, error_model="numpy")
-def _colour_gradients(
+def _color_gradients(
     at: int,  # row of splats
     count: int,  # rows, at most CHUNK
     ids: Int32,  # (N,) the Gaussian of each row of splats
     basis: int,  # number of evaluated coefficients
     sh: Float32,  # (N, K, 3)
-    colours: Float32,  # (CHUNK, 3) gradient by the colors
+    colors: Float32,  # (CHUNK, 3) gradient by the colors
     planes: Float32,  # (PLANES * CHUNK,) as in `chunk_gradient`; those from BY_HARMONIC on are written
     d_sh: Float32,  # (N, K, 3) out
 ) -> None:
     """Gradients of the coefficients from those of the colors; gradients by the harmonics are written to `planes`."""
     for i in range(count):
         own, to = sh[ids[at + i]], d_sh[ids[at + i]]
-        red, green, blue = colours[i, 0], colours[i, 1], colours[i, 2]
+        red, green, blue = colors[i, 0], colors[i, 1], colors[i, 2]
         for k in range(basis):
             value = planes[(BASIS + k) * CHUNK + i]
             to[k, 0], to[k, 1], to[k, 2] = value * red, value * green, value * blue
@@ -164,7 +164,7 @@ def _project_gradient_part(
     flat_means, flat_scales, flat_quats = means.reshape(-1), log_scales.reshape(-1), quats.reshape(-1)
     to_means, to_scales, to_quats = d_means.reshape(-1), d_log_scales.reshape(-1), d_quats.reshape(-1)
     to_sh = d_sh.reshape(-1)
-    planes, colours = np.zeros(PLANES * CHUNK, np.float32), np.empty((CHUNK, 3), np.float32)
+    planes, colors = np.zeros(PLANES * CHUNK, np.float32), np.empty((CHUNK, 3), np.float32)
     planes[BASIS * CHUNK : (BASIS + 1) * CHUNK] = _DC
     d_matrix[block] = _ZERO
     if d_features.shape[0] > 0:
@@ -183,15 +183,15 @@ def _project_gradient_part(
             ids,
             gradients,
             planes,
-            colours,
+            colors,
         )
         to_camera_frame(view, planes)
         gradients_of(view, planes)
         if degree > 0:
             harmonics_of(view, planes)
         if d_features.shape[0] > 0:
-            _tint_gradients(at, count, ids, features, matrix, colours, d_features, d_matrix[block])
-        _colour_gradients(at, count, ids, basis, sh, colours, planes, d_sh)
+            _tint_gradients(at, count, ids, features, matrix, colors, d_features, d_matrix[block])
+        _color_gradients(at, count, ids, basis, sh, colors, planes, d_sh)
         if degree > 0:
             add_direction_gradient(view, planes)
         for i in range(count):

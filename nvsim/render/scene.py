@@ -55,9 +55,9 @@ def render_regions(
     drawn = render_geometry_views(models, seen, channels) if splatted != channels else [RenderOutput() for _ in seen]
     if splatted:
         for view, model, (camera, tiles) in zip(drawn, models, seen, strict=True):
-            coloured = render_model(model, camera, splatted, tiles, backend)
+            colored = render_model(model, camera, splatted, tiles, backend)
             for channel in splatted:
-                setattr(view, channel, getattr(coloured, channel))
+                setattr(view, channel, getattr(colored, channel))
     found = iter(drawn)
     sizes = ((c.intrinsics.height, c.intrinsics.width) for c in cameras)
     return [_empty_output(size, channels) if w is None else next(found) for w, size in zip(wanted, sizes, strict=True)]

@@ -202,7 +202,7 @@ def known_floor(
 
     rows, columns = ((n - 1) * round(_NODES / SPACING) for n in surface.heights.shape)
     grid = Grid(surface.origin, SPACING, (rows, columns))
-    floor = surface.height_at(grid.centres()).astype(np.float64)
+    floor = surface.height_at(grid.centers()).astype(np.float64)
     slabs = [_FLOOR, _BODY, _WALL, (CEILING[0], above)]
     near = (gaussians.means[:, 2] > height - 2.0) & (gaussians.means[:, 2] < height + above + 1.0)
     cover, body, wall, ceiling = slab_cover(_select_gaussians(gaussians, near), grid, floor, slabs)

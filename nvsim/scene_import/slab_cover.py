@@ -28,7 +28,7 @@ class Grid:
     spacing: float
     shape: tuple[int, int]
 
-    def centres(self) -> NDArray[np.float64]:
+    def centers(self) -> NDArray[np.float64]:
         """(rows, columns, 2) world x, y of the middle of the cells, meters."""
         rows, columns = self.shape
         x = self.low[0] + (np.arange(columns) + 0.5) * self.spacing

@@ -189,8 +189,8 @@ def _refine_up(surface: SurfacePoints, axis: NDArray[np.float64]) -> NDArray[np.
         for level in planes.levels():
             near = points[np.abs(planes.heights - level) < tolerance * planes.size]
             if len(near) >= _FEW:
-                centred = near - near.mean(axis=0)
-                spread += centred.T @ centred
+                centered = near - near.mean(axis=0)
+                spread += centered.T @ centered
         if not spread.any():
             return axis
         normal = np.linalg.eigh(spread)[1][:, 0]

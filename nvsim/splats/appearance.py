@@ -49,7 +49,7 @@ class LinearAppearance:
         """The appearance of the Gaussians `rows` (M,), as in `nvsim.splats.types.Appearance`."""
         return replace(self, features=self.features[rows], _kept=threading.local())
 
-    def coloured(self, gaussians: Gaussians, position: NDArray[np.floating]) -> Gaussians:
+    def colored(self, gaussians: Gaussians, position: NDArray[np.floating]) -> Gaussians:
         """The Gaussians with their colors from `position` (3,), as in `nvsim.splats.types.Appearance`."""
         sh = getattr(self._kept, "sh", None)
         if sh is None or self._kept.source is not gaussians.sh:
@@ -93,7 +93,7 @@ class NetworkAppearance:
         """The appearance of the Gaussians `rows` (M,), as in `nvsim.splats.types.Appearance`."""
         return replace(self, features=self.features[rows], _kept=threading.local())
 
-    def coloured(self, gaussians: Gaussians, position: NDArray[np.floating]) -> Gaussians:
+    def colored(self, gaussians: Gaussians, position: NDArray[np.floating]) -> Gaussians:
         """The Gaussians with their colors from `position` (3,), as in `nvsim.splats.types.Appearance`."""
         place = np.asarray(position, np.float64)
         if self.cell > 0:

@@ -59,7 +59,7 @@ def check_model(model: SubmapModel) -> None:
         if len(model.gaussians) and _has_embedding(embedding.weights):
             g, first = model.gaussians, slice(0, 1)
             one = Gaussians(*(a[first] for a in (g.means, g.log_scales, g.quats, g.opacity_logits, g.sh)))
-            model.appearance.of_rows(np.array([0])).coloured(one, model.appearance.middle)
+            model.appearance.of_rows(np.array([0])).colored(one, model.appearance.middle)
 
 
 def _has_embedding(weights: dict[str, np.ndarray]) -> bool:
@@ -202,8 +202,8 @@ def memory_needed(folder: Path) -> int:
     scene.memory_of returns after loading. Raises InputError if the description is missing or damaged."""
     data = _read_description(folder)
     with _description_errors(folder):
-        colours = 3 * (int(data["sh_degree"]) + 1) ** 2
-        values = 11 + colours * (1 if data.get("appearance") is None else 2)
+        colors = 3 * (int(data["sh_degree"]) + 1) ** 2
+        values = 11 + colors * (1 if data.get("appearance") is None else 2)
         path = _paths(folder, data)[1]
         head = 0  # the file is missing if the model was just replaced; loading finds the new one
         if path.exists():

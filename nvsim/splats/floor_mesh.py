@@ -99,16 +99,16 @@ def _picture(model: SubmapModel, low: NDArray[np.float64], high: NDArray[np.floa
     def fit(image: NDArray[np.float32], how: int = cv2.INTER_LINEAR) -> NDArray[np.float32]:
         return np.asarray(cv2.resize(image, (columns, rows), interpolation=how), np.float32)
 
-    colour = fit(_shade(model, low, high))
+    color = fit(_shade(model, low, high))
     known = np.zeros((rows, columns), np.bool_)
     for index, level in enumerate(levels):
-        colour += fit(level)
+        color += fit(level)
         if index > 0 or len(levels) == 1:  # the coarsest texels extend far beyond the observed floor
             # Texels that no image shows keep their initial value 0.
             touched = np.asarray(level.any(axis=2), np.float32)
             known |= fit(touched, cv2.INTER_NEAREST) > 0
     image = np.empty((rows, columns, 4), np.uint8)
-    image[..., :3] = np.round(255 * np.clip(colour, 0, 1))
+    image[..., :3] = np.round(255 * np.clip(color, 0, 1))
     image[..., 3] = 255 * known
     return image
 

@@ -114,9 +114,9 @@ def write_ply(path: Path, gaussians: Gaussians, antialiased: bool) -> None:
             rows, part = block[: min(_ROWS, n - first)], slice(first, first + _ROWS)
             rows[:, 0:3] = g.means[part]
             rows[:, 6:9] = g.sh[part, 0]
-            for colour in range(3):
-                at = 9 + colour * (coefficients - 1)
-                rows[:, at : at + coefficients - 1] = g.sh[part, 1:, colour]
+            for color in range(3):
+                at = 9 + color * (coefficients - 1)
+                rows[:, at : at + coefficients - 1] = g.sh[part, 1:, color]
             rows[:, 9 + rest] = g.opacity_logits[part]
             rows[:, 10 + rest : 13 + rest] = g.log_scales[part]
             rows[:, 13 + rest :] = g.quats[part]

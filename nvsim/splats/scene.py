@@ -36,7 +36,7 @@ class SceneModel:
                     border and it fits without unloading the model in use
     moved           returns the new folder of a submap's model when the known one vanished, because training ended or
                     the model was replaced
-    colours         whether models keep their colors; if not, they are gray, without background, and need a fifth of the
+    colors         whether models keep their colors; if not, they are gray, without background, and need a fifth of the
                     memory
 
     Raises ValueError if the lists have different lengths or no submap has a model.
@@ -49,7 +49,7 @@ class SceneModel:
         memory_budget: int | None = None,
         ahead: bool = True,
         moved: Callable[[int], Path] | None = None,
-        colours: bool = True,
+        colors: bool = True,
     ) -> None:
         if len(submaps) != len(folders):
             raise ValueError(f"{len(submaps)} submaps but {len(folders)} folders")
@@ -60,7 +60,7 @@ class SceneModel:
         self._budget = default_budget() if memory_budget is None else memory_budget
         self._ahead = ahead
         self._moved = moved
-        self._colours = colours
+        self._colors = colors
         self._positions = np.concatenate([s.positions for s in self._submaps])
         self._firsts = np.cumsum([0, *(len(s.positions) for s in self._submaps[:-1])])
         self._frames = np.concatenate([s.core for s in self._submaps]).astype(np.int64)
@@ -175,7 +175,7 @@ class SceneModel:
 
     def _load(self, folder: Path) -> SubmapModel:
         model = load_model(folder)
-        return model if self._colours else _grey(model)
+        return model if self._colors else _gray(model)
 
     def _with_folder(self, index: int, read: Callable[[Path], T]) -> T:
         """Calls `read` with the folder of a model. If the folder vanished, tries the folder that it moved to."""
@@ -262,10 +262,10 @@ class SceneModel:
         return found
 
 
-def _grey(model: SubmapModel) -> SubmapModel:
+def _gray(model: SubmapModel) -> SubmapModel:
     """The parts that alpha, depth, and normals need."""
-    grey = replace(model.gaussians, sh=np.zeros((len(model.gaussians), 1, 3), np.float32))
-    return replace(model, gaussians=grey, background=None, texture=None, appearance=None)
+    gray = replace(model.gaussians, sh=np.zeros((len(model.gaussians), 1, 3), np.float32))
+    return replace(model, gaussians=gray, background=None, texture=None, appearance=None)
 
 
 def default_budget() -> int:

@@ -158,7 +158,7 @@ class Appearance(Protocol):
     features: Float32
     middle: NDArray[np.float64]
 
-    def coloured(self, gaussians: Gaussians, position: NDArray[np.floating]) -> Gaussians:
+    def colored(self, gaussians: Gaussians, position: NDArray[np.floating]) -> Gaussians:
         """`gaussians` with their SH coefficients (N, K, 3) for a camera at `position` (3,), meters, world. The other
         arrays are shared. The next call from the same thread may overwrite the result. The Gaussians' own coefficients
         must not be modified in place between calls."""
@@ -189,7 +189,7 @@ class SubmapModel:
 
     def gaussians_at(self, position: NDArray[np.floating]) -> Gaussians:
         """The Gaussians with their colors for a camera at `position` (3,), meters, world."""
-        return self.gaussians if self.appearance is None else self.appearance.coloured(self.gaussians, position)
+        return self.gaussians if self.appearance is None else self.appearance.colored(self.gaussians, position)
 
     def baked(self) -> Gaussians:
         """The Gaussians with one fixed set of colors, as seen from the mean of the training cameras. Used for files

@@ -25,7 +25,7 @@ from nvsim.training.optimizer import Parameters, propagate_gradient, random_gene
 _F = np.float32
 _REACH = _F(3.4)  # standard deviations beyond which a Gaussian draws nothing
 _FILTER = _F(2.0)  # pixels added to the radius of a Gaussian by the low-pass filter of a pixel
-COLOUR = 3
+COLOR = 3
 """Number of features of the linear form that start as the color."""
 Float32 = NDArray[np.float32]
 
@@ -70,7 +70,7 @@ def in_view(means: torch.Tensor, log_scales: torch.Tensor, camera: Camera) -> to
     return (depth > 0.04) & (u > -wide) & (u < k.width + wide) & (v > -high) & (v < k.height + high)
 
 
-class LinearColours:
+class LinearColors:
     """Adds W(embedding) features to SH coefficient 0. Features and the Gaussians' own coefficients are both learned."""
 
     own = True
@@ -80,7 +80,7 @@ class LinearColours:
         """(N, F) initial features of Gaussians. The first ones are their colors. W starts at zero for them, so that an
         exposure by position is learned for all colors at once. The others are zero; W is random there."""
         features = np.zeros((len(gaussians), self._shape[1]), np.float32)
-        features[:, :COLOUR] = gaussians.sh[:, 0, : self._shape[1]] + np.float32(0.5 / DC)
+        features[:, :COLOR] = gaussians.sh[:, 0, : self._shape[1]] + np.float32(0.5 / DC)
         return features
 
     def __init__(self, config: AppearanceConfig, seed: int) -> None:
@@ -90,7 +90,7 @@ class LinearColours:
         with torch.no_grad():
             for kind in ("weight", "bias"):
                 rows = self._parameters.tensors[f"matrix.{kind}"].view(3, config.features, -1)
-                rows[:, :COLOUR] = 0
+                rows[:, :COLOR] = 0
         self._matrix = torch.zeros(self._shape)
 
     def shown(
@@ -115,7 +115,7 @@ class LinearColours:
         return LinearAppearance(embedding, self._parameters.exported(), features.copy(), middle)
 
 
-class NetworkColours:
+class NetworkColors:
     """Computes all coefficients from (embedding, features) with a network, only for Gaussians in view
     (Splatfacto-W)."""
 
@@ -158,7 +158,7 @@ class NetworkColours:
         return gaussians, NO_TINT
 
     def coefficients(self, sh: torch.Tensor, features: torch.Tensor, embedding: torch.Tensor) -> torch.Tensor:
-        """(V, K, 3) as in `LinearColours`; only the shape of `sh` (V, K, 3) is used."""
+        """(V, K, 3) as in `LinearColors`; only the shape of `sh` (V, K, 3) is used."""
         return self.evaluate(embedding.to(features.device), features).view(sh.shape)
 
     def evaluate(self, embedding: torch.Tensor, features: torch.Tensor) -> torch.Tensor:
@@ -191,4 +191,4 @@ def baked(appearance: LinearAppearance | NetworkAppearance, gaussians: Gaussians
     if isinstance(appearance, LinearAppearance):
         return gaussians
     exact = replace(appearance, cell=0.0)
-    return replace(gaussians, sh=exact.coloured(gaussians, appearance.middle).sh.copy())
+    return replace(gaussians, sh=exact.colored(gaussians, appearance.middle).sh.copy())

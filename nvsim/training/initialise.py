@@ -124,10 +124,10 @@ def initial_gaussians(
 def gaussians_at(points: Float32, colors: Float32, sh_degree: int, opacity: float = 0.5) -> Gaussians:
     """Gaussians at `points` (N, 3), meters, with `colors` (N, 3), 0 to 1."""
     n = len(points)
-    neighbours = min(4, n)
+    neighbors = min(4, n)
     spacing = np.full(n, LARGEST_SCALE)
-    if neighbours > 1:
-        spacing = cKDTree(points).query(points, k=neighbours)[0][:, 1:].mean(axis=1)
+    if neighbors > 1:
+        spacing = cKDTree(points).query(points, k=neighbors)[0][:, 1:].mean(axis=1)
     log_scales = np.log(np.clip(spacing, LEAST_SCALE, LARGEST_SCALE)).astype(np.float32)
     sh = np.zeros((n, (sh_degree + 1) ** 2, 3), np.float32)
     sh[:, 0] = (colors - 0.5) / DC

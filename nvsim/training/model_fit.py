@@ -283,7 +283,7 @@ class ModelFit:
         background = appearance = None
         if self.networks is not None:
             background = self.networks.exported_background()
-            gaussians, appearance = self.networks.exported_colours(gaussians, self.held.features)
+            gaussians, appearance = self.networks.exported_colors(gaussians, self.held.features)
         texture = None if self.texture is None else self.texture.exported()
         return SubmapModel(gaussians, background, texture, self.floor, self.config.antialiased, info, appearance)
 

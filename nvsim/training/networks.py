@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from nvsim.splats.harmonics import DC
 from nvsim.splats.types import Appearance, Background, Embedding, Gaussians
-from nvsim.training.appearance import LinearColours, NetworkColours, baked
+from nvsim.training.appearance import LinearColors, NetworkColors, baked
 from nvsim.training.config import AppearanceConfig, TrainingConfig
 from nvsim.training.optimizer import ParameterGroup, Parameters, propagate_gradient, random_generator
 from nvsim.training.views import TrainingView
@@ -87,10 +87,10 @@ COEFFICIENTS = 25
 
 
 class BackgroundNetwork:
-    """Starts with `colour` (3,) in every direction: the head of the other coefficients starts at zero
+    """Starts with `color` (3,) in every direction: the head of the other coefficients starts at zero
     (Splatfacto-W)."""
 
-    def __init__(self, config: AppearanceConfig, seed: int, colour: NDArray[np.floating]) -> None:
+    def __init__(self, config: AppearanceConfig, seed: int, color: NDArray[np.floating]) -> None:
         layers, previous = {}, config.size
         self._depth = config.background_layers - 1
         for i in range(self._depth):
@@ -102,7 +102,7 @@ class BackgroundNetwork:
         tensors = self._parameters.tensors
         with torch.no_grad():
             tensors["base.weight"].mul_(0.1)
-            tensors["base.bias"].copy_(torch.from_numpy(np.asarray(colour, np.float32) / DC))
+            tensors["base.bias"].copy_(torch.from_numpy(np.asarray(color, np.float32) / DC))
 
     def coefficients(self, embedding: torch.Tensor, degree: int = 4) -> torch.Tensor:
         """(25, 3) coefficients for `embedding` (E,); those above `degree` are zero."""
@@ -126,21 +126,21 @@ class Networks:
     """One embedding is the input of both networks, as in Splatfacto-W. A view begins with `select_embedding` and ends
     with `propagate_gradients`.
 
-    colour   (3,) the initial background color, 0 to 1
+    color   (3,) the initial background color, 0 to 1
     """
 
     def __init__(
-        self, views: Sequence[TrainingView], config: TrainingConfig, seed: int, colour: NDArray[np.floating]
+        self, views: Sequence[TrainingView], config: TrainingConfig, seed: int, color: NDArray[np.floating]
     ) -> None:
         appearance = config.appearance
         self._config = config
         self.embedding: PositionEmbedding | IndexEmbedding = embedding_of(appearance, views, seed)
-        self.background = BackgroundNetwork(appearance, seed, colour) if config.background else None
-        self.colours: LinearColours | NetworkColours | None = None
+        self.background = BackgroundNetwork(appearance, seed, color) if config.background else None
+        self.colors: LinearColors | NetworkColors | None = None
         if appearance.kind == "linear":
-            self.colours = LinearColours(appearance, seed)
+            self.colors = LinearColors(appearance, seed)
         elif appearance.kind == "network":
-            self.colours = NetworkColours(appearance, seed, (config.sh_degree + 1) ** 2)
+            self.colors = NetworkColors(appearance, seed, (config.sh_degree + 1) ** 2)
         self._middle = np.mean([view.camera.position for view in views], axis=0)
         self._taken = self.seen = torch.zeros(0)
         self._coefficients = torch.zeros(0)
@@ -151,15 +151,15 @@ class Networks:
         groups = {"embedding": ParameterGroup.of(self.embedding.values, rate.embedding, self.embedding.gradient)}
         if self.background is not None:
             groups["network"] = ParameterGroup.of(self.background.values, rate.network, self.background.gradient)
-        if self.colours is not None:
-            groups["colours"] = ParameterGroup.of(self.colours.values, rate.network, self.colours.gradient)
+        if self.colors is not None:
+            groups["colours"] = ParameterGroup.of(self.colors.values, rate.network, self.colors.gradient)
         return groups
 
     def select_embedding(self, position: NDArray[np.floating], name: str | None = None) -> None:
         """Selects the embedding of the training view `name`, or, without a name, of another view at `position` (3,)."""
         self._taken = self.embedding.embedding_at(position, name)
         self.seen = self._taken.detach().requires_grad_()
-        for part in (self.embedding, self.background, self.colours):
+        for part in (self.embedding, self.background, self.colors):
             if part is not None:
                 part.gradient[:] = 0
 
@@ -184,9 +184,9 @@ class Networks:
         """A copy without torch."""
         return None if self.background is None else self.background.exported(self.embedding.exported())
 
-    def exported_colours(self, gaussians: Gaussians, features: Float32 | None) -> tuple[Gaussians, Appearance | None]:
+    def exported_colors(self, gaussians: Gaussians, features: Float32 | None) -> tuple[Gaussians, Appearance | None]:
         """The Gaussians with the coefficients to store, and a copy of the color network; `features` is (N, F)."""
-        if self.colours is None or features is None:
+        if self.colors is None or features is None:
             return gaussians, None
-        appearance = self.colours.exported(self.embedding.exported(), features, self._middle)
+        appearance = self.colors.exported(self.embedding.exported(), features, self._middle)
         return baked(appearance, gaussians), appearance

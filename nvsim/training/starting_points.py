@@ -61,7 +61,7 @@ def flatten(gaussians: Gaussians, surface: Float32, flatness: float) -> None:
 
 NEAR, FAR = 0.5, 6.0
 """Least and greatest depth of pixels without known depths nearby, meters."""
-NEIGHBOURS = 6
+NEIGHBORS = 6
 """Number of known pixels from which a depth is interpolated."""
 SPREAD = 0.05
 """Relative standard deviation of the random error added to the depths, because they are estimates."""
@@ -107,9 +107,9 @@ def _known_depths(view: TrainingView, points: Float32, floor: FloorSurface) -> N
 def _inverse_depths(
     pixels: NDArray[np.float64], known: NDArray[np.float64], rng: np.random.Generator
 ) -> NDArray[np.float64]:
-    if len(known) < NEIGHBOURS:
+    if len(known) < NEIGHBORS:
         return (FAR / NEAR) ** rng.random(len(pixels)) / FAR
-    distance, nearest = cKDTree(known[:, :2]).query(pixels, k=NEIGHBOURS)
+    distance, nearest = cKDTree(known[:, :2]).query(pixels, k=NEIGHBORS)
     weight = 1 / (distance + 2.0)
     guess = np.sum(weight * known[nearest, 2], axis=1) / weight.sum(axis=1)
     return np.clip(guess * np.exp(SPREAD * rng.standard_normal(len(pixels))), 0.05, 5.0)

@@ -351,5 +351,5 @@ def _remove(files: Iterable[Path]) -> None:
             file.unlink(missing_ok=True)
 
 
-def _bytes(colours: NDArray[np.floating]) -> NDArray[np.uint8]:
-    return np.asarray(255 * np.clip(colours, 0, 1), np.uint8)
+def _bytes(colors: NDArray[np.floating]) -> NDArray[np.uint8]:
+    return np.asarray(255 * np.clip(colors, 0, 1), np.uint8)

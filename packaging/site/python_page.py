@@ -10,7 +10,7 @@ import nvsim
 PAGE = Path(__file__).resolve().parents[2] / "resources" / "docs" / "api.md"
 MEMBERS = {
     "Project": "graph need_graph set_graph capture need_capture submaps need_submaps scan scene occupancy close",
-    "NavGraph": "adjacency neighbours",
+    "NavGraph": "adjacency neighbors",
     "History": "perform undo redo",
     "Intrinsics": "from_fov",
     "MappingConfig": "paper",

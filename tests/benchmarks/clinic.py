@@ -89,13 +89,13 @@ def _stops(route: Route, length: float, low: float, high: float, visits: list[Op
         ]
         return [TrajectoryCorner(10.0, low - 0.1), *around, TrajectoryCorner(17.0, low + 0.1)]
     door = visits[0]
-    inside = TrajectoryCorner(door.centre, door.line - ENTRY)
+    inside = TrajectoryCorner(door.center, door.line - ENTRY)
     visit = [
-        TrajectoryCorner(door.centre, low),
+        TrajectoryCorner(door.center, low),
         inside,
-        TrajectoryCorner(door.centre + 0.2, door.line - 2.0),
+        TrajectoryCorner(door.center + 0.2, door.line - 2.0),
         inside,
-        TrajectoryCorner(door.centre, low),
+        TrajectoryCorner(door.center, low),
     ]
     return [
         TrajectoryCorner(2.5, low),
@@ -112,8 +112,8 @@ def _leaves(doors: list[Opening], rng: np.random.Generator) -> list[Box]:
     boxes = []
     for k, o in enumerate(doors):
         paint = Paint("door", color)
-        boxes.append(Box((o.centre - 0.5, o.line - 0.03, 0.01), (o.centre + 0.5, o.line + 0.03, 2.06), paint))
-        boxes.append(_plate(o.line, o.centre + 0.72, 0.17, 1.48, 1.62, f"label:{101 + k}", _METAL, 0.075))
+        boxes.append(Box((o.center - 0.5, o.line - 0.03, 0.01), (o.center + 0.5, o.line + 0.03, 2.06), paint))
+        boxes.append(_plate(o.line, o.center + 0.72, 0.17, 1.48, 1.62, f"label:{101 + k}", _METAL, 0.075))
     return boxes
 
 
@@ -140,7 +140,7 @@ def _fittings(plan: Plan, rng: np.random.Generator) -> list[Box]:
         if rng.random() < 0.35:
             boxes += _standing(wall, sign, x, rng)
     for i, r in enumerate(ring):
-        x, y = r.centre
+        x, y = r.center
         signs = [(x + s, y) for s in (-9.0, 2.0)] if i < 2 else [(x, y + 2.0)]
         for u, v in signs:
             half = (0.03, 0.5) if i < 2 else (0.5, 0.03)
@@ -149,7 +149,7 @@ def _fittings(plan: Plan, rng: np.random.Generator) -> list[Box]:
     for x, sign in ((0.1, 1.0), (plan.extent.x1 - 0.1, -1.0)):  # the ends of the corridors
         for r in ring[:2]:
             near, far = sorted((x, x + sign * 0.03))
-            y = r.centre[1] + float(rng.uniform(-0.3, 0.3))
+            y = r.center[1] + float(rng.uniform(-0.3, 0.3))
             boxes.append(
                 Box((near, y - 0.4, 1.15), (far, y + 0.4, 1.75), Paint(str(rng.choice(["print", "notices"])), _DARK))
             )

@@ -63,8 +63,8 @@ def worlds(scan: Cloud, surface: FloorSurface) -> Iterator[tuple[str, Cloud]]:
     points = scan.points
     height = points[:, 2] - surface.height_at(points[:, :2])
     low, high = points[:, :2].min(axis=0), points[:, :2].max(axis=0)
-    centres = rng.uniform(low, high, (int(np.prod((high - low) / _APART)), 2))
-    near = cKDTree(centres).query(points[:, :2])[0] < _RADIUS
+    centers = rng.uniform(low, high, (int(np.prod((high - low) / _APART)), 2))
+    near = cKDTree(centers).query(points[:, :2])[0] < _RADIUS
     yield "original", scan
     yield "holes in the floor", _only(scan, ~(near & (height < _LOW)))
     yield "objects missing", _only(scan, ~(near & (height > _LOW) & (height < _HIGH)))

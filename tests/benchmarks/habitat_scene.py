@@ -61,7 +61,7 @@ def main() -> None:
     tasks = [task for name in SPLITS for task in read_tasks(a.tasks / f"R2R_{name}.json")]
     paths = [in_habitat(np.array([floors[id] for id in task.path])) for task in tasks]
     true = read_map(a.map)
-    places = in_habitat(np.column_stack([true.centres().reshape(-1, 2), np.zeros(true.cells.size)]))
+    places = in_habitat(np.column_stack([true.centers().reshape(-1, 2), np.zeros(true.cells.size)]))
     scene = (a.scenes / scene_id(a.scan)).with_name(f"{a.scan}_collision.glb").absolute()
     rows = []
     with tempfile.TemporaryDirectory() as folder:

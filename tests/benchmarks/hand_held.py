@@ -133,7 +133,7 @@ def around_the_middle(scene: Scene, rounds: int) -> NDArray[np.float64]:
     along = np.append(0, np.cumsum(np.linalg.norm(np.diff(ring, axis=0), axis=1)))
     at = np.arange(0, along[-1], 0.02)
     x, y = (np.interp(at, along, ring[:, i]) for i in (0, 1))
-    middle = scene.plan.extent.centre
+    middle = scene.plan.extent.center
     outward = np.clip(3 * np.sin(2 * np.pi * at / 9) - 1.5, 0, 1)
     heading = np.unwrap(np.arctan2(middle[0] - x, middle[1] - y)) + np.pi * outward
     return np.column_stack([x, y, heading, np.zeros(len(at)), np.full(len(at), np.radians(-28))])

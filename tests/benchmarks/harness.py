@@ -1,4 +1,5 @@
-"""What the benchmarks share: timing, memory, commands, and output.
+"""Shared functions of the benchmarks: timing, memory, commands, and output. A benchmark declares its arguments as a
+dataclass and reads them with `tyro.cli(Arguments, description=__doc__)`.
 
 A benchmark declares its arguments as a dataclass and reads them with `tyro.cli(Arguments, description=__doc__)`.
 """

@@ -73,7 +73,7 @@ def random_edit(history: History, rng: random.Random) -> bool:
 
 def _operation(graph: NavGraph, some: list[str], kind: int, rng: random.Random) -> tuple[str, dict[str, object]]:
     x, y, z = graph.viewpoints[some[0]].position
-    keys = [(some[0], other) for other in graph.neighbours(some[0])]
+    keys = [(some[0], other) for other in graph.neighbors(some[0])]
     place = [x + rng.uniform(-2, 2), y + rng.uniform(-2, 2), z]
     if kind == 4:
         return "add_viewpoint", {"position": place, "height": rng.choice([1.2, 1.5])}

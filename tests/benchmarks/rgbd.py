@@ -71,9 +71,9 @@ def rgbd_capture(capture: Path, folder: Path, config: Any, noise: float, width: 
         coarse = rng.normal(0, 1, (-(-height // _BLOCK), -(-width // _BLOCK)))
         common = cv2.resize(coarse, (width, height), interpolation=cv2.INTER_CUBIC)
         off = _FLAT * common + (1 - _FLAT**2) ** 0.5 * rng.normal(0, 1, depth.shape)
-        millimetres = np.rint(np.nan_to_num(1000 * depth * (1 + noise * off), posinf=0)).clip(0, 65000)
+        millimeters = np.rint(np.nan_to_num(1000 * depth * (1 + noise * off), posinf=0)).clip(0, 65000)
         name = f"depth/{number:05d}.png"
-        cv2.imwrite(str(folder / name), millimetres.astype(np.uint16))
+        cv2.imwrite(str(folder / name), millimeters.astype(np.uint16))
         frame["depth_file_path"] = name
     (folder / "transforms.json").write_text(json.dumps(tree))
     return folder

@@ -225,12 +225,12 @@ def _poses(
     rng: np.random.Generator, scene: Scene, ring: NDArray[np.float64], height: float, visible: str
 ) -> NDArray[np.float64]:
     """(FRAMES, 4, 4) cameras that look across the furniture of the middle or of a wall, with the shake of a hand."""
-    centre = np.array(scene.plan.extent.centre)
+    center = np.array(scene.plan.extent.center)
     shake, rise = _smooth(rng, 3, 2.5, 12), _smooth(rng, 1, 0.04, 10)[:, 0]
     glance = np.sin(np.linspace(0, 6 * np.pi, FRAMES) + rng.uniform(0, 6))
     poses = []
     for i, place in enumerate(ring):
-        to = centre - place
+        to = center - place
         heading = np.arctan2(to[0], to[1]) + (0.5 * glance[i] if glance[i] < 0.3 else np.pi + 0.4 * glance[i])
         down = 32 + 6 * np.sin(i / 5)
         ahead = ring[min(i + 1, FRAMES - 1)] - ring[max(i - 1, 0)]

@@ -52,14 +52,14 @@ def from_equirectangular(model, at, width):
 
 def narrow(model, at, finer, samples):
     surround = draw_surround(model, at, finer * SIDE / 2)
-    return as_bytes(np.concatenate([surround.colour(c, samples) for c in face_cameras(at, SIDE)], axis=1))
+    return as_bytes(np.concatenate([surround.color(c, samples) for c in face_cameras(at, SIDE)], axis=1))
 
 
 WAYS = {
     "six views of 90 degrees": lambda m, at: as_bytes(skybox([v.rgb for v in render_cube(m, at, SIDE)])),
     "equirectangular, 2048 wide": lambda m, at: from_equirectangular(m, at, 2048),
     "narrow, 1.2 times as fine": lambda m, at: narrow(m, at, 1.2, 2),
-    "narrow, as exported": lambda m, at: skybox_of(draw_surround(m, at, focal_of(SIDE)), m.floor, SIDE).colour,
+    "narrow, as exported": lambda m, at: skybox_of(draw_surround(m, at, focal_of(SIDE)), m.floor, SIDE).color,
 }
 
 
@@ -95,7 +95,7 @@ def depth(project, truth):
         rays = camera.rays()
         true = true / (rays @ camera.rotation[:, 2])
         model = scene.model_at(camera.position)[1]
-        _, solid = draw_surround(model, camera.position, focal_of(SIDE)).colour_and_solid(camera)
+        _, solid = draw_surround(model, camera.position, focal_of(SIDE)).color_and_solid(camera)
         floor = model.floor.distance_along_rays(camera.position, rays)
         alpha, weighted = solid[..., 0], solid[..., 1]
         behind = np.where(np.isfinite(floor), floor, 0)

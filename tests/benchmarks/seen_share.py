@@ -84,7 +84,7 @@ def _measured(project: Project, building: Scene, count: int) -> dict[str, float]
     textures, nobody = textures_of(building), (np.empty((0, 5)), np.empty((0, 3)))
     occupancy = true_occupancy(building).storeys[0].occupancy
     free = np.argwhere((occupancy.cells == FREE) & (clearance(occupancy) >= ROOM))
-    places = occupancy.centres()[free[:, 0], free[:, 1]]
+    places = occupancy.centers()[free[:, 0], free[:, 1]]
     offsets = (np.arange(SIDE) + 0.5) / SIDE * 2 - 1
     angle = np.broadcast_to((1 + offsets**2 + offsets[:, None] ** 2) ** -1.5, (6, SIDE, SIDE))
     errors, masks, dense = [], [], []

@@ -99,7 +99,7 @@ def _prototype(scene: dict, view: dict) -> dict:
 
     n, width, height, k = len(scene["means"]), view["width"], view["height"], view["K"]
     mx, my, ca, cb, cc, opacity, depth = (np.zeros(n, F) for _ in range(7))
-    colour, box = np.zeros((n, 3), F), np.zeros((n, 4), np.int32)
+    color, box = np.zeros((n, 3), F), np.zeros((n, 4), np.int32)
     columns, lines = -(-width // 16), -(-height // 16)
     image, left, last = (
         np.zeros((height, width, 3), F),
@@ -112,7 +112,7 @@ def _prototype(scene: dict, view: dict) -> dict:
     d_alpha, lists = np.zeros((height, width), F), [np.zeros(0, np.int64), np.zeros(0, np.int32)]
     w2c, eye = view["w2c"].astype(F), view["eye"].astype(F)
     focal = F(k[0, 0]), F(k[1, 1]), F(k[0, 2]), F(k[1, 2])
-    splats = mx, my, ca, cb, cc, opacity, colour
+    splats = mx, my, ca, cb, cc, opacity, color
     boxes = box[:, 0], box[:, 1], box[:, 2], box[:, 3]
     raw = tuple(scene[name] for name in ("means", "log_scales", "quats", "opacity_logits", "sh"))
 

@@ -240,7 +240,7 @@ class Tour:
         new = self.hand.until("no viewpoint was added", lambda: set(document.graph.viewpoints) - before, 5)
         self.hand.until("no edge was proposed", lambda: document.editing.proposals.edges)
         self.hand.press("accept the proposed edges", "ctrl+Return")
-        self.hand.until("the viewpoint has no edges", lambda: document.graph.neighbours(next(iter(new))), 5)
+        self.hand.until("the viewpoint has no edges", lambda: document.graph.neighbors(next(iter(new))), 5)
 
     def prunes(self) -> None:
         self.begin_editing()
@@ -323,7 +323,7 @@ def spoil(document: Any) -> None:
 
 
 def degree(document: Any, id: str) -> int:
-    return len(document.graph.neighbours(id))
+    return len(document.graph.neighbors(id))
 
 
 def longest_edge(document: Any, surface: Any) -> tuple[QPoint, tuple[str, str]]:

@@ -70,9 +70,9 @@ def test_what_is_nearer_hides_what_is_behind(renderer: OpenGLRenderer, heading: 
     assert middle[front] > 245 and middle[1 - front] < 10
 
 
-def test_colours_may_depend_on_the_camera_position(renderer: OpenGLRenderer) -> None:
+def test_colors_may_depend_on_the_camera_position(renderer: OpenGLRenderer) -> None:
     class Dimmed:
-        def coloured(self, gaussians: Gaussians, position: np.ndarray) -> Gaussians:
+        def colored(self, gaussians: Gaussians, position: np.ndarray) -> Gaussians:
             return replace(gaussians, sh=gaussians.sh - np.float32(position[0]))
 
     model = replace(MODELS["background"], appearance=Dimmed())
@@ -139,7 +139,7 @@ def test_a_framebuffer_shows_the_last_view_until_the_next_is_ready(opengl: None)
 
 def test_what_fails_while_preparing_is_raised_where_the_picture_is_wanted(renderer: OpenGLRenderer) -> None:
     class Broken:
-        def coloured(self, gaussians: Gaussians, position: np.ndarray) -> Gaussians:
+        def colored(self, gaussians: Gaussians, position: np.ndarray) -> Gaussians:
             raise FloatingPointError("the network overflowed")
 
     with pytest.raises(FloatingPointError, match="overflowed"):

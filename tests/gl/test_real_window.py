@@ -44,12 +44,12 @@ def test_the_window_shows_the_reconstruction(display: str, project: Path, tmp_pa
     image = QImage(str(picture))
     corner = image.pixelColor(image.width() - 8, image.height() - 8).lightness()
     assert (corner < 100) if theme == "dark" else (corner > 150)
-    centre = {
+    center = {
         image.pixel(x, y)
         for x in range(image.width() // 3, image.width() // 2, 5)
         for y in range(image.height() // 4, image.height() // 2, 5)
     }
-    assert len(centre) > 200  # walls with their texture, not an empty ground
+    assert len(center) > 200  # walls with their texture, not an empty ground
 
 
 def test_flying_is_not_felt_in_the_event_loop(display: str, project: Path, tmp_path: Path) -> None:

@@ -1,4 +1,4 @@
-"""The demo room, and hands that edit in it: what the tests of editing share."""
+"""The demo room and simulated edits in it, shared by the tests of editing."""
 
 from __future__ import annotations
 

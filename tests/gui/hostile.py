@@ -1,4 +1,5 @@
-"""Texts that would read a file, break a layout or lie, were they taken for more than text; and what may be shown."""
+"""Malicious texts: as markup, they would read a file, break a layout or mislead. And the rules for the text that the
+window may show."""
 
 from __future__ import annotations
 
@@ -44,7 +45,7 @@ ROLE = Qt.ItemDataRole
 
 @contextmanager
 def trap(path: Path) -> Iterator[list[str]]:
-    """A FIFO; the list fills as soon as anybody opens it for reading, who goes on with an empty file."""
+    """A FIFO. The list gets an entry when a process opens the FIFO for reading; the reader then gets an empty file."""
     os.mkfifo(path)
     opened: list[str] = []
     over = threading.Event()
@@ -102,7 +103,7 @@ def contents(fifo: Path, project: Path) -> Contents:
 
 
 def faults(root: QWidget) -> list[str]:
-    """What in the window, in its menus and in its lists is taken for markup, misleads or is far too long."""
+    """Texts in the window, its menus and its lists that are parsed as markup, mislead, or are too long."""
     found: list[str] = []
     for thing in [root, *root.findChildren(QObject)]:
         where = f"{type(thing).__name__} {thing.objectName()}"

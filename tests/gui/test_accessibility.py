@@ -42,7 +42,7 @@ _INNER = (QTabBar, QTabWidget, QScrollBar, QLabel)
 
 
 def controls(window: QWidget) -> list[QWidget]:
-    """What a user works with, without the parts that Qt makes of them."""
+    """The controls of the user, without the child widgets that Qt creates."""
     found = []
     for each in window.findChildren(QWidget):
         parent = each.parent()
@@ -179,7 +179,7 @@ def test_texts_follow_the_theme(window: MainWindow) -> None:
     window.preferences.set("theme", "dark")
 
 
-def test_what_colours_say_shapes_and_lines_say_too(document: Document, qapp: QApplication) -> None:
+def test_what_colors_say_shapes_and_lines_say_too(document: Document, qapp: QApplication) -> None:
     for by in ("degree", "evidence", "reviewed", "storey", "component", "submap"):
         groups = coloring(document, by).groups
         marks = [group.mark for group in groups]

@@ -1,4 +1,4 @@
-"""Panels are renewed when they are seen, in slices, and what is out of date is given up."""
+"""Panels update in slices when they are visible, and outdated work is canceled."""
 
 from __future__ import annotations
 

@@ -48,7 +48,7 @@ def project(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 class Hands:
-    """Walks in a window, and a simulator by its side that is told the same."""
+    """Navigates in a window, and sends the same actions to a simulator."""
 
     def __init__(self, window: MainWindow, qtbot: QtBot) -> None:
         self.window, self.document, self.qtbot = window, window.document, qtbot
@@ -159,7 +159,7 @@ def test_keys_are_the_simulators_actions_and_what_is_shown_is_its_state_and_its_
     assert len({pose.viewpoint for pose in hands.walk.trajectory}) > 1
 
 
-def test_without_the_restriction_all_neighbours_are_navigable(hands: Hands, project: Path) -> None:
+def test_without_the_restriction_all_neighbors_are_navigable(hands: Hands, project: Path) -> None:
     hands.begin()
     hands.part.panel.restricted.click()
     hands.rest()
@@ -167,7 +167,7 @@ def test_without_the_restriction_all_neighbours_are_navigable(hands: Hands, proj
     graph = hands.document.graph
     assert graph is not None
     ids = {p.viewpointId for p in hands.state.navigableLocations[1:]}
-    assert ids == set(graph.neighbours(hands.state.location.viewpointId))
+    assert ids == set(graph.neighbors(hands.state.location.viewpointId))
 
 
 def test_back_and_home_are_as_if_nothing_had_been_done_since(hands: Hands) -> None:
@@ -285,7 +285,7 @@ def test_its_keys_come_before_the_shortcuts_and_are_theirs_again_afterwards(hand
     assert hands.state.viewIndex == (before - 12 - 1) % 12 + 12
     QTest.keyClick(hands.part.view, K.Key_Escape)
     assert hands.window.modes.current.name == "select" and not hands.walk.active
-    assert hands.window.centre.currentWidget() is hands.window.scene
+    assert hands.window.center.currentWidget() is hands.window.scene
     QTest.keyClick(hands.window.scene, K.Key_2)
     assert hands.window.scene.feed.channel == "alpha"
 
@@ -342,12 +342,12 @@ def test_a_small_window_makes_room_for_the_image_and_takes_it_back(hands: Hands)
 def test_the_3d_view_shows_the_agent_in_place_of_its_image(hands: Hands) -> None:
     hands.begin()
     hands.part.panel.image.click()
-    assert hands.window.centre.currentWidget() is hands.window.scene
+    assert hands.window.center.currentWidget() is hands.window.scene
     before = hands.state.viewIndex
     hands.press(K.Key_Right, on=hands.window.scene)
     assert hands.state.viewIndex == (before - 11) % 12 + 12
     hands.part.panel.image.click()
-    assert hands.window.centre.currentWidget() is hands.part.view
+    assert hands.window.center.currentWidget() is hands.part.view
 
 
 def test_regions_are_drawn_only_while_the_inspector_is_looked_at(hands: Hands) -> None:

@@ -1,4 +1,5 @@
-"""Two viewpoints selected, or the second pointed at while an edge is drawn: what speaks for an edge between them."""
+"""Evidence for an edge between two selected viewpoints, or between a viewpoint and the one under the cursor while an
+edge is drawn."""
 
 from __future__ import annotations
 
@@ -57,7 +58,7 @@ def test_the_line_that_is_drawn_says_it_as_well(
     window.modes.canvases[1].grab()
     found = path_between(document, a, b)
     assert found is not None and any(found.sentence[:40] in text for text in said)
-    free = document.graph.neighbours(a)[0]
+    free = document.graph.neighbors(a)[0]
     hand.hover(hand.foot(document.graph_arrays.index[free]))
     hand.key(Qt.Key.Key_Shift)
     assert path_between(document, a, free).support_of_edge == 1

@@ -1,4 +1,4 @@
-"""A map that was built in a project: the window finds it, and one of the models says what they show."""
+"""The window finds an occupancy map that was built in a project, also while it is open."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ from nvsim_app.state.side_work import start_reading
 
 @pytest.fixture
 def project(tmp_path: Path) -> Path:
-    """Without its true map, and with a cloud of what stands in it and of its floor."""
+    """The demo project without its ground-truth map, and with a point cloud of its walls, furniture and floor."""
     folder = demo_project.write_project(tmp_path / "demo.nvsim", count=20_000, models=4)
     shutil.rmtree(folder / "ground_truth")
     x, y = np.meshgrid(np.arange(0.1, demo_room.WIDTH, 0.03), np.arange(0.1, demo_room.DEPTH, 0.03))

@@ -1,4 +1,4 @@
-"""The page of calibration: what each threshold buys and costs, and a suggestion that goes to its slider."""
+"""The calibration page: benefit and cost of each threshold, and a suggestion that sets its slider."""
 
 from __future__ import annotations
 

@@ -39,7 +39,7 @@ def test_the_floor_keeps_its_tiles_and_ends_where_nobody_went(cutaway: Cutaway) 
     assert away.max() < 0.2
 
 
-def test_texels_are_read_at_their_centres() -> None:
+def test_texels_are_read_at_their_centers() -> None:
     level = np.arange(12, dtype=np.float32).reshape(2, 2, 3)
     model = SubmapModel(
         demo_project.gaussians(10), None, FloorTexture((level,), (0.0, 0.0), (2.0, 2.0)), FloorSurface.flat(0.0)

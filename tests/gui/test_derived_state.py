@@ -1,4 +1,4 @@
-"""What the window shows belongs to the graph on screen and to the open file."""
+"""All displayed values belong to the graph on screen and to the open file."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What the document says, and when."""
+"""The signals of the document, and when they are sent."""
 
 from __future__ import annotations
 

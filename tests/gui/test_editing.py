@@ -146,7 +146,7 @@ def test_the_task_to_measure_an_added_viewpoint_can_be_sent_to_a_process(documen
 
 
 def read_again(graph: NavGraph) -> NavGraph:
-    """Equal in every value, as another reading of the same rows gives it."""
+    """A graph equal in every value, as if the rows were read again."""
     return decode_graph(encode_graph(graph))
 
 

@@ -419,7 +419,7 @@ def test_commands_on_the_selection_do_what_they_say(window: MainWindow, document
     assert document.graph is before and "locked" in window.modes.refusal
     act["unlock"].trigger()
     act["grow"].trigger()
-    assert document.editing.selection.viewpoints == {ids[3], *document.graph.neighbours(ids[3])}
+    assert document.editing.selection.viewpoints == {ids[3], *document.graph.neighbors(ids[3])}
     act["component"].trigger()
     assert len(document.editing.selection.viewpoints) == len(ids)
     act["select_none"].trigger()
@@ -462,7 +462,7 @@ def test_a_single_proposed_edge_is_taken_by_the_right_button(window: MainWindow,
     QApplication.processEvents()
     plan = window.modes.canvases[1].surface
     arrays = document.graph_arrays
-    lone = [id for id in arrays.ids if id not in document.graph.neighbours(arrays.ids[0]) and id != arrays.ids[0]]
+    lone = [id for id in arrays.ids if id not in document.graph.neighbors(arrays.ids[0]) and id != arrays.ids[0]]
     pairs = [tuple(sorted((arrays.ids[0], other))) for other in lone[-2:]]
     part.proposals.add(document.graph, tuple(pairs))
     ends = arrays.feet[[arrays.index[id] for id in pairs[0]]]
@@ -489,7 +489,7 @@ def test_proposed_viewpoints_come_with_their_edges_as_one_step(window: MainWindo
     part._on_thought(((), places), "")
     window.grab()
     window.actions_table["accept_proposals"].trigger()
-    assert set(document.graph.neighbours("new1")) == {near, "new2"}
+    assert set(document.graph.neighbors("new1")) == {near, "new2"}
     assert document.editing.selection.viewpoints == {"new1", "new2"}
     assert len(document.editing.history.steps) == steps + 1 and not part.proposals
     document.editing.undo()
@@ -539,7 +539,7 @@ def test_enter_selects_what_an_expression_holds_for(window: MainWindow, document
     assert document.editing.selection == chosen, "what is no expression selects nothing else"
     panel.filter.setText("degree == 2")
     panel.select.click()
-    assert document.editing.selection.viewpoints == {id for id in graph.viewpoints if len(graph.neighbours(id)) == 2}
+    assert document.editing.selection.viewpoints == {id for id in graph.viewpoints if len(graph.neighbors(id)) == 2}
 
 
 def test_a_form_takes_the_place_of_the_one_before(window: MainWindow, document: Document) -> None:

@@ -1,4 +1,4 @@
-"""Exporting features from the window: layouts and what makes them stand beside the options, and a job writes them."""
+"""Export features from the window: the form shows layouts and their networks, and a job writes the files."""
 
 from __future__ import annotations
 

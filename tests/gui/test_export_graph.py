@@ -46,7 +46,7 @@ def test_what_agents_choke_on_is_refused_with_the_reason(
     assert (tmp_path / "demo_connectivity.json").is_file()
 
 
-def test_a_figure_takes_what_is_coloured_now_and_its_legend(
+def test_a_figure_takes_what_is_colored_now_and_its_legend(
     part: ExportPart, window: MainWindow, document: Document, tmp_path: Path
 ) -> None:
     assert part.export("svg", tmp_path / "plain.svg")
@@ -54,13 +54,13 @@ def test_a_figure_takes_what_is_coloured_now_and_its_legend(
     window.preferences.set("units", "feet")
     assert part.export("svg", tmp_path / "coloured.svg") and part.export("png", tmp_path / "coloured.png")
     window.preferences.set("units", "metres")
-    plain, coloured = (ET.parse(tmp_path / f"{name}.svg").getroot() for name in ("plain", "coloured"))
-    words = [[each.text for each in root.iter(f"{SVG}text")] for root in (plain, coloured)]
+    plain, colored = (ET.parse(tmp_path / f"{name}.svg").getroot() for name in ("plain", "coloured"))
+    words = [[each.text for each in root.iter(f"{SVG}text")] for root in (plain, colored)]
     found = window.part(ColoringPart).coloring
     counted = [f"{g.words} ({n:,})" for g, n in zip(found.groups, found.counts.tolist(), strict=True) if n]
     assert words[1][0].endswith(" ft") and words[1][1:] == ["Neighbors", *counted]
     assert words[0][0].endswith(" m") and not set(counted) & set(words[0])
-    dots = [each for each in coloured.iter(f"{SVG}use") if "fill: #" in each.get("style", "")]
+    dots = [each for each in colored.iter(f"{SVG}use") if "fill: #" in each.get("style", "")]
     fills = {re.search("fill: (#[0-9a-f]+)", each.get("style"))[1] for each in dots}
     assert {found.groups[n].color for n in found.viewpoints.values()} <= fills
     assert len({each.get("{http://www.w3.org/1999/xlink}href") for each in dots}) > 1, "shapes say it without colour"

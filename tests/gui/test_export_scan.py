@@ -1,5 +1,5 @@
-"""Exporting a scan from the window: what it comes to stands beside the options, what speaks against it holds the form,
-and a job writes it."""
+"""Export a scan from the window: the form shows the size of the export, is disabled if agents cannot use it, and starts
+a job that writes it."""
 
 from __future__ import annotations
 

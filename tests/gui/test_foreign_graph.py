@@ -50,7 +50,7 @@ def test_a_file_alone_opens_and_is_left_as_it_was(session: Session, folder: Path
     opened(session, path, qtbot)
     assert len(session.document.graph.viewpoints) == 22 and session.document.project is None
     assert session.window.windowTitle().startswith("first_connectivity.json")
-    assert session.window.centre.currentWidget() is session.window.scene and not session.window.scene.hint
+    assert session.window.center.currentWidget() is session.window.scene and not session.window.scene.hint
     session.close()
     assert path.read_bytes() == before and not sidecar(path).exists()
 
@@ -188,10 +188,10 @@ def test_the_inspector_shows_the_pictures_beside_the_file_and_leads_along_edges(
     qtbot.waitUntil(lambda: part.panoramas.current is not None, timeout=20_000)
     assert np.abs(part.panoramas.current.pixels["rgb"][..., :3].astype(int) - (40, 120, 200)).max() < 8
     assert [b.isEnabled() for b in panel.channels.buttons()] == [True, False, False]
-    qtbot.waitUntil(lambda: len(panel.view.neighbours._ids) > 0, timeout=20_000)
-    near = panel.view.neighbours._ids[0]
-    assert near in document.graph.neighbours(id)
-    assert panel.view.neighbours.neighbor_under(QPointF(*panel.view.neighbours._pixels[0])) == near
+    qtbot.waitUntil(lambda: len(panel.view.neighbors._ids) > 0, timeout=20_000)
+    near = panel.view.neighbors._ids[0]
+    assert near in document.graph.neighbors(id)
+    assert panel.view.neighbors.neighbor_under(QPointF(*panel.view.neighbors._pixels[0])) == near
     panel.view.walked.emit(near)
     assert document.selection.viewpoint == near
     document.select(viewpoint=other)
@@ -215,9 +215,9 @@ def test_what_came_back_after_a_crash_is_said_over_the_view(session: Session, fo
     editing.run("remove_edges", {"pairs": [list(next(iter(session.document.graph.edges)))]})
     session.close_project()  # the disk holds what a crash would leave
     opened(session, path, qtbot)
-    area, centre = session.window.notice_area, session.window.centre
+    area, center = session.window.notice_area, session.window.center
     assert editing.dirty and any("1 unsaved edit" in text for text in area.texts)
-    children = [child for child in centre.children() if child in (area, centre.currentWidget())]
+    children = [child for child in center.children() if child in (area, center.currentWidget())]
     assert children[-1] is area, "the view does not cover it"
 
 

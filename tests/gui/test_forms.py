@@ -1,4 +1,4 @@
-"""Forms say what the command line says, and give it back."""
+"""Forms show the words of the command line, and return its options."""
 
 from __future__ import annotations
 

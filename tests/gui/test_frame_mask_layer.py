@@ -1,4 +1,4 @@
-"""The mask of a frame lies on the picture of the 3D view as it lies on the photo."""
+"""The mask of a frame has the same position in the 3D view as in the photo."""
 
 from __future__ import annotations
 

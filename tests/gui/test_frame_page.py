@@ -126,7 +126,7 @@ def test_the_open_frame_is_undone_like_other_views_and_comes_back_with_the_proje
     again = make_window(document)
     document.set_contents(opened_document(window.document.path).contents)
     frames = again.part(FramePart)
-    assert frames.shown.frame == 2 and again.centre.currentWidget() is frames.browser.page
+    assert frames.shown.frame == 2 and again.center.currentWidget() is frames.browser.page
     assert frames.shown.mode == "difference" and frames.shown.layers["floor"] == (True, 0.7)
     assert document.selection.frame == 2 and again.scene.pose.heading == 1.25
     again.close()
@@ -137,7 +137,7 @@ def test_a_frame_opens_beside_the_render_from_its_own_camera(opened, qtbot: QtBo
     browser.page.canvas.show_render(None)
     window.scene.feed.show(RoomSource())
     qtbot.waitUntil(lambda: browser.page.canvas._render is not None, timeout=30_000)
-    assert window.centre.currentWidget() is browser.page and window.document.selection.frame == 2
+    assert window.center.currentWidget() is browser.page and window.document.selection.frame == 2
     assert "frame 3 of 8" in browser.page.title.text()
     photo, render = browser.page.canvas._photo, browser.page.canvas._render
     # The photo was made by the renderer itself: what differs is the photo's smaller size.
@@ -188,7 +188,7 @@ def test_the_divider_shows_the_photo_on_its_left_and_the_render_on_its_right(ope
     assert colors(grabbed(browser), left) == [(255, 255, 255)]
 
 
-def test_the_difference_is_that_of_the_colours_whatever_the_views_show(
+def test_the_difference_is_that_of_the_colors_whatever_the_views_show(
     opened, qtbot: QtBot, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     window, browser = opened
@@ -203,7 +203,7 @@ def test_the_difference_is_that_of_the_colours_whatever_the_views_show(
 
 
 def hover(qtbot: QtBot, browser: FrameBrowser, x: float, y: float) -> list[str]:
-    """What is said under the cursor at x, y, in shares of the image."""
+    """The text for the pixel under the cursor at x, y, as shares of the image."""
     canvas = browser.page.canvas
     (box,) = (pane.image_rect for pane in canvas.panes()[:1])
     at = QPointF(box.left() + x * box.width(), box.top() + y * box.height())
@@ -218,9 +218,9 @@ def test_a_render_of_measured_values_says_the_one_under_the_cursor_on_its_own_si
     window, browser = opened
     canvas = browser.page.canvas
     alpha = np.tile(np.linspace(0, 1, 320, dtype=np.float32), (240, 1))
-    grey = np.repeat(np.uint8(255 * alpha)[..., None], 4, axis=2)
+    gray = np.repeat(np.uint8(255 * alpha)[..., None], 4, axis=2)
     bare = grabbed(browser)
-    canvas.show_render(pictures.render(grey, "alpha", alpha))
+    canvas.show_render(pictures.render(gray, "alpha", alpha))
     assert hover(qtbot, browser, 0.75, 0.5) == ["alpha 0.75"]
     assert hover(qtbot, browser, 0.25, 0.5) == [], "the photo is there"
     window.actions_table["frame_render"].trigger()
@@ -274,7 +274,7 @@ def test_page_keys_go_through_the_walk_and_escape_goes_back(opened, qtbot: QtBot
     qtbot.keyClick(browser.page.canvas, Qt.Key.Key_Escape)  # puts the tool away first
     assert browser.tool == "" and browser.is_open and not window.actions_table["mask_brush"].isChecked()
     qtbot.keyClick(browser.page.canvas, Qt.Key.Key_Escape)
-    assert window.centre.currentWidget() is window.scene
+    assert window.center.currentWidget() is window.scene
 
 
 def test_selecting_another_frame_in_the_list_shows_it(opened, qtbot: QtBot) -> None:
@@ -386,7 +386,7 @@ def test_brackets_and_wheel_set_the_size_of_the_brush(opened, qtbot: QtBot) -> N
 
 
 def steps_of(browser: FrameBrowser) -> HybridSteps:
-    """What the process that makes candidates would say, made of the room's truth."""
+    """The messages of the process that computes candidates, made from the room's ground truth."""
     view = demo_room.cast(browser.matter.frame.camera.scaled(320, 240))
     floor = view.normal[..., 2] > 0.9
     return HybridSteps(floor, floor, floor, np.zeros((0, 2), np.float32), floor, view.normal.astype(np.float32))
@@ -435,7 +435,7 @@ def test_points_wait_for_the_normals_and_then_take_the_whole_floor(opened, qtbot
     assert correction.is_corrected and correction.mask[y, x]
 
 
-def test_points_follow_colours_where_no_normals_can_be_had(opened, qtbot: QtBot, monkeypatch) -> None:
+def test_points_follow_colors_where_no_normals_can_be_had(opened, qtbot: QtBot, monkeypatch) -> None:
     window, browser = opened
     monkeypatch.setattr(FrameLink, "ask_candidates", lambda self, frame: None)
     with_tool(opened, "points")
@@ -547,7 +547,7 @@ def test_ignored_pixels_lie_over_the_frames_that_have_a_mask(
 def test_another_project_closes_the_page(opened, document: Document) -> None:
     window, browser = opened
     window.document.set_contents(demo_room.contents(Path("other.nvsim")))
-    assert window.centre.currentWidget() is window.scene and browser.index is None
+    assert window.center.currentWidget() is window.scene and browser.index is None
 
 
 def test_a_step_of_the_brush_takes_under_ten_milliseconds_on_a_large_image(opened, qtbot: QtBot) -> None:
@@ -664,12 +664,12 @@ def test_a_frame_is_left_by_escape_and_its_button_whatever_is_selected_and_has_t
     assert browser.is_open and browser.tool == "", "the tool is laid aside first"
     assert table["cancel"].isEnabled()
     table["cancel"].trigger()
-    assert window.centre.currentWidget() is window.scene and not table["leave_frame"].isEnabled()
+    assert window.center.currentWidget() is window.scene and not table["leave_frame"].isEnabled()
     document.select(frame=2)
     table["open_frame"].trigger()
     document.select()
     table["leave_frame"].trigger()
-    assert window.centre.currentWidget() is window.scene and not table["frame_blink"].isEnabled()
+    assert window.center.currentWidget() is window.scene and not table["frame_blink"].isEnabled()
 
 
 def test_no_mask_tints_a_difference(opened, qtbot: QtBot) -> None:

@@ -70,18 +70,18 @@ def test_the_difference_is_that_of_the_channel_that_differs_most(qapp, gain: flo
 
 
 @pytest.mark.parametrize("metres", [0.3, 0.5, 2.41, 7.0, 20.0])
-def test_the_bar_has_the_colour_of_the_image_where_the_value_lies(qapp, metres: float) -> None:
-    red, green, blue, _ = pixel(pictures.depth(np.full((1, 1), metres, np.float32)), 0, 0)
-    share = DEPTH.share(metres)
-    at = DEPTH.colours[round(share * (len(DEPTH.colours) - 1))]
+def test_the_bar_has_the_color_of_the_image_where_the_value_lies(qapp, meters: float) -> None:
+    red, green, blue, _ = pixel(pictures.depth(np.full((1, 1), meters, np.float32)), 0, 0)
+    share = DEPTH.share(meters)
+    at = DEPTH.colors[round(share * (len(DEPTH.colors) - 1))]
     assert np.abs(at.astype(int) - (red, green, blue)).max() <= 6
     views = round(share * 8) or 1
     shown = pixel(pictures.confidence(np.full((1, 1), views, np.uint8)), 0, 0)[:3]
-    at = CONFIRMED.colours[round(CONFIRMED.share(views) * (len(CONFIRMED.colours) - 1))]
+    at = CONFIRMED.colors[round(CONFIRMED.share(views) * (len(CONFIRMED.colors) - 1))]
     assert np.abs(at.astype(int) - shown).max() <= 6
 
 
-def test_every_swatch_of_the_normals_has_the_colour_of_its_direction(qapp) -> None:
+def test_every_swatch_of_the_normals_has_the_color_of_its_direction(qapp) -> None:
     ways = {"up": (0, 0, 1), "N": (0, 1, 0), "E": (1, 0, 0), "S": (0, -1, 0), "W": (-1, 0, 0), "down": (0, 0, -1)}
     painted = pictures.normals(np.array([list(ways.values())], np.float32))
     for x, (name, (rgb, words)) in enumerate(zip(ways, NORMALS.swatches, strict=True)):
@@ -101,12 +101,12 @@ def test_a_pixel_of_a_render_tells_the_alpha_and_the_normal_that_it_shows() -> N
     alpha = np.array([[1.0, 0.6, 0.3, 0.05]], np.float32)
     normal = np.array([[[0, 0.6, 0.8]]] * 4, np.float32).reshape(1, 4, 3)
     view = RenderOutput(None, alpha, None, normal)
-    greys, colours = picture(view, "alpha")[0], picture(view, "normal")[0]
+    grays, colors = picture(view, "alpha")[0], picture(view, "normal")[0]
     for column, true in enumerate(alpha[0, :3]):
-        known = alpha_shown(greys[column])
+        known = alpha_shown(grays[column])
         assert known == pytest.approx(true, abs=1 / 255)
-        assert normal_shown(colours[column], known) == pytest.approx(normal[0, column], abs=0.04)
-    assert not normal_shown(colours[3], 0.05).any()
+        assert normal_shown(colors[column], known) == pytest.approx(normal[0, column], abs=0.04)
+    assert not normal_shown(colors[3], 0.05).any()
 
 
 def test_the_drawing_process_sends_the_numbers_that_were_asked_for() -> None:

@@ -29,7 +29,7 @@ def test_the_groups_are_those_of_the_quantities(document: Document) -> None:
     lonely = next(iter(graph.viewpoints))
     words = {id: degrees.groups[group].words for id, group in degrees.viewpoints.items()}
     for id in graph.viewpoints:
-        count = len(graph.neighbours(id))
+        count = len(graph.neighbors(id))
         assert words[id] == ("none", "1", "2", "3", "4 or 5", "4 or 5", "6 or more")[min(count, 6)]
     cut = edits.remove_edges(graph, [key for key in graph.edges if lonely in key])
     document.set_contents(replace(document.contents, graph=cut))

@@ -1,4 +1,4 @@
-"""The map and the 3D view answer the same questions about what is under the cursor."""
+"""The map and the 3D view find the same objects under the cursor."""
 
 from __future__ import annotations
 
@@ -66,7 +66,7 @@ def test_a_frame_is_picked_where_it_is_drawn(surface: GraphSurface, document: Do
 
 
 def as_sets(arrays: GraphArrays) -> tuple[dict, set]:
-    """What the arrays say, whatever the order of their rows."""
+    """The content of the arrays, independent of the order of their rows."""
     rows = {id: (*arrays.positions[i], *arrays.feet[i], arrays.submaps[i], arrays.included[i])
             for i, id in enumerate(arrays.ids)}  # fmt: skip
     return rows, {arrays.edge_key(i) for i in range(len(arrays.edges))}

@@ -1,4 +1,5 @@
-"""The inspector: regions lie where evidence was measured, words say what decided, pointing is shared by all views."""
+"""The inspector: regions are drawn at the position of their evidence, texts name the decisive criterion, and all views
+share the hovered edge."""
 
 from __future__ import annotations
 
@@ -41,7 +42,7 @@ def part(window: MainWindow, document: Document) -> InspectorPart:
     return found
 
 
-def test_a_viewpoint_has_eight_regions_and_those_with_an_edge_name_their_neighbour(document: Document) -> None:
+def test_a_viewpoint_has_eight_regions_and_those_with_an_edge_name_their_neighbor(document: Document) -> None:
     graph, arrays = document.contents.graph, document.graph_arrays
     assert graph is not None
     for id in arrays.ids[:12]:
@@ -52,8 +53,8 @@ def test_a_viewpoint_has_eight_regions_and_those_with_an_edge_name_their_neighbo
             assert np.allclose(direction.polygon()[:, 2], 0.0, atol=1e-9)
             assert (direction.failed_corners() is None) == direction.open
             goal = np.array(direction.evidence.target)
-            if direction.neighbour:
-                assert math.dist(goal, arrays.positions[arrays.index[direction.neighbour], :2]) < 0.01
+            if direction.neighbor:
+                assert math.dist(goal, arrays.positions[arrays.index[direction.neighbor], :2]) < 0.01
 
 
 def test_the_sentence_names_the_value_the_limit_and_where_something_stands(document: Document) -> None:
@@ -154,7 +155,7 @@ def test_pointing_in_the_panorama_is_seen_in_the_list_the_values_and_on_the_map(
     panel, view = part.panel, part.panel.view
     panel.resize(400, 500)
     view.resize(400, 200)
-    direction = next(d for d in part.inspection.directions if d.neighbour)
+    direction = next(d for d in part.inspection.directions if d.neighbor)
     middle = direction.polygon().mean(axis=0)
     seen = viewing_angles(middle[None], part.inspection.eye)
     ((x, y),) = view.to_pixels(seen)
@@ -169,14 +170,14 @@ def test_pointing_in_the_panorama_is_seen_in_the_list_the_values_and_on_the_map(
     assert "mean alpha" in panel.bars.accessibleDescription()
 
 
-def test_a_click_on_a_region_goes_to_the_neighbour(part: InspectorPart, window: MainWindow, qtbot: QtBot) -> None:
+def test_a_click_on_a_region_goes_to_the_neighbor(part: InspectorPart, window: MainWindow, qtbot: QtBot) -> None:
     view, document = part.panel.view, window.document
-    direction = next(d for d in part.inspection.directions if d.neighbour)
+    direction = next(d for d in part.inspection.directions if d.neighbor)
     ((x, y),) = view.to_pixels(viewing_angles(direction.polygon().mean(axis=0)[None], part.inspection.eye))
     place = QPoint(round(x) % view.width(), round(y))
     qtbot.mouseClick(view, Qt.MouseButton.LeftButton, pos=place)
-    assert document.selection.viewpoint == direction.neighbour
-    assert part.inspection.viewpoint == direction.neighbour
+    assert document.selection.viewpoint == direction.neighbor
+    assert part.inspection.viewpoint == direction.neighbor
 
 
 def test_a_drag_turns_the_panorama_and_chooses_nothing(part: InspectorPart, window: MainWindow, qtbot: QtBot) -> None:

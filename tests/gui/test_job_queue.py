@@ -63,7 +63,7 @@ def test_an_invalid_value_is_reported_in_one_sentence(qtbot: QtBot, queue: JobQu
 def test_a_stored_job_with_a_removed_option_names_itself_and_the_option_and_later_jobs_run(
     qtbot: QtBot, queue: JobQueue, project: Path
 ) -> None:
-    """An earlier version stored the job; its option `--colour` does not exist any more."""
+    """An earlier version stored the job; its option `--color` does not exist any more."""
     jobs = JobList(project)
     jobs.add("submaps", ["--project", str(project), "--colour", "red"], "Old job")
     jobs.add("submaps", ["--project", str(project), "--count", "2"], "Next job")

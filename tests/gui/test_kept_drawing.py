@@ -1,4 +1,4 @@
-"""An edit of a large graph draws only what it changed anew, and nobody can see that."""
+"""After an edit of a large graph, only the changed parts are drawn again, and the picture equals a complete drawing."""
 
 from __future__ import annotations
 

@@ -62,7 +62,7 @@ def test_two_clicks_on_the_map_and_the_true_length_set_the_scale(qtbot: QtBot, s
     for pixel in plan.to_pixels(ends[:, :2]):
         qtbot.mouseClick(plan.canvas, LEFT, pos=QPointF(*pixel).toPoint())
     apart = float(np.linalg.norm(np.diff(ends[:, :2], axis=0)))
-    assert window.modes.current.metres == pytest.approx(apart, rel=0.05)
+    assert window.modes.current.meters == pytest.approx(apart, rel=0.05)
     qtbot.keyClick(plan.plot, Qt.Key.Key_Return)
     (dialog,) = window.findChildren(KnownLength)
     dialog.length.setValue(2 * dialog.length.value())

@@ -30,7 +30,7 @@ def project(tmp_path: Path) -> Path:
 
 
 def _let_go(qtbot: QtBot) -> None:
-    """What was to be deleted later is deleted."""
+    """Deletes the objects that Qt would delete later."""
     for _ in range(3):
         QCoreApplication.sendPostedEvents(None, QEvent.Type.DeferredDelete.value)
         qtbot.wait(1)

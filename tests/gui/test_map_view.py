@@ -135,8 +135,8 @@ def test_the_scale_bar_fits_from_the_first_moment(window: MainWindow, qtbot: QtB
 def test_the_scale_bar_fits_and_the_place_under_the_cursor_is_told(window: MainWindow, qtbot: QtBot) -> None:
     view = window.part(MapPart).view
     sizes = []
-    for metres in (2.0, 20.0, 200.0):
-        view.restore_range(0.0, 0.0, metres, metres)
+    for meters in (2.0, 20.0, 200.0):
+        view.restore_range(0.0, 0.0, meters, meters)
         view._scale.updateBar()
         sizes.append(view._scale.size)
         assert 15 < view._scale.size / view.plot.getViewBox().viewPixelSize()[0] <= 110

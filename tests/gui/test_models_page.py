@@ -1,4 +1,4 @@
-"""The page of networks: what is installed is listed, installed and tried by a process of its own."""
+"""The page of networks lists the installed ones. A child process installs and tests them."""
 
 from __future__ import annotations
 

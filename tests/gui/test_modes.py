@@ -227,16 +227,16 @@ def test_an_edge_that_is_there_already_is_refused_at_the_cursor(hand: Hand) -> N
     assert "already" in hand.window.modes.refusal and "already" in hand.window.statusBar().currentMessage()
 
 
-def test_measuring_says_metres_and_edits_nothing(hand: Hand) -> None:
+def test_measuring_says_meters_and_edits_nothing(hand: Hand) -> None:
     before = hand.document.graph
     hand.window.actions_table["mode_measure"].trigger()
     hand.click((2.0, 2.0, 0.0), ALT)
     hand.hover((3.0, 2.0, 0.0))
     hand.click((5.0, 6.0, 0.0), ALT)
-    assert hand.window.modes.current.metres == pytest.approx(5.0, abs=0.12)
-    assert f"{hand.window.modes.current.metres:.2f} m" in hand.window.statusBar().currentMessage()
+    assert hand.window.modes.current.meters == pytest.approx(5.0, abs=0.12)
+    assert f"{hand.window.modes.current.meters:.2f} m" in hand.window.statusBar().currentMessage()
     hand.key(Qt.Key.Key_Backspace)
-    assert hand.window.modes.current.metres == 0
+    assert hand.window.modes.current.meters == 0
     hand.window.actions_table["cancel"].trigger()
     assert hand.document.graph is before and hand.window.modes.current.name == "measure"
 
@@ -263,7 +263,7 @@ def test_the_status_bar_says_what_a_click_does(hand: Hand) -> None:
 
 
 def right_click(hand: Hand, place: np.ndarray | tuple[float, ...]) -> list[str]:
-    """What the menu offers there, by words without the letters that are underlined."""
+    """The entries of the context menu at this position, without the marks of underlined letters."""
     menus = []
     hand.window.modes.menuWanted.connect(menus.append)
     point = hand.pixel(place)

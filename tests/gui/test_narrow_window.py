@@ -39,11 +39,11 @@ def test_panels_of_a_small_window_do_not_cover_each_other(window: MainWindow, qt
         window.actions_table["reset_layout"].trigger()
         qtbot.wait(50)
         docks = [d for d in window.docks.values() if d.isVisible() and not d.visibleRegion().isEmpty()]
-        areas = [window.centre.geometry(), *(dock.geometry() for dock in docks)]
+        areas = [window.center.geometry(), *(dock.geometry() for dock in docks)]
         areas = [area for area in areas if window.rect().intersects(area)]  # Qt moves docks behind tabs out of sight
         assert all(window.rect().contains(area) for area in areas), layout.id
         assert not [1 for a, b in combinations(areas, 2) if a.intersects(b)], layout.id
-        main = window.docks[layout.main] if layout.main else window.centre
+        main = window.docks[layout.main] if layout.main else window.center
         assert main.width() >= 340, layout.id
         if layout.main:
             assert main.height() > 0.75 * window.height(), layout.id

@@ -1,4 +1,4 @@
-"""Notices: shown, counted, closed, and made of errors that nobody caught."""
+"""Notices are shown, counted and closed, and an uncaught error becomes a notice."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
-"""What comes from outside is text: never markup that reads files, never a lie about what it says, never a layout of a
-hundred thousand letters."""
+"""Texts from outside are plain text: never markup that reads files, never misleading, and never so long that they slow
+the layout."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ ANY = st.text(st.characters(exclude_categories=()), max_size=300)
 
 
 class _Reading(QTextDocument):
-    """Says what it would read."""
+    """Records the files that it would read."""
 
     def __init__(self) -> None:
         super().__init__()

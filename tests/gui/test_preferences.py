@@ -26,7 +26,7 @@ from nvsim_app.wiring.window import MainWindow
 
 
 @pytest.fixture(autouse=True)
-def metres_again():
+def meters_again():
     yield
     lengths.choose("metres")
 
@@ -51,8 +51,8 @@ def test_every_length_that_is_shown_is_in_feet(window: MainWindow, document: Doc
     columns = range(tables.edges.columnCount())
     titles = [tables.edges.headerData(c, Qt.Orientation.Horizontal).strip() for c in columns]
     column = titles.index("Length, ft")
-    metres = tables.edges.columns[column].value(tables.edges.row(0))
-    assert tables.edges.data(tables.edges.index(0, column)) == f"{metres / 0.3048:.2f}"
+    meters = tables.edges.columns[column].value(tables.edges.row(0))
+    assert tables.edges.data(tables.edges.index(0, column)) == f"{meters / 0.3048:.2f}"
     plan = window.part(MapPart).view
     assert plan._scale.text.toPlainText().endswith(" ft")
     shown = float(plan._scale.text.toPlainText().split()[0])

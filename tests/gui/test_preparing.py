@@ -1,4 +1,4 @@
-"""What the window draws with is compiled beside it while nothing is drawn, and the status bar says so."""
+"""The window compiles its drawing kernels in a child process while nothing is drawn, and the status bar says so."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A project on a full disk, in a folder of somebody else's, or left by a process that was killed can be looked at."""
+"""A project can be viewed on a full disk, in a read-only folder, or after its process was killed."""
 
 from __future__ import annotations
 
@@ -67,13 +67,13 @@ def bound_by_permissions() -> None:
 
 
 def no_room() -> None:
-    """No file of this process can grow: what a full disk answers to every write."""
+    """No file of this process can grow, as if the disk were full."""
     signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
     resource.setrlimit(resource.RLIMIT_FSIZE, (0, 0))
 
 
 def looked_at(project: Path, when: Callable[[], None]) -> dict[str, object]:
-    """What a window finds in the project, in a process of its own that is held back by `when`."""
+    """The content that a window finds in the project. It runs in a child process that `when` delays."""
     result = subprocess.run(
         [sys.executable, "-c", _LOOK, str(project)], preexec_fn=when, capture_output=True, timeout=120, check=False
     )
@@ -90,7 +90,7 @@ def project(tmp_path: Path) -> Path:
 
 @pytest.fixture
 def left_by_a_kill(project: Path) -> Path:
-    """What was committed last is only in the file that SQLite keeps beside the database."""
+    """The last commit is only in SQLite's log beside the database."""
     program = (
         "import os, sys; from pathlib import Path; from dataclasses import replace;"
         "from nvsim.project.project import Project;"

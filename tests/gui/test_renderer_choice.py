@@ -1,4 +1,4 @@
-"""Which renderer draws: a matter of measuring, of what the person wants, and of what works."""
+"""The choice of the renderer: by measured times, by the setting of the user, and by errors."""
 
 from __future__ import annotations
 
@@ -122,7 +122,7 @@ def test_a_slow_driver_is_let_go_and_not_tried_on_other_submaps() -> None:
 @pytest.mark.parametrize(("wanted", "channel", "expected"), [
     (CPU, "rgb", CPU), (OPENGL, "rgb", OPENGL), (OPENGL, "alpha", CPU), (OPENGL, "depth", CPU),
 ])  # fmt: skip
-def test_what_the_person_wants_counts_for_colours(wanted: str, channel: str, expected: str) -> None:
+def test_what_the_person_wants_counts_for_colors(wanted: str, channel: str, expected: str) -> None:
     made = painter(FakeCard)
     assert made.paint(CAMERA, channel, wanted, moving=False)[2] == expected
     assert not made.compare()

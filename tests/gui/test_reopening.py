@@ -1,4 +1,4 @@
-"""A project that is opened again: what was selected, and what the user selected or cleared since."""
+"""A reopened project restores the selection, unless the user has changed it since."""
 
 from __future__ import annotations
 
@@ -36,10 +36,10 @@ def frames(window: MainWindow) -> FramePart:
 @pytest.mark.parametrize("in_the_centre", [False, True])
 @pytest.mark.parametrize("again_in", ["another window", "the same window"])
 def test_a_selected_frame_is_selected_again_until_the_user_clears_it(
-    make_window: Callable[[Document], MainWindow], document: Document, in_the_centre: bool, again_in: str
+    make_window: Callable[[Document], MainWindow], document: Document, in_the_center: bool, again_in: str
 ) -> None:
     window = make_window(document)
-    if in_the_centre:
+    if in_the_center:
         frames(window).browser.open(FRAME)
     else:
         document.select(frame=FRAME)
@@ -56,7 +56,7 @@ def test_a_selected_frame_is_selected_again_until_the_user_clears_it(
 
     contents = arrive(document)
     assert document.selection.frame == FRAME
-    assert (frames(window).shown.frame == FRAME) == in_the_centre
+    assert (frames(window).shown.frame == FRAME) == in_the_center
 
     document.select()
     document.set_contents(replace(contents, training={0: 5}))  # as jobs go on

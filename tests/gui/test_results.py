@@ -1,4 +1,4 @@
-"""Results of evaluations, from what the commands print to what a spreadsheet takes."""
+"""Results of evaluations: the output of a command becomes tables that a spreadsheet can import."""
 
 from __future__ import annotations
 

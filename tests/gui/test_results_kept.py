@@ -66,7 +66,7 @@ def test_a_cancelled_training_leaves_the_trained_model_in_the_view(
         timeout=SECONDS,
     )
     assert scene.picture is not None and not any(blank), "a training that starts leaves the view as it is"
-    assert session.window.centre.currentWidget() is scene
+    assert session.window.center.currentWidget() is scene
     # The model in the making may be seen before the job says how far it is.
     qtbot.waitUntil(lambda: any(r.handle is handle and r.share > 0 for r in part.panel.model.rows), timeout=SECONDS)
     session.window.jobs.cancel(handle)

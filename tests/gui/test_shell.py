@@ -1,4 +1,4 @@
-"""Help, the system report, views to go back to, and a project that opens as it was left."""
+"""Help, the system report, stored views, and a project that restores its last state."""
 
 from __future__ import annotations
 
@@ -194,7 +194,7 @@ def test_a_project_opens_as_it_was_left(
     first.scene.navigation.set_pose(POSE)
     first.actions_table["normal"].trigger()
     first_map, keys = first.panels["map"], first.part(CameraPathPart)
-    first_map.centre_on(3.0, 2.0, 1.5)
+    first_map.center_on(3.0, 2.0, 1.5)
     keys.add()
     first.panels["inspector"].view.set_view_center(1.0, -0.3, 2.0)
     seen = first_map.visible_range
@@ -231,7 +231,7 @@ def test_the_next_window_opens_what_was_open_unless_it_was_closed_or_is_gone(
         session.open(project)
         if close_project:
             session.window.actions_table["close_project"].trigger()
-            assert session.document.path is None and session.window.centre.currentWidget() is session.window.start
+            assert session.document.path is None and session.window.center.currentWidget() is session.window.start
         session.close()
 
     live(close_project=False)

@@ -1,4 +1,4 @@
-"""Fewer Gaussians: which ones stay, and that what belongs to them stays with them."""
+"""Fewer Gaussians: the choice of the Gaussians, and the values that belong to them."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ def test_the_thinned_model_is_kept_until_model_or_budget_change() -> None:
     assert budget.limit_model(model(), 60) is not budget.limit_model(m, 60)
 
 
-def test_colours_that_depend_on_the_position_stay_with_their_gaussians() -> None:
+def test_colors_that_depend_on_the_position_stay_with_their_gaussians() -> None:
     m = model()
     rng = np.random.default_rng(0)
     embedding = Embedding.__new__(Embedding)

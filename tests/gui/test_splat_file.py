@@ -25,8 +25,8 @@ def pole(count: int = 400) -> Gaussians:
     """Red Gaussians on top of green ones, 2 m tall, y pointing down as splat files have it."""
     r = np.random.default_rng(0)
     means = r.uniform([-0.2, -2, -0.2], [0.2, 0, 0.2], (count, 3))
-    colour = np.where(means[:, 1:2] < -1, [[1.5, -1.5, -1.5]], [[-1.5, 1.5, -1.5]])
-    arrays = means, np.full((count, 3), -2.5), np.tile([1, 0, 0, 0], (count, 1)), np.full(count, 3), colour[:, None]
+    color = np.where(means[:, 1:2] < -1, [[1.5, -1.5, -1.5]], [[-1.5, 1.5, -1.5]])
+    arrays = means, np.full((count, 3), -2.5), np.tile([1, 0, 0, 0], (count, 1)), np.full(count, 3), color[:, None]
     return Gaussians(*(np.ascontiguousarray(a, np.float32) for a in arrays))
 
 
@@ -58,7 +58,7 @@ def test_every_axis_can_be_up(up: str) -> None:
     np.testing.assert_allclose(upright(gaussians, up).means[0], [0, 0, 1], atol=1e-6)
 
 
-def test_the_drawing_process_shows_its_own_colours(spz: Path) -> None:
+def test_the_drawing_process_shows_its_own_colors(spz: Path) -> None:
     from nvsim.render.model import render_model
 
     _, model = SplatFile.of(spz).open().at(None)

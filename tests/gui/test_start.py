@@ -1,4 +1,4 @@
-"""Starting the real program: what it says when it cannot, what it never imports."""
+"""Starting the real program: its messages if it fails, and the modules that it never imports."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What is shown while nothing is open, and one way to open everything."""
+"""The start page, and the one way to open any file."""
 
 from __future__ import annotations
 
@@ -146,7 +146,7 @@ def test_recent_projects_have_an_image_and_those_that_are_gone_can_be_forgotten(
     assert cv2.imwrite(str(layout.cache / LAST_VIEW), image)
     session = make_session()
     page = session.window.start
-    assert session.window.centre.currentWidget() is page
+    assert session.window.center.currentWidget() is page
     qtbot.waitUntil(page.recent.hasFocus, timeout=5000)
     assert page.recent.current == house and page.recent.missing_projects == ()
     qtbot.waitUntil(lambda: page.recent.missing_projects == (gone,), timeout=SECONDS)

@@ -1,4 +1,4 @@
-"""A graph with several floors: one storey is shown at a time, and what is not shown is left alone."""
+"""A graph with several floors: the window shows one storey at a time, and edits do not change hidden storeys."""
 
 from __future__ import annotations
 

@@ -37,7 +37,7 @@ def test_nobody_owns_what_is_far_away_or_unknown(submaps) -> None:
     assert SubmapGrid(submaps).owner_at(places).tolist() == [-1, -1, -1]
 
 
-def test_the_floor_is_in_the_colour_of_the_submap_that_stands_on_it(submaps) -> None:
+def test_the_floor_is_in_the_color_of_the_submap_that_stands_on_it(submaps) -> None:
     from demo_project import floor_texture, gaussians
 
     model = SubmapModel(gaussians(4000), None, floor_texture(), FloorSurface.flat(0.0))

@@ -43,7 +43,7 @@ def undo(widget: QWidget, keys: Qt.KeyboardModifier = CTRL) -> None:
 
 
 def state(window: MainWindow) -> object:
-    """What decides whether the window undoes a step."""
+    """The values that decide whether the window can undo a step."""
     history, action = window.document.editing.history, window.actions_table["undo"]
     assert history is not None
     steps = [step.text for step in history.steps]

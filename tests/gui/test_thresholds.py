@@ -1,4 +1,4 @@
-"""Threshold sliders: what they would change is counted and drawn at once, and made so in one step."""
+"""Threshold sliders: the window counts and draws their changes at once, and applies them in one step."""
 
 from __future__ import annotations
 

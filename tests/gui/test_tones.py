@@ -17,15 +17,15 @@ def view() -> RenderOutput:
     return RenderOutput(rgb, alpha, depth, normal)
 
 
-def test_colours_are_clamped_and_stored_blue_first() -> None:
+def test_colors_are_clamped_and_stored_blue_first() -> None:
     assert picture(view(), "rgb")[0].tolist() == [[0, 127, 255, 255], [63, 0, 255, 255]]
 
 
-def test_alpha_is_grey() -> None:
+def test_alpha_is_gray() -> None:
     assert picture(view(), "alpha")[0].tolist() == [[255, 255, 255, 255], [0, 0, 0, 255]]
 
 
-def test_what_no_gaussian_covers_shines_in_a_colour_of_its_own() -> None:
+def test_what_no_gaussian_covers_shines_in_a_color_of_its_own() -> None:
     covered, hole = picture(view(), "hole")[0]
     assert covered.tolist() == [0, 127, 255, 255]
     assert hole.tolist() == [int(min(255, 180 + 0.25 * 255)), 64, 255, 255]

@@ -1,4 +1,4 @@
-"""From a video to a project by the window: what it says about the video, the job, and the report about the poses."""
+"""From a video to a project in the window: the check of the video, the job, and the report about the poses."""
 
 from __future__ import annotations
 
@@ -208,7 +208,7 @@ def test_the_trajectory_grows_in_the_views_while_poses_are_computed(
     session.open(root)
     document, window = session.document, session.window
     window.resize(1400, 900)
-    assert window.centre.currentWidget() is window.empty
+    assert window.center.currentWidget() is window.empty
     work = Layout(root).poses(1) / ".poses"
     work.mkdir(parents=True)
     for count, pieces in ((30, 1), (80, 2)):
@@ -219,7 +219,7 @@ def test_the_trajectory_grows_in_the_views_while_poses_are_computed(
         np.savez(work / "new.npz", positions=places, frame=np.arange(1, count + 1), piece=piece)
         (work / "new.npz").replace(work / "trajectory.npz")
         qtbot.waitUntil(lambda n=count: len(document.drawn_trajectory.positions) == n, timeout=SECONDS)
-        assert len(document.extent) == count and window.centre.currentWidget() is window.scene
+        assert len(document.extent) == count and window.center.currentWidget() is window.scene
         assert set(window.part(MapPart).view._walks) == set(range(pieces))
     assert not len(document.trajectory.positions)  # there are no frames to select
     assert document.contents.capture is None and not window.actions_table["set_scale"].isEnabled()

@@ -25,7 +25,7 @@ def test_a_step_ahead_follows_the_heading_and_not_the_eyes() -> None:
 
 
 def walk_from(window: MainWindow, qtbot: QtBot, pose: ViewPose) -> None:
-    """Stands there and begins to walk."""
+    """Moves to the position and starts to walk."""
     window.scene.navigation.set_pose(pose)
     window.actions_table["walk"].trigger()
     qtbot.waitUntil(lambda: not window.scene.navigation.active, timeout=3000)

@@ -1,4 +1,4 @@
-"""What is drawn first is compiled ahead, and whoever waits long hears why."""
+"""Kernels for the first drawing are compiled ahead, and the window gives the reason for a long wait."""
 
 from __future__ import annotations
 

@@ -24,13 +24,13 @@ from nvsim_app.wiring.window import MainWindow
 
 def test_an_empty_project_says_what_to_run(make_window: Callable[[Document], MainWindow], qapp) -> None:
     window = make_window(Document(Path("new.nvsim")))
-    assert window.centre.currentWidget() is window.empty
+    assert window.center.currentWidget() is window.empty
     assert window.empty.sentence.text() == "The project has no capture yet." and window.empty.imports.isVisible()
 
 
 def test_a_walk_without_models_is_shown_with_an_offer_to_train(window: MainWindow, document: Document) -> None:
     document.set_contents(replace(document.contents, scene_stamp=None))
-    assert window.centre.currentWidget() is window.scene
+    assert window.center.currentWidget() is window.scene
     (bar,) = window.scene.findChildren(StageBar)
     assert bar.isVisible() and bar.stage.text() == "Train only"
     window.grab()
@@ -145,7 +145,7 @@ def test_opening_and_closing_windows_leaves_none(settings: QSettings, qtbot: QtB
 
 def test_projects_follow_each_other(window: MainWindow, document: Document) -> None:
     document.set_contents(Contents(Path("other.nvsim")))
-    assert window.centre.currentWidget() is window.empty and window.windowTitle().startswith("other.nvsim")
+    assert window.center.currentWidget() is window.empty and window.windowTitle().startswith("other.nvsim")
     assert window.panels["submaps"].model.rowCount() == 0 and window.panels["frames"].model.rowCount() == 0
 
 

@@ -1,4 +1,5 @@
-"""Workspaces: panels for a kind of work, kept as the user leaves them; what has nothing to say is closed."""
+"""Workspaces: panels for one kind of work, in the layout of the user. Panels that do not apply to the open file are
+hidden."""
 
 from __future__ import annotations
 
@@ -92,7 +93,7 @@ def test_panels_with_nothing_to_say_are_closed_and_come_back(
     document.set_contents(contents)
     qtbot.waitUntil(lambda: "tables" in shown(window), timeout=5000)
     document.set_contents(Contents())
-    assert shown(window) == set() and window.centre.currentWidget() is window.start
+    assert shown(window) == set() and window.center.currentWidget() is window.start
     assert not window.actions_table["workspace_train"].isEnabled()
     document.set_contents(contents)
     qtbot.waitUntil(lambda: {"map", "tables"} <= shown(window), timeout=5000)
@@ -138,11 +139,11 @@ def test_one_key_shows_one_view_alone_and_the_same_key_brings_all_back(
     wide = focused.width()
     qtbot.keyClick(window, Qt.Key.Key_F12)
     assert part.shows_one_view and shown(window) == (set() if name == "scene" else {"map"})
-    assert window.centre.isVisible() == (name == "scene")
+    assert window.center.isVisible() == (name == "scene")
     qtbot.waitUntil(lambda: focused.width() > 1.5 * wide, timeout=5000)
     if name == "map":
-        window.notices.error("It broke.")  # is told over the centre
-        assert window.centre.isVisible()
+        window.notices.error("It broke.")  # is told over the center
+        assert window.center.isVisible()
     else:
         qtbot.keyClick(window, Qt.Key.Key_F12)
     assert not part.shows_one_view and shown(window) == before
@@ -221,7 +222,7 @@ def test_the_map_is_the_main_view_where_the_graph_is_edited(
     # Qt puts docks behind other tabs outside the window.
     views = {name: dock for name, dock in window.docks.items() if dock.isVisible() and dock.x() >= 0}
     area = {name: dock.width() * dock.height() for name, dock in views.items()}
-    assert area["map"] > 1.2 * max(area["validation"], window.centre.width() * window.centre.height())
+    assert area["map"] > 1.2 * max(area["validation"], window.center.width() * window.center.height())
     assert not [tab for tab in window.tabifiedDockWidgets(window.docks["map"]) if not tab.isHidden()]
     bar = next(b for b in window.findChildren(QTabBar) if b.isVisible() and "Validation" in _tabs(b))
     assert all(bar.tabRect(i).width() >= bar.tabSizeHint(i).width() for i in range(bar.count())), "no tab is cut"
@@ -230,7 +231,7 @@ def test_the_map_is_the_main_view_where_the_graph_is_edited(
     )
     QTest.keyClick(window, Qt.Key.Key_1, Qt.KeyboardModifier.AltModifier)
     QApplication.processEvents()
-    assert window.centre.width() * window.centre.height() > views["map"].width() * views["map"].height()
+    assert window.center.width() * window.center.height() > views["map"].width() * views["map"].height()
 
 
 def _tabs(bar: QTabBar) -> list[str]:

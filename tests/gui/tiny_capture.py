@@ -23,7 +23,7 @@ def write_capture(folder: Path) -> Path:
 
 
 def write_settings(project: Path) -> None:
-    """What makes every stage quick, as if a person had set it in the forms."""
+    """Settings that make every stage quick, as if a user had entered them in the forms."""
     (project / "settings.json").write_text(json.dumps(SETTINGS))
 
 

@@ -41,7 +41,7 @@ def fuzzing(monkeypatch):
 
 
 def outcome(fuzzing, tmp_path, read):
-    """What forty inputs of a reader come to."""
+    """The results of forty inputs of a reader."""
     isolation, plan, reader, report = fuzzing
     one = reader.Reader("one", list, read)
     seed = reader.Seed({"f": b"1 2 3\n" * 20}, "f", "f", "text")

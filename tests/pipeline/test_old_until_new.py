@@ -1,4 +1,4 @@
-"""What a stage made is in use until what replaces it is finished, and can be brought back afterward."""
+"""The result of a stage is in use until its replacement is complete, and can be restored afterward."""
 
 from __future__ import annotations
 

@@ -140,4 +140,4 @@ def test_a_real_office_agrees_better_with_itself(shared_data: Path, tmp_path: Pa
     given, found = median_epipolar_error(some), refine(some)
     assert given is not None and found is not None
     after = median_epipolar_error(found.frames)
-    assert after is not None and after < 0.7 * given and found.metres < 0.05
+    assert after is not None and after < 0.7 * given and found.meters < 0.05

@@ -86,7 +86,7 @@ def files(folder: Path) -> list[str]:
 
 @pytest.fixture(scope="module")
 def first(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, str]:
-    """The folder after the first tutorial, and what its commands printed."""
+    """The folder after the first tutorial, and the output of its commands."""
     folder = tmp_path_factory.mktemp("tutorials")
     (folder / "packaging").mkdir()
     (folder / "packaging" / "install.sh").write_text("mkdir -p .venv/bin\ntouch .venv/bin/activate\n")

@@ -17,7 +17,7 @@ from nvsim.r2r.observations.layout import ScanPlaces
 
 SIDE = 96
 Triple = tuple[float, float, float]
-WALL, BROWN, GREY = (225, 222, 215), (140, 92, 55), (128, 128, 128)
+WALL, BROWN, GRAY = (225, 222, 215), (140, 92, 55), (128, 128, 128)
 BLUE, RED = (60, 85, 150), (150, 60, 50)
 CEILING = 2.6
 
@@ -26,22 +26,22 @@ CEILING = 2.6
 class Block:
     lo: Triple
     hi: Triple
-    colour: tuple[int, int, int]
+    color: tuple[int, int, int]
 
-    def metres_to(self, xy: NDArray[np.float64]) -> NDArray[np.float64]:
-        """(N,) metres of places (N, 2) from it, seen from above."""
+    def meters_to(self, xy: NDArray[np.float64]) -> NDArray[np.float64]:
+        """(N,) meters of places (N, 2) from it, seen from above."""
         off = np.maximum(np.maximum(np.array(self.lo[:2]) - xy, xy - np.array(self.hi[:2])), 0)
         return np.hypot(*off.T)
 
 
 def flat_house(door: float = 0.9) -> tuple[list[Block], NavGraph]:
-    """A room of 5 by 5 m with a brown floor, a blue sofa and a tall red cabinet, and a door of so many metres into a
-    grey corridor that runs east."""
+    """A room of 5 by 5 m with a brown floor, a blue sofa and a tall red cabinet, and a door of so many meters into a
+    gray corridor that runs east."""
     middle = 0.8
     low, high = middle - door / 2, middle + door / 2
     blocks = [
         Block((-0.2, -0.2, -0.2), (5.05, 5.2, 0.0), BROWN),
-        Block((5.05, -0.2, -0.2), (15.2, 5.2, 0.0), GREY),
+        Block((5.05, -0.2, -0.2), (15.2, 5.2, 0.0), GRAY),
         Block((-0.2, -0.2, CEILING), (15.2, 5.2, CEILING + 0.2), WALL),
         Block((-0.2, -0.2, 0), (0.0, 5.2, CEILING), WALL),
         Block((-0.2, -0.2, 0), (15.2, 0.0, CEILING), WALL),
@@ -79,22 +79,22 @@ def export_blocks(root: Path, blocks: list[Block], graph: NavGraph) -> Path:
     places = ScanPlaces(root, graph.scan)
     places.images.mkdir(parents=True)
     for v in graph.viewpoints.values():
-        colour, metres = seen_from(blocks, np.array(v.position))
-        cv2.imwrite(str(places.strip(v.id)), colour[..., ::-1])
-        cv2.imwrite(str(places.depth(v.id)), np.minimum(np.rint(metres * 4000), 65535).astype(np.uint16))
+        color, meters = seen_from(blocks, np.array(v.position))
+        cv2.imwrite(str(places.strip(v.id)), color[..., ::-1])
+        cv2.imwrite(str(places.depth(v.id)), np.minimum(np.rint(meters * 4000), 65535).astype(np.uint16))
     return root
 
 
 def seen_from(blocks: list[Block], eye: NDArray[np.float64]) -> tuple[NDArray[np.uint8], NDArray[np.float64]]:
-    """(S, 6 S, 3) colors and (S, 6 S) metres of what a viewpoint sees: 0 where there is nothing."""
+    """(S, 6 S, 3) colors and (S, 6 S) distances in meters from a viewpoint; 0 in directions without a surface."""
     rays = np.concatenate(list(face_rays(SIDE) @ camera_pose(np.zeros(3), 0.0)[:3, :3].T), axis=1)
     rays /= np.linalg.norm(rays, axis=-1, keepdims=True)
     rays = np.where(np.abs(rays) < 1e-9, 1e-9, rays)
     nearest = np.full(rays.shape[:2], np.inf)
-    colour = np.zeros((*rays.shape[:2], 3), np.uint8)
+    color = np.zeros((*rays.shape[:2], 3), np.uint8)
     for block in blocks:
         one, two = (np.array(block.lo) - eye) / rays, (np.array(block.hi) - eye) / rays
         enter, leave = np.minimum(one, two).max(axis=-1), np.maximum(one, two).min(axis=-1)
         hit = (enter > 0) & (enter < leave) & (enter < nearest)
-        nearest[hit], colour[hit] = enter[hit], block.colour
-    return colour, np.where(np.isfinite(nearest), nearest, 0.0)
+        nearest[hit], color[hit] = enter[hit], block.color
+    return color, np.where(np.isfinite(nearest), nearest, 0.0)

@@ -25,7 +25,7 @@ _DIRECTIONS = np.stack([np.sin(_HEADINGS), np.cos(_HEADINGS)], axis=-1)
 
 
 class Columns:
-    """noise: standard deviation added to alpha, the same for the same view. `rendered` counts views."""
+    """noise: standard deviation added to alpha; equal views get equal noise. `rendered` counts views."""
 
     def __init__(self, occupancy: OccupancyMap, noise: float = 0.0) -> None:
         self._map, self._noise = occupancy, noise
@@ -91,9 +91,9 @@ def room(width: float, height: float, resolution: float = 0.05, wall: float = 0.
 
 
 def fill(occupancy: OccupancyMap, x0: float, y0: float, x1: float, y1: float, state: np.uint8) -> OccupancyMap:
-    """The same map with the cells whose centres lie in a rectangle set."""
-    centres = occupancy.centres()
-    x, y = centres[..., 0], centres[..., 1]
+    """A copy of the map in which the cells with their centers in a rectangle have `state`."""
+    centers = occupancy.centers()
+    x, y = centers[..., 0], centers[..., 1]
     cells = occupancy.cells.copy()
     cells[(x > x0) & (x < x1) & (y > y0) & (y < y1)] = state
     return OccupancyMap(cells, occupancy.resolution, occupancy.origin)

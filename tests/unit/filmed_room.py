@@ -1,4 +1,4 @@
-"""A video of the textured room, filmed from a known path, and what its poses should be."""
+"""A video of the textured room along a known path, with its true poses."""
 
 from __future__ import annotations
 

@@ -28,12 +28,12 @@ def stand_in(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def _rasterization(**given: Any) -> tuple[torch.Tensor, torch.Tensor, dict[str, torch.Tensor]]:
-    # One camera; differentiable, with the absolute gradient of the centres where it is asked for.
+    # One camera; differentiable, with the absolute gradient of the centers where it is asked for.
     from gsplat.cuda import _torch_impl as impl
 
     width, height = given["width"], given["height"]
     covariances, _ = impl._quat_scale_to_covar_preci(given["quats"], given["scales"], compute_preci=False)
-    radii, centres, depths, conics, compensations = impl._fully_fused_projection(
+    radii, centers, depths, conics, compensations = impl._fully_fused_projection(
         given["means"],
         covariances,
         given["viewmats"],
@@ -52,15 +52,15 @@ def _rasterization(**given: Any) -> tuple[torch.Tensor, torch.Tensor, dict[str, 
     order = torch.argsort(depths[0])
     order = order[(radii[0] > 0).all(dim=1)[order]]
     y, x = torch.meshgrid(torch.arange(height) + 0.5, torch.arange(width) + 0.5, indexing="ij")
-    # Each pixel has its own copy of the centres, so that what comes back to a copy is the gradient from one pixel.
-    spread = centres[0][order, None].expand(-1, height * width, -1).clone()
+    # Each pixel has its own copy of the centers, so that what comes back to a copy is the gradient from one pixel.
+    spread = centers[0][order, None].expand(-1, height * width, -1).clone()
     if given.get("absgrad"):
 
         def keep(gradient: torch.Tensor) -> None:
-            centres.absgrad = torch.zeros_like(centres)
-            centres.absgrad[0, order] = gradient.abs().sum(dim=1)
+            centers.absgrad = torch.zeros_like(centers)
+            centers.absgrad[0, order] = gradient.abs().sum(dim=1)
 
-        centres.absgrad = torch.zeros_like(centres)
+        centers.absgrad = torch.zeros_like(centers)
         if spread.requires_grad:
             spread.register_hook(keep)
     dx, dy = x.reshape(-1) - spread[..., 0], y.reshape(-1) - spread[..., 1]
@@ -69,5 +69,5 @@ def _rasterization(**given: Any) -> tuple[torch.Tensor, torch.Tensor, dict[str, 
     alpha = torch.where(alpha < 1 / 255, 0.0, alpha.clamp(max=0.999))
     through = torch.cumprod(torch.cat([torch.ones(1, height * width), 1 - alpha]), dim=0)
     image = torch.einsum("np,nc->pc", alpha * through[:-1], colors[order]).view(1, height, width, -1)
-    info = {"means2d": centres, "radii": radii, "conics": conics}
+    info = {"means2d": centers, "radii": radii, "conics": conics}
     return image, (1 - through[-1]).view(1, height, width, 1), info

@@ -18,7 +18,7 @@ HEAD = "# kapture format: 1.1\n"
 
 
 def cast(origin: np.ndarray, directions: np.ndarray) -> np.ndarray:
-    """(N,) distances from `origin` (3,) along `directions` (N, 3) to what is first met."""
+    """(N,) distances from `origin` (3,) along `directions` (N, 3) to the first surface."""
     room = np.array([[-SIDE, -SIDE, 0], [SIDE, SIDE, CEILING]])
     with np.errstate(divide="ignore", invalid="ignore"):
         leaves = np.max((room[:, None] - origin) / directions, axis=0).min(axis=1)
@@ -114,8 +114,8 @@ def write_nerfstudio(folder: Path, poses: np.ndarray, to_source: np.ndarray | No
     tree = nerfstudio_tree(placed, names)
     del tree["ply_file_path"]
     for frame, name, pose in zip(tree["frames"], names, poses, strict=True):
-        millimetres = np.rint(1000 * unit * depth_image(pose)).astype(np.uint16)
-        assert cv2.imwrite(str(folder / "depth" / name), millimetres)
+        millimeters = np.rint(1000 * unit * depth_image(pose)).astype(np.uint16)
+        assert cv2.imwrite(str(folder / "depth" / name), millimeters)
         frame["depth_file_path"] = f"depth/{name}"
     path = folder / "transforms.json"
     path.write_text(json.dumps(tree))

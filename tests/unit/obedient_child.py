@@ -1,4 +1,4 @@
-"""What a child process does in tests: imports little, so that it starts quickly."""
+"""The tasks of child processes in tests. The module imports little, so that the process starts quickly."""
 
 from __future__ import annotations
 

@@ -24,7 +24,7 @@ def real_basis(directions, degree):
 
 
 def polynomial_basis(d, degree):
-    """The same as polynomials, so that torch can differentiate it."""
+    """The spherical harmonics as polynomials, so that torch can differentiate them."""
     x, y, z = d.unbind(-1)
     one = torch.ones_like(x)
     s = math.sqrt
@@ -95,15 +95,15 @@ def splat(means, log_scales, quats, opacity_logits, sh, camera, antialiased=True
     directions = torch.nn.functional.normalize(means - eye, dim=-1)
     degree = round(math.sqrt(sh.shape[1])) - 1 if degree is None else degree
     b = polynomial_basis(directions, degree)
-    colour = ((b[:, :, None] * sh[:, : b.shape[1]]).sum(1) + 0.5).clamp(min=0)
+    color = ((b[:, :, None] * sh[:, : b.shape[1]]).sum(1) + 0.5).clamp(min=0)
     shortest = torch.gather(r, 2, log_scales.argmin(1)[:, None, None].expand(-1, 3, 1)).squeeze(2)
     normal = torch.where((shortest * directions).sum(-1, keepdim=True) > 0, -shortest, shortest)
 
     pixels = torch.stack(
         torch.meshgrid(torch.arange(k.width) + 0.5, torch.arange(k.height) + 0.5, indexing="xy"), -1
     ).double()
-    centre = torch.stack([k.fx * x / z + k.cx, k.fy * y / z + k.cy], -1)
-    d = pixels[None] - centre[:, None, None]  # [N, H, W, 2]
+    center = torch.stack([k.fx * x / z + k.cx, k.fy * y / z + k.cy], -1)
+    d = pixels[None] - center[:, None, None]  # [N, H, W, 2]
     power = -0.5 * torch.einsum("nhwi,nij,nhwj->nhw", d, conic, d)
     alpha = (opacity[:, None, None] * power.exp()).clamp(max=ALPHA_MAX)
     alpha = torch.where(alpha < ALPHA_MIN, torch.zeros_like(alpha), alpha)
@@ -112,4 +112,4 @@ def splat(means, log_scales, quats, opacity_logits, sh, camera, antialiased=True
     total = weight.sum(0)
     depth = (weight * z[:, None, None]).sum(0)
     depth = torch.where(total < 1e-3, torch.zeros_like(depth), depth / total.clamp(min=1e-3))
-    return torch.einsum("nhw,nc->hwc", weight, colour), total, depth, torch.einsum("nhw,nc->hwc", weight, normal)
+    return torch.einsum("nhw,nc->hwc", weight, color), total, depth, torch.einsum("nhw,nc->hwc", weight, normal)

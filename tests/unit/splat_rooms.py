@@ -23,13 +23,13 @@ def rectangle(corner: object, u: object, v: object, spacing: float = _SPACING) -
     axes = np.stack([u / a, v / b, np.cross(u / a, v / b)], axis=1)
     n = len(means)
     scales = np.log([0.6 * spacing, 0.6 * spacing, 0.004])
-    colour = np.tile(np.array([0.2, 0.1, 0.0], np.float32), (n, 1, 1))
+    color = np.tile(np.array([0.2, 0.1, 0.0], np.float32), (n, 1, 1))
     return Gaussians(
         means.astype(np.float32),
         np.tile(scales, (n, 1)).astype(np.float32),
         np.tile(quaternion_from_matrix(axes), (n, 1)).astype(np.float32),
         np.full(n, 5.0, np.float32),
-        colour,
+        color,
     )
 
 

@@ -340,8 +340,8 @@ def test_agents_that_move_in_small_steps_find_their_frames_episodes_and_scenes(t
                 found = cv2.imread(str(path)).astype(float)
                 assert found.shape == (480, 640, 3) and np.abs(found - expected).mean() < 3  # random Gaussians
             deep = videos / "observation.images.depth.125cm_30deg" / f"episode_000000_{i}.png"
-            metres = cv2.imread(str(deep), cv2.IMREAD_UNCHANGED) / 1000
-            assert np.median(np.abs(metres - depth[..., 0] / 4000)) < 0.01
+            meters = cv2.imread(str(deep), cv2.IMREAD_UNCHANGED) / 1000
+            assert np.median(np.abs(meters - depth[..., 0] / 4000)) < 0.01
         (about,) = (json.loads(line) for line in (scene / "meta" / "episodes.jsonl").read_text().splitlines())
         assert about == {"episode_index": 0, "tasks": ["Go.<INSTRUCTION_SEP>Walk."], "length": 5}
         assert (scene / "data" / "chunk-000" / "episode_000000.parquet").read_bytes()[:4] == b"PAR1"
@@ -430,7 +430,7 @@ def test_scenes_are_written_again_if_their_images_or_clouds_change(
 
 
 def test_a_second_export_keeps_what_the_agent_wrote(dataset: Path) -> None:
-    """Checkpoints and results of an agent lie in its folder."""
+    """The folder contains checkpoints and results of an agent."""
     folder = dataset / "agents" / "mapgpt"
     (folder / "mine.txt").write_text("mine")
     command = ["export", "dataset", "--project", str(dataset.parent / "hall.nvsim"), "--out", str(dataset)]

@@ -118,7 +118,7 @@ def test_occupancy_agrees_with_the_cloud(building: Path) -> None:
     assert ndimage.binary_dilation(hit, iterations=2)[edge].mean() > 0.7
 
 
-def test_the_cloud_stays_inside_with_centimetre_noise(building: Path) -> None:
+def test_the_cloud_stays_inside_with_centimeter_noise(building: Path) -> None:
     scene, points = make_scene(CONFIG), cloud(building)
     assert len(points) > 20_000
     assert (points[:, :2] > -0.05).all() and (
@@ -154,11 +154,11 @@ def test_floors_have_visible_texture() -> None:
     assert textures.chain.shape[1] == LEVELS
     start, rows, columns = textures.chain[scene.floor_surface, 0]
     image = textures.texels[start : start + rows * columns].reshape(rows, columns, 3) / 255
-    grey = image @ np.array([0.299, 0.587, 0.114])
+    gray = image @ np.array([0.299, 0.587, 0.114])
     for room in scene.plan.rooms:
         r = room.rects[0]
         contrast = [
-            grey[int(y * 100) : int(y * 100) + 50, int(x * 100) : int(x * 100) + 50].std()
+            gray[int(y * 100) : int(y * 100) + 50, int(x * 100) : int(x * 100) + 50].std()
             for y in np.arange(r.y0 + 0.5, r.y1 - 1, 0.25)
             for x in np.arange(r.x0 + 0.5, r.x1 - 1, 0.25)
         ]

@@ -1,4 +1,4 @@
-"""What a building says of its axes: up, the height of the camera above the floor, the direction of the walls."""
+"""The axes of a building from its images: up, the camera height above the floor, and the direction of the walls."""
 
 from __future__ import annotations
 

@@ -19,7 +19,7 @@ def full(request: pytest.FixtureRequest) -> Scene:
     return make_scene(BuildingConfig(seed=request.param))
 
 
-def test_about_300_square_metres_in_at_least_six_rooms(full: Scene) -> None:
+def test_about_300_square_meters_in_at_least_six_rooms(full: Scene) -> None:
     assert full.plan.extent.area == pytest.approx(300, rel=0.02)
     assert sum(r.kind != "corridor" for r in full.plan.rooms) >= 6
     assert sum(q.area for r in full.plan.rooms for q in r.rects) == pytest.approx(full.plan.extent.area, rel=1e-6)
@@ -27,19 +27,19 @@ def test_about_300_square_metres_in_at_least_six_rooms(full: Scene) -> None:
 
 def test_corridors_close_a_loop_about_the_core(full: Scene) -> None:
     grid = occupancy(full)
-    x, y = np.moveaxis(grid.centres(), -1, 0)
+    x, y = np.moveaxis(grid.centers(), -1, 0)
     corridor = next(r for r in full.plan.rooms if r.kind == "corridor")
     ring = np.zeros(grid.cells.shape, bool)
     for r in corridor.rects:
         ring |= (x > r.x0) & (x < r.x1) & (y > r.y0) & (y < r.y1) & (grid.cells == FREE)
     regions, _ = ndimage.label(~ring, structure=np.ones((3, 3)))
-    core = next(r for r in full.plan.rooms if r.name == "core").rects[0].centre
+    core = next(r for r in full.plan.rooms if r.name == "core").rects[0].center
     row, column = grid.index(np.array(core))
     assert regions[row, column] not in (0, regions[0, 0])
 
 
 def test_the_walk_goes_around_the_loop_both_ways(full: Scene) -> None:
-    core = next(r for r in full.plan.rooms if r.name == "core").rects[0].centre
+    core = next(r for r in full.plan.rooms if r.name == "core").rects[0].center
     corridor = next(r for r in full.plan.rooms if r.kind == "corridor")
     inside = np.array([corridor.contains(x, y) for x, y in full.path[:, :2]])
     angle = np.unwrap(np.arctan2(full.path[:, 1] - core[1], full.path[:, 0] - core[0]))

@@ -32,7 +32,7 @@ def house(request: pytest.FixtureRequest) -> Scene:
 
 
 def below(scene: Scene, xyz: NDArray[np.float64]) -> float:
-    """Metres straight down from a place to what is there."""
+    """Meters straight down from a position to the next surface."""
     return float(trace(*xyz, 0.0, 0.0, -1.0, scene.solids, NOBODY)[0])
 
 
@@ -126,14 +126,14 @@ def test_the_walk_is_free_on_the_map_of_its_storey(house: Scene) -> None:
 
 
 def test_maps_agree_with_the_boxes_of_their_storey(house: Scene) -> None:
-    """Cell centres against the column above them, box by box."""
+    """Cell centers against the column above them, box by box."""
     maps = true_occupancy(house)
     rng = np.random.default_rng(2)
     differs = 0
     for k, storey in enumerate(maps.storeys):
-        cells, centres = storey.occupancy.cells, storey.occupancy.centres()
+        cells, centers = storey.occupancy.cells, storey.occupancy.centers()
         for r, c in rng.integers((0, 0), cells.shape, (1500, 2)):
-            x, y = centres[r, c]
+            x, y = centers[r, c]
             standing = any(
                 b.lo[0] <= x <= b.hi[0] and b.lo[1] <= y <= b.hi[1]
                 for b in house.boxes
@@ -150,8 +150,8 @@ def test_treads_are_free_on_both_maps_and_the_landings_on_one(house: Scene) -> N
     lower, upper = (s.occupancy for s in maps.storeys)
     (stair,) = maps.stairs
     for rect, _ in flight.treads():
-        assert lower.states_at(np.array(rect.centre)) == upper.states_at(np.array(rect.centre)) == FREE
-        assert stair.contains(np.array([rect.centre])).all()
+        assert lower.states_at(np.array(rect.center)) == upper.states_at(np.array(rect.center)) == FREE
+        assert stair.contains(np.array([rect.center])).all()
     before, behind = flight.foot - 0.6 * flight.direction, np.array(flight.head) + 0.6 * flight.direction
     assert lower.states_at(before) == FREE and upper.states_at(before) != FREE
     assert upper.states_at(behind) == FREE and lower.states_at(behind) == UNKNOWN
@@ -194,7 +194,7 @@ def test_both_sizes_climb_in_all_eight_positions() -> None:
         assert scene.plan.extent == scene.storeys[1].plan.extent
         facing.add(tuple(np.round(flight.direction).astype(int)))
         assert (scene.walk[:, 3] == 0).sum() > 350 and (scene.walk[:, 3] == 3).sum() > 350
-        room = scene.storeys[1].plan.room_at(*flight.rect.centre)
+        room = scene.storeys[1].plan.room_at(*flight.rect.center)
         assert room is not None and room.kind == "stairs"
     assert len(facing) >= 3
 

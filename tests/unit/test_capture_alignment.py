@@ -119,7 +119,7 @@ def test_a_metric_claim_is_not_believed_when_the_cameras_would_be_giants(tmp_pat
     assert read(path, camera_height=1.4).alignment.scale == pytest.approx(0.02, rel=0.01)
 
 
-def test_metric_captures_keep_their_metres_whatever_the_camera_height(tmp_path: Path) -> None:
+def test_metric_captures_keep_their_meters_whatever_the_camera_height(tmp_path: Path) -> None:
     path = sample.write_nerfstudio(tmp_path, sample.walk(), sample.room())
     assert read(path, camera_height=1.8).alignment.scale == 1.0
 

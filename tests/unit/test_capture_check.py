@@ -1,4 +1,4 @@
-"""The data check tells all that is wrong at once, each with its place and what it would cause."""
+"""The data check reports all problems at once, each with its place and its effect."""
 
 from __future__ import annotations
 

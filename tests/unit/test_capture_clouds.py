@@ -1,4 +1,4 @@
-"""Point cloud files: every encoding gives the same points, and what is broken is named."""
+"""Point cloud files: every encoding gives the same points, and errors name the damaged file."""
 
 from __future__ import annotations
 
@@ -68,7 +68,7 @@ FILES = {
 
 
 @pytest.mark.parametrize("kind", FILES)
-def test_every_encoding_gives_the_same_points_and_colours(tmp_path: Path, kind: str) -> None:
+def test_every_encoding_gives_the_same_points_and_colors(tmp_path: Path, kind: str) -> None:
     path = tmp_path / "cloud.bin"
     path.write_bytes(FILES[kind])
     findings = Findings()
@@ -123,7 +123,7 @@ def test_points_that_are_not_finite_are_left_out_with_a_warning(tmp_path: Path) 
     assert [f.severity for f in findings] == ["warning"]
 
 
-def test_colours_as_fractions_are_spread_to_255(tmp_path: Path) -> None:
+def test_colors_as_fractions_are_spread_to_255(tmp_path: Path) -> None:
     path = tmp_path / "cloud.ply"
     head = "ply\nformat ascii 1.0\nelement vertex 1\n"
     head += "".join(f"property float {n}\n" for n in ("x", "y", "z", "red", "green", "blue")) + "end_header\n"

@@ -1,4 +1,5 @@
-"""Whatever stands in the files, a reader returns a capture or an InputError: no other exception, and no hang."""
+"""For any content of the files, a reader returns a capture or raises InputError. It never raises another exception or
+hangs."""
 
 from __future__ import annotations
 

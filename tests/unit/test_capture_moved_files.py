@@ -1,4 +1,4 @@
-"""Files that are not where the capture says are found by name, or nothing is guessed and the error says what to do."""
+"""Files that are not at their path in the capture are found by name. Otherwise the error names the fix."""
 
 from __future__ import annotations
 

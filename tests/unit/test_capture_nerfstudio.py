@@ -1,4 +1,4 @@
-"""What a transforms.json says beside poses: its unit, fields that are not used, and files in place of one."""
+"""The content of a transforms.json beside poses: its unit, unused fields, and folders in place of files."""
 
 from __future__ import annotations
 

@@ -264,7 +264,7 @@ def test_an_unsupported_camera_model_is_named_with_those_that_are(tmp_path: Path
         read(path)
 
 
-def test_a_converted_reconstruction_has_no_metres_but_a_cloud(tmp_path: Path) -> None:
+def test_a_converted_reconstruction_has_no_meters_but_a_cloud(tmp_path: Path) -> None:
     folder = sample.write_kapture(tmp_path, sample.walk(), sample.room(900))
     sensors = folder / "sensors"
     (sensors / "records_lidar.txt").unlink()

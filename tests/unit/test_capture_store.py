@@ -1,4 +1,4 @@
-"""A stored capture is the same capture, and its fingerprint changes when anything that matters does."""
+"""A stored capture equals the original, and its fingerprint changes with every relevant value."""
 
 from __future__ import annotations
 

@@ -6,7 +6,9 @@ import sys
 
 import pytest
 
+from nvsim.cli.arguments import parse
 from nvsim.cli.main import COMMANDS, main
+from nvsim.cli.options import command_of
 
 
 def run(*argv):
@@ -33,6 +35,13 @@ def test_every_command_explains_itself(verb, capsys):
 )
 def test_a_wrong_command_line_is_exit_code_2(argv):
     assert run(*argv).returncode == 2
+
+
+def test_flags_of_earlier_versions_are_read_as_their_current_names():
+    argv = ["--scans", "scans", "--least-metres", "2", "--most-metres=9", "--fewest-edges", "3"]
+    bounds = parse(command_of("export tasks"), argv, "export tasks").options.bounds
+    assert (bounds.least_meters, bounds.most_meters, bounds.fewest_edges) == (2, 9, 3)
+    assert parse(command_of("graph check"), ["house.nvsim", "--neighbours", "2"], "graph check").limits.neighbors == 2
 
 
 @pytest.mark.parametrize("option", ["--seconds", "--fps"])

@@ -1,4 +1,4 @@
-"""What the command line prints is what it promises: JSON that any program reads, and no traceback over a name."""
+"""The output of the command line: JSON is valid for any program, and no file name causes a traceback."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""How pieces of work share machines, when a lost one is given up, and what a user reads where there is no cluster."""
+"""The distribution of work over machines, the limit of retries, and the messages if there is no cluster."""
 
 from __future__ import annotations
 

@@ -60,7 +60,7 @@ def test_names_of_columns_and_ids_of_viewpoints_are_no_formulas(tmp_path: Path) 
 
 
 def test_one_writer_makes_all_csv() -> None:
-    """Whoever imports csv to write has a second one."""
+    """A module that imports csv would contain a second writer."""
     for package in ("nvsim", "app/nvsim_app"):
         for path in (PACKAGES / package).rglob("*.py"):
             called = [n.func for n in ast.walk(ast.parse(path.read_text())) if isinstance(n, ast.Call)]

@@ -16,7 +16,7 @@ from nvsim.graph.types import NavGraph, Viewpoint, edge
 from nvsim.project.project import Project
 from nvsim.r2r.observations.stub import write_stub_graph
 
-FEW = ["--fewest-edges", "2", "--least-metres", "2", "--train", "4", "--val-seen", "1", "--val-unseen", "0"]
+FEW = ["--fewest-edges", "2", "--least-meters", "2", "--train", "4", "--val-seen", "1", "--val-unseen", "0"]
 SMALL = ["--size", "64", "--projection", *FEW]
 
 

@@ -1,4 +1,4 @@
-"""The scatter of the floor in a cloud of depth maps is taken off, and what stands on it stays."""
+"""Noise of the floor in a cloud from depth maps is removed, and objects on the floor remain."""
 
 from __future__ import annotations
 

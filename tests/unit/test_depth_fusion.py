@@ -112,7 +112,7 @@ def test_normals_of_distant_points_use_the_whole_cloud(monkeypatch: pytest.Monke
 
 
 def corridor(folder: Path, frames: int) -> Capture:
-    """A capture of `frames` frames along a wall, all with the same image and the same depth image of the wall."""
+    """A capture of `frames` frames along a wall. All frames have one image and one depth image of the wall."""
     cv2.imwrite(str(folder / "image.png"), np.full((60, 80, 3), 128, np.uint8))
     cv2.imwrite(str(folder / "depth.png"), np.full((60, 80), 2000, np.uint16))
     lens = Lens("PINHOLE", 80, 60, (60.0, 60.0, 40.0, 30.0))

@@ -48,12 +48,12 @@ class Layout:
     top: dict[str, float]
 
 
-def millimetres(depth: np.ndarray) -> np.ndarray:
+def millimeters(depth: np.ndarray) -> np.ndarray:
     return np.rint(1000 * depth).astype(np.uint16)
 
 
 LAYOUTS = {
-    "nerfstudio": Layout("depth_file_path", ".png", millimetres, {}),
+    "nerfstudio": Layout("depth_file_path", ".png", millimeters, {}),
     "instant-ngp": Layout(
         "depth_path", ".png", lambda d: np.rint(5000 * d).astype(np.uint16), {"integer_depth_scale": 1 / 5000}
     ),
@@ -68,7 +68,7 @@ LAYOUTS = {
         "depth_file_path", ".npy", lambda d: d.astype(np.float32), {"depth_unit_scale_factor": 0.001}
     ),
     "float TIFF in metres": Layout("depth_file_path", ".tiff", lambda d: d.astype(np.float32), {}),
-    "TIFF in millimetres": Layout("depth_path", ".tif", millimetres, {}),
+    "TIFF in millimetres": Layout("depth_path", ".tif", millimeters, {}),
 }
 
 
@@ -170,7 +170,7 @@ def cut(path: Path) -> None:
     path.write_bytes(path.read_bytes()[:200])
 
 
-def colour(path: Path) -> None:
+def color(path: Path) -> None:
     assert cv2.imwrite(str(path), np.full((HEIGHT, WIDTH, 3), 90, np.uint8))
 
 
@@ -181,7 +181,7 @@ def colour(path: Path) -> None:
         (blacken, "contains no depth"),
         (widen, "does not fit"),
         (cut, "truncated"),
-        (colour, "one channel"),
+        (color, "one channel"),
     ],
 )
 def test_a_depth_image_that_cannot_be_used_is_a_warning(tmp_path: Path, harm: object, words: str) -> None:
@@ -266,7 +266,7 @@ def test_frames_without_a_depth_image_are_estimated_beside_the_others(tmp_path: 
 
 
 def test_masks_leave_no_depth_and_no_evidence(tmp_path: Path) -> None:
-    """Whatever the images show where they are ignored, the estimated depth is the same, and 0 there."""
+    """Estimated depth does not depend on masked pixels, and is 0 there."""
     path = write_room(tmp_path, kept=slice(0, 0), count=MANY)
     tree = json.loads(path.read_text())
     usable = np.ones((HEIGHT, WIDTH), bool)

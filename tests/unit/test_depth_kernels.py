@@ -10,7 +10,7 @@ from nvsim.depth.agreement import compare_depth_maps
 from nvsim.depth.refinement import refine, smooth_depth
 from nvsim.depth.smoothing import best_inverse_depth, smooth_cost
 from nvsim.depth.sweep import WORST, sweep, turned_census
-from nvsim.depth.view import View, Warp, census_of, neighbours
+from nvsim.depth.view import View, Warp, census_of, neighbors
 from nvsim.geometry.camera import Camera, Intrinsics
 
 LENS = Intrinsics(96, 72, 80.0, 80.0, 48.0, 36.0)
@@ -54,7 +54,7 @@ def swept(wall: tuple[View, np.ndarray, list[View], list[Warp]], planes: int) ->
     view, _, sources, warps = wall
     inverse = np.linspace(0.1, 0.8, planes)
     turned, shifts = np.stack([w.turned for w in warps]), np.stack([w.shift for w in warps])
-    return sweep(view.census, [s.grey for s in sources], turned, shifts, inverse, 2.0), inverse
+    return sweep(view.census, [s.gray for s in sources], turned, shifts, inverse, 2.0), inverse
 
 
 def test_the_sweep_counts_the_bits_that_differ_in_the_best_two_images(wall) -> None:
@@ -82,7 +82,7 @@ def test_a_turned_image_is_what_the_camera_would_see_had_it_not_been_turned(yaw:
     straight = camera_at(0.4)
     seen, turned = wall_seen_by(straight)[0], wall_seen_by(camera_at(0.4, yaw=yaw))[0]
     warp = Warp.between(straight, turned.camera)
-    census, left, top = turned_census(turned.grey, warp.turned, 96, 72, 2.0)
+    census, left, top = turned_census(turned.gray, warp.turned, 96, 72, 2.0)
     rows, columns = (np.arange(5, n - 5) for n in (72, 96))
     columns = columns[(columns - left + 1 >= 0) & (columns - left + 1 < census.shape[1])]
     theirs = census[np.ix_(rows - top + 1, columns - left + 1)]
@@ -92,14 +92,14 @@ def test_a_turned_image_is_what_the_camera_would_see_had_it_not_been_turned(yaw:
 
 
 def test_the_census_says_which_pixels_are_clearly_brighter_or_darker() -> None:
-    grey = np.random.default_rng(2).uniform(0, 9, (12, 15)).astype(np.float32)
-    found = census_of(grey, 2.0)
-    padded = np.pad(grey, ((3, 3), (4, 4)), mode="edge")
+    gray = np.random.default_rng(2).uniform(0, 9, (12, 15)).astype(np.float32)
+    found = census_of(gray, 2.0)
+    padded = np.pad(gray, ((3, 3), (4, 4)), mode="edge")
     around = [(dy, dx) for dy in (-3, -1, 0, 1, 3) for dx in (-4, -2, -1, 0, 1, 2, 4) if dy or abs(dx) in (1, 2)]
-    for y, x in np.ndindex(grey.shape):
+    for y, x in np.ndindex(gray.shape):
         bits = 0
         for dy, dx in around:
-            difference = padded[y + 3 + dy, x + 4 + dx] - grey[y, x]
+            difference = padded[y + 3 + dy, x + 4 + dx] - gray[y, x]
             bits = bits << 2 | int(difference > 2.0) | int(difference < -2.0) << 1
         assert found[y, x] == bits
 
@@ -140,7 +140,7 @@ def test_smoothing_is_the_recurrence_along_eight_directions() -> None:
 def test_a_slanted_wall_is_found_to_within_two_per_cent(wall) -> None:
     cost, inverse = swept(wall, 64)
     view, truth, sources, warps = wall
-    found, margin = best_inverse_depth(smooth_cost(cost, view.grey, 4, 40.0, 8.0), inverse.astype(np.float32))
+    found, margin = best_inverse_depth(smooth_cost(cost, view.gray, 4, 40.0, 8.0), inverse.astype(np.float32))
     error = np.abs(found / truth - 1)[8:-8, 8:-8]
     assert np.median(error) < 0.015 and np.mean(error < 0.05) > 0.95 and np.median(margin) > 0.1
 
@@ -149,10 +149,10 @@ def test_a_step_of_refinement_halves_the_error_and_knows_where_it_can(wall) -> N
     view, truth, sources, warps = wall
     turned, shifts = np.stack([w.turned for w in warps]), np.stack([w.shift for w in warps])
     start = (truth * 1.02).astype(np.float32)
-    better, knowledge = refine(view.grey, [s.grey for s in sources], turned, shifts, start, 7, 0.02, 2.0)
+    better, knowledge = refine(view.gray, [s.gray for s in sources], turned, shifts, start, 7, 0.02, 2.0)
     before, after = (np.abs(w / truth - 1)[8:-8, 8:-8] for w in (start, better))
     assert np.median(after) < 0.5 * np.median(before)
-    bare = np.full_like(view.grey, 100.0)
+    bare = np.full_like(view.gray, 100.0)
     same, nothing = refine(bare, [bare] * 4, turned, shifts, start, 7, 0.02, 2.0)
     assert np.array_equal(same, start) and nothing.max() < 1e-3 * np.median(knowledge)
 
@@ -169,8 +169,8 @@ def test_depths_count_that_other_views_have_too_and_not_those_seen_through(wall)
     assert good.mean() > 0.5 and np.abs(found.inverse / truth - 1)[good].max() < 0.01
 
 
-def test_neighbours_look_the_same_way_from_another_place() -> None:
+def test_neighbors_look_the_same_way_from_another_place() -> None:
     poses = np.stack([camera_at(x).camera_to_world for x in (0.0, 0.01, 0.5, 0.6, 9.0)])
     poses = np.concatenate([poses, camera_at(0.6, yaw=2.0).camera_to_world[None]])
-    assert neighbours(poses, 0, 4, 0.6) == [3, 2]  # 2 is only then far enough from 3 when cameras may be nearer
-    assert neighbours(poses[:2], 0, 4, 0.6) == []
+    assert neighbors(poses, 0, 4, 0.6) == [3, 2]  # 2 is only then far enough from 3 when cameras may be nearer
+    assert neighbors(poses[:2], 0, 4, 0.6) == []

@@ -30,7 +30,7 @@ def room(rng: np.random.Generator) -> ObservedPoints:
     return ObservedPoints(points.astype(np.float32), eyes.astype(np.float32), np.full(len(points), 2e4, np.float32))
 
 
-def test_the_six_faces_of_a_room_are_found_to_the_centimetre() -> None:
+def test_the_six_faces_of_a_room_are_found_to_the_centimeter() -> None:
     planes = find_planes([room(np.random.default_rng(0))])
     assert len(planes) == 6
     offsets = sorted(round(p.offset, 2) for p in planes)
@@ -108,14 +108,14 @@ def test_a_bare_wall_takes_the_plane_that_its_border_lies_on() -> None:
             floor = np.where(rays[..., 2] < 0, -1.2 / rays[..., 2], np.inf)
             ceiling = np.where(rays[..., 2] > 0, 1.3 / rays[..., 2], np.inf)
         nearest = np.argmin(np.stack([wall, floor, ceiling]), axis=0)
-        grey = np.array([200.0, 90.0, 240.0], np.float32)[nearest]
-        return View(camera, grey, census_of(grey, 2.0))
+        gray = np.array([200.0, 90.0, 240.0], np.float32)[nearest]
+        return View(camera, gray, census_of(gray, 2.0))
 
     here, others = view(2.0), [view(1.6), view(2.4)]
     warps = [Warp.between(here.camera, o.camera) for o in others]
-    nothing = np.zeros(here.grey.shape, np.float32)
+    nothing = np.zeros(here.gray.shape, np.float32)
     found, which = label_planes(here, others, warps, nothing, planes, LabelConfig())
-    wall = here.grey == 200.0
+    wall = here.gray == 200.0
     assert np.mean(which[wall] >= 0) > 0.86  # the outermost columns are seen from one side alone
     assert np.mean(np.abs(found[wall] * 4.0 - 1) < 0.02) > 0.85
 

@@ -19,7 +19,7 @@ HOW_TO = sorted((DOCS / "how-to").glob("*.md"))
 HELP = sorted((ROOT / "resources" / "nvsim_resources" / "help").glob("*.md"))
 BENCHMARKS = sorted((DOCS / "benchmarks").glob("*.md"))
 PAGES = [
-    *(ROOT / "README.md", ROOT / "CONTRIBUTING.md"),
+    *(ROOT / "README.md", ROOT / "CONTRIBUTING.md", ROOT / "SECURITY.md"),
     *(*sorted(DOCS.glob("*.md")), *HOW_TO, *TUTORIALS, *BENCHMARKS, *HELP),
 ]
 

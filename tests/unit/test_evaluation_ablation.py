@@ -125,6 +125,6 @@ def test_report_writes_text_csv_and_a_picture_whose_tiles_are_what_was_rendered(
     sheet = cv2.imread(str(files[2]))
     height = round(48 * WIDTH / 64)
     # The frame is 0.25; the renders are 0.5 and 0.75 and their alphas 0.5 and 0.25; two pictures are shown.
-    for grey, count in ((64, 2 + 2), (128, 2 + 2), (191, 2)):
-        area = int((np.abs(sheet.astype(int) - grey).max(axis=2) == 0).sum())
+    for gray, count in ((64, 2 + 2), (128, 2 + 2), (191, 2)):
+        area = int((np.abs(sheet.astype(int) - gray).max(axis=2) == 0).sum())
         assert area == pytest.approx(count * (height - 2) * (WIDTH - 2), rel=0.01)

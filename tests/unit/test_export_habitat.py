@@ -112,7 +112,7 @@ def test_robots_stand_where_the_true_floor_is_free(made: tuple[Path, list[Block]
         low, high = one.min(axis=0), one.max(axis=0)
         got |= ((cells >= low[:2]) & (cells < high[:2])).all(axis=-1)
     standing = [block for block in blocks if block.hi[2] > 0.1 and block.lo[2] < 1.5]
-    true = ~np.any([(block.metres_to(cells.reshape(-1, 2)) == 0).reshape(x.shape) for block in standing], axis=0)
+    true = ~np.any([(block.meters_to(cells.reshape(-1, 2)) == 0).reshape(x.shape) for block in standing], axis=0)
     true &= (x < 5.1) | (y < 1.6)
     assert (got & true).sum() / (got | true).sum() > 0.95
     for a, b in graph.edges:

@@ -24,7 +24,7 @@ CLOUDS = {
 
 
 @pytest.mark.parametrize("name", CLOUDS)
-def test_the_fourth_neighbour_is_as_far_as_a_tree_says(name: str) -> None:
+def test_the_fourth_neighbor_is_as_far_as_a_tree_says(name: str) -> None:
     points = CLOUDS[name].astype(np.float32)
     distance, _ = cKDTree(points).query(points, k=min(5, len(points)))
     expected = np.asarray(distance, np.float32).reshape(len(points), -1)[:, -1]

@@ -29,7 +29,7 @@ EPISODE = {
 GOAL = {"position", "radius", "object_id", "object_name", "object_name_id", "object_category", "room_id", "room_name"}
 GOAL |= {"view_points"}
 IMAGE = {"position", "rotation", "hfov", "image_dimensions", "frame_coverage", "object_coverage"}
-FEW = ["--fewest-edges", "2", "--least-metres", "2", "--train", "8", "--val-seen", "2", "--val-unseen", "0"]
+FEW = ["--fewest-edges", "2", "--least-meters", "2", "--train", "8", "--val-seen", "2", "--val-unseen", "0"]
 SOFA = Block((1.2, 4.0, 0), (3.2, 4.9, 0.82), (0, 0, 0))
 CABINET = Block((4.3, 2.6, 0), (4.95, 4.1, 1.8), (0, 0, 0))
 
@@ -100,8 +100,8 @@ def test_places_at_an_object_are_free_and_look_at_it(made: tuple[Path, list[Bloc
     assert goal["view_points"]
     for one in goal["view_points"]:
         place = in_nvsim(one["agent_state"]["position"])
-        assert place[2] == pytest.approx(0, abs=0.02) and SOFA.metres_to(place[None, :2])[0] <= 1.05
-        assert min(float(block.metres_to(place[None, :2])[0]) for block in standing) >= 0.25
+        assert place[2] == pytest.approx(0, abs=0.02) and SOFA.meters_to(place[None, :2])[0] <= 1.05
+        assert min(float(block.meters_to(place[None, :2])[0]) for block in standing) >= 0.25
         x, y, z, w = one["agent_state"]["rotation"]
         heading = -2 * math.atan2(y, w)
         east, north = (2.2, 4.45) - place[:2]

@@ -1,4 +1,4 @@
-"""The evidence of edges that is kept from edit to edit is what one would work out anew."""
+"""The cached evidence of edges equals newly computed evidence after every edit."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ def test_what_is_kept_is_what_one_would_work_out_anew() -> None:
     while edits < 60:
         graph = history.graph
         id = rng.choice(list(graph.viewpoints))
-        near = rng.choice(graph.neighbours(id) or (id,))
+        near = rng.choice(graph.neighbors(id) or (id,))
         kinds: list[tuple[str, dict[str, Any]]] = [
             ("shift_viewpoints", {"ids": [id], "by": [0.5, 0.0, 0.0]}),
             ("remove_viewpoints", {"ids": [id]}),
@@ -85,7 +85,7 @@ def test_only_what_an_edit_touched_is_worked_out_again(monkeypatch: pytest.Monke
     kept.update(history.graph)
     for _ in kept.fill():
         pass
-    around = {id, *history.graph.neighbours(id)}
+    around = {id, *history.graph.neighbors(id)}
     assert {key for key in history.graph.edges if id in key} <= set(asked)
     assert all(around.intersection(key) for key in asked) and len(asked) < len(history.graph.edges) / 2
 

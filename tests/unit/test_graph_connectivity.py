@@ -25,7 +25,7 @@ def sample(scan: str = "house1") -> NavGraph:
 
 
 def load_as_the_agents_do(folder: Path) -> dict[str, nx.Graph]:
-    """What the agents' `load_nav_graphs` asks of the files, written from its description."""
+    """The fields that the agents' `load_nav_graphs` reads from the files, written from its description."""
     graphs = {}
     for scan in (folder / "scans.txt").read_text().split():
         data = json.loads((folder / f"{scan}_connectivity.json").read_text())

@@ -1,4 +1,4 @@
-"""What each edit does to a graph, and where it refuses."""
+"""The effect of each edit on a graph, and the cases in which it is refused."""
 
 from __future__ import annotations
 
@@ -117,7 +117,7 @@ def test_copies_stand_on_the_other_floor_with_their_edges() -> None:
     new = list(after.viewpoints.values())[5:]
     assert [v.position for v in new] == [(0, 0, 4.5), (2, 0.5, 4.5), (4, 3, 4.5)]
     assert {v.origin for v in new} == {"person"} and len(after.edges) == 5
-    assert new[1].id in after.neighbours(new[0].id) and not after.neighbours(new[2].id)
+    assert new[1].id in after.neighbors(new[0].id) and not after.neighbors(new[2].id)
     with pytest.raises(EditError, match="positions of the originals"):
         edits.copy_by(walk(), ["a"], 0.0)
 

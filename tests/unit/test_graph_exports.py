@@ -1,4 +1,4 @@
-"""Exports, each read back by another program's reader, and the refusal of what agents would choke on."""
+"""Each export is read by another program's reader. Graphs that agents cannot load are refused."""
 
 from __future__ import annotations
 
@@ -51,7 +51,7 @@ def test_networkx_reads_the_graphml_back(tmp_path: Path) -> None:
     assert nx.dijkstra_path_length(found, "a", "c<&") == pytest.approx(5 + np.sqrt(25 + 0.0625))
 
 
-def test_geojson_says_that_its_coordinates_are_local_metres(tmp_path: Path) -> None:
+def test_geojson_says_that_its_coordinates_are_local_meters(tmp_path: Path) -> None:
     found = json.loads(write_geojson(GRAPH, tmp_path / "g.geojson").read_text())
     assert found["type"] == "FeatureCollection" and "local meters" in found["note"]
     points = [f for f in found["features"] if f["geometry"]["type"] == "Point"]

@@ -1,4 +1,4 @@
-"""Findings: each kind where it should be, and a validator that follows edits to what a fresh look finds."""
+"""Findings: each kind at its place, and a validator that after each edit equals a new check."""
 
 from __future__ import annotations
 

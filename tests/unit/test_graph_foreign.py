@@ -1,4 +1,5 @@
-"""Connectivity files of other people: what was not edited comes back to the byte, what was edited changes little."""
+"""Connectivity files from other programs: unedited parts are written back byte by byte, and an edit changes only its
+own values."""
 
 from __future__ import annotations
 

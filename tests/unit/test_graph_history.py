@@ -163,7 +163,7 @@ def test_a_step_holds_what_it_changed_and_no_more() -> None:
     id = list(graph.viewpoints)[40]
     read = decode_graph(encode_graph(graph))  # other objects of the same values
     moved = edits.move_viewpoints(read, {id: (1.0, 2.0, 1.5)})
-    near = len(graph.neighbours(id))
+    near = len(graph.neighbors(id))
     cases = {
         "nothing": (read, 80),
         "moved": (moved, 1500 + 1000 * near),

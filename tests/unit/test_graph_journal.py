@@ -1,4 +1,4 @@
-"""The durable history: what is on disk after closing, a kill, a second window, a changed or damaged file."""
+"""The stored history: the content on disk after closing, a kill, a second window, and a changed or damaged file."""
 
 from __future__ import annotations
 

@@ -46,7 +46,7 @@ def small_graph(seed: int) -> NavGraph:
 
 
 def assert_rules(graph: NavGraph) -> None:
-    """What holds of every graph, and of the indices that edits hand on."""
+    """Rules of every graph, and of the indices that edits update."""
     assert all(id == v.id for id, v in graph.viewpoints.items())
     assert all(e.key == key and e.a < e.b for key, e in graph.edges.items())
     assert all(end in graph.viewpoints for key in graph.edges for end in key)

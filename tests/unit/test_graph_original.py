@@ -1,4 +1,4 @@
-"""A connectivity file of anyone's is kept as it was before the first edit of ours takes its place."""
+"""A foreign connectivity file is copied before the first edit replaces it."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The pictures beside a connectivity file as panoramas: each direction shows what lies there in the world."""
+"""The images beside a connectivity file as panoramas: each direction shows the right part of the world."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ def opened(tmp_path: Path, text: str) -> ForeignFile:
     return ForeignFile.open(path)
 
 
-def world_colours(directions: np.ndarray) -> np.ndarray:
+def world_colors(directions: np.ndarray) -> np.ndarray:
     """Of world directions (..., 3): what a picture would show of a sky whose color says where one looks."""
     unit = directions / np.linalg.norm(directions, axis=-1, keepdims=True)
     return np.round(127.5 + 120 * unit).astype(np.uint8)
@@ -32,7 +32,7 @@ def world_colours(directions: np.ndarray) -> np.ndarray:
 def picture_of(camera: Camera) -> np.ndarray:
     k = camera.intrinsics
     u, v = np.meshgrid(np.arange(k.width) + 0.5 - k.cx, np.arange(k.height) + 0.5 - k.cy)
-    return world_colours(np.stack([u / k.fx, v / k.fy, np.ones_like(u)], axis=-1) @ camera.rotation.T)
+    return world_colors(np.stack([u / k.fx, v / k.fy, np.ones_like(u)], axis=-1) @ camera.rotation.T)
 
 
 def entry_looking(heading: float, id: str = "a" * 32) -> dict:
@@ -70,7 +70,7 @@ def test_the_pictures_of_a_viewpoint_become_a_panorama_of_the_world_around_it(tm
     flat = np.cos(elevation_of)
     rays = np.stack([np.sin(heading_of) * flat, np.cos(heading_of) * flat, np.sin(elevation_of)], axis=-1)
     looked = (np.abs(elevation_of) < np.radians(58)) | (kind != "views")
-    error = np.abs(found.astype(int) - world_colours(rays))[looked].max(axis=-1)
+    error = np.abs(found.astype(int) - world_colors(rays))[looked].max(axis=-1)
     assert np.quantile(error, 0.99) <= 5, "the colours of the sky are where one looks at them"
 
 

@@ -21,7 +21,7 @@ from nvsim.occupancy.types import FREE, OCCUPIED, UNKNOWN, OccupancyMap
 
 
 def hall(width: float = 12.0, depth: float = 6.0) -> OccupancyMap:
-    """An empty hall with walls, a decimetre to a cell, its inner corner at the origin."""
+    """An empty hall with walls, a decimeter to a cell, its inner corner at the origin."""
     cells = np.full((round(depth * 10) + 2, round(width * 10) + 2), OCCUPIED, np.uint8)
     cells[1:-1, 1:-1] = FREE
     return OccupancyMap(cells, 0.1, (-0.1, -0.1))
@@ -159,7 +159,7 @@ def test_the_command_writes_a_script_that_replay_runs(tmp_path: Path, capsys: py
     assert main(["graph", "replay", str(path), str(script)]) == 0
     graph = read_connectivity(path)
     assert len(graph.viewpoints) == 2 + len(proposed["viewpoints"]) > 2
-    assert all(graph.neighbours(id) for id in graph.viewpoints)
+    assert all(graph.neighbors(id) for id in graph.viewpoints)
     capsys.readouterr()
     assert main(["graph", "propose", str(path), "--json"]) == 0
     assert not json.loads(capsys.readouterr().out)["viewpoints"], "what was taken is not proposed again"

@@ -142,7 +142,7 @@ def test_selection_grows_inverts_and_spreads_over_the_component() -> None:
     assert selection(["a", "b"]) ^ selection(["b", "c"]) == selection(["a", "c"])
 
 
-def test_shortest_path_goes_by_metres_and_round_what_is_excluded() -> None:
+def test_shortest_path_goes_by_meters_and_round_what_is_excluded() -> None:
     graph = crossing()
     assert shortest_path(graph, "n2", "e1") == ("n2", "n1", "m", "e1")
     assert path_between(graph, "n2", "e1").edges == {("n1", "n2"), ("m", "n1"), ("e1", "m")}

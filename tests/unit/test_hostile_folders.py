@@ -1,4 +1,4 @@
-"""Output folders from somebody else: links in them lead to files that stay as they are."""
+"""Output folders from other people: the targets of their links never change."""
 
 from __future__ import annotations
 

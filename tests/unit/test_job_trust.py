@@ -1,4 +1,4 @@
-"""Whose order a job is, and whether its process lives: nothing in a project that somebody sent is believed."""
+"""Who ordered a job, and whether its process lives: NVSim trusts no file of a foreign project for either."""
 
 from __future__ import annotations
 

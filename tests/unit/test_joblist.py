@@ -1,4 +1,4 @@
-"""Jobs on disk: what becomes of one when it ends, is asked to stop, or is killed."""
+"""Jobs on disk: their state after they end, are asked to stop, or are killed."""
 
 from __future__ import annotations
 

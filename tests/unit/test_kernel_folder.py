@@ -1,5 +1,5 @@
-"""Kernels find a folder for what they compile where neither the package nor the user's cache can be written, and
-`python -m nvsim` runs nothing from the folder it is started in."""
+"""NVSim finds a folder for compiled kernels if the package and the user's cache are read-only. `python -m nvsim` runs
+no code from the current folder."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Who runs the threads of the kernels is decided in one place."""
+"""One module selects the library that runs the threads of the kernels."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import pytest
 
 
 def told(program: str, **environment: str) -> str:
-    """What a fresh interpreter prints."""
+    """The output of a new interpreter."""
     kept = {k: v for k, v in os.environ.items() if not k.startswith("NUMBA_THREADING")} | environment
     result = subprocess.run(
         [sys.executable, "-c", program], env=kept, capture_output=True, text=True, timeout=120, check=False

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from columns import fill, room
-from test_mapping_unmeasured import CONFIG, built, start_of, with_neighbour
+from test_mapping_unmeasured import CONFIG, built, start_of, with_neighbor
 
 from nvsim.graph import edits
 from nvsim.mapping.criteria import OPEN, decide
@@ -19,9 +19,9 @@ POST = (3.55, 1.85, 3.85, 2.15)
 
 def test_a_post_is_found_by_the_evidence_and_by_the_map_at_its_place() -> None:
     plan = fill(room(6, 4), *POST, OCCUPIED)
-    graph = with_neighbour(built(plan), np.radians(90), 1.4)
+    graph = with_neighbor(built(plan), np.radians(90), 1.4)
     found = explain_path(graph, start_of(graph), "beside", CONFIG, plan)
-    assert not found.joined and found.metres == pytest.approx(1.4) and found.rise == pytest.approx(0.0)
+    assert not found.joined and found.meters == pytest.approx(1.4) and found.rise == pytest.approx(0.0)
     assert found.blocked == pytest.approx(0.55, abs=0.06) and found.unknown == pytest.approx(0.3 / 1.4, abs=0.05)
     there, back = found.ways
     assert there.source and there.found.decision != OPEN and back.source == "", "nothing was measured from the new one"
@@ -31,7 +31,7 @@ def test_a_post_is_found_by_the_evidence_and_by_the_map_at_its_place() -> None:
 
 def test_free_floor_speaks_for_an_edge_and_the_verdicts_are_those_of_the_builder() -> None:
     plan = room(6, 4)
-    graph = with_neighbour(built(plan), 0.0, 1.2)
+    graph = with_neighbor(built(plan), 0.0, 1.2)
     id = start_of(graph)
     found = explain_path(graph, id, "beside", CONFIG, plan)
     assert found.blocked is None and found.unknown == 0.0 and found.support_of_edge == 1
@@ -47,7 +47,7 @@ def test_free_floor_speaks_for_an_edge_and_the_verdicts_are_those_of_the_builder
 
 def test_without_evidence_the_map_speaks_and_without_that_nothing_does() -> None:
     plan = room(6, 4)
-    graph = replace(with_neighbour(built(plan), 0.0, 1.2), evidence={})
+    graph = replace(with_neighbor(built(plan), 0.0, 1.2), evidence={})
     id = start_of(graph)
     assert explain_path(graph, id, "beside", CONFIG, plan).support_of_edge == 1
     assert explain_path(graph, id, "beside", CONFIG, fill(plan, 2.5, 2.4, 3.5, 2.6, OCCUPIED)).support_of_edge == -1

@@ -72,8 +72,8 @@ def test_no_step_leads_between_two_views_of_30_degrees() -> None:
         if edge.origin == "step":
             d = place(graph, b) - place(graph, a)
             heading = np.degrees(np.arctan2(d[0], d[1])) % 360
-            off_centre = abs((heading + 15) % 30 - 15)
-            assert off_centre == pytest.approx(7.5, abs=1e-6)
+            off_center = abs((heading + 15) % 30 - 15)
+            assert off_center == pytest.approx(7.5, abs=1e-6)
 
 
 def test_search_does_not_leave_through_a_hole_in_the_outer_wall() -> None:
@@ -209,7 +209,7 @@ def test_reapplying_keeps_what_a_person_added() -> None:
     first = next(iter(graph.viewpoints))
     edited = add_edge(add_viewpoint(graph, Viewpoint("mine", (7.0, 7.0, 1.2), origin="person")), first, "mine")
     again = build_map(world, positions, flat_floor, world.support, SMALL, scan="test", previous=edited).graph
-    assert "mine" in again.viewpoints and again.neighbours("mine") == (first,)
+    assert "mine" in again.viewpoints and again.neighbors("mine") == (first,)
 
 
 def test_walk_that_stands_on_nothing_is_refused_with_a_sentence() -> None:

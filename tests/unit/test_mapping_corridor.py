@@ -1,4 +1,4 @@
-"""Corridors, what is read on them, and the decision."""
+"""Corridors, the values measured on them, and the decision."""
 
 from __future__ import annotations
 

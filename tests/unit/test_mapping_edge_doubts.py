@@ -1,4 +1,4 @@
-"""Words for what the stored evidence has against an edge."""
+"""Texts for the stored evidence against an edge."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What a person did survives the machine's next decision."""
+"""Edits of a user remain after the map is decided again."""
 
 from __future__ import annotations
 

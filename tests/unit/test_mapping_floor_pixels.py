@@ -1,4 +1,5 @@
-"""Where floor lies in a view, and what is read there, against the camera's own projection and scipy's interpolation."""
+"""Positions of floor pixels in a view, and the values read there, compared with the camera's projection and scipy's
+interpolation."""
 
 from __future__ import annotations
 

@@ -28,7 +28,7 @@ def test_house_becomes_one_valid_graph_that_covers_it(shared_data: Path) -> None
     assert figures["node_validity"] >= 0.99 and figures["edge_validity"] >= 0.99
     assert figures["node_validity_robot"] >= 0.9 and figures["edge_validity_robot"] >= 0.9
     assert figures["coverage"] >= 0.95 and figures["components"] == 1
-    degrees = [len(graph.neighbours(id)) for id in graph.viewpoints]
+    degrees = [len(graph.neighbors(id)) for id in graph.viewpoints]
     assert max(degrees) <= 15, "the simulator's sort of neighbours is only stable up to sixteen entries"
 
 

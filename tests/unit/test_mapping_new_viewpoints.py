@@ -1,4 +1,4 @@
-"""What is measured where a person put a viewpoint, in a world whose truth is known."""
+"""Measurements at a viewpoint that a user added, in a world with ground truth."""
 
 from __future__ import annotations
 

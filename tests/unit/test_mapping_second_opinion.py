@@ -1,4 +1,4 @@
-"""Where two submap models show the same place both are asked, and an edge needs both."""
+"""An edge in the overlap of two submap models must be free in both."""
 
 from __future__ import annotations
 

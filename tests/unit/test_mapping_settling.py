@@ -56,7 +56,7 @@ def ways(graph: NavGraph) -> nx.Graph:
 
 def far_pairs(graph: NavGraph) -> tuple[int, int]:
     """Pairs under 1.5 m with a free way for a robot, and those of them that are over 3 m apart in the graph."""
-    occupancy, metres = rooms(), dict(nx.all_pairs_dijkstra_path_length(ways(graph)))
+    occupancy, meters = rooms(), dict(nx.all_pairs_dijkstra_path_length(ways(graph)))
     places = {id: np.array(v.position[:2]) for id, v in graph.viewpoints.items()}
     near = [
         (a, b)
@@ -64,7 +64,7 @@ def far_pairs(graph: NavGraph) -> tuple[int, int]:
         for b in places
         if a < b and np.hypot(*(places[a] - places[b])) < NEAR and segment_is_free(occupancy, places[a], places[b], 0.3)
     ]
-    return len(near), sum(metres[a].get(b, np.inf) > 2 * NEAR for a, b in near)
+    return len(near), sum(meters[a].get(b, np.inf) > 2 * NEAR for a, b in near)
 
 
 @pytest.fixture(scope="module")
@@ -101,9 +101,9 @@ def test_evidence_says_why_a_free_corridor_has_no_edge(settled: NavGraph) -> Non
             leads = e.joins or next(
                 id for id, v in settled.viewpoints.items() if np.hypot(*np.subtract(v.position[:2], e.target)) < 0.01
             )
-            assert leads in settled.neighbours(e.viewpoint)
+            assert leads in settled.neighbors(e.viewpoint)
         if e.decision == "spare" and e.joins:
-            assert e.joins not in settled.neighbours(e.viewpoint)
+            assert e.joins not in settled.neighbors(e.viewpoint)
 
 
 def test_the_thresholds_that_built_it_change_nothing(settled: NavGraph) -> None:
@@ -139,10 +139,10 @@ def test_untying_a_grid_keeps_it_together_and_leaves_no_edge_that_could_be_spare
     after = _graph(found)
     assert {frozenset(c) for c in nx.connected_components(after)} == before
     for start in after:
-        metres = nx.single_source_dijkstra_path_length(after, start, cutoff=12.0)
-        for end in metres:
-            last = [n for n in after[end] if n in metres and metres[n] < metres[end]]
-            tied = [n for n in last if metres[n] + after[n][end]["weight"] <= metres[end] + SAME_LENGTH]
+        meters = nx.single_source_dijkstra_path_length(after, start, cutoff=12.0)
+        for end in meters:
+            last = [n for n in after[end] if n in meters and meters[n] < meters[end]]
+            tied = [n for n in last if meters[n] + after[n][end]["weight"] <= meters[end] + SAME_LENGTH]
             assert len(tied) < 2 or not any(found.is_edge_redundant(n, end) for n in tied)
 
 
@@ -158,11 +158,11 @@ def test_a_way_is_as_long_whatever_is_left_aside_on_the_search_for_it() -> None:
             if a < b and found.distance(a, b) < 2.0:
                 found.join(a, b)
     for a in found:
-        whole = found.all_metres(a, np.inf)
+        whole = found.all_meters(a, np.inf)
         for b in found:
             far = whole.get(b, np.inf)
             for most in (found.distance(a, b), 0.9 * far, far, 1.2 * found.distance(a, b) + 1):
-                assert found.metres(a, b, most) == (far if far <= most else np.inf)
+                assert found.meters(a, b, most) == (far if far <= most else np.inf)
 
 
 def _graph(found: DraftGraph) -> nx.Graph:

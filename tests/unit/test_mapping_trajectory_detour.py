@@ -20,7 +20,7 @@ EYE = 1.4
 
 
 def glass_room() -> OccupancyMap:
-    """10 by 8 metres; walls around a room in its middle, whose left side is of glass: free, as photographs show it."""
+    """10 by 8 meters; walls around a room in its middle, whose left side is of glass: free, as photographs show it."""
     occupancy = room(10, 8)
     occupancy = fill(occupancy, 3.0, 2.0, 7.0, 2.1, OCCUPIED)
     occupancy = fill(occupancy, 3.0, 5.9, 7.0, 6.0, OCCUPIED)
@@ -48,9 +48,9 @@ def at(x: float, y: float) -> tuple[float, float, float]:
 
 
 def test_a_way_through_the_glass_cuts_off_the_way_around(detour: TrajectoryDetour) -> None:
-    metres = detour(at(2.2, 4.0), at(4.6, 4.0))
-    assert metres == pytest.approx(3 + 6 + 1.5 + 3 + 1.5, abs=1.5)
-    assert detour(at(4.6, 4.0), at(2.2, 4.0)) == pytest.approx(metres)
+    meters = detour(at(2.2, 4.0), at(4.6, 4.0))
+    assert meters == pytest.approx(3 + 6 + 1.5 + 3 + 1.5, abs=1.5)
+    assert detour(at(4.6, 4.0), at(2.2, 4.0)) == pytest.approx(meters)
 
 
 def test_ways_beside_the_trajectory_are_no_shortcuts(detour: TrajectoryDetour) -> None:
@@ -95,7 +95,7 @@ def test_without_a_scan_most_edges_through_the_glass_are_left_out() -> None:
     scanned, blind = built(True), built(False)
     left = through_the_glass(blind)
     assert len(left) <= len(through_the_glass(scanned)) / 2
-    assert all(metres < 1.0 for metres in left), "who stands right beside it may belong to the other side"
+    assert all(meters < 1.0 for meters in left), "who stands right beside it may belong to the other side"
     gone = scanned.edges.keys() - blind.edges.keys()
     assert blind.edges.keys() <= scanned.edges.keys()
     stayed = [key for key in gone if all(id in blind.viewpoints for id in key)]

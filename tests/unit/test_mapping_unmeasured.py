@@ -1,4 +1,4 @@
-"""Whether corridors that lead elsewhere speak against an edge that nobody measured."""
+"""Whether corridors in other directions contradict an edge that was not measured."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ def built(occupancy: OccupancyMap) -> NavGraph:
     return build_map(world, np.array([[3.0, 2.0, 1.2]]), flat_floor, world.support, CONFIG, scan="test").graph
 
 
-def with_neighbour(graph: NavGraph, angle: float, distance: float = 1.2) -> NavGraph:
+def with_neighbor(graph: NavGraph, angle: float, distance: float = 1.2) -> NavGraph:
     start = next(v for v in graph.viewpoints.values() if v.origin == "start")
     x, y, z = start.position
     place = (x + distance * math.sin(angle), y + distance * math.cos(angle), z)
@@ -38,13 +38,13 @@ def start_of(graph: NavGraph) -> str:
 
 @pytest.mark.parametrize("angle", np.radians([0, 20, 30, 45, 100, 260]))
 def test_free_floor_between_is_not_closed_and_a_wall_is(angle: float) -> None:
-    free = with_neighbour(built(room(6, 4)), angle)
+    free = with_neighbor(built(room(6, 4)), angle)
     key = tuple(sorted((start_of(free), "beside")))
     assert not closed_path_test(CONFIG)(free, key)
     # A post 0.6 m from the start on the way there.
     x, y = 3 + 0.7 * math.sin(angle), 2 + 0.7 * math.cos(angle)
     for state in (OCCUPIED, UNKNOWN):
-        blocked = with_neighbour(built(fill(room(6, 4), x - 0.15, y - 0.15, x + 0.15, y + 0.15, state)), angle)
+        blocked = with_neighbor(built(fill(room(6, 4), x - 0.15, y - 0.15, x + 0.15, y + 0.15, state)), angle)
         assert closed_path_test(CONFIG)(blocked, tuple(sorted((start_of(blocked), "beside"))))
 
 

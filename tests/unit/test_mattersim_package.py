@@ -128,8 +128,8 @@ def test_plain_drawing_equals_the_compiled_kernels(heading: float, elevation: fl
     rays, plane = rays_of(CANONICAL, heading, elevation, 96, 64, math.radians(60))
     strip = random.integers(0, 256, (32, 192, 3)).astype(np.uint8)
     a, b = np.zeros((64, 96, 3), np.uint8), np.zeros((64, 96, 3), np.uint8)
-    compiled.draw_colours(strip, rays, a)
-    plain.draw_colours(strip, rays, b)
+    compiled.draw_colors(strip, rays, a)
+    plain.draw_colors(strip, rays, b)
     assert np.abs(a.astype(int) - b).mean() < 2  # weights of 1/32, pixels are noise
     distances = random.integers(0, 60000, (32, 192)).astype(np.uint16)
     c, d = np.zeros((64, 96, 1), np.uint16), np.zeros((64, 96, 1), np.uint16)

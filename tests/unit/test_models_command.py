@@ -1,4 +1,4 @@
-"""`nvsim models`: what is installed, how it is installed, and what is wrong with it."""
+"""`nvsim models` lists networks, installs them, and reports their errors."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What a TOML may say of a model, and the descriptions that come with NVSim."""
+"""The fields of a model's TOML file, and the descriptions that come with NVSim."""
 
 from __future__ import annotations
 

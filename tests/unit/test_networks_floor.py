@@ -18,27 +18,27 @@ from nvsim.perception.semantic_network import SemanticNetwork
 CAMERA = Camera(Intrinsics.from_fov(150, 90, 1.2), camera_pose(np.zeros(3), 0.0))
 
 
-def image(colour: tuple[int, int, int], beside: tuple[int, int, int] = (0, 0, 0)) -> np.ndarray:
-    """(90, 150, 3), the lower right of one colour, the rest of another."""
+def image(color: tuple[int, int, int], beside: tuple[int, int, int] = (0, 0, 0)) -> np.ndarray:
+    """(90, 150, 3), the lower right of one color, the rest of another."""
     found = np.tile(np.array(beside, np.uint8), (90, 150, 1))
-    found[40:, 60:] = colour
+    found[40:, 60:] = color
     return found
 
 
-def chance(colour: tuple[int, int, int]) -> float:
+def chance(color: tuple[int, int, int]) -> float:
     """By hand: the softmax of 150 logits, of floor and rug together."""
-    ours = np.exp(FLOOR * colour[0] / 255) + np.exp(RUG * colour[1] / 255)
-    return float(ours / (ours + 147 + np.exp(colour[2] / 255)))
+    ours = np.exp(FLOOR * color[0] / 255) + np.exp(RUG * color[1] / 255)
+    return float(ours / (ours + 147 + np.exp(color[2] / 255)))
 
 
 @pytest.mark.parametrize("classes", [150, 151])
 @pytest.mark.parametrize("size", [("h", "w"), (640, 640)])
 def test_floor_and_rug_are_summed_with_or_without_a_background(tmp_path: Path, classes: int, size: tuple) -> None:
-    colour = (230, 90, 0)
+    color = (230, 90, 0)
     found = SemanticNetwork(described("segformer-ade20k", segformer(tmp_path / "n.onnx", classes, size)))
-    probability = found.floor_probability(image(colour), CAMERA)
+    probability = found.floor_probability(image(color), CAMERA)
     assert probability.shape == (90, 150)
-    assert np.allclose(probability[44:, 64:], chance(colour), atol=0.004)
+    assert np.allclose(probability[44:, 64:], chance(color), atol=0.004)
     assert np.allclose(probability[:36], 2 / 150, atol=0.004) and np.allclose(probability[:, :56], 2 / 150, atol=0.004)
 
 
@@ -46,8 +46,8 @@ def test_labels_are_floor_where_they_say_so(tmp_path: Path) -> None:
     found = SemanticNetwork(described("mmseg-ade20k", mmseg(tmp_path / "n.onnx")))
     floor = np.zeros((90, 150), bool)
     floor[40:, 60:] = True
-    for colour in ((200, 10, 10), (10, 200, 10)):
-        probability = found.floor_probability(image(colour, (0, 0, 200)), CAMERA)
+    for color in ((200, 10, 10), (10, 200, 10)):
+        probability = found.floor_probability(image(color, (0, 0, 200)), CAMERA)
         assert np.array_equal(probability > 0.5, floor)
 
 

@@ -1,4 +1,4 @@
-"""ONNX files from somebody else: endless, too large, crashing, or with weights in the user's files."""
+"""ONNX files from other people: endless, too large, crashing, or with weights in the user's files."""
 
 from __future__ import annotations
 
@@ -334,3 +334,12 @@ def test_a_name_that_no_file_can_have_is_a_problem_of_one_model(
     said = capsys.readouterr().out
     assert "warning: " in said and "bad/model.toml: " in said and "good: " in said
     assert main(["models", "check", "good"]) == 0
+
+
+def test_onnxruntime_reports_nothing_to_its_vendor(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("HOME", str(tmp_path / "home"))
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
+    for name in ("ORT_DISABLE_TELEMETRY", "CI"):  # each of them disables the telemetry by itself
+        monkeypatch.delenv(name, raising=False)
+    Session(saved(tmp_path / "distance.onnx", [*DISTANCE, helper.make_node("Identity", ["d0"], ["d"])]))
+    assert [path.name for path in tmp_path.rglob("*")] == ["distance.onnx"], "a device identifier was stored"

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from described_models import described
 from normal_networks import metric3d, metric3d_official, moge
-from test_perception_normals import FLOOR, WALL, colour, inner, picture
+from test_perception_normals import FLOOR, WALL, color, inner, picture
 
 from nvsim.errors import InputError
 from nvsim.geometry.camera import Camera, Intrinsics, camera_pose
@@ -57,8 +57,8 @@ def test_whatever_frame_a_model_answers_in_a_floor_lies_and_walls_stand(tmp_path
     camera = Camera(Intrinsics.from_fov(84, 56, 1.2), camera_pose(np.zeros(3), 0.0))  # looks along +y, x to the right
     facing, floor, left = FRAMES[axes]
     for answer, world in ((facing, (0, -1, 0)), (floor, (0, 0, 1)), (left, (1, 0, 0))):
-        image = np.tile(colour(np.array(facing, float)), (56, 84, 1))
-        image[30:54, 10:74] = colour(np.array(answer, float))
+        image = np.tile(color(np.array(facing, float)), (56, 84, 1))
+        image[30:54, 10:74] = color(np.array(answer, float))
         found = network.normals(image, camera)
         assert np.allclose(found[42, 42], world, atol=0.02)
 
@@ -67,7 +67,7 @@ def test_axes_that_point_the_wrong_way_are_refused_at_the_first_image(tmp_path: 
     said = '[result]\nvalue = "normals"\nimage = "photo"\nlayout = "NHWC"\naxes = ["left", "up", "backward"]\n'
     network = NormalsNetwork(opened(tmp_path, "moge-2", said))
     camera = Camera(Intrinsics.from_fov(84, 56, 1.2), camera_pose(np.zeros(3), 0.0))
-    wall = np.tile(colour(np.array([0.0, 0, -1])), (56, 84, 1))
+    wall = np.tile(color(np.array([0.0, 0, -1])), (56, 84, 1))
     with pytest.raises(InputError, match="point away from the camera .normal times ray is 0.[89].*reverse the axes"):
         network.normals(wall, camera)
 

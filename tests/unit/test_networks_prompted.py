@@ -1,5 +1,5 @@
 """Every described form of SAM, by networks of its signature that draw a disc at each point: a shifted point, a border
-that is not cut off, a wrong range of colours or a wrong mask of several is another disc."""
+that is not cut off, a wrong range of colors or a wrong mask of several is another disc."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ SIZES = ((300, 480), (480, 300), (100, 130))  # wider, higher, and smaller than 
 STRETCHED = tuple(form for form in FORMS if not form.startswith("mobile-sam"))
 
 
-def colours(height: int, width: int) -> np.ndarray:
+def colors(height: int, width: int) -> np.ndarray:
     """The left half strongly red, the right half little, which blue and green would say the other way round."""
     image = np.zeros((height, width, 3), np.uint8)
     image[:, : width // 2] = (204, 30, 60)
@@ -48,7 +48,7 @@ def test_the_mask_lies_where_the_point_is(tmp_path: Path, form: str, size: tuple
     height, width = size
     for share, red in (((0.27, 0.72), 0.8), ((0.81, 0.3), 0.2)):
         point = share[0] * width, share[1] * height
-        found = network.region(colours(*size), np.array([point]), np.ones(1, bool))
+        found = network.region(colors(*size), np.array([point]), np.ones(1, bool))
         wanted = disc(form, size, point, red)
         assert found.shape == size and overlap(found, wanted) > 0.94
         # A shift by a pixel of the image moves the disc by one.
@@ -62,11 +62,11 @@ def test_three_points_give_three_discs_and_one_that_is_none_cuts_its_own_out(tmp
     size = (300, 480)
     points = np.array([[100.0, 80.0], [150.0, 220.0], [400.0, 150.0]])
     discs = [disc(form, size, (x, y), red) for (x, y), red in zip(points, (0.8, 0.8, 0.2), strict=True)]
-    found = network.region(colours(*size), points, np.ones(3, bool))
+    found = network.region(colors(*size), points, np.ones(3, bool))
     assert overlap(found, discs[0] | discs[1] | discs[2]) > 0.95
     points[2] = (100.0 + 12, 80.0)
     cut = disc(form, size, (112.0, 80.0), 0.8)
-    found = network.region(colours(*size), points, np.array([True, True, False]))
+    found = network.region(colors(*size), points, np.array([True, True, False]))
     assert overlap(found, (discs[0] | discs[1]) & ~cut) > 0.9
 
 
@@ -77,7 +77,7 @@ def test_the_form_of_a_pair_is_known_by_its_signature_whatever_the_files_are_cal
     (found, files), *_ = matching_forms({b: signature_of(b), a: signature_of(a)})
     assert found == form and files == dict(zip(known_descriptions()[form].files, (a, b), strict=True))
     old = InstalledModel("prompted", "prompted", tmp_path / "m", None, None, (a, b))
-    assert PromptedNetwork(old.open("cpu")).region(colours(90, 90), np.array([[20.0, 20.0]]), np.ones(1, bool)).any()
+    assert PromptedNetwork(old.open("cpu")).region(colors(90, 90), np.array([[20.0, 20.0]]), np.ones(1, bool)).any()
 
 
 def test_an_image_is_looked_at_once_for_all_its_points(tmp_path: Path) -> None:
@@ -87,6 +87,6 @@ def test_an_image_is_looked_at_once_for_all_its_points(tmp_path: Path) -> None:
     chain.show = lambda image: seen.append(1) or show(image)  # type: ignore[method-assign, func-returns-value]
     network = PromptedNetwork(chain)
     for x in (20.0, 30.0):
-        network.region(colours(60, 80), np.array([[x, 20.0]]), np.ones(1, bool))
-    network.region(colours(60, 90), np.array([[20.0, 20.0]]), np.ones(1, bool))
+        network.region(colors(60, 80), np.array([[x, 20.0]]), np.ones(1, bool))
+    network.region(colors(60, 90), np.array([[20.0, 20.0]]), np.ones(1, bool))
     assert len(seen) == 2

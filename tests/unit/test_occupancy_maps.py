@@ -20,9 +20,9 @@ from nvsim.occupancy.types import FREE, OCCUPIED, UNKNOWN, OccupancyMap
 
 
 def ros_pair(folder: Path, yaml: str, pixels: list[list[int]]) -> Path:
-    grey = np.array(pixels, np.uint8)
+    gray = np.array(pixels, np.uint8)
     (folder / "map.pgm").write_bytes(
-        f"P5\n# a comment\n{grey.shape[1]} {grey.shape[0]}\n255\n".encode() + grey.tobytes()
+        f"P5\n# a comment\n{gray.shape[1]} {gray.shape[0]}\n255\n".encode() + gray.tobytes()
     )
     (folder / "map.yaml").write_text(yaml)
     return folder / "map.yaml"
@@ -279,8 +279,8 @@ def octree(voxels: dict[tuple[int, int, int], int]) -> bytes:
                 inner += node(mine, half)
         return bits.to_bytes(2, "little") + inner
 
-    centre = 1 << 15
-    return OCTREE_HEADER + node({(x + centre, y + centre, z + centre): s for (x, y, z), s in voxels.items()}, 1 << 16)
+    center = 1 << 15
+    return OCTREE_HEADER + node({(x + center, y + center, z + center): s for (x, y, z), s in voxels.items()}, 1 << 16)
 
 
 def test_octomap_is_cut_between_two_heights_over_its_floor(tmp_path: Path) -> None:
@@ -308,14 +308,14 @@ def test_corridor_of_a_published_octomap_is_free_and_walled(shared_data: Path) -
     assert counts[FREE] > 30_000 and counts[OCCUPIED] > 10_000
     # The building is known for its straight corridor of some 34 m.
     rows = (found.cells == FREE).sum(axis=1)
-    y = found.centres()[int(np.argmax(rows)), 0, 1]
+    y = found.centers()[int(np.argmax(rows)), 0, 1]
     along = np.flatnonzero(found.cells[int(np.argmax(rows))] == FREE) * found.resolution + found.origin[0]
     assert along.max() - along.min() > 30
     assert segment_is_free(found, np.array([-2.0, y]), np.array([8.0, y]))
 
 
 @pytest.mark.data
-def test_published_ros_map_reads_as_its_grey_values_say(shared_data: Path) -> None:
+def test_published_ros_map_reads_as_its_gray_values_say(shared_data: Path) -> None:
     found = read_map(shared_data / "maps" / "map.yaml")
     assert found.cells.shape == (384, 384) and found.origin == (-10.0, -10.0)
     assert np.bincount(found.cells.ravel()).tolist() == [7939, 795, 138722]

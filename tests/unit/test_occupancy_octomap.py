@@ -59,17 +59,17 @@ def test_a_slice_has_what_its_voxels_have(tmp_path: Path, heights: Heights) -> N
         } == expected
 
 
-def coloured(data: bytes) -> bytes:
-    """The same tree as a coloured one: three bytes more in each node."""
+def colored(data: bytes) -> bytes:
+    """The same tree as a colored one: three bytes more in each node."""
     head, _, body = data.partition(b"\ndata\n")
     nodes = [body[i : i + 4] + b"\x10\x20\x30" + body[i + 4 : i + 5] for i in range(0, len(body), 5)]
     return head.replace(b"id OcTree", b"id ColorOcTree") + b"\ndata\n" + b"".join(nodes)
 
 
-def test_a_coloured_tree_is_read_and_other_kinds_are_refused(tmp_path: Path) -> None:
+def test_a_colored_tree_is_read_and_other_kinds_are_refused(tmp_path: Path) -> None:
     plain = read_map(written(tmp_path)[0])
     path = tmp_path / "coloured.ot"
-    path.write_bytes(coloured(full_tree()))
+    path.write_bytes(colored(full_tree()))
     assert np.array_equal(read_map(path).cells, plain.cells)
     path.write_bytes(full_tree().replace(b"id OcTree", b"id CountingOcTree"))
     with pytest.raises(InputError, match="CountingOcTree"):

@@ -1,4 +1,4 @@
-"""Maps that are built of projects: where they lie, who made them, and which may judge a graph."""
+"""Occupancy maps built from projects: their files, their origin, and which of them may evaluate a graph."""
 
 from __future__ import annotations
 

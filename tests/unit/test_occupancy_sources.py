@@ -1,4 +1,4 @@
-"""What rays are cast from: scans and depth images of captures, in every form that they come in."""
+"""Sources of rays: LiDAR scans and depth images of captures, in all their formats."""
 
 from __future__ import annotations
 
@@ -121,7 +121,7 @@ def test_where_somebody_walked_is_free_whatever_rays_say(tmp_path: Path) -> None
     on_the_box = np.array([0.9, -0.2])
     assert free.states_at(on_the_box) == FREE and rays_alone.states_at(on_the_box) != FREE
     new = free.cells != rays_alone.cells
-    beside = np.abs(free.centres()[new][:, 1] + 0.2)
+    beside = np.abs(free.centers()[new][:, 1] + 0.2)
     assert beside.max() < 0.21 and (free.cells[new] == FREE).all()
     assert "0.2 m to either side" in build_occupancy(through, None, rays, walked=0.2).provenance.note
     with pytest.raises(InputError, match="--walked"):

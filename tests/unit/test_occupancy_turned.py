@@ -1,4 +1,4 @@
-"""Maps with a yaw, and what a map says of itself."""
+"""Maps with a yaw, and the description of a map."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ def test_a_right_angle_keeps_every_cell(tmp_path: Path, yaw: str) -> None:
     after = read_map(with_yaw(tmp_path, before, yaw))
     assert sorted(after.cells.shape) == sorted(before.cells.shape)
     corner = np.array(before.origin)
-    places = corner + (before.centres() - corner) @ rotation(float(yaw)).T
+    places = corner + (before.centers() - corner) @ rotation(float(yaw)).T
     assert np.array_equal(after.states_at(places), before.cells)
     assert np.bincount(after.cells.ravel()).tolist() == np.bincount(before.cells.ravel()).tolist()
 
@@ -53,7 +53,7 @@ def test_every_cell_has_the_state_that_the_map_has_at_its_middle(
     before = random_map(seed)
     after = read_map(with_yaw(tmp_path_factory.mktemp("yaw"), before, repr(yaw)))
     corner = np.array(before.origin)
-    back = corner + (after.centres() - corner) @ rotation(yaw)
+    back = corner + (after.centers() - corner) @ rotation(yaw)
     quarter = math.remainder(yaw, math.pi / 2)
     if abs(quarter) > 1e-4:
         assert np.array_equal(after.cells, before.states_at(back)) and after.resolution == before.resolution
@@ -67,12 +67,12 @@ def test_every_cell_has_the_state_that_the_map_has_at_its_middle(
 def test_a_turned_disc_is_where_geometry_says(degrees: float) -> None:
     empty = OccupancyMap(np.zeros((300, 400), np.uint8), 0.02, (1.0, -2.0))
     middle, radius = np.array([4.0, 0.5]), 1.7
-    far = np.linalg.norm(empty.centres() - middle, axis=-1)
+    far = np.linalg.norm(empty.centers() - middle, axis=-1)
     disc = OccupancyMap(np.where(far < radius, OCCUPIED, FREE), 0.02, (1.0, -2.0))
     turn = rotation(math.radians(degrees))
     after = transformed_map(disc, turn, (0.3, -0.2), 1.5)
     assert after.resolution == pytest.approx(0.03)
-    away = np.linalg.norm(after.centres() - (1.5 * turn @ middle + (0.3, -0.2)), axis=-1)
+    away = np.linalg.norm(after.centers() - (1.5 * turn @ middle + (0.3, -0.2)), axis=-1)
     inside, outside = away < 1.5 * radius - 0.05, away > 1.5 * radius + 0.05
     assert (after.cells[inside] == OCCUPIED).all() and not (after.cells[outside] == OCCUPIED).any()
     area = (after.cells != UNKNOWN).sum() * after.resolution**2

@@ -1,4 +1,4 @@
-"""One corridor, one answer: whoever decides or explains says the same of any evidence."""
+"""All modules that decide or explain an edge agree for equal evidence."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A project or a graph from somebody else may hold links: what they lead to is never written."""
+"""Links in projects and graphs from other people: NVSim never writes to their targets."""
 
 from __future__ import annotations
 

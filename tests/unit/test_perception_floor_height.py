@@ -31,7 +31,7 @@ def error_along(surface, walk, floor) -> float:
 
 
 @pytest.mark.parametrize("slope", [0.0, 0.03, 0.08])
-def test_ramp_is_followed_to_a_centimetre(slope):
+def test_ramp_is_followed_to_a_centimeter(slope):
     def floor(x):
         return slope * np.clip(x - 4, 0, 5)
 
@@ -129,7 +129,7 @@ def test_desks_near_the_cameras_are_refused_if_a_tenth_of_the_patches_are_under_
         estimate_floor(cloud(tops, things, fronts, kind="images"), walk)
 
 
-def test_noise_above_and_below_the_floor_moves_it_by_less_than_two_centimetres():
+def test_noise_above_and_below_the_floor_moves_it_by_less_than_two_centimeters():
     rng = np.random.default_rng(2)
     floor = lambda x: 0 * x  # noqa: E731
     walk = walk_along_x(12, 1.4, floor)
@@ -222,4 +222,4 @@ def test_a_stair_is_followed_with_its_landings():
     off = surface.height_at(middle) - flight.height_at(middle)
     assert np.abs(off).max() < 0.06 and np.sqrt((off**2).mean()) < 0.02
     for rect, height in flight.treads():
-        assert abs(float(surface.height_at(np.array(rect.centre))) - height) < 0.07, "a tread is within half a rise"
+        assert abs(float(surface.height_at(np.array(rect.center))) - height) < 0.07, "a tread is within half a rise"

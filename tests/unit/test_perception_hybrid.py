@@ -36,7 +36,7 @@ class Normals:
 
 
 class Flood:
-    """The prompted role: the flat-coloured regions of the picture that hold the points."""
+    """The prompted role: the flat-colored regions of the picture that hold the points."""
 
     def __init__(self):
         self.prompts = []
@@ -86,7 +86,7 @@ def test_prompt_points_lie_inside_apart_from_each_other_and_repeat():
     assert len(spread_points(np.eye(1, dtype=bool), 3)) == 1
 
 
-def test_normal_picture_colours_a_floor_as_the_prompted_model_expects():
+def test_normal_picture_colors_a_floor_as_the_prompted_model_expects():
     picture = normal_picture(np.array([[[0, 0, 1.0], [-1, 0, 0]]], np.float32))
     assert picture.tolist() == [[[127, 127, 255], [0, 127, 127]]]
 

@@ -1,5 +1,5 @@
 """A network of normals in the forms that exports have, by one whose answer is known: the normal is written in the
-colour, n = 2 c - 1."""
+color, n = 2 c - 1."""
 
 from __future__ import annotations
 
@@ -23,17 +23,17 @@ def opened(path: Path) -> NormalsNetwork:
     return NormalsNetwork(InstalledModel("normals", "normals", path.parent, None, None, (path,)).open("cpu"))
 
 
-def colour(normal: np.ndarray) -> np.ndarray:
+def color(normal: np.ndarray) -> np.ndarray:
     """(3,) uint8."""
     return np.round((normal + 1) / 2 * 255).astype(np.uint8)
 
 
 def picture(height: int = 90, width: int = 150) -> tuple[np.ndarray, np.ndarray]:
     """(H, W, 3) a wall, and where the lower right shows floor."""
-    image = np.tile(colour(WALL), (height, width, 1))
+    image = np.tile(color(WALL), (height, width, 1))
     floor = np.zeros((height, width), bool)
     floor[height * 2 // 3 :, width * 2 // 5 :] = True
-    image[floor] = colour(FLOOR)
+    image[floor] = color(FLOOR)
     return image, floor
 
 
@@ -64,11 +64,11 @@ def test_the_normals_of_every_form_come_out_alike(tmp_path: Path, form: str) -> 
 @pytest.mark.parametrize("heading", [0.0, 1.0, 4.0])
 def test_the_normals_are_turned_into_the_world(tmp_path: Path, heading: float) -> None:
     pitched = Camera(Intrinsics.from_fov(40, 30, 1.2), camera_pose(np.zeros(3), heading, -np.pi / 4))
-    image = np.tile(colour(np.array([0, -(0.5**0.5), -(0.5**0.5)])), (30, 40, 1))
+    image = np.tile(color(np.array([0, -(0.5**0.5), -(0.5**0.5)])), (30, 40, 1))
     found = opened(metric3d(tmp_path / "n.onnx")).normals(image, pitched)
     assert np.allclose(found, [0, 0, 1], atol=0.01), "what faces the camera from below, halfway down, is floor"
     level = Camera(pitched.intrinsics, camera_pose(np.zeros(3), heading))
-    wall = np.tile(colour(np.array([0.0, 0, -1])), (30, 40, 1))
+    wall = np.tile(color(np.array([0.0, 0, -1])), (30, 40, 1))
     found = opened(metric3d(tmp_path / "n.onnx")).normals(wall, level)
     assert np.allclose(found, [-np.sin(heading), -np.cos(heading), 0], atol=0.01)
 

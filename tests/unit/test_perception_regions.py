@@ -67,7 +67,7 @@ def test_a_negative_point_on_the_same_surface_cuts_along_the_edge_in_the_image()
     assert not found[74:78, 25:55].any() and found[85, 100]
 
 
-def test_without_a_normal_the_region_follows_the_colour() -> None:
+def test_without_a_normal_the_region_follows_the_color() -> None:
     normals, image = scene()
     normals[:] = 0
     found = grow_region(normals, image, at((40, 76)), YES)

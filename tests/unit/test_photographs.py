@@ -1,4 +1,4 @@
-"""Photographs become upright images of bounded size with what Exif says of their cameras, and then a capture."""
+"""Photographs become upright images of limited size with the camera data of EXIF, and then a capture."""
 
 from __future__ import annotations
 

@@ -22,19 +22,19 @@ def walk(count: int = 24) -> list[Camera]:
     return [Camera(K, camera_pose(place, 0.1 * np.sin(0.7 * i), -0.1)) for i, place in enumerate(places)]
 
 
-def shaken(cameras: list[Camera], metres: float = 0.012, degrees: float = 0.25, seed: int = 0) -> list[Camera]:
+def shaken(cameras: list[Camera], meters: float = 0.012, degrees: float = 0.25, seed: int = 0) -> list[Camera]:
     rng = np.random.default_rng(seed)
     found = []
     for camera in cameras:
         pose = camera.camera_to_world.copy()
         pose[:3, :3] = pose[:3, :3] @ Rotation.from_rotvec(np.radians(rng.normal(0, degrees, 3))).as_matrix()
-        pose[:3, 3] += rng.normal(0, metres, 3)
+        pose[:3, 3] += rng.normal(0, meters, 3)
         found.append(Camera(K, pose))
     return found
 
 
 def seen(cameras: list[Camera], noise: float = 0.2, wrong: float = 0.0) -> Tracks:
-    """What the cameras show of 600 points two to four metres away; a share of it is `wrong`."""
+    """What the cameras show of 600 points two to four meters away; a share of it is `wrong`."""
     rng = np.random.default_rng(1)
     points = rng.uniform((-1.5, 2.0, 0.3), (5.0, 4.0, 2.8), (600, 3))
     lines: list[tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.float64]]] = []
@@ -50,7 +50,7 @@ def seen(cameras: list[Camera], noise: float = 0.2, wrong: float = 0.0) -> Track
 
 
 def jitter(poses: NDArray[np.float64], cameras: list[Camera]) -> tuple[float, float]:
-    """Metres and degrees by which steps from a camera to the next are off: what makes images disagree."""
+    """Errors of the steps from camera to camera, in meters and degrees, by which images disagree."""
     true = np.stack([c.camera_to_world for c in cameras])
     off = np.diff(poses[:, :3, 3] - true[:, :3, 3], axis=0)
     turned = Rotation.from_matrix(true[:, :3, :3].transpose(0, 2, 1) @ poses[:, :3, :3])

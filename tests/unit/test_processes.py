@@ -1,4 +1,4 @@
-"""A child process answers, and what happens to it is one sentence for the caller."""
+"""A child process answers, and the caller gets one sentence about its failure."""
 
 from __future__ import annotations
 

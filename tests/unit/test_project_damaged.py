@@ -1,4 +1,4 @@
-"""What is damaged or deleted in a project is made again by the command that the sentence names."""
+"""Damaged or deleted results of a project are restored by the command that the message names."""
 
 from __future__ import annotations
 

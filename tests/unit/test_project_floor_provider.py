@@ -1,5 +1,5 @@
-"""Who finds the floor of a project: `auto` and its reasons, named models, and masks by real networks whose answer is
-known, with what fails in a frame said of that frame."""
+"""Floor masks of a project: `auto` and its reasons, named models, and real networks with a known answer. An error names
+the frame that caused it."""
 
 from __future__ import annotations
 
@@ -36,12 +36,12 @@ POSE = camera_pose(np.array([0.0, 0.0, 1.5]), 0.0, math.radians(-25))
 WIDTH, HEIGHT = 160, 120
 
 
-def colour(world: tuple[float, float, float]) -> np.ndarray:
-    """(3,) uint8: a normal of the world in the frame of the camera at POSE, as the colour that stands for it."""
+def color(world: tuple[float, float, float]) -> np.ndarray:
+    """(3,) uint8: a normal of the world in the frame of the camera at POSE, as the color that stands for it."""
     return np.round((POSE[:3, :3].T @ np.array(world) + 1) / 2 * 255).astype(np.uint8)
 
 
-FLOOR, WALL = colour((0, 0, 1)), colour((0, -1, 0))
+FLOOR, WALL = color((0, 0, 1)), color((0, -1, 0))
 
 
 def image(with_floor: bool = True) -> tuple[np.ndarray, np.ndarray]:
@@ -54,7 +54,7 @@ def image(with_floor: bool = True) -> tuple[np.ndarray, np.ndarray]:
 
 
 def looks(path: Path) -> Path:
-    """A network of the semantic role: the logit is above 0 where a colour is nearer to floor than to a wall."""
+    """A network of the semantic role: the logit is above 0 where a color is nearer to floor than to a wall."""
     weights, axis = np.zeros((1, 3, 1, 1), np.float32), (FLOOR.astype(float) - WALL) / 255
     weights[0, :, 0, 0] = 40 * axis
     middle = float(np.mean([FLOOR, WALL], axis=0) / 255 @ axis)

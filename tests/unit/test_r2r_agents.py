@@ -1,4 +1,4 @@
-"""Agents without a model do what their definitions say, in the simulator, and their scores are what they must be."""
+"""Agents without a model follow their definitions in the simulator, and get the correct scores."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ def moves(trajectory: list[Pose]) -> tuple[str, ...]:
 
 
 def test_shortest_walks_every_path_as_it_was_sampled(tmp_path: Path) -> None:
-    # The second graph climbs: neighbours lie up to 60 degrees above and below.
+    # The second graph climbs: neighbors lie up to 60 degrees above and below.
     graphs = [house("one"), random_graph("two", 60, 4, reach=3.5)]
     tasks = tasks_in(*graphs, count=150)
     agent = ShortestAgent({graph.scan: graph for graph in graphs})
@@ -84,10 +84,10 @@ def test_random_turns_right_then_goes_five_times_to_what_is_ahead(tmp_path: Path
         gone = [a[0] != b[0] for a, b in pairwise(trajectory)]
         for (here, heading, _), (there, after, level) in pairwise(trajectory):
             assert level == 0.0
-            # The nearest of all neighbours to the middle of the view, which shows 40 degrees either side.
+            # The nearest of all neighbors to the middle of the view, which shows 40 degrees either side.
             off = {
                 id: abs((math.atan2(*(at[id] - at[here])[:2]) - heading + math.pi) % (2 * math.pi) - math.pi)
-                for id in graph.neighbours(here)
+                for id in graph.neighbors(here)
             }
             if there != here:
                 assert off[there] == min(off.values()) <= math.radians(40.01) and after == heading
@@ -104,7 +104,7 @@ def test_first_turns_of_random_are_uniform() -> None:
     assert sorted(counts) == list(range(12)) and chisquare(list(counts.values())).pvalue > 0.001
 
 
-def test_random_of_the_paper_goes_ten_times_to_any_neighbour_alike(tmp_path: Path) -> None:
+def test_random_of_the_paper_goes_ten_times_to_any_neighbor_alike(tmp_path: Path) -> None:
     graph = house("one")
     agents = as_agents_load(graph)
     tasks = tasks_in(graph, count=400)

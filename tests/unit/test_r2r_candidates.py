@@ -41,7 +41,7 @@ def navigable(here: np.ndarray, others: dict[str, np.ndarray], heading: float, e
 def swept(graph: NavGraph, id: str) -> dict[str, tuple[int, float, float, float]]:
     """Neighbour -> (view, angle, rel_heading, rel_elevation) after the sweep, in the order of the first sight."""
     at = {v.id: np.array(v.position) for v in graph.viewpoints.values() if v.included}
-    others = {other: at[other] for other in graph.neighbours(id) if other in at}
+    others = {other: at[other] for other in graph.neighbors(id) if other in at}
     best: dict[str, tuple[int, float, float, float]] = {}
     for view in range(36):
         heading, elevation = math.radians(30 * (view % 12)), math.radians(30 * (view // 12 - 1))
@@ -63,7 +63,7 @@ def load(path: Path) -> dict:
 
 
 def around(*directions: tuple[float, float]) -> Candidates:
-    """Candidates of a viewpoint whose neighbours lie 2 m off along headings and elevations, degrees."""
+    """Candidates of a viewpoint whose neighbors lie 2 m off along headings and elevations, degrees."""
     h, e = np.radians(np.array(directions)).T
     ends = 2 * np.stack([np.sin(h) * np.cos(e), np.cos(h) * np.cos(e), np.sin(e)], -1)
     edges = np.array([(0, i + 1) for i in range(len(ends))])

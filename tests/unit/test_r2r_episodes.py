@@ -46,9 +46,9 @@ def replayed(start: NDArray[np.float64], heading: float, actions: list[int]) -> 
 
 
 def touched(blocks: list[Block], places: NDArray[np.float64]) -> float:
-    """Metres to the nearest box that stands in a robot's way."""
+    """Meters to the nearest box in the way of a robot."""
     standing = [block for block in blocks if block.hi[2] > 0.05 and block.lo[2] < 1.7]
-    return min(float(block.metres_to(places).min()) for block in standing)
+    return min(float(block.meters_to(places).min()) for block in standing)
 
 
 @pytest.mark.parametrize("path, heading", [("abcfgh", 0.0), ("hgfce", 2.0), ("iha"[:2] + "gfcb", 5.5), ("adeb", 1.0)])
@@ -64,8 +64,8 @@ def test_actions_lead_to_the_goal_and_touch_nothing(
     assert np.hypot(*(places[-1] - episode.path[-1, :2])) <= 0.3 + 1e-9
     assert touched(blocks, places) >= ROBOT
     assert len(episode.walk.places) == len(episode.walk.headings) == len(actions) == len(episode.floors)
-    metres = np.linalg.norm(np.diff(episode.path, axis=0), axis=1).sum()
-    assert actions.count(1) * 0.25 <= 1.25 * metres + 0.5
+    meters = np.linalg.norm(np.diff(episode.path, axis=0), axis=1).sum()
+    assert actions.count(1) * 0.25 <= 1.25 * meters + 0.5
 
 
 def test_a_path_through_a_door_that_is_too_narrow_has_no_episode(tmp_path: Path) -> None:
@@ -79,7 +79,7 @@ def test_sampled_paths_avoid_a_door_that_is_too_narrow(tmp_path: Path, capsys: p
     blocks, graph = flat_house(0.45)
     scans, out = export_blocks(tmp_path / "scans", blocks, graph), tmp_path / "tasks"
     command = ["export", "tasks", "--scans", str(scans), "--out", str(out), "--fewest-edges", "2"]
-    command += ["--least-metres", "3", "--train", "20", "--val-seen", "4", "--val-unseen", "0"]
+    command += ["--least-meters", "3", "--train", "20", "--val-seen", "4", "--val-unseen", "0"]
 
     def through_the_door() -> list[bool]:
         tasks = [task for name in ("train", "val_seen") for task in json.loads((out / f"R2R_{name}.json").read_text())]
@@ -124,7 +124,7 @@ def test_rotations_turn_habitats_ahead_to_where_one_looks(degrees: float) -> Non
 def test_files_are_as_their_readers_want_them(tmp_path: Path) -> None:
     blocks, graph = flat_house()
     scans, out = export_blocks(tmp_path / "scans", blocks, graph), tmp_path / "tasks"
-    few = ["--fewest-edges", "2", "--least-metres", "3", "--train", "6", "--val-seen", "2", "--val-unseen", "0"]
+    few = ["--fewest-edges", "2", "--least-meters", "3", "--train", "6", "--val-seen", "2", "--val-unseen", "0"]
     command = ["export", "tasks", "--scans", str(scans), "--out", str(out), *few]
     assert main([*command, "--vlnce", "--streamvln", "--json"]) == 0
     tasks = {task["path_id"]: task for task in json.loads((out / "R2R_train.json").read_text())}

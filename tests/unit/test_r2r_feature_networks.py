@@ -14,6 +14,7 @@ from hypothesis import strategies as st
 
 from nvsim.errors import InputError
 from nvsim.networks.image_preparation import Preparation
+from nvsim.networks.onnx_server import import_onnxruntime
 from nvsim.networks.onnx_session import providers
 from nvsim.r2r.features.network import Description, Network, parse_description
 
@@ -49,7 +50,7 @@ def test_a_stretched_image_keeps_its_sides(tmp_path: Path) -> None:
     np.testing.assert_allclose(through(Network(path, 4), sides())[0], expected, atol=0.01)
 
 
-def test_grey_levels_in_blue_green_red_last_axis_as_caffe_takes_them(tmp_path: Path) -> None:
+def test_gray_levels_in_blue_green_red_last_axis_as_caffe_takes_them(tmp_path: Path) -> None:
     said = 'colours = "BGR"\nlayout = "NHWC"\nbrightest = 255.0\nmean = [103.1, 115.9, 123.2]\nstd = [1, 1, 1]\n'
     network = Network(mean_network(tmp_path / "caffe.onnx", 7, nhwc=True, description=said), 4)
     image = np.full((30, 40, 3), (10, 120, 240), np.uint8)
@@ -152,9 +153,7 @@ def test_bytes_that_are_no_network_are_refused(tmp_path: Path) -> None:
 
 
 def test_a_provider_that_onnxruntime_has_not_is_named() -> None:
-    import onnxruntime
-
-    if "CUDAExecutionProvider" in onnxruntime.get_available_providers():
+    if "CUDAExecutionProvider" in import_onnxruntime().get_available_providers():
         assert providers("cuda") == ["CUDAExecutionProvider"]
     else:
         with pytest.raises(InputError, match="cannot run on cuda .it has .*CPUExecutionProvider.*onnxruntime-gpu"):

@@ -62,7 +62,7 @@ def read_tsv(path: Path) -> dict[str, np.ndarray]:
 
 
 def by_hand(folder: Path, id: str, matrix: np.ndarray) -> np.ndarray:
-    """(36, width): what the network of mean colors makes of the views of a viewpoint."""
+    """(36, width): the output of the network of mean colors for the views of a viewpoint."""
     views = [cv2.imread(str(folder / "views" / "Hall" / id / f"{i}.jpg"))[..., ::-1] for i in range(36)]
     return (np.stack([view.mean(axis=(0, 1)) for view in views]) / 255 - MEAN) / STD @ matrix
 

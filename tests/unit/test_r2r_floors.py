@@ -1,4 +1,4 @@
-"""Floors are called what they are made of where joints say so, and by their colour where not; stairs are apart."""
+"""Floors are called what they are made of where joints say so, and by their color where not; stairs are apart."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from nvsim.r2r.surroundings.visibility import PIXEL, FloorPatch, ViewFromViewpoi
 
 Paint = Callable[[NDArray[np.float64], NDArray[np.float64]], NDArray[np.float64]]
 SIDE = 3.2
-BROWN, GREY, GREEN = np.array([143.0, 107, 74]), np.array([128.0, 128, 128]), np.array([50.0, 110, 60])
+BROWN, GRAY, GREEN = np.array([143.0, 107, 74]), np.array([128.0, 128, 128]), np.array([50.0, 110, 60])
 
 
 def hashed(i: NDArray[np.int64]) -> NDArray[np.float64]:
@@ -33,15 +33,15 @@ def planks(x: NDArray[np.float64], y: NDArray[np.float64]) -> NDArray[np.float64
 def tiles(x: NDArray[np.float64], y: NDArray[np.float64]) -> NDArray[np.float64]:
     i, j = np.floor(x / 0.3).astype(int), np.floor(y / 0.3).astype(int)
     joint = (np.mod(x, 0.3) < 0.02) | (np.mod(y, 0.3) < 0.02)
-    return GREY * np.where(joint, 0.6, 1 + 0.15 * hashed(i * 31 + j * 17))[..., None]
+    return GRAY * np.where(joint, 0.6, 1 + 0.15 * hashed(i * 31 + j * 17))[..., None]
 
 
 def speckled(x: NDArray[np.float64], y: NDArray[np.float64]) -> NDArray[np.float64]:
-    return GREY * (1 + 0.2 * np.random.default_rng(0).standard_normal(x.shape).clip(-2, 2))[..., None]
+    return GRAY * (1 + 0.2 * np.random.default_rng(0).standard_normal(x.shape).clip(-2, 2))[..., None]
 
 
-def plain(colour: NDArray[np.float64]) -> Paint:
-    return lambda x, y: np.broadcast_to(colour, (*x.shape, 3))
+def plain(color: NDArray[np.float64]) -> Paint:
+    return lambda x, y: np.broadcast_to(color, (*x.shape, 3))
 
 
 def layers(paint: Paint, turned: float = 0.0) -> Layers:
@@ -64,13 +64,13 @@ def layers(paint: Paint, turned: float = 0.0) -> Layers:
     voxels = np.column_stack([column.ravel(), row.ravel(), level]).astype(np.int32)
     step = round(CELL / PIXEL * 2) / 2
     at = (np.arange(cells) * step + step / 2).astype(int)
-    colours = image[at][:, at].reshape(-1, 3).astype(np.float32)
-    return Layers((seen,), 0.0, (0.0, 0.0), voxels, colours, (cells, cells), (2.1, 2.6))
+    colors = image[at][:, at].reshape(-1, 3).astype(np.float32)
+    return Layers((seen,), 0.0, (0.0, 0.0), voxels, colors, (cells, cells), (2.1, 2.6))
 
 
 @pytest.mark.parametrize("turned", [0.0, 25.0, 45.0, 90.0])
 @pytest.mark.parametrize(
-    "paint, name", [(planks, "wooden"), (tiles, "tiled"), (speckled, "grey"), (plain(GREY), "grey"),
+    "paint, name", [(planks, "wooden"), (tiles, "tiled"), (speckled, "grey"), (plain(GRAY), "grey"),
                     (plain(BROWN), "brown")],
 )  # fmt: skip
 def test_joints_say_what_a_floor_is_made_of_and_nothing_else_does(paint: Paint, name: str, turned: float) -> None:
@@ -81,7 +81,7 @@ def test_joints_say_what_a_floor_is_made_of_and_nothing_else_does(paint: Paint, 
     assert not any(floors_differ(name, other) for other in others)
 
 
-def test_a_coloured_rectangle_on_another_floor_is_a_rug_and_between_walls_a_room() -> None:
+def test_a_colored_rectangle_on_another_floor_is_a_rug_and_between_walls_a_room() -> None:
     def carpeted(x: NDArray[np.float64], y: NDArray[np.float64]) -> NDArray[np.float64]:
         on = (np.abs(x - 20 - SIDE / 2) < 0.7) & (np.abs(y - 20 - SIDE / 2) < 0.6)
         return np.where(on[..., None], GREEN, planks(x, y))
@@ -114,7 +114,7 @@ def test_floors_that_may_be_one_are_not_told_apart(one: str, other: str, differ:
     ],
 )
 def test_a_change_of_the_floor_is_said_where_it_is_for_good(floors: list[str], cue: Cue | None) -> None:
-    seen = Surroundings(metres={("a", "b"): 3.0}, doors={("a", "b"): (1.0,)}, passed={("a", "b"): ()},
+    seen = Surroundings(meters={("a", "b"): 3.0}, doors={("a", "b"): (1.0,)}, passed={("a", "b"): ()},
                         floors={("a", "b"): tuple(floors)})  # fmt: skip
     assert cues_along(["a", "b"], 0.0, seen) - {Cue("through", "1")} == (frozenset([cue]) if cue else frozenset())
 
@@ -122,7 +122,7 @@ def test_a_change_of_the_floor_is_said_where_it_is_for_good(floors: list[str], c
 def test_a_change_of_the_floor_inside_a_room_is_not_said_because_it_may_be_a_rug() -> None:
     def cues(doors: tuple[float, ...]) -> set[Cue]:
         floors = {("a", "b"): ("wooden",) * 8 + ("tiled",) * 8}
-        seen = Surroundings(metres={("a", "b"): 3.2}, doors={("a", "b"): doors}, passed={("a", "b"): ()}, floors=floors)
+        seen = Surroundings(meters={("a", "b"): 3.2}, doors={("a", "b"): doors}, passed={("a", "b"): ()}, floors=floors)
         return {cue for cue in cues_along(["a", "b"], 0.0, seen) if cue.kind == "floor"}
 
     assert cues((1.6,)) == cues((2.0,)) == {Cue("floor", "wooden to tiled")}
@@ -130,14 +130,15 @@ def test_a_change_of_the_floor_inside_a_room_is_not_said_because_it_may_be_a_rug
 
 
 def test_a_patch_is_the_floor_from_above() -> None:
-    """What is straight below lies in its middle, and what is farther than the floor would be is none."""
+    """The middle of the patch is the floor straight below the viewpoint. Pixels that are farther away than the floor
+    are not part of the patch."""
     side = 32
     strip = np.zeros((side, 6 * side, 3), np.uint8)
     strip[:, 5 * side :] = 200  # the face that looks down
     viewpoint = Viewpoint("v", (10.0, 20.0, 1.5), height=1.5)
     patch = floor_patch(viewpoint, strip, np.full((side, 6 * side), 1.5))
-    count = patch.colours.shape[0]
-    assert patch.low == pytest.approx((8.4, 18.4)) and (patch.colours[count // 2, count // 2] == 200).all()
+    count = patch.colors.shape[0]
+    assert patch.low == pytest.approx((8.4, 18.4)) and (patch.colors[count // 2, count // 2] == 200).all()
     assert patch.seen[count // 2, count // 2] and not patch.seen[0, 0]  # 1.5 m below, and farther in the corner
 
 

@@ -23,10 +23,10 @@ VIEW = Intrinsics(120, 90, 78.0, 78.0, 60.0, 45.0)
 
 @pytest.fixture(scope="module")
 def model() -> SubmapModel:
-    """The hall with Gaussians of all colours."""
+    """The hall with Gaussians of all colors."""
     made = hall()
-    colours = np.random.default_rng(0).uniform(-1, 1, made.gaussians.sh.shape).astype(np.float32)
-    return replace(made, gaussians=replace(made.gaussians, sh=colours))
+    colors = np.random.default_rng(0).uniform(-1, 1, made.gaussians.sh.shape).astype(np.float32)
+    return replace(made, gaussians=replace(made.gaussians, sh=colors))
 
 
 def looking(heading: float, elevation: float, k: Intrinsics = VIEW) -> Camera:
@@ -41,10 +41,10 @@ def test_a_view_is_that_of_the_whole_surround(model: SubmapModel, fov: float) ->
     for _ in range(6):
         camera = looking(random.uniform(0, 6.3), random.uniform(-1.5, 1.5), k)
         growing = GrowingSurround(HERE, FOCAL, True)
-        growing._colours[:], growing._solids[:] = 77, 1e6  # what was not drawn must not be seen
-        colour, solid = growing.image(model, camera)
-        expected, solids = whole.colour_and_solid(camera)
-        assert np.abs(colour - 255 * np.clip(expected, 0, 1)).max() < 1.01
+        growing._colors[:], growing._solids[:] = 77, 1e6  # what was not drawn must not be seen
+        color, solid = growing.image(model, camera)
+        expected, solids = whole.color_and_solid(camera)
+        assert np.abs(color - 255 * np.clip(expected, 0, 1)).max() < 1.01
         np.testing.assert_allclose(solid, solids, atol=2e-2)
         assert np.abs(solid - solids).mean() < 1e-4
 

@@ -1,4 +1,4 @@
-"""Instructions say what the path does, a follower that does not know the path finds it again, and words hold facts."""
+"""Instructions describe the path, a follower without the path finds it again, and texts contain only facts."""
 
 from __future__ import annotations
 
@@ -38,9 +38,9 @@ from nvsim.r2r.instructions.wording import (
     AHEAD_PHRASES,
     CLOCK_PHRASES,
     DEGREE_PHRASES,
-    HALF_METRE,
-    METRE_PHRASES,
-    ONE_METRE,
+    HALF_METER,
+    METER_PHRASES,
+    ONE_METER,
     TURN_PHRASES,
     WALK_PHRASES,
     instruction_of,
@@ -78,7 +78,7 @@ def test_legs_are_what_the_path_does() -> None:
     )
     legs = ground.legs(range(6), math.radians(270))
     assert [leg.slope for leg in legs] == ["level", "level", "up", "level"]
-    assert [leg.metres for leg in legs] == pytest.approx([5, 2, 1.8, 1])
+    assert [leg.meters for leg in legs] == pytest.approx([5, 2, 1.8, 1])
     assert [math.degrees(leg.turn) for leg in legs] == pytest.approx([90, -110, 0, -90])
 
 
@@ -91,11 +91,11 @@ def test_stairs_are_said_with_their_height_and_where_they_end() -> None:
         frozenset([Cue("stairs", "top")]),
         frozenset(),
     ]
-    assert there[1].metres == pytest.approx(2.4)
+    assert there[1].meters == pytest.approx(2.4)
     back = ground.legs([4, 3, 2, 1, 0], math.radians(270))
     assert [sorted(leg.cues) for leg in back] == [[Cue("to stairs", "down")], [Cue("stairs", "bottom")], []]
     (partway,) = ground.legs([1, 2], 0.0)
-    assert not partway.cues and round_legs([partway], "words")[0].metres == 1.0
+    assert not partway.cues and round_legs([partway], "words")[0].meters == 1.0
     text = instruction_of(round_legs([there[1]], "words"), "words", Random(0))
     assert "stairs" in text and "2.5 metres" in text and ("top" in text or "all the way up" in text)
 
@@ -115,14 +115,14 @@ def pattern_of(phrase: str) -> str:
 
 
 def read(text: str, detail: Detail) -> list[Leg]:
-    """What one understands who knows the phrases: the facts of every sentence but the last."""
+    """The facts in every sentence but the last, for a reader who knows the phrases."""
     legs = []
     for sentence in re.findall(r"[^.]+(?:\.\d+[^.]*)*\.", text)[:-1]:
         words = sentence.lower()
         number = re.search(r"([\d.]+) metres", words)
-        metres = float(number[1]) if number else 1.0
-        metres = 0.5 if any(phrase in words for phrase in HALF_METRE) else metres
-        assert number or any(phrase in words for phrase in (*ONE_METRE, *HALF_METRE))
+        meters = float(number[1]) if number else 1.0
+        meters = 0.5 if any(phrase in words for phrase in HALF_METER) else meters
+        assert number or any(phrase in words for phrase in (*ONE_METER, *HALF_METER))
         slopes = {
             slope
             for slope, phrases in WALK_PHRASES.items()
@@ -140,7 +140,7 @@ def read(text: str, detail: Detail) -> list[Leg]:
         else:
             (turn,) = {TURN_TO[name] for name, phrases in TURN_PHRASES.items() for p in phrases if p.lower() in words}
         (slope,) = slopes
-        legs.append(Leg(turn, metres, slope))
+        legs.append(Leg(turn, meters, slope))
     return legs
 
 
@@ -156,14 +156,14 @@ def test_every_fact_can_be_read_back_from_the_words(detail: Detail) -> None:
         text = instruction_of(said, detail, random)
         found = read(text, detail)
         assert [
-            (round(math.cos(leg.turn), 6), round(math.sin(leg.turn), 6), leg.metres, leg.slope) for leg in found
-        ] == [(round(math.cos(leg.turn), 6), round(math.sin(leg.turn), 6), leg.metres, leg.slope) for leg in said], text
+            (round(math.cos(leg.turn), 6), round(math.sin(leg.turn), 6), leg.meters, leg.slope) for leg in found
+        ] == [(round(math.cos(leg.turn), 6), round(math.sin(leg.turn), 6), leg.meters, leg.slope) for leg in said], text
         assert "  " not in text and "then" not in re.findall(r"Then [^.]*?, (then)", text)
 
 
 def test_no_phrase_has_two_meanings() -> None:
     phrases = [p for group in (*TURN_PHRASES.values(), *WALK_PHRASES.values()) for p in group]
-    phrases += [*AHEAD_PHRASES, *CLOCK_PHRASES, *DEGREE_PHRASES, *METRE_PHRASES, *HALF_METRE, *ONE_METRE]
+    phrases += [*AHEAD_PHRASES, *CLOCK_PHRASES, *DEGREE_PHRASES, *METER_PHRASES, *HALF_METER, *ONE_METER]
     assert len(set(phrases)) == len(phrases)
 
 
@@ -188,9 +188,9 @@ def test_the_follower_is_one_that_weighs_all_paths_one_by_one() -> None:
         found = []
 
         def share(i: int, facing: float, k: int, walked: float, cost: float) -> None:
-            slack = 1.0 + 0.2 * said[k].metres if k >= 0 else 0.0
-            ended = k >= 0 and abs(walked - said[k].metres) <= slack
-            here = cost + ((walked - said[k].metres) / 0.5) ** 2 if ended else math.inf
+            slack = 1.0 + 0.2 * said[k].meters if k >= 0 else 0.0
+            ended = k >= 0 and abs(walked - said[k].meters) <= slack
+            here = cost + ((walked - said[k].meters) / 0.5) ** 2 if ended else math.inf
             if i == len(path) - 1:
                 if ended and k == len(said) - 1:
                     found.append(here)
@@ -200,12 +200,12 @@ def test_the_follower_is_one_that_weighs_all_paths_one_by_one() -> None:
             turn = turn_before_step(facing, step)
             if k >= 0 and (continues_leg(said[k].slope, turn, step) or is_bend(said[k].slope, turn, step)):
                 bend = 0.0 if continues_leg(said[k].slope, turn, step) else (turn / math.radians(70)) ** 2
-                share(i + 1, after, k, walked + step.metres, cost + bend)
+                share(i + 1, after, k, walked + step.meters, cost + bend)
             if (ended or k < 0) and k + 1 < len(said) and step.slope == said[k + 1].slope:
                 off = wrap_angle(turn_before_step(facing, step) - said[k + 1].turn)
                 if abs(off) <= math.radians(60):
                     new = (0.0 if k < 0 else here) + (off / math.radians(22.5)) ** 2
-                    share(i + 1, after, k + 1, step.metres, new)
+                    share(i + 1, after, k + 1, step.meters, new)
 
         share(0, heading, -1, 0.0, 0.0)
         return found
@@ -221,7 +221,7 @@ def test_the_follower_is_one_that_weighs_all_paths_one_by_one() -> None:
         if not paths:
             continue
         # At most 3 m: no path of more than four steps of these lengths is as short.
-        goal = min(paths, key=lambda path: abs(sum(leg.metres for leg in ground.legs(path, heading)) - 3))
+        goal = min(paths, key=lambda path: abs(sum(leg.meters for leg in ground.legs(path, heading)) - 3))
         said = round_legs(ground.legs(goal, heading), "words")
         best = min((cost, path) for path in paths for cost in costs(path, heading, said))
         found = find_described_path(ground, start, heading, said)
@@ -277,9 +277,9 @@ def test_a_register_has_its_length_and_its_unit(register: Register) -> None:
 def test_a_rough_distance_is_understood_and_paces_are_counted() -> None:
     ground = row_of(*((0, float(y), 1) for y in range(12)))
     rough = round_legs([Leg(0.0, 2.2, "level", measure="roughly")], "words")
-    assert rough[0].metres == 2.5 and find_described_path(ground, 0, 0.0, rough) is None  # 2 or 3 m
+    assert rough[0].meters == 2.5 and find_described_path(ground, 0, 0.0, rough) is None  # 2 or 3 m
     paces = round_legs([Leg(0.0, 4.1, "level", measure="paces")], "words")
-    assert paces[0].metres == pytest.approx(4) and find_described_path(ground, 0, 0.0, paces) == [0, 1, 2, 3, 4]
+    assert paces[0].meters == pytest.approx(4) and find_described_path(ground, 0, 0.0, paces) == [0, 1, 2, 3, 4]
     assert "eight " in short_instruction(paces, "words", Random(0))
     words = short_instruction(rough, "words", Random(0))
     assert any(word in words for word in ("few", "some", "couple", "little", "handful"))
@@ -290,7 +290,7 @@ def test_a_leg_goes_around_a_bend_if_the_text_does_not_mention_it() -> None:
     ground = row_of((0, 0, 1), (0, 3, 1), (3 * math.sin(bend), 3 + 3 * math.cos(bend), 1))
     forms = list(ground.legs_with_bends(range(3), 0.0))
     assert [len(legs) for legs in forms] == [1, 2]
-    assert forms[0][0].metres == pytest.approx(6) and forms[0][0].turn == 0
+    assert forms[0][0].meters == pytest.approx(6) and forms[0][0].turn == 0
     assert find_described_path(ground, 0, 0.0, forms[0]) == [0, 1, 2]
 
 

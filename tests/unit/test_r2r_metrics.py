@@ -25,7 +25,7 @@ from nvsim.r2r.tasks.task import Task
 
 
 def corridor(step: float = 2.0) -> NavGraph:
-    """Viewpoints 0 to 9 in a row, `step` metres apart, and n beside 2, as far from it."""
+    """Viewpoints 0 to 9 in a row, `step` meters apart, and n beside 2, as far from it."""
     at = {str(i): (step * i, 0.0, 1.5) for i in range(10)} | {"n": (2 * step, step, 1.5)}
     joined = [*pairwise("0123456789"), ("2", "n")]
     return NavGraph("row", {id: Viewpoint(id, p) for id, p in at.items()}, {edge(*p).key: edge(*p) for p in joined})
@@ -42,7 +42,7 @@ def scored(graph: NavGraph, walks: list[tuple[str | tuple[str, ...], str | tuple
 
 A, B = "01234", "n2345"  # references, both 8 m long
 TABLE = [
-    # reference, trajectory, PL, NE, success, oracle success, DTW in metres, metres from each of the reference to it
+    # reference, trajectory, PL, NE, success, oracle success, DTW in meters, meters from each of the reference to it
     (A, "01234", 8, 0, 1, 1, 0, (0, 0, 0, 0, 0)),
     (A, "0", 0, 8, 0, 0, 20, (0, 2, 4, 6, 8)),
     (A, "0123", 6, 2, 1, 1, 2, (0, 0, 0, 0, 2)),
@@ -78,7 +78,7 @@ def test_twenty_trajectories_have_the_scores_worked_out_by_hand() -> None:
         assert {name: getattr(found, name)[i] for name in expected} == pytest.approx(expected, abs=1e-12), walk
 
 
-def test_who_stops_exactly_three_metres_away_has_not_succeeded() -> None:
+def test_who_stops_exactly_three_meters_away_has_not_succeeded() -> None:
     found = scored(corridor(3.0), [("012", "01"), ("012", "012")])
     assert found.ne.tolist() == [3.0, 0.0] and found.success.tolist() == found.oracle_success.tolist() == [0.0, 1.0]
 
@@ -96,7 +96,7 @@ def test_distances_are_those_of_networkx() -> None:
         for a, i in found.row.items():
             for b, j in found.row.items():
                 expected = lengths.get(a, {}).get(b, 0.0 if a == b else math.inf)
-                assert found.metres[i, j] == pytest.approx(expected, abs=1e-9)
+                assert found.meters[i, j] == pytest.approx(expected, abs=1e-9)
         assert [id for id, v in graph.viewpoints.items() if not v.included and id in found.row] == []
 
 

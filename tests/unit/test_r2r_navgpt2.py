@@ -69,7 +69,7 @@ def test_one_row_of_a_view_is_repeated_and_that_is_said(tmp_path: Path) -> None:
     assert "one row of a view, repeated 257 times" in json.loads(path.with_suffix(".json").read_text())["features"]
 
 
-def test_a_viewpoint_without_neighbours_has_no_rows(tmp_path: Path) -> None:
+def test_a_viewpoint_without_neighbors_has_no_rows(tmp_path: Path) -> None:
     export(tmp_path, random_graph("Hall", 3, reach=0.01))
     assert features(tmp_path, "--layout", "eva-g", "--projection") == 0
     assert read(tmp_path / "features" / NAME, "Hall", "hall002").shape == (0, TOKENS, 1408)

@@ -111,12 +111,12 @@ def test_the_views_look_along_the_path(scans: Path, tmp_path: Path) -> None:
     tasks = [t for s in ("train", "val_seen", "val_unseen") for t in read_tasks(tmp_path / "asked" / f"R2R_{s}.json")]
     by_heading = {}
     for asked in service.asked:
-        metres = tuple(re.findall(r"Step \d+: [^.]*?(\d+\.\d) m", asked.words))
-        by_heading.setdefault(metres, []).append(asked)
+        meters = tuple(re.findall(r"Step \d+: [^.]*?(\d+\.\d) m", asked.words))
+        by_heading.setdefault(meters, []).append(asked)
     checked = 0
     for task in tasks:
         ways = [bearing(GRAPH, a, b) for a, b in zip(task.path, task.path[1:])]
-        for asked in by_heading[tuple(f"{way.metres:.1f}" for way in ways)]:
+        for asked in by_heading[tuple(f"{way.meters:.1f}" for way in ways)]:
             headings = [task.heading, *(way.heading for way in ways)]
             middles = [_middle(url) for url in asked.images[: len(headings)]]
             wanted = [
@@ -142,8 +142,8 @@ def test_paths_that_the_model_will_not_describe_keep_what_was_made_here(
     scans: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     def moody(n: int, asked: Asked) -> Reply:
-        metres = re.findall(r"(\d+\.\d) m", words_of(asked.body["messages"][1]))
-        mood = round(10 * sum(map(float, metres))) % 4
+        meters = re.findall(r"(\d+\.\d) m", words_of(asked.body["messages"][1]))
+        mood = round(10 * sum(map(float, meters))) % 4
         if mood == 0:
             return said(None, refusal="I do not describe homes.")
         if mood == 1:
@@ -197,7 +197,7 @@ def test_an_endpoint_that_fails_writes_no_dataset_and_the_next_call_goes_on(scan
 
 
 def oracle(graph: NavGraph, goals: dict[str, str], starts: dict[str, str]) -> Behaviour:
-    """Goes the shortest way to the goal that the instruction names, by what the prompt says alone."""
+    """Takes the shortest path to the goal that the instruction names, using only the prompt."""
     agents = as_agents_load(graph)
 
     def behave(n: int, asked: Asked) -> Reply:
@@ -291,7 +291,7 @@ def test_every_step_says_what_is_known_of_the_map(scans: Path, tasks: Path, tmp_
     lines = re.findall(r"Place (\d+) is joined to ([\d, ]+)\.", one[-1])
     assert {ids[int(k)] for k, _ in lines} == set(task.path)
     for k, others in lines:
-        assert {ids[int(o)] for o in others.split(", ")} == set(GRAPH.neighbours(ids[int(k)]))
+        assert {ids[int(o)] for o in others.split(", ")} == set(GRAPH.neighbors(ids[int(k)]))
 
 
 def test_an_agent_that_always_goes_ahead_goes_ahead(scans: Path, tasks: Path, tmp_path: Path) -> None:
@@ -305,7 +305,7 @@ def test_an_agent_that_always_goes_ahead_goes_ahead(scans: Path, tasks: Path, tm
             x, y, _ = GRAPH.viewpoints[here].position
             around = {
                 id: math.atan2(GRAPH.viewpoints[id].position[0] - x, GRAPH.viewpoints[id].position[1] - y)
-                for id in GRAPH.neighbours(here)
+                for id in GRAPH.neighbors(here)
             }
             here = min(around, key=lambda id: abs((around[id] - facing + math.pi) % (2 * math.pi) - math.pi))
             facing = around[here]

@@ -76,20 +76,20 @@ def world(folder: Path) -> World:
     return read_world(read_dataset([folder]).sources, panorama=False)
 
 
-def test_the_agent_sees_each_neighbour_where_it_is(folder: Path, world: World) -> None:
+def test_the_agent_sees_each_neighbor_where_it_is(folder: Path, world: World) -> None:
     graph = read_connectivity(scan_files(folder)["H1"])
     stored = dict(features_of(folder / "features" / FEATURES, [("H1", id) for id in graph.viewpoints]))
     for id, viewpoint in graph.viewpoints.items():
         at, here = world.row["H1", id], np.array(viewpoint.position)
         there = {world.keys[t][1]: k for k, t in enumerate(world.target[at]) if t >= 0}
-        assert set(there) == set(graph.neighbours(id))
+        assert set(there) == set(graph.neighbors(id))
         for other, k in there.items():
             way = np.array(graph.viewpoints[other].position) - here
             heading, level = math.atan2(way[0], way[1]), math.hypot(way[0], way[1])
             assert math.remainder(world.heading[at, k] - heading, 2 * math.pi) == pytest.approx(0, abs=1e-5)
             assert world.elevation[at, k] == pytest.approx(math.atan2(way[2], level), abs=1e-5)
             assert world.distance[at, k] == pytest.approx(np.linalg.norm(way), abs=1e-5)
-            # Of level neighbours the view that looks nearest to them shows them.
+            # Of level neighbors the view that looks nearest to them shows them.
             view = 12 + int(np.argmin(np.abs((HEADINGS[12:24] - heading + math.pi) % (2 * math.pi) - math.pi)))
             row = stored["H1", id][view]
             assert world.features[world.seen[at, k]] == pytest.approx((row - row.mean()) / row.std(), abs=1e-4)
@@ -104,7 +104,7 @@ def test_the_teacher_leads_along_the_shortest_path(folder: Path, world: World) -
     for goal in ids[::5]:
         here = np.array([world.row["H0", id] for id in ids])
         goals = np.full(len(here), world.row["H0", goal])
-        assert world.metres(here, goals) == pytest.approx([far[id][goal] for id in ids], abs=1e-5)
+        assert world.meters(here, goals) == pytest.approx([far[id][goal] for id in ids], abs=1e-5)
         for id, after in zip(ids, world.rows_after(here, world.shortest_path_slots(here, goals)).tolist()):
             on = world.keys[after][1]
             step = 0.0 if on == id else graph.edges[id, on]["weight"]
@@ -120,8 +120,8 @@ def test_moves_are_felt_and_end_in_the_trajectory(trainer: Trainer) -> None:
     moved = walkers.observe(everybody).moved.numpy()
     assert moved[0].tolist() == [0, 0, 0, 0, 1, 0] and [len(t) for t in walkers.trajectories] == [1, 2, 2, 2]
     for i in (1, 2, 3):
-        heading, metres = world.heading[at[i], 0], world.distance[at[i], 0]
-        said = [math.sin(heading - looked[i]), math.cos(heading - looked[i]), 0, metres / 5, 0, metres / 5]
+        heading, meters = world.heading[at[i], 0], world.distance[at[i], 0]
+        said = [math.sin(heading - looked[i]), math.cos(heading - looked[i]), 0, meters / 5, 0, meters / 5]
         assert moved[i] == pytest.approx(said, abs=1e-5)
         assert walkers.trajectories[i][1][0] == world.keys[world.target[at[i], 0]][1]
         assert math.cos(walkers.trajectories[i][1][1] - heading) == pytest.approx(1, abs=1e-9)

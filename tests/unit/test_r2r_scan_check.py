@@ -41,7 +41,7 @@ def scan(whole, tmp_path) -> ScanPlaces:
 
 
 def sign_again(places: ScanPlaces, path: Path) -> None:
-    """Lets the manifest say what the file is now, as if the export had written it."""
+    """Updates the manifest to the current file, as if the export had written it."""
     import hashlib
 
     manifest, data = json.loads(places.manifest.read_text()), path.read_bytes()

@@ -26,7 +26,7 @@ SIDE = 64
 def test_every_pixel_of_a_strip_looks_where_the_confirmed_table_says():
     model = direction_model()
     strip = skybox_of(draw_surround(model, HERE, focal_of(SIDE)), model.floor, SIDE)
-    seen = 2 * strip.colour.astype(float) / 255 - 1
+    seen = 2 * strip.color.astype(float) / 255 - 1
     along = (np.arange(SIDE) + 0.5) / SIDE * 2 - 1
     for face, name in enumerate(NAMES):
         camera = np.array([[CONFIRMED[name](u, r) for u in along] for r in along])
@@ -73,7 +73,7 @@ def test_depth_units_end_at_16_bits():
 
 def test_faces_have_no_seams_where_those_of_a_cube_have():
     model, place = sphere(), HERE + 0.5
-    over, beside = seam_steps(skybox_of(draw_surround(model, place, focal_of(128)), model.floor, 128).colour)
+    over, beside = seam_steps(skybox_of(draw_surround(model, place, focal_of(128)), model.floor, 128).color)
     assert over < 1.05 * beside
     cube = skybox([view.rgb for view in render_cube(model, place, 128)])
     over, beside = seam_steps((255 * cube.clip(0, 1)).astype(np.uint8))
@@ -85,10 +85,10 @@ def test_steps_over_seams_are_found():
     for face in range(6):
         strip[:, 32 * face : 32 * (face + 1)] = 20 * face
     over, beside = seam_steps(strip)
-    assert beside == 0 and over == pytest.approx(20 * np.mean([abs(a - b) for a, b in NEIGHBOURS]))
+    assert beside == 0 and over == pytest.approx(20 * np.mean([abs(a - b) for a, b in NEIGHBORS]))
 
 
-NEIGHBOURS = [(a, b) for a in range(6) for b in range(a) if {a, b} not in ({0, 5}, {1, 3}, {2, 4})]
+NEIGHBORS = [(a, b) for a in range(6) for b in range(a) if {a, b} not in ({0, 5}, {1, 3}, {2, 4})]
 """The twelve pairs of faces that share a border: all but the opposite ones."""
 
 
@@ -106,14 +106,14 @@ def test_views_are_near_those_drawn_directly():
     model, place = small_model(0.0), np.array([6.0, 3.0, 1.5])
     surround = draw_surround(model, place, focal_of(512))
     for camera in [sweep(place)[i] for i in (2, 13, 30)]:
-        error = np.clip(surround.colour(camera), 0, 1) - np.clip(render_model(model, camera).rgb, 0, 1)
+        error = np.clip(surround.color(camera), 0, 1) - np.clip(render_model(model, camera).rgb, 0, 1)
         assert -10 * np.log10((error**2).mean()) > 37
 
 
 def test_what_is_sampled_from_a_strip_is_what_the_surround_shows():
     model, places = furnished_hall()
     surround = draw_surround(model, places[0], focal_of(512))
-    strip = skybox_of(surround, model.floor, 512).colour
+    strip = skybox_of(surround, model.floor, 512).color
     camera = sweep(places[0])[16]
-    error = sample_strip(strip, camera.rays()) / 255 - np.clip(surround.colour(camera), 0, 1)
+    error = sample_strip(strip, camera.rays()) / 255 - np.clip(surround.color(camera), 0, 1)
     assert -10 * np.log10((error**2).mean()) > 33

@@ -1,4 +1,4 @@
-"""What stands around is found where it stands, in its colour, and nothing else; and instructions say it."""
+"""Objects near the path are found at their position and with their color, and instructions name them."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from random import Random
 
 import numpy as np
 import pytest
-from boxed_scan import BLUE, BROWN, GREY, RED, WALL, Block, export_blocks, flat_house
+from boxed_scan import BLUE, BROWN, GRAY, RED, WALL, Block, export_blocks, flat_house
 
 from nvsim.graph.paths import PathGraph
 from nvsim.graph.types import NavGraph
@@ -41,7 +41,7 @@ from nvsim.r2r.instructions.wording import (
 )
 from nvsim.r2r.surroundings.floor_objects import FloorObject
 from nvsim.r2r.surroundings.layers import CELL, layers_of
-from nvsim.r2r.surroundings.naming import COLOURS, NAMELESS, Outline, Shape, lab_of, names_of, shape_of
+from nvsim.r2r.surroundings.naming import COLORS, NAMELESS, Outline, Shape, lab_of, names_of, shape_of
 from nvsim.r2r.surroundings.survey import Surroundings, surroundings_of
 from nvsim.r2r.surroundings.visibility import views_from_viewpoints
 from nvsim.r2r.tasks.shortest import PathBounds
@@ -61,18 +61,18 @@ def house(tmp_path_factory: pytest.TempPathFactory) -> Seen:
 
 @pytest.mark.parametrize(
     "rgb, name",
-    [(BLUE, "blue"), (RED, "red"), (BROWN, "brown"), (GREY, "grey"), (WALL, "white"), ((60, 110, 50), "green")],
+    [(BLUE, "blue"), (RED, "red"), (BROWN, "brown"), (GRAY, "grey"), (WALL, "white"), ((60, 110, 50), "green")],
 )
-def test_colours_have_the_names_that_people_give_them(rgb: tuple[int, int, int], name: str) -> None:
-    assert COLOURS[int(names_of(lab_of(np.array(rgb, float))))] == name
+def test_colors_have_the_names_that_people_give_them(rgb: tuple[int, int, int], name: str) -> None:
+    assert COLORS[int(names_of(lab_of(np.array(rgb, float))))] == name
 
 
 @pytest.mark.parametrize("rgb", [(150, 75, 55), (180, 182, 190), (122, 122, 104), (70, 70, 74)])
-def test_a_colour_between_two_names_has_none(rgb: tuple[int, int, int]) -> None:
+def test_a_color_between_two_names_has_none(rgb: tuple[int, int, int]) -> None:
     assert int(names_of(lab_of(np.array(rgb, float)))) == NAMELESS
 
 
-def test_things_are_found_in_their_colour_and_shape_and_nothing_else(house: Seen) -> None:
+def test_things_are_found_in_their_color_and_shape_and_nothing_else(house: Seen) -> None:
     things = {thing.color_and_shape: thing for thing in house[1].things}
     assert set(things) == {("blue", "sofa"), ("red", "tall")} and len(house[1].things) == 2
     sofa, cabinet = things["blue", "sofa"], things["red", "tall"]
@@ -82,7 +82,7 @@ def test_things_are_found_in_their_colour_and_shape_and_nothing_else(house: Seen
 
 def test_doorways_rooms_and_corridors_are_where_they_are(house: Seen) -> None:
     graph, seen = house
-    assert {pair for pair, metres in seen.doors.items() if metres} == {("c", "f"), ("f", "c")}
+    assert {pair for pair, meters in seen.doors.items() if meters} == {("c", "f"), ("f", "c")}
     assert seen.doors["c", "f"] == pytest.approx([0.95], abs=0.1)
     assert seen.doors["f", "c"] == pytest.approx([1.15], abs=0.1)
     assert seen.kinds["e"] == "room" and seen.kinds["g"] == seen.kinds["h"] == "corridor"
@@ -98,14 +98,14 @@ def test_sides_are_those_of_one_who_walks(house: Seen) -> None:
     assert not [cue for cue in cues_along("gh", math.radians(90), seen) if cue.kind in ("past", "by")]
 
 
-def test_one_who_leaves_the_room_goes_from_brown_to_grey_through_the_door(house: Seen) -> None:
+def test_one_who_leaves_the_room_goes_from_brown_to_gray_through_the_door(house: Seen) -> None:
     cues = cues_along("bcfg", math.radians(90), house[1])
     assert {Cue("through", "1"), Cue("into", "corridor"), Cue("floor", "brown to grey")} <= cues
     assert Cue("along", "corridor") in cues_along("gh", math.radians(90), house[1])
     assert not [cue for cue in cues_along("ab", math.radians(90), house[1]) if cue.kind in ("floor", "through")]
 
 
-def test_sight_tells_apart_what_turns_and_metres_do_not(house: Seen) -> None:
+def test_sight_tells_apart_what_turns_and_meters_do_not(house: Seen) -> None:
     graph, seen = house
     ways = PathGraph.of(graph)
     plain, seeing = PathSteps(ways), PathSteps(ways, seen)
@@ -124,7 +124,7 @@ def test_sight_tells_apart_what_turns_and_metres_do_not(house: Seen) -> None:
 def test_instructions_name_what_is_seen_and_are_followed_again(house: Seen) -> None:
     graph, seen = house
     dataset = sample_tasks(
-        [graph], (), PathBounds(fewest_edges=2, least_metres=3), PathCounts(30, 2, 0, unseen_share=0.01)
+        [graph], (), PathBounds(fewest_edges=2, least_meters=3), PathCounts(30, 2, 0, unseen_share=0.01)
     )
     told = instruct(dataset, [graph], 3, 0, {graph.scan: seen})
     assert told.paths > 15 and len(told.found) >= 0.9 * told.paths
@@ -140,7 +140,7 @@ def test_instructions_name_what_is_seen_and_are_followed_again(house: Seen) -> N
             assert {"c", "f"} <= set(task.path)
 
 
-def outline(*boxes: tuple[float, float, float, float, float, float], colour: str = "brown", **known: float) -> Outline:
+def outline(*boxes: tuple[float, float, float, float, float, float], color: str = "brown", **known: float) -> Outline:
     """The form of boxes (x0, y0, z0, x1, y1, z1) in meters, of which all sides are seen."""
     size = np.max([box[3:5] for box in boxes], axis=0)
     columns, rows = np.meshgrid(*((np.arange(round(side / CELL)) + 0.5) * CELL for side in size))
@@ -155,17 +155,17 @@ def outline(*boxes: tuple[float, float, float, float, float, float], colour: str
     longer, shorter = max(size), min(size)
     facts = {"color_share": 0.95, "color_start": 0.15, "spread": 2.0} | known
     return Outline(
-        cells, tops[at], lowest[at], float(np.quantile(tops[at], 0.9)), longer, shorter, False, colour, **facts
+        cells, tops[at], lowest[at], float(np.quantile(tops[at], 0.9)), longer, shorter, False, color, **facts
     )
 
 
 @pytest.mark.parametrize(
     "form, shape",
     [
-        (outline((0, 0, 0.43, 0.5, 0.5, 0.48), (0, 0.4, 0.48, 0.5, 0.5, 0.92), colour="blue"), "chair"),
-        (outline((0, 0, 0.4, 0.5, 0.5, 1.3), colour="green", color_start=0.4), "plant"),
-        (outline((0, 0, 0.12, 0.5, 0.5, 1.3), colour="green"), "object"),
-        (outline((0, 0, 0.12, 2, 0.85, 0.42), (0, 0, 0.42, 2, 0.25, 0.8), colour="green", color_start=0.12), "sofa"),
+        (outline((0, 0, 0.43, 0.5, 0.5, 0.48), (0, 0.4, 0.48, 0.5, 0.5, 0.92), color="blue"), "chair"),
+        (outline((0, 0, 0.4, 0.5, 0.5, 1.3), color="green", color_start=0.4), "plant"),
+        (outline((0, 0, 0.12, 0.5, 0.5, 1.3), color="green"), "object"),
+        (outline((0, 0, 0.12, 2, 0.85, 0.42), (0, 0, 0.42, 2, 0.25, 0.8), color="green", color_start=0.12), "sofa"),
         (outline((0, 0, 0.7, 1.5, 0.7, 0.74), (1.1, 0, 0.12, 1.5, 0.7, 0.7)), "desk"),
         (outline((0, 0, 0.7, 1.5, 0.8, 0.74)), "table"),
         (outline((0, 0, 0.36, 1.1, 0.6, 0.4)), "low table"),
@@ -173,8 +173,8 @@ def outline(*boxes: tuple[float, float, float, float, float, float], colour: str
         (outline((0, 0, 0.12, 1.2, 0.35, 0.85), color_share=0.45, spread=10.0), "bookshelf"),
         (outline((0, 0, 0.12, 0.8, 0.45, 0.6)), "box"),
         (outline((0, 0, 0.12, 1.8, 1.0, 0.15)), "platform"),
-        (outline((0, 0, 0.12, 1.5, 0.5, 1.8), colour="red"), "tall"),
-        (outline((0, 0, 0.12, 0.5, 0.5, 0.9), colour="red"), "object"),
+        (outline((0, 0, 0.12, 1.5, 0.5, 1.8), color="red"), "tall"),
+        (outline((0, 0, 0.12, 0.5, 0.5, 0.9), color="red"), "object"),
     ],
 )
 def test_the_form_of_an_object_has_a_name_only_if_it_is_clear(form: Outline, shape: str) -> None:
@@ -198,9 +198,9 @@ def alternatives(pattern: str) -> list[str]:
     return list(dict.fromkeys(before + part + text for part in parts for text in rest))
 
 
-NAMES = {name: f"{colour} {shape}" for shape, pattern in THINGS.items() for name_of in alternatives(pattern)
-         for colour in (COLOURS if "{}" in name_of else (IMPLIED.get(shape, ""),))
-         for name in [name_of.format(colour)]}  # fmt: skip
+NAMES = {name: f"{color} {shape}" for shape, pattern in THINGS.items() for name_of in alternatives(pattern)
+         for color in (COLORS if "{}" in name_of else (IMPLIED.get(shape, ""),))
+         for name in [name_of.format(color)]}  # fmt: skip
 NAMED = re.compile(rf"\bthe ({'|'.join(sorted(map(re.escape, NAMES), key=len, reverse=True))})\b")
 Table = Mapping[str, str | Sequence[str]]
 
@@ -250,7 +250,7 @@ def spread(table: Mapping[str, str]) -> dict[str, list[str]]:
 def some_cues(random: Random, sides: Sequence[str]) -> set[Cue]:
     def look() -> str:
         shape = random.choice(list(THINGS))
-        return f"{IMPLIED.get(shape) or random.choice(COLOURS)} {shape}"
+        return f"{IMPLIED.get(shape) or random.choice(COLORS)} {shape}"
 
     cues = {Cue("through", "1"), Cue("into", random.choice(list(INTO))), Cue("out of", random.choice(list(OUT_OF)))}
     cues = {cue for cue in cues if random.random() < 0.7}
@@ -323,7 +323,7 @@ def test_every_cue_can_be_read_back_from_the_short_words(ends: bool) -> None:
 
 
 def test_no_short_phrase_has_two_meanings() -> None:
-    tables = [TURNS, short.WALKS, {str(metres): words for metres, words in short.ROUGHLY.items()}]
+    tables = [TURNS, short.WALKS, {str(meters): words for meters, words in short.ROUGHLY.items()}]
     tables += [short.PASSING, short.UNTIL, short.STOP_BY, short.TO_STAIRS, short.STAIRS, short.RUG]
     meanings: dict[str, set[tuple[int, str]]] = {}
     for i, table in enumerate(tables):
@@ -361,7 +361,7 @@ def test_one_name_stands_for_one_object_of_an_instruction() -> None:
         things,
         visible={"a": (), "b": ((0, 0.0, 2.0),), "c": ((2, 0.0, 1.0),)},
         passed={("a", "b"): ((0, "left", 1.0), (1, "right", 1.0)), ("b", "c"): ((1, "right", 0.5), (2, "left", 1.0))},
-        metres=dict.fromkeys(steps, 2.0),
+        meters=dict.fromkeys(steps, 2.0),
         doors=dict.fromkeys(steps, ()),
         floors=dict.fromkeys(steps, ()),
     )

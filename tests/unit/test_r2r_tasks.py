@@ -27,7 +27,7 @@ def sampled(*graphs: NavGraph, unseen: tuple[str, ...] = (), **amounts: object) 
     return sample_tasks(graphs, unseen, PathBounds(), PathCounts(**amounts))  # type: ignore[arg-type]
 
 
-def metres_along(graph: nx.Graph, path: tuple[str, ...]) -> float:
+def meters_along(graph: nx.Graph, path: tuple[str, ...]) -> float:
     return sum(graph.edges[a, b]["weight"] for a, b in pairwise(path))
 
 
@@ -38,7 +38,7 @@ def test_every_path_is_a_shortest_one_within_the_bounds() -> None:
     assert all(len(dataset.splits[name]) for name in SPLITS)
     for task in (t for name in SPLITS for t in dataset.splits[name]):
         assert 4 <= len(task.path) - 1 <= 6 and task.distance >= 5
-        length = metres_along(agents, task.path)
+        length = meters_along(agents, task.path)
         assert length == pytest.approx(nx.dijkstra_path_length(agents, task.path[0], task.path[-1]), abs=1e-5)
         assert task.distance == pytest.approx(length, abs=0.0051)
         assert 0 <= task.heading < 2 * math.pi
@@ -50,7 +50,7 @@ def test_all_pairs_that_networkx_finds_are_eligible() -> None:
     expected = set()
     for a, paths in nx.all_pairs_dijkstra_path(agents):
         for b, path in paths.items():
-            if a < b and 4 <= len(path) - 1 <= 6 and metres_along(agents, tuple(path)) >= 5:
+            if a < b and 4 <= len(path) - 1 <= 6 and meters_along(agents, tuple(path)) >= 5:
                 expected.add(frozenset(path))
     found = eligible_paths(PathGraph.of(graph), PathBounds(ties=True))
     assert {frozenset(found.ids[i] for i in found.path(k)) for k in range(len(found.rows))} == expected
@@ -59,7 +59,7 @@ def test_all_pairs_that_networkx_finds_are_eligible() -> None:
 def test_bounds_are_options() -> None:
     found = eligible_paths(PathGraph.of(house("house", 3)), PathBounds(2, 3, 3.0, 6.0))
     edges = (found.rows >= 0).sum(axis=1) - 1
-    assert set(edges.tolist()) == {2, 3} and found.metres.min() >= 3 and found.metres.max() <= 6
+    assert set(edges.tolist()) == {2, 3} and found.meters.min() >= 3 and found.meters.max() <= 6
 
 
 def test_a_path_beside_which_another_is_as_short_is_left_out_unless_wanted() -> None:
@@ -168,8 +168,8 @@ def test_joined_paths_lead_from_one_task_over_a_shortest_path_to_another() -> No
             assert task.path == first.path[:-1] + middle + second.path[1:]
             assert middle[0] == first.path[-1] and middle[-1] == second.path[0]
             between = nx.dijkstra_path_length(agents, middle[0], middle[-1])
-            assert metres_along(agents, middle) == pytest.approx(between, abs=1e-5) and between <= 3
-            assert task.distance == pytest.approx(metres_along(agents, task.path), abs=0.02)
+            assert meters_along(agents, middle) == pytest.approx(between, abs=1e-5) and between <= 3
+            assert task.distance == pytest.approx(meters_along(agents, task.path), abs=0.02)
             assert task.heading == first.heading
             ends = task.path[0], task.path[-1]
             assert (task.shortest_path[0], task.shortest_path[-1]) == ends

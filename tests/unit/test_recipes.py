@@ -163,7 +163,7 @@ def test_what_hangs_from_a_ceiling_begins_there_and_stays_in_its_room() -> None:
     assert (hi > lo).all()
 
 
-def test_ceilings_are_of_all_brightness_and_pale_faces_have_little_colour() -> None:
+def test_ceilings_are_of_all_brightness_and_pale_faces_have_little_color() -> None:
     scene = make_scene(BuildingConfig(size="small"))
     paint, rng = Paint("drawers", (0.5, 0.3, 0.1)), np.random.default_rng(0)
     plans = [patterns.paint_ceiling(scene.plan, 0.2, rng).mean() for _ in range(20)]
@@ -171,8 +171,8 @@ def test_ceilings_are_of_all_brightness_and_pale_faces_have_little_colour() -> N
     faces = [paint_face(paint, (0.0, 0.0), 1.0, 1.0, 0.05, rng)]
     faces += [patterns.paint_pale(paint, (0.0, 0.0), 1.0, 1.0, 0.05, rng) for _ in range(10)]
     tones = [face.mean(axis=(0, 1)) for face in faces]
-    colourful, *pale = (float(np.ptp(tone) / tone.mean()) for tone in tones)
-    assert max(pale) < 0.5 * colourful and np.ptp([tone.mean() for tone in tones[1:]]) > 0.2
+    colorful, *pale = (float(np.ptp(tone) / tone.mean()) for tone in tones)
+    assert max(pale) < 0.5 * colorful and np.ptp([tone.mean() for tone in tones[1:]]) > 0.2
 
 
 def test_what_a_cloud_says_for_certain_is_true() -> None:
@@ -216,7 +216,7 @@ def test_a_few_points_before_the_floor_are_no_thing_for_certain_and_a_board_of_m
     assert (said == FLOOR).mean() > 0.5
 
 
-def test_a_cloud_says_nothing_of_what_has_another_colour_than_it() -> None:
+def test_a_cloud_says_nothing_of_what_has_another_color_than_it() -> None:
     rng = np.random.default_rng(0)
     grid = np.stack(np.meshgrid(np.arange(-3, 3, 0.03), np.arange(-3, 3, 0.03)), -1).reshape(-1, 2)
     points = np.column_stack([grid + rng.normal(0, 0.003, grid.shape), np.zeros(len(grid))]).astype(np.float32)

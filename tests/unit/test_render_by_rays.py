@@ -30,18 +30,18 @@ def camera(heading: float = 0.4, pitch: float = -0.8, size: tuple[int, int] = (5
 
 
 def by_the_book(gaussians: Gaussians, view: Camera) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """What `draw_by_rays` gives, pixel by pixel."""
+    """The result of `draw_by_rays`, computed pixel by pixel."""
     k, pose = view.intrinsics, view.world_to_camera
     u, v = np.meshgrid(np.arange(k.width) + 0.5, np.arange(k.height) + 0.5)
     rays = np.dstack([(u - k.cx) / k.fx, (v - k.cy) / k.fy, np.ones_like(u)]) @ pose[:3, :3]  # world, of depth 1
     through = np.ones((k.height, k.width))
     depth, normal = np.zeros_like(through), np.zeros((3, k.height, k.width))
-    centres = gaussians.means.astype(float) - view.position
-    for i in np.argsort(np.linalg.norm(centres, axis=1)):
+    centers = gaussians.means.astype(float) - view.position
+    for i in np.argsort(np.linalg.norm(centers, axis=1)):
         axes = Rotation.from_quat(gaussians.quats[i, [1, 2, 3, 0]]).as_matrix()
-        thinnest = np.sqrt(EPS2D) * (pose[:3, :3] @ centres[i])[2] / max(k.fx, k.fy)
+        thinnest = np.sqrt(EPS2D) * (pose[:3, :3] @ centers[i])[2] / max(k.fx, k.fy)
         scale = np.maximum(np.exp(gaussians.log_scales[i].astype(float)), thinnest)
-        o, d = (centres[i] @ axes) / scale, (rays @ axes) / scale
+        o, d = (centers[i] @ axes) / scale, (rays @ axes) / scale
         nearest = (d @ o) / (d * d).sum(axis=-1)
         away = ((o - nearest[..., None] * d) ** 2).sum(axis=-1)
         alpha = np.exp(-0.5 * away) / (1 + np.exp(-float(gaussians.opacity_logits[i])))
@@ -49,7 +49,7 @@ def by_the_book(gaussians: Gaussians, view: Camera) -> tuple[np.ndarray, np.ndar
         short = axes[:, gaussians.log_scales[i].argmin()]
         through = through - weight
         depth += weight * nearest
-        normal += weight * (short * (-1 if short @ centres[i] > 0 else 1))[:, None, None]
+        normal += weight * (short * (-1 if short @ centers[i] > 0 else 1))[:, None, None]
     return through, depth, normal
 
 
@@ -118,7 +118,7 @@ def test_what_is_drawn_by_rays_lies_before_what_is_splatted(seed: int) -> None:
     assert np.abs(mixed.depth * mixed.alpha - depth).mean() < 0.05
 
 
-def test_who_asks_for_colours_as_well_sees_the_same_of_what_stands() -> None:
+def test_who_asks_for_colors_as_well_sees_the_same_of_what_stands() -> None:
     model, view = SubmapModel(around_the_eye(3, 40), None, None, FloorSurface.flat(0.0)), camera()
     mask = [np.ones((36, 50), bool)]
     alone = render_regions(model, [view], mask, GEOMETRY)[0]

@@ -1,4 +1,4 @@
-"""The tiled rasterizer against the slow reference, and what it promises about order, threads and odd input."""
+"""The tiled rasterizer compared with the slow reference: its result, the order, threads, and unusual input."""
 
 from __future__ import annotations
 

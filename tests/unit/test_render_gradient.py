@@ -49,7 +49,7 @@ def relative(a, b):
 
 
 @pytest.mark.parametrize("antialiased", [True, False])
-def test_gradients_of_colour_alpha_and_depth_equal_those_of_the_reference(antialiased):
+def test_gradients_of_color_alpha_and_depth_equal_those_of_the_reference(antialiased):
     tensors = scene()
     expected = gradients(reference.splat, [t.double() for t in tensors], antialiased=antialiased)
     found = gradients(rasterize, tensors, antialiased=antialiased, depth=True)
@@ -185,8 +185,8 @@ def shifted(tensors, shift):
         alpha = torch.where(alpha < reference.ALPHA_MIN, torch.zeros_like(alpha), alpha)
         direction = torch.nn.functional.normalize(means[i] - torch.as_tensor(CAMERA.position), dim=0)
         basis = reference.polynomial_basis(direction, 3)
-        colour = ((basis[:, None] * sh[i]).sum(0) + 0.5).clamp(min=0)
-        image = image + (through * alpha)[..., None] * colour
+        color = ((basis[:, None] * sh[i]).sum(0) + 0.5).clamp(min=0)
+        image = image + (through * alpha)[..., None] * color
         through = through * (1 - alpha)
     return image
 

@@ -39,7 +39,7 @@ def view(seed: int, size: int = 96) -> tuple[Camera, np.ndarray]:
 
 
 @pytest.mark.parametrize("seed", range(12))
-def test_a_region_without_colours_is_that_of_the_whole_view_to_the_last_bit(seed: int) -> None:
+def test_a_region_without_colors_is_that_of_the_whole_view_to_the_last_bit(seed: int) -> None:
     model = SubmapModel(hall(seed), None, None, FloorSurface.flat(0.0))
     camera, mask = view(seed)
     whole, part = (render_regions(model, [camera], [m], GEOMETRY)[0] for m in (np.ones_like(mask), mask))
@@ -49,7 +49,7 @@ def test_a_region_without_colours_is_that_of_the_whole_view_to_the_last_bit(seed
 
 
 @pytest.mark.parametrize("seed", range(12))
-def test_without_what_is_wide_for_its_depth_a_region_is_that_of_the_coloured_view(seed: int) -> None:
+def test_without_what_is_wide_for_its_depth_a_region_is_that_of_the_colored_view(seed: int) -> None:
     gaussians, (camera, mask) = hall(seed), view(seed)
     gaussians.opacity_logits[is_wide(gaussians, np.arange(len(gaussians)), camera)] = -20
     model = SubmapModel(gaussians, None, None, FloorSurface.flat(0.0))

@@ -1,4 +1,4 @@
-"""Small views at once are those of one after the other, and what goes wrong in a thread is told."""
+"""Small views rendered in parallel equal those rendered one after the other, and an error in a thread is reported."""
 
 from __future__ import annotations
 

@@ -94,7 +94,7 @@ def test_weights_are_means_of_the_mask_in_each_of_the_36_views() -> None:
 def test_files_have_the_keys_of_rxr_and_of_vlnce(tmp_path: Path) -> None:
     _, graph = flat_house()
     scans, out = export_blocks(tmp_path / "scans", flat_house()[0], graph), tmp_path / "tasks"
-    few = ["--fewest-edges", "2", "--least-metres", "3", "--train", "5", "--val-seen", "2", "--val-unseen", "0"]
+    few = ["--fewest-edges", "2", "--least-meters", "3", "--train", "5", "--val-seen", "2", "--val-unseen", "0"]
     command = ["export", "tasks", "--scans", str(scans), "--out", str(out), *few, "--register", "rxr", "--json"]
     assert main([*command, "--rxr", "--vlnce"]) == 0
     tasks = {task["path_id"]: task for task in json.loads((out / "R2R_train.json").read_text())}

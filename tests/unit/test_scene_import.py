@@ -196,12 +196,12 @@ def test_the_cover_of_a_slab_equals_a_sampled_reference():
     from nvsim.geometry.rotation import matrix_from_quaternion
 
     left = np.ones((2, 20, 20))
-    centres = grid.centres()
+    centers = grid.centers()
     for k in range(6):
         axes = matrix_from_quaternion(g.quats[k]) * np.exp(g.log_scales[k])
         full = axes @ axes.T
         own = full[:2, :2] + np.eye(2) * 0.05**2 / 12
-        off = centres - g.means[k, :2]
+        off = centers - g.means[k, :2]
         power = 0.5 * np.einsum("rci,ij,rcj->rc", off, np.linalg.inv(own), off)
         peak = np.sqrt(np.linalg.det(full[:2, :2]) / np.linalg.det(own)) / (1 + np.exp(-g.opacity_logits[k]))
         heights = random.normal(g.means[k, 2], np.sqrt(full[2, 2]), 200_000)

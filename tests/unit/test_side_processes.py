@@ -1,4 +1,4 @@
-"""Only one folder of the window starts processes, and what runs there ends with one word."""
+"""Only one folder of the window starts processes, and one call ends them."""
 
 from __future__ import annotations
 

@@ -15,7 +15,7 @@ from nvsim.benchmarks.simulator import write_made_scan
 from nvsim.geometry.camera import Camera, Intrinsics, camera_pose
 from nvsim.geometry.directions import face_axes, face_rays
 from nvsim.r2r.simulator import Simulator
-from nvsim.r2r.simulator.compiled_drawing import draw_colours, draw_depth
+from nvsim.r2r.simulator.compiled_drawing import draw_colors, draw_depth
 from nvsim.r2r.simulator.images import StripCache, rays_of
 from nvsim.r2r.simulator.scan import CANONICAL
 
@@ -55,11 +55,11 @@ def sampled(strip: NDArray[np.uint8], rays: NDArray[np.float64]) -> NDArray[np.f
 
 
 @pytest.mark.parametrize(("heading", "elevation"), [(0.0, 0.0), (0.8, 0.3), (2.4, -1.2), (3.9, 1.4), (5.5, -0.5)])
-def test_colours_are_those_of_the_slow_way(heading: float, elevation: float) -> None:
+def test_colors_are_those_of_the_slow_way(heading: float, elevation: float) -> None:
     strip = np.random.default_rng(0).integers(0, 256, (32, 192, 3)).astype(np.uint8)
     rotation = camera_pose(np.zeros(3), 1.1, 0.2)[:3, :3]
     out = np.zeros((64, 96, 3), np.uint8)
-    draw_colours(strip, rays_of(rotation, heading, elevation, 96, 64, math.radians(60))[0], out)
+    draw_colors(strip, rays_of(rotation, heading, elevation, 96, 64, math.radians(60))[0], out)
     expected = sampled(strip, camera(heading, elevation).rays().astype(float) @ rotation)
     assert np.abs(out - expected).max() < 3  # weights are of 1/256, pixels are noise
     assert np.abs(out - expected).mean() < 0.6
@@ -70,7 +70,7 @@ def test_a_level_pose_that_faces_y_shows_its_front_face_at_heading_0_and_its_rig
     out = np.zeros((8, 8, 3), np.uint8)
     for heading, elevation, face in ((0, 0, 3), (90, 0, 4), (180, 0, 1), (270, 0, 2), (0, 90, 0), (0, -90, 5)):
         rays, _ = rays_of(CANONICAL, math.radians(heading), math.radians(elevation), 8, 8, math.radians(60))
-        draw_colours(np.ascontiguousarray(strip), rays, out)
+        draw_colors(np.ascontiguousarray(strip), rays, out)
         assert (out == face * 40).all()
 
 
@@ -95,7 +95,7 @@ def test_depth_is_along_the_axis_where_the_strip_is_the_distance() -> None:
         assert np.median(np.abs(out[..., 0] - expected)) < 40  # a centimeter: the nearest pixel's
 
 
-def test_a_view_shows_the_colours_that_its_directions_have(tmp_path: Path) -> None:
+def test_a_view_shows_the_colors_that_its_directions_have(tmp_path: Path) -> None:
     ids = write_made_scan(tmp_path, count=6, side=128)
     sim = opened(tmp_path, depth=True)
     for id, heading, elevation in zip(ids, (0.0, 1.3, 2.9, 4.4, 5.9), (0.0, 0.5, -1.1, 1.3, -0.2), strict=False):
@@ -181,11 +181,11 @@ def test_no_more_strips_are_kept_than_the_cache_holds(tmp_path: Path) -> None:
     ids = write_made_scan(tmp_path, count=6, side=16, plain=True)
     cache = StripCache(tmp_path / "scans", 3)
     for id in ids:
-        cache.colours("made", id)
+        cache.colors("made", id)
     assert len(cache) == 3
-    first = cache.colours("made", ids[-3])
-    cache.colours("made", ids[0])
-    assert cache.colours("made", ids[-3]) is first  # used last but one, so it stayed
+    first = cache.colors("made", ids[-3])
+    cache.colors("made", ids[0])
+    assert cache.colors("made", ids[-3]) is first  # used last but one, so it stayed
 
 
 def test_preloading_reads_every_image_that_is_included_at_once(tmp_path: Path) -> None:

@@ -97,7 +97,7 @@ def vars_of(place: Any) -> list[Any]:
     return [getattr(place, name) for name in place.__slots__]
 
 
-def test_a_sweep_of_36_views_counts_them_and_sees_every_neighbour(tmp_path: Path) -> None:
+def test_a_sweep_of_36_views_counts_them_and_sees_every_neighbor(tmp_path: Path) -> None:
     ids = write_made_scan(tmp_path, count=20, plain=True)
     sim = without_images(tmp_path / "connectivity")
     free = without_images(tmp_path / "connectivity", restricted=False)

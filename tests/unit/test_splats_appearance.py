@@ -58,7 +58,7 @@ def test_an_index_embedding_is_the_mean_or_that_of_the_nearest_camera() -> None:
     np.testing.assert_array_equal(nearest.at(place), nearest.weights["index.vectors"][4])
 
 
-def test_linear_colours_add_the_matrix_times_the_features_at_every_position() -> None:
+def test_linear_colors_add_the_matrix_times_the_features_at_every_position() -> None:
     appearance, g = linear(), gaussians()
     before = g.sh.copy()
     for place in (MIDDLE, MIDDLE + 0.01, MIDDLE + 2):
@@ -66,31 +66,31 @@ def test_linear_colours_add_the_matrix_times_the_features_at_every_position() ->
         matrix = (appearance.weights["matrix.weight"] @ e + appearance.weights["matrix.bias"]).reshape(3, F)
         expected = before.copy()
         expected[:, 0] += appearance.features @ matrix.T
-        found = appearance.coloured(g, place)
+        found = appearance.colored(g, place)
         np.testing.assert_allclose(found.sh, expected, atol=1e-5)
         assert found.means is g.means
     np.testing.assert_array_equal(g.sh, before)
 
 
-def test_the_colour_network_is_evaluated_where_the_camera_is_and_ignores_own_colours() -> None:
+def test_the_color_network_is_evaluated_where_the_camera_is_and_ignores_own_colors() -> None:
     appearance, g = network(cell=0.0), gaussians()
     w, e = appearance.weights, appearance.embedding.at(MIDDLE)
     for n in (0, 17, N - 1):
         h = np.concatenate([e, appearance.features[n]]).astype(np.float64)
         for layer in ("colour.0", "colour.1"):
             h = np.maximum(w[f"{layer}.weight"] @ h + w[f"{layer}.bias"], 0)
-        found = appearance.coloured(g, MIDDLE).sh[n]
+        found = appearance.colored(g, MIDDLE).sh[n]
         np.testing.assert_allclose(found[0], w["base.weight"] @ h + w["base.bias"], rtol=1e-4, atol=1e-5)
         np.testing.assert_allclose(found[1:].ravel(), w["rest.weight"] @ h + w["rest.bias"], rtol=1e-4, atol=1e-5)
 
 
-def test_within_a_cell_the_colours_are_those_of_its_centre_and_do_not_depend_on_the_way() -> None:
+def test_within_a_cell_the_colors_are_those_of_its_center_and_do_not_depend_on_the_way() -> None:
     appearance, exact, g = network(), network(cell=0.0), gaussians()
-    first = appearance.coloured(g, np.array([1.01, 2.02, 1.33])).sh.copy()
-    appearance.coloured(g, np.array([3.0, 0.0, 1.0]))
-    again = appearance.coloured(g, np.array([1.09, 2.07, 1.38])).sh
+    first = appearance.colored(g, np.array([1.01, 2.02, 1.33])).sh.copy()
+    appearance.colored(g, np.array([3.0, 0.0, 1.0]))
+    again = appearance.colored(g, np.array([1.09, 2.07, 1.38])).sh
     np.testing.assert_array_equal(first, again)
-    np.testing.assert_allclose(first, exact.coloured(g, np.array([1.05, 2.05, 1.35])).sh, atol=1e-5)
+    np.testing.assert_allclose(first, exact.colored(g, np.array([1.05, 2.05, 1.35])).sh, atol=1e-5)
 
 
 @pytest.mark.parametrize("make", [linear, network])

@@ -26,7 +26,7 @@ CAMERA = Camera(Intrinsics(96, 72, 80.0, 80.0, 48.0, 36.0), camera_pose(np.array
 
 
 def wall(count=3000, degree=3, seed=0):
-    """Gaussians of a few centimeters to a few decimetres before CAMERA, most of them overlapping."""
+    """Gaussians of a few centimeters to a few decimeters before CAMERA, most of them overlapping."""
     r = np.random.default_rng(seed)
     local = r.uniform([-1.5, -1.2, 2.0], [1.5, 1.2, 4.0], (count, 3))
     means = local @ CAMERA.rotation.T + CAMERA.position
@@ -183,15 +183,15 @@ def webp(pixels, columns):
 
 
 def sog(gaussians, seed=0):
-    """The files of a SOG, and what a reader must find in them."""
+    """The files of a SOG, and the values that a reader must find in them."""
     r, n = np.random.default_rng(seed), len(gaussians)
     logs = np.sign(gaussians.means) * np.log1p(np.abs(gaussians.means))
     low, high = logs.min(axis=0), logs.max(axis=0)
     whole = np.round((logs - low) / (high - low) * 65535).astype(np.int64)
     opaque = np.full((n, 1), 255)
     books = {k: np.sort(r.normal(0, 1, 256)).astype(np.float32) for k in ("scales", "sh0", "shN")}
-    # Where alpha is 0 an encoder may drop the colours.
-    scales, colours = r.integers(0, 256, (n, 3)), r.integers(1, 256, (n, 4))
+    # Where alpha is 0 an encoder may drop the colors.
+    scales, colors = r.integers(0, 256, (n, 3)), r.integers(1, 256, (n, 4))
     quats = gaussians.quats / np.linalg.norm(gaussians.quats, axis=1, keepdims=True)
     largest = np.abs(quats).argmax(axis=1)
     quats = quats * np.sign(quats[np.arange(n), largest])[:, None]
@@ -205,7 +205,7 @@ def sog(gaussians, seed=0):
         "means_u.webp": webp(np.hstack([whole >> 8, opaque]), 40),
         "quats.webp": webp(np.hstack([packed, 252 + largest[:, None]]), 40),
         "scales.webp": webp(np.hstack([scales, opaque]), 40),
-        "sh0.webp": webp(colours, 40),
+        "sh0.webp": webp(colors, 40),
         "centroids.webp": webp(centroids.reshape(-1, 4), 64 * 8),
         "labels.webp": webp(np.stack([labels & 255, labels >> 8, 0 * labels, 0 * labels + 255], axis=1), 40),
     }
@@ -224,8 +224,8 @@ def sog(gaussians, seed=0):
         },
     }
     files["meta.json"] = json.dumps(meta).encode()
-    sh = np.concatenate([books["sh0"][colours[:, None, :3]], books["shN"][palette[labels]]], axis=1)
-    return files, quats, books["scales"][scales], colours[:, 3] / 255, sh
+    sh = np.concatenate([books["sh0"][colors[:, None, :3]], books["shN"][palette[labels]]], axis=1)
+    return files, quats, books["scales"][scales], colors[:, 3] / 255, sh
 
 
 def zipped(files):

@@ -21,22 +21,22 @@ from nvsim.splats.types import FloorTexture, Gaussians, SubmapModel
 from nvsim.submaps.split import Submap, SubmapConfig, split
 
 
-def submap_model(colour):
-    """One big Gaussian around (x, 5, 1.5) for each x, of one colour."""
+def submap_model(color):
+    """One big Gaussian around (x, 5, 1.5) for each x, of one color."""
     f = np.float32
     means = np.array([[x, 5, 1.5] for x in (0, 10, 20)], f)
-    sh = np.tile(((np.array(colour) - 0.5) / 0.28209479177387814).astype(f), (3, 1, 1))
+    sh = np.tile(((np.array(color) - 0.5) / 0.28209479177387814).astype(f), (3, 1, 1))
     g = Gaussians(means, np.zeros((3, 3), f), np.tile([1, 0, 0, 0], (3, 1)).astype(f), np.full(3, 5, f), sh)
     return SubmapModel(g, None, None, FloorSurface.flat(0))
 
 
-COLOURS = ((1, 0, 0), (0, 1, 0), (0, 0, 1))
+COLORS = ((1, 0, 0), (0, 1, 0), (0, 0, 1))
 
 
 @pytest.fixture
 def folders(tmp_path):
-    for i, colour in enumerate(COLOURS):
-        save_model(submap_model(colour), tmp_path / str(i))
+    for i, color in enumerate(COLORS):
+        save_model(submap_model(color), tmp_path / str(i))
     return [tmp_path / str(i) for i in range(3)]
 
 
@@ -45,11 +45,11 @@ SUBMAPS = [Submap(i, (i,), (i,), np.array([[10.0 * i, 0.0, 1.5]])) for i in rang
 
 def test_the_nearest_submap_draws(folders):
     scene = SceneModel(SUBMAPS, folders)
-    for i, colour in enumerate(COLOURS):
+    for i, color in enumerate(COLORS):
         camera = Camera(Intrinsics.from_fov(32, 24, 1.0), camera_pose(np.array([10.0 * i + 0.1, 0.0, 1.5]), 0.0))
         index, output = render_scene(scene, camera)
         assert index == i
-        np.testing.assert_allclose(output.rgb[12, 16], colour, atol=0.05)
+        np.testing.assert_allclose(output.rgb[12, 16], color, atol=0.05)
 
 
 def test_a_submap_without_a_model_leaves_its_place_to_the_next(folders):
@@ -102,7 +102,7 @@ def test_the_submap_of_a_stair_has_no_opinion_on_the_floors_that_it_joins(tmp_pa
 
 
 def test_models_load_when_asked_for_and_the_least_recently_used_goes(folders):
-    scene = SceneModel(SUBMAPS, folders, memory_budget=2 * memory_of(submap_model(COLOURS[0])))
+    scene = SceneModel(SUBMAPS, folders, memory_budget=2 * memory_of(submap_model(COLORS[0])))
     assert scene.loaded == ()
     first = scene.model(0)
     assert scene.model(0) is first
@@ -114,7 +114,7 @@ def test_models_load_when_asked_for_and_the_least_recently_used_goes(folders):
 
 
 def test_what_a_model_needs_is_known_before_it_is_read(tmp_path):
-    model = submap_model(COLOURS[0])
+    model = submap_model(COLORS[0])
     model.texture = FloorTexture((np.zeros((40, 30, 3), np.float32),), (0.0, 0.0), (1.0, 1.0))
     save_model(model, tmp_path / "0")
     needed = memory_needed(tmp_path / "0")
@@ -122,7 +122,7 @@ def test_what_a_model_needs_is_known_before_it_is_read(tmp_path):
 
 
 def test_room_is_made_before_a_model_is_read(folders, monkeypatch):
-    size = memory_of(submap_model(COLOURS[0]))
+    size = memory_of(submap_model(COLORS[0]))
     scene = SceneModel(SUBMAPS, folders, memory_budget=2 * size)
     taken = []
     load = scene_module.load_model
@@ -149,7 +149,7 @@ def test_the_next_model_is_loaded_ahead_near_its_border(folders):
 
 
 def test_nothing_is_loaded_ahead_that_does_not_fit_beside_what_is_used(folders):
-    size = memory_of(submap_model(COLOURS[0]))
+    size = memory_of(submap_model(COLORS[0]))
     scene = SceneModel(SUBMAPS, folders, memory_budget=2 * size - 1)
     scene.model_at(np.array([4.0, 0, 1.5]))
     assert not settled(scene, (1, 0), seconds=0.2) and scene.loaded == (0,)
@@ -169,7 +169,7 @@ def test_a_damaged_submap_fails_only_when_it_is_used(folders):
 
 
 def test_walking_in_many_threads_never_exceeds_the_budget(folders, monkeypatch):
-    size = memory_of(submap_model(COLOURS[0]))
+    size = memory_of(submap_model(COLORS[0]))
     scene = SceneModel(SUBMAPS, folders, memory_budget=2 * size)
     load, over = scene_module.load_model, []
 
@@ -237,15 +237,15 @@ def test_a_model_that_vanished_is_an_input_error(folders):
     assert scene.loaded == ()
 
 
-def test_without_colours_models_take_a_fifth_of_the_memory_and_show_the_same_shapes(tmp_path):
+def test_without_colors_models_take_a_fifth_of_the_memory_and_show_the_same_shapes(tmp_path):
     r = np.random.default_rng(0)
     arrays = (r.normal(0, 1, (500, 3)), r.normal(-3, 0.3, (500, 3)), r.normal(size=(500, 4)), r.normal(0, 1, 500))
     gaussians = Gaussians(*(np.float32(a) for a in arrays), r.normal(0, 0.3, (500, 16, 3)).astype(np.float32))
     save_model(SubmapModel(gaussians, None, None, FloorSurface.flat(0.0)), tmp_path / "m")
     place = [Submap(0, (0,), (0,), np.zeros((1, 3)))]
-    coloured, grey = (SceneModel(place, [tmp_path / "m"], colours=c) for c in (True, False))
+    colored, gray = (SceneModel(place, [tmp_path / "m"], colors=c) for c in (True, False))
     camera = Camera(Intrinsics.from_fov(40, 40, 1.5), camera_pose(np.array([0.0, -3.0, 0.0]), 0.0))
-    whole, shape = (render_model(s.model(0), camera, frozenset({"alpha", "normal", "depth"})) for s in (coloured, grey))
+    whole, shape = (render_model(s.model(0), camera, frozenset({"alpha", "normal", "depth"})) for s in (colored, gray))
     for name in ("alpha", "normal", "depth"):
         np.testing.assert_array_equal(getattr(shape, name), getattr(whole, name))
-    assert grey.memory < 0.25 * coloured.memory
+    assert gray.memory < 0.25 * colored.memory

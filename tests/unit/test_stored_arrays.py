@@ -1,4 +1,4 @@
-"""Arrays that a project keeps: damaged or foreign files are refused with a sentence, whatever they announce."""
+"""Arrays that a project stores: damaged or foreign files are refused with a sentence, whatever their header says."""
 
 from __future__ import annotations
 

@@ -15,7 +15,7 @@ from nvsim.render.workspace import NO_TINT, RenderBuffers
 from nvsim.splats.harmonics import DC
 from nvsim.splats.types import Gaussians
 from nvsim.training import trainer
-from nvsim.training.appearance import LinearColours, NetworkColours, mark_in_view
+from nvsim.training.appearance import LinearColors, NetworkColors, mark_in_view
 from nvsim.training.background.harmonics import pack_camera
 from nvsim.training.config import AppearanceConfig, TrainingConfig
 from nvsim.training.initialise import gaussians_at
@@ -40,10 +40,10 @@ def inputs(config: AppearanceConfig, count: int) -> tuple[np.ndarray, torch.Tens
 
 
 def test_linear_gradients_are_those_of_the_tape_in_double_precision() -> None:
-    g, colours = some_gaussians(), LinearColours(LINEAR, 0)
-    colours.values[:] += 0.1 * np.random.default_rng(3).standard_normal(colours.values.shape).astype(np.float32)
+    g, colors = some_gaussians(), LinearColors(LINEAR, 0)
+    colors.values[:] += 0.1 * np.random.default_rng(3).standard_normal(colors.values.shape).astype(np.float32)
     features, embedding, _ = inputs(LINEAR, len(g))
-    shown, tint = colours.shown(g, features, embedding, CAMERA)
+    shown, tint = colors.shown(g, features, embedding, CAMERA)
     assert shown is g
     workspace, k = RenderBuffers(), CAMERA.intrinsics
     workspace.project(g, CAMERA, True, tint=tint)
@@ -54,11 +54,11 @@ def test_linear_gradients_are_those_of_the_tape_in_double_precision() -> None:
     d = replace(g, **{f.name: np.full_like(getattr(g, f.name), 9) for f in fields(g)})
     d_features = np.full_like(features, 7)
     d_matrix = workspace.project_gradient(g, d, np.empty((0, 3), np.float32), tint, d_features)
-    colours.collect(d.sh, d_matrix, d_features)
+    colors.collect(d.sh, d_matrix, d_features)
     assert 20 < np.count_nonzero(d.sh[:, 0].any(axis=1)) < len(g)
 
     double = [torch.tensor(a, dtype=torch.float64, requires_grad=True) for a in (features, embedding.tolist())]
-    weights = torch.tensor(colours.values[:, 0], dtype=torch.float64, requires_grad=True)
+    weights = torch.tensor(colors.values[:, 0], dtype=torch.float64, requires_grad=True)
     matrix, bias = weights[: -3 * LINEAR.features].view(-1, LINEAR.size), weights[-3 * LINEAR.features :]
     w = (matrix @ double[1] + bias).view(3, -1)
     offset = double[0] @ w.T
@@ -67,16 +67,16 @@ def test_linear_gradients_are_those_of_the_tape_in_double_precision() -> None:
     for ours, expected in (
         (d_features, double[0].grad),
         (embedding.grad, double[1].grad),
-        (colours.gradient[:, 0], weights.grad),
+        (colors.gradient[:, 0], weights.grad),
     ):
         np.testing.assert_allclose(ours, expected, atol=1e-5 * float(expected.abs().max()))
 
 
-def test_the_linear_form_starts_without_an_offset_and_with_the_colours_as_features() -> None:
-    g, colours = some_gaussians(), LinearColours(LINEAR, 0)
-    features = colours.first_features(g)
+def test_the_linear_form_starts_without_an_offset_and_with_the_colors_as_features() -> None:
+    g, colors = some_gaussians(), LinearColors(LINEAR, 0)
+    features = colors.first_features(g)
     np.testing.assert_allclose(features[:, :3] * DC, g.sh[:, 0] * DC + 0.5, atol=1e-6)
-    tint = colours.shown(g, features, torch.ones(LINEAR.size), CAMERA)[1]
+    tint = colors.shown(g, features, torch.ones(LINEAR.size), CAMERA)[1]
     np.testing.assert_array_equal(tint[0] @ tint[1].T, 0)
 
 
@@ -97,17 +97,17 @@ def test_a_tint_is_an_offset_of_the_first_coefficient() -> None:
 
 
 def test_network_gradients_are_finite_differences_and_only_of_what_is_in_view() -> None:
-    g, colours = some_gaussians(), NetworkColours(NETWORK, 0, 4)
-    colours.values[:] += 0.1 * np.random.default_rng(3).standard_normal(colours.values.shape).astype(np.float32)
+    g, colors = some_gaussians(), NetworkColors(NETWORK, 0, 4)
+    colors.values[:] += 0.1 * np.random.default_rng(3).standard_normal(colors.values.shape).astype(np.float32)
     features, embedding, slopes = inputs(NETWORK, len(g))
     d_features = np.empty_like(features)
-    colours.shown(g, features, embedding, CAMERA)
-    colours.collect(slopes, NO_TINT[1], d_features)
+    colors.shown(g, features, embedding, CAMERA)
+    colors.collect(slopes, NO_TINT[1], d_features)
     seen = np.flatnonzero(d_features.any(axis=1))
     assert 20 < len(seen) < len(g)
 
     def value() -> float:
-        shown, _ = colours.shown(g, features, embedding.detach(), CAMERA)
+        shown, _ = colors.shown(g, features, embedding.detach(), CAMERA)
         return float((shown.sh[seen].astype(np.float64) * slopes[seen]).sum())
 
     def difference(array: np.ndarray, at: tuple[int, ...]) -> float:
@@ -123,9 +123,9 @@ def test_network_gradients_are_finite_differences_and_only_of_what_is_in_view() 
     for row in rng.choice(seen, 10):
         assert difference(features, (row, 2)) == pytest.approx(d_features[row, 2], rel=0.05, abs=0.02)
     errors = []
-    for weight in rng.choice(len(colours.values), 40, replace=False):
-        errors.append(difference(colours.values, (weight, 0)) - colours.gradient[weight, 0])
-    assert np.median(np.abs(errors)) < 0.01 * np.abs(colours.gradient).max()  # some cross the kink of a ReLU
+    for weight in rng.choice(len(colors.values), 40, replace=False):
+        errors.append(difference(colors.values, (weight, 0)) - colors.gradient[weight, 0])
+    assert np.median(np.abs(errors)) < 0.01 * np.abs(colors.gradient).max()  # some cross the kink of a ReLU
     moved = embedding.detach().numpy()
     for i in range(0, NETWORK.size, 5):
         assert difference(moved, (i,)) == pytest.approx(float(embedding.grad[i]), rel=0.1, abs=0.5)

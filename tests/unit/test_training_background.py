@@ -58,7 +58,7 @@ def test_degrees_that_have_not_joined_yet_are_zero_and_get_no_gradient(degree: i
     assert not rest[used - 1 :].any()
 
 
-def test_network_starts_near_the_given_colour_in_every_direction() -> None:
+def test_network_starts_near_the_given_color_in_every_direction() -> None:
     made = BackgroundNetwork(LOOK, 0, np.array([0.7, 0.5, 0.2]))
     coefficients = made.coefficients(torch.zeros(LOOK.size)).detach().numpy()
     assert not coefficients[1:].any()

@@ -64,7 +64,7 @@ def test_triangulated_features_lie_on_the_walls() -> None:
     assert np.median(off) < 0.1
 
 
-def test_a_scan_seeds_more_where_its_colours_vary() -> None:
+def test_a_scan_seeds_more_where_its_colors_vary() -> None:
     rng = np.random.default_rng(0)
     points = np.column_stack([rng.uniform(0, 4, 8000), np.zeros(8000), rng.uniform(0, 2, 8000)]).astype(np.float32)
     colors = np.full((8000, 3), 0.5, np.float32)

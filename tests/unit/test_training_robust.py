@@ -45,7 +45,7 @@ def test_robust_mask_leaves_an_image_alone_that_is_wrong_all_over() -> None:
     assert inlier.all()
 
 
-def test_the_worst_share_is_masked_but_not_where_neighbours_are_right() -> None:
+def test_the_worst_share_is_masked_but_not_where_neighbors_are_right() -> None:
     error = np.random.default_rng(0).random((40, 60)).astype(np.float32)
     error[10:25, 20:40] += 3
     error[3, 3] = 5

@@ -25,7 +25,7 @@ FLOOR = FloorSurface.flat(0.0)
 
 
 class FakeModel:
-    """What a fit does with its Gaussians, without training."""
+    """Performs the changes of Gaussians of a training, without training."""
 
     def __init__(self, gaussians: Gaussians, rng: np.random.Generator) -> None:
         self.gaussians, self._rng = gaussians, rng

@@ -19,7 +19,7 @@ from nvsim_app.painting.picking import NEAR
 from nvsim_app.views.graph_surface import GraphSurface
 
 _ACROSS = 2 * math.atan(math.tan(VFOV / 2) * WIDTH / HEIGHT)  # horizontal field of view, radians
-_METRES, _PIXELS = 1.5, 44.0  # minimum length of the wedge of the field of view, in meters and in pixels
+_METERS, _PIXELS = 1.5, 44.0  # minimum length of the wedge of the field of view, in meters and in pixels
 _MARK = 10.0  # radius of a location's mark, pixels
 _TURNS = {
     Qt.Key.Key_Left: (-1, 0),
@@ -128,7 +128,7 @@ class AgentMode(Mode):
         if depths[0] <= NEAR:
             return
         scale = 10 * float(np.linalg.norm(pixels[1] - pixels[0]))  # pixels per meter at the agent
-        reach = max(_METRES, min(_PIXELS / max(scale, 1e-3), 50.0))
+        reach = max(_METERS, min(_PIXELS / max(scale, 1e-3), 50.0))
         turns = state.heading + np.linspace(-_ACROSS / 2, _ACROSS / 2, 17)
         rim = foot + reach * np.stack([np.sin(turns), np.cos(turns), np.zeros(17)], axis=1)
         fill = QColor(colors.AGENT)

@@ -232,7 +232,7 @@ def random_edit(document: Document, rng: random.Random) -> tuple[str, dict[str, 
     graph = document.graph
     assert graph is not None
     id = rng.choice(list(graph.viewpoints))
-    near = rng.choice(graph.neighbours(id) or (id,))
+    near = rng.choice(graph.neighbors(id) or (id,))
     x, y, z = graph.viewpoints[id].position
     kinds: list[tuple[str, dict[str, Any]]] = [
         ("shift_viewpoints", {"ids": [id], "by": [0.2, 0.1, 0.0]}),

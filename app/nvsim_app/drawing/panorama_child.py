@@ -89,13 +89,13 @@ class PanoramaDrawing:
         for width in request.widths:
             cameras = views_around(eye, width, 0.0)
             side = cameras[0].intrinsics.width
-            colours, shapes = (np.zeros((len(cameras), side, side, 4), np.float32) for _ in range(2))
+            colors, shapes = (np.zeros((len(cameras), side, side, 4), np.float32) for _ in range(2))
             spent, submap = 0.0, -1
             for i, camera in enumerate(cameras):
                 begin = time.perf_counter()
                 submap, view = self._look(camera, channels)
                 assert view.rgb is not None and view.alpha is not None and view.normal is not None
-                colours[i, ..., :3], colours[i, ..., 3], shapes[i, ..., :3] = view.rgb, view.alpha, view.normal
+                colors[i, ..., :3], colors[i, ..., 3], shapes[i, ..., :3] = view.rgb, view.alpha, view.normal
                 spent += time.perf_counter() - begin
                 yield None
             begin = time.perf_counter()
@@ -104,7 +104,7 @@ class PanoramaDrawing:
             images = [np.empty((height, width, 4), np.float32) for _ in range(2)]
             focal = np.float32(cameras[0].intrinsics.fx)
             with LOCK:
-                resample(colours, shapes, axes_ahead(), focal, *half_angles(width, height), wanted, *images)
+                resample(colors, shapes, axes_ahead(), focal, *half_angles(width, height), wanted, *images)
             whole = RenderOutput(
                 np.ascontiguousarray(images[0][..., :3]),
                 np.ascontiguousarray(images[0][..., 3]),

@@ -89,12 +89,12 @@ def normals(values: NDArray[np.float32]) -> PaintedImage:
     return PaintedImage(pixels, opaque=False, reading=ImageValues(NORMALS, values))
 
 
-def depth(metres: NDArray[np.float32]) -> PaintedImage:
+def depth(meters: NDArray[np.float32]) -> PaintedImage:
     """Depth (H, W) float32 in meters with the colors of the 3D view; depth 0 is transparent."""
     near, far = DEPTH_RANGE
-    known = metres > 0
-    share = np.log(far / np.clip(np.where(known, metres, far), near, far)) / np.log(far / near)
-    return _ramped(share, known, ImageValues(DEPTH, metres))
+    known = meters > 0
+    share = np.log(far / np.clip(np.where(known, meters, far), near, far)) / np.log(far / near)
+    return _ramped(share, known, ImageValues(DEPTH, meters))
 
 
 def confidence(views: NDArray[np.uint8]) -> PaintedImage:

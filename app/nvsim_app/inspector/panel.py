@@ -132,8 +132,8 @@ _COLUMNS: tuple[Column[Direction], ...] = (
     Column("Direction", lambda direction: direction.place if direction.lattice else f"{direction.place} ↝",
            icon=lambda direction: swatch(colors.OPEN if direction.open else colors.BLOCKED)),
     Column("Decision", lambda direction: direction.outcome_label, ink=_decision_color),
-    Column("Leads to", lambda direction: direction.name if direction.neighbour else "",
-           about=lambda direction: f"Double-click to go to {direction.neighbour}" if direction.neighbour else ""),
+    Column("Leads to", lambda direction: direction.name if direction.neighbor else "",
+           about=lambda direction: f"Double-click to go to {direction.neighbor}" if direction.neighbor else ""),
 )  # fmt: skip
 CHANNELS = {"rgb": "Color", "alpha": "Alpha", "normal": "Normals"}
 _LIST_ROWS = 5  # minimum height of the list, in rows with its header

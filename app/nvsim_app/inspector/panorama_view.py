@@ -12,7 +12,7 @@ from PySide6.QtGui import QColor, QImage, QMouseEvent, QPainter, QPaintEvent, QP
 from PySide6.QtWidgets import QSizePolicy, QWidget
 
 from nvsim_app.inspector.panoramas import Panoramas
-from nvsim_app.inspector.state import Inspection, NeighbourMarks, densify_outline, direction_hit, viewing_angles
+from nvsim_app.inspector.state import Inspection, NeighborMarks, densify_outline, direction_hit, viewing_angles
 from nvsim_app.look import colors
 from nvsim_app.look.plain_text import lines, tooltip_text
 from nvsim_app.look.theme import type_font
@@ -45,7 +45,7 @@ class PanoramaView(QWidget):
         self.setMinimumSize(220, 80)
         self.setSizePolicy(QSizePolicy.Policy.Expanding, QSizePolicy.Policy.Expanding)
         self._inspection, self._panoramas = inspection, panoramas
-        self.neighbours = NeighbourMarks(inspection)
+        self.neighbors = NeighborMarks(inspection)
         self.channel = "rgb"
         self.shows_regions = True
         self.hint = ""
@@ -165,7 +165,7 @@ class PanoramaView(QWidget):
         self._paint_compass(painter)
         if self.shows_regions:
             self._paint_regions(painter)
-        self.neighbours.paint(painter, self._middle(), self._scale, self.height(), self._heading, self.width())
+        self.neighbors.paint(painter, self._middle(), self._scale, self.height(), self._heading, self.width())
         self._paint_words(painter, panorama is not None)
         if panorama is not None and self.channel in panorama.pixels:
             self._paint_value(painter)
@@ -261,9 +261,9 @@ class PanoramaView(QWidget):
         if self.channel in OF_CHANNEL:
             self.update()
         if self._pressed is None:
-            near = self.neighbours.neighbor_under(event.position())
-            if near != self.neighbours.hovered:
-                self.neighbours.hovered = near
+            near = self.neighbors.neighbor_under(event.position())
+            if near != self.neighbors.hovered:
+                self.neighbors.hovered = near
                 self.update()
             if near is not None:
                 self.setCursor(Qt.CursorShape.PointingHandCursor)
@@ -286,7 +286,7 @@ class PanoramaView(QWidget):
     def mouseReleaseEvent(self, event: QMouseEvent) -> None:
         clicked = self._pressed is not None and not self._dragged
         self._pressed = None
-        near = self.neighbours.neighbor_under(event.position())
+        near = self.neighbors.neighbor_under(event.position())
         if clicked and event.button() == Qt.MouseButton.LeftButton and near is not None:
             self.walked.emit(near)
             return
@@ -324,4 +324,4 @@ class PanoramaView(QWidget):
 def _cursor(under: Direction | None) -> Qt.CursorShape:
     if under is None:
         return Qt.CursorShape.OpenHandCursor
-    return Qt.CursorShape.PointingHandCursor if under.neighbour else Qt.CursorShape.ArrowCursor
+    return Qt.CursorShape.PointingHandCursor if under.neighbor else Qt.CursorShape.ArrowCursor

@@ -36,7 +36,7 @@ class Inspection(QObject):
         self._preview: MappingConfig | None = None
         self.directions: tuple[Direction, ...] = ()
         self.viewpoint: str | None = None
-        self.neighbours: tuple[tuple[str, NDArray[np.float64]], ...] = ()
+        self.neighbors: tuple[tuple[str, NDArray[np.float64]], ...] = ()
         """The neighbors of the viewpoint: id and floor point (3,) in meters, world."""
         self.eye: NDArray[np.float64] = np.zeros(3)
         self._pointed: tuple[str, int] | None = None
@@ -71,12 +71,12 @@ class Inspection(QObject):
         """Updates the directions from the selected viewpoint."""
         viewpoint, graph = self._document.selected_viewpoint, self._document.graph
         if viewpoint is None or graph is None:
-            self.viewpoint, self.directions, self.neighbours = None, (), ()
+            self.viewpoint, self.directions, self.neighbors = None, (), ()
         else:
             self.viewpoint, self.eye = viewpoint.id, np.array(viewpoint.position)
             arrays = self._document.graph_arrays
             self.directions = directions(graph, arrays, viewpoint.id, self.config)
-            self.neighbours = tuple((id, arrays.feet[arrays.index[id]]) for id in graph.neighbours(viewpoint.id))
+            self.neighbors = tuple((id, arrays.feet[arrays.index[id]]) for id in graph.neighbors(viewpoint.id))
         if self.current is None:
             self._pointed = None
         self.changed.emit()
@@ -140,7 +140,7 @@ _SIZE = (5.0, 13.0)  # minimum and maximum radius of a mark, pixels
 _NEAR = 16.0  # radius of a mark at a distance of one meter, pixels
 
 
-class NeighbourMarks:
+class NeighborMarks:
     """The marks of the neighbors of the inspected viewpoint. `hovered` is the viewpoint id under the cursor."""
 
     def __init__(self, inspection: Inspection) -> None:
@@ -160,7 +160,7 @@ class NeighbourMarks:
     def paint(self, painter: QPainter, middle: float, scale: float, height: int, heading: float, width: int) -> None:
         """Paints the marks in a view of `width` x `height` pixels, with `scale` pixels per radian. The center of the
         view is at `heading` and at elevation `middle`, in radians."""
-        eye, found = self._inspection.eye, self._inspection.neighbours
+        eye, found = self._inspection.eye, self._inspection.neighbors
         self._ids, places = [], []
         for id, foot in found:
             ((turn, elevation),) = viewing_angles(foot[None], eye, heading)
@@ -169,8 +169,8 @@ class NeighbourMarks:
                 continue
             self._ids.append(id)
             places.append((x, y))
-            metres = math.dist(foot, eye)
-            radius = min(max(_NEAR / max(metres, 0.1), _SIZE[0]), _SIZE[1]) * (1.3 if id == self.hovered else 1.0)
+            meters = math.dist(foot, eye)
+            radius = min(max(_NEAR / max(meters, 0.1), _SIZE[0]), _SIZE[1]) * (1.3 if id == self.hovered else 1.0)
             painter.setPen(QPen(QColor("#20252b"), 3.6))
             painter.setBrush(QColor(colors.NODE))
             painter.drawEllipse(QPointF(x, y), radius, 0.5 * radius)
@@ -180,7 +180,7 @@ class NeighbourMarks:
                 paint_label(
                     painter,
                     QPointF(x + 14, y + 5),
-                    f"{self._inspection.name_of(id)}, {lengths.length(metres, 1)}",
+                    f"{self._inspection.name_of(id)}, {lengths.length(meters, 1)}",
                     QColor("#e8edf2"),
                     QColor("#20252b"),
                 )

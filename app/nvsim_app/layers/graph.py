@@ -22,7 +22,7 @@ from nvsim_app.painting.picking import NEAR, projected_segments
 from nvsim_app.state.document import Document
 from nvsim_app.state.graph_arrays import GraphArrays
 
-_NODE_METRES = 0.16  # radius of a viewpoint's disc on the floor, meters
+_NODE_METERS = 0.16  # radius of a viewpoint's disc on the floor, meters
 _NODE_PIXELS = (3.5, 42.0)  # minimum and maximum radius of a disc, pixels
 _BEHIND = 0.28  # opacity of viewpoints and edges behind walls
 _MARGIN = 20  # pixels outside the image within which a disc may reach into it
@@ -192,7 +192,7 @@ class GraphLayer(Layer):
 
 def _radius(camera: Camera, depths: NDArray[np.float64]) -> NDArray[np.float64]:
     """(N,) radius in pixels of discs at `depths` (N,)."""
-    radius: NDArray[np.float64] = np.clip(_NODE_METRES * camera.intrinsics.fy / np.maximum(depths, NEAR), *_NODE_PIXELS)
+    radius: NDArray[np.float64] = np.clip(_NODE_METERS * camera.intrinsics.fy / np.maximum(depths, NEAR), *_NODE_PIXELS)
     return radius
 
 

@@ -13,12 +13,12 @@ class Unit:
 
     symbol    symbol after a number
     word      name with a capital letter
-    metres    meters per unit
+    meters    meters per unit
     """
 
     symbol: str
     word: str
-    metres: float
+    meters: float
 
 
 UNITS = {"metres": Unit("m", "Meters", 1.0), "feet": Unit("ft", "Feet", 0.3048)}
@@ -35,16 +35,16 @@ def unit() -> Unit:
     return _chosen[0]
 
 
-def figure(metres: float, decimals: int = 2, sign: bool = False) -> str:
+def figure(meters: float, decimals: int = 2, sign: bool = False) -> str:
     """Formats a length without its unit."""
-    return f"{metres / unit().metres:{'+' if sign else ''}.{decimals}f}"
+    return f"{meters / unit().meters:{'+' if sign else ''}.{decimals}f}"
 
 
-def length(metres: float, decimals: int = 2, sign: bool = False) -> str:
+def length(meters: float, decimals: int = 2, sign: bool = False) -> str:
     """Formats a length with its unit."""
-    return f"{figure(metres, decimals, sign)} {unit().symbol}"
+    return f"{figure(meters, decimals, sign)} {unit().symbol}"
 
 
-def position_text(*metres: float, decimals: int = 2) -> str:
+def position_text(*meters: float, decimals: int = 2) -> str:
     """Formats coordinates with their unit after the last one."""
-    return f"{', '.join(figure(value, decimals) for value in metres)} {unit().symbol}"
+    return f"{', '.join(figure(value, decimals) for value in meters)} {unit().symbol}"

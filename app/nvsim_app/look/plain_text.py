@@ -114,8 +114,6 @@ _CLEARER = {
     "for_": "Folders for agents",
     "fps": "Frames per second",
     "goals": "Goals without language",
-    "least_metres": "Least meters",
-    "most_metres": "Most meters",
     "only": "Scans to use",
     "out": "Output",
     "register": "Style of instructions",

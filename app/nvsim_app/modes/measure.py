@@ -32,7 +32,7 @@ class MeasureMode(Mode):
     _now: Pointer | None = None
 
     @property
-    def metres(self) -> float:
+    def meters(self) -> float:
         """Length of the measured polyline in meters."""
         places = np.array(self._places).reshape(-1, 3)
         return float(np.linalg.norm(np.diff(places, axis=0), axis=1).sum())
@@ -43,7 +43,7 @@ class MeasureMode(Mode):
             self.context.editing.refuse("There is no floor under the mouse pointer.")
         else:
             self._places = (*self._places, place)
-            self.context.say(lengths.length(self.metres))
+            self.context.say(lengths.length(self.meters))
         self.context.refresh()
         return True
 
@@ -94,8 +94,8 @@ class MeasureMode(Mode):
         dots(painter, surface, way, _INK, 4.5)
         parts = np.linalg.norm(np.diff(way, axis=0), axis=1)
         pixels, depths = surface.project(way)
-        for i, metres in enumerate(parts):
+        for i, meters in enumerate(parts):
             if depths[i] > 0 and depths[i + 1] > 0:
                 total = f"   total {lengths.length(float(parts[: i + 1].sum()))}" if i and i == len(parts) - 1 else ""
                 middle = (pixels[i] + pixels[i + 1]) / 2
-                label(painter, QPointF(*middle), f"{lengths.length(float(metres))}{total}", _INK)
+                label(painter, QPointF(*middle), f"{lengths.length(float(meters))}{total}", _INK)

@@ -73,9 +73,9 @@ def orbit_pose(pose: ViewPose, dx: float, dy: float) -> ViewPose:
 
 def pan_pose(pose: ViewPose, dx: float, dy: float, picture_height: int) -> ViewPose:
     """The pose after a drag of (dx, dy) pixels that moves sideways. The pivot stays under the cursor."""
-    metres = 2 * pose.reach * tan(pose.fov / 2) / picture_height
+    meters = 2 * pose.reach * tan(pose.fov / 2) / picture_height
     axes = pose.axes
-    return replace(pose, position=_to_tuple(np.asarray(pose.position) - metres * (dx * axes[:, 0] + dy * axes[:, 1])))
+    return replace(pose, position=_to_tuple(np.asarray(pose.position) - meters * (dx * axes[:, 0] + dy * axes[:, 1])))
 
 
 def zoomed(pose: ViewPose, factor: float, toward: NDArray[np.float64] | None = None) -> ViewPose:
@@ -119,11 +119,11 @@ def seen_from_frame(camera: Camera) -> ViewPose:
 def top_view(points: NDArray[np.float64], aspect: float = 1.6) -> ViewPose:
     """The pose that shows all of `points` (N, 3) in meters, world, from above, north up, with a margin."""
     low, high = points.min(axis=0), points.max(axis=0)
-    centre = (low + high) / 2
+    center = (low + high) / 2
     fov, margin = radians(40), 2.5  # meters, so that walls around the trajectory are visible
     half = max((high[1] - low[1]) / 2 + margin, ((high[0] - low[0]) / 2 + margin) / aspect)
     reach = half / tan(fov / 2)
-    return ViewPose((float(centre[0]), float(centre[1]), float(high[2]) + reach), 0.0, -pi / 2, reach, fov)
+    return ViewPose((float(center[0]), float(center[1]), float(high[2]) + reach), 0.0, -pi / 2, reach, fov)
 
 
 def overview(points: NDArray[np.float64]) -> ViewPose:

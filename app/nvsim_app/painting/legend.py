@@ -59,8 +59,8 @@ def paint_legend(painter: QPainter, scale: ValueScale, corner: QPointF, value: o
 
 
 def _paint_bar(painter: QPainter, scale: ValueScale, bar: QRectF, line: float) -> None:
-    colours = scale.colours.copy()
-    image = QImage(colours.data, len(colours), 1, 3 * len(colours), QImage.Format.Format_RGB888)
+    colors = scale.colors.copy()
+    image = QImage(colors.data, len(colors), 1, 3 * len(colors), QImage.Format.Format_RGB888)
     painter.drawImage(bar, image)
     metrics = QFontMetricsF(painter.font())
     for share, words in scale.marks:

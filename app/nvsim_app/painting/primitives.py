@@ -34,15 +34,15 @@ class Primitives:
         painter.drawLines(*self._lines.drawargs())
 
     def draw_sprites(
-        self, painter: QPainter, centres: NDArray[np.floating], scales: NDArray[np.floating], sprite: QPixmap
+        self, painter: QPainter, centers: NDArray[np.floating], scales: NDArray[np.floating], sprite: QPixmap
     ) -> None:
-        """Paints the sprite at `centres` (N, 2) in pixels, each scaled by `scales` (N, 2) in width and height."""
-        if len(centres) == 0:
+        """Paints the sprite at `centers` (N, 2) in pixels, each scaled by `scales` (N, 2) in width and height."""
+        if len(centers) == 0:
             return
-        self._fragments.resize(len(centres))
+        self._fragments.resize(len(centers))
         data = self._fragments.ndarray()
         # x, y, sourceLeft, sourceTop, width, height, scaleX, scaleY, rotation, opacity
-        data[:, :2] = centres
+        data[:, :2] = centers
         data[:, 2:4] = 0
         data[:, 4], data[:, 5] = sprite.width(), sprite.height()
         data[:, 6:8] = scales / sprite.devicePixelRatio()

@@ -121,7 +121,7 @@ class ValueScale:
     title     the measured quantity and its unit
     words     formats a value with its unit
     share     maps a value to its position on the bar, 0 to 1, or to None
-    colours   (N, 3) uint8 RGB along the bar, its left end first; empty if there are `swatches`
+    colors   (N, 3) uint8 RGB along the bar, its left end first; empty if there are `swatches`
     marks     positions on the bar, 0 to 1, and the labels below them
     swatches  colors as RGB and the meaning of each
     """
@@ -129,7 +129,7 @@ class ValueScale:
     title: str
     words: Callable[[Any], str]  # Any: a number, or (3,) of a normal
     share: Callable[[Any], float | None] = _no_position
-    colours: NDArray[np.uint8] = field(default_factory=lambda: np.zeros((0, 3), np.uint8))
+    colors: NDArray[np.uint8] = field(default_factory=lambda: np.zeros((0, 3), np.uint8))
     marks: tuple[tuple[float, str], ...] = ()
     swatches: tuple[tuple[tuple[int, int, int], str], ...] = ()
 
@@ -156,13 +156,13 @@ def _bar(share: NDArray[np.floating]) -> NDArray[np.uint8]:
 _ALONG = np.linspace(0, 1, _STEPS)
 
 
-def _depth_share(metres: float) -> float | None:
+def _depth_share(meters: float) -> float | None:
     near, far = DEPTH_RANGE
-    return None if metres <= 0 else math.log(min(max(metres, near), far) / near) / math.log(far / near)
+    return None if meters <= 0 else math.log(min(max(meters, near), far) / near) / math.log(far / near)
 
 
-def _depth_words(metres: float) -> str:
-    return "no depth" if metres <= 0 else f"{metres:.2f} m"
+def _depth_words(meters: float) -> str:
+    return "no depth" if meters <= 0 else f"{meters:.2f} m"
 
 
 def _depth_marks() -> tuple[tuple[float, str], ...]:

@@ -128,14 +128,14 @@ class DetailsPanel(QScrollArea):
         graph, chosen = self._document.graph, self._document.editing.selection
         if viewpoint is not None and graph is not None:
             found = directions(graph, self._document.graph_arrays, viewpoint.id, contents.thresholds)
-            neighbours = graph.neighbours(viewpoint.id)
+            neighbors = graph.neighbors(viewpoint.id)
             x, y, z = viewpoint.position
             self._show(
                 f"Viewpoint {short_id(graph, viewpoint.id)}",
                 {
                     "Position": lengths.position_text(x, y, z),
                     "Above the floor": lengths.length(viewpoint.height),
-                    "Neighbors": str(len(neighbours)),
+                    "Neighbors": str(len(neighbors)),
                     "Submap": str(viewpoint.submap) if viewpoint.submap >= 0 else "none",
                     "Origin": _ORIGINS.get(viewpoint.origin, viewpoint.origin),
                     **photographed_of(viewpoint),

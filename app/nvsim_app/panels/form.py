@@ -92,18 +92,18 @@ class KnownLength(Dialog):
 
     chosen = Signal(float)
 
-    def __init__(self, metres: float, stages: Collection[StageName], parent: QWidget | None = None) -> None:
-        """`metres` is the measured length; `stages` are the stages that have a result."""
+    def __init__(self, meters: float, stages: Collection[StageName], parent: QWidget | None = None) -> None:
+        """`meters` is the measured length; `stages` are the stages that have a result."""
         super().__init__(parent)
         self.setWindowTitle("Set the scale")
-        self._metres = metres
+        self._meters = meters
         unit = lengths.unit()
-        value = metres / unit.metres
+        value = meters / unit.meters
         self.length = NumberBox("True length", 0.01, 10_000.0, value, 3, suffix=f" {unit.symbol}", parent=self)
         self.length.valueChanged.connect(self._show_state)
         self.words = Label(outdated_results_text(stages), self, wordWrap=True, minimumWidth=380)
         form = QFormLayout()
-        form.addRow("Measured length", Label(lengths.length(metres, 3), self))
+        form.addRow("Measured length", Label(lengths.length(meters, 3), self))
         form.addRow("True length", self.length)
         self.change = Label(self)
         form.addRow("All lengths", self.change)
@@ -119,7 +119,7 @@ class KnownLength(Dialog):
     @property
     def factor(self) -> float:
         """True length divided by measured length."""
-        return self.length.value() * lengths.unit().metres / self._metres
+        return self.length.value() * lengths.unit().meters / self._meters
 
     def _show_state(self) -> None:
         self.change.setText(f"become {100 * self.factor:.1f} % of their current values")

@@ -232,7 +232,7 @@ def viewpoint_columns(graph: NavGraph) -> tuple[Column[str], ...]:
 
     return (
         Column("Viewpoint", lambda id: id, lambda id: short_id(graph, id), "Identifier", width=_WIDTH),
-        Column("Degree", lambda id: len(graph.neighbours(id)), str, "Number of edges", number=True, width=_WIDTH),
+        Column("Degree", lambda id: len(graph.neighbors(id)), str, "Number of edges", number=True, width=_WIDTH),
         Column("Submap", lambda id: of[id].submap, lambda v: "–" if v < 0 else str(v), "Submap that renders it",
                number=True, width=_WIDTH),
         length("Height", "Height above the floor", None),

@@ -33,7 +33,7 @@ class Direction:
     evidence     the measurements
     explanation  the decision with the thresholds in use
     place        compass point
-    neighbour    id of the viewpoint at its end, "" if there is none
+    neighbor    id of the viewpoint at its end, "" if there is none
     joined       whether there is an edge to that viewpoint
     floor        world z of the floor at its start and at its end, meters
     name         short name of the neighbor
@@ -42,7 +42,7 @@ class Direction:
     evidence: Evidence
     explanation: Explanation
     place: str
-    neighbour: str
+    neighbor: str
     joined: bool
     floor: tuple[float, float]
     name: str = ""
@@ -106,8 +106,8 @@ class Direction:
         failed, obstacle, e = self.explanation.failed, self.explanation.obstacle, self.evidence
         if self.passable or e.length <= 0 or failed is None:
             return 1.0
-        metres = e.near + failed.part[0].start * e.depth if obstacle is None else obstacle
-        return min(1.0, max(_SHORTEST, metres / e.length))
+        meters = e.near + failed.part[0].start * e.depth if obstacle is None else obstacle
+        return min(1.0, max(_SHORTEST, meters / e.length))
 
     @property
     def sentence(self) -> str:
@@ -132,7 +132,7 @@ class Direction:
             return f"An edge {way}, {lengths.length(e.length)}: all thresholds are met; the closest is {measured}."
         stored = DECISIONS.get(e.decision)
         reason = "" if stored is None or self._by_threshold else stored.clause
-        if not reason and self.neighbour:
+        if not reason and self.neighbor:
             reason = "the corridor passes, but the edge was removed or the thresholds are not applied yet"
         elif not reason and e.decision == OPEN and not e.joins:
             reason = "the step was free, and a viewpoint near its end was connected instead"
@@ -163,13 +163,13 @@ def directions(graph: NavGraph, arrays: GraphArrays, viewpoint: str, config: Map
         if e.viewpoint != viewpoint or e.stale or not e.alpha.size or unmeasured_families(e, config):
             continue
         goal = _goal(arrays, e)
-        neighbour = "" if goal is None else arrays.ids[goal]
-        joined = bool(neighbour) and neighbour != viewpoint and edge(viewpoint, neighbour).key in graph.edges
+        neighbor = "" if goal is None else arrays.ids[goal]
+        joined = bool(neighbor) and neighbor != viewpoint and edge(viewpoint, neighbor).key in graph.edges
         low = float(arrays.feet[row, 2])
         far = low if goal is None else float(arrays.feet[goal, 2])
         place = compass(e.heading % (2 * math.pi))
-        name = plain(graph.short(neighbour or e.joins, _LEAST))
-        found.append(Direction(e, explain(e, config), place, neighbour, joined, (low, far), name))
+        name = plain(graph.short(neighbor or e.joins, _LEAST))
+        found.append(Direction(e, explain(e, config), place, neighbor, joined, (low, far), name))
     return tuple(sorted(found, key=lambda d: (not d.lattice, d.evidence.heading % (2 * math.pi))))
 
 
@@ -208,6 +208,6 @@ def first_obstacle_on_edge(document: Document, key: EdgeKey) -> NDArray[np.float
         explanation = way.found
         if explanation is not None and explanation.decision != OPEN and explanation.obstacle is not None:
             begin, goal = (arrays.feet[arrays.index[id]] for id in (way.start, way.end))
-            along = min(explanation.obstacle / max(found.metres, 1e-9), 1.0)
+            along = min(explanation.obstacle / max(found.meters, 1e-9), 1.0)
             return np.asarray(begin + along * (goal - begin))
     return None

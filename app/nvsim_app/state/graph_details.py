@@ -74,7 +74,7 @@ def pair_details(graph: NavGraph | None, found: PathExplanation) -> dict[str, st
     a, b = (way.start if graph is None else graph.short(way.start, 6) for way in found.ways)
     facts = {
         "Edge": "yes" if found.joined else "no",
-        "Distance": lengths.length(found.metres)
+        "Distance": lengths.length(found.meters)
         + (f", {lengths.length(found.rise, sign=True)} up" if abs(found.rise) >= 0.05 else ""),
         f"From {a}": _source(found.ways[0]),
         f"From {b}": _source(found.ways[1]),

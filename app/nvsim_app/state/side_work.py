@@ -146,12 +146,12 @@ def _measure(requests: Requests, task: EvidenceTask) -> MeasuredEvidence:
 
 def _part(graph: NavGraph, ids: tuple[str, ...]) -> NavGraph:
     """The part of the graph that affects the measurement: near viewpoints with their edges and corridors."""
-    centres = [graph.viewpoints[id].position for id in ids]
+    centers = [graph.viewpoints[id].position for id in ids]
     near = {
-        id: v for id, v in graph.viewpoints.items() if any(math.dist(v.position, centre) < AROUND for centre in centres)
+        id: v for id, v in graph.viewpoints.items() if any(math.dist(v.position, center) < AROUND for center in centers)
     }
     for id in ids:
-        near |= {other: graph.viewpoints[other] for other in graph.neighbours(id)}
+        near |= {other: graph.viewpoints[other] for other in graph.neighbors(id)}
     return NavGraph(
         graph.scan,
         near,
@@ -199,7 +199,7 @@ MODELS = ChildProgram(_work, "models", "The networks cannot be listed")
 """ModelTask -> Found"""
 
 
-_MEMORY = 4 << 30  # bytes; a map of a square kilometre needs 0.4 GB
+_MEMORY = 4 << 30  # bytes; a map of a square kilometer needs 0.4 GB
 
 
 def start_reading(path: Path) -> Child:

@@ -193,15 +193,15 @@ class MapView(QWidget):
         across, along = high - low
         above, below, right = _ABOVE, _BELOW, 0.0
         # Meters per pixel. The range has the aspect ratio of the map, because pyqtgraph changes one axis otherwise.
-        metre = max(across / width, along / (height - above - below))
+        meter = max(across / width, along / (height - above - below))
         beside = max(across / (width - _BESIDE), along / height)
-        if beside < metre and not self.frame.titled:  # the area is larger with both at its right
-            metre, above, below = beside, 0, 0
-            right = max(0.0, 2 * _BESIDE - width + across / metre)  # a narrow area stays in the middle
-        metre *= 1.02
-        x = (low[0] + high[0] - (width - right) * metre) / 2
-        y = (low[1] + high[1] - (height + below - above) * metre) / 2
-        self.plot.setRange(QRectF(x, y, width * metre, height * metre), padding=0)
+        if beside < meter and not self.frame.titled:  # the area is larger with both at its right
+            meter, above, below = beside, 0, 0
+            right = max(0.0, 2 * _BESIDE - width + across / meter)  # a narrow area stays in the middle
+        meter *= 1.02
+        x = (low[0] + high[0] - (width - right) * meter) / 2
+        y = (low[1] + high[1] - (height + below - above) * meter) / 2
+        self.plot.setRange(QRectF(x, y, width * meter, height * meter), padding=0)
 
     @property
     def visible_range(self) -> tuple[float, float, float, float] | None:
@@ -219,7 +219,7 @@ class MapView(QWidget):
             self.frame.show(True)
             self.plot.setRange(QRectF(x, y, width, height), padding=0)
 
-    def centre_on(self, x: float, y: float, size: float) -> None:
+    def center_on(self, x: float, y: float, size: float) -> None:
         """Centers the map at x, y and shows at least `size` meters. Zooms in only if the current range is more than
         eight times as large."""
         self._fitted = None
@@ -366,10 +366,10 @@ class _Scale(pg.ScaleBar):
         if view is not None:
             unit = lengths.unit()
             # Use the mapping of the bar, because viewPixelSize may refer to the previous size.
-            begin, end = (view.mapFromViewToItem(self, QPointF(x, 0.0)).x() for x in (0.0, unit.metres))
+            begin, end = (view.mapFromViewToItem(self, QPointF(x, 0.0)).x() for x in (0.0, unit.meters))
             pixels = max(end - begin, 1e-9)  # pixels per meter or foot
             fitting = max((size for size in _SIZES if size * pixels <= _LONGEST), default=_SIZES[0])
-            self.size = fitting * unit.metres
+            self.size = fitting * unit.meters
             self.text.setText(f"{fitting:g} {unit.symbol}")
         super().updateBar()
 

@@ -258,9 +258,9 @@ class Navigation(QObject):
             self.moved.emit()
         if self._held and (self.walking is None or self._flight is None):  # a walk starts with an animation
             fast = QGuiApplication.keyboardModifiers() & Qt.KeyboardModifier.ShiftModifier
-            metres = self.speed * elapsed * (3.0 if fast else 1.0)
+            meters = self.speed * elapsed * (3.0 if fast else 1.0)
             ways = self.hands.keys
-            forward, right, up = (metres * sum(ways[k][i] for k in self._held if k in ways) for i in range(3))
+            forward, right, up = (meters * sum(ways[k][i] for k in self._held if k in ways) for i in range(3))
             if self.walking is None:
                 self.set_pose(cameras.fly_pose(self.pose, forward, right, up))
             else:

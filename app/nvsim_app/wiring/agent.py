@@ -51,7 +51,7 @@ class AgentPart(Part):
         self.mode = AgentMode(modes.context, self.walk, self._begin, self._end, self.copy_state)
         modes.modes[self.mode.name] = self.mode
         modes.listen(self.view)
-        context.window.centre.addWidget(self.view)
+        context.window.center.addWidget(self.view)
         self._was_closed = False  # whether the agent panel was closed before the walk
         self._hidden: list[tuple[QDockWidget, bool]] = []  # docks hidden to make room; whether each was in front
         self._before: QDockWidget | None = None  # the panel that was in front of the agent's tab
@@ -73,7 +73,7 @@ class AgentPart(Part):
         panel.imageChosen.connect(self._show_image)
         panel.copyStateWanted.connect(self.copy_state)
         panel.copyTrajectoryWanted.connect(self.copy_trajectory)
-        window.centre.currentChanged.connect(self._on_page)
+        window.center.currentChanged.connect(self._on_page)
         document.projectLeft.connect(self._leave_mode)
         document.contentsChanged.connect(self._on_contents)
 
@@ -117,7 +117,7 @@ class AgentPart(Part):
         state, window, scene = self.walk.state, self.context.window, self.context.scene
         self.walk.stop()
         self.context.part(InspectorPart).draw_only_in_front(False)
-        seen = window.centre.currentWidget() is self.view
+        seen = window.center.currentWidget() is self.view
         if seen:
             window.show_page(None)
             scene.setFocus()
@@ -153,8 +153,8 @@ class AgentPart(Part):
         """Hides the panels on the left and at the bottom if the image would not fit."""
         window = self.context.window
         short = {
-            Qt.DockWidgetArea.LeftDockWidgetArea: window.centre.width() < WIDTH,
-            Qt.DockWidgetArea.BottomDockWidgetArea: window.centre.height() < HEIGHT,
+            Qt.DockWidgetArea.LeftDockWidgetArea: window.center.width() < WIDTH,
+            Qt.DockWidgetArea.BottomDockWidgetArea: window.center.height() < HEIGHT,
         }
         docks = [d for d in window.findChildren(QDockWidget) if not d.isHidden() and not d.isFloating()]
         docks = [dock for dock in docks if short.get(window.dockWidgetArea(dock), False)]
@@ -213,14 +213,14 @@ class AgentPart(Part):
                 above = replace(scene.pose, elevation=min(scene.pose.elevation, _DOWN))
                 scene.navigation.go_to(cameras.focused(above, foot, _REACH))
             else:
-                self._map.centre_on(float(foot[0]), float(foot[1]), _AROUND)
+                self._map.center_on(float(foot[0]), float(foot[1]), _AROUND)
 
     def _on_page(self, _: int) -> None:
-        self.panel.image.setChecked(self.context.window.centre.currentWidget() is self.view)
+        self.panel.image.setChecked(self.context.window.center.currentWidget() is self.view)
 
     def _show_image(self, on: bool) -> None:
         window = self.context.window
-        if self.walk.active and on != (window.centre.currentWidget() is self.view):
+        if self.walk.active and on != (window.center.currentWidget() is self.view):
             window.show_page(self.view if on else None)
             (self.view if on else self.context.scene).setFocus()
             self._bring_into_view()

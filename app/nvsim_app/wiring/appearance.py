@@ -86,7 +86,7 @@ class FocusPart(Part):
     def panes(self) -> list[tuple[str, QWidget]]:
         """Title and widget of the visible panes, from left to right and from top to bottom."""
         window = self.context.window
-        found: list[tuple[str, QWidget]] = [("3D view", window.centre)] if window.centre.isVisible() else []
+        found: list[tuple[str, QWidget]] = [("3D view", window.center)] if window.center.isVisible() else []
         for name, title in window.dock_titles.items():
             panel = window.panels[name]
             if panel.isVisible() and _in_front(panel):

@@ -276,7 +276,7 @@ def draw_figure(graph: NavGraph, occupancy: OccupancyMap | None, coloring: Color
     """Draws `graph` as the window shows it. Without a coloring, the colors show the origin of the edges. Raises
     InputError if there is nothing to draw."""
     unit = lengths.unit()
-    return draw(graph, occupancy, groups=_groups(coloring), unit=(unit.symbol, unit.metres))
+    return draw(graph, occupancy, groups=_groups(coloring), unit=(unit.symbol, unit.meters))
 
 
 def _groups(coloring: Coloring | None) -> ColorGroups | None:

@@ -52,11 +52,11 @@ class FramePart(Part):
         self.panel = FramePanel(document, self._link, self.state)
         self.browser = FrameBrowser(document, context.scene, self.state, context.notices, self)
         self.panel.opened.connect(self.browser.open)
-        context.window.centre.addWidget(self.browser.page)
+        context.window.center.addWidget(self.browser.page)
         self.browser.opened.connect(lambda: context.window.show_page(self.browser.page))
         self.browser.left.connect(self._close_page)
         self.browser.taken.connect(self._tell_page)
-        context.window.centre.currentChanged.connect(self._tell_page)
+        context.window.center.currentChanged.connect(self._tell_page)
         self.browser.toolChanged.connect(self._show_tool)
 
     def docks(self) -> tuple[Dock, ...]:
@@ -99,7 +99,7 @@ class FramePart(Part):
     def shown(self) -> PageState:
         """The open frame, and how frames are compared."""
         browser, page = self.browser, self.browser.page
-        is_open = self.context.window.centre.currentWidget() is page
+        is_open = self.context.window.center.currentWidget() is page
         layers = {layer.name: (layer.shown, round(layer.opacity, 2)) for layer in browser.layers}
         return PageState(browser.index if is_open else None, page.canvas.mode, layers)
 
@@ -126,7 +126,7 @@ class FramePart(Part):
             self.browser.open(frame)
 
     def _tell_page(self, _: int = 0) -> None:
-        is_open = self.context.window.centre.currentWidget() is self.browser.page
+        is_open = self.context.window.center.currentWidget() is self.browser.page
         self.context.document.set_page_frame(self.browser.index if is_open else None)
 
     def _close_page(self) -> None:

@@ -49,11 +49,11 @@ class ReimportPart(Part):
         if (reason := with_own_frames(document)) is not None:
             self.context.notices.warning(f"The scale cannot be set: {reason}.")
             return None
-        if self.mode.metres <= 0:
+        if self.mode.meters <= 0:
             self.context.modes.choose("measure")
             window.statusBar().showMessage("Click two points whose distance you know, then press Enter")
             return None
-        dialog = KnownLength(self.mode.metres, document.contents.stages, window)
+        dialog = KnownLength(self.mode.meters, document.contents.stages, window)
         dialog.chosen.connect(self.set_scale)
         dialog.finished.connect(dialog.deleteLater)
         dialog.open()

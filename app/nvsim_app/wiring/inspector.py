@@ -138,13 +138,13 @@ class InspectorPart(Part):
     def _go_in_direction(self, direction: Direction) -> None:
         """Goes to the viewpoint in this direction, and looks ahead. If there is none, a notice gives the reason."""
         document = self.context.document
-        row = document.graph_arrays.index.get(direction.neighbour)
+        row = document.graph_arrays.index.get(direction.neighbor)
         if row is None:
             self.context.notices.info(direction.sentence)
             return
         place: np.ndarray = document.graph_arrays.positions[row]
         heading = direction.evidence.heading
-        document.select(viewpoint=direction.neighbour)
+        document.select(viewpoint=direction.neighbor)
         self.context.scene.places.go_to_position(place, heading)
         self.panel.view.set_heading(heading)
 

@@ -98,7 +98,7 @@ class SelectPart(Part):
             pose = focused(scene.pose, middle + [0.0, 0.0, 0.6], max(3.0, 1.4 * size))
         scene.navigation.go_to(pose)
         plan = self.context.part(MapPart).view
-        plan.centre_on(float(middle[0]), float(middle[1]), max(4.0, 1.3 * size))
+        plan.center_on(float(middle[0]), float(middle[1]), max(4.0, 1.3 * size))
 
     ACTIONS = (
         Action("&Edit", 5, "select_all", "Select &all", "Select every viewpoint and edge",

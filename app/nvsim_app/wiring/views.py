@@ -59,7 +59,7 @@ class ViewsPart(Part):
         self._frames = self.context.part(FramePart)
         scene.poseChanged.connect(self._on_pose)
         scene.overlays.changed.connect(self._on_changed)
-        window.centre.currentChanged.connect(self._on_changed)
+        window.center.currentChanged.connect(self._on_changed)
         self._frames.browser.page.layers.changed.connect(self._on_changed)
         for id in (
             *CHANNELS,

@@ -74,13 +74,13 @@ class MainWindow(QMainWindow):
         self.scene = SceneView(document)
         self.empty = EmptyState()
         self.start = StartPage()
-        self.centre = _Pages(self)
-        self.centre.addWidget(self.scene)
-        self.centre.addWidget(self.empty)
-        self.centre.addWidget(self.start)
-        self.setCentralWidget(self.centre)
-        self.notice_area = NoticeArea(notices, self.centre)
-        self.centre.currentChanged.connect(self.notice_area.raise_)  # a page that comes to the front would cover it
+        self.center = _Pages(self)
+        self.center.addWidget(self.scene)
+        self.center.addWidget(self.empty)
+        self.center.addWidget(self.start)
+        self.setCentralWidget(self.center)
+        self.notice_area = NoticeArea(notices, self.center)
+        self.center.currentChanged.connect(self.notice_area.raise_)  # a page that comes to the front would cover it
         self.jobs = document.jobs = JobQueue(self)
         self.modes = ModeController(document, self)
         document.projectLeft.connect(self._on_left)
@@ -204,9 +204,9 @@ class MainWindow(QMainWindow):
         contents = self.document.contents
         missing = contents.missing
         nothing = len(self.document.extent) == 0
-        if nothing or self.centre.currentWidget() in (self.empty, self.start):
+        if nothing or self.center.currentWidget() in (self.empty, self.start):
             bare = self.start if contents.path is None else self.empty
-            self.centre.setCurrentWidget(bare if nothing else self.scene)
+            self.center.setCurrentWidget(bare if nothing else self.scene)
         if missing:
             self.empty.show_message(missing, contents.missing_verb)
         self.show_title()
@@ -253,7 +253,7 @@ class MainWindow(QMainWindow):
 
     def show_page(self, page: QWidget | None) -> None:
         """Shows a page that a part added to the center; None returns to the 3D view."""
-        self.centre.setCurrentWidget(page if page is not None else self.scene)
+        self.center.setCurrentWidget(page if page is not None else self.scene)
 
     def save_picture(self, path: Path, widget: QWidget) -> bool:
         """Saves the image of `widget`. An error becomes a notice. Returns whether it was saved."""

@@ -140,7 +140,7 @@ class WorkspacePart(Part):
         main = self.current.main
         if main and self._docks[main].isVisible():
             return self._docks[main].widget()
-        return self.context.window.centre.currentWidget()
+        return self.context.window.center.currentWidget()
 
     def _remember(self) -> None:
         self.context.settings.setValue(f"workspace/{self.kind}", self.current.id)
@@ -313,7 +313,7 @@ class WorkspacePart(Part):
             if dock is not chosen and not dock.isFloating():
                 dock.hide()
         if chosen is not None:
-            window.centre.hide()
+            window.center.hide()
         name = "The center view" if chosen is None else chosen.windowTitle()
         window.statusBar().showMessage(f"{name} is shown alone; F12 shows the others again.", _TOLD)
 
@@ -322,7 +322,7 @@ class WorkspacePart(Part):
         if self._before is None:
             return
         window, before = self.context.window, self._before
-        window.centre.show()
+        window.center.show()
         self._restore_layout(before)
         self._before = None
         self.open_panels()
@@ -337,7 +337,7 @@ class WorkspacePart(Part):
 
     def _on_notice(self, notice: Notice) -> None:
         """Shows the center if an error occurs, because notices appear over it."""
-        if notice.severity == "error" and self.shows_one_view and self.context.window.centre.isHidden():
+        if notice.severity == "error" and self.shows_one_view and self.context.window.center.isHidden():
             self.show_all()
 
     # Menu and tabs ------------------------------------------------------------------------------------------------

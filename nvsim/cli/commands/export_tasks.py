@@ -112,14 +112,14 @@ def rows_of(dataset: Dataset) -> list[dict[str, Any]]:
     rows = []
     for name, tasks in named:
         edges = [len(task.path) - 1 for task in tasks] or [0]
-        metres = [task.distance or 0.0 for task in tasks] or [0.0]
+        meters = [task.distance or 0.0 for task in tasks] or [0.0]
         row = {
             "split": name,
             "paths": len(tasks),
             "scans": len({task.scan for task in tasks}),
             "viewpoints": len({(task.scan, id) for task in tasks for id in task.path}),
             "edges": [min(edges), round(sum(edges) / len(edges), 2), max(edges)],
-            "metres": [min(metres), round(sum(metres) / len(metres), 2), max(metres)],
+            "meters": [min(meters), round(sum(meters) / len(meters), 2), max(meters)],
         }
         rows.append(row)
     return rows

@@ -41,7 +41,7 @@ from nvsim.splats.formats.glb import write_colored_glb
 CONFIG = "nvsim/nvsim.scene_dataset_config.json"
 SMALLEST, LARGEST = 0.02, 0.5
 """Limits of the voxels in meters."""
-_GREY = 160
+_GRAY = 160
 HEIGHT = 1.8
 """Meters of the sides of obstacles above the floor."""
 _FROM, _TO = 0.1, 1.5  # meters above the floor between which surfaces are obstacles; agents of VLN-CE are 1.5 m high
@@ -93,7 +93,7 @@ def write_scenes(
             raise InputError(f"The strips of {graph.scan} show no floor at its viewpoints; check their heights.")
         solid, stage = (glb.with_name(f"{graph.scan}{end}") for end in ("_collision.glb", ".stage_config.json"))
         write_colored_glb(
-            solid, _to_habitat_axes(vertices), triangles, np.full((len(vertices), 3), _GREY, np.uint8), solid.stem
+            solid, _to_habitat_axes(vertices), triangles, np.full((len(vertices), 3), _GRAY, np.uint8), solid.stem
         )
         about = {
             "render_asset": glb.name,

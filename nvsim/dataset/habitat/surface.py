@@ -25,7 +25,7 @@ from nvsim.geometry.camera import camera_pose
 from nvsim.geometry.directions import face_axes
 from nvsim.graph.types import NavGraph, Viewpoint
 from nvsim.r2r.observations.layout import ScanPlaces
-from nvsim.r2r.observations.skybox import UNITS_A_METRE, read_depth
+from nvsim.r2r.observations.skybox import UNITS_A_METER, read_depth
 from nvsim.r2r.surroundings.layers import Scalar
 
 STAGE = "surface"
@@ -108,8 +108,8 @@ def fuse_surface(
         slab = _DistanceSlab.empty((last - first + 2, int(shape[1]), int(shape[2])))
         far = np.maximum(np.maximum(origin[0] - at[:, 0], at[:, 0] - origin[0] - slab.sums.shape[0] * voxel), 0)
         for i in np.flatnonzero(far < REACH):
-            metres, image = strip(int(i))
-            _integrate(slab.sums, slab.weights, slab.colors, low - at[i], first - 1, voxel, metres, image, _axes())
+            meters, image = strip(int(i))
+            _integrate(slab.sums, slab.weights, slab.colors, low - at[i], first - 1, voxel, meters, image, _axes())
         for h, (bottom, top) in enumerate(heights):
             levels = slice(*np.ceil((np.array([bottom, top]) - low[2]) / voxel).astype(int).clip(0, shape[2]))
             behind = (slab.weights[:, :, levels] > 0) & (slab.sums[:, :, levels] <= 0)
@@ -142,8 +142,8 @@ def _read_strip(places: ScanPlaces, viewpoint: Viewpoint) -> tuple[NDArray[np.fl
     side = min(_SIDE, depth.shape[0])
     rows = (np.arange(side) * 2 + 1) * depth.shape[0] // (2 * side)
     columns = (np.arange(6 * side) * 2 + 1) * depth.shape[1] // (12 * side)
-    metres = (depth[rows][:, columns] / np.float32(UNITS_A_METRE)).astype(np.float32)
-    return metres, np.ascontiguousarray(image[rows][:, columns][..., ::-1])
+    meters = (depth[rows][:, columns] / np.float32(UNITS_A_METER)).astype(np.float32)
+    return meters, np.ascontiguousarray(image[rows][:, columns][..., ::-1])
 
 
 @lru_cache(maxsize=1)
@@ -178,12 +178,12 @@ def _integrate(
     low: NDArray[np.float64],  # (3,) meters from the eye to the first voxel of the grid
     first: int,  # layer of the grid that is layer 0 of the slab
     voxel: float,
-    metres: NDArray[np.float32],  # (S, 6 S)
+    meters: NDArray[np.float32],  # (S, 6 S)
     image: NDArray[np.uint8],  # (S, 6 S, 3)
     axes: NDArray[np.float64],  # (6, 3, 3) of the faces; see _axes
 ) -> None:
     """Adds one strip to the voxels of a slab."""
-    side = metres.shape[0]
+    side = meters.shape[0]
     cut = _TRUNCATION * voxel
     for i in prange(sums.shape[0]):
         x = low[0] + (first + i) * voxel
@@ -207,7 +207,7 @@ def _integrate(
                 down = (axes[face, 1, 0] * x + axes[face, 1, 1] * y + axes[face, 1, 2] * z) / ahead
                 column = min(max(int((1 + right) / 2 * side), 0), side - 1) + face * side
                 row = min(max(int((1 + down) / 2 * side), 0), side - 1)
-                measured = metres[row, column]
+                measured = meters[row, column]
                 signed = measured - far
                 if measured <= 0 or signed < -cut:
                     continue

@@ -61,7 +61,7 @@ class Change:
             raise EditError(f"The viewpoints {a} and {b} are not joined.")
         return found
 
-    def neighbours(self, id: str) -> tuple[str, ...]:
+    def neighbors(self, id: str) -> tuple[str, ...]:
         return (self.graph.adjacency if self._adjacency is None else self._adjacency).get(id, ())
 
     def evidence_keys(self, id: str) -> tuple[EvidenceKey, ...]:
@@ -91,7 +91,7 @@ class Change:
             found = self.viewpoint(id)
             if found.locked:
                 raise EditError(f"Viewpoint {id} is locked; unlock it first.")
-        keys = dict.fromkeys(key_of(id, other) for id in gone for other in self.neighbours(id))
+        keys = dict.fromkeys(key_of(id, other) for id in gone for other in self.neighbors(id))
         for a, b in keys:
             if self.edges[a, b].locked:
                 raise EditError(f"The edge from {a} to {b} is locked and holds its ends; unlock it first.")
@@ -118,7 +118,7 @@ class Change:
     def _need_loose(self, id: str, viewpoint: Viewpoint) -> None:
         if viewpoint.locked:
             raise EditError(f"Viewpoint {id} is locked; unlock it first.")
-        for other in self.neighbours(id):
+        for other in self.neighbors(id):
             if self.edges[key_of(id, other)].locked:
                 raise EditError(f"The edge from {id} to {other} is locked and holds its ends; unlock it first.")
 

@@ -65,7 +65,7 @@ def move_within_change(change: Change, id: str, position: Place) -> None:
     if found.position == position:
         return
     change.set_viewpoint(replace(found, position=position, origin="person", reviewed=False, photographed=None))
-    for other in change.neighbours(id):
+    for other in change.neighbors(id):
         joined = change.edges[key_of(id, other)]
         change.set_edge(replace(joined, origin="person", reviewed=False))
     for key in change.evidence_keys(id):
@@ -106,7 +106,7 @@ def chain(graph: NavGraph, ids: Iterable[str]) -> tuple[str, ...]:
     change, chosen = Change(graph), dict.fromkeys(unique(ids))
     if len(chosen) < 3:
         raise EditError("A chain needs at least three viewpoints.")
-    inside = {id: [o for o in graph.neighbours(change.viewpoint(id).id) if o in chosen] for id in chosen}
+    inside = {id: [o for o in graph.neighbors(change.viewpoint(id).id) if o in chosen] for id in chosen}
     ends = [id for id in graph.viewpoints if id in inside and len(inside[id]) == 1]
     if len(ends) != 2 or any(len(others) > 2 for others in inside.values()):
         raise EditError(
@@ -157,10 +157,10 @@ def align_to_lattice(
     heap: list[tuple[float, str, _LatticePosition]] = []
 
     def push_neighbors(parent: str) -> None:
-        for other in graph.neighbours(parent):
+        for other in graph.neighbors(parent):
             if other in chosen:
-                metres, spot = lattice.step(parent, other)
-                heapq.heappush(heap, (metres, other, spot))
+                meters, spot = lattice.step(parent, other)
+                heapq.heappush(heap, (meters, other, spot))
 
     for id in list(lattice.at):
         push_neighbors(id)
@@ -237,7 +237,7 @@ class _Lattice:
 def _seeds(graph: NavGraph, chosen: dict[str, None], anchor: str | None) -> list[str]:
     if anchor is not None:
         return [anchor]
-    joined = unique(other for id in chosen for other in graph.neighbours(id) if other not in chosen)
+    joined = unique(other for id in chosen for other in graph.neighbors(id) if other not in chosen)
     builders = [id for id in joined if graph.viewpoints[id].origin in ("start", "step")]
     if builders:
         return builders

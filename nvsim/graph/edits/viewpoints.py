@@ -171,7 +171,7 @@ def merge_viewpoints(graph: NavGraph, ids: Iterable[str], into: str | None = Non
     change = Change(graph)
     gone = [id for id in names if id != kept]
     places = [change.viewpoint(id).position for id in unique((kept, *gone))]
-    others = unique(other for id in gone for other in change.neighbours(id) if other != kept and other not in gone)
+    others = unique(other for id in gone for other in change.neighbors(id) if other != kept and other not in gone)
     change.remove_viewpoints(*gone)
     if middle:
         move_within_change(change, kept, _mean(places))
@@ -205,7 +205,7 @@ def copy_by(graph: NavGraph, ids: Iterable[str], dz: float, dx: float = 0.0, dy:
             copies[id] = new_id(graph, (*place[:2], place[2] + 0.001 * len(copies)))
         change.set_viewpoint(Viewpoint(copies[id], place, found.height, -1, found.included, "person"))
     for id, copy in copies.items():
-        for other in graph.neighbours(id):
+        for other in graph.neighbors(id):
             if other in copies and id < other:
                 change.set_edge(edge(copy, copies[other], "person"))
     return change.result()

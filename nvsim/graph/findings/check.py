@@ -19,7 +19,7 @@ from nvsim.graph.connectivity import check_scan_id
 from nvsim.graph.difference import Difference, difference
 from nvsim.graph.edits.change import key_of
 from nvsim.graph.findings.context import SEVERITIES, Context, Finding, Fix, Limits
-from nvsim.graph.findings.elements import Neighbourhood, about_edge, about_pair, about_viewpoint, is_steep
+from nvsim.graph.findings.elements import Neighborhood, about_edge, about_pair, about_viewpoint, is_steep
 from nvsim.graph.findings.groups import ConnectedGroups
 from nvsim.graph.paths import components
 from nvsim.graph.touched_elements import elements_touched_between
@@ -42,7 +42,7 @@ def check_graph(graph: NavGraph, context: Context = _NOTHING) -> list[Finding]:
         message = f"{len(ids)} viewpoints around {graph.short(ids[0])} cannot be reached from the others."
         fixes = (Fix("Exclude them", "include", {"ids": list(ids), "included": False}),)
         found.append(Finding("island", "warning", message, ids, fixes=fixes))
-    places, beside = Neighbourhood(context.limits.near), Neighbourhood(context.limits.neighbours)
+    places, beside = Neighborhood(context.limits.near), Neighborhood(context.limits.neighbors)
     for viewpoint in graph.viewpoints.values():
         places.set_viewpoint(viewpoint)
         beside.set_viewpoint(viewpoint)
@@ -97,7 +97,7 @@ class Validator:
         self._before: dict[str, Finding | None] = {}  # key of a touched finding -> its previous value
         self._twins: dict[str, set[str]] = {}  # viewpoint -> viewpoints almost at its position
         limits = self._context.limits
-        self._places, self._detours = Neighbourhood(max(limits.near, influence_radius(limits))), DetourFindings()
+        self._places, self._detours = Neighborhood(max(limits.near, influence_radius(limits))), DetourFindings()
         for viewpoint in graph.viewpoints.values():
             self._places.set_viewpoint(viewpoint)
             yield
@@ -130,13 +130,13 @@ class Validator:
         edges = {*changed.added_edges, *changed.removed_edges, *changed.changed_edges}
         beside = set(viewpoints).union(*edges)
         for id in viewpoints:
-            beside.update(graph.neighbours(id))
+            beside.update(graph.neighbors(id))
         for id in viewpoints | measured:
-            edges.update((id, other) if id < other else (other, id) for other in graph.neighbours(id))
+            edges.update((id, other) if id < other else (other, id) for other in graph.neighbors(id))
         # The finding about a steep edge also depends on the edges at its ends.
         for id in beside:
             if id in graph.viewpoints:
-                keys = ((id, other) if id < other else (other, id) for other in graph.neighbours(id))
+                keys = ((id, other) if id < other else (other, id) for other in graph.neighbors(id))
                 edges.update(key for key in keys if is_steep(graph, key, self._context))
         around = self._places.around(viewpoints)
         for id in viewpoints:
@@ -171,7 +171,7 @@ class Validator:
             for id in key:
                 seen += tuple(map(graph.evidence.__getitem__, graph.evidence_of.get(id, ())))
         if is_steep(graph, key, self._context):
-            seen += tuple(graph.viewpoints[other] for id in key for other in graph.neighbours(id))
+            seen += tuple(graph.viewpoints[other] for id in key for other in graph.neighbors(id))
         known = self._along.get(key)
         # An undo restores identical objects.
         if known is None or len(known[0]) != len(seen) or any(map(is_not, known[0], seen)):
@@ -242,7 +242,7 @@ def about_detour(graph: NavGraph, key: EdgeKey, context: Context) -> list[Findin
 def influence_radius(limits: Limits) -> float:
     """Return the radius in meters around the ends of changed edges within which detour findings can change. Each
     changed path is at most `detour` long, so one of its halves is within half of that."""
-    return max(limits.neighbours, limits.detour / 2)
+    return max(limits.neighbors, limits.detour / 2)
 
 
 def ids_within(graph: NavGraph, start: str, limit: float) -> set[str]:
@@ -255,7 +255,7 @@ def ids_within(graph: NavGraph, start: str, limit: float) -> set[str]:
             continue
         done.add(id)
         here = graph.viewpoints[id].position
-        for other in graph.neighbours(id):
+        for other in graph.neighbors(id):
             viewpoint = graph.viewpoints[other]
             if other not in done and viewpoint.included:
                 along = far + math.dist(here, viewpoint.position)
@@ -279,7 +279,7 @@ class DetourFindings:
         found: dict[EdgeKey, list[Finding]] = {}
         ways: dict[str, set[str]] = {}
         for id, others in near.items():
-            joined, now = graph.neighbours(id), set()
+            joined, now = graph.neighbors(id), set()
             for other in others:
                 if other in joined:
                     continue
@@ -312,7 +312,7 @@ class DetourFindings:
 def _may_join(graph: NavGraph, key: EdgeKey, limits: Limits) -> bool:
     """Whether two viewpoints without an edge could have a short and level one."""
     a, b = graph.viewpoints[key[0]], graph.viewpoints[key[1]]
-    if key in graph.edges or not limits.near <= math.dist(a.position, b.position) < limits.neighbours:
+    if key in graph.edges or not limits.near <= math.dist(a.position, b.position) < limits.neighbors:
         return False
     rise = abs(a.position[2] - a.height - b.position[2] + b.height)
     run = math.hypot(a.position[0] - b.position[0], a.position[1] - b.position[1])

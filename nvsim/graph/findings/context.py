@@ -76,7 +76,7 @@ class Limits:
 
     near: float = 0.25
     """Viewpoints closer than this many meters are almost at one position."""
-    neighbours: float = 1.5
+    neighbors: float = 1.5
     """Viewpoints closer than this many meters should have a short path between them, unless something is known to be
     between them."""
     detour: float = 3.0

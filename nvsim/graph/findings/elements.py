@@ -45,9 +45,9 @@ def about_edge(graph: NavGraph, key: EdgeKey, context: Context) -> list[Finding]
         elif why := context.against(graph, key):
             review = Fix("Mark as reviewed (edge is correct)", "mark_reviewed", {"edges": [list(key)]})
             add("evidence", "warning", f"contradicts the evidence: {why}", remove, review)
-    metres = 0.0 if context.detour_between is None else context.detour_between(a.position, b.position)
-    if metres and not graph.edges[key].reviewed:
-        far = f"{metres:.0f} m" if math.isfinite(metres) else "a long part"
+    meters = 0.0 if context.detour_between is None else context.detour_between(a.position, b.position)
+    if meters and not graph.edges[key].reviewed:
+        far = f"{meters:.0f} m" if math.isfinite(meters) else "a long part"
         seen = Fix("Mark as reviewed (no glass here)", "mark_reviewed", {"edges": [list(key)]})
         words = f"skips {far} of the trajectory, and without a LiDAR scan a glass pane on the edge cannot be excluded"
         add("glass", "warning", words, remove, seen)
@@ -84,7 +84,7 @@ def flight_slope(graph: NavGraph, key: EdgeKey) -> float:
     for end, before, sign in ((high, low, 1.0), (low, high, -1.0)):
         ways = [
             _rise_and_distance(end, graph.viewpoints[id])
-            for id in graph.neighbours(end.id)
+            for id in graph.neighbors(end.id)
             if id != before.id and graph.viewpoints[id].included
         ]
         up, along = max(((sign * r, n) for r, n in ways), default=(0.0, 0.0))
@@ -119,7 +119,7 @@ def about_viewpoint(graph: NavGraph, viewpoint: Viewpoint, context: Context) -> 
     if not viewpoint.included:
         return found
     leave, remove = _exclude_fix(id), Fix("Remove it", "remove_viewpoints", {"ids": [id]})
-    if not any(graph.viewpoints[other].included for other in graph.neighbours(id)):
+    if not any(graph.viewpoints[other].included for other in graph.neighbors(id)):
         message = f"Viewpoint {name} has no edge: agents cannot find it in the graph."
         found.append(Finding("isolated", "error", message, (id,), fixes=(leave, remove)))
     x, y, z = viewpoint.position
@@ -173,7 +173,7 @@ _Place = tuple[float, float, float]
 _NONE: dict[str, _Place] = {}
 
 
-class Neighbourhood:
+class Neighborhood:
     """The included viewpoints by position. Every change must be reported with `set_viewpoint` or `remove_viewpoint`.
     Buckets are two-dimensional, so that a search reads only nine of them, even if an undo restores a thousand
     viewpoints."""

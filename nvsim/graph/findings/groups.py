@@ -49,14 +49,14 @@ class ConnectedGroups:
         for id in changed:
             if id in self._label:
                 self._take_out(id)
-                cut.update(dict.fromkeys(graph.neighbours(id)))
+                cut.update(dict.fromkeys(graph.neighbors(id)))
             else:
                 self._label_new_group({id})
         for key in edges:
             if key not in graph.edges:
                 cut.update(dict.fromkeys(key))
         for id in changed:
-            for other in graph.neighbours(id):
+            for other in graph.neighbors(id):
                 if id in self._label and other in self._label:
                     self._join(id, other)
         for a, b in edges:
@@ -144,7 +144,7 @@ def _smaller_side(ends: list[str], graph: NavGraph) -> set[str] | None:
             if not fronts[n]:
                 return {id for id, m in region.items() if m == n}
             id = fronts[n].pop()
-            for other in graph.neighbours(id):
+            for other in graph.neighbors(id):
                 if not graph.viewpoints[other].included:
                     continue
                 m = region.get(other)

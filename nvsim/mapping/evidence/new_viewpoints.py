@@ -122,7 +122,7 @@ def _neighbors_to_measure(graph: NavGraph, id: str, config: MappingConfig) -> li
     level = np.abs(places[:, 2] - here.position[2]) < 0.5 * config.tau_dist
     reach = config.tau_dist + config.merge_radius
     near = [names[i] for i in np.argsort(distance, kind="stable") if distance[i] <= reach and level[i]][:_MOST]
-    joined = [other for other in graph.neighbours(id) if math.dist(graph.viewpoints[other].position, here.position) > 0]
+    joined = [other for other in graph.neighbors(id) if math.dist(graph.viewpoints[other].position, here.position) > 0]
     return list(dict.fromkeys([*joined, *near]))
 
 
@@ -130,7 +130,7 @@ def _has_short_detour(graph: NavGraph, a: str, b: str) -> bool:
     """Whether a third viewpoint joins the two with a short detour."""
     places = graph.viewpoints
     direct = math.dist(places[a].position, places[b].position)
-    between = set(graph.neighbours(a)) & set(graph.neighbours(b))
+    between = set(graph.neighbors(a)) & set(graph.neighbors(b))
     return any(
         math.dist(places[a].position, places[c].position) + math.dist(places[c].position, places[b].position)
         < _DETOUR * direct

@@ -44,7 +44,7 @@ class PathExplanation:
     """All that is known about the path between two viewpoints.
 
     joined    whether there is an edge
-    metres    meters between the cameras
+    meters    meters between the cameras
     rise      meters by which the floor rises from the first to the second
     ways      from the first to the second and back
     blocked   meters along the straight line to the first occupied cell of the map, None if there is none
@@ -53,7 +53,7 @@ class PathExplanation:
     """
 
     joined: bool
-    metres: float
+    meters: float
     rise: float
     ways: tuple[DirectionExplanation, DirectionExplanation]
     blocked: float | None
@@ -80,9 +80,9 @@ def explain_path(
     ways = _explain_direction(graph, a, b, config), _explain_direction(graph, b, a, config)
     blocked, unknown = _on_map(occupancy, first.position, second.position)
     rise = (second.position[2] - second.height) - (first.position[2] - first.height)
-    metres = math.dist(first.position, second.position)
-    sentence = _sentence(joined, ways, blocked, unknown, metres)
-    return PathExplanation(joined, metres, rise, ways, blocked, unknown, sentence)
+    meters = math.dist(first.position, second.position)
+    sentence = _sentence(joined, ways, blocked, unknown, meters)
+    return PathExplanation(joined, meters, rise, ways, blocked, unknown, sentence)
 
 
 def _explain_direction(graph: NavGraph, here: str, there: str, config: MappingConfig) -> DirectionExplanation:
@@ -120,7 +120,7 @@ def _sentence(
     ways: tuple[DirectionExplanation, DirectionExplanation],
     blocked: float | None,
     unknown: float | None,
-    metres: float,
+    meters: float,
 ) -> str:
     begin = "There is an edge" if joined else "There is no edge"
     against = next((w for w in ways if w.found is not None and w.found.decision != OPEN), None)
@@ -143,4 +143,4 @@ def _sentence(
         return f"{begin}, and {known} supports it."
     if unknown == 0.0:
         return f"{begin}; nothing was measured along it, but the map shows free space."
-    return f"{begin}, and nothing was measured along the {metres:.2f} m between them."
+    return f"{begin}, and nothing was measured along the {meters:.2f} m between them."

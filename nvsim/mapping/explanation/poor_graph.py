@@ -84,11 +84,11 @@ def explain_disconnected_parts(groups: list[list[str]], survey: Survey, support:
 
 def _reason_for_group(group: list[str], groups: list[list[str]], survey: Survey, support: SupportAt) -> str:
     here, there = _nearest(group, [id for other in groups if other is not group for id in other], survey)
-    metres = math.dist(here.position[:2], there.position[:2])
+    meters = math.dist(here.position[:2], there.position[:2])
     which = f"The part of {len(group)}" if len(group) > 1 else "The single viewpoint"
-    places = f"{_place_text(here.position)}, {metres:.1f} m from {_place_text(there.position)}"
+    places = f"{_place_text(here.position)}, {meters:.1f} m from {_place_text(there.position)}"
     begin = f"{which} is nearest to another part at {places}"
-    if metres > survey.config.reach:
+    if meters > survey.config.reach:
         return f"{begin}, which is too far for an edge: photograph the area between them."
     decision = _decision(here, there, survey)
     if decision == OPEN:

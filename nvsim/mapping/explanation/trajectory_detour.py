@@ -39,8 +39,8 @@ class TrajectoryDetour:
         pairs = np.concatenate([np.column_stack([after, after + 1]), near])
         # Duplicate pairs would be added up.
         pairs = np.unique(pairs, axis=0)
-        metres = np.hypot(*(places[pairs[:, 0], :2] - places[pairs[:, 1], :2]).T)
-        self._steps = coo_matrix((np.maximum(metres, 1e-6), pairs.T), shape=(len(places),) * 2).tocsr()
+        meters = np.hypot(*(places[pairs[:, 0], :2] - places[pairs[:, 1], :2]).T)
+        self._steps = coo_matrix((np.maximum(meters, 1e-6), pairs.T), shape=(len(places),) * 2).tocsr()
         self._from: dict[int, tuple[NDArray[np.int64], NDArray[np.float64]]] = {}
         self._beside: dict[Camera, tuple[NDArray[np.int64], NDArray[np.float64]]] = {}
 
@@ -53,7 +53,7 @@ class TrajectoryDetour:
         (here, off), (there, beyond) = self._belongs(a), self._belongs(b)
         if not len(here) or not len(there):
             return 0.0
-        along = min(float((off[i] + self._metres(int(k), there) + beyond).min()) for i, k in enumerate(here))
+        along = min(float((off[i] + self._meters(int(k), there) + beyond).min()) for i, k in enumerate(here))
         if along > max(self._times * straight, straight + _LONGER):
             return along
         count = max(2, int(np.ceil(straight / _SPACING)) + 1)
@@ -63,17 +63,17 @@ class TrajectoryDetour:
         """Return the longest detour in meters along the trajectory between two parts of it on both sides of one of the
         positions (M, 3); 0 if there is none. One part is the nearest in line with the position. Positions near the
         trajectory are skipped."""
-        metres, index = self._tree.query(places[:, :2], k=_NEAREST, distance_upper_bound=_BETWEEN)
-        of, which = np.nonzero(np.isfinite(metres))
-        index, metres = index[of, which], metres[of, which]
+        meters, index = self._tree.query(places[:, :2], k=_NEAREST, distance_upper_bound=_BETWEEN)
+        of, which = np.nonzero(np.isfinite(meters))
+        index, meters = index[of, which], meters[of, which]
         seen = self._walk.are_lines_known(places[of], self._walk.places[index])
-        of, index, metres = of[seen], index[seen], metres[seen]
+        of, index, meters = of[seen], index[seen], meters[seen]
         most = 0.0
         for start, end in pairwise([*np.flatnonzero(np.diff(of, prepend=-1)).tolist(), len(of)]):
-            if metres[start] <= _BODY:
+            if meters[start] <= _BODY:
                 continue
-            along = self._metres(int(index[start]), index[start:end])
-            straight = metres[start:end] + metres[start]
+            along = self._meters(int(index[start]), index[start:end])
+            straight = meters[start:end] + meters[start]
             around = along[along > np.maximum(self._times * straight, straight + _LONGER)]
             most = max(most, float(around.min(initial=np.inf)) if len(around) else 0.0)
         return most
@@ -83,22 +83,22 @@ class TrajectoryDetour:
         (n,) distances in meters."""
         if camera not in self._beside:
             place = np.asarray(camera, np.float64)
-            metres, index = self._tree.query(place[:2], k=min(_NEAREST, len(self._walk.places)))
-            metres, index = np.atleast_1d(metres), np.atleast_1d(index)
+            meters, index = self._tree.query(place[:2], k=min(_NEAREST, len(self._walk.places)))
+            meters, index = np.atleast_1d(meters), np.atleast_1d(index)
             in_line = self._walk.are_lines_known(np.broadcast_to(place, (len(index), 3)), self._walk.places[index])
-            metres, index = metres[in_line], index[in_line]
-            near = metres <= metres.min(initial=np.inf) + _ASIDE
-            self._beside[camera] = index[near].astype(np.int64), metres[near]
+            meters, index = meters[in_line], index[in_line]
+            near = meters <= meters.min(initial=np.inf) + _ASIDE
+            self._beside[camera] = index[near].astype(np.int64), meters[near]
         return self._beside[camera]
 
-    def _metres(self, place: int, others: NDArray[np.int64]) -> NDArray[np.float64]:
+    def _meters(self, place: int, others: NDArray[np.int64]) -> NDArray[np.float64]:
         """(n,) meters along the trajectory from one of its positions to others (n,); infinite beyond _FAR."""
         from scipy.sparse.csgraph import dijkstra
 
         if place not in self._from:
-            metres = dijkstra(self._steps, directed=False, indices=place, limit=_FAR)
-            near = np.flatnonzero(np.isfinite(metres))
-            self._from[place] = near, metres[near]
-        near, metres = self._from[place]
+            meters = dijkstra(self._steps, directed=False, indices=place, limit=_FAR)
+            near = np.flatnonzero(np.isfinite(meters))
+            self._from[place] = near, meters[near]
+        near, meters = self._from[place]
         at = np.minimum(np.searchsorted(near, others), len(near) - 1)
-        return np.where(near[at] == others, metres[at], np.inf)
+        return np.where(near[at] == others, meters[at], np.inf)

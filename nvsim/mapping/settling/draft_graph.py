@@ -64,12 +64,12 @@ class DraftGraph:
     def _place(self, id: str) -> tuple[float, float]:
         return self._draft.viewpoints[id].position[:2]
 
-    def metres(self, a: str, b: str, most: float = math.inf) -> float:
+    def meters(self, a: str, b: str, most: float = math.inf) -> float:
         """Return the length in meters of the shortest path from one viewpoint to another; infinite if it is longer than
         `most`."""
         return self._path_lengths_from(a, most, b).get(b, math.inf)
 
-    def all_metres(self, start: str, most: float) -> dict[str, float]:
+    def all_meters(self, start: str, most: float) -> dict[str, float]:
         """Return id -> meters from `start`, for all viewpoints that are at most `most` away."""
         return self._path_lengths_from(start, most)
 
@@ -82,14 +82,14 @@ class DraftGraph:
         aside = until is not None and math.isfinite(most)
         end = self._place(until) if until is not None else (0.0, 0.0)
         while heap:
-            metres, id = heappop(heap)
+            meters, id = heappop(heap)
             if id in found:
                 continue
-            found[id] = metres
+            found[id] = meters
             if id == until:
                 break
             for other, length in self._joined[id].items():
-                far = metres + length
+                far = meters + length
                 if far > most or other in found:
                     continue
                 # No path is shorter than the straight line, except for rounding.
@@ -103,7 +103,7 @@ class DraftGraph:
         found: dict[str, int] = {}
         for id in self._joined:
             if id not in found:
-                part = self.all_metres(id, math.inf)
+                part = self.all_meters(id, math.inf)
                 found.update(dict.fromkeys(part, len(part)))
         return found
 
@@ -116,7 +116,7 @@ class DraftGraph:
             for b in around[:i]
         }
         self.remove(id)
-        spared = all(self.metres(a, b, limit) <= limit for (a, b), limit in most.items())
+        spared = all(self.meters(a, b, limit) <= limit for (a, b), limit in most.items())
         self.add([id])
         for other in around:
             self.join(id, other)
@@ -128,7 +128,7 @@ class DraftGraph:
         length = self.distance(a, b)
         most = min(DETOUR * length, 2 * NEAR if length < NEAR else math.inf)
         self.remove_edge(a, b)
-        spared = self.metres(a, b, most) <= most
+        spared = self.meters(a, b, most) <= most
         self.join(a, b)
         return spared
 
@@ -154,19 +154,19 @@ def remove_ties(ways: DraftGraph) -> None:
 def _remove_tie_from(ways: DraftGraph, start: str) -> set[str]:
     """Remove one edge, and return the viewpoints with paths within 12 m that may have used it. Returns an empty set if
     no paths from `start` are tied, or if no edge can be spared."""
-    metres = ways.all_metres(start, _FAR)
-    for end in sorted(metres, key=lambda id: (metres[id], id)):
-        last = _last(ways, metres, end)
+    meters = ways.all_meters(start, _FAR)
+    for end in sorted(meters, key=lambda id: (meters[id], id)):
+        last = _last(ways, meters, end)
         for before in last if len(last) > 1 else []:
             if ways.is_edge_redundant(before, end):
-                touched = {id for side in (before, end) for id in ways.all_metres(side, _FAR + SAME_LENGTH)}
+                touched = {id for side in (before, end) for id in ways.all_meters(side, _FAR + SAME_LENGTH)}
                 ways.remove_edge(before, end)
                 return touched
     return set()
 
 
-def _last(ways: DraftGraph, metres: dict[str, float], end: str) -> list[str]:
+def _last(ways: DraftGraph, meters: dict[str, float], end: str) -> list[str]:
     """Return the viewpoints before `end` on paths from the start that are as short as the shortest, the farthest from
     `end` first."""
-    edges = [(length, id) for id, length in ways.around(end) if metres.get(id, math.inf) < metres[end]]
-    return [id for length, id in sorted(edges, reverse=True) if metres[id] + length <= metres[end] + SAME_LENGTH]
+    edges = [(length, id) for id, length in ways.around(end) if meters.get(id, math.inf) < meters[end]]
+    return [id for length, id in sorted(edges, reverse=True) if meters[id] + length <= meters[end] + SAME_LENGTH]

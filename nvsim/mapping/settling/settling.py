@@ -82,10 +82,10 @@ class GapFiller:
         if not len(stand) or not len(places) or most <= 0:
             return covered
         apart_by, nearest = cKDTree(stand[:, :2]).query(places[:, :2], k=_NEAREST, distance_upper_bound=most)
-        for metres, which in zip(apart_by.T, nearest.T, strict=True):
-            at = np.flatnonzero(np.isfinite(metres) & ~covered)
+        for meters, which in zip(apart_by.T, nearest.T, strict=True):
+            at = np.flatnonzero(np.isfinite(meters) & ~covered)
             there = stand[which[at]]
-            level = np.abs(there[:, 2] - places[at, 2]) <= STEEPEST * metres[at] + SAME_FLOOR - SAME
+            level = np.abs(there[:, 2] - places[at, 2]) <= STEEPEST * meters[at] + SAME_FLOOR - SAME
             at, there = at[level], there[level]
             covered[at[self._walk.are_lines_known(there, places[at])]] = True
         return covered
@@ -176,7 +176,7 @@ class Settling:
                 self._progress()
                 most = stretch * length[a, b]
                 ends = self._draft.viewpoints[a], self._draft.viewpoints[b]
-                if self._ways.metres(a, b, most) > most and self._is_open(*ends, spare):
+                if self._ways.meters(a, b, most) > most and self._is_open(*ends, spare):
                     self._ways.join(a, b)
 
     def _restore(self, edges: list[tuple[str, str]], stands_for: dict[str, str]) -> None:
@@ -190,13 +190,13 @@ class Settling:
             ends = stands_for[a], stands_for[b]
             was = sum(self._ways.distance(*pair) for pair in ((ends[0], a), (a, b), (b, ends[1])))
             alone = ends[0] == ends[1] and not self._ways.around(ends[0]) and self._ways.distance(a, b) >= _STEP
-            if not alone and self._ways.metres(*ends, DETOUR * was) <= DETOUR * was:
+            if not alone and self._ways.meters(*ends, DETOUR * was) <= DETOUR * was:
                 continue
             for id in (a, b):
                 stands_for[id] = id
             self._ways.add((a, b))
             self._join((a, b), self._ways)
-            if math.isinf(self._ways.metres(a, b)):
+            if math.isinf(self._ways.meters(a, b)):
                 self._ways.join(a, b)
 
     def _remove_unused(self) -> None:
@@ -211,7 +211,7 @@ class Settling:
         hang_together = self._ways.parts()
         for id in self._ways:
             for other in self._near_over_floor(self._draft.viewpoints[id], NEAR):
-                if id < other.id and other.id in self._ways and self._ways.metres(id, other.id, 2 * NEAR) > 2 * NEAR:
+                if id < other.id and other.id in self._ways and self._ways.meters(id, other.id, 2 * NEAR) > 2 * NEAR:
                     near.append((id, other.id))
         for pair in near:
             for id in sorted(pair, key=lambda id: (hang_together[id], self._room(id), id)):

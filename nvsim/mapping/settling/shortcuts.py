@@ -55,7 +55,7 @@ class WideKnownFloor:
         window = _CameraWindow(start, reach, self)
         cells = window.cells_of(ends)
         ways = window.find_paths(cells[cells[:, 0] >= 0], reach=reach)
-        found = np.where(cells[:, 0] >= 0, ways.metres[cells[:, 0], cells[:, 1]], np.inf)
+        found = np.where(cells[:, 0] >= 0, ways.meters[cells[:, 0], cells[:, 1]], np.inf)
         return np.asarray(np.maximum(found, np.linalg.norm(ends[:, :2] - start[:2], axis=1)))
 
     def find_path(self, start: NDArray[np.floating], end: NDArray[np.floating], reach: float) -> NDArray[np.float64]:
@@ -64,7 +64,7 @@ class WideKnownFloor:
         window = _CameraWindow(start, reach, self)
         last = window.cells_of(np.asarray(end)[None])
         ways = window.find_paths(last, _TIGHT)
-        if last[0, 0] < 0 or not np.isfinite(ways.metres[last[0, 0], last[0, 1]]):
+        if last[0, 0] < 0 or not np.isfinite(ways.meters[last[0, 0], last[0, 1]]):
             return np.zeros((0, 3))
         return window.places(ways.cells_to((int(last[0, 0]), int(last[0, 1]))))
 
@@ -169,9 +169,9 @@ class Shortcuts:
         pair."""
         for _ in range(_ROUNDS):
             before = list(self._ways)
-            for metres, a, b in self._detours():
+            for meters, a, b in self._detours():
                 yield
-                if self._is_detour(a, b, metres):
+                if self._is_detour(a, b, meters):
                     self._shorten(a, b)
             if list(self._ways) == before:
                 return
@@ -182,13 +182,13 @@ class Shortcuts:
         places = np.array([self._draft.viewpoints[id].position for id in ids])
         for i, id in enumerate(ids[:-1]):
             others = i + 1 + np.flatnonzero(np.hypot(*(places[i + 1 :, :2] - places[i, :2]).T) < _REACH)
-            along = self._ways.all_metres(id, _detour_limit(_REACH))
+            along = self._ways.all_meters(id, _detour_limit(_REACH))
             apart = np.linalg.norm(places[others, :2] - places[i, :2], axis=1)
             # No path is shorter than the straight line, so most pairs are settled without a search over the floor.
             # Paths never become shorter: if one was too long for a detour before an area was closed, it still is.
             known, far = self._known.setdefault(id, {}), []
-            for j, metres in zip(others, apart, strict=True):
-                least = max(metres, known.get(ids[j], (0.0, 0))[0])
+            for j, meters in zip(others, apart, strict=True):
+                least = max(meters, known.get(ids[j], (0.0, 0))[0])
                 if math.isfinite(least) and along.get(ids[j], math.inf) > _detour_limit(least):
                     far.append(ids[j])
             if far:
@@ -211,18 +211,18 @@ class Shortcuts:
         if new:
             places = np.array([self._draft.viewpoints[other].position for other in new])
             lengths = self._room.lengths(here, places, _REACH).tolist()
-            known.update({other: (metres, self._room.closed_count) for other, metres in zip(new, lengths, strict=True)})
+            known.update({other: (meters, self._room.closed_count) for other, meters in zip(new, lengths, strict=True)})
 
-    def _is_detour(self, a: str, b: str, metres: float) -> bool:
-        if np.isinf(metres) or a not in self._ways or b not in self._ways:
+    def _is_detour(self, a: str, b: str, meters: float) -> bool:
+        if np.isinf(meters) or a not in self._ways or b not in self._ways:
             return False
-        return self._ways.metres(a, b, _detour_limit(metres)) > _detour_limit(metres)
+        return self._ways.meters(a, b, _detour_limit(meters)) > _detour_limit(meters)
 
     def _shorten(self, a: str, b: str) -> None:
         """Put viewpoints on the path over known floor, and join them if its legs are free. They are removed again if
         they hardly shorten the path of the graph."""
         ends = self._draft.viewpoints[a], self._draft.viewpoints[b]
-        was = self._ways.metres(a, b)
+        was = self._ways.meters(a, b)
         stops = self._plan_stops(*ends)
         here, new = ends[0], list[str]()
         for place in [*stops, None] if stops else []:
@@ -239,7 +239,7 @@ class Shortcuts:
         else:
             if new:
                 self._join(new)
-            now = self._ways.metres(a, b, was)
+            now = self._ways.meters(a, b, was)
             if math.isfinite(now) and now <= was - _GAIN:
                 return
         for id in new:
@@ -310,9 +310,9 @@ class Shortcuts:
         self._room.close_floor(inner[int(np.argmin(self._room.clearance(inner)))], _SHUT)
 
 
-def _detour_limit(metres: float) -> float:
+def _detour_limit(meters: float) -> float:
     """Return the meters above which a path of the graph is a detour."""
-    return max(_DETOUR * metres, metres + _LOSS)
+    return max(_DETOUR * meters, meters + _LOSS)
 
 
 def _points_between(a: NDArray[np.float64], b: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -197,11 +197,11 @@ def _select_poses(capture: Capture, config: CaptureConfig, listen: Listener) -> 
         return capture, {}
     text = (
         f"The poses were adjusted. Matches between images are {found.before:.2f} pixels off with the given poses, and "
-        f"{found.after:.2f} with the adjusted ones; cameras moved by {1000 * found.metres:.0f} mm and "
+        f"{found.after:.2f} with the adjusted ones; cameras moved by {1000 * found.meters:.0f} mm and "
         f"{found.degrees:.2f} degrees (medians; --poses given keeps the given poses)."
     )
     listen(Log(text, STAGE))
-    figures = {"before_px": found.before, "after_px": found.after, "metres": found.metres, "degrees": found.degrees}
+    figures = {"before_px": found.before, "after_px": found.after, "metres": found.meters, "degrees": found.degrees}
     rounded = {f"poses_{name}": round(value, 4) for name, value in figures.items()}
     depths = _depths_at_adjusted_poses(capture.depths, capture.frames, found.frames)
     return dataclasses.replace(capture, frames=found.frames, depths=depths), rounded

@@ -37,7 +37,7 @@ def run(project: Project, listen: Listener = ignore_event) -> None:
     if ledger.is_current(project, STAGE, key):
         listen(Log("The floor is up to date.", STAGE))
         return
-    started, scene = time.monotonic(), project.scene(colours=False)
+    started, scene = time.monotonic(), project.scene(colors=False)
     if scene is None:
         raise missing_result_error(project.layout.root, "import")
     report_replaced_result(project, STAGE, listen)

@@ -74,7 +74,7 @@ def run(
         listen(Warning(f"The graph is built in units of camera heights: {SCALE_ASSUMED}; {SCALE_IN_HEIGHTS}.", STAGE))
     start = search_start(capture, config.start)
     refresh_support(project, listen)
-    scene, support = project.scene(memory_budget, colours=False), project.support()
+    scene, support = project.scene(memory_budget, colors=False), project.support()
     if scene is None or support is None:
         raise missing_result_error(project.layout.root, "train")
     previous = without_other_networks(project.graph() if reapply else None, project, config)

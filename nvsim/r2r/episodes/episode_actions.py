@@ -57,9 +57,9 @@ class FreeSpace:
         free &= layers.count_per_cell(layers.is_confirmed(_FROM, _TO)) < _LEAST
         if cloud is not None:
             free &= ~scanned_obstacles(layers, cloud)
-        metres = (distance_transform_edt(np.pad(free, 1))[1:-1, 1:-1] - 0.5) * CELL
-        metres[_far_from_edges(layers, graph)] = 0.0
-        return FreeSpace((metres - (RADIUS + _MARGIN)).astype(np.float32), layers)
+        meters = (distance_transform_edt(np.pad(free, 1))[1:-1, 1:-1] - 0.5) * CELL
+        meters[_far_from_edges(layers, graph)] = 0.0
+        return FreeSpace((meters - (RADIUS + _MARGIN)).astype(np.float32), layers)
 
     def is_free(self, places: NDArray[np.floating]) -> NDArray[np.bool_]:
         """Returns (...) whether the robot is in free space at world x, y (..., 2 or more), meters."""
@@ -81,7 +81,7 @@ class FreeSpace:
         if not open_cells[row, column]:
             return np.full(self.room.shape, np.inf, np.float32)
         cost_factors = 1 + np.clip(1 - (self.room + RADIUS) / _EASY, 0, 1)
-        return GridWays(open_cells, CELL, (int(row), int(column)), cost_factors=cost_factors).metres.astype(np.float32)
+        return GridWays(open_cells, CELL, (int(row), int(column)), cost_factors=cost_factors).meters.astype(np.float32)
 
     def joins(self, a: NDArray[np.floating], b: NDArray[np.floating]) -> bool:
         """Returns True if the robot can move from `a` to `b`, places (2,) or (3,), meters, world.
@@ -99,7 +99,7 @@ class FreeSpace:
         if not room.size:
             return False
         rows, columns = np.indices(room.shape)
-        places = self.layers.centres_of(np.stack([rows + top, columns + left], axis=-1))
+        places = self.layers.centers_of(np.stack([rows + top, columns + left], axis=-1))
         along = ends[1] - ends[0]
         share = ((places - ends[0]) @ along / max(float(along @ along), 1e-12)).clip(0, 1)
         near = np.linalg.norm(ends[0] + share[..., None] * along - places, axis=-1) <= _REACH

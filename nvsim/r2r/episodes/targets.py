@@ -58,8 +58,8 @@ def targets_of(
     bottoms = tuple(storeys[level].floor for level in levels)
     boxes: dict[str, dict[int, dict[int, Box]]] = {}
     for id, visible in seen.visible.items():
-        for i, _, metres in visible:
-            if metres <= REACH and (found := _boxes_from(graph.viewpoints[id], seen.things[i], bottoms[i])):
+        for i, _, meters in visible:
+            if meters <= REACH and (found := _boxes_from(graph.viewpoints[id], seen.things[i], bottoms[i])):
                 boxes.setdefault(id, {})[i] = found
     places: dict[int, NDArray[np.float64]] = {}
     for level, layers in enumerate(storeys):
@@ -115,9 +115,9 @@ def _places_at(thing: FloorObject, space: FreeSpace, walls: NDArray[np.bool_]) -
     """Returns (N, 2) free places near an object, without a wall between."""
     layers = space.layers
     rows, columns = np.mgrid[0 : layers.shape[0] : _EVERY, 0 : layers.shape[1] : _EVERY]
-    centres = layers.centres_of(np.stack([rows.ravel(), columns.ravel()], axis=1))
-    centres = centres[np.hypot(*(centres - thing.middle).T) <= CLOSE + max(thing.sides)]
-    near = np.array([np.hypot(*(thing.cells - centre).T).min() <= CLOSE for centre in centres], bool)
-    free = near & space.is_free(centres) if len(centres) else near
-    kept = [centre for centre in centres[free] if not is_behind_a_wall(walls, layers, centre, thing)]
+    centers = layers.centers_of(np.stack([rows.ravel(), columns.ravel()], axis=1))
+    centers = centers[np.hypot(*(centers - thing.middle).T) <= CLOSE + max(thing.sides)]
+    near = np.array([np.hypot(*(thing.cells - center).T).min() <= CLOSE for center in centers], bool)
+    free = near & space.is_free(centers) if len(centers) else near
+    kept = [center for center in centers[free] if not is_behind_a_wall(walls, layers, center, thing)]
     return np.array(kept, np.float64).reshape(-1, 2)

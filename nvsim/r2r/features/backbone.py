@@ -14,11 +14,11 @@ from numpy.typing import NDArray
 Image = NDArray[np.uint8]
 Float32 = NDArray[np.float32]
 SEED = 0
-_COLOURS = (16, 12)  # columns and rows of cells
+_COLORS = (16, 12)  # columns and rows of cells
 _EDGES = (8, 6)
 _FINE = (64, 48)  # size in pixels of the image in which edges are computed
 _DIRECTIONS = 8
-_NUMBERS = _COLOURS[0] * _COLOURS[1] * 3 + _EDGES[0] * _EDGES[1] * _DIRECTIONS
+_NUMBERS = _COLORS[0] * _COLORS[1] * 3 + _EDGES[0] * _EDGES[1] * _DIRECTIONS
 
 
 class Backbone(Protocol):
@@ -101,19 +101,19 @@ class Projection:
         import cv2
 
         small = np.asarray(cv2.resize(image, _FINE, interpolation=cv2.INTER_AREA))
-        colours = np.asarray(cv2.resize(small, _COLOURS, interpolation=cv2.INTER_AREA), np.float32) / 127.5 - 1
-        grey = np.asarray(cv2.cvtColor(small, cv2.COLOR_RGB2GRAY), np.float32)
-        across, down = (np.asarray(cv2.Sobel(grey, cv2.CV_32F, *d, ksize=3)) for d in ((1, 0), (0, 1)))
+        colors = np.asarray(cv2.resize(small, _COLORS, interpolation=cv2.INTER_AREA), np.float32) / 127.5 - 1
+        gray = np.asarray(cv2.cvtColor(small, cv2.COLOR_RGB2GRAY), np.float32)
+        across, down = (np.asarray(cv2.Sobel(gray, cv2.CV_32F, *d, ksize=3)) for d in ((1, 0), (0, 1)))
         strength = np.hypot(across, down)
         # Edges have no sign: directions half a turn apart are equal.
         direction = np.floor(np.mod(np.arctan2(down, across), np.pi) / np.pi * _DIRECTIONS).astype(np.int64)
-        rows, columns = np.indices(grey.shape)
+        rows, columns = np.indices(gray.shape)
         cell = rows * _EDGES[1] // _FINE[1] * _EDGES[0] + columns * _EDGES[0] // _FINE[0]
         bins = cell * _DIRECTIONS + np.minimum(direction, _DIRECTIONS - 1)
         edges = np.bincount(bins.ravel(), strength.ravel(), _EDGES[0] * _EDGES[1] * _DIRECTIONS)
         cells = edges.reshape(-1, _DIRECTIONS)
         cells = cells / (np.linalg.norm(cells, axis=1, keepdims=True) + 100)
-        return np.concatenate([colours.ravel(), cells.ravel().astype(np.float32)])
+        return np.concatenate([colors.ravel(), cells.ravel().astype(np.float32)])
 
     def features(self, images: Sequence[NDArray[Any]]) -> Float32:
         """Returns (N, width) float32 of N prepared images (960,)."""

@@ -23,8 +23,8 @@ from nvsim.graph.connectivity import read_connectivity, scan_files
 from nvsim.graph.skybox_files import FOLDER, SkyboxFiles
 from nvsim.r2r.features.backbone import Image
 from nvsim.r2r.features.kept_rows import FINGERPRINT
-from nvsim.r2r.simulator.compiled_drawing import draw_colours
-from nvsim.r2r.simulator.images import rays_of, read_colours
+from nvsim.r2r.simulator.compiled_drawing import draw_colors
+from nvsim.r2r.simulator.images import rays_of, read_colors
 
 LARGEST = 1 << 28
 """Largest size of an image file in bytes."""
@@ -144,12 +144,12 @@ class ViewSource:
 
     def _sampled(self, index: int) -> Iterator[Image]:
         """Yields the views that the simulator samples from the strip."""
-        strip = read_colours(self._scan.skyboxes.folder, self._scan.viewpoints[index])[..., ::-1]
+        strip = read_colors(self._scan.skyboxes.folder, self._scan.viewpoints[index])[..., ::-1]
         strip, rotation = np.ascontiguousarray(strip), self._scan.rotations[index]
         for view in range(VIEWS):
             rays, _ = rays_of(rotation, *heading_and_elevation(view), WIDTH, HEIGHT, VFOV)
             image = np.empty((HEIGHT, WIDTH, 3), np.uint8)
-            draw_colours(strip, rays, image)
+            draw_colors(strip, rays, image)
             yield image
 
 

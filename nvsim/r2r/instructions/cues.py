@@ -73,7 +73,7 @@ def cues_along(ids: Sequence[str], facing: float, seen: Surroundings) -> frozens
     steps = list(zip(ids, ids[1:]))
     if any(step not in seen.doors for step in steps):
         return frozenset(_objects_at_end(ids, 0.0, facing, seen))  # steps between storeys have no other cues
-    length = sum(seen.metres[step] for step in steps)
+    length = sum(seen.meters[step] for step in steps)
     found = [
         *_doorways(ids, steps, seen),
         *_passed_objects(ids, steps, seen),
@@ -90,7 +90,7 @@ def _doorways(ids: Sequence[str], steps: Sequence[Pair], seen: Surroundings) -> 
         yield Cue("through", str(len(places)), distance=places[0])
     elif set(kinds) == {"corridor"}:
         yield Cue("along", "corridor")
-    elif set(kinds) == {"room"} and sum(seen.metres[step] for step in steps) >= _ACROSS:
+    elif set(kinds) == {"room"} and sum(seen.meters[step] for step in steps) >= _ACROSS:
         yield Cue("along", "room")
     if len(places) == 1:
         if kinds[0]:
@@ -103,16 +103,16 @@ def _doors_of(steps: Sequence[Pair], seen: Surroundings) -> Iterator[float]:
     """Yields the positions of doorways along the leg in meters. Doorways within a wall's thickness count as one."""
     walked, last = 0.0, -math.inf
     for step in steps:
-        for metres in seen.doors[step]:
-            if walked + metres - last > SAME_DOORWAY:
-                last = walked + metres
+        for meters in seen.doors[step]:
+            if walked + meters - last > SAME_DOORWAY:
+                last = walked + meters
             yield last
-        walked += seen.metres[step]
+        walked += seen.meters[step]
 
 
-def _is_unique(look: str, i: int, ids: Sequence[str], seen: Surroundings, metres: float = NEAR) -> bool:
+def _is_unique(look: str, i: int, ids: Sequence[str], seen: Surroundings, meters: float = NEAR) -> bool:
     """Whether no other object of this look is visible within so many meters of the viewpoints."""
-    others = {j for id in ids for j, _, far in seen.visible.get(id, ()) if far <= metres}
+    others = {j for id in ids for j, _, far in seen.visible.get(id, ()) if far <= meters}
     return not any(_color_and_shape(seen, j) == look for j in others - {i})
 
 
@@ -120,9 +120,9 @@ def _passed_objects(ids: Sequence[str], steps: Sequence[Pair], seen: Surrounding
     passed: dict[int, list[tuple[CueSide, float]]] = defaultdict(list)
     walked = 0.0
     for step in steps:
-        for i, beside, metres in seen.passed[step]:
-            passed[i].append((beside, walked + metres))
-        walked += seen.metres[step]
+        for i, beside, meters in seen.passed[step]:
+            passed[i].append((beside, walked + meters))
+        walked += seen.meters[step]
     for i, places in passed.items():
         look = _color_and_shape(seen, i)
         if not _is_unique(look, i, ids, seen) or any(_color_and_shape(seen, j) == look for j in passed if j != i):
@@ -135,11 +135,11 @@ def _passed_objects(ids: Sequence[str], steps: Sequence[Pair], seen: Surrounding
 
 def _objects_at_end(ids: Sequence[str], length: float, facing: float, seen: Surroundings) -> Iterator[Cue]:
     """Finds objects at the end of a leg of `length` meters. They must not be behind the agent."""
-    for i, heading, metres in seen.visible.get(ids[-1], ()):
+    for i, heading, meters in seen.visible.get(ids[-1], ()):
         look, off = _color_and_shape(seen, i), _wrap_angle(heading - facing)
-        if metres > NEAR or abs(off) > _BESIDE[1] or not _is_unique(look, i, ids[-1:], seen):
+        if meters > NEAR or abs(off) > _BESIDE[1] or not _is_unique(look, i, ids[-1:], seen):
             continue
-        if metres <= _CLOSE:
+        if meters <= _CLOSE:
             yield Cue("by", look, "", length, i)
         if abs(off) <= _AHEAD:
             yield Cue("by", look, "ahead", length, i)
@@ -151,23 +151,23 @@ def _cues_ahead(ids: Sequence[str], steps: Sequence[Pair], facing: float, seen: 
     """Finds objects ahead that are visible from the first and the last step, and that the leg does not reach."""
     if any(seen.doors[step] for step in steps):
         return
-    last = {i: (heading, metres) for i, heading, metres in seen.visible.get(ids[-2], ())}
+    last = {i: (heading, meters) for i, heading, meters in seen.visible.get(ids[-2], ())}
     for i, heading, _ in seen.visible.get(ids[0], ()):
         if i not in last or abs(_wrap_angle(heading - facing)) > _TOWARDS[0]:
             continue
-        ahead, metres = last[i]
-        near = abs(_wrap_angle(ahead - facing)) <= _TOWARDS[1] and metres > seen.metres[steps[-1]] + 0.2
+        ahead, meters = last[i]
+        near = abs(_wrap_angle(ahead - facing)) <= _TOWARDS[1] and meters > seen.meters[steps[-1]] + 0.2
         if near and _is_unique(_color_and_shape(seen, i), i, ids[:1], seen, math.inf):
             yield Cue("towards", _color_and_shape(seen, i), "", 0.0, i)
 
 
 def objects_around(id: str, facing: float, seen: Surroundings) -> Iterator[Cue]:
     """Yields the objects ahead, and those within 3 m on the left and right, of a viewpoint; the nearest first."""
-    for i, heading, metres in sorted(seen.visible.get(id, ()), key=lambda one: one[2]):
+    for i, heading, meters in sorted(seen.visible.get(id, ()), key=lambda one: one[2]):
         off = _wrap_angle(heading - facing)
         side: CueSide = "ahead" if abs(off) <= _AHEAD else "right" if off > 0 else "left"
         if not is_unnamed(_color_and_shape(seen, i)) and (
-            side == "ahead" or _BESIDE[0] <= abs(off) <= _BESIDE[1] and metres < _ACROSS
+            side == "ahead" or _BESIDE[0] <= abs(off) <= _BESIDE[1] and meters < _ACROSS
         ):
             yield Cue("by", _color_and_shape(seen, i), side, 0.0, i)
 

@@ -34,7 +34,7 @@ from nvsim.r2r.instructions.wording import instruction_of, long_instruction
 from nvsim.r2r.surroundings.survey import Surroundings
 from nvsim.r2r.tasks.splitting import Dataset, replace_instructions
 
-_METRE = 0.5  # distance error in meters that costs 1 (squared)
+_METER = 0.5  # distance error in meters that costs 1 (squared)
 _ANGLE = math.radians(22.5)  # turn error in radians that costs 1 (squared)
 _FARTHEST_TURN = math.radians(60)  # largest turn error
 _BEND = math.radians(70)  # bend in radians that costs 1 (squared)
@@ -83,7 +83,7 @@ class _PathSearch:
             off = wrap_angle(turn_before_step(facing, step) - said.turn)
             if step.slope == said.slope and abs(off) <= _FARTHEST_TURN:
                 after = _heading_after(facing, step)
-                self._continue_leg([*path, step.to], len(path) - 1, after, k, step.metres, cost + (off / _ANGLE) ** 2)
+                self._continue_leg([*path, step.to], len(path) - 1, after, k, step.meters, cost + (off / _ANGLE) ** 2)
 
     def _continue_leg(self, path: list[int], first: int, facing: float, k: int, walked: float, cost: float) -> None:
         """Continues the k-th leg or ends it here. The leg began at path[first], `walked` meters before."""
@@ -93,8 +93,8 @@ class _PathSearch:
         if walked > most or cost > self.least + _ALIKE or self.tried > _MOST_TRIED:
             return
         if walked >= least:
-            here = cost if said.metres is None else cost + ((walked - said.metres) / unit) ** 2
-            if said.metres is None and (said.cues or k + 1 < len(self.said)):
+            here = cost if said.meters is None else cost + ((walked - said.meters) / unit) ** 2
+            if said.meters is None and (said.cues or k + 1 < len(self.said)):
                 here += _ONWARD * walked  # the leg ends at the first place that fits
             if said.cues and here <= self.least + _ALIKE:
                 here += _UNSEEN * len(said.cues - self.ground.cues(path[first:]))
@@ -105,9 +105,9 @@ class _PathSearch:
         for step in self._new_steps(path):
             turn, after = turn_before_step(facing, step), _heading_after(facing, step)
             if continues_leg(said.slope, turn, step):
-                self._continue_leg([*path, step.to], first, after, k, walked + step.metres, cost)
+                self._continue_leg([*path, step.to], first, after, k, walked + step.meters, cost)
             elif is_bend(said.slope, turn, step):
-                self._continue_leg([*path, step.to], first, after, k, walked + step.metres, cost + (turn / _BEND) ** 2)
+                self._continue_leg([*path, step.to], first, after, k, walked + step.meters, cost + (turn / _BEND) ** 2)
 
     def _end(self, path: list[int], cost: float) -> None:
         if cost < self.least - _ALIKE:
@@ -121,11 +121,11 @@ class _PathSearch:
 
 def _length_range(said: Leg) -> tuple[float, float, float]:
     """Returns the least and the greatest length of a leg in meters, and the error in meters that costs 1."""
-    if said.metres is None:
-        return 0.0, _LONGEST, _METRE
+    if said.meters is None:
+        return 0.0, _LONGEST, _METER
     rough = said.measure == "roughly"
-    slack = 0.7 * said.metres if rough else 1.0 + 0.2 * said.metres
-    return said.metres - slack, said.metres + slack, max(_METRE, 0.5 * said.metres) if rough else _METRE
+    slack = 0.7 * said.meters if rough else 1.0 + 0.2 * said.meters
+    return said.meters - slack, said.meters + slack, max(_METER, 0.5 * said.meters) if rough else _METER
 
 
 def _heading_after(before: float, step: Step) -> float:
@@ -245,7 +245,7 @@ def _without_needless(ground: PathSteps, path: list[int], heading: float, said: 
     """Removes distances, and objects besides two other cues of a leg, that the follower does not need."""
     for i in range(len(said)):
         for cue in (None, *sorted(said[i].cues)):
-            leg = replace(said[i], metres=None) if cue is None else replace(said[i], cues=said[i].cues - {cue})
+            leg = replace(said[i], meters=None) if cue is None else replace(said[i], cues=said[i].cues - {cue})
             is_end = cue is not None and cue.kind == "by" and i + 1 == len(said)
             if leg == said[i] or is_end or cue is not None and (cue.object_index < 0 or len(leg.cues) < 2):
                 continue
@@ -290,7 +290,7 @@ def _with_few_cues(legs: Sequence[Leg], most: int, measure: Measure | None, rand
         is_last = i + 1 == len(legs)
         some = replace(leg, cues=choose_few_cues(leg.cues, most, is_last, random), measure=measure or "roughly")
         is_stated = (measure is not None or is_last) and not _ends_by_sight(some)
-        found.append(some if is_stated else replace(some, metres=None))
+        found.append(some if is_stated else replace(some, meters=None))
     return found
 
 
@@ -304,7 +304,7 @@ def _detailed_descriptions(ground: PathSteps, path: list[int], heading: float, r
         legs = [replace(leg, cues=choose_cues(leg.cues, random)) for leg in whole]
         if any(leg.cues for leg in legs):
             break
-    fewer = [replace(leg, metres=None) if _ends_by_sight(leg) and random.random() < _WITHOUT else leg for leg in legs]
+    fewer = [replace(leg, meters=None) if _ends_by_sight(leg) and random.random() < _WITHOUT else leg for leg in legs]
     if fewer != legs:
         yield fewer, "words"
     if any(leg.cues for leg in legs):

@@ -43,12 +43,12 @@ class Step:
 
     to        row of Ways
     heading   radians, None for a step straight up or down
-    metres    length of the edge in meters; for a step up or down, the height difference
+    meters    length of the edge in meters; for a step up or down, the height difference
     """
 
     to: int
     heading: float | None
-    metres: float
+    meters: float
     slope: Slope
 
 
@@ -69,14 +69,14 @@ class Leg:
     """A part of a path without a turn, level, up or down.
 
     turn     radians from the previous heading to the heading of the leg, positive to the right, in (-pi, pi]
-    metres   length of all steps in meters; for a leg up or down, the height difference; None if not mentioned
+    meters   length of all steps in meters; for a leg up or down, the height difference; None if not mentioned
     cues     all cues along the leg, or those that the instruction mentions
     measure  unit in which the instruction mentions the length
     rows     rows of Ways of the viewpoints along it, () if they are unknown
     """
 
     turn: float
-    metres: float | None
+    meters: float | None
     slope: Slope
     cues: frozenset[Cue] = frozenset()
     measure: Measure = "metres"
@@ -96,12 +96,12 @@ class PathSteps:
         self._cues: dict[tuple[int, ...], frozenset[Cue]] = {}
         self.row = {id: i for i, id in enumerate(ways.ids)}
         self.steps: list[list[Step]] = [[] for _ in ways.ids]
-        for (a, b), metres in zip(ways.ends.tolist(), ways.length.tolist()):
+        for (a, b), meters in zip(ways.ends.tolist(), ways.length.tolist()):
             for start, stop in ((a, b), (b, a)):
                 x, y, z = (ways.places[stop] - ways.places[start]).tolist()
                 heading = math.atan2(x, y) if math.hypot(x, y) > 1e-6 else None
-                slope = slope_of(z, metres)
-                self.steps[start].append(Step(stop, heading, metres if slope == "level" else abs(z), slope))
+                slope = slope_of(z, meters)
+                self.steps[start].append(Step(stop, heading, meters if slope == "level" else abs(z), slope))
 
     def legs(self, rows: Sequence[int], heading: float, bends: Set[int] = frozenset()) -> list[Leg]:
         """Splits a path of two viewpoints or more, with first heading `heading` (radians), into legs.
@@ -109,16 +109,16 @@ class PathSteps:
         `bends` are the numbers of steps that belong to the current leg although they turn.
         """
         legs: list[Leg] = []
-        facing, metres, begin = heading, 0.0, 0
+        facing, meters, begin = heading, 0.0, 0
         for i, (start, stop) in enumerate(zip(rows, rows[1:])):
             step = self.step(start, stop)
             turn = turn_before_step(facing, step)
             if legs and (i in bends or continues_leg(legs[-1].slope, turn, step)):
-                turn, metres = legs.pop().turn, metres + step.metres
+                turn, meters = legs.pop().turn, meters + step.meters
             else:
-                metres, begin = step.metres, i
+                meters, begin = step.meters, i
             here = tuple(rows[begin : i + 2])
-            legs.append(Leg(turn, metres, step.slope, self.cues(here), rows=here))
+            legs.append(Leg(turn, meters, step.slope, self.cues(here), rows=here))
             facing = facing if step.heading is None else step.heading
         return legs
 
@@ -197,31 +197,31 @@ def degrees_of(leg: Leg) -> int:
 
 def _in_words(leg: Leg) -> Leg:
     turn = math.radians(_nearest(leg.turn))
-    if leg.metres is not None and leg.measure == "metres" and leg.slope == "level":
-        return replace(leg, turn=turn, metres=float(max(1, round(leg.metres))))
-    return replace(leg, turn=turn, metres=_in_units(leg))
+    if leg.meters is not None and leg.measure == "metres" and leg.slope == "level":
+        return replace(leg, turn=turn, meters=float(max(1, round(leg.meters))))
+    return replace(leg, turn=turn, meters=_in_units(leg))
 
 
 def _in_steps(leg: Leg, degrees: int) -> Leg:
     return replace(
-        leg, turn=wrap_angle(math.radians(degrees * round(math.degrees(leg.turn) / degrees))), metres=_in_units(leg)
+        leg, turn=wrap_angle(math.radians(degrees * round(math.degrees(leg.turn) / degrees))), meters=_in_units(leg)
     )
 
 
 def _in_units(leg: Leg) -> float | None:
     """Rounds the length of a leg to its measure; meters to halves."""
-    if leg.metres is None:
+    if leg.meters is None:
         return None
     if leg.measure == "roughly":
-        return min(ROUGH, key=lambda metres: abs(math.log(metres / max(leg.metres or 0, 0.1))))
+        return min(ROUGH, key=lambda meters: abs(math.log(meters / max(leg.meters or 0, 0.1))))
     if leg.measure == "paces":
         unit = PACE if leg.slope == "level" else RISER
-        return max(1, round(leg.metres / unit)) * unit
-    return _in_halves(leg.metres)
+        return max(1, round(leg.meters / unit)) * unit
+    return _in_halves(leg.meters)
 
 
-def _in_halves(metres: float) -> float:
-    return max(0.5, round(2 * metres) / 2)
+def _in_halves(meters: float) -> float:
+    return max(0.5, round(2 * meters) / 2)
 
 
 def _nearest(turn: float) -> int:

@@ -100,11 +100,11 @@ def choose_alternatives(pattern: str, random: Random) -> str:
     return pattern
 
 
-def plain_name(shape: str, colour: str) -> str:
+def plain_name(shape: str, color: str) -> str:
     """Returns the first name of an object of this shape and color, without an article. Raises KeyError if the shape is
     unknown."""
     pattern = _ALTERNATIVES.sub(lambda found: found[1].split("|")[0], THINGS[shape])
-    return " ".join(pattern.format(colour).split())
+    return " ".join(pattern.format(color).split())
 
 
 def choose_phrase(phrases: Sequence[str], random: Random) -> str:
@@ -126,7 +126,7 @@ class ObjectNames:
 
     def name_of(self, cue: Cue) -> str:
         """Returns the name of the object of a cue, without an article."""
-        colour, _, shape = cue.subject.partition(" ")
+        color, _, shape = cue.subject.partition(" ")
         if cue.subject not in self._nouns:
             self._nouns[cue.subject] = choose_alternatives(THINGS[shape], self._random)
-        return self._nouns[cue.subject].format(colour)
+        return self._nouns[cue.subject].format(color)

@@ -208,7 +208,7 @@ def short_instruction(said: Sequence[Leg], detail: Detail, random: Random) -> st
         if by is not None and by.side == "" and follows and random.random() < 0.6:
             reached = by
         inside = leg if by is None or not (is_last or reached is by) else replace(leg, cues=leg.cues - {by})
-        is_plain = is_last and by is not None and not inside.cues and leg.metres is None
+        is_plain = is_last and by is not None and not inside.cues and leg.meters is None
         if by is not None and is_plain and by.side in ("", "ahead") and random.random() < 0.5:
             clauses += [_Clause(choose_alternatives(WALK_TO, random).format(names.name_of(by)))]
             by = None
@@ -337,10 +337,10 @@ def _doorway_key(of: dict[str, Cue]) -> str:
 
 def _distance(leg: Leg, random: Random) -> str:
     """Returns the distance in paces or rough words, "" if it is not mentioned."""
-    if leg.metres is None:
+    if leg.meters is None:
         return ""
     if leg.measure == "roughly":
-        return choose_alternatives(ROUGHLY[leg.metres], random)
-    count = round(leg.metres / (PACE if leg.slope == "level" else RISER))
+        return choose_alternatives(ROUGHLY[leg.meters], random)
+    count = round(leg.meters / (PACE if leg.slope == "level" else RISER))
     number = NUMBERS[count] if count <= _MOST_IN_WORDS else str(count)
     return f"{number} step{'s' if count > 1 else ''}"

@@ -96,9 +96,9 @@ ON_PHRASES: dict[Slope, tuple[str, ...]] = {
     "down": ("go down the stairs*", "descend the stairs*", "walk down the stairs*"),
 }
 """Phrases for a leg without a distance."""
-METRE_PHRASES = ("{} metres", "about {} metres", "roughly {} metres", "some {} metres")
-HALF_METRE = ("half a metre", "about half a metre", "roughly half a metre")
-ONE_METRE = ("one metre", "about one metre", "a single metre")
+METER_PHRASES = ("{} metres", "about {} metres", "roughly {} metres", "some {} metres")
+HALF_METER = ("half a metre", "about half a metre", "roughly half a metre")
+ONE_METER = ("one metre", "about one metre", "a single metre")
 _LINKS = ("", "then ", "next, ", "after that, ", "now ")
 _BOTH = ("{} and {}", "{}, then {}", "{} and then {}")
 ENDS = ("Stop there.", "Stop.", "You have arrived.", "Wait there.", "That is the place.")
@@ -162,7 +162,7 @@ def instruction_of(said: Sequence[Leg], detail: Detail, random: Random) -> str:
     sentences: list[str] = []
     link = ""
     by = sorted((cue for cue in said[-1].cues if cue.kind == "by"), key=lambda cue: (cue.side == "", cue))
-    last = by[0] if by and said[-1].metres is not None else None
+    last = by[0] if by and said[-1].meters is not None else None
     if last is not None:
         *before, leg = said
         said = [*before, replace(leg, cues=leg.cues - {last})]
@@ -177,14 +177,14 @@ def instruction_of(said: Sequence[Leg], detail: Detail, random: Random) -> str:
 def _clause(leg: Leg, detail: Detail, both: str, names: ObjectNames, random: Random) -> str:
     """Returns the turn and the walk, joined by the pattern `both`, and the cues."""
     turn, seen = turn_words(leg, detail, random), cue_words(sorted(leg.cues), names, random)
-    if leg.metres is None:
+    if leg.meters is None:
         walk = choose_phrase(ON_PHRASES[leg.slope], random)
     else:
-        walk = choose_phrase(WALK_PHRASES[leg.slope], random).format(metre_words(leg.metres, random))
+        walk = choose_phrase(WALK_PHRASES[leg.slope], random).format(meter_words(leg.meters, random))
     ahead = "" if turn else f" {choose_phrase(AHEAD_PHRASES, random)}"
     walk = walk.replace("*", ahead) if "*" in walk else walk + ahead
     if seen:
-        clause = leg.metres is not None or seen.startswith(("leaving", "following"))
+        clause = leg.meters is not None or seen.startswith(("leaving", "following"))
         clause = clause or (not turn and leg.slope != "level")
         walk = f"{walk}, {seen}" if clause else f"{walk} {seen}"
     return both.format(turn, walk) if turn else walk
@@ -203,13 +203,13 @@ def turn_words(leg: Leg, detail: Detail, random: Random) -> str:
     return "" if turn == "ahead" else choose_phrase(TURN_PHRASES[turn], random)
 
 
-def metre_words(metres: float, random: Random) -> str:
+def meter_words(meters: float, random: Random) -> str:
     """Returns the words for a distance in meters."""
-    if metres == 0.5:
-        return choose_phrase(HALF_METRE, random)
-    if metres == 1:
-        return choose_phrase(ONE_METRE, random)
-    return choose_phrase(METRE_PHRASES, random).format(f"{metres:g}")
+    if meters == 0.5:
+        return choose_phrase(HALF_METER, random)
+    if meters == 1:
+        return choose_phrase(ONE_METER, random)
+    return choose_phrase(METER_PHRASES, random).format(f"{meters:g}")
 
 
 _PLACES = {"room": "[in a room|inside a room]", "corridor": f"in a {CORRIDOR}", "": ""}
@@ -299,8 +299,8 @@ def _begin(view: View, names: ObjectNames, random: Random) -> list[str]:
 
 def _walk_clause(leg: Leg, by: Cue | None, straight: bool, names: ObjectNames, random: Random) -> str:
     cues = sorted(leg.cues - ({by} if by is not None else set()))
-    metres = "" if leg.metres is None else metre_words(leg.metres, random)
-    walk = choose_phrase(WALK_PHRASES[leg.slope], random).format(metres)
+    meters = "" if leg.meters is None else meter_words(leg.meters, random)
+    walk = choose_phrase(WALK_PHRASES[leg.slope], random).format(meters)
     walk = walk.replace("*", "")
     walk += " straight ahead" if straight and leg.slope == "level" else ""
     said = cue_words(cues, names, random)

@@ -17,7 +17,7 @@ class Distances:
     """Distances between the included viewpoints of a graph.
 
     row      viewpoint id -> row
-    metres   (N, N) float64, meters, length of the shortest path; an edge is as long as its straight line; infinite if
+    meters   (N, N) float64, meters, length of the shortest path; an edge is as long as its straight line; infinite if
              there is no path
     joined   (N, N) bool, whether an edge joins two viewpoints; True for a viewpoint and itself
     """
@@ -26,7 +26,7 @@ class Distances:
         ways = PathGraph.of(graph)
         count = len(ways.ids)
         self.row = {id: i for i, id in enumerate(ways.ids)}
-        self.metres = ways.lengths(np.arange(count)).reshape(count, count)
+        self.meters = ways.lengths(np.arange(count)).reshape(count, count)
         self.joined = np.eye(count, dtype=bool)
         self.joined[ways.ends[:, 0], ways.ends[:, 1]] = self.joined[ways.ends[:, 1], ways.ends[:, 0]] = True
 

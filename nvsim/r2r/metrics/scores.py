@@ -91,7 +91,7 @@ def score(tasks: Sequence[Task], trajectories: Trajectories, distances: Mapping[
         walked = [[row[pose[0]] for pose in trajectories[episodes[i][0]]] for i in mine]
         reference = [[row[id] for id in episodes[i][1].path] for i in mine]
         for part in _parts(walked, reference):
-            found = _score_paths(distances[of].metres, [walked[k] for k in part], [reference[k] for k in part])
+            found = _score_paths(distances[of].meters, [walked[k] for k in part], [reference[k] for k in part])
             for name, numbers in found.items():
                 values[name][[mine[k] for k in part]] = numbers
     ids = tuple(id for id, _ in episodes)
@@ -111,18 +111,18 @@ def _parts(walked: list[list[int]], reference: list[list[int]]) -> Iterator[list
         yield part
 
 
-def _score_paths(metres: Floats, walked: list[list[int]], reference: list[list[int]]) -> dict[str, Floats]:
+def _score_paths(meters: Floats, walked: list[list[int]], reference: list[list[int]]) -> dict[str, Floats]:
     # Paths are padded with their last viewpoint, which adds no length and no new position.
     steps, path = _pad_paths(walked), _pad_paths(reference)
     counts = np.array([len(rows) for rows in walked], np.int64)
     lengths = np.array([len(rows) for rows in reference], np.int64)
     goal = path[:, -1]
-    pl = metres[steps[:, :-1], steps[:, 1:]].sum(axis=1)
-    path_length = metres[path[:, :-1], path[:, 1:]].sum(axis=1)
-    ne = metres[steps[:, -1], goal]
+    pl = meters[steps[:, :-1], steps[:, 1:]].sum(axis=1)
+    path_length = meters[path[:, :-1], path[:, 1:]].sum(axis=1)
+    ne = meters[steps[:, -1], goal]
     success = (ne < NEAR).astype(np.float64)
-    shortest = metres[path[:, 0], goal]
-    apart = metres[steps[:, :, None], path[:, None, :]]  # (B, P, R)
+    shortest = meters[path[:, 0], goal]
+    apart = meters[steps[:, :, None], path[:, None, :]]  # (B, P, R)
     ndtw = np.exp(-dtw_cost(apart, counts, lengths) / (NEAR * lengths))
     counted = np.arange(path.shape[1]) < lengths[:, None]
     coverage = (np.exp(-apart.min(axis=1) / NEAR) * counted).sum(axis=1) / lengths
@@ -131,7 +131,7 @@ def _score_paths(metres: Floats, walked: list[list[int]], reference: list[list[i
         "pl": pl,
         "ne": ne,
         "success": success,
-        "oracle_success": (metres[steps, goal[:, None]].min(axis=1) < NEAR).astype(np.float64),
+        "oracle_success": (meters[steps, goal[:, None]].min(axis=1) < NEAR).astype(np.float64),
         "spl": success * shortest / np.maximum(np.maximum(pl, shortest), _LEAST),
         "spl_path": success * path_length / np.maximum(np.maximum(pl, path_length), _LEAST),
         "ndtw": ndtw,

@@ -54,13 +54,13 @@ class Frame:
     """The area of a plan in the world: +x is right, and +y is up on the page.
 
     low, high      (x, y) meters, outer edges of the image
-    metres         meters per pixel
+    meters         meters per pixel
     width, height  pixels
     """
 
     low: tuple[float, float]
     high: tuple[float, float]
-    metres: float
+    meters: float
     width: int
     height: int
 
@@ -68,30 +68,30 @@ class Frame:
     def around(positions: NDArray[np.floating]) -> Frame:
         """Returns the frame that shows the surroundings of positions (N, 2 or more), meters, world."""
         low, high = positions[:, :2].min(axis=0) - _REACH, positions[:, :2].max(axis=0) + _REACH
-        metres = max(_FINEST, float((high - low).max()) / _LONGEST)
-        width, height = (math.ceil(float(side) / metres) for side in high - low)
-        left, top = float(low[0]), float(low[1]) + height * metres
-        return Frame((left, float(low[1])), (left + width * metres, top), metres, width, height)
+        meters = max(_FINEST, float((high - low).max()) / _LONGEST)
+        width, height = (math.ceil(float(side) / meters) for side in high - low)
+        left, top = float(low[0]), float(low[1]) + height * meters
+        return Frame((left, float(low[1])), (left + width * meters, top), meters, width, height)
 
     @property
     def world_to_pixel(self) -> list[list[float]]:
         """(2, 3) matrix from (x, y, 1), meters, to column and row; (0.5, 0.5) is the center of the first pixel."""
-        s = 1 / self.metres
+        s = 1 / self.meters
         return [[s, 0.0, -self.low[0] * s], [0.0, -s, self.high[1] * s]]
 
     def pixel(self, x: float, y: float) -> tuple[float, float]:
         """Returns the column and row of a position in meters."""
-        return (x - self.low[0]) / self.metres, (self.high[1] - y) / self.metres
+        return (x - self.low[0]) / self.meters, (self.high[1] - y) / self.meters
 
-    def centres(self) -> NDArray[np.float64]:
+    def centers(self) -> NDArray[np.float64]:
         """Returns (height, width, 2) x, y of the pixel centers, meters."""
-        x = self.low[0] + (np.arange(self.width) + 0.5) * self.metres
-        y = self.high[1] - (np.arange(self.height) + 0.5) * self.metres
+        x = self.low[0] + (np.arange(self.width) + 0.5) * self.meters
+        y = self.high[1] - (np.arange(self.height) + 0.5) * self.meters
         return np.stack(np.meshgrid(x, y), axis=-1)
 
     def camera(self) -> Camera:
         """Returns a camera that sees the frame from so high above that its rays are nearly parallel."""
-        focal = _ALTITUDE / self.metres
+        focal = _ALTITUDE / self.meters
         intrinsics = Intrinsics(self.width, self.height, focal, focal, self.width / 2, self.height / 2)
         middle = [(a + b) / 2 for a, b in zip(self.low, self.high, strict=True)]
         return Camera(intrinsics, camera_pose(np.array([*middle, _ALTITUDE]), 0.0, -math.pi / 2))
@@ -109,7 +109,7 @@ def draw_plan(
     from scipy.spatial import cKDTree
 
     rows, columns = -(-frame.height // _COARSER), -(-frame.width // _COARSER)
-    cells = frame.centres()[::_COARSER, ::_COARSER]
+    cells = frame.centers()[::_COARSER, ::_COARSER]
     distance, nearest = cKDTree(positions[:, :2]).query(cells)
     owner = np.where(distance <= _REACH, owners[nearest], -1).reshape(rows, columns)
     owner = owner.repeat(_COARSER, axis=0).repeat(_COARSER, axis=1)[: frame.height, : frame.width]
@@ -140,7 +140,7 @@ def _floor(model: SubmapModel, frame: Frame, mask: NDArray[np.bool_]) -> Float32
         return np.full((int(mask.sum()), 3), _PAPER, np.float32)
     low, high = mesh.vertices[:, :2].min(axis=0), mesh.vertices[:, :2].max(axis=0)
     rows, columns = mesh.image.shape[:2]
-    share = (frame.centres() - low) / (high - low)
+    share = (frame.centers() - low) / (high - low)
     at = [(share[..., i] * n - 0.5).astype(np.float32) for i, n in ((0, columns), (1, rows))]
     image = mesh.image.astype(np.float32)
     image[..., :3] *= image[..., 3:] / 255
@@ -163,8 +163,8 @@ def _slice_below_cut(model: SubmapModel, cameras: NDArray[np.floating]) -> Gauss
     ways = means - cameras[cKDTree(cameras).query(means)[1]]
     ways /= np.maximum(np.linalg.norm(ways, axis=1, keepdims=True), 1e-6)
     weights = harmonics.basis(ways, g.sh_degree)
-    colours = np.maximum(0.5 + np.einsum("nk,nkc->nc", weights, g.sh[rows]), 0)
-    sh = ((colours - 0.5) / harmonics.DC).astype(np.float32)[:, None]
+    colors = np.maximum(0.5 + np.einsum("nk,nkc->nc", weights, g.sh[rows]), 0)
+    sh = ((colors - 0.5) / harmonics.DC).astype(np.float32)[:, None]
     return Gaussians(means, g.log_scales[rows], g.quats[rows], g.opacity_logits[rows], np.ascontiguousarray(sh))
 
 
@@ -239,7 +239,7 @@ def _note(graph: NavGraph, storey: Storey, frame: Frame, plain: Path, drawn: Pat
         "plan_with_graph": drawn.name,
         "width": frame.width,
         "height": frame.height,
-        "metres_per_pixel": frame.metres,
+        "metres_per_pixel": frame.meters,
         "world_to_pixel": frame.world_to_pixel,
         "floor": float(np.median(floors)) if floors else None,
         "viewpoints": {id: list(frame.pixel(*graph.viewpoints[id].position[:2])) for id in storey.ids},

@@ -53,13 +53,13 @@ class GrowingSurround:
         self._nominal = focal
         side, count = self._cameras[0].intrinsics.width, len(self._cameras)
         # The images have eight bits in the end, and uint8 needs a quarter of the memory of float32.
-        self._colours = np.empty((count, side, side, 3), np.uint8)
+        self._colors = np.empty((count, side, side, 3), np.uint8)
         self._solids = np.empty((count, side, side, 2) if solid else (0, side, side, 2), np.float32)
         self._drawn = np.zeros((count, *self._needed[0].shape), np.bool_)
 
     @property
     def bytes(self) -> int:
-        return self._colours.nbytes + self._solids.nbytes
+        return self._colors.nbytes + self._solids.nbytes
 
     def image(self, model: SubmapModel, camera: Camera) -> tuple[Float32, Float32]:
         """Returns the view of a `camera` at the position, and draws missing tiles with `model`.
@@ -79,10 +79,10 @@ class GrowingSurround:
         for i, tiles in todo:
             self._draw(model, i, self._needed[i] if whole else tiles)
         k = camera.intrinsics
-        colour = np.empty((k.height, k.width, 3), np.float32)
+        color = np.empty((k.height, k.width, 3), np.float32)
         solid = np.empty((k.height, k.width, 2) if len(self._solids) else (0, 0, 2), np.float32)
-        sample_view(self._colours, self._solids, self._focal, camera, 1, colour, solid)
-        return colour, solid
+        sample_view(self._colors, self._solids, self._focal, camera, 1, color, solid)
+        return color, solid
 
     def _draw(self, model: SubmapModel, index: int, tiles: Mask) -> None:
         # Uses the camera of the whole view even for a few tiles. A cropped camera rounds differently, so the result
@@ -91,7 +91,7 @@ class GrowingSurround:
         view = render_model(model, camera, CHANNELS if solid else frozenset({"rgb"}), tiles)
         assert view.rgb is not None
         new = pixels_of(tiles, camera.intrinsics.height, camera.intrinsics.width)[..., None]
-        np.copyto(self._colours[index], as_bytes(view.rgb), where=new)
+        np.copyto(self._colors[index], as_bytes(view.rgb), where=new)
         if solid:
             assert view.alpha is not None and view.depth is not None
             along = view.alpha * view.depth * camera.intrinsics.ray_lengths()

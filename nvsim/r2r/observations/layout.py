@@ -118,7 +118,7 @@ class ScanPlaces:
         return here and ".." not in path.parts
 
 
-def jpeg(colour: NDArray[np.uint8], quality: int, whole_chroma: bool) -> bytes:
+def jpeg(color: NDArray[np.uint8], quality: int, whole_chroma: bool) -> bytes:
     """Encodes an RGB image (H, W, 3) uint8 as JPEG.
 
     With `whole_chroma`, the chroma is not subsampled (4:4:4). Otherwise it is 4:2:0, which is smaller, but colors bleed
@@ -128,7 +128,7 @@ def jpeg(colour: NDArray[np.uint8], quality: int, whole_chroma: bool) -> bytes:
 
     sampling = cv2.IMWRITE_JPEG_SAMPLING_FACTOR_444 if whole_chroma else cv2.IMWRITE_JPEG_SAMPLING_FACTOR_420
     options = [cv2.IMWRITE_JPEG_QUALITY, quality, cv2.IMWRITE_JPEG_SAMPLING_FACTOR, sampling]
-    return _encoded(".jpg", colour[..., ::-1], options)
+    return _encoded(".jpg", color[..., ::-1], options)
 
 
 def png(pixels: NDArray[np.generic]) -> bytes:

@@ -42,7 +42,7 @@ nothing else is behind them."""
 
 _F = np.float32
 _HALF, _ONE = _F(0.5), _F(1)
-UNITS_A_METRE = 4000
+UNITS_A_METER = 4000
 """A unit is 0.25 mm; 16 bits reach 16.38 m."""
 FINER = 2
 """Samples per pixel of a face in each direction. The narrow views are drawn this much finer."""
@@ -57,15 +57,15 @@ def _refine_depth(
     focal: np.float32,  # pixels
     heights: Float32,  # the floor, see `pack_floor`
     grid: Float32,
-    metres: Float32,  # (H, W) output
+    meters: Float32,  # (H, W) output
 ) -> None:
-    height, width = metres.shape
+    height, width = meters.shape
     for row in prange(height):
         b = (_F(row) + _HALF - _F(height) * _HALF) / focal
         for column in range(width):
             alpha = solid[row, column, 0]
             if alpha >= SOLID:
-                metres[row, column] = solid[row, column, 1] / alpha
+                meters[row, column] = solid[row, column, 1] / alpha
                 continue
             a = (_F(column) + _HALF - _F(width) * _HALF) / focal
             n = _ONE / math.sqrt(a * a + b * b + _ONE)
@@ -75,7 +75,7 @@ def _refine_depth(
             distance = distance_to_floor(heights, grid, eye[0], eye[1], eye[2], x, y, z)
             if distance < _F(0):
                 distance = solid[row, column, 1] / alpha if alpha >= VEIL else _F(0)
-            metres[row, column] = distance
+            meters[row, column] = distance
 
 
 def distances(solid: Float32, camera: Camera, floor: FloorSurface) -> Float32:
@@ -85,29 +85,29 @@ def distances(solid: Float32, camera: Camera, floor: FloorSurface) -> Float32:
     distance is that of the Gaussians, else that of the floor. A mean of both would be a point in the air wherever
     Gaussians of low alpha are above the floor.
     """
-    metres = np.empty(solid.shape[:2], np.float32)
+    meters = np.empty(solid.shape[:2], np.float32)
     heights, grid = pack_floor(floor)
     rotation, eye = (np.ascontiguousarray(v, np.float32) for v in (camera.rotation, camera.position))
     with LOCK:
-        _refine_depth(solid, rotation, eye, np.float32(camera.intrinsics.fx), heights, grid, metres)
-    return metres
+        _refine_depth(solid, rotation, eye, np.float32(camera.intrinsics.fx), heights, grid, meters)
+    return meters
 
 
 @dataclass(frozen=True, eq=False)
 class Skybox:
     """The strips of one viewpoint.
 
-    colour  (S, 6 S, 3) uint8, RGB
+    color  (S, 6 S, 3) uint8, RGB
     depth   (S, 6 S) uint16, units of 0.25 mm along the ray, 0 if there is no surface, 65535 from 16.38 m on
     """
 
-    colour: NDArray[np.uint8]
+    color: NDArray[np.uint8]
     depth: NDArray[np.uint16]
 
     @property
     def faces(self) -> list[NDArray[np.uint8]]:
         """Six faces (S, S, 3) uint8, in the order of the strip."""
-        return np.split(self.colour, 6, axis=1)
+        return np.split(self.color, 6, axis=1)
 
 
 def face_cameras(position: NDArray[np.floating], side: int) -> list[Camera]:
@@ -131,21 +131,21 @@ def skybox_of(surround: Surround, floor: FloorSurface, side: int) -> Skybox:
     """Returns the strips with faces of `side` pixels. The depth is that of `floor` where there are no Gaussians."""
     strip = Skybox(np.empty((side, 6 * side, 3), np.uint8), np.empty((side, 6 * side), np.uint16))
     for i, camera in enumerate(face_cameras(surround.position, side)):
-        colour, solid = surround.colour_and_solid(camera, FINER)
+        color, solid = surround.color_and_solid(camera, FINER)
         columns = slice(i * side, (i + 1) * side)
-        strip.colour[:, columns] = as_bytes(colour)
+        strip.color[:, columns] = as_bytes(color)
         strip.depth[:, columns] = as_units(distances(solid, camera, floor))
     return strip
 
 
-def as_bytes(colour: NDArray[np.floating]) -> NDArray[np.uint8]:
+def as_bytes(color: NDArray[np.floating]) -> NDArray[np.uint8]:
     """Converts colors of any shape from 0 to 1 to uint8."""
-    return np.asarray(np.clip(colour, 0, 1) * np.float32(255) + np.float32(0.5), np.uint8)
+    return np.asarray(np.clip(color, 0, 1) * np.float32(255) + np.float32(0.5), np.uint8)
 
 
-def as_units(metres: NDArray[np.floating]) -> NDArray[np.uint16]:
+def as_units(meters: NDArray[np.floating]) -> NDArray[np.uint16]:
     """Converts meters of any shape to uint16 in the unit of the depth files."""
-    units = np.clip(metres.astype(np.float32) * np.float32(UNITS_A_METRE), 0, 65535)
+    units = np.clip(meters.astype(np.float32) * np.float32(UNITS_A_METER), 0, 65535)
     return np.asarray(np.rint(units), np.uint16)
 
 
@@ -168,7 +168,7 @@ class Painter:
         """Draws the images of a viewpoint of `model`. Raises InputError if the backend is not available."""
         at, size = np.array(viewpoint.position), self._settings.size
         surround = self._last = draw_surround(model, at, focal_of(size), self._backend, self._last)
-        views = [as_bytes(surround.colour(camera)) for camera in sweep(at)] if self._settings.views else []
+        views = [as_bytes(surround.color(camera)) for camera in sweep(at)] if self._settings.views else []
         return Images(skybox_of(surround, model.floor, size), views)
 
 
@@ -178,7 +178,7 @@ def encode_images(
     """Returns paths and contents of the image files."""
     skybox, id = images.skybox, viewpoint.id
     files = [
-        (places.strip(id), jpeg(skybox.colour, settings.quality, whole_chroma=True)),
+        (places.strip(id), jpeg(skybox.color, settings.quality, whole_chroma=True)),
         (places.depth(id), png(skybox.depth)),
     ]
     if settings.faces:
@@ -198,7 +198,7 @@ def visible_from(places: ScanPlaces, viewpoint: Viewpoint, others: Sequence[View
     ways = np.array([o.position for o in others], np.float64).reshape(-1, 3) - viewpoint.position
     lengths = np.linalg.norm(ways, axis=1)
     rows, columns = strip_pixels(ways, depth.shape[0])
-    seen = depth[rows, columns] / UNITS_A_METRE
+    seen = depth[rows, columns] / UNITS_A_METER
     return np.asarray((lengths > 0) & (lengths < FARTHEST_SEEN) & ((seen == 0) | (seen > lengths - _NEAR)))
 
 

@@ -50,9 +50,9 @@ def write_stub(places: ScanPlaces, views: bool) -> bool:
         return False
     cameras = face_cameras(np.array(_EYE), _SIZE)
     rooms = [_colors_along_rays(camera.rays().astype(np.float64)) for camera in cameras]
-    strip, metres = (np.concatenate([room[i] for room in rooms], axis=1) for i in (0, 1))
+    strip, meters = (np.concatenate([room[i] for room in rooms], axis=1) for i in (0, 1))
     atomic.write_bytes(stub.strip(VIEWPOINT), jpeg(as_bytes(strip), 95, whole_chroma=True))
-    atomic.write_bytes(stub.depth(VIEWPOINT), png(as_units(metres)))
+    atomic.write_bytes(stub.depth(VIEWPOINT), png(as_units(meters)))
     if views:
         for path, camera in zip(stub.view_paths(VIEWPOINT), sweep(np.array(_EYE)), strict=True):
             atomic.write_bytes(
@@ -85,6 +85,6 @@ def _colors_along_rays(rays: NDArray[np.float64]) -> tuple[NDArray[np.float64], 
     with np.errstate(divide="ignore"):
         ways = np.where(rays > 0, _ROOM[1] - _EYE, _ROOM[0] - _EYE) / rays
     ways = np.where(rays == 0, np.inf, ways)
-    axis, metres = ways.argmin(axis=-1), ways.min(axis=-1)
+    axis, meters = ways.argmin(axis=-1), ways.min(axis=-1)
     shade = _SHADES[np.where(axis == 2, 2 + (rays[..., 2] > 0), axis)]
-    return np.repeat(shade[..., None], 3, axis=-1), metres
+    return np.repeat(shade[..., None], 3, axis=-1), meters

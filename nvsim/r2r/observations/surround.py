@@ -36,7 +36,7 @@ _ALIKE = (0, 0, 2, 2, 2, 2, 2, 2, 0, 1, 1, 1, 0, 1, 1, 1, 0, 0)
 
 @njit(forceinline=True, fastmath=FLAGS, error_model="numpy")
 def _add_sample(
-    colours: NDArray[Any],  # (views, S, S, 3), see `sample`
+    colors: NDArray[Any],  # (views, S, S, 3), see `sample`
     solids: Float32,  # (views, S, S, 2)
     view: int,
     u: np.float32,  # column and line from the center of the first pixel; the next column and line exist too
@@ -48,13 +48,13 @@ def _add_sample(
     fu, fv = u - _F(column), v - _F(line)
     w00, w01 = weight * (_ONE - fv) * (_ONE - fu), weight * (_ONE - fv) * fu
     w10, w11 = weight * fv * (_ONE - fu), weight * fv * fu
-    if colours.shape[0] > 0:
+    if colors.shape[0] > 0:
         for c in range(3):
             pixel[c] += (
-                w00 * colours[view, line, column, c]
-                + w01 * colours[view, line, column + 1, c]
-                + w10 * colours[view, line + 1, column, c]
-                + w11 * colours[view, line + 1, column + 1, c]
+                w00 * colors[view, line, column, c]
+                + w01 * colors[view, line, column + 1, c]
+                + w10 * colors[view, line + 1, column, c]
+                + w11 * colors[view, line + 1, column + 1, c]
             )
     if solids.shape[0] > 0:
         for c in range(2):
@@ -68,7 +68,7 @@ def _add_sample(
 
 @njit(parallel=True, cache=True, nogil=True, fastmath=FLAGS, error_model="numpy")
 def sample(
-    colours: NDArray[Any],  # (views, S, S, 3) narrow views, float32 or uint8; (0, ...) if not needed
+    colors: NDArray[Any],  # (views, S, S, 3) narrow views, float32 or uint8; (0, ...) if not needed
     solids: Float32,  # (views, S, S, 2) alpha, and alpha times meters along the ray; (0, ...) if not needed
     axes: Float32,  # (views, 3, 3) rows right, down and ahead of each narrow view, world
     focal: np.float32,  # focal length of the narrow views, pixels
@@ -76,7 +76,7 @@ def sample(
     rotation: Float32,  # (3, 3) columns right, down and ahead of the camera, world
     pinhole_focal: np.float32,  # focal length of the camera, pixels; its principal point is the image center
     finer: int,  # samples per pixel in each direction
-    colour: Float32,  # (H, W, 3) output, or (0, 0, 3)
+    color: Float32,  # (H, W, 3) output, or (0, 0, 3)
     solid: Float32,  # (H, W, 2) output, or (0, 0, 2)
 ) -> None:
     """Fills the image (H, W) of the camera. Every pixel is the mean of `finer` x `finer` bilinear samples.
@@ -84,9 +84,9 @@ def sample(
     A pixel is sampled from the views whose axis is closest to its ray. If two views are about equally close, they are
     blended, so that differences fade. `nvsim.render.equirectangular` does this for one image of the whole sphere.
     """
-    side = max(colours.shape[1], solids.shape[1])
+    side = max(colors.shape[1], solids.shape[1])
     middle, most = _F(side) * _HALF - _HALF, _F(side - 2)
-    height, width = max(colour.shape[0], solid.shape[0]), max(colour.shape[1], solid.shape[1])
+    height, width = max(color.shape[0], solid.shape[0]), max(color.shape[1], solid.shape[1])
     step, first = _ONE / _F(finer), (_ONE / _F(finer) - _ONE) * _HALF
     for row in prange(height):
         pixel = np.empty(5, np.float32)
@@ -123,10 +123,10 @@ def sample(
                     u = ahead * (axes[k, 0, 0] * x + axes[k, 0, 1] * y + axes[k, 0, 2] * z) + middle
                     v = ahead * (axes[k, 1, 0] * x + axes[k, 1, 1] * y + axes[k, 1, 2] * z) + middle
                     u, v = min(max(u, _ZERO), most), min(max(v, _ZERO), most)
-                    _add_sample(colours, solids, k, u, v, weight, pixel)
-            if colours.shape[0] > 0:
+                    _add_sample(colors, solids, k, u, v, weight, pixel)
+            if colors.shape[0] > 0:
                 for c in range(3):
-                    colour[row, column, c] = pixel[c]
+                    color[row, column, c] = pixel[c]
             if solids.shape[0] > 0:
                 for c in range(2):
                     solid[row, column, c] = pixel[3 + c]
@@ -138,31 +138,31 @@ class Surround:
 
     position  (3,) meters, world
     focal     focal length of the narrow views, pixels
-    colours   (18, S, S, 3) float32, not clamped
+    colors   (18, S, S, 3) float32, not clamped
     solids    (18, S, S, 2) float32: alpha of the Gaussians, and alpha times their distance along the ray in meters
     """
 
     position: NDArray[np.float64]
     focal: float
-    colours: Float32
+    colors: Float32
     solids: Float32
 
-    def colour(self, camera: Camera, finer: int = 1) -> Float32:
+    def color(self, camera: Camera, finer: int = 1) -> Float32:
         """Returns (H, W, 3) the view of a `camera` at `position`, with `finer` x `finer` samples for each pixel."""
         image = np.empty((camera.intrinsics.height, camera.intrinsics.width, 3), np.float32)
         self._sample(camera, finer, image, np.empty((0, 0, 2), np.float32))
         return image
 
-    def colour_and_solid(self, camera: Camera, finer: int = 1) -> tuple[Float32, Float32]:
-        """Returns the view of `colour`, and (H, W, 2) alpha and alpha times meters along the ray."""
+    def color_and_solid(self, camera: Camera, finer: int = 1) -> tuple[Float32, Float32]:
+        """Returns the view of `color`, and (H, W, 2) alpha and alpha times meters along the ray."""
         shape = camera.intrinsics.height, camera.intrinsics.width
-        colour, solid = np.empty((*shape, 3), np.float32), np.empty((*shape, 2), np.float32)
-        self._sample(camera, finer, colour, solid)
-        return colour, solid
+        color, solid = np.empty((*shape, 3), np.float32), np.empty((*shape, 2), np.float32)
+        self._sample(camera, finer, color, solid)
+        return color, solid
 
-    def _sample(self, camera: Camera, finer: int, colour: Float32, solid: Float32) -> None:
+    def _sample(self, camera: Camera, finer: int, color: Float32, solid: Float32) -> None:
         solids = self.solids if solid.size else self.solids[:0]
-        sample_view(self.colours, solids, self.focal, camera, finer, colour, solid)
+        sample_view(self.colors, solids, self.focal, camera, finer, color, solid)
 
 
 def draw_surround(
@@ -182,33 +182,33 @@ def draw_surround(
     at = np.asarray(position, np.float64)
     cameras, tiles = narrow_cameras(at, focal), tiles_needed(focal)
     side = cameras[0].intrinsics.width
-    if over is not None and over.colours.shape[1] == side:
-        colours, solids = over.colours, over.solids
+    if over is not None and over.colors.shape[1] == side:
+        colors, solids = over.colors, over.solids
     else:
-        colours = np.empty((len(cameras), side, side, 3), np.float32)
+        colors = np.empty((len(cameras), side, side, 3), np.float32)
         solids = np.empty((len(cameras), side, side, 2), np.float32)
     lengths = cameras[0].intrinsics.ray_lengths()
     for i, camera in enumerate(cameras):
         view = render_model(model, camera, CHANNELS, tiles[i], backend)
         assert view.rgb is not None and view.alpha is not None and view.depth is not None
-        colours[i], solids[i, ..., 0] = view.rgb, view.alpha
+        colors[i], solids[i, ..., 0] = view.rgb, view.alpha
         np.multiply(view.depth, view.alpha, out=view.depth)
         np.multiply(view.depth, lengths, out=solids[i, ..., 1])
-    return Surround(at, cameras[0].intrinsics.fx, colours, solids)
+    return Surround(at, cameras[0].intrinsics.fx, colors, solids)
 
 
 def sample_view(
-    colours: NDArray[np.generic],
+    colors: NDArray[np.generic],
     solids: Float32,
     focal: float,
     camera: Camera,
     finer: int,
-    colour: Float32,
+    color: Float32,
     solid: Float32,
 ) -> None:
-    """Samples the image of `camera` from narrow views and fills `colour` (H, W, 3) and `solid` (H, W, 2).
+    """Samples the image of `camera` from narrow views and fills `color` (H, W, 3) and `solid` (H, W, 2).
 
-    An empty output is skipped. The narrow views have a focal length of `focal` pixels: `colours` (18, S, S, 3), whose
+    An empty output is skipped. The narrow views have a focal length of `focal` pixels: `colors` (18, S, S, 3), whose
     range the output has, and `solids` (18, S, S, 2) float32.
     """
     axes = axes_ahead()
@@ -216,8 +216,8 @@ def sample_view(
     near = seen_by(camera)
     with LOCK:
         sample(
-            colours, solids, axes, np.float32(focal), near, rotation, np.float32(camera.intrinsics.fx), finer,
-            colour, solid,
+            colors, solids, axes, np.float32(focal), near, rotation, np.float32(camera.intrinsics.fx), finer,
+            color, solid,
         )  # fmt: skip
 
 

@@ -56,9 +56,9 @@ class Places:
     def move_to(self, viewpoint: str) -> None:
         """Moves to a viewpoint and adds its neighbors to the seen places."""
         self.been.append(viewpoint)
-        for neighbour in self._included(viewpoint):
-            self.number.setdefault(neighbour, len(self.number))
-            self.seen_from[neighbour] = viewpoint
+        for neighbor in self._included(viewpoint):
+            self.number.setdefault(neighbor, len(self.number))
+            self.seen_from[neighbor] = viewpoint
 
     def trajectory_words(self) -> str:
         return " ".join(str(self.number[id]) for id in self.been)
@@ -84,7 +84,7 @@ class Places:
         return "\n".join(far) or "None."
 
     def _included(self, viewpoint: str) -> list[str]:
-        found = (id for id in self._graph.neighbours(viewpoint) if self._graph.viewpoints[id].included)
+        found = (id for id in self._graph.neighbors(viewpoint) if self._graph.viewpoints[id].included)
         return sorted(found)
 
 

@@ -30,12 +30,12 @@ class Bearing:
 
     heading    radians, 0 is +y, positive turns right; None straight up or down
     elevation  radians above the horizon
-    metres     length of the straight line in meters
+    meters     length of the straight line in meters
     """
 
     heading: float | None
     elevation: float
-    metres: float
+    meters: float
 
     @property
     def slope(self) -> Slope:
@@ -47,9 +47,9 @@ class Bearing:
 
     def describe(self, facing: float) -> str:
         """Describes the move for an agent with heading `facing` (radians): "turn slightly right and go 2.4 m, up"."""
-        turn = rounded_turn(Leg(self.turn_from(facing), self.metres, self.slope))
+        turn = rounded_turn(Leg(self.turn_from(facing), self.meters, self.slope))
         slope = "" if self.slope == "level" else f", {self.slope}"
-        return f"{_TURNS.get(turn, f'turn {turn} and go')} {self.metres:.1f} m{slope}"
+        return f"{_TURNS.get(turn, f'turn {turn} and go')} {self.meters:.1f} m{slope}"
 
 
 def bearing(graph: NavGraph, start: str, stop: str) -> Bearing:

@@ -94,10 +94,10 @@ class AgentBatch:
         moving = slots != STOP
         for i, k in zip(who[moving].tolist(), (slots[moving] - 1).tolist()):
             at = self.rows[i]
-            heading, metres = w.heading[at, k], w.distance[at, k]
+            heading, meters = w.heading[at, k], w.distance[at, k]
             turn = (heading - self.heading[i] + np.pi) % (2 * np.pi) - np.pi
-            since = metres / FAR + (self._moved[i, 5] if abs(turn) <= STEP else 0)
-            self._moved[i] = np.sin(turn), np.cos(turn), np.sin(w.elevation[at, k]), metres / FAR, 0, since
+            since = meters / FAR + (self._moved[i, 5] if abs(turn) <= STEP else 0)
+            self._moved[i] = np.sin(turn), np.cos(turn), np.sin(w.elevation[at, k]), meters / FAR, 0, since
             self.rows[i], self.heading[i] = w.target[at, k], heading
             self.trajectories[i].append(self._pose(i))
 

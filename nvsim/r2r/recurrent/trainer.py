@@ -72,8 +72,8 @@ def rewards_of(rollout: Rollout, world: World, episodes: Sequence[Episode]) -> l
     goals, found = _goals(episodes), []
     for step in rollout.steps:
         mine = goals[step.agents]
-        far = world.metres(step.rows, mine)
-        nearer = np.where(world.metres(world.rows_after(step.rows, step.selected_slots), mine) < far, 1.0, -1.0)
+        far = world.meters(step.rows, mine)
+        nearer = np.where(world.meters(world.rows_after(step.rows, step.selected_slots), mine) < far, 1.0, -1.0)
         stopped = np.where(far < NEAR, _ARRIVED, -_ARRIVED)
         found.append(np.where(step.selected_slots == STOP, stopped, nearer).astype(np.float32))
     return found

@@ -40,12 +40,12 @@ class PathsToGoal:
     """The shortest paths to a goal, in the scan whose first row is `first`.
 
     next     (n,) row of the next viewpoint on the shortest path; -1 at the goal and if there is no path
-    metres   (n,) float64, meters to the goal along the graph
+    meters   (n,) float64, meters to the goal along the graph
     """
 
     first: int
     next: Int64
-    metres: NDArray[np.float64]
+    meters: NDArray[np.float64]
 
 
 @dataclass(eq=False)
@@ -87,7 +87,7 @@ class World:
             scan = self.scans[self.keys[goal][0]]
             tree = scan.shortest.tree(goal - scan.first)
             after = np.where(tree.before >= 0, tree.before + scan.first, -1)
-            self._onward[goal] = PathsToGoal(scan.first, after, tree.metres)
+            self._onward[goal] = PathsToGoal(scan.first, after, tree.meters)
         return self._onward[goal]
 
     def shortest_path_slots(self, here: Int64, goals: Int64) -> Int64:
@@ -110,10 +110,10 @@ class World:
         """Returns (B,) the rows after taking `slots` (B,) from rows `here` (B,)."""
         return np.where(slots == STOP, here, self.target[here, slots - 1])
 
-    def metres(self, here: Int64, goals: Int64) -> NDArray[np.float64]:
+    def meters(self, here: Int64, goals: Int64) -> NDArray[np.float64]:
         """Returns (B,) meters from rows `here` (B,) to rows `goals` (B,) along the graph."""
         each = zip(here.tolist(), goals.tolist())
-        return np.array([(o := self.paths_to(goal)).metres[at - o.first] for at, goal in each])
+        return np.array([(o := self.paths_to(goal)).meters[at - o.first] for at, goal in each])
 
 
 @dataclass(frozen=True, eq=False)
@@ -230,5 +230,5 @@ def _read_features(
 
 def _normalize_rows(rows: Float32) -> Float32:
     """Scales rows to mean 0 and standard deviation 1, so that features of any network have one scale."""
-    centred = rows - rows.mean(axis=1, keepdims=True)
-    return np.asarray(centred / (centred.std(axis=1, keepdims=True) + 1e-6), np.float32)
+    centered = rows - rows.mean(axis=1, keepdims=True)
+    return np.asarray(centered / (centered.std(axis=1, keepdims=True) + 1e-6), np.float32)

@@ -32,7 +32,7 @@ def _on_face(x: np.float32, y: np.float32, z: np.float32, half: np.float32) -> t
 
 
 @njit(cache=True, nogil=True, fastmath={"contract", "arcp", "nsz"})
-def draw_colours(
+def draw_colors(
     strip: NDArray[np.uint8],  # (side, 6 * side, 3)
     rays: NDArray[np.float32],  # (3, 3) from `rays_of`
     out: NDArray[np.uint8],  # (H, W, 3) output
@@ -40,7 +40,7 @@ def draw_colours(
     """Fills a view (H, W, 3) with colors from a strip."""
     side = strip.shape[0]
     stride = 18 * side
-    half, last, centre = np.float32(side / 2), np.float32(side - 1), np.float32(0.5)
+    half, last, center = np.float32(side / 2), np.float32(side - 1), np.float32(0.5)
     full, half_step, sixteen = np.uint32(256), np.uint32(32768), np.uint32(16)
     pixels = strip.reshape(-1)
     for row in range(out.shape[0]):
@@ -51,8 +51,8 @@ def draw_colours(
             c = np.float32(column)
             x, y, z = x0 + c * rays[1, 0], y0 + c * rays[1, 1], z0 + c * rays[1, 2]
             face, u, v = _on_face(x, y, z, half)
-            u = min(max(u - centre, np.float32(0)), last)
-            v = min(max(v - centre, np.float32(0)), last)
+            u = min(max(u - center, np.float32(0)), last)
+            v = min(max(v - center, np.float32(0)), last)
             left, top = np.int64(u), np.int64(v)
             # Weights in steps of 1/256, as in the texture units of graphics cards.
             fu = np.uint32((u - np.float32(left)) * np.float32(256))

@@ -166,7 +166,7 @@ class EpisodeEnv(gymnasium.Env[Observation, np.int64], ABC):
 def _ways_to(scan: Scan, goal: int) -> NDArray[np.float64]:
     """Returns (n,) meters of the shortest path from each viewpoint to the goal; inf if there is none."""
     count = len(scan.ids)
-    graph = csr_array((scan.reach[:, 0], scan.neighbour, scan.starts), shape=(count, count))
+    graph = csr_array((scan.reach[:, 0], scan.neighbor, scan.starts), shape=(count, count))
     return np.asarray(dijkstra(graph.T.tocsr(), indices=goal))
 
 

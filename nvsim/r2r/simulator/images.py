@@ -65,9 +65,9 @@ class StripCache:
         }
         self._preloaded: dict[tuple[str, str, str], NDArray[Any]] = {}
 
-    def colours(self, scan: str, viewpoint: str) -> NDArray[np.uint8]:
+    def colors(self, scan: str, viewpoint: str) -> NDArray[np.uint8]:
         """Returns (side, 6 * side, 3) uint8 BGR. Raises InvalidValue if the images are unusable."""
-        return self._get("rgb", scan, viewpoint, read_colours)
+        return self._get("rgb", scan, viewpoint, read_colors)
 
     def distances(self, scan: str, viewpoint: str) -> NDArray[np.uint16]:
         """Returns (side, 6 * side) uint16, 0.25 mm from the camera. Raises InvalidValue if the image is unusable."""
@@ -75,7 +75,7 @@ class StripCache:
 
     def preload(self, scan: str, viewpoint: str, depth: bool) -> None:
         """Reads the images of a viewpoint and keeps them."""
-        self._preloaded["rgb", scan, viewpoint] = self.colours(scan, viewpoint)
+        self._preloaded["rgb", scan, viewpoint] = self.colors(scan, viewpoint)
         if depth:
             self._preloaded["depth", scan, viewpoint] = self.distances(scan, viewpoint)
 
@@ -100,7 +100,7 @@ class StripCache:
         return found
 
 
-def read_colours(folder: Path, viewpoint: str) -> NDArray[np.uint8]:
+def read_colors(folder: Path, viewpoint: str) -> NDArray[np.uint8]:
     """Reads (side, 6 * side, 3) uint8 BGR from `<id>_skybox_small.jpg`, or from six `<id>_skybox<k>_sami.jpg`."""
     import cv2
 
@@ -169,9 +169,9 @@ def _strip(image: NDArray[Any], path: Path) -> NDArray[Any]:
 
 
 try:
-    from nvsim.r2r.simulator.compiled_drawing import draw_colours, draw_depth
+    from nvsim.r2r.simulator.compiled_drawing import draw_colors, draw_depth
 except ModuleNotFoundError:  # the package nvsim-mattersim has no numba
-    from nvsim.r2r.simulator.plain_drawing import draw_colours, draw_depth  # type: ignore[assignment]
+    from nvsim.r2r.simulator.plain_drawing import draw_colors, draw_depth  # type: ignore[assignment]
 
 
 @dataclass(frozen=True)
@@ -240,10 +240,10 @@ class StripImages:
 
     def draw(self, scan: Scan, index: int, heading: float, elevation: float, view: ViewSize) -> Drawn:
         id = scan.ids[index]
-        strip = self.cache.colours(scan.id, id)
+        strip = self.cache.colors(scan.id, id)
         rays, plane = rays_of(scan.rotation[index], heading, elevation, view.width, view.height, view.vfov)
         rgb = np.empty((view.height, view.width, 3), np.uint8)
-        draw_colours(strip, rays, rgb)
+        draw_colors(strip, rays, rgb)
         if not view.depth:
             return rgb, None
         depth = np.empty((view.height, view.width, 1), np.uint16)

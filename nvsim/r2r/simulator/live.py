@@ -26,7 +26,7 @@ from nvsim.mapping.evidence.traversed_floor import TraversedFloor
 from nvsim.mapping.views.view_sources import ViewSource
 from nvsim.project.scene_views import LiveScene
 from nvsim.r2r.observations.incremental_surround import PlacesSeen
-from nvsim.r2r.observations.skybox import UNITS_A_METRE, distances
+from nvsim.r2r.observations.skybox import UNITS_A_METER, distances
 from nvsim.r2r.simulator.conventions import InvalidValue
 from nvsim.r2r.simulator.images import Goal, ViewSize
 from nvsim.r2r.simulator.scan import OneScan, Scan, Scans, level_scan
@@ -187,15 +187,15 @@ class LiveImages:
         camera = Camera(intrinsics, camera_pose(position, heading, elevation))
         try:
             model = scene.model_at(camera.position)[1]
-            colour, solid = self._seen.image(model, camera, view.depth)
+            color, solid = self._seen.image(model, camera, view.depth)
         except InputError as error:
             raise InvalidValue(str(error)) from error
-        rgb = (colour[..., ::-1] + np.float32(0.5)).astype(np.uint8)
+        rgb = (color[..., ::-1] + np.float32(0.5)).astype(np.uint8)
         if not view.depth:
             return rgb, None
         along = camera.rays() @ camera.rotation[:, 2].astype(np.float32)
-        metres = distances(solid, camera, model.floor) * along
-        depth = np.minimum(metres * UNITS_A_METRE + np.float32(0.5), 65535)
+        meters = distances(solid, camera, model.floor) * along
+        depth = np.minimum(meters * UNITS_A_METER + np.float32(0.5), 65535)
         return rgb, depth.astype(np.uint16)[..., None]
 
     def position_after_move(self, here: NDArray[np.float64], goal: Goal) -> NDArray[np.float64]:

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from nvsim.geometry.directions import face_axes
 
 
-def draw_colours(
+def draw_colors(
     strip: NDArray[np.uint8],  # (side, 6 * side, 3)
     rays: NDArray[np.float32],  # (3, 3) from `rays_of`
     out: NDArray[np.uint8],  # (H, W, 3) output

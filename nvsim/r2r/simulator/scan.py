@@ -25,7 +25,7 @@ from nvsim.r2r.simulator.conventions import InvalidValue, UnknownScan
 
 if TYPE_CHECKING:
     Ways = tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.float32], NDArray[np.float64]]
-    """`starts`, `neighbour`, `towards`, and `reach` of a Scan, or of several joined scans."""
+    """`starts`, `neighbor`, `towards`, and `reach` of a Scan, or of several joined scans."""
 
 CANONICAL = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.0, -1.0, 0.0]])
 """(3, 3) camera-to-world rotation of a level pose that faces +y."""
@@ -45,7 +45,7 @@ class Scan:
     position   (n, 3) float32, meters, world
     rotation   (n, 3, 3) float64, camera-to-world
     starts     (n + 1,) int64, the ways of viewpoint i are starts[i] to starts[i + 1]
-    neighbour  (m,) int64, end of each way, ascending for each viewpoint; only included viewpoints
+    neighbor  (m,) int64, end of each way, ascending for each viewpoint; only included viewpoints
     towards    (m, 4) float32, x and y of the way in meters, and x and y of its unit direction seen from above: NaN for
                a neighbor exactly above or below
     reach      (m, 2) float64, meters and radians above the horizon
@@ -57,7 +57,7 @@ class Scan:
     position: NDArray[np.float32]
     rotation: NDArray[np.float64]
     starts: NDArray[np.int64]
-    neighbour: NDArray[np.int64]
+    neighbor: NDArray[np.int64]
     towards: NDArray[np.float32]
     reach: NDArray[np.float64]
 
@@ -86,13 +86,13 @@ def scan_of(
     """Returns a scan of n viewpoints with poses (n, 4, 4). Ways from a viewpoint to itself are ignored."""
     free = free & included[None, :]
     np.fill_diagonal(free, False)
-    start, neighbour = np.nonzero(free)
+    start, neighbor = np.nonzero(free)
     starts = np.zeros(len(ids) + 1, np.int64)
     np.cumsum(free.sum(axis=1), out=starts[1:])
     position = pose[:, :3, 3].astype(np.float32)
-    towards, reach = directions_and_distances(position[start], position[neighbour])
+    towards, reach = directions_and_distances(position[start], position[neighbor])
     rotation = np.ascontiguousarray(pose[:, :3, :3], np.float64)
-    return Scan(id, tuple(ids), included, position, rotation, starts, neighbour, towards, reach)
+    return Scan(id, tuple(ids), included, position, rotation, starts, neighbor, towards, reach)
 
 
 def level_scan(
@@ -240,7 +240,7 @@ class JoinedScans:
     def __init__(self, scans: Iterable[Scan]) -> None:
         self.scans = {scan.id: scan for scan in scans}
         rows = np.cumsum([0, *(len(s.ids) for s in self.scans.values())])
-        edges = np.cumsum([0, *(len(s.neighbour) for s in self.scans.values())])
+        edges = np.cumsum([0, *(len(s.neighbor) for s in self.scans.values())])
         each = list(self.scans.values())
         self.first = dict(zip(self.scans, rows[:-1].tolist()))
         self.ids = [id for s in each for id in s.ids]
@@ -248,7 +248,7 @@ class JoinedScans:
         self.positions = np.concatenate([s.position for s in each]).astype(np.float64).tolist()
         self.ways: Ways = (
             np.concatenate([*(s.starts[:-1] + e for s, e in zip(each, edges)), edges[-1:]]),
-            np.concatenate([s.neighbour + r for s, r in zip(each, rows)]),
+            np.concatenate([s.neighbor + r for s, r in zip(each, rows)]),
             np.concatenate([s.towards for s in each]),
             np.concatenate([s.reach for s in each]),
         )

@@ -47,7 +47,7 @@ def navigable(
     heading: NDArray[np.float64],  # (B,) radians
     elevation: NDArray[np.float64],  # (B,) radians
     starts: NDArray[np.int64],  # the arrays of a Scan, or of several joined scans
-    neighbour: NDArray[np.int64],
+    neighbor: NDArray[np.int64],
     towards: NDArray[np.float32],
     reach: NDArray[np.float64],
     least_cosine: float | None,  # cosine of the largest angle between a location and the heading; None for any angle
@@ -73,7 +73,7 @@ def navigable(
     relative[..., 1] = e = up - elevation[:, None]
     order = np.argsort(np.where(exists, np.sqrt(h * h + e * e), np.inf), axis=1, kind="stable")
     each = np.arange(len(place))[:, None]
-    return neighbour[way[each, order]], relative[each, order], exists.sum(axis=1)
+    return neighbor[way[each, order]], relative[each, order], exists.sum(axis=1)
 
 
 _MOST = 50_000  # largest number of discrete views whose locations are kept
@@ -256,14 +256,14 @@ class OffGraphPosition:
     """
 
     position: NDArray[np.float64]
-    neighbour: NDArray[np.int64]
+    neighbor: NDArray[np.int64]
     towards: NDArray[np.float32]
     reach: NDArray[np.float64]
 
     @property
     def ways(self) -> Ways:
         """The ways as arrays with one row."""
-        return np.array([0, len(self.neighbour)], np.int64), self.neighbour, self.towards, self.reach
+        return np.array([0, len(self.neighbor)], np.int64), self.neighbor, self.towards, self.reach
 
     @staticmethod
     def with_free_ways(position: NDArray[np.float64], rows: list[int], joined: JoinedScans) -> OffGraphPosition:

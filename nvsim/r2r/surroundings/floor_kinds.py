@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from nvsim.r2r.surroundings.layers import CELL, FLOOR, Layers
-from nvsim.r2r.surroundings.naming import COLOURS, NAMELESS, are_colors_distinct, lab_of, names_of
+from nvsim.r2r.surroundings.naming import COLORS, NAMELESS, are_colors_distinct, lab_of, names_of
 from nvsim.r2r.surroundings.visibility import PIXEL, FloorPatch
 
 _BLUR = 0.5  # meters over which patterns are averaged
@@ -27,7 +27,7 @@ _TWO_WAYS, _NOT_ONE = 0.16, 0.4  # for tiles: smallest share in two perpendicula
 _WOOD_HUES, _WOOD_CHROMA = (48.0, 85.0), 13.0  # degrees and units of CIELAB
 _TILE_CHROMA = 10.0  # more colorful patterns may be carpets
 RUG = "rug"
-FLOORS = (*COLOURS, *MATERIALS, *(f"{colour} {RUG}" for colour in COLOURS))
+FLOORS = (*COLORS, *MATERIALS, *(f"{color} {RUG}" for color in COLORS))
 """Names of floors."""
 EVERY = 0.2
 """Meters between the positions at which the floor is sampled."""
@@ -41,13 +41,13 @@ _LIKE = {"wooden": ("brown", "beige", "red", "yellow"), "tiled": ("white", "grey
 
 
 def floor_names(layers: Layers) -> NDArray[np.int64]:
-    """Returns (rows, columns) indices of floor colors into COLOURS, NAMELESS for unseen or unnamed floor."""
+    """Returns (rows, columns) indices of floor colors into COLORS, NAMELESS for unseen or unnamed floor."""
     import cv2
 
     on = np.abs(layers.height_above_floor) <= FLOOR + CELL / 2
     at = layers.voxels[on]
     lab = np.zeros((*layers.shape, 4), np.float32)
-    for i, values in enumerate([*lab_of(layers.colours[on]).T, np.ones(len(at), np.float32)]):
+    for i, values in enumerate([*lab_of(layers.colors[on]).T, np.ones(len(at), np.float32)]):
         np.add.at(lab[..., i], (at[:, 1], at[:, 0]), values)
     side = round(_BLUR / CELL) | 1
     blurred = cv2.blur(lab, (side, side), borderType=cv2.BORDER_CONSTANT)
@@ -65,8 +65,8 @@ def floor_materials(layers: Layers) -> NDArray[np.int64]:
         _add(sums, layers, one.underfoot)
     seen, energy, cos2, sin2, cos4, sin4, *lab = sums
 
-    def mean_over(metres: float, values: NDArray[np.float64]) -> NDArray[np.float64]:
-        side = round(metres / CELL) | 1
+    def mean_over(meters: float, values: NDArray[np.float64]) -> NDArray[np.float64]:
+        side = round(meters / CELL) | 1
         return np.asarray(cv2.blur(values, (side, side), borderType=cv2.BORDER_CONSTANT))
 
     count = np.maximum(mean_over(_NEAR, seen), 1e-9)
@@ -92,7 +92,7 @@ def _add(sums: NDArray[np.float64], layers: Layers, patch: FloorPatch) -> None:
     """
     import cv2
 
-    lab = lab_of(patch.colours.astype(np.float32))
+    lab = lab_of(patch.colors.astype(np.float32))
     light = cv2.GaussianBlur(np.ascontiguousarray(lab[..., 0]), (0, 0), 1.0)
     dx, dy = (cv2.Sobel(light, cv2.CV_32F, i, 1 - i, ksize=3) / 8 for i in (1, 0))
     inside = cv2.erode(patch.seen.astype(np.uint8), np.ones((7, 7), np.uint8), borderValue=0).astype(bool)
@@ -111,14 +111,14 @@ def _add(sums: NDArray[np.float64], layers: Layers, patch: FloorPatch) -> None:
 
 def floor_kinds(layers: Layers, walls: NDArray[np.bool_]) -> NDArray[np.int64]:
     """Returns (rows, columns) indices into FLOORS, NAMELESS for unseen or unnamed floor; `walls` (rows, columns)."""
-    colours, made_of = floor_names(layers), floor_materials(layers)
-    found = np.where(made_of >= 0, made_of + len(COLOURS), colours)
-    for _, patch in _patches(colours):
+    colors, made_of = floor_names(layers), floor_materials(layers)
+    found = np.where(made_of >= 0, made_of + len(COLORS), colors)
+    for _, patch in _patches(colors):
         looks = made_of[patch & (made_of != UNSEEN)]
         sure = np.bincount(looks[looks >= 0], minlength=len(MATERIALS))
         best = int(sure.argmax())
         if sure[best] >= max(_LEAST / CELL**2, _MOSTLY * len(looks), _NEARLY_ALL * sure.sum()):
-            found[patch] = len(COLOURS) + best
+            found[patch] = len(COLORS) + best
     named = found.copy()
     for i, patch in _patches(named):
         if _lies_on_another(patch, named, walls):
@@ -169,7 +169,7 @@ def _lies_on_another(patch: NDArray[np.bool_], kinds: NDArray[np.int64], walls: 
         return False
     near, far = (
         cv2.dilate(patch.astype(np.uint8), np.ones((side, side), np.uint8)).astype(bool)
-        for side in (2 * round(metres / CELL) + 1 for metres in _RING)
+        for side in (2 * round(meters / CELL) + 1 for meters in _RING)
     )
     beside, around = near & ~patch, far & ~near
     if not around.any() or walls[beside].mean() > _WALLED:

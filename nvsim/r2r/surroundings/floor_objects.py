@@ -8,11 +8,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from nvsim.r2r.surroundings.layers import CELL, Layers
-from nvsim.r2r.surroundings.naming import COLOURS, NAMELESS, Outline, Shape, lab_of, names_of, shape_of
+from nvsim.r2r.surroundings.naming import COLORS, NAMELESS, Outline, Shape, lab_of, names_of, shape_of
 
 _FROM = 0.11  # meters above the floor; lower voxels belong to the floor
 _TALLEST = 2.15
-_NAMED = tuple(name for name in COLOURS if name not in ("white", "grey", "black"))
+_NAMED = tuple(name for name in COLORS if name not in ("white", "grey", "black"))
 """Colors of objects. Gray is missing, because it may be white in the shade."""
 _WALL = 3  # voxels below the ceiling that make a wall cell
 _LEAST_CELLS, _LEAST_OF_A_FRONT = 32, 14  # cells of an object; of an object above eye height, if only its front is seen
@@ -23,8 +23,8 @@ _SHORTEST, _LONGEST = 0.4, 3.0  # smallest and largest longer side in meters
 _THINNEST = 0.15  # smallest shorter side in meters
 _FIRM = 0.75  # smallest share of views that end at its voxels and do not pass them
 _NEAR_TOP, _AT_TOP = 0.3, 0.1  # meters below the top; smallest share of cells whose own color reaches that height
-_ONE_COLOUR = 0.6  # smallest share of its color among its voxels with a color name, except for a bookshelf
-_LEAST_OF_ITS_COLOUR = 0.25  # smallest share of its color among all its voxels
+_ONE_COLOR = 0.6  # smallest share of its color among its voxels with a color name, except for a bookshelf
+_LEAST_OF_ITS_COLOR = 0.25  # smallest share of its color among all its voxels
 _ALONE = 0.3  # largest share of surrounding cells with another object; otherwise it is a part of that object
 
 
@@ -32,7 +32,7 @@ _ALONE = 0.3  # largest share of surrounding cells with another object; otherwis
 class FloorObject:
     """An object on the floor.
 
-    colour   a name in COLOURS
+    color   a name in COLORS
     shape    its appearance by size and outline
     cells    (n, 2) meters, world x, y of the centers of its cells
     points   (m, 3) points on it, meters, world
@@ -40,7 +40,7 @@ class FloorObject:
     sides    (longer, shorter) meters
     """
 
-    colour: str
+    color: str
     shape: Shape
     cells: NDArray[np.float64]
     points: NDArray[np.float64]
@@ -54,7 +54,7 @@ class FloorObject:
 
     @property
     def color_and_shape(self) -> tuple[str, Shape]:
-        return self.colour, self.shape
+        return self.color, self.shape
 
 
 def walls_of(layers: Layers) -> NDArray[np.bool_]:
@@ -80,8 +80,8 @@ def find_floor_objects(layers: Layers) -> list[FloorObject]:
     taken[flat] = 1
     taken = taken.reshape(layers.shape)
     found = []
-    for colour in _NAMED:
-        i = COLOURS.index(colour)
+    for color in _NAMED:
+        i = COLORS.index(color)
         mine = names == i
         mask = np.zeros(layers.shape[0] * layers.shape[1], np.uint8)
         mask[flat[mine]] = 1
@@ -93,7 +93,7 @@ def find_floor_objects(layers: Layers) -> list[FloorObject]:
                 labels == k, taken
             ):
                 continue
-            thing = _named_object(layers, rows[label == k], names[label == k] == i, names[label == k], colour)
+            thing = _named_object(layers, rows[label == k], names[label == k] == i, names[label == k], color)
             if thing is not None:
                 found.append(thing)
     return sorted(found, key=lambda thing: -len(thing.cells))
@@ -111,7 +111,7 @@ def _smooth_names(layers: Layers, rows: NDArray[np.int64]) -> NDArray[np.int64]:
     """Returns (n,) color names of voxels, averaged with their neighbors because of wood grain and books in shelves."""
     from scipy.spatial import cKDTree
 
-    lab = lab_of(layers.colours[rows])
+    lab = lab_of(layers.colors[rows])
     tree = cKDTree(layers.voxels[rows].astype(np.float32))
     _, near = tree.query(layers.voxels[rows].astype(np.float32), k=min(12, len(rows)), distance_upper_bound=3.0)
     padded = np.concatenate([lab, np.zeros((1, 3), np.float32)])
@@ -121,7 +121,7 @@ def _smooth_names(layers: Layers, rows: NDArray[np.int64]) -> NDArray[np.int64]:
 
 
 def _named_object(
-    layers: Layers, rows: NDArray[np.int64], of_colour: NDArray[np.bool_], names: NDArray[np.int64], colour: str
+    layers: Layers, rows: NDArray[np.int64], of_color: NDArray[np.bool_], names: NDArray[np.int64], color: str
 ) -> FloorObject | None:
     """Returns the object made of the voxels `rows`, or None if it cannot be named reliably."""
     import cv2
@@ -129,9 +129,9 @@ def _named_object(
     voxels = layers.voxels[rows]
     cells, back = np.unique(voxels[:, :2], axis=0, return_inverse=True)
     back = back.reshape(-1)
-    if of_colour.mean() < _LEAST_OF_ITS_COLOUR:
+    if of_color.mean() < _LEAST_OF_ITS_COLOR:
         return None
-    many = of_colour.mean() < 0.4 or of_colour.sum() < _ONE_COLOUR * max(1, (names != NAMELESS).sum())
+    many = of_color.mean() < 0.4 or of_color.sum() < _ONE_COLOR * max(1, (names != NAMELESS).sum())
     (_, sides, _) = cv2.minAreaRect(cells.astype(np.float32))
     longer, shorter = (max(sides) + 1) * CELL, (min(sides) + 1) * CELL
     heights = layers.height_above_floor[rows]
@@ -144,20 +144,20 @@ def _named_object(
     lowest = np.full(len(cells), np.inf)
     np.minimum.at(lowest, back, heights)
     between = (heights > _FROM + 0.05) & (heights < top - 0.15)
-    spread = float(lab_of(layers.colours[rows[between]])[:, 2].std()) if between.any() else 0.0
-    begins = float(np.quantile(heights[of_colour], 0.03))
-    own_share = float(of_colour.mean())
-    shape = shape_of(Outline(cells, tops, lowest, top, longer, shorter, front, colour, own_share, begins, spread))
+    spread = float(lab_of(layers.colors[rows[between]])[:, 2].std()) if between.any() else 0.0
+    begins = float(np.quantile(heights[of_color], 0.03))
+    own_share = float(of_color.mean())
+    shape = shape_of(Outline(cells, tops, lowest, top, longer, shorter, front, color, own_share, begins, spread))
     if shape is None or many and shape != "bookshelf":
         return None
-    points = layers.places_of(rows[of_colour])
+    points = layers.places_of(rows[of_color])
     own = np.zeros(len(cells))
-    np.maximum.at(own, back[of_colour], heights[of_colour])
+    np.maximum.at(own, back[of_color], heights[of_color])
     if (own[own > 0] > top - _NEAR_TOP).mean() < _AT_TOP:
         return None  # the top is another object, or an artifact above this one
     if not _is_firm(layers, points):
         return None
-    return FloorObject(colour, shape, layers.centres_of(cells[:, ::-1]), points, top, (longer, shorter))
+    return FloorObject(color, shape, layers.centers_of(cells[:, ::-1]), points, top, (longer, shorter))
 
 
 def _is_firm(layers: Layers, points: NDArray[np.float64]) -> bool:

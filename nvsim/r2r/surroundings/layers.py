@@ -35,7 +35,7 @@ class Layers:
 
     low      (x, y) meters of the lower corner of cell [0, 0]; rows follow y, columns x
     voxels   (n, 3) int32 column, row and level; level l is CELL * l above -0.3 m
-    colours  (n, 3) float32 mean color of each voxel, 0 to 255
+    colors  (n, 3) float32 mean color of each voxel, 0 to 255
     shape    rows, columns
     high     meters above the floor between which there are only walls, lintels and hanging objects
     """
@@ -44,7 +44,7 @@ class Layers:
     floor: float
     low: tuple[float, float]
     voxels: NDArray[np.int32]
-    colours: NDArray[np.float32]
+    colors: NDArray[np.float32]
     shape: tuple[int, int]
     high: tuple[float, float]
 
@@ -88,7 +88,7 @@ class Layers:
         at = np.floor((np.asarray(xy)[..., :2] - self.low) / CELL).astype(np.int64)
         return at[..., ::-1]
 
-    def centres_of(self, cells: NDArray[np.integer]) -> NDArray[np.float64]:
+    def centers_of(self, cells: NDArray[np.integer]) -> NDArray[np.float64]:
         """Returns (..., 2) world x, y in meters of the centers of cells (..., 2)."""
         return (cells[..., ::-1] + 0.5) * CELL + np.array(self.low)
 
@@ -154,25 +154,25 @@ def _layers(seen: tuple[ViewFromViewpoint, ...]) -> Layers:
         at[:, 2] = np.floor((one.points[:, 2] - one.floor - _LOWEST) / CELL)
         inside = ((at >= 0) & (at < (columns, rows, levels))).all(axis=1)
         key = (at[inside, 2] * rows + at[inside, 1]) * columns + at[inside, 0]
-        keys, sums, counts = _add_to_sums(keys, sums, counts, key, one.colours[inside])
+        keys, sums, counts = _add_to_sums(keys, sums, counts, key, one.colors[inside])
     kept = counts >= _LEAST
     keys, sums, counts = keys[kept], sums[kept], counts[kept]
     level, cell = np.divmod(keys, rows * columns)
     row, column = np.divmod(cell, columns)
     voxels = np.stack([column, row, level], axis=1).astype(np.int32)
-    colours = (sums / counts[:, None]).astype(np.float32)
+    colors = (sums / counts[:, None]).astype(np.float32)
     floor = _floor(seen)
     where = float(low[0]), float(low[1])
-    return Layers(seen, floor, where, voxels, colours, (rows, columns), _high_of(voxels[:, 2]))
+    return Layers(seen, floor, where, voxels, colors, (rows, columns), _high_of(voxels[:, 2]))
 
 
 def _add_to_sums(
     keys: NDArray[np.int64], sums: NDArray[np.float32], counts: NDArray[np.int64],
-    key: NDArray[np.int64], colours: NDArray[np.uint8],
+    key: NDArray[np.int64], colors: NDArray[np.uint8],
 ) -> tuple[NDArray[np.int64], NDArray[np.float32], NDArray[np.int64]]:  # fmt: skip
     """Adds points to the voxel sums."""
     new, back, count = np.unique(key, return_inverse=True, return_counts=True)
-    added = np.stack([np.bincount(back, colours[:, i], len(new)) for i in range(3)], axis=1)
+    added = np.stack([np.bincount(back, colors[:, i], len(new)) for i in range(3)], axis=1)
     both, place = np.unique(np.concatenate([keys, new]), return_inverse=True)
     all_sums, all_counts = np.zeros((len(both), 3), np.float32), np.zeros(len(both), np.int64)
     all_sums[place[: len(keys)]], all_counts[place[: len(keys)]] = sums, counts

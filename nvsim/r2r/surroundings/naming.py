@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from nvsim.r2r.surroundings.layers import CELL
 
-COLOURS = ("white", "grey", "black", "red", "brown", "beige", "yellow", "green", "blue", "purple")
+COLORS = ("white", "grey", "black", "red", "brown", "beige", "yellow", "green", "blue", "purple")
 NAMELESS = -1
 _NEUTRAL = frozenset(("white", "grey", "black"))
 # Ranges of CIELAB hue in degrees, lightness, and chroma. Colors outside all ranges have no name.
@@ -28,20 +28,20 @@ _RANGES: dict[str, tuple[tuple[float, float], tuple[float, float], tuple[float, 
 }
 
 
-def lab_of(colours: NDArray[np.floating]) -> NDArray[np.float32]:
+def lab_of(colors: NDArray[np.floating]) -> NDArray[np.float32]:
     """Converts sRGB colors (..., 3) from 0 to 255 to CIELAB (..., 3) float32."""
     import cv2
 
-    flat = (np.asarray(colours, np.float32) / np.float32(255)).reshape(-1, 1, 3)
-    return np.asarray(cv2.cvtColor(flat, cv2.COLOR_RGB2Lab).reshape(np.shape(colours)), np.float32)
+    flat = (np.asarray(colors, np.float32) / np.float32(255)).reshape(-1, 1, 3)
+    return np.asarray(cv2.cvtColor(flat, cv2.COLOR_RGB2Lab).reshape(np.shape(colors)), np.float32)
 
 
 def names_of(lab: NDArray[np.floating]) -> NDArray[np.int64]:
-    """Returns (...) int64 indices into COLOURS for CIELAB colors (..., 3), NAMELESS if the name is disputable."""
+    """Returns (...) int64 indices into COLORS for CIELAB colors (..., 3), NAMELESS if the name is disputable."""
     light, chroma = lab[..., 0], np.hypot(lab[..., 1], lab[..., 2])
     hue = np.degrees(np.arctan2(lab[..., 2], lab[..., 1])) % 360
     found = np.full(light.shape, NAMELESS, np.int64)
-    for i, name in enumerate(COLOURS):
+    for i, name in enumerate(COLORS):
         hues, lights, chromas = _RANGES[name]
         inside = [(low <= value) & (value < high) for value, (low, high) in
                   ((hue, hues), (light, lights), (chroma, chromas))]  # fmt: skip
@@ -79,7 +79,7 @@ class Outline:
     top                 meters above the floor
     longer, shorter     sides in meters
     only_front_visible  whether possibly only its front is seen
-    colour              its name in COLOURS
+    color              its name in COLORS
     color_share         share of its voxels that have this color
     color_start         meters above the floor where this color begins
     spread              standard deviation of CIELAB b between bottom and top
@@ -92,7 +92,7 @@ class Outline:
     longer: float
     shorter: float
     only_front_visible: bool
-    colour: str
+    color: str
     color_share: float
     color_start: float
     spread: float
@@ -148,7 +148,7 @@ def _is_chair(o: Outline) -> bool:
 def _is_plant(o: Outline) -> bool:
     """Whether it is green leaves above a pot, which has another color or is narrower."""
     return (
-        o.colour == "green"
+        o.color == "green"
         and o.longer <= 2.0
         and o.top > 0.7
         and o.color_start > 0.25
@@ -157,13 +157,13 @@ def _is_plant(o: Outline) -> bool:
 
 
 def _is_sofa(o: Outline) -> bool:
-    size = o.colour not in _WOODS and o.longer > 1.4 and o.shorter > 0.6 and o.top < 1.05
+    size = o.color not in _WOODS and o.longer > 1.4 and o.shorter > 0.6 and o.top < 1.05
     return size and o.share_of_tops(0.28, 0.56) > 0.3 and o.share_of_tops(0.6, 2.0) > 0.15
 
 
 def _is_box(o: Outline) -> bool:
     """Whether it is one or more cartons: wood-colored, small, and closed down to the floor."""
-    size = o.colour in _WOODS and o.longer <= 1.0 and 0.5 < o.top < 0.8 and o.color_share > 0.65
+    size = o.color in _WOODS and o.longer <= 1.0 and 0.5 < o.top < 0.8 and o.color_share > 0.65
     return size and o.shorter > 0.2 and o.grounded_share > 0.4
 
 
@@ -172,19 +172,13 @@ def _table(o: Outline) -> Shape | None:
         return None
     if o.flat_top_share > _EVEN and o.rim_share < _LEGS:
         return "low table" if 0.3 < o.level < 0.56 else "table" if 0.56 < o.level < 0.85 else None
-    is_desk = o.colour in _WOODS and 0.66 < o.level < 0.8 and o.longer >= 1.0 and o.shorter > 0.45
+    is_desk = o.color in _WOODS and 0.66 < o.level < 0.8 and o.longer >= 1.0 and o.shorter > 0.45
     return "desk" if is_desk and o.flat_top_share > 0.7 and o.grounded_share < 0.4 else None
 
 
 def _storage(o: Outline) -> Shape | None:
     """Names pieces that reach the floor: mixed colors in a wooden body are a bookshelf, an even front is a cabinet."""
-    if (
-        o.colour not in _WOODS
-        or o.flat_top_share < 0.55
-        or o.shorter > 0.6
-        or not 0.7 <= o.longer <= 2.2
-        or o.top < 0.8
-    ):
+    if o.color not in _WOODS or o.flat_top_share < 0.55 or o.shorter > 0.6 or not 0.7 <= o.longer <= 2.2 or o.top < 0.8:
         return None
     if o.color_share < 0.7 and o.spread > _MIXED:
         return "bookshelf"
@@ -192,7 +186,7 @@ def _storage(o: Outline) -> Shape | None:
 
 
 def _by_height(o: Outline) -> Shape | None:
-    if o.longer < _FURNITURE or o.colour == "green":  # bushes are not furniture
+    if o.longer < _FURNITURE or o.color == "green":  # bushes are not furniture
         return "object" if o.top > 0.5 else None
     return "tall" if o.top >= TALL else "waist-high" if o.top >= WAIST else "low"
 

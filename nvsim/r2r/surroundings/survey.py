@@ -40,7 +40,7 @@ class Surroundings:
     kinds    viewpoint id -> room or corridor
     visible  viewpoint id -> objects in the same room within 6 m: index, radians from +y to the right, meters
     passed   (from, to) -> objects beside the step that are visible from its start: index, side, meters along the step
-    metres   (from, to) -> length of the step in meters, seen from above
+    meters   (from, to) -> length of the step in meters, seen from above
     doors    (from, to) -> distances in meters of doorways along the step
     floors   (from, to) -> names in FLOORS of the floor along the step, 0.2 m apart
     """
@@ -49,7 +49,7 @@ class Surroundings:
     kinds: Mapping[str, Kind] = field(default_factory=dict)
     visible: Mapping[str, tuple[tuple[int, float, float], ...]] = field(default_factory=dict)
     passed: Mapping[Pair, tuple[tuple[int, Side, float], ...]] = field(default_factory=dict)
-    metres: Mapping[Pair, float] = field(default_factory=dict)
+    meters: Mapping[Pair, float] = field(default_factory=dict)
     doors: Mapping[Pair, tuple[float, ...]] = field(default_factory=dict)
     floors: Mapping[Pair, tuple[str, ...]] = field(default_factory=dict)
 
@@ -89,9 +89,9 @@ def surroundings_of(graph: NavGraph, storeys: list[Layers]) -> Surroundings:
                 beside = _objects_beside_path(at[pair[0]], at[pair[1]], here, sees[pair[0]])
                 start, ahead = at[pair[0]][:2], (at[pair[1]] - at[pair[0]])[:2] / max(length, 1e-9)
                 passed[pair] = tuple(
-                    (first + i, side, metres)
-                    for i, side, metres in beside
-                    if not is_behind_a_wall(firm, layers, start + min(metres, length) * ahead, here[i])
+                    (first + i, side, meters)
+                    for i, side, meters in beside
+                    if not is_behind_a_wall(firm, layers, start + min(meters, length) * ahead, here[i])
                 )
     return Surroundings(tuple(things), kinds, visible, passed, lengths, doors, floors)
 
@@ -123,9 +123,9 @@ def _places_of_objects(
     place: NDArray[np.float64], things: list[FloorObject], seen: set[int]
 ) -> Iterator[tuple[int, tuple[float, float]]]:
     for i in sorted(seen):
-        metres = float(np.hypot(*(things[i].cells - place[:2]).T).min())
+        meters = float(np.hypot(*(things[i].cells - place[:2]).T).min())
         x, y = things[i].middle - place[:2]
-        yield i, (math.atan2(x, y), metres)
+        yield i, (math.atan2(x, y), meters)
 
 
 def _objects_beside_path(
@@ -154,7 +154,7 @@ def write_surroundings(path: Path, scans: Mapping[str, Surroundings]) -> Path:
 def _data(seen: Surroundings) -> dict[str, Any]:
     things = [
         {
-            "colour": thing.colour,
+            "colour": thing.color,
             "shape": thing.shape,
             "place": thing.middle.round(2).tolist(),
             "sides": [round(side, 2) for side in thing.sides],
@@ -163,7 +163,7 @@ def _data(seen: Surroundings) -> dict[str, Any]:
         for thing in seen.things
     ]
     doorways = [
-        {"from": a, "to": b, "metres": [round(m, 2) for m in metres]} for (a, b), metres in seen.doors.items() if metres
+        {"from": a, "to": b, "metres": [round(m, 2) for m in meters]} for (a, b), meters in seen.doors.items() if meters
     ]
     near = {
         id: [{"thing": i, "heading": round(heading, 3), "metres": round(m, 2)} for i, heading, m in found if m <= NEAR]

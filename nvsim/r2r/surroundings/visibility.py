@@ -20,7 +20,7 @@ from nvsim.geometry.camera import camera_pose
 from nvsim.geometry.directions import face_rays
 from nvsim.graph.types import NavGraph, Viewpoint
 from nvsim.r2r.observations.layout import ScanPlaces
-from nvsim.r2r.observations.skybox import UNITS_A_METRE, read_depth, strip_pixels
+from nvsim.r2r.observations.skybox import UNITS_A_METER, read_depth, strip_pixels
 
 PIXEL = 0.02
 """Size of a patch pixel in meters, about the width of joints between tiles and planks."""
@@ -36,27 +36,27 @@ class FloorPatch:
     """A square image of the floor.
 
     low     (x, y) meters of the lower corner of pixel [0, 0]; rows follow y, columns x
-    colours (G, G, 3) uint8, RGB
+    colors (G, G, 3) uint8, RGB
     seen    (G, G) bool, whether the pixel shows the floor and not an object on it
     """
 
     low: tuple[float, float]
-    colours: NDArray[np.uint8]
+    colors: NDArray[np.uint8]
     seen: NDArray[np.bool_]
 
 
-def floor_patch(viewpoint: Viewpoint, strip: NDArray[np.uint8], metres: NDArray[np.floating]) -> FloorPatch:
+def floor_patch(viewpoint: Viewpoint, strip: NDArray[np.uint8], meters: NDArray[np.floating]) -> FloorPatch:
     """Returns the floor patch of a viewpoint with a level pose facing +y.
 
     strip   (S, 6 S, 3) uint8 RGB
-    metres  (S, 6 S) distances in meters along the rays, 0 if there is no surface
+    meters  (S, 6 S) distances in meters along the rays, 0 if there is no surface
     """
     along = (np.arange(round(2 * _HALF / PIXEL)) + 0.5) * PIXEL - _HALF
     x, y = np.meshgrid(along, along)
     ways = np.stack([x, y, np.full_like(x, -viewpoint.height)], axis=-1).reshape(-1, 3)
     rows, columns = strip_pixels(ways, strip.shape[0])
     lengths = np.linalg.norm(ways, axis=1)
-    seen = np.abs(metres[rows, columns] - lengths) <= _OFF + _SLANTED * lengths
+    seen = np.abs(meters[rows, columns] - lengths) <= _OFF + _SLANTED * lengths
     low = float(viewpoint.position[0]) - _HALF, float(viewpoint.position[1]) - _HALF
     return FloorPatch(low, strip[rows, columns].reshape(*x.shape, 3), seen.reshape(x.shape))
 
@@ -65,16 +65,16 @@ def floor_patch(viewpoint: Viewpoint, strip: NDArray[np.uint8], metres: NDArray[
 class ViewFromViewpoint:
     """The view from a viewpoint.
 
-    metres  (S, 6 S) float32 meters along the rays of a strip's pixels, 0 if there is no surface
+    meters  (S, 6 S) float32 meters along the rays of a strip's pixels, 0 if there is no surface
     points  (n, 3) float32, meters, world, of the pixels within 8 m
-    colours (n, 3) uint8, RGB
+    colors (n, 3) uint8, RGB
     underfoot  the floor around the viewpoint
     """
 
     viewpoint: Viewpoint
-    metres: NDArray[np.float32]
+    meters: NDArray[np.float32]
     points: NDArray[np.float32]
-    colours: NDArray[np.uint8]
+    colors: NDArray[np.uint8]
     underfoot: FloorPatch
 
     @property
@@ -89,10 +89,10 @@ class ViewFromViewpoint:
         """
         ways = np.asarray(points, np.float64) - self.viewpoint.position
         lengths = np.linalg.norm(ways, axis=1)
-        rows, columns = strip_pixels(ways, self.metres.shape[0])
-        metres = self.metres[rows, columns]
+        rows, columns = strip_pixels(ways, self.meters.shape[0])
+        meters = self.meters[rows, columns]
         slack = 0.1 + 0.03 * lengths
-        return np.abs(metres - lengths) <= slack, (metres == 0) | (metres > lengths + 2 * slack)
+        return np.abs(meters - lengths) <= slack, (meters == 0) | (meters > lengths + 2 * slack)
 
 
 def has_depth(places: ScanPlaces, graph: NavGraph) -> bool:
@@ -126,12 +126,12 @@ def _view_from(places: ScanPlaces, viewpoint: Viewpoint) -> ViewFromViewpoint:
     rows = (np.arange(side) * 2 + 1) * depth.shape[0] // (2 * side)
     columns = (np.arange(6 * side) * 2 + 1) * depth.shape[1] // (12 * side)
     # Depth is sampled, because a mean of two surfaces would be a point in the air. Color is averaged.
-    metres = (depth[rows][:, columns] / np.float32(UNITS_A_METRE)).astype(np.float32)
-    colour = cv2.resize(np.ascontiguousarray(strip), (6 * side, side), interpolation=cv2.INTER_AREA)
-    kept = (metres > 0.2) & (metres < _REACH)
-    points = np.array(viewpoint.position, np.float32) + _directions(side)[kept] * metres[kept][:, None]
-    underfoot = floor_patch(viewpoint, strip, depth / np.float32(UNITS_A_METRE))
-    return ViewFromViewpoint(viewpoint, metres, points.astype(np.float32), colour[kept], underfoot)
+    meters = (depth[rows][:, columns] / np.float32(UNITS_A_METER)).astype(np.float32)
+    color = cv2.resize(np.ascontiguousarray(strip), (6 * side, side), interpolation=cv2.INTER_AREA)
+    kept = (meters > 0.2) & (meters < _REACH)
+    points = np.array(viewpoint.position, np.float32) + _directions(side)[kept] * meters[kept][:, None]
+    underfoot = floor_patch(viewpoint, strip, depth / np.float32(UNITS_A_METER))
+    return ViewFromViewpoint(viewpoint, meters, points.astype(np.float32), color[kept], underfoot)
 
 
 @cache

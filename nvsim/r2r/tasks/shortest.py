@@ -18,7 +18,7 @@ from nvsim.errors import InputError
 from nvsim.graph.paths import PathGraph
 from nvsim.graph.types import EdgeKey
 
-_TO_MICROMETRES = 1e6
+_TO_MICROMETERS = 1e6
 LONGEST = 100
 """Largest number of edges in a path."""
 
@@ -27,12 +27,12 @@ LONGEST = 100
 class ShortestPathTree:
     """The shortest paths from one viewpoint, by rows of Ways.
 
-    metres   (N,) float64, meters, infinite if there is no path
+    meters   (N,) float64, meters, infinite if there is no path
     edges    (N,) int64, -1 if there is no path within the requested number of edges
     before   (N,) int64, the second-last viewpoint of the path, -1 at the source and where `edges` is -1
     """
 
-    metres: NDArray[np.float64]
+    meters: NDArray[np.float64]
     edges: NDArray[np.int64]
     before: NDArray[np.int64]
 
@@ -51,7 +51,7 @@ class ShortestPaths:
         from scipy.sparse import coo_matrix
 
         count = len(ways.ids)
-        length = np.maximum(np.rint(ways.length * _TO_MICROMETRES), 1.0)  # in a sparse matrix, 0 means no edge
+        length = np.maximum(np.rint(ways.length * _TO_MICROMETERS), 1.0)  # in a sparse matrix, 0 means no edge
         self._starts, self._stops = np.concatenate([ways.ends, ways.ends[:, ::-1]]).T
         self._length = np.tile(length, 2)
         self._matrix = coo_matrix((length, (ways.ends[:, 0], ways.ends[:, 1])), shape=(count, count)).tocsr()
@@ -78,7 +78,7 @@ class ShortestPaths:
         unreached = edges >= count
         edges[unreached] = before[unreached] = -1
         before[source] = -1
-        return ShortestPathTree(far / _TO_MICROMETRES, edges, before)
+        return ShortestPathTree(far / _TO_MICROMETERS, edges, before)
 
 
 @dataclass(frozen=True)
@@ -89,9 +89,9 @@ class PathBounds:
     """Smallest number of edges in a path."""
     most_edges: int = 6
     """Largest number of edges in a path."""
-    least_metres: float = 5.0
+    least_meters: float = 5.0
     """Smallest length of a path in meters."""
-    most_metres: float = math.inf
+    most_meters: float = math.inf
     """Largest length of a path in meters."""
     ties: bool = False
     """Also use paths that have an alternative at most 1 cm longer. Agents may be taught the alternative."""
@@ -102,10 +102,10 @@ class PathBounds:
                 f"No path has from {self.fewest_edges} to {self.most_edges} edges; give --fewest-edges from 1 to "
                 f"--most-edges, and --most-edges up to {LONGEST}."
             )
-        if not 0 <= self.least_metres <= self.most_metres:
+        if not 0 <= self.least_meters <= self.most_meters:
             raise InputError(
-                f"No path is from {self.least_metres:g} to {self.most_metres:g} m long; give --least-metres from 0 to "
-                "--most-metres."
+                f"No path is from {self.least_meters:g} to {self.most_meters:g} m long; give --least-meters from 0 to "
+                "--most-meters."
             )
 
 
@@ -115,12 +115,12 @@ class EligiblePaths:
 
     ids      (N) viewpoint ids
     rows     (M, most_edges + 1) int64, the viewpoints of each path, -1 after its end
-    metres   (M,) float64, meters
+    meters   (M,) float64, meters
     """
 
     ids: tuple[str, ...]
     rows: NDArray[np.int64]
-    metres: NDArray[np.float64]
+    meters: NDArray[np.float64]
 
     def path(self, i: int) -> tuple[int, ...]:
         return tuple(self.rows[i][self.rows[i] >= 0].tolist())
@@ -138,7 +138,7 @@ class EligiblePaths:
         goals = self.rows[np.arange(len(self.rows)), (self.rows >= 0).sum(axis=1) - 1]
         no_end = [row[id] for id in ends if id in row]
         kept = ~(uses.any(axis=1) | np.isin(self.rows[:, 0], no_end) | np.isin(goals, no_end))
-        return replace(self, rows=self.rows[kept], metres=self.metres[kept])
+        return replace(self, rows=self.rows[kept], meters=self.meters[kept])
 
 
 def eligible_paths(ways: PathGraph, bounds: PathBounds) -> EligiblePaths:
@@ -149,7 +149,7 @@ def eligible_paths(ways: PathGraph, bounds: PathBounds) -> EligiblePaths:
     for source in range(len(ways.ids)):
         tree = shortest.tree(source, most)
         fits = (tree.edges >= bounds.fewest_edges) & (tree.edges <= most)
-        fits &= (tree.metres >= bounds.least_metres) & (tree.metres <= bounds.most_metres)
+        fits &= (tree.meters >= bounds.least_meters) & (tree.meters <= bounds.most_meters)
         fits[: source + 1] = False  # these pairs were tested from their other end
         if not bounds.ties and fits.any():
             fits &= ~ways.shortest_paths_with_ties(source)[2]
@@ -160,5 +160,5 @@ def eligible_paths(ways: PathGraph, bounds: PathBounds) -> EligiblePaths:
             rows[:, k] = here
             here = np.where(here >= 0, tree.before[here], -1)
         found.append(rows)
-        lengths.append(tree.metres[ends])
+        lengths.append(tree.meters[ends])
     return EligiblePaths(ways.ids, np.concatenate(found), np.concatenate(lengths))

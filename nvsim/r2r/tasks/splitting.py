@@ -133,7 +133,7 @@ class _Scan:
         self.sides = {
             side: [self.paths.path(i) for i in np.flatnonzero(inside).tolist()] for side, inside in of.items()
         }
-        self.metres = {self.paths.path(i): float(m) for i, m in enumerate(self.paths.metres)}
+        self.meters = {self.paths.path(i): float(m) for i, m in enumerate(self.paths.meters)}
 
 
 def sample_tasks(
@@ -233,19 +233,22 @@ def _task(path_id: int, scan: _Scan, rows: tuple[int, ...], random: Random) -> T
     path = tuple(scan.paths.ids[i] for i in rows)
     path = path[::-1] if random.random() < 0.5 else path
     heading = round(2 * math.pi * random.random(), 3)
-    return Task(path_id, scan.id, path, heading, (), round(scan.metres[rows], 2))
+    return Task(path_id, scan.id, path, heading, (), round(scan.meters[rows], 2))
 
 
 def _why_none(split: str, bounds: PathBounds, robot: bool) -> str:
-    what = f"path of {bounds.fewest_edges} to {bounds.most_edges} edges and at least {bounds.least_metres:g} m"
+    what = f"path of {bounds.fewest_edges} to {bounds.most_edges} edges and at least {bounds.least_meters:g} m"
     what += " with room for a robot" if robot else ""
     if split == "val_unseen":
         return (
-            f"No region contains a {what} for val_unseen; give a larger --unseen-share, name whole scans with "
-            "--unseen, change the bounds, or give --val-unseen 0."
+            f"No region contains a {what} for val_unseen; give a larger --unseen-share, lower --fewest-edges or "
+            "--least-meters, name whole scans with --unseen, or give --val-unseen 0."
         )
     flag = f"--{split.replace('_', '-')}"
-    return f"No {what} is left for {split}; change the bounds, give a smaller --unseen-share, or {flag} 0."
+    return (
+        f"No {what} is left for {split}; lower --fewest-edges or --least-meters, give a smaller --unseen-share, or "
+        f"{flag} 0."
+    )
 
 
 def replace_instructions(dataset: Dataset, texts: Mapping[int, Sequence[str]]) -> Dataset:
@@ -326,7 +329,7 @@ def _of_scan(tasks: Sequence[Task], scan: str, ways: PathGraph, allowed: NDArray
         start = tree(second.path[0])
         for first in mine:
             goal = row[first.path[-1]]
-            if first is second or start.metres[goal] > NEAR:
+            if first is second or start.meters[goal] > NEAR:
                 continue
             between = start.back_from(goal)
             if not allowed[between].all():
@@ -340,9 +343,9 @@ def _of_scan(tasks: Sequence[Task], scan: str, ways: PathGraph, allowed: NDArray
                 path=path,
                 heading=first.heading,
                 instructions=joined_instructions(first, second),
-                distance=round((first.distance or 0.0) + float(start.metres[goal]) + (second.distance or 0.0), 2),
+                distance=round((first.distance or 0.0) + float(start.meters[goal]) + (second.distance or 0.0), 2),
                 first_path_id=first.path_id,
                 second_path_id=second.path_id,
                 shortest_path=tuple(ways.ids[i] for i in reversed(whole.back_from(end))),
-                shortest_path_distance=round(float(whole.metres[end]), 2),
+                shortest_path_distance=round(float(whole.meters[end]), 2),
             )

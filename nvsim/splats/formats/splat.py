@@ -56,7 +56,7 @@ def read_splat(path: Path) -> Gaussians:
 _HEADER, _SECTION = 4096, 1024  # bytes
 _HARMONICS = {0: 0, 1: 9, 2: 24}
 _MOST_SECTIONS = 1024
-_CENTRES, _SCALES, _ROTATIONS, _COLOURS = slice(0, 3), slice(3, 6), slice(6, 10), slice(10, 14)
+_CENTERS, _SCALES, _ROTATIONS, _COLORS = slice(0, 3), slice(3, 6), slice(6, 10), slice(10, 14)
 
 
 def read_ksplat(path: Path) -> Gaussians:
@@ -78,7 +78,7 @@ def read_ksplat(path: Path) -> Gaussians:
             raise InputError(f"{path} contains no Gaussians; export it again.")
         opacity = np.clip(rows[:, 13] / 255, 0.5 / 255, 1 - 0.5 / 255)
         return Gaussians(
-            np.ascontiguousarray(rows[:, _CENTRES]),
+            np.ascontiguousarray(rows[:, _CENTERS]),
             np.log(np.maximum(rows[:, _SCALES], FLATTEST)).astype(np.float32),
             np.ascontiguousarray(rows[:, _ROTATIONS]),
             np.log(opacity / (1 - opacity)).astype(np.float32),
@@ -95,14 +95,14 @@ def _section(data: bytes, header: int, at: int, level: int) -> tuple[NDArray[np.
     reach = int(np.frombuffer(data, "<u4", 1, header + 24)[0]) or 32767
     full, partial = map(int, np.frombuffer(data, "<u4", 2, header + 32))
     degree = int(np.frombuffer(data, "<u2", 1, header + 40)[0])
-    number, colour = ("<f4", "u1") if level == 0 else ("<u2", "u1")
+    number, color = ("<f4", "u1") if level == 0 else ("<u2", "u1")
     rest = ("<f4", "<u2", "u1")[level], _HARMONICS[degree]
     kind = np.dtype(
         [
             ("centre", number, 3),
             ("scale", "<f4" if level == 0 else "<f2", 3),
             ("rotation", "<f4" if level == 0 else "<f2", 4),
-            ("colour", colour, 4),
+            ("colour", color, 4),
             ("rest", rest[0], rest[1]),
         ]
     )
@@ -111,11 +111,11 @@ def _section(data: bytes, header: int, at: int, level: int) -> tuple[NDArray[np.
     begin = at + 4 * partial + buckets * stored
     rows = np.frombuffer(data, kind, count, begin)
     found = np.empty((count, 14), np.float32)
-    found[:, _CENTRES] = rows["centre"]
+    found[:, _CENTERS] = rows["centre"]
     if level > 0:
         owners = np.concatenate([np.repeat(np.arange(full), size), full + np.repeat(np.arange(partial), lengths)])
-        centres = np.ascontiguousarray(middles[:, :12]).view("<f4")
-        found[:, _CENTRES] = (found[:, _CENTRES] - reach) * (0.5 * block / reach) + centres[owners[:count]]
-    for name, columns in (("scale", _SCALES), ("rotation", _ROTATIONS), ("colour", _COLOURS)):
+        centers = np.ascontiguousarray(middles[:, :12]).view("<f4")
+        found[:, _CENTERS] = (found[:, _CENTERS] - reach) * (0.5 * block / reach) + centers[owners[:count]]
+    for name, columns in (("scale", _SCALES), ("rotation", _ROTATIONS), ("colour", _COLORS)):
         found[:, columns] = rows[name]
     return found, begin + most * kind.itemsize

@@ -36,7 +36,7 @@ _MOST_AFTER = 1 << 24
 """Largest number of bytes of extensions after the sections."""
 _CHUNK = 1 << 16
 _LEAST_ALPHA = np.float32(1e-6)
-_COLOUR_SCALE = np.float32(0.15)
+_COLOR_SCALE = np.float32(0.15)
 Bytes = NDArray[np.uint8]
 
 
@@ -122,7 +122,7 @@ def unpack(gaussians: Gaussians, header: Header, sections: Sections) -> None:
         alpha = np.clip(data[:, 0] / f(255), _LEAST_ALPHA, 1 - _LEAST_ALPHA)
         g.opacity_logits[rows] = np.log(alpha / (1 - alpha))
     for rows, data in sections.blocks(2):
-        g.sh[rows, 0] = (data / f(255) - f(0.5)) / _COLOUR_SCALE
+        g.sh[rows, 0] = (data / f(255) - f(0.5)) / _COLOR_SCALE
     for rows, data in sections.blocks(3):
         g.log_scales[rows] = data / f(16) - f(10)
     for rows, data in sections.blocks(4):

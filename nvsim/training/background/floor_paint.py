@@ -35,17 +35,17 @@ def initial_floor_paint(
     """The networks and the texture of a configuration, None for those that it does not use."""
     if not config.background and config.appearance.kind == "none":
         return None, None
-    colour = _mean_floor_colour(views)
-    networks = Networks(views, config, seed, colour)
+    color = _mean_floor_color(views)
+    networks = Networks(views, config, seed, color)
     if not config.texture:
         return networks, None
     hits = [_hits(view, floor) for view in views]
     texture = LearnedTexture(*_area(views, hits))
-    _average(texture, views, hits, colour)
+    _average(texture, views, hits, color)
     return networks, texture
 
 
-def _mean_floor_colour(views: Sequence[TrainingView]) -> NDArray[np.float64]:
+def _mean_floor_color(views: Sequence[TrainingView]) -> NDArray[np.float64]:
     """(3,) mean color of the floor, 0 to 1; of all pixels if no view shows floor."""
     total, count = np.zeros(3), 0
     for view in views:
@@ -77,7 +77,7 @@ def _area(views: Sequence[TrainingView], hits: Sequence[Float32]) -> tuple[tuple
 
 
 def _average(
-    texture: LearnedTexture, views: Sequence[TrainingView], hits: Sequence[Float32], colour: NDArray[np.float64]
+    texture: LearnedTexture, views: Sequence[TrainingView], hits: Sequence[Float32], color: NDArray[np.float64]
 ) -> None:
     # From coarse to fine, each level gets the mean of the residual of the coarser ones.
     for level in range(len(texture.table)):
@@ -86,7 +86,7 @@ def _average(
         for view, hit in zip(views, hits, strict=True):
             painted = np.zeros((3, *view.floor.shape), np.float32)
             texture.add(hit, painted)
-            left = view.image.transpose(2, 0, 1) * np.float32(1 / 255) - colour.astype(np.float32)[:, None, None]
+            left = view.image.transpose(2, 0, 1) * np.float32(1 / 255) - color.astype(np.float32)[:, None, None]
             left = left - painted
             scatter_texture(
                 hit, view.floor, texture.table[only], texture.sizes[only], texture.bounds, left, sums, weights

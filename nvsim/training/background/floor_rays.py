@@ -57,7 +57,7 @@ def _approach(
     # The fixed-point iteration of `distance_to_floor`, until no ray of the segment moves.
     rows, columns = heights.shape
     flat = heights.reshape(-1)
-    start_x, start_y, per_metre = grid[0], grid[1], _ONE / grid[2]
+    start_x, start_y, per_meter = grid[0], grid[1], _ONE / grid[2]
     last_column, last_row = _F(columns - 1), _F(rows - 1)
     wide, high = np.int32(columns), np.int32(rows)
     one = np.int32(1)
@@ -66,8 +66,8 @@ def _approach(
         for i in range(_SEGMENT):
             before, dz = planes[_DISTANCE + i], planes[_DZ + i]
             x, y = eye_x + before * planes[_DX + i], eye_y + before * planes[_DY + i]
-            c = min(max((x - start_x) * per_metre, _ZERO), last_column)
-            r = min(max((y - start_y) * per_metre, _ZERO), last_row)
+            c = min(max((x - start_x) * per_meter, _ZERO), last_column)
+            r = min(max((y - start_y) * per_meter, _ZERO), last_row)
             c0, r0 = np.int32(c), np.int32(r)
             c1, r1 = min(c0 + one, wide - one), min(r0 + one, high - one)
             fc, fr = c - _F(c0), r - _F(r0)

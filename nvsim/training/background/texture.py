@@ -101,8 +101,8 @@ def _blend_texels(
             left = a if left is None else builder.fadd(left, a, flags=flags)
             right = b if right is None else builder.fadd(right, b, flags=flags)
         total = builder.fadd(left, _select_lanes(builder, right, [1, 2, 3, 3]), flags=flags)
-        colours = [builder.extract_element(total, ir.Constant(ir.IntType(32), i)) for i in range(3)]
-        return context.make_tuple(builder, signature.return_type, colours)
+        colors = [builder.extract_element(total, ir.Constant(ir.IntType(32), i)) for i in range(3)]
+        return context.make_tuple(builder, signature.return_type, colors)
 
     return types.UniTuple(types.float32, 3)(texels, low, high, w00, w01, w10, w11), build
 
@@ -121,9 +121,9 @@ def _scatter_texels(
     """texel(low) += left (red, green, blue), texel(low + 1) += right (red, green, blue); `texels` flat."""
 
     def build(context: BaseContext, builder: ir.IRBuilder, signature: Signature, arguments: list[ir.Value]) -> ir.Value:
-        array, at, ours, next_, *colour = arguments
+        array, at, ours, next_, *color = arguments
         row = _TexelPair(context, builder, signature.args[0], array, at)
-        r, g, b = colour
+        r, g, b = color
         # Groups of four and two floats that do not overlap, so that additions of the next pixel to the same texels need
         # not wait for the cache.
         first = builder.fmul(_vector(builder, [r, g, b, r]), _vector(builder, [ours, ours, ours, next_]))
@@ -212,10 +212,10 @@ def add_texture(
                     lower, w11 = weight - upper, upper * fc
                     w01 = lower * fc
                     at = np.uintp(places[i])
-                    colour = _blend_texels(flat, at, at + columns, lower - w01, w01, upper - w11, w11)  # type: ignore[arg-type, call-arg, var-annotated]
-                    reds[i] += colour[0]
-                    greens[i] += colour[1]
-                    blues[i] += colour[2]
+                    color = _blend_texels(flat, at, at + columns, lower - w01, w01, upper - w11, w11)  # type: ignore[arg-type, call-arg, var-annotated]
+                    reds[i] += color[0]
+                    greens[i] += color[1]
+                    blues[i] += color[2]
 
 
 @njit(parallel=True, cache=True, fastmath=FLAGS, error_model="numpy")

@@ -71,13 +71,13 @@ class CardGaussianState:
 
     def __init__(self, gaussians: Gaussians, networks: Networks | None, rate: RateConfig, device: str) -> None:
         self._device, self._networks = device, networks
-        self._colours = None if networks is None else networks.colours
+        self._colors = None if networks is None else networks.colors
         sh_count = gaussians.sh.shape[1]
         self._groups = {
             name: CardGroup.of(getattr(gaussians, name), rates_of(name, rate, sh_count), device) for name in FIELDS
         }
-        if self._colours is not None:
-            features = self._colours.first_features(gaussians)
+        if self._colors is not None:
+            features = self._colors.first_features(gaussians)
             self._groups[FEATURES] = CardGroup.of(features, rate.features, device)
         self._sums = torch.zeros(len(gaussians), 3, device=device)
         self._drawn: GsplatOutput | None = None
@@ -130,11 +130,11 @@ class CardGaussianState:
         self._take_back()
         tensors = {name: group.values for name, group in self._groups.items()}
         self._rows = None
-        if self._networks is not None and self._colours is not None:
-            if not self._colours.own:  # the network is expensive, so it skips Gaussians out of view
+        if self._networks is not None and self._colors is not None:
+            if not self._colors.own:  # the network is expensive, so it skips Gaussians out of view
                 self._rows = in_view(tensors["means"].detach(), tensors["log_scales"].detach(), camera).nonzero()[:, 0]
                 tensors = {name: tensor[self._rows] for name, tensor in tensors.items()}
-            tensors["sh"] = self._colours.coefficients(tensors["sh"], tensors[FEATURES], self._networks.seen)
+            tensors["sh"] = self._colors.coefficients(tensors["sh"], tensors[FEATURES], self._networks.seen)
         watch.record_lap("appearance")
         drawn = rasterize(
             *(tensors[name] for name in FIELDS), camera=camera, antialiased=antialiased, sh_degree=sh_degree
@@ -161,7 +161,7 @@ class CardGaussianState:
     def step(self, count: int, scales: Mapping[str, float]) -> None:
         self._take_back()
         for name, group in self._groups.items():
-            if name == "sh" and self._colours is not None and not self._colours.own:
+            if name == "sh" and self._colors is not None and not self._colors.own:
                 continue  # the network computes them
             group.step(count, scales.get(name, 1.0))
 

@@ -30,9 +30,9 @@ class HostGaussianState:
             name: ParameterGroup.of(getattr(gaussians, name), rates_of(name, rate, sh_count)) for name in FIELDS
         }
         self._networks = networks
-        self._colours = None if networks is None else networks.colours
-        if self._colours is not None:
-            self.groups[FEATURES] = ParameterGroup.of(self._colours.first_features(gaussians), rate.features)
+        self._colors = None if networks is None else networks.colors
+        if self._colors is not None:
+            self.groups[FEATURES] = ParameterGroup.of(self._colors.first_features(gaussians), rate.features)
         self.sums = np.zeros((len(gaussians), 3), np.float32)
         self._no_depth = np.zeros((0, 0), np.float32)
         self._tint = NO_TINT
@@ -65,9 +65,9 @@ class HostGaussianState:
         """Color (H, W, 3) and transmittance (H, W) of the Gaussians."""
         k, shown = camera.intrinsics, self.gaussians
         self._tint = NO_TINT
-        if self._networks is not None and self._colours is not None:
+        if self._networks is not None and self._colors is not None:
             features = self.groups[FEATURES].values
-            shown, self._tint = self._colours.shown(shown, features, self._networks.seen, camera)
+            shown, self._tint = self._colors.shown(shown, features, self._networks.seen, camera)
         watch.record_lap("appearance")
         self._workspace.project(shown, camera, antialiased, sh_degree, tint=self._tint)
         watch.record_lap("project")
@@ -87,13 +87,13 @@ class HostGaussianState:
         d_features = tint[0] if len(tint[0]) == 0 else self.groups[FEATURES].gradient
         d_matrix = self._workspace.project_gradient(self.gaussians, self.gradients, self.sums, tint, d_features)
         watch.record_lap("project_backward")
-        if self._colours is not None:
-            self._colours.collect(self.groups["sh"].gradient, d_matrix, self.groups[FEATURES].gradient)
+        if self._colors is not None:
+            self._colors.collect(self.groups["sh"].gradient, d_matrix, self.groups[FEATURES].gradient)
         watch.record_lap("appearance_backward")
 
     def step(self, count: int, scales: Mapping[str, float]) -> None:
         for name, group in self.groups.items():
-            if name == "sh" and self._colours is not None and not self._colours.own:
+            if name == "sh" and self._colors is not None and not self._colors.own:
                 continue  # the color network computes them
             group.step(count, scales.get(name, 1.0))
 

@@ -27,7 +27,7 @@ SMOOTH = _F(1e-4)
 # The planes of a segment; the error of the prediction overwrites its color.
 _TRUE, _OFF, _GROUND, _THROUGH, _MASKED, _INSIDE, _OUT, _SOLID, _PLANES = 0, 3, 6, 9, 10, 11, 12, 16, 17
 # For the backward pass: gradients by the color, by the background, and by alpha.
-_ERROR, _BY_COLOUR, _BY_GROUND, _BY_ALPHA = 0, 3, 12, 15
+_ERROR, _BY_COLOR, _BY_GROUND, _BY_ALPHA = 0, 3, 12, 15
 
 Float32 = NDArray[np.float32]
 Bytes = NDArray[np.uint8]
@@ -77,7 +77,7 @@ def _any_floor(work: Float32) -> np.bool_:
 
 
 @njit(fastmath=True)
-def _load_colours(
+def _load_colors(
     rgb: Float32,  # (H * W * 3,)
     image: Bytes,  # (H * W * 3,)
     first: int,  # pixel
@@ -97,8 +97,8 @@ def _load_colours(
         work[(_OFF + 2) * SEGMENT + i] = drawn[3 * i + 2]
     for c in range(3):
         for i in range(SEGMENT):
-            colour = work[(_OFF + c) * SEGMENT + i] + work[_THROUGH * SEGMENT + i] * work[(_GROUND + c) * SEGMENT + i]
-            work[(_OFF + c) * SEGMENT + i] = colour - work[(_TRUE + c) * SEGMENT + i]
+            color = work[(_OFF + c) * SEGMENT + i] + work[_THROUGH * SEGMENT + i] * work[(_GROUND + c) * SEGMENT + i]
+            work[(_OFF + c) * SEGMENT + i] = color - work[(_TRUE + c) * SEGMENT + i]
 
 
 @njit(parallel=True, cache=True, fastmath=True)
@@ -132,7 +132,7 @@ def _compose(
                     x0, at = segment * SEGMENT, (y + RADIUS) * SEGMENT
                     count = min(SEGMENT, width - x0)
                     _load(transmittance, background, floor, doubtful, inlier, aware, y, x0, count, work)
-                    _load_colours(flat_rgb, flat_image, y * width + x0, count, work)
+                    _load_colors(flat_rgb, flat_image, y * width + x0, count, work)
                     floor_here = _any_floor(work)
                     total, squares, floor_sum = _F(0), _F(0), _F(0)
                     for c in range(3):
@@ -222,7 +222,7 @@ def _differentiate(
                             off = work[(_ERROR + c) * SEGMENT + i]
                             sign = _F(1) if off > 0 else (_F(-1) if off < 0 else _F(0))
                             d = (inside - masked * inside) * (l1 * sign - structure * alike[i])
-                            work[(_BY_COLOUR + c) * SEGMENT + i] = d
+                            work[(_BY_COLOR + c) * SEGMENT + i] = d
                             work[_BY_ALPHA * SEGMENT + i] -= d * work[(_GROUND + c) * SEGMENT + i]
                             work[(_BY_GROUND + c) * SEGMENT + i] = work[_THROUGH * SEGMENT + i] * d
                         if floor_here:
@@ -237,9 +237,9 @@ def _differentiate(
                     at = 3 * (y * width + x0)
                     to = flat_rgb[at : at + 3 * count]
                     for i in range(count):
-                        to[3 * i] = work[_BY_COLOUR * SEGMENT + i]
-                        to[3 * i + 1] = work[(_BY_COLOUR + 1) * SEGMENT + i]
-                        to[3 * i + 2] = work[(_BY_COLOUR + 2) * SEGMENT + i]
+                        to[3 * i] = work[_BY_COLOR * SEGMENT + i]
+                        to[3 * i + 1] = work[(_BY_COLOR + 1) * SEGMENT + i]
+                        to[3 * i + 2] = work[(_BY_COLOR + 2) * SEGMENT + i]
                     for i in range(count):
                         d_alpha[y, x0 + i] = work[_BY_ALPHA * SEGMENT + i]
 
@@ -306,8 +306,8 @@ class FloorAwareLoss:
         pixels = transmittance.size
         unsure: Mask = self._sure if doubtful is None else doubtful
         aware = self._aware
-        colours = np.ascontiguousarray(rgb), transmittance, background, np.ascontiguousarray(image)
-        _compose(*colours, floor, unsure, inlier, aware, threads, self._images, self._lit, self.error, self._sums)
+        colors = np.ascontiguousarray(rgb), transmittance, background, np.ascontiguousarray(image)
+        _compose(*colors, floor, unsure, inlier, aware, threads, self._images, self._lit, self.error, self._sums)
         structure = 1.0
         if c.ssim > 0:
             height, width = transmittance.shape

@@ -207,19 +207,19 @@ def _cloud(path: Path) -> object:
 
 def _encoded() -> Files:
     ramp = np.add.outer(np.arange(24), np.arange(32)).astype(np.uint8) * 4
-    colour = np.dstack([ramp, ramp[::-1], 255 - ramp])
+    color = np.dstack([ramp, ramp[::-1], 255 - ramp])
     suffixes = (".png", ".jpg", ".webp", ".bmp", ".tiff", ".ppm", ".pgm", ".exr", ".hdr", ".gif", ".jp2")
     found: Files = {}
     for suffix in suffixes:
-        image = colour.astype(np.float32) / 255 if suffix in (".exr", ".hdr") else colour
+        image = color.astype(np.float32) / 255 if suffix in (".exr", ".hdr") else color
         try:
             done, data = cv2.imencode(suffix, ramp if suffix == ".pgm" else image)
         except cv2.error:
             continue
         if done:
             found[f"image{suffix}"] = data.tobytes()
-    found["deep.png"] = cv2.imencode(".png", colour.astype(np.uint16) * 256)[1].tobytes()
-    found["stripes.jpg"] = cv2.imencode(".jpg", colour, [cv2.IMWRITE_JPEG_PROGRESSIVE, 1])[1].tobytes()
+    found["deep.png"] = cv2.imencode(".png", color.astype(np.uint16) * 256)[1].tobytes()
+    found["stripes.jpg"] = cv2.imencode(".jpg", color, [cv2.IMWRITE_JPEG_PROGRESSIVE, 1])[1].tobytes()
     return found
 
 

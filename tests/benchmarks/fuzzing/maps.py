@@ -33,7 +33,7 @@ def readers() -> list[Reader]:
 
 def _read(path: Path) -> object:
     occupancy = read_map(path)
-    return occupancy.room, occupancy.centres(), read_provenance(path)
+    return occupancy.room, occupancy.centers(), read_provenance(path)
 
 
 def map_samples() -> Files:
@@ -50,17 +50,17 @@ def _cells() -> np.ndarray:
 
 
 def _ros() -> list[Seed]:
-    grey = map_samples()
+    gray = map_samples()
     png = {
         "map.png": cv2.imencode(".png", _cells() * 100)[1].tobytes(),
-        "map.yaml": grey["map.yaml"].replace(b"map.pgm", b"map.png").replace(b"mode: trinary", b"mode: scale"),
+        "map.yaml": gray["map.yaml"].replace(b"map.pgm", b"map.png").replace(b"mode: trinary", b"mode: scale"),
     }
     said = Provenance("lidar", "one scan", 0.1, 1.5, ("ab",)).line().encode()
-    turned = {**grey, "map.yaml": said + b"\n" + grey["map.yaml"].replace(b"2.0, 0.0]", b"2.0, 0.7]")}
+    turned = {**gray, "map.yaml": said + b"\n" + gray["map.yaml"].replace(b"2.0, 0.0]", b"2.0, 0.7]")}
     return [
-        *each(grey, "map.yaml", {"map.yaml": "text"}) * 2,
+        *each(gray, "map.yaml", {"map.yaml": "text"}) * 2,
         *each(turned, "map.yaml", {"map.yaml": "text"}),
-        *each(grey, "map.yaml", {"map.pgm": "picture"}),
+        *each(gray, "map.yaml", {"map.pgm": "picture"}),
         *each(png, "map.yaml", {"map.png": "picture"}),
     ]
 

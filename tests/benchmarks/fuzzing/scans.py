@@ -18,7 +18,7 @@ from nvsim.r2r.features.exported_scan import read_exported_scans
 from nvsim.r2r.observations.layout import ScanPlaces
 from nvsim.r2r.observations.record import FORMAT, ScanRecord, part_on_disk
 from nvsim.r2r.observations.skybox import visible_from
-from nvsim.r2r.simulator.images import read_colours, read_distances
+from nvsim.r2r.simulator.images import read_colors, read_distances
 from nvsim.r2r.simulator.scan import read_scan
 from nvsim.r2r.surroundings.visibility import has_depth, views_from_viewpoints
 
@@ -31,7 +31,7 @@ def readers() -> list[Reader]:
         Reader("journal of an export", _unfinished, _finished),
         Reader("list of exported scans", _connectivity, _exported),
         Reader("simulator scan", _one_scan, _simulated, share=2),
-        Reader("simulator skybox", _strips, _colours),
+        Reader("simulator skybox", _strips, _colors),
         Reader("skybox of a viewpoint", _strips, _seen),
     ]
 
@@ -114,9 +114,9 @@ def _strips() -> list[Seed]:
     )
 
 
-def _colours(path: Path) -> object:
+def _colors(path: Path) -> object:
     images = _places(path).images
-    return read_colours(images, "v1").shape, read_distances(images, "v1").shape
+    return read_colors(images, "v1").shape, read_distances(images, "v1").shape
 
 
 def _seen(path: Path) -> object:
