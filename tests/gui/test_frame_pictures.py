@@ -69,7 +69,7 @@ def test_the_difference_is_that_of_the_channel_that_differs_most(qapp, gain: flo
     assert np.array_equal(shown, expected)
 
 
-@pytest.mark.parametrize("metres", [0.3, 0.5, 2.41, 7.0, 20.0])
+@pytest.mark.parametrize("meters", [0.3, 0.5, 2.41, 7.0, 20.0])
 def test_the_bar_has_the_color_of_the_image_where_the_value_lies(qapp, meters: float) -> None:
     red, green, blue, _ = pixel(pictures.depth(np.full((1, 1), meters, np.float32)), 0, 0)
     share = DEPTH.share(meters)

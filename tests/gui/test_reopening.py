@@ -33,7 +33,7 @@ def frames(window: MainWindow) -> FramePart:
     return window.part(FramePart)
 
 
-@pytest.mark.parametrize("in_the_centre", [False, True])
+@pytest.mark.parametrize("in_the_center", [False, True])
 @pytest.mark.parametrize("again_in", ["another window", "the same window"])
 def test_a_selected_frame_is_selected_again_until_the_user_clears_it(
     make_window: Callable[[Document], MainWindow], document: Document, in_the_center: bool, again_in: str
