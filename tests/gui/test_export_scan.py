@@ -123,7 +123,7 @@ def test_the_job_writes_what_was_said_and_its_folder_is_shown(
     QDesktopServices.setUrlHandler("file", opener, "open")
     panel = on_project.window.panels["jobs"]
     assert isinstance(panel, JobPanel)
-    show_folder = panel.buttons_of(handle).commands["folder"]
+    show_folder = panel.buttons_of[handle].commands["folder"]
     qtbot.waitUntil(show_folder.isEnabled, timeout=SECONDS)
     show_folder.trigger()
     QDesktopServices.unsetUrlHandler("file")
