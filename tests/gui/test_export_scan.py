@@ -116,7 +116,7 @@ def test_the_job_writes_what_was_said_and_its_folder_is_shown(
     assert len(written) == said.files
     with Project.open(project) as opened:
         ids = list(opened.need_graph().viewpoints)
-    assert all(ScanPlaces(tmp_path / "agents", "room").strip(id).stat().st_size > 500 for id in ids)
+    assert all(ScanPlaces(tmp_path / "agents", "room").skyboxes.strip(id).stat().st_size > 500 for id in ids)
     assert any("viewpoints in" in line.text and "files" in line.text for line in handle.history.lines)
 
     opener = Opener()

@@ -112,7 +112,7 @@ class JobButtons(QWidget):
         self.more.setMenu(menu)
         for name, command in COMMANDS.items():
             action = self.commands[name] = QAction(command.text, self)
-            action.triggered.connect(partial(self._on_triggered, name))
+            action.triggered.connect(lambda _, name=name: self.done.emit(name))
             if not command.in_row:
                 menu.addAction(action)
                 continue
@@ -121,9 +121,6 @@ class JobButtons(QWidget):
             row.addWidget(button)
         row.addWidget(self.more)
         row.addStretch(1)
-
-    def _on_triggered(self, name: str, _: bool = False) -> None:
-        self.done.emit(name)
 
     def show_reasons(self, reasons: Mapping[str, str]) -> None:
         """Enables the commands. `reasons` says for each one why it is unavailable, "" if it is available."""
