@@ -49,7 +49,7 @@ def write_made_scan(
         free &= r.random(free.shape) > 0.05
     np.fill_diagonal(free, False)
     ids = [f"{value:032x}" for value in r.integers(1, 1 << 60, count)]
-    poses = [_pose(p, y, t) for p, y, t in zip(position, yaw, tilt, strict=True)]
+    poses = [camera_pose(p, y, t) for p, y, t in zip(position, yaw, tilt, strict=True)]
     entries = [
         {
             "image_id": id,
@@ -73,10 +73,6 @@ def write_made_scan(
         for id, pose in zip(ids, poses, strict=True):
             _write_skybox(images, id, pose[:3, :3], side)
     return [id for id, i in zip(ids, included, strict=True) if i]
-
-
-def _pose(position: NDArray[np.float64], yaw: float, tilt: float) -> NDArray[np.float64]:
-    return camera_pose(position, yaw, tilt)
 
 
 def _write_skybox(folder: Path, id: str, rotation: NDArray[np.float64], side: int) -> None:

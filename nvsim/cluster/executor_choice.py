@@ -57,7 +57,7 @@ def connect_to_cluster(address: str) -> Iterator[ModuleType]:
         ) from error
     logging.getLogger("ray").setLevel(logging.CRITICAL)  # Ray raises the same errors
     # Ray prints messages about ended workers between the events of NVSim, and has no option against it.
-    vars(importlib.import_module("ray._private.worker"))["print_to_stdstream"] = _ignore_event
+    vars(importlib.import_module("ray._private.worker"))["print_to_stdstream"] = lambda *_, **__: None
     if port:
         try:
             socket.create_connection((host, port), timeout=_ANSWER).close()
@@ -91,10 +91,6 @@ def connect_to_cluster(address: str) -> Iterator[ModuleType]:
         yield ray
     finally:
         ray.shutdown()
-
-
-def _ignore_event(*_: object, **__: object) -> None:
-    pass
 
 
 @contextlib.contextmanager

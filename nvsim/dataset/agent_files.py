@@ -20,7 +20,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
 from nvsim import __version__
-from nvsim.dataset import text_views
+from nvsim.dataset.text_views import TextViews, read_text_views
 from nvsim.dataset.word_pieces import Vocabulary
 from nvsim.errors import InputError
 from nvsim.files import atomic
@@ -222,9 +222,13 @@ def _tokens(text: str) -> Iterator[str]:
         yield from word if is_punctuation else [word] if word else []
 
 
-def _texts(write: Callable[[Path, Mapping[str, text_views.TextViews]], None]) -> Writer:
+def _texts(texts_of: Callable[[TextViews], object]) -> Writer:
+    """Writes {viewpoint: texts_of(its texts)}."""
+
     def write_scan(parts: DatasetParts, path: Path, scan: str) -> None:
-        write(path, text_views.read_text_views(parts.root / TASKS / SURROUNDINGS, parts.exported[scan]))
+        views = read_text_views(parts.root / TASKS / SURROUNDINGS, parts.exported[scan])
+        values = {id: texts_of(one) for id, one in views.items()}
+        atomic.write_text(path, json.dumps(values, separators=(",", ":")))
 
     return write_scan
 
@@ -363,9 +367,9 @@ AGENTS: dict[AgentName, Agent] = {
             "R2R/connectivity": _connectivity,
             "R2R/annotations/R2R_{split}_instr.json": _flat,
             "R2R/navigable/{scan}_navigable.json": link_writer(f"{CANDIDATES}/navigable/{{scan}}_navigable.json"),
-            "R2R/observations_list_summarized/{scan}.json": _texts(text_views.write_observations),
-            "R2R/observations_summarized/{scan}_summarized.json": _texts(text_views.write_summaries),
-            "R2R/objects_list/{scan}.json": _texts(text_views.write_objects),
+            "R2R/observations_list_summarized/{scan}.json": _texts(lambda views: views.sentences),
+            "R2R/observations_summarized/{scan}_summarized.json": _texts(lambda views: views.summary),
+            "R2R/objects_list/{scan}.json": _texts(lambda views: views.found),
         },
         (
             'cd "$CHECKOUT/nav_src"',

@@ -87,8 +87,8 @@ def viewpoint_rows(out: Path, scans: str, graphs: Sequence[NavGraph]) -> Iterato
                 "position": [float(x) for x in viewpoint.position],
                 "height": float(viewpoint.height),
                 "neighbors": beside,
-                "skybox": places.strip(id).relative_to(out).as_posix(),
-                "depth": places.depth(id).relative_to(out).as_posix(),
+                "skybox": places.skyboxes.strip(id).relative_to(out).as_posix(),
+                "depth": places.skyboxes.depth(id).relative_to(out).as_posix(),
             }
 
 

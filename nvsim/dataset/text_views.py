@@ -6,7 +6,6 @@ each; the first one is +y, and the others follow to the right.
 
 from __future__ import annotations
 
-import json
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -14,7 +13,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from nvsim.errors import InputError
-from nvsim.files import atomic
 from nvsim.files.opening import read_json
 
 if TYPE_CHECKING:
@@ -84,26 +82,6 @@ def read_text_views(path: Path, scan: ExportedScan) -> dict[str, TextViews]:
     except (KeyError, TypeError, ValueError, IndexError, AttributeError) as error:
         raise InputError(f"{path} is damaged at {error}; write the tasks again.") from error
     return found
-
-
-def write_observations(path: Path, views: Mapping[str, TextViews]) -> None:
-    """Writes {viewpoint: eight texts}. Raises InputError if writing fails."""
-    _write(path, {id: one.sentences for id, one in views.items()})
-
-
-def write_summaries(path: Path, views: Mapping[str, TextViews]) -> None:
-    """Writes {viewpoint: text}. Raises InputError if writing fails."""
-    _write(path, {id: one.summary for id, one in views.items()})
-
-
-def write_objects(path: Path, views: Mapping[str, TextViews]) -> None:
-    """Writes {viewpoint: for each direction {name: {heading in degrees, distance in meters}}}. Raises InputError if
-    writing fails."""
-    _write(path, {id: one.found for id, one in views.items()})
-
-
-def _write(path: Path, values: Any) -> None:
-    atomic.write_text(path, json.dumps(values, separators=(",", ":")))
 
 
 def _with_article(name: str) -> str:

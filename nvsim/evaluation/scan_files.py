@@ -87,7 +87,7 @@ class ScanFiles:
 
     def strip(self, viewpoint: str) -> NDArray[np.uint8]:
         """(S, 6 S, 3) uint8, the strip of a viewpoint. Raises InputError if it has another size or cannot be read."""
-        return decode(self.places.strip(viewpoint), (6 * self.size, self.size))
+        return decode(self.places.skyboxes.strip(viewpoint), (6 * self.size, self.size))
 
     def _file_problem(self, name: str, size: int, digest: str) -> str | None:
         path = self.places.root / name
@@ -105,14 +105,14 @@ class ScanFiles:
 
         def depth() -> None:
             if read_depth(self.places, id).shape[0] != self.size:
-                raise InputError(f"{self.places.depth(id)} has faces of another size than {self.size}.")
+                raise InputError(f"{self.places.skyboxes.depth(id)} has faces of another size than {self.size}.")
 
         def views() -> None:
             for path in self.places.view_paths(id) if self.settings.get("views") else ():
                 decode(path, (WIDTH, HEIGHT))
 
         def faces() -> None:
-            for path in self.places.faces(id) if self.settings.get("faces") else ():
+            for path in self.places.skyboxes.faces(id) if self.settings.get("faces") else ():
                 decode(path, (self.size, self.size))
 
         found = []

@@ -2,6 +2,9 @@
 
 A compressed image of some kilobytes may unpack to gigabytes, so its size is checked before decoding.
 
+Headers are not read with Pillow because size and orientation of 4,000 JPEG files then take 0.37 s instead of 0.14 s,
+and of 4,000 PNG files 36 s instead of 0.19 s: Pillow decodes a PNG to find its orientation.
+
 Formats of headers: PNG (W3C, chunk IHDR), JPEG (ITU T.81, B.2.2), Netpbm (netpbm.sourceforge.net/doc), WebP (RFC 9649),
 TIFF 6.0, BMP (BITMAPINFOHEADER).
 """

@@ -42,7 +42,7 @@ def synthetic_room(views: int, width: int, height: int, points: int) -> Syntheti
         heading = 3 * angle + rng.uniform(-0.2, 0.2)
         camera = Camera(intrinsics, camera_pose(np.array([*place, EYE_HEIGHT]), heading, -0.1))
         taken.append(photograph(f"{i:04d}", camera))
-    surface = _random_surface(rng, points)
+    surface = _random_sides(rng, points)[0]
     colors = (255 * paint(surface)).astype(np.uint8)
     return SyntheticRoom(taken, Cloud(surface.astype(np.float32), colors), FloorSurface.flat(0.0))
 
@@ -86,10 +86,6 @@ def synthetic_gaussians(count: int, sh_degree: int, seed: int = 0) -> Gaussians:
     sh[:, 0] = (paint(means) - 0.5) / DC
     parts = (means, np.log(scales), quats, np.log(opacity / (1 - opacity)), sh)
     return Gaussians(*(np.ascontiguousarray(a, np.float32) for a in parts))
-
-
-def _random_surface(rng: np.random.Generator, count: int) -> NDArray[np.float64]:
-    return _random_sides(rng, count)[0]
 
 
 def _random_sides(rng: np.random.Generator, count: int) -> tuple[NDArray[np.float64], NDArray[np.int64]]:

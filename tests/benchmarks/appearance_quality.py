@@ -9,14 +9,14 @@ cos(2 pi y / 9 m) at the camera position x, y. Kinds are those of `appearance.ki
 
 from __future__ import annotations
 
-import time
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 
 import house_walk
 import numpy as np
 import tyro
-from harness import report
+from harness import report, timed
 from house_walk import DATA, cloud_near, held_out_figures, largest_cluster, novel_figures, novel_views, view_of
 
 from nvsim.capture.read import read
@@ -54,9 +54,7 @@ def main() -> None:
         for kind in arguments.kinds:
             config = configured(arguments, kind)
             train_submap(train[:4], cloud, floor, replace(config, steps=3), seed=arguments.seed)
-            started = time.perf_counter()
-            model = train_submap(train, cloud, floor, config, seed=arguments.seed)
-            seconds = time.perf_counter() - started
+            model, seconds = timed(partial(train_submap, train, cloud, floor, config, seed=arguments.seed))
             figures = {"kind": kind, "gain": gain, "seconds": round(seconds, 1), "gaussians": len(model.gaussians)}
             figures |= held_out_figures(model, [lit[i] for i in held_out])
             figures |= {f"novel_{k.removeprefix('novel_')}": v for k, v in novel_figures(model, unseen).items()}

@@ -30,7 +30,7 @@ from typing import Literal
 
 import psutil
 import tyro
-from harness import report
+from harness import report, timed
 
 from nvsim.building import BuildingConfig, generate
 from nvsim.cluster.config import ClusterConfig, Storage
@@ -128,14 +128,13 @@ def models(path: Path) -> dict[str, str]:
     return found
 
 
-def timed(base: Path, name: str, run: Callable[[Project], None]) -> tuple[float, dict[str, str]]:
+def train_copy(base: Path, name: str, run: Callable[[Project], None]) -> tuple[float, dict[str, str]]:
     """Trains a copy of the project. Returns the duration in seconds and the hashes of its models."""
     path = base.with_name(f"{name}.nvsim")
     shutil.copytree(base, path)
-    started = time.perf_counter()
     with Project.open(path, writable=True) as project:
-        run(project)
-    return time.perf_counter() - started, models(path)
+        _, seconds = timed(lambda: run(project))
+    return seconds, models(path)
 
 
 def measure(
@@ -148,7 +147,7 @@ def measure(
     result: dict[str, object] = {"load": round(os.getloadavg()[0], 1)}
     expected: dict[str, str] = {}
     if with_local:
-        here, expected = timed(base, "here", lambda p: trained.run(p, config, ignore_event, at_once=2))
+        here, expected = train_copy(base, "here", lambda p: trained.run(p, config, ignore_event, at_once=2))
         result["local_seconds"] = round(here, 1)
     with head(2) as address, open_executor(ClusterConfig("ray", address, storage)) as executor:
 
@@ -156,14 +155,16 @@ def measure(
             return lambda p: trained.run(p, config, listen, at_once=2, executor=executor, storage=storage)
 
         few = dataclasses.replace(config, steps=2)
-        timed(base, "warm", lambda p: trained.run(p, few, ignore_event, at_once=2, executor=executor, storage=storage))
-        afar, found = timed(base, "afar", run(ignore_event))
+        train_copy(
+            base, "warm", lambda p: trained.run(p, few, ignore_event, at_once=2, executor=executor, storage=storage)
+        )
+        afar, found = train_copy(base, "afar", run(ignore_event))
         result["ray_seconds"] = round(afar, 1)
         if with_local:
             result["same_models"] = found == expected
         if kill_every > 0:
             killer = Killer(kill_every)
-            shot, again = timed(base, "shot", run(killer))
+            shot, again = train_copy(base, "shot", run(killer))
             result |= {
                 "kills": killer.kills, "killed_seconds": round(shot, 1), "efficiency": round(afar / shot, 2),
                 "same_models_although_killed": again == found,

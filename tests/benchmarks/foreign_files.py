@@ -10,10 +10,11 @@ import json
 import multiprocessing
 import tempfile
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 
 import tyro
-from harness import best, peak_gib, report
+from harness import peak_gib, report, timed
 
 from nvsim.graph import edits
 from nvsim.graph.foreign import ForeignFile
@@ -45,9 +46,8 @@ def main() -> None:
             maker = multiprocessing.Process(target=write, args=(path, count))  # not counted in this process
             maker.start()
             maker.join()
-            files = list[ForeignFile]()
-            opened = best(lambda path=path, files=files: files.append(ForeignFile.open(path)), 1)
-            file, peak = files[0], round(1024 * peak_gib())
+            file, opened = timed(partial(ForeignFile.open, path))
+            peak = round(1024 * peak_gib())
             ids = list(file.graph.viewpoints)
             edited = edits.move_viewpoint(file.graph, ids[7], (1.0, 2.0, 1.5))
             edited = edits.remove_edges(edited, [next(iter(edited.edges))])
@@ -58,7 +58,7 @@ def main() -> None:
                 ("removed", edits.remove_viewpoints(edited, [ids[3]])),
             ):
                 out = path.with_name("out_connectivity.json")
-                saved[name] = best(lambda file=file, graph=graph, out=out: file.save(graph, out), 1)
+                _, saved[name] = timed(partial(file.save, graph, out))
             figures = {
                 "viewpoints": count,
                 "megabytes": path.stat().st_size >> 20,

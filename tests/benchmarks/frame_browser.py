@@ -38,7 +38,7 @@ from tests.benchmarks.harness import times  # noqa: E402
 LEFT, NONE = Qt.MouseButton.LeftButton, Qt.KeyboardModifier.NoModifier
 
 
-def timed(step: Callable[[int], object], count: int) -> str:
+def step_times(step: Callable[[int], object], count: int) -> str:
     taken = times(step, count)
     return f"median {np.median(taken):6.2f}   99 % {np.quantile(taken, 0.99):6.2f}   max {max(taken):6.2f} ms"
 
@@ -62,7 +62,7 @@ def scrolling(folder: Path) -> str:
         bar.setValue(bar.maximum() * i // 300)
         QApplication.processEvents()
 
-    found = timed(step, 300)
+    found = step_times(step, 300)
     panel.close()
     return found
 
@@ -97,7 +97,7 @@ def brushing() -> str:
         QTest.mouseMove(canvas, QPoint(100 + 7 * (i % 120), 100 + 2 * i))
         QApplication.processEvents()
 
-    found = timed(step, 240)
+    found = step_times(step, 240)
     canvas.close()
     return found
 
@@ -107,7 +107,7 @@ def growing() -> str:
     view = demo_room.cast(camera)
     image = (view.rgb * 255).clip(0, 255).astype(np.uint8)
     points, inside = np.array([(320.0, 460.0), (200.0, 440.0)]), np.array([True, False])
-    return timed(lambda _: grow_region(view.normal, image, points, inside), 30)
+    return step_times(lambda _: grow_region(view.normal, image, points, inside), 30)
 
 
 def main() -> None:

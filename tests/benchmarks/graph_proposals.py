@@ -7,12 +7,12 @@ every fifth room is not covered. The first call compiles the code and is not cou
 from __future__ import annotations
 
 import math
-import time
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 import tyro
-from harness import report
+from harness import report, timed
 
 from nvsim.graph.proposals import propose_edges, propose_viewpoints
 from nvsim.graph.types import NavGraph, Viewpoint
@@ -55,17 +55,14 @@ def main() -> None:
     propose_viewpoints(graph, occupancy)
     for count in arguments.viewpoints:
         graph, occupancy = building(count)
-        begin = time.perf_counter()
-        edges = propose_edges(graph, occupancy)
-        middle = time.perf_counter()
-        places = propose_viewpoints(graph, occupancy)
-        end = time.perf_counter()
+        edges, edges_s = timed(partial(propose_edges, graph, occupancy))
+        places, viewpoints_s = timed(partial(propose_viewpoints, graph, occupancy))
         figures = {
             "viewpoints": count,
             "cells": occupancy.cells.size,
-            "edges_s": round(middle - begin, 2),
+            "edges_s": round(edges_s, 2),
             "edges": len(edges),
-            "viewpoints_s": round(end - middle, 2),
+            "viewpoints_s": round(viewpoints_s, 2),
             "proposed": len(places),
         }
         report(figures, as_json=True)

@@ -17,7 +17,7 @@ from pathlib import Path
 from typing import Any
 
 import tyro
-from harness import evaluated, watched
+from harness import cost, evaluated, watched
 
 
 @dataclass(frozen=True)
@@ -67,13 +67,13 @@ sys.argv[1]), BuildingConfig(seed={arguments.seed}, size='halls', area={area}))"
 
         capture = arguments.folder / f"{area}.images"
         without_scan(made / "capture", capture)
-    row["import"] = nvsim("import", str(capture), "--project", str(project))
+    row["import"] = cost("import", str(capture), "--project", str(project))
     stages = list(arguments.stages)
     if arguments.alone and "depth" not in stages:
         stages.insert(1, "depth")
     for stage in stages:
         options = [f"--{o}".split("=") for o in arguments.train] if stage == "train" else []
-        row[stage] = nvsim(stage, "--project", str(project), *(word for pair in options for word in pair))
+        row[stage] = cost(stage, "--project", str(project), *(word for pair in options for word in pair))
     if "map" in stages:
         row["graph"] = graph(project, made / "ground_truth" / "map.yaml")
     frames = json.loads((made / "capture" / "transforms.json").read_text())["frames"]
@@ -85,10 +85,6 @@ def graph(project: Path, truth: Path) -> dict[str, Any]:
     found = evaluated("graph", "--project", str(project), "--occupancy", str(truth))
     kept = ("nodes", "edges", "node_validity", "edge_validity", "node_validity_robot", "edge_validity_robot")
     return {key: found[key] for key in (*kept, "coverage", "components")}
-
-
-def nvsim(*words: str) -> dict[str, float]:
-    return watched([sys.executable, "-m", "nvsim.cli.main", *words])
 
 
 if __name__ == "__main__":

@@ -14,7 +14,6 @@ exposure, so that the video has motion blur and, with a readout above 0, a rolli
 
 from __future__ import annotations
 
-import time
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Literal
@@ -24,7 +23,7 @@ import numpy as np
 import tyro
 from clinic import clinic_ceiling, clinic_floor, detailed_face, make_clinic
 from gait import Motion, carry
-from harness import report
+from harness import report, timed
 from numba import njit, prange
 from numpy.typing import NDArray
 from rooms import KINDS, make_room
@@ -69,8 +68,7 @@ class Arguments:
 
 def main() -> None:
     arguments = tyro.cli(Arguments, description=__doc__)
-    started = time.perf_counter()
-    scene, textures = built(arguments.scene, arguments.seed, arguments.rounds)
+    (scene, textures), built_in = timed(lambda: built(arguments.scene, arguments.seed, arguments.rounds))
     motion = carry(scene.path, np.random.default_rng([arguments.seed, 1]))
     width, height = (int(v) for v in arguments.size.split("x"))
     longer = max(width, height)
@@ -80,23 +78,21 @@ def main() -> None:
     lens = Intrinsics(width, height, focal, focal, width / 2, height / 2)
     longest = arguments.frames or _LENGTH.get(arguments.scene, 1_000_000)
     count = min(longest, int(motion.seconds * FPS))
-    built_in = time.perf_counter() - started
     (arguments.folder / "truth").mkdir(parents=True, exist_ok=True)
     write_truth(arguments.folder / "truth", motion, lens, count, arguments.fisheye)
     if len(scene.storeys) == 1:
         write_ros_map(occupancy(scene), arguments.folder / "truth" / "map.yaml")
     print(f"{count} frames, {motion.seconds:.0f} s of route, built in {built_in:.0f} s", flush=True)
-    started = time.perf_counter()
-    film(arguments.folder / "video.mp4", scene, textures, motion, lens, count, arguments)
-    seconds = (time.perf_counter() - started) / count
+    video = arguments.folder / "video.mp4"
+    _, seconds = timed(lambda: film(video, scene, textures, motion, lens, count, arguments))
     travelled = np.linalg.norm(np.diff(motion.poses(np.arange(count) / FPS)[:, :3, 3], axis=0), axis=1).sum()
     figures = {
         "scene": arguments.scene,
         "frames": count,
         "metres": round(float(travelled), 1),
         "readout": arguments.readout,
-        "seconds_per_frame": round(seconds, 3),
-        "megabytes": round((arguments.folder / "video.mp4").stat().st_size / 1e6, 1),
+        "seconds_per_frame": round(seconds / count, 3),
+        "megabytes": round(video.stat().st_size / 1e6, 1),
     }
     report(figures)
 

@@ -12,9 +12,12 @@ import subprocess
 import sys
 import threading
 import time
-from collections.abc import Callable, Iterator, Mapping
-from typing import IO, Any
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from functools import partial
+from typing import IO, Any, TypeVar
 
+Result = TypeVar("Result")
+_NVSIM = (sys.executable, "-m", "nvsim.cli.main")
 _EVERY = 0.5  # seconds between two memory measurements
 
 
@@ -27,14 +30,33 @@ def report(figures: Mapping[str, Any], as_json: bool = False) -> None:
     print(json.dumps(figures), flush=True)
 
 
+def report_columns(
+    figures: Mapping[str, Mapping[str, Any]],
+    names: Iterable[str],
+    title: str,
+    as_json: bool,
+    text: Callable[[Mapping[str, Any], str], object] = lambda column, name: column.get(name, "-"),
+) -> None:
+    """Prints the figures of several runs as one line of JSON if `as_json`. Otherwise prints a table with a column for
+    each run and a row for each of the `names`. `text` gives the text of a cell."""
+    if as_json:
+        report(figures, as_json=True)
+        return
+    from nvsim.cli import terminal
+
+    rows = [(name, *(text(column, name) for column in figures.values())) for name in names]
+    terminal.table(("figure", *figures), rows, title)
+
+
+def timed(work: Callable[[], Result], clock: Callable[[], float] = time.perf_counter) -> tuple[Result, float]:
+    """The result of a call, and its seconds."""
+    begin = clock()
+    return work(), clock() - begin
+
+
 def times(work: Callable[[int], object], count: int, clock: Callable[[], float] = time.perf_counter) -> list[float]:
     """Milliseconds of each call work(0), work(1), … of `count` calls."""
-    found = []
-    for i in range(count):
-        begin = clock()
-        work(i)
-        found.append(1e3 * (clock() - begin))
-    return found
+    return [1e3 * timed(partial(work, i), clock)[1] for i in range(count)]
 
 
 def best(work: Callable[[], object], count: int, clock: Callable[[], float] = time.perf_counter) -> float:
@@ -49,8 +71,12 @@ def peak_gib() -> float:
 
 def nvsim(*words: str) -> str:
     """The standard output of a command of NVSim. Raises CalledProcessError if it fails."""
-    command = [sys.executable, "-m", "nvsim.cli.main", *words]
-    return subprocess.run(command, check=True, stdout=subprocess.PIPE, text=True).stdout
+    return subprocess.run([*_NVSIM, *words], check=True, stdout=subprocess.PIPE, text=True).stdout
+
+
+def cost(*words: str, output: IO[str] | int = subprocess.DEVNULL) -> dict[str, float]:
+    """Runs a command of NVSim as `watched` does."""
+    return watched([*_NVSIM, *words], output)
 
 
 def watched(command: list[str], output: IO[str] | int = subprocess.DEVNULL) -> dict[str, float]:

@@ -12,14 +12,13 @@ frames.
 from __future__ import annotations
 
 import sys
-import time
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import cv2
 import numpy as np
 import tyro
-from harness import report
+from harness import report, timed
 
 from nvsim.capture.images import read_image
 from nvsim.capture.read import read
@@ -63,10 +62,9 @@ def main() -> None:
     cloud = cloud_near(capture, members)
     warm_up = replace(arguments.config, steps=3)  # compiles every kernel before the time is measured
     train_submap(train[:4], cloud, FloorSurface.flat(0.0), warm_up, seed=arguments.seed)
-    started = time.perf_counter()
-    model = train_submap(train, cloud, FloorSurface.flat(0.0), arguments.config, seed=arguments.seed)
-    figures = {"preset": arguments.preset, "seconds": round(time.perf_counter() - started, 1)}
-    figures["gaussians"] = len(model.gaussians)
+    floor, config = FloorSurface.flat(0.0), arguments.config
+    model, seconds = timed(lambda: train_submap(train, cloud, floor, config, seed=arguments.seed))
+    figures = {"preset": arguments.preset, "seconds": round(seconds, 1), "gaussians": len(model.gaussians)}
     tested = [view_of(arguments, capture, i) for i in held_out]
     figures |= held_out_figures(model, tested)
     novel = novel_views(arguments, capture, members)

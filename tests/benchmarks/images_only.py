@@ -24,7 +24,7 @@ import tyro
 from scipy.spatial.transform import Rotation
 
 sys.path.insert(0, str(Path(__file__).parent))
-from harness import watched
+from harness import cost, report
 
 _STAGES = ("submaps", "depth", "floors", "train", "map")
 _OFF, _TURNED, _EXPOSURE, _BLUR = 0.01, 0.2, 0.06, 4
@@ -82,7 +82,7 @@ def main() -> None:
     if occupancy is not None:
         add("evaluate graph", scored("graph", *project, "--occupancy", str(occupancy)))
     add("evaluate views", scored("views", *project))
-    print(json.dumps(figures))
+    report(figures, as_json=True)
 
 
 def without_scan(capture: Path, folder: Path) -> None:
@@ -137,16 +137,11 @@ def keep_first(sensors: Path, images: int) -> None:
     (sensors / "records_camera.txt").write_text("# kapture format: 1.1\n" + "".join(records))
 
 
-def cost(*words: str) -> dict[str, float]:
-    return watched([sys.executable, "-m", "nvsim.cli.main", *words])
-
-
 def scored(what: str, *words: str) -> dict[str, Any]:
     """The figures of an evaluation, and its cost."""
     with tempfile.TemporaryFile("w+") as printed:
         try:
-            command = [sys.executable, "-m", "nvsim.cli.main", "evaluate", what, *words, "--json"]
-            used = watched(command, printed)
+            used = cost("evaluate", what, *words, "--json", output=printed)
             printed.seek(0)
             found = json.loads(printed.read().splitlines()[-1])
         except (subprocess.CalledProcessError, ValueError, IndexError) as error:

@@ -9,9 +9,9 @@ defaults. The paper's search has no distance limit; --max-distance 4 keeps it in
 
 from __future__ import annotations
 
-import json
 import sys
 import time
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
@@ -19,7 +19,6 @@ from typing import Any
 import numpy as np
 import tyro
 
-from nvsim.cli import terminal
 from nvsim.cli.commands.stages import with_normal_source
 from nvsim.evaluation.graph import evaluate_graph
 from nvsim.evaluation.truth import true_occupancy
@@ -35,6 +34,7 @@ from nvsim.perception.normals_network import normals_model
 from nvsim.project.floor_heights import floor_of
 from nvsim.project.project import Project
 from nvsim.project.scene_views import SceneViews
+from tests.benchmarks.harness import report_columns, timed
 
 VALIDITIES = ("node_validity", "edge_validity", "node_validity_robot", "edge_validity_robot")
 AGREES = "agrees_with_first"
@@ -69,11 +69,8 @@ def main() -> None:
                 config = with_normal_source(views, source)
                 found[f"{name}, {source}"], graph = measured(project, arguments.truth, config, first)
                 first = first or (graph, config)
-    if arguments.json:
-        print(json.dumps(found))
-        return
-    rows = [(key, *(_shown(figures, key) for figures in found.values())) for key in SHOWN]
-    terminal.table(("figure", *found), rows, "the paper's map" if arguments.paper else "the map")
+    title = "the paper's map" if arguments.paper else "the map"
+    report_columns(found, SHOWN, title, arguments.json, _shown)
 
 
 def measured(
@@ -90,9 +87,7 @@ def measured(
         return build_map(source, capture.positions, floor, support.is_supported, config, scan="views")
 
     built(replace(config, max_viewpoints=1))
-    started = time.process_time()
-    result = built(config)
-    seconds = time.process_time() - started
+    result, seconds = timed(lambda: built(config), time.process_time)
     occupancy = true_occupancy(project, truth, "aligned")
     figures = evaluate_graph(result.graph, occupancy, capture.positions, seen=support.is_supported)
     each = seconds / max(1, result.report["rendered_viewpoints"])
@@ -126,7 +121,7 @@ def agreement(
     return round(sum(alike) / max(1, len(alike)), 4)
 
 
-def _shown(figures: dict[str, Any], key: str) -> str:
+def _shown(figures: Mapping[str, Any], key: str) -> str:
     value = figures.get(key, "-")
     if key in VALIDITIES:
         return f"{value:.3f} ({figures[f'{key}_low']:.3f} to {figures[f'{key}_high']:.3f})"

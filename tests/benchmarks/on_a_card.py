@@ -28,7 +28,6 @@ from typing import Any
 import torch
 import tyro
 
-from nvsim.benchmarks.card import describe_device
 from nvsim.benchmarks.random_room import random_room
 from nvsim.benchmarks.render import inside_view, turn_camera_stepwise
 from nvsim.render import autograd, gsplat_backend
@@ -98,6 +97,28 @@ def measured(
             traceback.print_exc()
             failed[name] = f"{type(error).__name__}: {error}"
     return found, failed, left
+
+
+def describe_device() -> dict[str, Any]:
+    """Versions of the software, and the properties of the GPU if there is one."""
+    import importlib.metadata as metadata
+    import platform
+
+    found: dict[str, Any] = {
+        "python": platform.python_version(),
+        "torch": torch.__version__,
+        "cuda": torch.version.cuda,
+    }
+    for package in ("nvsim", "gsplat", "numba"):
+        try:
+            found[package] = metadata.version(package)
+        except metadata.PackageNotFoundError:
+            found[package] = None
+    if torch.cuda.is_available():
+        card = torch.cuda.get_device_properties(0)
+        found |= {"card": card.name, "memory_gib": round(card.total_memory / (1 << 30), 1)}
+        found["capability"] = f"{card.major}.{card.minor}"
+    return found
 
 
 def agreement(device: str = "cuda", count: int = 20_000, width: int = 320, height: int = 240) -> list[dict[str, float]]:

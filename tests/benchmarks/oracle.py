@@ -10,9 +10,7 @@ the ground_truth folder of house_walk.
 
 from __future__ import annotations
 
-import json
 import sys
-import time
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -24,12 +22,12 @@ from numpy.typing import NDArray
 from nvsim.building import BuildingConfig
 from nvsim.building.scene import make_scene
 from nvsim.building.truth import occupancy
-from nvsim.cli import terminal
 from nvsim.evaluation.graph import evaluate_graph
 from nvsim.mapping.builder import BuildResult, build_map
 from nvsim.mapping.config import MappingConfig
 from nvsim.occupancy.read import read_map
 from nvsim.occupancy.types import OccupancyMap
+from tests.benchmarks.harness import report_columns, timed
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "unit"))
 
@@ -54,11 +52,7 @@ def main() -> None:
     worlds = {str(folder): of_folder(folder) for folder in arguments.truth}
     worlds |= {f"seed {seed}": of_seed(seed) for seed in arguments.seeds}
     figures = {name: measured(*world, arguments.config) for name, world in worlds.items()}
-    if arguments.json:
-        print(json.dumps(figures))
-        return
-    rows = [(key, *(found.get(key, "-") for found in figures.values())) for key in _SHOWN]
-    terminal.table(("figure", *figures), rows, "a perfect oracle")
+    report_columns(figures, _SHOWN, "a perfect oracle", arguments.json)
 
 
 def of_folder(folder: Path) -> tuple[OccupancyMap, NDArray[np.float64]]:
@@ -85,9 +79,7 @@ def mapped(
 
 def measured(occupancy: OccupancyMap, walk: NDArray[np.float64], config: MappingConfig) -> dict[str, Any]:
     """Metrics of `nvsim evaluate graph` for the trajectory `walk` (N, 2) in meters, and the cost of the build."""
-    started = time.perf_counter()
-    result = mapped(occupancy, walk, config)
-    seconds = time.perf_counter() - started
+    result, seconds = timed(lambda: mapped(occupancy, walk, config))
     found = evaluate_graph(result.graph, occupancy, walk)
     return {**found, "rendered_views": result.report["rendered_views"], "seconds": round(seconds, 1)}
 

@@ -7,14 +7,13 @@ from __future__ import annotations
 import statistics
 import tempfile
 import threading
-import time
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 import psutil
 import tyro
-from harness import report
+from harness import report, timed
 
 from nvsim.splats.ply import read_ply, write_ply
 from nvsim.splats.types import Gaussians
@@ -40,9 +39,8 @@ def measured(work):
 
         watcher = threading.Thread(target=watch)
         watcher.start()
-        begin = time.perf_counter()
-        result = work()
-        seconds.append(time.perf_counter() - begin)
+        result, taken = timed(work)
+        seconds.append(taken)
         stop.set()
         watcher.join()
         most = max(most, peak[0] - before)

@@ -6,7 +6,6 @@ python -m tests.benchmarks.redecide
 from __future__ import annotations
 
 import statistics
-import time
 from collections.abc import Callable
 from dataclasses import replace
 
@@ -16,7 +15,7 @@ from nvsim.graph.types import Evidence, NavGraph, Viewpoint, edge
 from nvsim.mapping.config import MappingConfig
 from nvsim.mapping.corridor import CELLS, DEPTH, NEAR, WIDTH, Corridor, headings
 from nvsim.mapping.evidence.rethreshold import Rethresholder
-from tests.benchmarks.harness import report, times
+from tests.benchmarks.harness import report, timed, times
 
 
 def field(side: int) -> NavGraph:
@@ -55,7 +54,7 @@ def field(side: int) -> NavGraph:
     return NavGraph("field", viewpoints, edges, evidence)
 
 
-def timed(work: Callable[[int], object], count: int = 15) -> dict[str, float]:
+def step_times(work: Callable[[int], object], count: int = 15) -> dict[str, float]:
     """Milliseconds: the first call, and the median and maximum of the others."""
     taken = times(work, count)
     names = {"first_ms": taken[0], "median_ms": statistics.median(taken[1:]), "max_ms": max(taken[1:])}
@@ -65,18 +64,17 @@ def timed(work: Callable[[int], object], count: int = 15) -> dict[str, float]:
 def measured_on(side: int) -> dict[str, object]:
     """The figures of one graph."""
     config, graph = MappingConfig(), field(side)
-    begin = time.perf_counter()
-    redecider = Rethresholder(graph, np.array([v.position for v in graph.viewpoints.values()][::3]))
-    prepared = time.perf_counter() - begin
+    places = np.array([v.position for v in graph.viewpoints.values()][::3])
+    redecider, prepared = timed(lambda: Rethresholder(graph, places))
     strict = redecider.decide(replace(config, robot_radius=0.4))
     return {
         "viewpoints": len(graph.viewpoints),
         "edges": len(graph.edges),
         "evidence": len(graph.evidence),
         "prepare_s": round(prepared, 3),
-        "limit": timed(lambda i: redecider.decide(replace(config, row_alpha=0.1 + 0.01 * i))),
-        "robot": timed(lambda i: redecider.decide(replace(config, robot_radius=0.15 + 0.01 * i))),
-        "apply": timed(lambda i: redecider.apply(strict), 4),
+        "limit": step_times(lambda i: redecider.decide(replace(config, row_alpha=0.1 + 0.01 * i))),
+        "robot": step_times(lambda i: redecider.decide(replace(config, robot_radius=0.15 + 0.01 * i))),
+        "apply": step_times(lambda i: redecider.apply(strict), 4),
     }
 
 

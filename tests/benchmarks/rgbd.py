@@ -17,7 +17,7 @@ from typing import Any
 import cv2
 import numpy as np
 import tyro
-from harness import nvsim
+from harness import nvsim, report
 from images_only import scored, without_scan
 
 from nvsim.building import BuildingConfig, generate
@@ -52,7 +52,7 @@ def main() -> None:
         figures[name] = scored("graph", "--project", str(projects[name]), "--occupancy", str(map_file))
     for key in figures["scan"]:
         print(f"{key:28} {figures['scan'][key]!s:>12} {figures['rgbd'].get(key)!s:>12}")
-    print(json.dumps(figures))
+    report(figures, as_json=True)
 
 
 def rgbd_capture(capture: Path, folder: Path, config: Any, noise: float, width: int) -> Path:

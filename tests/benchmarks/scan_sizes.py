@@ -7,11 +7,12 @@ removed.
 from __future__ import annotations
 
 import tempfile
-import time
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 
 import tyro
+from harness import timed
 
 from nvsim.project.project import Project
 from nvsim.r2r.observations.export import PreparedExport, export_scan
@@ -35,9 +36,7 @@ def measure(project: Project, settings: ScanSettings) -> None:
     with tempfile.TemporaryDirectory() as folder:
         root = Path(folder) / "scans"
         said = PreparedExport.of(project, root).estimate(settings, True, "auto")
-        began = time.perf_counter()
-        places = export_scan(project, root, settings=settings)[0]
-        took = time.perf_counter() - began
+        (places, *_), took = timed(partial(export_scan, project, root, settings=settings))
         patterns = {
             "strips of six faces": places.images.glob("*_skybox_small.jpg"),
             "depth strips": places.images.glob("*_skybox_depth_small.png"),

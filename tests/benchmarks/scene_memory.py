@@ -14,12 +14,11 @@ import os
 import subprocess
 import sys
 import tempfile
-import time
 from dataclasses import dataclass
 from pathlib import Path
 
 import tyro
-from harness import peak_gib, report, times
+from harness import peak_gib, report, timed, times
 
 SPACING = 10.0  # meters between the centers of two submaps
 STEP = 1.0  # meters between two views
@@ -47,9 +46,8 @@ def main() -> None:
         report(browse(options.browse, options.submaps, options.limit, options.budget, options.ahead), as_json=True)
         return
     with tempfile.TemporaryDirectory(dir=options.folder) as folder:
-        begin = time.perf_counter()
-        write(Path(folder), options.submaps, options.gaussians)
-        print(f"written in {time.perf_counter() - begin:.0f} s", file=sys.stderr)
+        _, seconds = timed(lambda: write(Path(folder), options.submaps, options.gaussians))
+        print(f"written in {seconds:.0f} s", file=sys.stderr)
         # Without these settings, malloc and OpenMP reserve address space for every core.
         environment = {**os.environ, "MALLOC_ARENA_MAX": "2", "OMP_WAIT_POLICY": "PASSIVE"}
         sys.exit(subprocess.call([sys.executable, __file__, *sys.argv[1:], "--browse", folder], env=environment))
@@ -92,13 +90,12 @@ def browse(folder: Path, submaps: int, limit: float, budget: float, ahead: bool)
     loads: list[float] = []
     load = scenes.load_model
 
-    def timed(path: Path):
-        begin = time.perf_counter()
-        model = load(path)
-        loads.append(1e3 * (time.perf_counter() - begin))
+    def measured_load(path: Path):
+        model, seconds = timed(lambda: load(path))
+        loads.append(1e3 * seconds)
         return model
 
-    scenes.load_model = timed
+    scenes.load_model = measured_load
     places = [Submap(i, (i,), (i,), np.array([[SPACING * i, 0.0, 1.5]])) for i in range(submaps)]
     scene = scenes.SceneModel(places, [folder / str(i) for i in range(submaps)], round(budget * 2**30), ahead)
     intrinsics = Intrinsics.from_fov(640, 480, np.radians(70))

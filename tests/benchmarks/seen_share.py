@@ -36,6 +36,7 @@ from nvsim.occupancy.types import FREE
 from nvsim.project.photographed import PhotographedDirections
 from nvsim.project.project import Project
 from nvsim.render.panorama import render_cube
+from tests.benchmarks.harness import report, timed
 
 _FINE = 4  # pixels of a rendered face per measured direction
 _EAST = 4.4  # meters: images with a smaller x are in the east room
@@ -60,7 +61,7 @@ def main() -> None:
         command = [sys.executable, "-m", "nvsim", "run", arguments.folder / "capture", "--project", root, *train]
         subprocess.run(command, check=True)
     with Project.open(root) as project:
-        print(json.dumps(_measured(project, make_scene(config), arguments.places)))
+        report(_measured(project, make_scene(config), arguments.places), as_json=True)
 
 
 def _one_sided(source: Path, folder: Path) -> None:
@@ -101,9 +102,9 @@ def _measured(project: Project, building: Scene, count: int) -> dict[str, float]
             error.append(((np.clip(view.rgb, 0, 1) - np.clip(true, 0, 1)) ** 2).mean(axis=2))
         errors.append(np.array(error).reshape(6, SIDE, _FINE, SIDE, _FINE).mean(axis=(2, 4)))
         directions.photographed_mask(at)  # compiles, and renders the training images
-        started = time.process_time()
-        masks.append(directions.photographed_mask(at))
-        seconds += time.process_time() - started
+        mask, spent = timed(lambda at=at: directions.photographed_mask(at), time.process_time)
+        masks.append(mask)
+        seconds += spent
         dense.append(share_of_sphere(photographed_directions(scene.model(scene.nearest(at)), at, None)))
         print(
             f"{x:6.2f} {y:6.2f}  share {share_of_sphere(masks[-1]):.3f}  {_decibels(errors[-1], angle):5.2f} dB",

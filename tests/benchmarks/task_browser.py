@@ -29,7 +29,7 @@ from nvsim_app.look.notices import Notices  # noqa: E402
 from nvsim_app.state.document import Document  # noqa: E402
 from nvsim_app.wiring.tasks import TaskPart  # noqa: E402
 from nvsim_app.wiring.window import MainWindow  # noqa: E402
-from tests.benchmarks.frame_browser import timed  # noqa: E402
+from tests.benchmarks.frame_browser import step_times  # noqa: E402
 
 PATHS = 4667
 WORDS = "turn left right walk through the door past red sofa table stop stairs"
@@ -103,12 +103,12 @@ def main() -> None:
             app.processEvents()
 
         for what, step, count in (("scrolls", scroll, 300), ("chooses", choose, 60), ("filters", write, 60)):
-            print(f"{what}:     ", timed(step, count))
+            print(f"{what}:     ", step_times(step, count))
         panel.text.clear()
-        print("judges:      ", timed(judge, 60))
+        print("judges:      ", step_times(judge, 60))
         panel.order.setCurrentIndex(1)
         panel.state.setCurrentIndex(1)
-        print("judges, worst first of the unread:", timed(judge, 20))
+        print("judges, worst first of the unread:", step_times(judge, 20))
         window.close()
 
 

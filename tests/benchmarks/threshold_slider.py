@@ -22,7 +22,7 @@ from nvsim_app.state.document import Document
 from nvsim_app.state.loading import Contents
 from nvsim_app.wiring.thresholds import ThresholdPart
 from nvsim_app.wiring.window import MainWindow
-from tests.benchmarks.harness import report, times
+from tests.benchmarks.harness import report, timed, times
 from tests.benchmarks.redecide import field
 
 
@@ -48,10 +48,12 @@ def measured_on(side: int, settings: QSettings) -> dict[str, object]:
     part.show_panel()
     window.scene.places.show_overview()
     turns(lambda: True, 1.5)
-    begin = time.perf_counter()
-    part.trial.prepare()
-    longest = turns(lambda: part.trial.redecider is not None)
-    prepared = time.perf_counter() - begin
+
+    def prepare() -> float:
+        part.trial.prepare()
+        return turns(lambda: part.trial.redecider is not None)
+
+    longest, prepared = timed(prepare)
     deciding = []
 
     def slide(step: int) -> None:

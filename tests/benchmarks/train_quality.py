@@ -19,13 +19,13 @@ from __future__ import annotations
 import dataclasses
 import hashlib
 import json
-import time
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import tyro
 from building_truth import TrueView, Walk, walk_through
+from harness import timed
 from house_walk import drawn, save_pictures
 
 from nvsim.evaluation import scores
@@ -99,9 +99,7 @@ def figures_of(arguments: Arguments, name: str, seed: int) -> dict[str, float]:
     floor, cloud = FloorSurface.flat(0.0), walk.cloud if arguments.cloud else None
     warm = dataclasses.replace(config, steps=2)
     train_submap(walk.training[:3], cloud, floor, warm, seed=seed)  # compiles the kernels
-    started = time.perf_counter()
-    model = train_submap(walk.training, cloud, floor, config, seed=seed)
-    seconds = time.perf_counter() - started
+    model, seconds = timed(lambda: train_submap(walk.training, cloud, floor, config, seed=seed))
     figures = {"seconds": seconds, "gaussians": float(len(model.gaussians)), **judge(model, walk)}
     path.write_text(json.dumps({"name": name, "seed": seed, "figures": figures, "config": dataclasses.asdict(config)}))
     if arguments.pictures:

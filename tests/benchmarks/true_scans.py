@@ -12,6 +12,7 @@ from __future__ import annotations
 
 import time
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 
 import cv2
@@ -26,6 +27,7 @@ from nvsim.files import atomic
 from nvsim.geometry.directions import sweep
 from nvsim.graph.connectivity import SUFFIX, write_connectivity
 from nvsim.mapping.config import MappingConfig
+from tests.benchmarks.harness import timed
 from tests.benchmarks.oracle import mapped
 
 
@@ -40,9 +42,9 @@ class Arguments:
 def main() -> None:
     arguments = tyro.cli(Arguments, description=__doc__)
     for seed in arguments.seeds:
-        started = time.process_time()
-        viewpoints = write_scan(arguments.out, seed, arguments.width)
-        print(f"B{seed}: {viewpoints} viewpoints, {time.process_time() - started:.0f} s of processor time", flush=True)
+        write = partial(write_scan, arguments.out, seed, arguments.width)
+        viewpoints, seconds = timed(write, time.process_time)
+        print(f"B{seed}: {viewpoints} viewpoints, {seconds:.0f} s of processor time", flush=True)
 
 
 def write_scan(out: Path, seed: int, width: int) -> int:

@@ -116,14 +116,14 @@ def test_the_job_writes_what_was_said_and_its_folder_is_shown(
     assert len(written) == said.files
     with Project.open(project) as opened:
         ids = list(opened.need_graph().viewpoints)
-    assert all(ScanPlaces(tmp_path / "agents", "room").strip(id).stat().st_size > 500 for id in ids)
+    assert all(ScanPlaces(tmp_path / "agents", "room").skyboxes.strip(id).stat().st_size > 500 for id in ids)
     assert any("viewpoints in" in line.text and "files" in line.text for line in handle.history.lines)
 
     opener = Opener()
     QDesktopServices.setUrlHandler("file", opener, "open")
     panel = on_project.window.panels["jobs"]
     assert isinstance(panel, JobPanel)
-    show_folder = panel.buttons_of(handle).commands["folder"]
+    show_folder = panel.buttons_of[handle].commands["folder"]
     qtbot.waitUntil(show_folder.isEnabled, timeout=SECONDS)
     show_folder.trigger()
     QDesktopServices.unsetUrlHandler("file")

@@ -65,7 +65,7 @@ def test_run_everything_runs_nothing_that_came_with_the_project(
     panel = session.window.panels["jobs"]
     assert isinstance(panel, JobPanel)
     panel.choose(jobs.handles[0])
-    buttons = panel.buttons_of(jobs.handles[0])
+    buttons = panel.buttons_of[jobs.handles[0]]
     assert buttons.buttons["inspect"].isVisible() and not buttons.buttons["resume"].isVisible()
     assert "ordered elsewhere" in buttons.commands["resume"].toolTip()
     assert panel.model.index(panel.table.currentIndex().row(), 1).data() == "ordered elsewhere"

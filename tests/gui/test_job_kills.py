@@ -178,7 +178,7 @@ def test_a_paused_training_frees_the_project_and_survives_the_window(
     dock.raise_()
 
     def pause() -> QToolButton:
-        return panel.buttons_of(handle).buttons["pause"]  # rows get new buttons when the list changes
+        return panel.buttons_of[handle].buttons["pause"]  # rows get new buttons when the list changes
 
     qtbot.waitUntil(lambda: is_training(project) and pause().isVisible(), timeout=PATIENCE)
     qtbot.mouseClick(pause(), Qt.MouseButton.LeftButton)

@@ -48,14 +48,14 @@ class Pipeline:
         return found
 
     def click(self, qtbot: QtBot, number: int, name: str) -> None:
-        qtbot.mouseClick(self.panel.buttons_of(self.handle(number)).buttons[name], Qt.MouseButton.LeftButton)
+        qtbot.mouseClick(self.panel.buttons_of[self.handle(number)].buttons[name], Qt.MouseButton.LeftButton)
 
     def click_row(self, qtbot: QtBot, place: int) -> None:
         box = self.panel.table.visualRect(self.panel.model.index(place, 0))
         qtbot.mouseClick(self.panel.table.viewport(), Qt.MouseButton.LeftButton, pos=box.center())
 
     def visible(self, number: int) -> set[str]:
-        buttons = self.panel.buttons_of(self.handle(number)).buttons
+        buttons = self.panel.buttons_of[self.handle(number)].buttons
         return {name for name, button in buttons.items() if button.isVisible()}
 
 
@@ -110,7 +110,7 @@ def test_continue_continues_the_paused_job_and_not_the_first_of_the_queue(pipeli
     pipeline.set(1, "paused")
     assert pipeline.panel.handle is train  # the curves stay
     assert pipeline.visible(2) == pipeline.visible(3) == {"pause", "cancel"}  # they need the paused job
-    reason = pipeline.panel.buttons_of(pipeline.handle(2)).commands["resume"].toolTip()
+    reason = pipeline.panel.buttons_of[pipeline.handle(2)].commands["resume"].toolTip()
     assert "“Train” comes first" in reason
     pipeline.click(qtbot, 1, "resume")
     assert pipeline.started == [1]
@@ -151,13 +151,13 @@ def test_keys_reach_the_buttons_of_the_selected_row(pipeline: Pipeline, qtbot: Q
     for _ in range(12):
         widget = QApplication.focusWidget()
         assert widget is not None
-        if widget is panel.buttons_of(pipeline.handle(1)).buttons["cancel"]:
+        if widget is panel.buttons_of[pipeline.handle(1)].buttons["cancel"]:
             break
         seen.add(widget)
         qtbot.keyClick(widget, Qt.Key.Key_Tab)
     else:
         pytest.fail("Tab does not reach the button")
-    others = panel.buttons_of(pipeline.handle(2)).buttons.values()
+    others = panel.buttons_of[pipeline.handle(2)].buttons.values()
     assert not seen & set(others)
     qtbot.keyClick(widget, Qt.Key.Key_Space)
     assert (pipeline.handle(1).job.folder / WISH).read_text() == "cancel"
@@ -171,11 +171,11 @@ def test_the_buttons_of_a_row_show_their_whole_texts(pipeline: Pipeline, qtbot: 
     pipeline.set(1, "failed")  # then the next job waits, with three buttons
 
     def whole() -> bool:
-        shown = [b for n in (1, 2, 3) for b in panel.buttons_of(pipeline.handle(n)).buttons.values() if b.isVisible()]
+        shown = [b for n in (1, 2, 3) for b in panel.buttons_of[pipeline.handle(n)].buttons.values() if b.isVisible()]
         return len(shown) >= 4 and all(b.width() >= b.sizeHint().width() for b in shown)
 
     qtbot.waitUntil(whole)
-    assert sum(button.isVisible() for button in panel.buttons_of(pipeline.handle(2)).buttons.values()) == 3
+    assert sum(button.isVisible() for button in panel.buttons_of[pipeline.handle(2)].buttons.values()) == 3
 
 
 def test_all_tabs_are_visible_in_a_narrow_panel(pipeline: Pipeline, qtbot: QtBot) -> None:
@@ -192,14 +192,14 @@ def test_all_tabs_are_visible_in_a_narrow_panel(pipeline: Pipeline, qtbot: QtBot
     qtbot.mouseClick(bar, Qt.MouseButton.LeftButton, pos=where)
     assert panel.tabs.currentWidget() is panel.log
     with qtbot.waitSignal(panel.largeWanted) as wanted:
-        panel.buttons_of(pipeline.handle(1)).commands["enlarge"].trigger()
+        panel.buttons_of[pipeline.handle(1)].commands["enlarge"].trigger()
     assert wanted.args == [pipeline.handle(1)]
     panel.resize(1300, 240)
     qtbot.waitUntil(panel.large.isVisible)
 
 
 def test_the_button_of_other_commands_is_visible_on_a_selected_row(pipeline: Pipeline, qtbot: QtBot) -> None:
-    button = pipeline.panel.buttons_of(pipeline.handle(1)).more
+    button = pipeline.panel.buttons_of[pipeline.handle(1)].more
     assert pipeline.panel.handle is pipeline.handle(1)
     image = button.grab().toImage()
     row = pipeline.panel.palette().highlight().color()
@@ -221,7 +221,7 @@ def contrast(first: QColor, second: QColor) -> float:
 
 def test_the_other_commands_are_in_the_menu_of_the_row(pipeline: Pipeline, qtbot: QtBot) -> None:
     assert os.path.isdir(pipeline.handle(3).job.folder)
-    buttons = pipeline.panel.buttons_of(pipeline.handle(3))
+    buttons = pipeline.panel.buttons_of[pipeline.handle(3)]
     texts = {action.text(): action.isEnabled() for action in buttons.more.menu().actions()}
     assert texts == {"Enlarge…": False, "Settings…": False, "Show folder": False, "Copy command": True, "Remove": True}
     buttons.commands["copy"].trigger()
@@ -234,7 +234,7 @@ def test_the_other_commands_are_in_the_menu_of_the_row(pipeline: Pipeline, qtbot
 def test_a_click_counts_if_the_list_changes_while_the_button_is_pressed(pipeline: Pipeline, qtbot: QtBot) -> None:
     jobs = JobList(pipeline.handle(1).job.folder.parent.parent.parent)
     assert [job.number for job in jobs.jobs()] == [1, 2, 3]
-    pause = pipeline.panel.buttons_of(pipeline.handle(1)).buttons["pause"]
+    pause = pipeline.panel.buttons_of[pipeline.handle(1)].buttons["pause"]
     assert QApplication.widgetAt(pause.mapToGlobal(pause.rect().center())) is pause
     qtbot.mousePress(pause, Qt.MouseButton.LeftButton)
     job = jobs.add("export splats", ["--project", str(jobs.root)], "Export")

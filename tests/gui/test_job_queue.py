@@ -144,7 +144,7 @@ def test_a_job_that_was_stopped_shows_how_far_it_came_and_where(qtbot: QtBot, pr
     qtbot.waitUntil(lambda: panel.model.rows[0].share == 0.25, timeout=SECONDS)
     row = panel.model.rows[0]
     assert row.note == "Stopped at 25 % of train: submap 0, step 300"
-    commands = panel.buttons_of(queue.handles[0]).commands.values()
+    commands = panel.buttons_of[queue.handles[0]].commands.values()
     usable = {command.text() for command in commands if command.isEnabled()}
     stopped = {"Continue", "Enlarge…", "Settings…", "Remove", "Copy command"}
     assert usable == stopped | ({"Cancel"} if wish == "pause" else set())

@@ -80,8 +80,8 @@ def export_blocks(root: Path, blocks: list[Block], graph: NavGraph) -> Path:
     places.images.mkdir(parents=True)
     for v in graph.viewpoints.values():
         color, meters = seen_from(blocks, np.array(v.position))
-        cv2.imwrite(str(places.strip(v.id)), color[..., ::-1])
-        cv2.imwrite(str(places.depth(v.id)), np.minimum(np.rint(meters * 4000), 65535).astype(np.uint16))
+        cv2.imwrite(str(places.skyboxes.strip(v.id)), color[..., ::-1])
+        cv2.imwrite(str(places.skyboxes.depth(v.id)), np.minimum(np.rint(meters * 4000), 65535).astype(np.uint16))
     return root
 
 

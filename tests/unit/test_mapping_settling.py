@@ -158,7 +158,7 @@ def test_a_way_is_as_long_whatever_is_left_aside_on_the_search_for_it() -> None:
             if a < b and found.distance(a, b) < 2.0:
                 found.join(a, b)
     for a in found:
-        whole = found.all_meters(a, np.inf)
+        whole = found.path_lengths_from(a, np.inf)
         for b in found:
             far = whole.get(b, np.inf)
             for most in (found.distance(a, b), 0.9 * far, far, 1.2 * found.distance(a, b) + 1):

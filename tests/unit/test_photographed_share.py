@@ -177,8 +177,8 @@ def test_only_viewpoints_with_unseen_pixels_get_a_mask(tmp_path: Path) -> None:
     scene: Any = OneSided()
     source = ScanModels(scene, (), {}, scene)
     places = ScanPlaces(tmp_path, "house")
-    assert write_unseen(source, GRAPH, places, 64) == [places.unseen("b"), places.unseen("c")]
-    mask = decode(places.unseen("b"))[..., 0]
+    assert write_unseen(source, GRAPH, places, 64) == [places.skyboxes.unseen("b"), places.skyboxes.unseen("c")]
+    mask = decode(places.skyboxes.unseen("b"))[..., 0]
     assert mask.shape == (64, 6 * 64)
     assert not mask[:, 3 * 64 : 4 * 64].any() and mask[:, : 3 * 64].all() and mask[:, 4 * 64 :].all()
 

@@ -92,7 +92,7 @@ def test_what_is_there_is_not_counted_again(project, tmp_path):
     assert "4 of the viewpoints are already exported" in again.sentence
     assert SCAN not in [kind.folder for kind in again.kinds], "the stub is there"
     assert said(project, out, replace(settings, size=80)).todo == 4, "other settings make other images"
-    ScanPlaces(out, "hall").depth(IDS[0]).unlink()
+    ScanPlaces(out, "hall").skyboxes.depth(IDS[0]).unlink()
     assert said(project, out, settings).todo == 1
 
 

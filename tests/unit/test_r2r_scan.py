@@ -133,7 +133,7 @@ def test_a_viewpoint_that_moved_and_a_file_that_is_gone_are_made_again(project, 
         old = opened.need_graph()
         there = {**old.viewpoints, IDS[1]: Viewpoint(IDS[1], (5.0, 4.0, 1.5))}
         opened.set_graph(NavGraph("hall", there, old.edges))
-    ScanPlaces(out, "hall").depth(IDS[0]).unlink()
+    ScanPlaces(out, "hall").skyboxes.depth(IDS[0]).unlink()
     heard = []
     export(copy, out, scan="hall", listen=heard.append)
     assert [e.done for e in heard if isinstance(e, Progress)] == [2, 3, 4]
@@ -148,7 +148,7 @@ def test_what_is_no_longer_asked_for_is_removed_and_other_files_stay(project, tm
     mine = out / "hall" / "matterport_skybox_images" / "notes.txt"
     mine.write_text("mine")
     places = export(project, out)
-    assert not any(path.exists() for path in places.faces(IDS[0])) and places.strip(IDS[0]).exists()
+    assert not any(path.exists() for path in places.skyboxes.faces(IDS[0])) and places.skyboxes.strip(IDS[0]).exists()
     assert mine.read_text() == "mine"
 
 
@@ -320,7 +320,7 @@ def test_a_wall_hides_what_is_behind_it(tmp_path):
     depth = np.zeros((64, 384), np.uint16)  # nothing stands anywhere
     depth[:, 3 * 64 : 4 * 64] = 3 * 4000  # but in front, three meters away
     places.images.mkdir(parents=True)
-    cv2.imwrite(str(places.depth("here")), depth)
+    cv2.imwrite(str(places.skyboxes.depth("here")), depth)
     others = [(0.0, 2.0), (0.0, 3.2), (0.0, 4.0), (5.0, 0.0), (-15.0, 0.0), (-17.0, 0.0), (0.0, 0.0)]
     seen = visible_from(places, here, [Viewpoint(str(i), (*xy, 1.5)) for i, xy in enumerate(others)])
     assert seen.tolist() == [True, True, False, True, True, False, False]

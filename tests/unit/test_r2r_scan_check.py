@@ -62,7 +62,7 @@ def test_a_scan_as_it_was_exported_is_well(whole, project):
 
 def test_a_strip_whose_faces_are_in_another_order_is_far_from_direct_views(scan, project):
     for id in IDS[:4]:
-        path = scan.strip(id)
+        path = scan.skyboxes.strip(id)
         strip = cv2.imread(str(path))
         cv2.imwrite(str(path), np.roll(strip, 256, axis=1))
         sign_again(scan, path)
@@ -73,17 +73,17 @@ def test_a_strip_whose_faces_are_in_another_order_is_far_from_direct_views(scan,
 
 
 def test_a_changed_and_a_missing_file_are_named(scan):
-    scan.depth(IDS[1]).unlink()
-    data = bytearray(scan.strip(IDS[0]).read_bytes())
+    scan.skyboxes.depth(IDS[1]).unlink()
+    data = bytearray(scan.skyboxes.strip(IDS[0]).read_bytes())
     data[len(data) // 2] ^= 1
-    scan.strip(IDS[0]).write_bytes(data)
+    scan.skyboxes.strip(IDS[0]).write_bytes(data)
     problems = evaluate_scan(scan.root)["problems"]
-    assert any(scan.depth(IDS[1]).name in p for p in problems)
-    assert any(scan.strip(IDS[0]).name in p and "does not match the manifest" in p for p in problems)
+    assert any(scan.skyboxes.depth(IDS[1]).name in p for p in problems)
+    assert any(scan.skyboxes.strip(IDS[0]).name in p and "does not match the manifest" in p for p in problems)
 
 
 def test_depth_of_8_bits_is_found(scan):
-    path = scan.depth(IDS[2])
+    path = scan.skyboxes.depth(IDS[2])
     cv2.imwrite(str(path), (cv2.imread(str(path), cv2.IMREAD_UNCHANGED) // 256).astype(np.uint8))
     sign_again(scan, path)
     assert any("16 bits" in problem for problem in evaluate_scan(scan.root)["problems"])

@@ -131,7 +131,7 @@ class AgentWalk(QObject):
         self._waiting: deque[Callable[[], None]] = deque()
         self._edited = QTimer(self, singleShot=True, interval=0)  # merges the edits of a multi-step undo
         self._edited.timeout.connect(self._follow_graph)
-        document.graphChanged.connect(self._on_edit)
+        document.graphChanged.connect(self.follow_graph)
         self.link.walked.connect(self._on_walked)
         self.link.refused.connect(self._on_refused)
         self.link.seen.connect(self._on_seen)
@@ -281,13 +281,10 @@ class AgentWalk(QObject):
 
     # The graph ----------------------------------------------------------------------------------------------------
 
-    def _on_edit(self, _: object) -> None:
+    def follow_graph(self, _: object = None) -> None:
+        """Repeats the walk on the current graph of the document, if a walk is active."""
         if self._walk is not None:
             self._edited.start()
-
-    def follow_graph(self) -> None:
-        """Repeats the walk on the current graph of the document, if a walk is active."""
-        self._on_edit(None)
 
     def _follow_graph(self) -> None:
         if self._walk is None:

@@ -49,10 +49,6 @@ class Walk:
     def with_step(self, step: Step) -> Walk:
         return replace(self, steps=(*self.steps, step))
 
-    def without_last_step(self) -> Walk:
-        """The walk without its last step."""
-        return replace(self, steps=self.steps[:-1])
-
 
 @dataclass(frozen=True)
 class Location:

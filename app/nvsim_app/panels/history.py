@@ -5,7 +5,6 @@ from __future__ import annotations
 import time
 from dataclasses import dataclass
 
-from PySide6.QtCore import QModelIndex
 from PySide6.QtGui import QFont
 from PySide6.QtWidgets import QListView, QWidget
 
@@ -41,7 +40,7 @@ class HistoryPanel(QWidget):
         self.list = named(QListView(self, uniformItemSizes=True), "History of edits", "Click a step to go to it")
         self.list.setModel(self.model)
         self.list.setFrameShape(self.list.Shape.NoFrame)
-        self.list.clicked.connect(self._go_to_row)
+        self.list.clicked.connect(lambda index: document.editing.go_to(index.row()))
         document.editing.stepsChanged.connect(self._show_steps)
         vbox(self.list, on=self, margins=0)
         self._show_steps()
@@ -58,9 +57,6 @@ class HistoryPanel(QWidget):
         font = type_font(bold=row.index == self._current)
         font.setItalic(row.step.outside)
         return font
-
-    def _go_to_row(self, index: QModelIndex) -> None:
-        self._document.editing.go_to(index.row())
 
     def _show_steps(self) -> None:
         history = self._document.editing.history

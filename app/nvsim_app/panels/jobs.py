@@ -3,7 +3,8 @@ workers of the running or selected job."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
 from functools import partial
 
 from PySide6.QtCore import QEvent, QObject, Qt, QUrl, Signal
@@ -25,22 +26,22 @@ from nvsim_app.panels.training_images import JobPreview
 from nvsim_app.state.reasons import TRAININGS
 
 __all__ = ["JobModel", "JobPanel", "duration"]
-COMMANDS = {
-    "pause": ("Pause", "Stop at the last checkpoint and free the memory; continue at any time, also in another window"),
-    "resume": ("Continue", "Run the job again; finished work is not repeated"),
-    "cancel": ("Cancel", "End the job; its finished results stay in the project"),
-    "inspect": (
-        "Inspect…",
-        "Show the exact command of a job that came with the project, to order it here or remove it",
-    ),
-    "enlarge": ("Enlarge…", "Show the curves and images in a separate window, also beside those of another run"),
-    "settings": ("Settings…", "Show the settings of the job, change them, and run it again"),
-    "folder": ("Show folder", "Open the output folder of the job in the file manager"),
-    "copy": ("Copy command", "Copy the equivalent terminal command"),
-    "remove": ("Remove", "Remove the job from this list; its results stay in the project"),
-}
-"""The commands of a job: name -> text, tooltip."""
-IN_ROW = ("pause", "resume", "cancel", "inspect")  # have a button if they are available; the others are in a menu
+
+
+@dataclass(frozen=True)
+class JobCommand:
+    """A command for one job.
+
+    run      the command
+    reason   why it is unavailable for a job, "" if it is available
+    in_row   whether it has a button in the row while it is available; the others are in a menu
+    """
+
+    text: str
+    tip: str
+    run: Callable[[JobPanel, JobHandle], object]
+    reason: Callable[[JobPanel, JobHandle], str] = lambda panel, job: ""
+    in_row: bool = False
 
 
 class WaitingJobsBar(QWidget):
@@ -109,10 +110,10 @@ class JobButtons(QWidget):
         self.more.setAccessibleName("Other commands")
         menu = QMenu(self.more, toolTipsVisible=True)
         self.more.setMenu(menu)
-        for name, (text, _) in COMMANDS.items():
-            action = self.commands[name] = QAction(text, self)
-            action.triggered.connect(partial(self._on_triggered, name))
-            if name not in IN_ROW:
+        for name, command in COMMANDS.items():
+            action = self.commands[name] = QAction(command.text, self)
+            action.triggered.connect(lambda _, name=name: self.done.emit(name))
+            if not command.in_row:
                 menu.addAction(action)
                 continue
             button = self.buttons[name] = QToolButton(self)
@@ -121,15 +122,12 @@ class JobButtons(QWidget):
         row.addWidget(self.more)
         row.addStretch(1)
 
-    def _on_triggered(self, name: str, _: bool = False) -> None:
-        self.done.emit(name)
-
     def show_reasons(self, reasons: Mapping[str, str]) -> None:
         """Enables the commands. `reasons` says for each one why it is unavailable, "" if it is available."""
         for name, action in self.commands.items():
             reason = reasons[name]
             action.setEnabled(not reason)
-            action.setToolTip(tooltip_text(COMMANDS[name][1] + (f"\nUnavailable: {reason}." if reason else "")))
+            action.setToolTip(tooltip_text(COMMANDS[name].tip + (f"\nUnavailable: {reason}." if reason else "")))
         for name, button in self.buttons.items():
             button.setVisible(not reasons[name])
 
@@ -166,12 +164,13 @@ class JobPanel(QWidget):
         self._workers_tab = self.tabs.addTab(self.workers, "Workers")
         self.tabs.setTabVisible(self._workers_tab, False)
         self.tabs.currentChanged.connect(lambda _: self._refresh_shown())
-        self.large = tool_button("Enlarge…", self, self._on_large, COMMANDS["enlarge"][1], autoRaise=True)
+        self.large = tool_button("Enlarge…", self, self._on_large, COMMANDS["enlarge"].tip, autoRaise=True)
         self.tabs.setCornerWidget(self.large)
         self._chosen: JobHandle | None = None  # whose details are shown
         self._held = False  # the user selected it; otherwise the running job is shown
         self._following = False  # the panel itself changes the selection
-        self._buttons: dict[JobHandle, JobButtons] = {}
+        self.buttons_of: dict[JobHandle, JobButtons] = {}
+        """The buttons in the row of each job."""
         left = QWidget(self)
         vbox(self.offer, (self.table, 1), on=left, margins=0, spacing=0)
         self.splitter = QSplitter(Qt.Orientation.Horizontal, self)
@@ -221,10 +220,6 @@ class JobPanel(QWidget):
         """The job whose details are shown."""
         return self._chosen if self._chosen in [row.handle for row in self.model.rows] else None
 
-    def buttons_of(self, handle: JobHandle) -> JobButtons:
-        """The buttons in the row of this job. Raises KeyError if it has none."""
-        return self._buttons[handle]
-
     def choose(self, handle: JobHandle) -> None:
         """Selects the row of this job, until the user selects another one."""
         self._select(handle)
@@ -260,14 +255,14 @@ class JobPanel(QWidget):
 
     def _on_rows(self) -> None:
         """Makes the buttons of new rows. Other rows keep theirs, so that a pressed button stays under the mouse."""
-        before, self._buttons = self._buttons, {}
+        before, self.buttons_of = self.buttons_of, {}
         for place, row in enumerate(self.model.rows):
             buttons = before.get(row.handle)
             if buttons is None:
                 buttons = JobButtons(self.table)
                 buttons.done.connect(partial(self._do, row.handle.number))
                 self.table.setIndexWidget(self.model.index(place, BUTTONS), buttons)
-            self._buttons[row.handle] = buttons
+            self.buttons_of[row.handle] = buttons
         self._select_running()
         self._show_buttons()
 
@@ -307,59 +302,65 @@ class JobPanel(QWidget):
 
     def _show_buttons(self) -> None:
         self._fit_tabs()
-        for key, buttons in self._buttons.items():
-            buttons.show_reasons(self._reasons(key))
+        for key, buttons in self.buttons_of.items():
+            buttons.show_reasons({name: command.reason(self, key) for name, command in COMMANDS.items()})
             buttons.take_focus(key == self._chosen)
-        widths = [buttons.sizeHint().width() for buttons in self._buttons.values()]
+        widths = [buttons.sizeHint().width() for buttons in self.buttons_of.values()]
         self.table.set_widgets_width(BUTTONS, max(widths, default=0))
-
-    def _reasons(self, handle: JobHandle) -> dict[str, str]:
-        """Command -> why it is unavailable for this job, "" if it is available."""
-        state = handle.state
-        asked = handle.wish is not None and handle.running
-        return {
-            "pause": "" if state in ("running", "queued") and not asked else _is(state),
-            "resume": self.queue.why_not_resume(handle),
-            "cancel": "" if state in ("running", "queued", "paused", "interrupted") else _is(state),
-            "inspect": "it was ordered here" if handle.is_own else "",
-            "enlarge": "" if handle.job.order.verb in TRAININGS else "it trains no submap",
-            "settings": "it is running" if state in ("running", "queued") else "",
-            "folder": "" if folder_of(handle.job) else "it wrote no folder",
-            "copy": "",
-            "remove": "it is running" if state == "running" else "",
-        }
-
-    # Commands of a row ------------------------------------------------------------------------------------------
 
     def _do(self, number: int, name: str) -> None:
         """Runs a command of COMMANDS on the job with this number."""
         handle = self.queue.handle(number)
-        if handle is None:
-            return
-        order = handle.job.order
-        if name == "pause":
-            self.queue.pause(handle)
-        elif name == "resume":
-            self.queue.resume(handle)
-        elif name == "cancel":
-            self.queue.cancel(handle)
-        elif name == "inspect":
-            ImportedJobDialog(self.queue, handle.job, self).open()
-        elif name == "enlarge":
-            self.largeWanted.emit(handle)
-        elif name == "settings":
-            self.againWanted.emit(handle)
-        elif name == "folder" and (folder := folder_of(handle.job)) is not None:
-            QDesktopServices.openUrl(QUrl.fromLocalFile(str(folder)))
-        elif name == "copy":
-            QGuiApplication.clipboard().setText(command_line(order.verb, order.arguments))
-        elif name == "remove":
-            self.queue.remove(handle)
+        if handle is not None:
+            COMMANDS[name].run(self, handle)
 
     def _on_large(self) -> None:
         if self.handle is not None:
             self.largeWanted.emit(self.handle)
 
 
-def _is(state: str) -> str:
-    return ELSEWHERE if state == "foreign" else f"it is {state}"
+def _why_not(job: JobHandle, *states: str) -> str:
+    """The state of a job as the reason why a command is unavailable, "" if it is one of these states."""
+    return "" if job.state in states else ELSEWHERE if job.state == "foreign" else f"it is {job.state}"
+
+
+def _show_folder(job: JobHandle) -> None:
+    if (folder := folder_of(job.job)) is not None:
+        QDesktopServices.openUrl(QUrl.fromLocalFile(str(folder)))
+
+
+COMMANDS = {
+    "pause": JobCommand(
+        "Pause", "Stop at the last checkpoint and free the memory; continue at any time, also in another window",
+        lambda panel, job: panel.queue.pause(job),
+        lambda _, job: _why_not(job, *(() if job.wish and job.running else ("running", "queued"))), in_row=True),
+    "resume": JobCommand(
+        "Continue", "Run the job again; finished work is not repeated",
+        lambda panel, job: panel.queue.resume(job), lambda panel, job: panel.queue.why_not_resume(job), in_row=True),
+    "cancel": JobCommand(
+        "Cancel", "End the job; its finished results stay in the project",
+        lambda panel, job: panel.queue.cancel(job),
+        lambda _, job: _why_not(job, "running", "queued", "paused", "interrupted"), in_row=True),
+    "inspect": JobCommand(
+        "Inspect…", "Show the exact command of a job that came with the project, to order it here or remove it",
+        lambda panel, job: ImportedJobDialog(panel.queue, job.job, panel).open(),
+        lambda _, job: "it was ordered here" if job.is_own else "", in_row=True),
+    "enlarge": JobCommand(
+        "Enlarge…", "Show the curves and images in a separate window, also beside those of another run",
+        lambda panel, job: panel.largeWanted.emit(job),
+        lambda _, job: "" if job.job.order.verb in TRAININGS else "it trains no submap"),
+    "settings": JobCommand(
+        "Settings…", "Show the settings of the job, change them, and run it again",
+        lambda panel, job: panel.againWanted.emit(job),
+        lambda _, job: "it is running" if job.state in ("running", "queued") else ""),
+    "folder": JobCommand(
+        "Show folder", "Open the output folder of the job in the file manager",
+        lambda _, job: _show_folder(job), lambda _, job: "" if folder_of(job.job) else "it wrote no folder"),
+    "copy": JobCommand("Copy command", "Copy the equivalent terminal command",
+        lambda _, job: QGuiApplication.clipboard().setText(command_line(job.job.order.verb, job.job.order.arguments))),
+    "remove": JobCommand(
+        "Remove", "Remove the job from this list; its results stay in the project",
+        lambda panel, job: panel.queue.remove(job),
+        lambda _, job: "it is running" if job.state == "running" else ""),
+}  # fmt: skip
+"""Name -> command."""

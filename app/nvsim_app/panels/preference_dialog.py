@@ -30,7 +30,7 @@ from nvsim_app.look.labels import Label, WrappingRow
 from nvsim_app.look.plain_text import plain, tooltip_text
 from nvsim_app.look.table import Column, Index, TableModel, table
 from nvsim_app.look.widgets import Dialog, DialogButtons, NumberBox, named
-from nvsim_app.panels.preferences import PREFERENCES, KeyBindings, KeyRow, Preference, Preferences, Value
+from nvsim_app.panels.preferences import PREFERENCES, KeyBindings, KeyRow, Preference, Preferences
 
 _Editor = QComboBox | QCheckBox | NumberBox
 
@@ -87,7 +87,7 @@ class PreferenceDialog(Dialog):
         return area
 
     def _make_editor(self, preference: Preference, parent: QWidget) -> _Editor:
-        value, take = self._preferences[preference.key], partial(self._store_value, preference.key)
+        value, take = self._preferences[preference.key], partial(self._preferences.set, preference.key)
         editor: _Editor
         if preference.choices:
             editor = QComboBox(parent)
@@ -119,9 +119,6 @@ class PreferenceDialog(Dialog):
             event.ignore()
             return True
         return super().eventFilter(watched, event)
-
-    def _store_value(self, key: str, value: Value) -> None:
-        self._preferences.set(key, value)
 
     def _take_choice(self, key: str, _: int) -> None:
         editor = self.editors[key]

@@ -59,7 +59,7 @@ class TrainingWindow(Dialog):
         self.splitter.setStretchFactor(1, 2)
         vbox(head, (self.splitter, 1), on=self, margins=(8, 8, 8, 4))
         self.run.currentIndexChanged.connect(lambda _: self._on_run())
-        self.submap.currentIndexChanged.connect(lambda _: self._on_submap())
+        self.submap.currentIndexChanged.connect(lambda _: self._show())
         self.other.currentIndexChanged.connect(lambda _: self._on_other())
         self.smoothing.valueChanged.connect(lambda _: self._on_smoothing())
         queue.changed.connect(self._list)
@@ -134,9 +134,6 @@ class TrainingWindow(Dialog):
     def _on_other(self) -> None:
         if self.other_handle is not None:
             self._queue.read_events_of(self.other_handle)
-        self._show()
-
-    def _on_submap(self) -> None:
         self._show()
 
     def _show(self) -> None:

@@ -135,7 +135,7 @@ def _read_strip(places: ScanPlaces, viewpoint: Viewpoint) -> tuple[NDArray[np.fl
     """Returns (S, 6 S) meters along the rays, 0 if there is no surface, and (S, 6 S, 3) RGB."""
     import cv2
 
-    depth, path = read_depth(places, viewpoint.id), places.strip(viewpoint.id)
+    depth, path = read_depth(places, viewpoint.id), places.skyboxes.strip(viewpoint.id)
     image = decode_pixels(read_bytes(path), path, cv2.IMREAD_COLOR, what="a skybox strip", then="export the scan again")
     if image.shape[:2] != depth.shape:
         raise InputError(f"{path} does not have the size of its depth strip; export the scan again.")

@@ -98,7 +98,7 @@ class BreadthFirstSearch:
         for k in range(DIRECTIONS):
             evidence = self.draft.evidence[viewpoint.id][k]
             if evidence.decision == OPEN:
-                self._survey.store_evidence(replace(evidence, decision=self._step(viewpoint, evidence)))
+                self.draft.store_evidence(replace(evidence, decision=self._step(viewpoint, evidence)))
 
     def _step(self, viewpoint: Viewpoint, evidence: Evidence) -> Decision:
         """Follow an open corridor to an existing or a new viewpoint, and return OPEN. If it leads nowhere, return the

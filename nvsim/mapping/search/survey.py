@@ -74,7 +74,7 @@ class Survey:
         around = list(around)
         self.draft.set_viewpoint(replace(viewpoint, submap=around[0].submap))
         for evidence in around:
-            self.store_evidence(replace(evidence, decision=decide(evidence, self.config)))
+            self.draft.store_evidence(replace(evidence, decision=decide(evidence, self.config)))
 
     def decide_corridor(self, viewpoint: Viewpoint, other: Viewpoint, also: Iterable[Viewpoint] = ()) -> Decision:
         """Return the decision about the corridor from one viewpoint to another, and store its evidence. `also` is as in
@@ -85,7 +85,7 @@ class Survey:
         found = self._measurements.corridor_evidence(viewpoint, other, also)
         decision = decide(found, self.config)
         direction = self.draft.number_towards(viewpoint.id, other.id)
-        self.store_evidence(replace(found, direction=direction, decision=decision))
+        self.draft.store_evidence(replace(found, direction=direction, decision=decision))
         return decision
 
     def known(self, viewpoint: Viewpoint, other: Viewpoint, spare: float = 0.0) -> Decision:
@@ -109,14 +109,10 @@ class Survey:
         """Store in the open evidence from one viewpoint to another why there is no edge."""
         for evidence in self._evidence_towards(viewpoint, other):
             if evidence.decision == OPEN:
-                self.store_evidence(replace(evidence, decision=why))
+                self.draft.store_evidence(replace(evidence, decision=why))
 
     def _evidence_towards(self, viewpoint: Viewpoint, other: Viewpoint) -> Iterator[Evidence]:
         """Yield the stored evidence of corridors from one viewpoint to the position of another."""
         for evidence in list(self.draft.evidence[viewpoint.id].values()):
             if evidence.joins == other.id or level_distance(other, evidence.target) < SAME:
                 yield evidence
-
-    def store_evidence(self, evidence: Evidence) -> None:
-        """Store evidence. It replaces the evidence of its viewpoint and direction."""
-        self.draft.store_evidence(evidence)

@@ -67,13 +67,9 @@ class DraftGraph:
     def meters(self, a: str, b: str, most: float = math.inf) -> float:
         """Return the length in meters of the shortest path from one viewpoint to another; infinite if it is longer than
         `most`."""
-        return self._path_lengths_from(a, most, b).get(b, math.inf)
+        return self.path_lengths_from(a, most, b).get(b, math.inf)
 
-    def all_meters(self, start: str, most: float) -> dict[str, float]:
-        """Return id -> meters from `start`, for all viewpoints that are at most `most` away."""
-        return self._path_lengths_from(start, most)
-
-    def _path_lengths_from(self, start: str, most: float, until: str | None = None) -> dict[str, float]:
+    def path_lengths_from(self, start: str, most: float, until: str | None = None) -> dict[str, float]:
         """Return id -> meters from `start`, the nearest first, for all viewpoints that are at most `most` away. With
         `until`, the search ends there, and viewpoints are skipped if a path over them must exceed `most`. Dijkstra's
         algorithm; networkx takes ten times as long for such short paths, which are most of the work of settling."""
@@ -103,7 +99,7 @@ class DraftGraph:
         found: dict[str, int] = {}
         for id in self._joined:
             if id not in found:
-                part = self.all_meters(id, math.inf)
+                part = self.path_lengths_from(id, math.inf)
                 found.update(dict.fromkeys(part, len(part)))
         return found
 
@@ -154,12 +150,12 @@ def remove_ties(ways: DraftGraph) -> None:
 def _remove_tie_from(ways: DraftGraph, start: str) -> set[str]:
     """Remove one edge, and return the viewpoints with paths within 12 m that may have used it. Returns an empty set if
     no paths from `start` are tied, or if no edge can be spared."""
-    meters = ways.all_meters(start, _FAR)
+    meters = ways.path_lengths_from(start, _FAR)
     for end in sorted(meters, key=lambda id: (meters[id], id)):
         last = _last(ways, meters, end)
         for before in last if len(last) > 1 else []:
             if ways.is_edge_redundant(before, end):
-                touched = {id for side in (before, end) for id in ways.all_meters(side, _FAR + SAME_LENGTH)}
+                touched = {id for side in (before, end) for id in ways.path_lengths_from(side, _FAR + SAME_LENGTH)}
                 ways.remove_edge(before, end)
                 return touched
     return set()

@@ -258,10 +258,10 @@ class Settling:
                     if v.id != id
                 ]
                 if not at:
-                    self._survey.store_evidence(replace(evidence, decision="served"))
+                    draft.store_evidence(replace(evidence, decision="served"))
                 elif not draft.are_joined(id, at[0].id):
                     back = self._survey.known(at[0], viewpoint) if self._config.both_ways else OPEN
-                    self._survey.store_evidence(replace(evidence, decision="spare" if back in (OPEN, "") else "return"))
+                    draft.store_evidence(replace(evidence, decision="spare" if back in (OPEN, "") else "return"))
 
     def _room(self, id: str) -> float:
         """Decimeters to the nearest unknown floor."""

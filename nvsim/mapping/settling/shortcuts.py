@@ -182,7 +182,7 @@ class Shortcuts:
         places = np.array([self._draft.viewpoints[id].position for id in ids])
         for i, id in enumerate(ids[:-1]):
             others = i + 1 + np.flatnonzero(np.hypot(*(places[i + 1 :, :2] - places[i, :2]).T) < _REACH)
-            along = self._ways.all_meters(id, _detour_limit(_REACH))
+            along = self._ways.path_lengths_from(id, _detour_limit(_REACH))
             apart = np.linalg.norm(places[others, :2] - places[i, :2], axis=1)
             # No path is shorter than the straight line, so most pairs are settled without a search over the floor.
             # Paths never become shorter: if one was too long for a detour before an area was closed, it still is.

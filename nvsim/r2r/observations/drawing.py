@@ -285,7 +285,7 @@ def write_unseen(source: ScanModels, graph: NavGraph, places: ScanPlaces, side: 
     for v in sorted(drawn, key=lambda v: source.scene.nearest(np.array(v.position))):
         shown = source.photographed.photographed_mask(np.array(v.position))
         if not shown.all():
-            path = places.unseen(v.id)
+            path = places.skyboxes.unseen(v.id)
             atomic.write_bytes(path, png(unseen_strip(shown, side)))
             files.append(path)
     return files

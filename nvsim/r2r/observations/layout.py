@@ -95,17 +95,9 @@ class ScanPlaces:
     def plans(self) -> Path:
         return self.root / "floor_plans" / self.scan
 
-    def strip(self, viewpoint: str) -> Path:
-        return SkyboxFiles(self.images).strip(viewpoint)
-
-    def depth(self, viewpoint: str) -> Path:
-        return SkyboxFiles(self.images).depth(viewpoint)
-
-    def unseen(self, viewpoint: str) -> Path:
-        return SkyboxFiles(self.images).unseen(viewpoint)
-
-    def faces(self, viewpoint: str) -> list[Path]:
-        return SkyboxFiles(self.images).faces(viewpoint)
+    @property
+    def skyboxes(self) -> SkyboxFiles:
+        return SkyboxFiles(self.images)
 
     def view_paths(self, viewpoint: str) -> list[Path]:
         """Returns the paths of the 36 views, in the order of viewIndex."""

@@ -178,11 +178,11 @@ def encode_images(
     """Returns paths and contents of the image files."""
     skybox, id = images.skybox, viewpoint.id
     files = [
-        (places.strip(id), jpeg(skybox.color, settings.quality, whole_chroma=True)),
-        (places.depth(id), png(skybox.depth)),
+        (places.skyboxes.strip(id), jpeg(skybox.color, settings.quality, whole_chroma=True)),
+        (places.skyboxes.depth(id), png(skybox.depth)),
     ]
     if settings.faces:
-        for path, face in zip(places.faces(id), skybox.faces, strict=True):
+        for path, face in zip(places.skyboxes.faces(id), skybox.faces, strict=True):
             files.append((path, jpeg(face, settings.quality, whole_chroma=True)))
     for path, view in zip(places.view_paths(id), images.views, strict=False):
         files.append((path, jpeg(view, settings.quality, whole_chroma=False)))
@@ -220,7 +220,7 @@ def read_depth(places: ScanPlaces, viewpoint: str) -> NDArray[np.uint16]:
     """Reads the depth strip (S, 6 S) uint16 of a viewpoint. Raises InputError if it is unreadable."""
     import cv2
 
-    path, again = places.depth(viewpoint), "export the scan again"
+    path, again = places.skyboxes.depth(viewpoint), "export the scan again"
     image = decode_pixels(read_bytes(path), path, cv2.IMREAD_UNCHANGED, what="a depth strip", then=again)
     if image.dtype != np.uint16 or image.ndim != 2 or image.shape[1] != 6 * image.shape[0]:
         raise InputError(f"{path} is not a depth strip of six square faces with 16 bits; {again}.")

@@ -51,8 +51,8 @@ def write_stub(places: ScanPlaces, views: bool) -> bool:
     cameras = face_cameras(np.array(_EYE), _SIZE)
     rooms = [_colors_along_rays(camera.rays().astype(np.float64)) for camera in cameras]
     strip, meters = (np.concatenate([room[i] for room in rooms], axis=1) for i in (0, 1))
-    atomic.write_bytes(stub.strip(VIEWPOINT), jpeg(as_bytes(strip), 95, whole_chroma=True))
-    atomic.write_bytes(stub.depth(VIEWPOINT), png(as_units(meters)))
+    atomic.write_bytes(stub.skyboxes.strip(VIEWPOINT), jpeg(as_bytes(strip), 95, whole_chroma=True))
+    atomic.write_bytes(stub.skyboxes.depth(VIEWPOINT), png(as_units(meters)))
     if views:
         for path, camera in zip(stub.view_paths(VIEWPOINT), sweep(np.array(_EYE)), strict=True):
             atomic.write_bytes(

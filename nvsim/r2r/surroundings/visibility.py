@@ -98,7 +98,9 @@ class ViewFromViewpoint:
 def has_depth(places: ScanPlaces, graph: NavGraph) -> bool:
     """Whether the strips and depth strips of all included viewpoints exist."""
     included = [v.id for v in graph.viewpoints.values() if v.included]
-    return bool(included) and all(places.strip(id).is_file() and places.depth(id).is_file() for id in included)
+    return bool(included) and all(
+        places.skyboxes.strip(id).is_file() and places.skyboxes.depth(id).is_file() for id in included
+    )
 
 
 def views_from_viewpoints(root: Path, graph: NavGraph) -> Iterator[ViewFromViewpoint]:
@@ -116,7 +118,7 @@ def views_from_viewpoints(root: Path, graph: NavGraph) -> Iterator[ViewFromViewp
 def _view_from(places: ScanPlaces, viewpoint: Viewpoint) -> ViewFromViewpoint:
     import cv2
 
-    depth, path = read_depth(places, viewpoint.id), places.strip(viewpoint.id)
+    depth, path = read_depth(places, viewpoint.id), places.skyboxes.strip(viewpoint.id)
     strip = decode_pixels(
         read_bytes(path), path, cv2.IMREAD_COLOR, what="a skybox strip", then="export the scan again"
     )[..., ::-1]

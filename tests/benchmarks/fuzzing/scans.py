@@ -48,9 +48,9 @@ def _files() -> Files:
         places.images.mkdir(parents=True)
         parts = {}
         for id in graph.viewpoints:
-            for path, data in ((places.strip(id), strip), (places.depth(id), depth)):
+            for path, data in ((places.skyboxes.strip(id), strip), (places.skyboxes.depth(id), depth)):
                 path.write_bytes(data)
-            parts[id] = part_on_disk(folder, (places.strip(id), places.depth(id)), "key").as_data()
+            parts[id] = part_on_disk(folder, (places.skyboxes.strip(id), places.skyboxes.depth(id)), "key").as_data()
         parts["graph"] = part_on_disk(folder, (places.connectivity,), "key").as_data()
         about = {"format": FORMAT, "settings": {"size": _SIDE, "quality": 95, "views": False, "faces": False}}
         places.manifest.write_text(json.dumps({**about, "parts": parts}))
