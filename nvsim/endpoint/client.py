@@ -100,8 +100,9 @@ class Client:
                 why, attempt = str(later), attempt + 1
                 if attempt < self.options.attempts:
                     self._pause(later.seconds, attempt, why)
+        attempts = "1 attempt" if self.options.attempts == 1 else f"{self.options.attempts} attempts"
         raise Unreachable(
-            f"{self.endpoint.url} gave no answer in {self.options.attempts} attempts ({why}); answers so far are "
+            f"{self.endpoint.url} gave no answer in {attempts} ({why}); answers so far are "
             "stored, so run the same command again later."
         )
 

@@ -45,7 +45,8 @@ def run(project: Project, config: SubmapConfig, listen: Listener = ignore_event)
     ledger.finish(project, STAGE, seconds, summary, files={"cut/submaps": cut}, write_rows=write)
     draw_submaps(positions, submaps, project.layout.pictures / "submaps.png")
     listen(Progress(STAGE, 1, 1))
-    listen(Done(STAGE, f"{len(submaps)} submaps of {', '.join(str(len(s.frames)) for s in submaps)} frames", summary))
+    count = "1 submap" if len(submaps) == 1 else f"{len(submaps)} submaps"
+    listen(Done(STAGE, f"{count} of {', '.join(str(len(s.frames)) for s in submaps)} frames", summary))
     return submaps
 
 
