@@ -320,6 +320,25 @@ def test_a_video_without_a_scale_is_imported_in_camera_heights(
     assert known.alignment.scale_known and known.alignment.scale == assumed.alignment.scale
 
 
+def test_a_camera_height_is_kept_when_the_video_is_imported_again(
+    filmed: Filmed, tmp_path: Path, capsys: pytest.CaptureFixture
+) -> None:
+    root = tmp_path / "house.nvsim"
+    shutil.copytree(filmed.folder, root / "poses")
+    arguments = ["import", str(filmed.video), "--project", str(root)]
+    assert main([*arguments, "--camera-height", "1.2"]) == 0
+    with Project.open(root) as project:
+        first = project.need_capture()
+    assert main(arguments) == 0
+    said = capsys.readouterr().err
+    assert "camera height of the last import, 1.2 m, is kept" in said and "The capture is unchanged" in said
+    assert main([*arguments, "--leave-out", first.frames[0].name]) == 0
+    with Project.open(root) as project:
+        again = project.need_capture()
+    assert len(again.frames) == len(first.frames) - 1
+    assert again.alignment.scale_known and again.alignment.scale == pytest.approx(first.alignment.scale, rel=0.02)
+
+
 def test_the_distance_between_two_cameras_gives_the_scale(
     filmed: Filmed, tmp_path: Path, capsys: pytest.CaptureFixture
 ) -> None:

@@ -75,6 +75,8 @@ def run(
         if not is_given:
             _tell_measured_scale(poses_report, source, config.model, listen)
             config, alignment = dataclasses.replace(config, scale=scale, camera_height=height), measured
+        if config.scale is None and config.camera_height is None:
+            config = _with_last_height(config, project, source, listen)
         assumed = config.scale is None and config.camera_height is None
     else:
         assumed = alignment is not None and not alignment.scale_known
@@ -165,6 +167,18 @@ def _with_scale(config: CaptureConfig, source: Path) -> CaptureConfig:
         raise InputError("--scale and --known-length both set the scale; leave out one of them.")
     raw = read_usable(source, config.leave_out, config.images, Findings(), config.model)
     return dataclasses.replace(config, scale=scale_from_length(config.known_length, raw), known_length="")
+
+
+def _with_last_height(config: CaptureConfig, project: Project, source: Path, listen: Listener) -> CaptureConfig:
+    """`config` with the camera height that the last import of this video was given, if there was one. A scale in meters
+    per unit is not kept, because the unit changes if the poses are computed again."""
+    with contextlib.suppress(InputError):  # a damaged capture is imported again
+        stored, last = project.capture(), capture_config(project)
+        same = stored is not None and stored.source == source and last.model == config.model
+        if stored is not None and same and stored.alignment.scale_known and last.camera_height is not None:
+            listen(Log(f"The camera height of the last import, {last.camera_height:g} m, is kept.", STAGE))
+            return dataclasses.replace(config, camera_height=last.camera_height)
+    return config
 
 
 def _tell_measured_scale(report: PosesReport, source: Path, model: str, listen: Listener) -> None:
