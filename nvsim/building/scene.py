@@ -341,6 +341,6 @@ def frames(dense: NDArray[np.float64], step: float, turn: float) -> NDArray[np.f
     equal amount of both combined. Rounded to a micrometer, so that every machine agrees."""
     moved = np.linalg.norm(np.diff(dense[:, :2], axis=0), axis=1) / step
     turned = np.diff(dense[:, 2]) / turn
-    travelled = np.concatenate([[0.0], np.cumsum(np.hypot(moved, turned))])
-    chosen = np.searchsorted(np.round(travelled, 6), np.arange(int(travelled[-1]) + 1))
+    traveled = np.concatenate([[0.0], np.cumsum(np.hypot(moved, turned))])
+    chosen = np.searchsorted(np.round(traveled, 6), np.arange(int(traveled[-1]) + 1))
     return np.round(dense[np.minimum(chosen, len(dense) - 1)], 6)

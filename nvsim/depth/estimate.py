@@ -31,7 +31,7 @@ from nvsim.depth.files import (
     write_draft,
 )
 from nvsim.depth.fusion import FusedCells, FusedCloud, Map, fuse, joined
-from nvsim.depth.labelling import label_planes
+from nvsim.depth.labeling import label_planes
 from nvsim.depth.planes import Plane, find_planes, is_behind_floor
 from nvsim.depth.refinement import refine, smooth_depth
 from nvsim.depth.smoothing import best_inverse_depth, smooth_cost

@@ -81,9 +81,9 @@ def check_openable(path: Path) -> None:
 
             connectivity_files(path)
         elif kind in ("splats", "unknown", "unreadable") and not path.is_dir():
-            from nvsim.splats.formats.choice import recognise
+            from nvsim.splats.formats.choice import recognize
 
-            recognise(path)
+            recognize(path)
         else:
             from nvsim.project.project import Project
 
@@ -112,7 +112,7 @@ def _folder_kind(folder: Path) -> PathKind:
 def _file_kind(path: Path) -> PathKind:
     from nvsim.capture.formats import is_capture
     from nvsim.graph.connectivity import SUFFIX
-    from nvsim.splats.formats.choice import named_as_splats, recognise
+    from nvsim.splats.formats.choice import named_as_splats, recognize
 
     if named_as_splats(path):
         return "splats"
@@ -128,7 +128,7 @@ def _file_kind(path: Path) -> PathKind:
                 return _json_kind(file.read(_HEAD) or b"")
         if is_capture(path):
             return "capture"
-        recognise(path)
+        recognize(path)
     except InputError:
         return "unknown" if os.access(path, os.R_OK) else "unreadable"
     except (OSError, ValueError):

@@ -85,11 +85,11 @@ def main() -> None:
     print(f"{count} frames, {motion.seconds:.0f} s of route, built in {built_in:.0f} s", flush=True)
     video = arguments.folder / "video.mp4"
     _, seconds = timed(lambda: film(video, scene, textures, motion, lens, count, arguments))
-    travelled = np.linalg.norm(np.diff(motion.poses(np.arange(count) / FPS)[:, :3, 3], axis=0), axis=1).sum()
+    traveled = np.linalg.norm(np.diff(motion.poses(np.arange(count) / FPS)[:, :3, 3], axis=0), axis=1).sum()
     figures = {
         "scene": arguments.scene,
         "frames": count,
-        "metres": round(float(travelled), 1),
+        "metres": round(float(traveled), 1),
         "readout": arguments.readout,
         "seconds_per_frame": round(seconds / count, 3),
         "megabytes": round(video.stat().st_size / 1e6, 1),

@@ -64,14 +64,14 @@ def wrong(status: int, message: str, headers: dict[str, str] | None = None, **er
     return Reply({"error": {"message": message, "type": "error", **error}}, status, headers or {})
 
 
-Behaviour = Callable[[int, Asked], Reply]
+Behavior = Callable[[int, Asked], Reply]
 """How a request is answered: its number from 0, and the request."""
 
 
 class Service:
     """url; asked: the requests in the order in which they came."""
 
-    def __init__(self, behave: Behaviour) -> None:
+    def __init__(self, behave: Behavior) -> None:
         self.behave = behave
         self.asked: list[Asked] = []
         self._lock = threading.Lock()
@@ -130,7 +130,7 @@ class Service:
 
 
 @contextmanager
-def serving(behave: Behaviour) -> Iterator[Service]:
+def serving(behave: Behavior) -> Iterator[Service]:
     service = Service(behave)
     service.start()
     try:

@@ -7,7 +7,7 @@ import pytest
 
 from nvsim.depth.config import DepthConfig, LabelConfig
 from nvsim.depth.fusion import ObservedPoints
-from nvsim.depth.labelling import label_planes
+from nvsim.depth.labeling import label_planes
 from nvsim.depth.planes import find_planes
 from nvsim.depth.view import View, Warp, census_of
 from nvsim.depth.visibility import Carver

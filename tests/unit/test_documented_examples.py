@@ -16,11 +16,11 @@ def blocks(page: str) -> list[str]:
     return re.findall(r"^```python\n(.*?)^```", (DOCS / page).read_text(), re.MULTILINE | re.DOTALL)
 
 
-def test_the_example_of_the_rasteriser_learns_from_its_gradients() -> None:
-    (example,) = blocks("rasteriser.md")
+def test_the_example_of_the_rasterizer_learns_from_its_gradients() -> None:
+    (example,) = blocks("rasterizer.md")
     torch.manual_seed(3)
     names: dict[str, Any] = {}
-    exec(compile(example, "rasteriser.md", "exec"), names)
+    exec(compile(example, "rasterizer.md", "exec"), names)
     assert names["rgb"].shape == (64, 96, 3) and names["alpha"].shape == (64, 96)
     assert all(bool((leaf.grad != 0).any()) for leaf in names["leaves"])
     assert names["losses"][-1] < 0.2 * names["losses"][0]

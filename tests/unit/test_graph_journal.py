@@ -103,7 +103,7 @@ def test_what_is_saved_and_closed_goes_on_from_there(tmp_path: Path) -> None:
         assert history.go_to(0) and not history.is_saved
 
 
-def test_a_save_that_the_journal_did_not_hear_of_is_recognised(tmp_path: Path) -> None:
+def test_a_save_that_the_journal_did_not_hear_of_is_recognized(tmp_path: Path) -> None:
     path = tmp_path / "edits.db"
     with Journal.open(path) as journal:
         history = journal.history(row())

@@ -18,7 +18,7 @@ import cv2
 import networkx as nx
 import numpy as np
 import pytest
-from endpoint_server import Asked, Behaviour, Reply, Service, said, serving, words_of, wrong
+from endpoint_server import Asked, Behavior, Reply, Service, said, serving, words_of, wrong
 from export_samples import save_jpeg, sky, strip
 from task_samples import as_agents_load, exported, house
 
@@ -196,7 +196,7 @@ def test_an_endpoint_that_fails_writes_no_dataset_and_the_next_call_goes_on(scan
 # The agent ------------------------------------------------------------------------------------------------------------
 
 
-def oracle(graph: NavGraph, goals: dict[str, str], starts: dict[str, str]) -> Behaviour:
+def oracle(graph: NavGraph, goals: dict[str, str], starts: dict[str, str]) -> Behavior:
     """Takes the shortest path to the goal that the instruction names, using only the prompt."""
     agents = as_agents_load(graph)
 

@@ -1,6 +1,6 @@
 """The contract of the backends, and what the gsplat backend hands over.
 
-Without a CUDA card gsplat's rasterisation is stood in for, see `gsplat_reference`: that checks everything but its
+Without a CUDA card gsplat's rasterization is stood in for, see `gsplat_reference`: that checks everything but its
 kernels.
 """
 

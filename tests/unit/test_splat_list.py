@@ -12,7 +12,7 @@ from splat_rooms import any_rotation, joined, moved, stair_house, two_rooms
 from nvsim.errors import InputError
 from nvsim.project.stages.imported_splats import _fingerprint
 from nvsim.scene_import.scene import align_scene
-from nvsim.splats.formats.choice import read_splats, recognise, source_up_axis, write_splats
+from nvsim.splats.formats.choice import read_splats, recognize, source_up_axis, write_splats
 from nvsim.splats.formats.splat_list import listed_splats
 from nvsim.splats.types import Gaussians
 
@@ -63,7 +63,7 @@ def test_a_list_has_the_kind_and_the_up_axis_of_its_first_file(tmp_path: Path) -
     g = chosen(two_rooms(), np.arange(50))
     write_splats(tmp_path / "a.ply", g, True, "ply")
     (tmp_path / "a.splats").write_text("a.ply\n")
-    assert recognise(tmp_path / "a.splats") == "ply"
+    assert recognize(tmp_path / "a.splats") == "ply"
     assert source_up_axis(tmp_path / "a.splats") == source_up_axis(tmp_path / "a.ply") == "z"
 
 
@@ -104,6 +104,6 @@ def test_a_list_with_an_error_is_refused_with_one_sentence(tmp_path: Path, text:
 
 def test_a_listed_file_that_is_missing_is_named(tmp_path: Path) -> None:
     (tmp_path / "house.splats").write_text("missing.ply\n")
-    for read in (read_splats, recognise, source_up_axis, _fingerprint):
+    for read in (read_splats, recognize, source_up_axis, _fingerprint):
         with pytest.raises(InputError, match=r"missing\.ply"):
             read(tmp_path / "house.splats")

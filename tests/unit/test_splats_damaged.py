@@ -23,7 +23,7 @@ from hypothesis import strategies as st
 from test_splats_formats import sog, wall, webp, zipped
 
 from nvsim.errors import InputError
-from nvsim.splats.formats.choice import named_as_splats, read_splats, recognise, write_splats
+from nvsim.splats.formats.choice import named_as_splats, read_splats, recognize, write_splats
 from nvsim.splats.formats.sog_files import webp_size
 from nvsim.splats.ply import write_ply
 from nvsim.splats.types import Gaussians
@@ -521,13 +521,13 @@ def test_a_pipe_or_a_folder_in_place_of_a_file_is_refused_and_not_waited_for(tmp
 @pytest.mark.parametrize("name", ["x" * 300, "a/b", "a\0b"])
 def test_a_name_that_no_file_has_is_refused(tmp_path: Path, name: str) -> None:
     with pytest.raises(InputError, match="Cannot read"):
-        recognise(tmp_path / name)
+        recognize(tmp_path / name)
 
 
 def test_an_index_of_levels_says_what_it_is_and_what_can_be_opened(tmp_path: Path) -> None:
     (tmp_path / "lod-meta.json").write_text('{"lodLevels": 3, "filenames": ["0_0/meta.json"], "tree": {}}')
     with pytest.raises(InputError, match="streamed SOG.*levels of detail.*open the meta.json"):
-        recognise(tmp_path / "lod-meta.json")
+        recognize(tmp_path / "lod-meta.json")
 
 
 def test_of_json_files_only_those_of_a_sog_are_taken_for_splats() -> None:

@@ -18,7 +18,7 @@ from nvsim.training import trainer
 from nvsim.training.appearance import LinearColors, NetworkColors, mark_in_view
 from nvsim.training.background.harmonics import pack_camera
 from nvsim.training.config import AppearanceConfig, TrainingConfig
-from nvsim.training.initialise import gaussians_at
+from nvsim.training.initialize import gaussians_at
 from nvsim.training.networks import IndexEmbedding, Networks, PositionEmbedding
 from nvsim.training.synthetic import SyntheticRoom, synthetic_room
 

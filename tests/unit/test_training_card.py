@@ -22,7 +22,7 @@ from nvsim.training.checkpoint import fingerprint
 from nvsim.training.config import TrainingConfig, preset
 from nvsim.training.devices import choice
 from nvsim.training.devices.card import CardGroup
-from nvsim.training.initialise import initial_gaussians
+from nvsim.training.initialize import initial_gaussians
 from nvsim.training.model_fit import ModelFit
 from nvsim.training.optimizer import ParameterGroup
 from nvsim.training.strategies.choice import strategy_of

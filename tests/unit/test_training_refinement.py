@@ -11,7 +11,7 @@ from nvsim.geometry.camera import Camera, Intrinsics, camera_pose
 from nvsim.geometry.floor_surface import FloorSurface
 from nvsim.geometry.rotation import matrix_from_quaternion
 from nvsim.training.config import TrainingConfig
-from nvsim.training.initialise import gaussians_at, initial_gaussians, visible_points
+from nvsim.training.initialize import gaussians_at, initial_gaussians, visible_points
 from nvsim.training.optimizer import ParameterGroup
 from nvsim.training.starting_points import detail_shares, flatten, guessed_points, triangulated_cloud
 from nvsim.training.synthetic import ROOM, synthetic_room

@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from nvsim.geometry.floor_surface import FloorSurface
 from nvsim.splats.types import Gaussians
 from nvsim.training.config import TrainingConfig, preset
-from nvsim.training.initialise import gaussians_at
+from nvsim.training.initialize import gaussians_at
 from nvsim.training.strategies.adaptive import Adaptive, Capped
 from nvsim.training.strategies.choice import strategy_of
 from nvsim.training.strategies.config import AdaptiveConfig, CappedConfig, DensifyConfig, McmcConfig

@@ -165,7 +165,7 @@ EVIDENCE = ChildProgram(_measure, "evidence", "The viewpoints cannot be measured
 
 
 Found = dict[str, Any]
-"""{"catalogue": …} in the format of `nvsim.networks.catalogue.Catalogue`, with {"checked": {name: …}} for tested models
+"""{"catalogue": …} in the format of `nvsim.networks.catalog.Catalog`, with {"checked": {name: …}} for tested models
 and {"added": name} for an installed model."""
 
 
@@ -178,7 +178,7 @@ class ModelTask:
 
 
 def _work(requests: Requests, task: ModelTask) -> Found:
-    from nvsim.networks.catalogue import catalogue
+    from nvsim.networks.catalog import catalog
 
     found: Found = {"checked": {}, "added": ""}
     if task.add:
@@ -191,7 +191,7 @@ def _work(requests: Requests, task: ModelTask) -> Found:
 
         known = {model.name: model for model in (*installed_models()[0], *bundled_models())}
         found["checked"] = {name: asdict(check(known[name])) for name in task.check if name in known}
-    found["catalogue"] = catalogue().as_dict()
+    found["catalogue"] = catalog().as_dict()
     return found
 
 

@@ -20,9 +20,9 @@ class Models:
     """Print one JSON object."""
 
     def run(self) -> int:
-        from nvsim.networks.catalogue import catalogue
+        from nvsim.networks.catalog import catalog
 
-        found = catalogue()
+        found = catalog()
         if self.json:
             print_lines(as_json(found.as_dict()))
             return 0

@@ -79,7 +79,7 @@ def inputs_of(project: Project, index: int, config: TrainingConfig) -> TrainingI
 
 def seen_cloud(project: Project, surface: FloorSurface, views: Sequence[TrainingView]) -> Cloud | None:
     """The part of the project's cloud near the cameras of `views`."""
-    from nvsim.training.initialise import FARTHEST
+    from nvsim.training.initialize import FARTHEST
 
     return project.scan_on(surface, np.array([view.camera.position for view in views]).reshape(-1, 3), FARTHEST)
 

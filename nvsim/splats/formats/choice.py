@@ -33,7 +33,7 @@ def named_as_splats(path: Path) -> bool:
     return path.name.lower().endswith(READABLE)
 
 
-def recognise(path: Path) -> Kind:
+def recognize(path: Path) -> Kind:
     """The format of a file, detected by its first bytes. Only .splat and .ksplat are detected by their names. The
     format of a list is that of its first file.
 
@@ -45,7 +45,7 @@ def recognise(path: Path) -> Kind:
             " whole; open the meta.json of one of its folders, or export the scene as one .sog or .ply."
         )
     if is_list(path):
-        kinds = [recognise(one.path) for one in listed_splats(path)]
+        kinds = [recognize(one.path) for one in listed_splats(path)]
         return kinds[0]
     with opened(path) as file, reading(path, "a splat file"):
         head = file.read(4096)
@@ -132,7 +132,7 @@ def source_up_axis(path: Path) -> Up:
 
 
 def _read(path: Path) -> tuple[Gaussians, bool | None]:
-    kind = recognise(path)
+    kind = recognize(path)
     if kind == "ply":
         return read_ply(path)
     if kind == "compressed-ply":

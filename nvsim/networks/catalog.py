@@ -51,7 +51,7 @@ class MissingRole:
 
 
 @dataclass(frozen=True)
-class Catalogue:
+class Catalog:
     folder: Path
     models: tuple[ListedModel, ...]
     problems: tuple[str, ...]
@@ -61,12 +61,12 @@ class Catalogue:
         return {**asdict(self), "folder": str(self.folder)}
 
 
-def catalogue() -> Catalogue:
+def catalog() -> Catalog:
     """The installed models and the roles without one. No network is opened."""
     models, problems = installed_models()
     roles: tuple[Role, ...] = get_args(Role)
     played = {model.role for model in models}
-    return Catalogue(
+    return Catalog(
         models_folder(),
         (*map(_list_model, (*models, *bundled_models())), *_single_files()),
         tuple(problems),
