@@ -27,12 +27,8 @@ Inline = Annotated[T, tyro.conf.arg(name="")]
 """A configuration whose fields become options without a prefix."""
 _COLUMN = 30  # characters from the left edge to the text of an option
 _NAMES = {int: "INT", float: "FLOAT", str: "TEXT", Path: "PATH"}
-_EARLIER_FLAGS = {
-    "--least-metres": "--least-meters",
-    "--most-metres": "--most-meters",
-    "--neighbours": "--neighbors",
-}
-"""Flags of earlier versions, which scripts and stored jobs contain -> their current names."""
+_EARLIER_NAMES = {"least-metres": "least-meters", "most-metres": "most-meters", "neighbours": "neighbors"}
+"""Options of earlier versions, in scripts and stored jobs -> their current names. Both are without the dashes."""
 
 
 def requested_help(argv: Sequence[str]) -> Literal["common", "all"] | None:
@@ -226,7 +222,12 @@ def parse(command: type[Command], argv: list[str], verb: str) -> Any:
 def _with_current_flags(argv: list[str]) -> list[str]:
     own = argv.index("--") if "--" in argv else len(argv)
     pairs = [word.partition("=") for word in argv[:own]]
-    return [*(_EARLIER_FLAGS.get(flag, flag) + sign + value for flag, sign, value in pairs), *argv[own:]]
+    return [*(_current_flag(flag) + sign + value for flag, sign, value in pairs), *argv[own:]]
+
+
+def _current_flag(flag: str) -> str:
+    name = _EARLIER_NAMES.get(flag.removeprefix("--"))
+    return f"--{name}" if name and flag.startswith("--") else flag
 
 
 def _hints_on_lists(command: type[Command], argv: list[str]) -> list[str]:

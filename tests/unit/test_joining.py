@@ -138,7 +138,7 @@ def test_common_points_on_a_line_leave_a_turn_open_and_join_nothing() -> None:
 def test_many_points_may_be_near_each_other_and_few_may_not() -> None:
     poses = walk()
     rng = np.random.default_rng(5)
-    counter = np.array([1.5, 3, 0]) + rng.uniform(-1, 1, (600, 3)) * [1.2, 0.4, 0.3]
+    counter = np.array([1.5, 3, 0]) + rng.uniform(-1, 1, (600, 3)) * [1.2, 0.32, 0.25]
 
     def joined(count: int) -> int:
         base = piece(poses, 1, 24, numbers(0, count), points=counter[:count])
