@@ -185,11 +185,13 @@ def rotated_images(
             parts = np.array_split(own, -(-len(own) // _LENGTH))
             groups += [part.tolist() for part in parts]
             run_of += [k] * len(parts)
+    if len(groups) < _CHECKED:
+        return set()
     found = anchors_of(model, groups, folder)
     known = np.isfinite(found.wall).all(axis=1)
-    if known.sum() < _CHECKED:
-        return set()
     up = np.nansum(found.up, axis=0)
+    if known.sum() < _CHECKED or not up.any():
+        return set()
     walls = found.wall[known] @ np.stack(level_axes(up / np.linalg.norm(up)), axis=1)
     angles = np.degrees(np.arctan2(walls[:, 1], walls[:, 0]))
     apart = np.abs((angles[:, None] - angles + 45) % 90 - 45)

@@ -289,7 +289,7 @@ class Project:
 
         memory_budget  bytes for the models in memory, see SceneModel
         live           use models in training for submaps without a finished model, if all belong to one cut
-        colors        False loads gray models, which need less memory
+        colors         False loads gray models, which need less memory
         """
         submaps, layout = self.submaps("train"), self.layout
         live = live and not self.uses_previous_submaps("train")

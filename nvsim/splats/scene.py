@@ -36,7 +36,7 @@ class SceneModel:
                     border and it fits without unloading the model in use
     moved           returns the new folder of a submap's model when the known one vanished, because training ended or
                     the model was replaced
-    colors         whether models keep their colors; if not, they are gray, without background, and need a fifth of the
+    colors          whether models keep their colors; if not, they are gray, without background, and need a fifth of the
                     memory
 
     Raises ValueError if the lists have different lengths or no submap has a model.

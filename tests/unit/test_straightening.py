@@ -358,3 +358,5 @@ def test_images_are_rotated_if_their_walls_are(tmp_path: Path) -> None:
         model = slipped(moved, [1.0] * 5, np.eye(3))
         assert rotated_images(model, tmp_path, turn, count) == set(found)
         assert rotated_images(model, tmp_path, {}, count) == set()  # a wing that the camera walks into
+    everything_turns = {(n - 1, n): from_matches(np.zeros((0, 2), np.uint32)) for n in range(1, count)}
+    assert rotated_images(model, tmp_path, everything_turns, count) == set()

@@ -121,7 +121,7 @@ class ValueScale:
     title     the measured quantity and its unit
     words     formats a value with its unit
     share     maps a value to its position on the bar, 0 to 1, or to None
-    colors   (N, 3) uint8 RGB along the bar, its left end first; empty if there are `swatches`
+    colors    (N, 3) uint8 RGB along the bar, its left end first; empty if there are `swatches`
     marks     positions on the bar, 0 to 1, and the labels below them
     swatches  colors as RGB and the meaning of each
     """

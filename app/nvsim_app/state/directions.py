@@ -33,7 +33,7 @@ class Direction:
     evidence     the measurements
     explanation  the decision with the thresholds in use
     place        compass point
-    neighbor    id of the viewpoint at its end, "" if there is none
+    neighbor     id of the viewpoint at its end, "" if there is none
     joined       whether there is an edge to that viewpoint
     floor        world z of the floor at its start and at its end, meters
     name         short name of the neighbor

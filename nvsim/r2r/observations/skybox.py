@@ -97,7 +97,7 @@ def distances(solid: Float32, camera: Camera, floor: FloorSurface) -> Float32:
 class Skybox:
     """The strips of one viewpoint.
 
-    color  (S, 6 S, 3) uint8, RGB
+    color   (S, 6 S, 3) uint8, RGB
     depth   (S, 6 S) uint16, units of 0.25 mm along the ray, 0 if there is no surface, 65535 from 16.38 m on
     """
 

@@ -138,7 +138,7 @@ class Surround:
 
     position  (3,) meters, world
     focal     focal length of the narrow views, pixels
-    colors   (18, S, S, 3) float32, not clamped
+    colors    (18, S, S, 3) float32, not clamped
     solids    (18, S, S, 2) float32: alpha of the Gaussians, and alpha times their distance along the ray in meters
     """
 

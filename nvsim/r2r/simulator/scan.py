@@ -45,7 +45,7 @@ class Scan:
     position   (n, 3) float32, meters, world
     rotation   (n, 3, 3) float64, camera-to-world
     starts     (n + 1,) int64, the ways of viewpoint i are starts[i] to starts[i + 1]
-    neighbor  (m,) int64, end of each way, ascending for each viewpoint; only included viewpoints
+    neighbor   (m,) int64, end of each way, ascending for each viewpoint; only included viewpoints
     towards    (m, 4) float32, x and y of the way in meters, and x and y of its unit direction seen from above: NaN for
                a neighbor exactly above or below
     reach      (m, 2) float64, meters and radians above the horizon

@@ -32,7 +32,7 @@ _ALONE = 0.3  # largest share of surrounding cells with another object; otherwis
 class FloorObject:
     """An object on the floor.
 
-    color   a name in COLORS
+    color    a name in COLORS
     shape    its appearance by size and outline
     cells    (n, 2) meters, world x, y of the centers of its cells
     points   (m, 3) points on it, meters, world

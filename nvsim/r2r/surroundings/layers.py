@@ -35,7 +35,7 @@ class Layers:
 
     low      (x, y) meters of the lower corner of cell [0, 0]; rows follow y, columns x
     voxels   (n, 3) int32 column, row and level; level l is CELL * l above -0.3 m
-    colors  (n, 3) float32 mean color of each voxel, 0 to 255
+    colors   (n, 3) float32 mean color of each voxel, 0 to 255
     shape    rows, columns
     high     meters above the floor between which there are only walls, lintels and hanging objects
     """

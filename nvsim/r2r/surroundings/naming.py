@@ -79,7 +79,7 @@ class Outline:
     top                 meters above the floor
     longer, shorter     sides in meters
     only_front_visible  whether possibly only its front is seen
-    color              its name in COLORS
+    color               its name in COLORS
     color_share         share of its voxels that have this color
     color_start         meters above the floor where this color begins
     spread              standard deviation of CIELAB b between bottom and top
