@@ -70,7 +70,7 @@ def layers(paint: Paint, turned: float = 0.0) -> Layers:
 
 @pytest.mark.parametrize("turned", [0.0, 25.0, 45.0, 90.0])
 @pytest.mark.parametrize(
-    "paint, name", [(planks, "wooden"), (tiles, "tiled"), (speckled, "grey"), (plain(GRAY), "grey"),
+    "paint, name", [(planks, "wooden"), (tiles, "tiled"), (speckled, "gray"), (plain(GRAY), "gray"),
                     (plain(BROWN), "brown")],
 )  # fmt: skip
 def test_joints_say_what_a_floor_is_made_of_and_nothing_else_does(paint: Paint, name: str, turned: float) -> None:
@@ -94,8 +94,8 @@ def test_a_colored_rectangle_on_another_floor_is_a_rug_and_between_walls_a_room(
 
 @pytest.mark.parametrize(
     "one, other, differ",
-    [("wooden", "tiled", True), ("wooden", "brown", False), ("tiled", "grey", False), ("tiled", "brown", True),
-     ("green rug", "green", False), ("green rug", "tiled", True), ("brown", "grey", True)],
+    [("wooden", "tiled", True), ("wooden", "brown", False), ("tiled", "gray", False), ("tiled", "brown", True),
+     ("green rug", "green", False), ("green rug", "tiled", True), ("brown", "gray", True)],
 )  # fmt: skip
 def test_floors_that_may_be_one_are_not_told_apart(one: str, other: str, differ: bool) -> None:
     assert floors_differ(one, other) == floors_differ(other, one) == differ
@@ -104,7 +104,7 @@ def test_floors_that_may_be_one_are_not_told_apart(one: str, other: str, differ:
 @pytest.mark.parametrize(
     "floors, cue",
     [  # with a doorway after 1 m
-        (["wooden"] * 4 + [""] + ["brown", "grey"] + ["tiled"] * 4, Cue("floor", "wooden to tiled")),
+        (["wooden"] * 4 + [""] + ["brown", "gray"] + ["tiled"] * 4, Cue("floor", "wooden to tiled")),
         (["wooden"] * 5 + ["green rug"] * 5, Cue("rug", "onto green rug")),
         (["green rug"] * 5 + ["tiled"] * 5, Cue("rug", "off green rug")),
         (["tiled"] * 5 + ["green rug"] * 5 + ["tiled"] * 5, Cue("rug", "across green rug")),

@@ -97,7 +97,7 @@ def test_stairs_are_said_with_their_height_and_where_they_end() -> None:
     (partway,) = ground.legs([1, 2], 0.0)
     assert not partway.cues and round_legs([partway], "words")[0].meters == 1.0
     text = instruction_of(round_legs([there[1]], "words"), "words", Random(0))
-    assert "stairs" in text and "2.5 metres" in text and ("top" in text or "all the way up" in text)
+    assert "stairs" in text and "2.5 meters" in text and ("top" in text or "all the way up" in text)
 
 
 @pytest.mark.parametrize(
@@ -119,7 +119,7 @@ def read(text: str, detail: Detail) -> list[Leg]:
     legs = []
     for sentence in re.findall(r"[^.]+(?:\.\d+[^.]*)*\.", text)[:-1]:
         words = sentence.lower()
-        number = re.search(r"([\d.]+) metres", words)
+        number = re.search(r"([\d.]+) meters", words)
         meters = float(number[1]) if number else 1.0
         meters = 0.5 if any(phrase in words for phrase in HALF_METER) else meters
         assert number or any(phrase in words for phrase in (*ONE_METER, *HALF_METER))

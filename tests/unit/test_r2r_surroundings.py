@@ -61,7 +61,7 @@ def house(tmp_path_factory: pytest.TempPathFactory) -> Seen:
 
 @pytest.mark.parametrize(
     "rgb, name",
-    [(BLUE, "blue"), (RED, "red"), (BROWN, "brown"), (GRAY, "grey"), (WALL, "white"), ((60, 110, 50), "green")],
+    [(BLUE, "blue"), (RED, "red"), (BROWN, "brown"), (GRAY, "gray"), (WALL, "white"), ((60, 110, 50), "green")],
 )
 def test_colors_have_the_names_that_people_give_them(rgb: tuple[int, int, int], name: str) -> None:
     assert COLORS[int(names_of(lab_of(np.array(rgb, float))))] == name
@@ -100,7 +100,7 @@ def test_sides_are_those_of_one_who_walks(house: Seen) -> None:
 
 def test_one_who_leaves_the_room_goes_from_brown_to_gray_through_the_door(house: Seen) -> None:
     cues = cues_along("bcfg", math.radians(90), house[1])
-    assert {Cue("through", "1"), Cue("into", "corridor"), Cue("floor", "brown to grey")} <= cues
+    assert {Cue("through", "1"), Cue("into", "corridor"), Cue("floor", "brown to gray")} <= cues
     assert Cue("along", "corridor") in cues_along("gh", math.radians(90), house[1])
     assert not [cue for cue in cues_along("ab", math.radians(90), house[1]) if cue.kind in ("floor", "through")]
 

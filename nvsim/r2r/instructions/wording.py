@@ -96,9 +96,9 @@ ON_PHRASES: dict[Slope, tuple[str, ...]] = {
     "down": ("go down the stairs*", "descend the stairs*", "walk down the stairs*"),
 }
 """Phrases for a leg without a distance."""
-METER_PHRASES = ("{} metres", "about {} metres", "roughly {} metres", "some {} metres")
-HALF_METER = ("half a metre", "about half a metre", "roughly half a metre")
-ONE_METER = ("one metre", "about one metre", "a single metre")
+METER_PHRASES = ("{} meters", "about {} meters", "roughly {} meters", "some {} meters")
+HALF_METER = ("half a meter", "about half a meter", "roughly half a meter")
+ONE_METER = ("one meter", "about one meter", "a single meter")
 _LINKS = ("", "then ", "next, ", "after that, ", "now ")
 _BOTH = ("{} and {}", "{}, then {}", "{} and then {}")
 ENDS = ("Stop there.", "Stop.", "You have arrived.", "Wait there.", "That is the place.")

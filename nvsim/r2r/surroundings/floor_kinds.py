@@ -37,7 +37,7 @@ _RING, _AROUND = (0.35, 0.9), 0.5  # ring around a rug, in meters off it, and th
 _WALLED = 0.15  # largest share of walls in the cells next to a rug
 _MOSTLY, _NEARLY_ALL = 0.5, 0.9  # share of one material in a patch of one color, and in its cells with clear material
 _LEAST = 0.5  # square meters that a patch needs
-_LIKE = {"wooden": ("brown", "beige", "red", "yellow"), "tiled": ("white", "grey", "black", "beige")}
+_LIKE = {"wooden": ("brown", "beige", "red", "yellow"), "tiled": ("white", "gray", "black", "beige")}
 
 
 def floor_names(layers: Layers) -> NDArray[np.int64]:

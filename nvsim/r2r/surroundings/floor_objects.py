@@ -12,7 +12,7 @@ from nvsim.r2r.surroundings.naming import COLORS, NAMELESS, Outline, Shape, lab_
 
 _FROM = 0.11  # meters above the floor; lower voxels belong to the floor
 _TALLEST = 2.15
-_NAMED = tuple(name for name in COLORS if name not in ("white", "grey", "black"))
+_NAMED = tuple(name for name in COLORS if name not in ("white", "gray", "black"))
 """Colors of objects. Gray is missing, because it may be white in the shade."""
 _WALL = 3  # voxels below the ceiling that make a wall cell
 _LEAST_CELLS, _LEAST_OF_A_FRONT = 32, 14  # cells of an object; of an object above eye height, if only its front is seen

@@ -10,13 +10,13 @@ from numpy.typing import NDArray
 
 from nvsim.r2r.surroundings.layers import CELL
 
-COLORS = ("white", "grey", "black", "red", "brown", "beige", "yellow", "green", "blue", "purple")
+COLORS = ("white", "gray", "black", "red", "brown", "beige", "yellow", "green", "blue", "purple")
 NAMELESS = -1
-_NEUTRAL = frozenset(("white", "grey", "black"))
+_NEUTRAL = frozenset(("white", "gray", "black"))
 # Ranges of CIELAB hue in degrees, lightness, and chroma. Colors outside all ranges have no name.
 _RANGES: dict[str, tuple[tuple[float, float], tuple[float, float], tuple[float, float]]] = {
     "white": ((0, 360), (82, 101), (0, 9)),
-    "grey": ((0, 360), (38, 68), (0, 6)),
+    "gray": ((0, 360), (38, 68), (0, 6)),
     "black": ((0, 360), (0, 24), (0, 9)),
     "red": ((5, 41), (20, 62), (21, 200)),
     "brown": ((50, 84), (18, 57), (14, 60)),
