@@ -7,7 +7,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 from nvsim.graph.quantities import evidence_along
-from nvsim.graph.types import EdgeKey, NavGraph
+from nvsim.graph.types import EdgeKey, Evidence, NavGraph
 
 Margin = Callable[[NavGraph, EdgeKey], float]
 """The smallest distance of the evidence along an edge to the thresholds. Negative: the evidence contradicts the edge.
@@ -33,13 +33,19 @@ class DoubtfulEdge:
     why: str
 
 
+def reviewable_edges(graph: NavGraph) -> list[EdgeKey]:
+    """Return the keys of the edges between included viewpoints; only these are exported and reviewed."""
+    included = {id for id, viewpoint in graph.viewpoints.items() if viewpoint.included}
+    return [key for key in graph.edges if included.issuperset(key)]
+
+
 class Review:
     """Orders the edges of a graph that is being edited. A margin is computed again only if the evidence changed."""
 
     def __init__(self, margin: Margin | None = None) -> None:
         """Without `margin`, edges are ordered as if they had no evidence."""
         self._margin = margin
-        self._known: dict[EdgeKey, tuple[tuple[int, ...], float]] = {}
+        self._known: dict[EdgeKey, tuple[tuple[Evidence, ...], float]] = {}
 
     def order(self, graph: NavGraph) -> list[DoubtfulEdge]:
         """Return the edges between included viewpoints that are not reviewed, in this order:
@@ -49,9 +55,9 @@ class Review:
         3. all other edges by margin, the smallest first
         """
         doubts = []
-        for key, edge in graph.edges.items():
-            a, b = graph.viewpoints[key[0]], graph.viewpoints[key[1]]
-            if edge.reviewed or not (a.included and b.included):
+        for key in reviewable_edges(graph):
+            edge, a, b = graph.edges[key], graph.viewpoints[key[0]], graph.viewpoints[key[1]]
+            if edge.reviewed:
                 continue
             margin = self._margin_of(graph, key)
             if math.isnan(margin):
@@ -69,18 +75,12 @@ class Review:
         doubts.sort(key=lambda item: item[0])
         return [doubt for _, doubt in doubts]
 
-    def next(self, graph: NavGraph, after: EdgeKey | None = None) -> DoubtfulEdge | None:
-        """Return the edge to review after `after`, or the least certain one. None if all edges are reviewed."""
-        order = self.order(graph)
-        at = next((i + 1 for i, doubt in enumerate(order) if doubt.edge == after), 0)
-        return order[at % len(order)] if order else None
-
     def _margin_of(self, graph: NavGraph, key: EdgeKey) -> float:
         if self._margin is None or not graph.evidence:
             return math.nan
-        measured = tuple(map(id, evidence_along(graph, key)))
+        measured = tuple(evidence_along(graph, key))
         known = self._known.get(key)
-        if known is None or known[0] != measured:
+        if known is None or tuple(map(id, known[0])) != tuple(map(id, measured)):
             known = (measured, self._margin(graph, key) if measured else math.nan)
             self._known[key] = known
         return known[1]

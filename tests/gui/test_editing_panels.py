@@ -310,6 +310,23 @@ def test_the_review_walks_from_the_least_certain_edge_on(window: MainWindow, doc
     assert document.graph.edges[third].reviewed and fourth not in (first, second, third)
 
 
+def test_the_review_counts_and_finishes_edges_between_included_viewpoints_alone(
+    window: MainWindow, document: Document
+) -> None:
+    graph = document.graph
+    excluded = max(graph.viewpoints, key=lambda id: sum(id in key for key in graph.edges))
+    document.editing.run("include", {"ids": [excluded], "included": False})
+    left = [key for key in graph.edges if excluded not in key]
+    assert len(left) < len(graph.edges)
+    window.actions_table["next_review"].trigger()
+    assert f" 0 of {len(left):,} edges" in window.statusBar().currentMessage()
+    document.editing.run("mark_reviewed", {"viewpoints": [], "edges": [list(key) for key in left]})
+    notices: list[str] = []
+    window.notices.added.connect(lambda notice: notices.append(notice.text))
+    window.actions_table["next_review"].trigger()
+    assert notices == ["Every edge between included viewpoints is reviewed."]
+
+
 def test_another_graph_is_compared_drawn_and_merged(
     window: MainWindow, document: Document, tmp_path: Path, qtbot: QtBot
 ) -> None:

@@ -13,6 +13,7 @@ from PySide6.QtWidgets import QFileDialog
 from nvsim.files.user_folders import home_folder
 from nvsim.graph.compare import Deviation, merge
 from nvsim.graph.edits import EditError
+from nvsim.graph.review import reviewable_edges
 from nvsim.graph.selection import GraphSelection
 from nvsim.graph.types import EdgeKey
 from nvsim.plain_text import capitalized
@@ -73,7 +74,7 @@ class CheckPart(Part):
         waiting = editing.review.order(editing.graph)
         left = [doubt for doubt in waiting if doubt.edge not in self._passed]
         if not waiting:
-            self.context.notices.info("Every edge is reviewed.")
+            self.context.notices.info("Every edge between included viewpoints is reviewed.")
             return
         if not left:
             self._passed.clear()
@@ -86,9 +87,10 @@ class CheckPart(Part):
         editing = self.context.document.editing
         assert editing.graph is not None  # checked by the callers
         self._why = why
-        done = sum(edge.reviewed for edge in editing.graph.edges.values())
+        edges = reviewable_edges(editing.graph)
+        done = sum(editing.graph.edges[key].reviewed for key in edges)
         self.context.modes.said.emit(
-            f"{capitalized(why)} · {done:,} of {len(editing.graph.edges):,} edges are reviewed · N next · "
+            f"{capitalized(why)} · {done:,} of {len(edges):,} edges are reviewed · N next · "
             "Y reviewed · Shift+N reviewed, next · Del remove"
         )
 
