@@ -3,21 +3,25 @@
 python tests/benchmarks/growth.py FOLDER --areas 300 1000 6000
 
 For each area, a building of halls is generated, and every stage runs as a separate command. The benchmark records
-seconds, processor seconds, and the peak memory of its processes, and then scores the graph. Finished stages of
-FOLDER/AREA.nvsim are not run again. At the end it prints one JSON line and, for each stage, the growth of seconds and
-memory from the first to the last area. The growth is relative to that of the area (1.00 is linear).
+seconds, processor seconds, and the peak memory of its processes, and then scores the graph. FOLDER/AREA.json keeps the
+figures of finished stages, which are not run again. At the end it prints one JSON line and, for each stage, the growth
+of seconds and memory from the first to the last area. The growth is relative to that of the area (1.00 is linear).
 """
 
 from __future__ import annotations
 
 import json
 import sys
+from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 import tyro
 from harness import cost, evaluated, watched
+
+from nvsim.files.atomic import write_text
 
 
 @dataclass(frozen=True)
@@ -57,25 +61,37 @@ def grown(rows: list[dict[str, Any]], name: str) -> str:
 
 
 def measured(arguments: Arguments, area: int) -> dict[str, Any]:
+    """The cost of every stage, and the figures of the graph. FOLDER/AREA.json keeps them as they are measured."""
     made, project = arguments.folder / f"{area}.building", arguments.folder / f"{area}.nvsim"
+    kept = arguments.folder / f"{area}.json"
+    row: dict[str, Any] = json.loads(kept.read_text()) if kept.exists() else {"area": area}
+
+    def measure(name: str, work: Callable[[], object]) -> None:
+        if name not in row:
+            row[name] = work()
+            kept.parent.mkdir(parents=True, exist_ok=True)
+            write_text(kept, json.dumps(row))
+
     build = f"from nvsim.building import BuildingConfig, generate; from pathlib import Path; import sys; generate(Path(\
 sys.argv[1]), BuildingConfig(seed={arguments.seed}, size='halls', area={area}))"
-    row: dict[str, Any] = {"area": area, "building": watched([sys.executable, "-c", build, str(made)])}
+    measure("building", lambda: watched([sys.executable, "-c", build, str(made)]))
     capture = made / "capture"
+    stages = list(arguments.stages)
     if arguments.alone:
         from images_only import without_scan
 
         capture = arguments.folder / f"{area}.images"
-        without_scan(made / "capture", capture)
-    row["import"] = cost("import", str(capture), "--project", str(project))
-    stages = list(arguments.stages)
-    if arguments.alone and "depth" not in stages:
-        stages.insert(1, "depth")
+        if not capture.exists():
+            without_scan(made / "capture", capture)
+        if "depth" not in stages:
+            stages.insert(1, "depth")
+    measure("import", lambda: cost("import", str(capture), "--project", str(project)))
+    words = [word for option in arguments.train for word in f"--{option}".split("=")]
     for stage in stages:
-        options = [f"--{o}".split("=") for o in arguments.train] if stage == "train" else []
-        row[stage] = cost(stage, "--project", str(project), *(word for pair in options for word in pair))
+        options = words if stage == "train" else []
+        measure(stage, partial(cost, stage, "--project", str(project), *options))
     if "map" in stages:
-        row["graph"] = graph(project, made / "ground_truth" / "map.yaml")
+        measure("graph", lambda: graph(project, made / "ground_truth" / "map.yaml"))
     frames = json.loads((made / "capture" / "transforms.json").read_text())["frames"]
     row |= {"frames": len(frames), "bytes": sum(p.stat().st_size for p in project.rglob("*") if p.is_file())}
     return row
