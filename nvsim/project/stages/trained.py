@@ -274,7 +274,7 @@ class _StageProgress:
             if isinstance(event, Progress) and event.stage == STAGE:
                 self._done[submap] = event.done
                 ended = sum(done >= self._steps for done in self._done.values())
-                detail = f"{ended} of {len(self._done)} submaps done"
+                detail = f"{ended} of {len(self._done)} submaps done" if len(self._done) > 1 else ""
                 event = Progress(STAGE, sum(self._done.values()), self._steps * len(self._done), detail)
             self._listen(event)
 
