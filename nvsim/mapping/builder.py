@@ -25,7 +25,10 @@ from nvsim.mapping.explanation.poor_graph import (
     explain_no_viewpoint,
     explain_small_graph,
 )
+from nvsim.mapping.explanation.possible_glass import PossibleGlass
+from nvsim.mapping.explanation.seen_floor import SeenFloor
 from nvsim.mapping.explanation.trajectory_detour import TrajectoryDetour
+from nvsim.mapping.explanation.wall_openings import WallOpenings
 from nvsim.mapping.search.breadth_first import BreadthFirstSearch
 from nvsim.mapping.search.graph_builder import GraphBuilder, keep_edits
 from nvsim.mapping.search.survey import Survey
@@ -73,6 +76,8 @@ def build_map(
     previous: NavGraph | None = None,
     remembered: NavGraph | None = None,
     scanned: bool = True,
+    openings: WallOpenings | None = None,
+    seen: SeenFloor | None = None,
     listen: Listener = ignore_event,
     keep: Callable[[NavGraph], None] | None = None,
 ) -> BuildResult:
@@ -85,7 +90,8 @@ def build_map(
     `remembered` ends like a complete build.
 
     `scanned` tells whether there is a LiDAR scan. Without one, floor over which the camera was carried is free. Edges
-    around which the trajectory makes a long detour are then removed (`config.around`).
+    through which a glass pane may be are then removed (`config.around`); `PossibleGlass` explains `openings` and
+    `seen`.
 
     Raises InputError if the trajectory is empty or not finite, or if no position on it has room for a viewpoint.
     Source: paper, section III-D, Algorithm 1.
@@ -126,9 +132,10 @@ def build_map(
     draft, searched = search.draft, time.monotonic()
     if config.settle:
         Settling(survey, explorer.settling).run()
-    detours = 0
+    behind_glass = 0
     if config.around and not scanned:
-        detours = _cut_detours(draft, TrajectoryDetour(walk, config.around), survey)
+        glass = PossibleGlass(TrajectoryDetour(walk, config.around), openings, seen)
+        behind_glass = _remove_possible_glass(draft, glass, survey)
     if not draft.viewpoints:
         raise NoViewpointFound(explain_no_viewpoint(search.refusals, config))
     uncovered = [p for p in walk.places if not explorer.is_covered(p)]
@@ -157,7 +164,7 @@ def build_map(
         "viewpoints_per_s": round(measurements.rendered_viewpoints / max(seconds, 1e-9), 3),
         "decisions": dict(sorted(words.items())),
         "walk_uncovered": len(uncovered),
-        "led_around": detours,
+        "led_around": behind_glass,
         "isolated_removed": len(isolated),
         "limited": search.limited,
     }
@@ -168,13 +175,13 @@ def build_map(
     return BuildResult(graph, report, with_measurements())
 
 
-def _cut_detours(draft: GraphBuilder, detour: TrajectoryDetour, survey: Survey) -> int:
-    """Remove edges around which the trajectory makes a long detour, and return their number. This step is the last, so
-    that no viewpoint and no other edge depends on it."""
+def _remove_possible_glass(draft: GraphBuilder, glass: PossibleGlass, survey: Survey) -> int:
+    """Remove edges through which a glass pane may be, and return their number. This step is the last, so that no
+    viewpoint and no other edge depends on it."""
     found = 0
     for a, b in list(draft.edges()):
         ends = draft.viewpoints[a], draft.viewpoints[b]
-        if detour(ends[0].position, ends[1].position):
+        if glass.reason(ends[0].position, ends[1].position):
             draft.remove_edge(a, b)
             found += 1
             for here, there in (ends, ends[::-1]):
@@ -203,8 +210,8 @@ def _report_build(
         listen(Log(f"{count} corridors have no edge because two submap models disagree about them.", STAGE))
     if report["led_around"]:
         text = (
-            f"{report['led_around']} edges were removed because the trajectory makes a long detour around "
-            "them: without a LiDAR scan, glass panes cannot be excluded (--around 0 keeps them)."
+            f"{report['led_around']} edges were removed because the trajectory goes around them through a door or on a "
+            "long detour: without a LiDAR scan, glass panes cannot be excluded (--around 0 keeps them)."
         )
         listen(Log(text, STAGE))
     if report["components"] > 1:

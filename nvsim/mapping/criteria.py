@@ -129,8 +129,8 @@ DECISIONS: Mapping[Decision, DecisionTexts] = {
     "spare": DecisionTexts("not needed", "another path is hardly longer", "lower the stretch of settling"),
     "served": DecisionTexts("covered by others", "other viewpoints are near its end", "lower the merge radius"),
     "around": DecisionTexts(
-        "trajectory detour",
-        "the trajectory makes a long detour around it, and photographs do not show glass panes",
+        "possible glass",
+        "the trajectory goes around it through a door or on a long detour, and photographs do not show glass panes",
         "walk through it while taking photographs, or add the edge manually if it is free",
     ),
 }

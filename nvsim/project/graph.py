@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import asdict, fields
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -17,9 +18,11 @@ from nvsim.project.path_kind import path_kind
 from nvsim.project.project import Project
 
 if TYPE_CHECKING:
-    from nvsim.mapping.explanation.trajectory_detour import TrajectoryDetour
+    from nvsim.mapping.explanation.seen_floor import SeenFloor
 
 _THRESHOLDS = "thresholds"
+
+Camera = tuple[float, ...]
 
 
 def load_graph(path: Path) -> NavGraph:
@@ -70,22 +73,41 @@ def context_on(occupancy: OccupancyMap | None, project: Project, limits: Limits 
         occupancy,
         closed_edge_reason(thresholds),
         closed_path_test(thresholds),
-        detour_between=_detour_between(project),
+        possible_glass=_possible_glass(project),
         floor=floor_beneath(project),
         photographed=thresholds.photographed,
         untrained=submaps_without_model(project),
     )
 
 
-def _detour_between(project: Project) -> TrajectoryDetour | None:
-    """None if the trajectory is no evidence (with a LiDAR scan, which shows glass), or no floor is known yet."""
+def _possible_glass(project: Project) -> Callable[[Camera, Camera], str] | None:
+    """None if the trajectory is no evidence (with a LiDAR scan, which shows glass), or no floor is known yet. Without
+    the walls of the last map, only detours count."""
+    from nvsim.mapping.explanation.possible_glass import PossibleGlass
     from nvsim.mapping.explanation.trajectory_detour import TrajectoryDetour
+    from nvsim.mapping.explanation.wall_openings import WallOpenings, read_walls
     from nvsim.mapping.search.trajectory import Walk
 
     capture, support = project.capture(), project.support()
     if capture is None or support is None or not capture.trajectory_counts:
         return None
-    return TrajectoryDetour(Walk(capture.positions, support.is_supported))
+    detour = TrajectoryDetour(Walk(capture.positions, support.is_supported))
+    walls, openings = project.layout.walls, None
+    if walls.is_file():
+        openings = WallOpenings(read_walls(walls, capture.positions), capture.positions)
+    return PossibleGlass(detour, openings, seen_floor(project)).reason
+
+
+def seen_floor(project: Project) -> SeenFloor | None:
+    """The floor that the images of the project show; None if their depth is not estimated."""
+    from nvsim.mapping.explanation.seen_floor import SeenFloor
+    from nvsim.project.floor_heights import floor_of
+    from nvsim.project.stages.depths import depth_maps
+
+    depth = depth_maps(project)
+    if depth is None:
+        return None
+    return SeenFloor([frame.camera for frame in project.need_capture().frames], depth, floor_of(project).height_at)
 
 
 def submaps_without_model(project: Project) -> frozenset[int]:

@@ -140,6 +140,11 @@ class Layout:
         return self.root / "map.measured"
 
     @property
+    def walls(self) -> Path:
+        """The walls that the last map build found, for captures without a LiDAR scan."""
+        return self.root / "map.walls.npz"
+
+    @property
     def partial_map(self) -> Path:
         """Evidence of an interrupted map build."""
         return self.checkpoints / "map.partial"

@@ -371,4 +371,4 @@ def test_only_a_scan_shows_the_map_glass_and_floor_that_no_image_shows(
         with pytest.raises(Asked):
             mapped.run(project, MappingConfig(), ignore_event)
         assert capture.is_measured and capture.is_scanned is asked["scanned"] is has_scan
-        assert (context_of(project).detour_between is None) is has_scan
+        assert (context_of(project).possible_glass is None) is has_scan

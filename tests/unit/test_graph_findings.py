@@ -132,7 +132,7 @@ def test_every_fix_can_be_done_by_name() -> None:
         images=frozenset("ab"),
         taken={"b": (2.0, 1.0, 1.0)},
         against=lambda graph, key: "something stands there",
-        detour_between=lambda a, b: 12.0,
+        possible_glass=lambda a, b: "skips 12 m of the trajectory",
         one_way=frozenset({("b", "c")}),
         entries={"b": (("self", "names itself"),)},
     )

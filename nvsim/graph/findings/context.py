@@ -105,8 +105,8 @@ class Context:
     against     (graph, edge) -> why the stored evidence contradicts the edge, as the end of a sentence; "" if it does
                 not
     closed      (graph, pair of viewpoints without an edge) -> whether the stored evidence contradicts an edge
-    detour_between  (x, y, z of one camera, of another) -> meters along the trajectory between them if it makes a long
-                detour around the straight line, otherwise 0. Set if there is no LiDAR scan that would show a glass pane
+    possible_glass  (x, y, z of one camera, of another) -> why a glass pane may be between them, a clause without its
+                subject; "" if none may be there. Set if there is no LiDAR scan that would show a pane
     visible     line of sight by the lists of a foreign file; viewpoints that do not see each other get no detour
                 finding
     floor       (x, y, near z) -> height of the floor there, meters; NaN if it is unknown
@@ -122,7 +122,7 @@ class Context:
     occupancy: OccupancyMap | None = None
     against: Callable[[NavGraph, EdgeKey], str] | None = None
     closed: Callable[[NavGraph, EdgeKey], bool] | None = None
-    detour_between: Callable[[tuple[float, ...], tuple[float, ...]], float] | None = None
+    possible_glass: Callable[[tuple[float, ...], tuple[float, ...]], str] | None = None
     visible: Visible | None = None
     floor: Callable[[float, float, float], float] | None = None
     images: frozenset[str] | None = None

@@ -45,11 +45,10 @@ def about_edge(graph: NavGraph, key: EdgeKey, context: Context) -> list[Finding]
         elif why := context.against(graph, key):
             review = Fix("Mark as reviewed (edge is correct)", "mark_reviewed", {"edges": [list(key)]})
             add("evidence", "warning", f"contradicts the evidence: {why}", remove, review)
-    meters = 0.0 if context.detour_between is None else context.detour_between(a.position, b.position)
-    if meters and not graph.edges[key].reviewed:
-        far = f"{meters:.0f} m" if math.isfinite(meters) else "a long part"
+    why = "" if context.possible_glass is None else context.possible_glass(a.position, b.position)
+    if why and not graph.edges[key].reviewed:
         seen = Fix("Mark as reviewed (no glass here)", "mark_reviewed", {"edges": [list(key)]})
-        words = f"skips {far} of the trajectory, and without a LiDAR scan a glass pane on the edge cannot be excluded"
+        words = f"{why}, and without a LiDAR scan a glass pane on the edge cannot be excluded"
         add("glass", "warning", words, remove, seen)
     length = math.dist(a.position, b.position)
     if length > limits.long:

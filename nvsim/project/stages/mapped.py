@@ -6,6 +6,7 @@ import time
 from dataclasses import replace
 from functools import partial
 from pathlib import Path, PurePosixPath
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -26,7 +27,7 @@ from nvsim.project import ledger
 from nvsim.project.corrections import corrections_key
 from nvsim.project.earlier_results import graph_in_file, report_replaced_result
 from nvsim.project.floor_heights import floor_of
-from nvsim.project.graph import recorded_config
+from nvsim.project.graph import recorded_config, seen_floor
 from nvsim.project.photographed import PhotographedDirections, with_shares
 from nvsim.project.project import Project
 from nvsim.project.scene_views import SceneViews
@@ -36,11 +37,14 @@ from nvsim.project.state import graph_table
 from nvsim.project.work import StageName, missing_result_error
 from nvsim.render.backends import Backend
 
+if TYPE_CHECKING:
+    from nvsim.mapping.explanation.wall_openings import WallGrid
+
 STAGE: StageName = "map"
 NETWORK = "network"  # key of the normals network in the summary
 _FAR = 10.0  # meters
 _MOST = 0.5  # of the viewpoints on the floor; with fewer, the graph stands on furniture
-_ALONE = 2  # increased when equal inputs give another graph for captures whose obstacles are only known from images
+_ALONE = 3  # increased when equal inputs give another graph for captures whose obstacles are only known from images
 _DRAWN = "wide Gaussians by rays"  # how views are rendered; changed when equal models give another image
 
 
@@ -60,6 +64,7 @@ def run(
     Raises InputError if no submap is trained, a required network is not installed, or there is no graph to `reapply`.
     """
     from nvsim.mapping.builder import build_map
+    from nvsim.mapping.explanation.wall_openings import WallOpenings, write_walls
 
     capture = project.need_capture()
     if not capture.has_images:
@@ -90,6 +95,7 @@ def run(
     if remembered is None and reapply:
         remembered = without_other_networks(_evidence(project.layout.measured_map), project, config)
     scan = project.scan_name
+    walls = _walls(project, capture)
     result = build_map(
         SceneViews(scene, config, backend),
         capture.positions,
@@ -101,6 +107,8 @@ def run(
         previous=previous,
         remembered=remembered,
         scanned=not capture.trajectory_counts,
+        openings=None if walls is None else WallOpenings(walls, capture.positions),
+        seen=seen_floor(project),
         listen=listen,
         keep=lambda evidence: write_bytes(unfinished, encode_graph(evidence)),
     )
@@ -120,9 +128,23 @@ def run(
         write_rows=partial(graph_table.write, graph=graph),
     )
     write_bytes(project.layout.measured_map, encode_graph(result.measured))
+    project.layout.walls.unlink(missing_ok=True)
+    if walls is not None:
+        write_walls(project.layout.walls, walls)
     unfinished.unlink(missing_ok=True)
     _check_floor(project, graph, listen)
     listen(Done(STAGE, f"{len(graph.viewpoints)} viewpoints and {len(graph.edges)} edges", report))
+
+
+def _walls(project: Project, capture: Capture) -> tuple[WallGrid, ...] | None:
+    """The walls that the cloud shows, to find edges through which a glass pane may be. None with a LiDAR scan, or if no
+    cloud shows surfaces."""
+    from nvsim.mapping.explanation.wall_openings import find_walls
+
+    cloud = project.scan() if capture.trajectory_counts else None
+    if cloud is None or not cloud.is_dense:
+        return None
+    return find_walls(cloud.points, floor_of(project).height_at, capture.positions)
 
 
 def _photographed_figures(graph: NavGraph, config: MappingConfig, listen: Listener) -> dict[str, float | int]:
