@@ -135,7 +135,7 @@ class Evidence:
                 "network-normal", "depth", "slice", "unknown", "disputed" (only one of two submap models calls it open),
                 "distance", "limit", "merge", "return" (the corridor back). Or the reason why a free corridor has no
                 edge: "spare" (another path is hardly longer), "served" (other viewpoints are near its end), "around"
-                (the trajectory makes a long detour, which without a LiDAR scan may be due to a glass pane)
+                (the trajectory goes around it, which without a LiDAR scan may be due to a glass pane)
     stale       whether the viewpoint, or the one it leads to, was moved after the measurement
     reach       (rows, cells) uint8, share of the distance to the floor of a cell that the rendered depth reaches * 255;
                 light that passes all Gaussians reaches the floor. 0 for cells outside the image. None: not measured

@@ -121,8 +121,8 @@ class MappingConfig:
     long."""
     around: float = 3.0
     """Without a LiDAR scan: ratio of the path along the trajectory to the edge. An edge with a greater ratio, and at
-    least 4 m of detour, is removed, because photographs do not show glass. Edges away from the trajectory, between
-    parts of it with such a detour, are removed as well. 0 keeps these edges."""
+    least 4 m of detour, is removed if it crosses an opening of a wall, or if no images look across, because photographs
+    do not show glass. Edges beside a door that the trajectory uses are removed as well. 0 keeps these edges."""
     view_size: int = 192
     """Pixels per side of the square views from which corridors are read. They are 100 degrees wide and pitched 45
     degrees down."""
