@@ -5,14 +5,16 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Collection
 from dataclasses import dataclass, replace
-from typing import Any, Protocol
+from typing import TYPE_CHECKING, Any
 
-from nvsim.graph.difference import GraphDelta
 from nvsim.graph.edits.change import EditError
 from nvsim.graph.graph_cache import GraphCache
 from nvsim.graph.selection import NOTHING, GraphSelection, existing_part
 from nvsim.graph.touched_elements import shorten_note
 from nvsim.graph.types import EdgeKey, NavGraph
+
+if TYPE_CHECKING:
+    from nvsim.graph.journal import Journal
 
 SHOWN = 8
 """Characters of an id in the name of a step."""
@@ -56,31 +58,11 @@ class HistoryChange:
     steps_changed: bool
 
 
-class Recorder(Protocol):
-    """Writes a history to disk, see `nvsim.graph.journal`. `refusal` is the reason why editing is not allowed, None if
-    it is."""
-
-    @property
-    def refusal(self) -> str | None: ...
-
-    def record_step(self, index: int, step: Step, delta: GraphDelta) -> None:
-        """Record step `index` (1 and up) with its delta from the previous step. Later steps are removed."""
-
-    def amend(self, index: int, step: Step) -> None:
-        """Replace the selection of step `index`."""
-
-    def move(self, index: int, clean: int) -> None:
-        """Record the current step and the saved step (-1: none)."""
-
-    def saved(self, graph: NavGraph) -> None:
-        """Record that the file holds this graph."""
-
-
 class History:
     """The steps of a graph with undo and redo. Step 0 is the opened graph. Listeners are called once for every change,
     after it is complete."""
 
-    def __init__(self, graph: NavGraph, journal: Recorder | None = None) -> None:
+    def __init__(self, graph: NavGraph, journal: Journal | None = None) -> None:
         self._steps = [Step("Opened", NOTHING, time.time(), edit=False)]
         self._graphs = GraphCache(graph)
         self._graph = graph
@@ -91,7 +73,7 @@ class History:
 
     @staticmethod
     def restored(
-        graphs: GraphCache, steps: list[Step], index: int, clean: int, journal: Recorder | None = None
+        graphs: GraphCache, steps: list[Step], index: int, clean: int, journal: Journal | None = None
     ) -> History:
         """Return a history that was read from disk. `graphs` holds one graph per step."""
         history = History(graphs[0], journal)
