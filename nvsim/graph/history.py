@@ -55,7 +55,6 @@ class HistoryChange:
     before_graph: NavGraph
     after_graph: NavGraph
     selection_changed: bool
-    steps_changed: bool
 
 
 class History:
@@ -174,7 +173,7 @@ class History:
         else:
             earlier = before
         self._append(Step(text, chosen, time.time(), True, merge, operation), earlier, graph)
-        self._announce(before, chosen != was, True)
+        self._announce(before, chosen != was)
 
     def replace_from_outside(self, text: str, graph: NavGraph) -> None:
         """Make `graph`, which a job or another program wrote to the file, the current and saved graph. It becomes a
@@ -195,7 +194,7 @@ class History:
         self._note()
         if self._journal is not None:
             self._journal.saved(graph)
-        self._announce(before, chosen != was, True)
+        self._announce(before, chosen != was)
 
     def select(self, selection: GraphSelection, text: str | None = None) -> None:
         """Change the selection, as a step.
@@ -218,7 +217,7 @@ class History:
             if self._index > 0 and not current.changes and lost <= 1:
                 self._index -= 1
             self._append(Step(text or selection_text(chosen), chosen, time.time(), edit=False), graph, graph)
-        self._announce(graph, True, True)
+        self._announce(graph, True)
 
     def undo(self) -> bool:
         """Go one step back. Returns False at the beginning."""
@@ -236,7 +235,7 @@ class History:
         self._graph = self._graphs[index]
         self._index = index
         self._note()
-        self._announce(before, self.selection != was, True)
+        self._announce(before, self.selection != was)
         return True
 
     def mark_saved(self, graph: NavGraph | None = None) -> None:
@@ -249,7 +248,7 @@ class History:
         self._note()
         if self._journal is not None:
             self._journal.saved(self._graph if graph is None else graph)
-        self._announce(self.graph, False, True)
+        self._announce(self.graph, False)
 
     # Listeners --------------------------------------------------------------------------------------------------
 
@@ -279,8 +278,8 @@ class History:
         if self._journal is not None:
             self._journal.move(self._index, self._clean)
 
-    def _announce(self, before: NavGraph, selected: bool, steps: bool) -> None:
-        change = HistoryChange(before, self._graph, selected, steps)
+    def _announce(self, before: NavGraph, selected: bool) -> None:
+        change = HistoryChange(before, self._graph, selected)
         for callback in tuple(self._listeners):
             callback(change)
 

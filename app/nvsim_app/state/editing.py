@@ -281,9 +281,8 @@ class Editing(QObject):
             self.graphChanged.emit(changed)
         if change.selection_changed:
             self.selectionChanged.emit()
-        if change.steps_changed:
-            self._keeping.look_soon()
-            self.stepsChanged.emit()
+        self._keeping.look_soon()
+        self.stepsChanged.emit()
 
 
 def _see_each_other(occupancy: OccupancyMap, a: NDArray[np.float64], b: NDArray[np.float64]) -> NDArray[np.bool_]:
