@@ -1,6 +1,6 @@
 """Extracts the features of exported scans to the files of layouts. Resumes an interrupted run.
 
-Most layouts have one row for each of the 36 views of a viewpoint, and layouts with the same backbone share its work.
+Most layouts have one row for each of the 36 views of a viewpoint, and layouts with equal backbones share its work.
 NavGPT-2 reads all patches of the views that show the candidates of a viewpoint, in the order of the candidates' numbers
 in `scanvp_candidates.json`. Source: NavGPT-2, map_nav_src/r2r/env.py.
 """
@@ -200,7 +200,7 @@ def _computed_rows(
 ) -> Iterator[KeptRows]:
     """Yields the kept rows of the file `target` with a row for each place, see `kept_rows`.
 
-    marks   fingerprints of the places; a kept row with the same fingerprint is not computed again
+    marks   fingerprints of the places; a kept row with an equal fingerprint is not computed again
     row     the data of a place: its number, its prepared views, and their width and height in pixels -> data
     """
     with kept_rows(target, made_by) as kept:
