@@ -13,10 +13,11 @@ from nvsim.splats.turning import UPS
 from nvsim_app.drawing.render_child import ProjectSource
 from nvsim_app.look.notices import Notices
 from nvsim_app.panels.preferences import memory_budget
+from nvsim_app.processes.background import BackgroundWork
 from nvsim_app.state.document import Document
 from nvsim_app.state.loading import Contents
 from nvsim_app.state.opened_files import GraphSource, SplatFile
-from nvsim_app.state.watcher import FileReader, ProjectWatcher
+from nvsim_app.state.watcher import ProjectWatcher
 from nvsim_app.wiring.window import MainWindow
 
 
@@ -28,7 +29,7 @@ class Session(QObject):
         self.notices = Notices(self)
         self.document = Document(parent=self)
         self.window = MainWindow(self.document, settings, self.notices)
-        self._watcher: ProjectWatcher | FileReader | None = None
+        self._watcher: ProjectWatcher | BackgroundWork | None = None
         self._arrived: deque[Contents] = deque()
         # Parts that were read together are shown one at a time, so that the event loop runs in between.
         self._next = QTimer(self, singleShot=True, interval=1)
@@ -67,10 +68,8 @@ class Session(QObject):
         self._stop_watching()
         self.window.scene.feed.show(None)
         self.document.set_contents(Contents(file.path, reading=True))
-        self._watcher = FileReader(file, self)
-        self._watcher.read.connect(self._on_read)
-        self._watcher.failed.connect(self._on_failed)
-        self._watcher.start()
+        self._watcher = BackgroundWork("file reader", self)
+        self._watcher.start(file.contents, self._on_read, self._on_failed)
 
     def _turn_up(self) -> None:
         stamp = self.document.contents.scene_stamp

@@ -184,7 +184,7 @@ def measure(live: Path | None = None, seconds: float = 2.0) -> dict[str, Any]:
         from nvsim.r2r.simulator.live import LiveImages
 
         images = LiveImages(read_live_scene(live))
-        scan = images.scans().scan(images.scans().scan_ids()[0])
+        scan = images.scans.scan(images.scans.scan_ids()[0])
         ids = [id for id, i in zip(scan.ids, scan.included.tolist(), strict=True) if i]
         spread = [ids[i] for i in np.linspace(0, len(ids) - 1, min(10, len(ids))).astype(int)]
         for name, stay in (("live_frames_per_s", 36), ("live_moving_frames_per_s", 1)):

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Literal
 
-Storage = Literal["auto", "shared", "sent"]
+from nvsim.cluster.piece import Storage
 
 
 @dataclass(frozen=True)

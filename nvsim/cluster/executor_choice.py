@@ -37,7 +37,7 @@ def open_executor(config: ClusterConfig) -> Iterator[Executor]:
     from nvsim.cluster.ray_pool import RayPool
 
     with connect_to_cluster(config.address) as ray:
-        yield RayPool(ray)
+        yield RayPool(ray, config.storage)
 
 
 @contextlib.contextmanager

@@ -11,7 +11,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from multiprocessing.connection import Connection, wait
 
-from nvsim.cluster.piece import Message, MessageStream, SentFile, WorkCall, WorkItem, WorkResult
+from nvsim.cluster.piece import Message, MessageStream, SentFile, Storage, WorkCall, WorkItem, WorkResult
 from nvsim.errors import InputError
 from nvsim.events import Event, Progress
 from nvsim.kernel_threads import cores
@@ -29,6 +29,7 @@ class LocalPool:
     """Processes of this machine."""
 
     remote = False
+    storage: Storage = "shared"
 
     @property
     def machines(self) -> tuple[int, ...]:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import hashlib
 from collections.abc import Callable, Generator, Sequence
 from dataclasses import dataclass
-from typing import Any, Protocol
+from typing import Any, Literal, Protocol
 
 from nvsim.errors import InputError
 from nvsim.events import Event
@@ -101,8 +101,14 @@ class WorkCall:
     arguments: tuple[object, ...]
 
 
+Storage = Literal["auto", "shared", "sent"]
+"""How pieces on other machines read files, see `ClusterConfig.storage`."""
+
+
 class Executor(Protocol):
     """Runs pieces of work. One executor may be used for several stages in turn."""
+
+    storage: Storage
 
     @property
     def remote(self) -> bool:

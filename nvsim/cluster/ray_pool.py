@@ -17,7 +17,16 @@ from types import ModuleType
 from typing import Any
 
 from nvsim.cluster import ray_task
-from nvsim.cluster.piece import Message, MessageStream, StorageNotShared, WorkCall, WorkItem, WorkResult, pieces_at_once
+from nvsim.cluster.piece import (
+    Message,
+    MessageStream,
+    Storage,
+    StorageNotShared,
+    WorkCall,
+    WorkItem,
+    WorkResult,
+    pieces_at_once,
+)
 from nvsim.cluster.versions import versions
 from nvsim.errors import InputError
 from nvsim.events import Log, Progress, Warning, Worker
@@ -89,8 +98,8 @@ class RayPool:
 
     remote = True
 
-    def __init__(self, ray: ModuleType) -> None:
-        self._ray = ray
+    def __init__(self, ray: ModuleType, storage: Storage = "auto") -> None:
+        self._ray, self.storage = ray, storage
         ray.cloudpickle.register_pickle_by_value(ray_task)
         self._serve = ray.remote(ray_task.run_order)
         self._warned: set[str] = set()

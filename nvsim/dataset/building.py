@@ -236,8 +236,8 @@ def _features(out: Path, scans: Sequence[str], options: DatasetOptions, listen: 
     the file let the next run reuse it."""
     if not options.all_layouts:
         return []
-    from nvsim.r2r.features.all_layouts import extract_layouts
     from nvsim.r2r.features.exported_scan import read_exported_scans
+    from nvsim.r2r.features.extraction import extract_layouts
     from nvsim.r2r.features.network import choose_backbone
 
     before = {one["layout"]: one for one in _record(out).get("features", [])}

@@ -5,14 +5,16 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Collection
 from dataclasses import dataclass, replace
-from typing import Any, Protocol
+from typing import TYPE_CHECKING, Any
 
-from nvsim.graph.difference import GraphDelta
 from nvsim.graph.edits.change import EditError
 from nvsim.graph.graph_cache import GraphCache
 from nvsim.graph.selection import NOTHING, GraphSelection, existing_part
 from nvsim.graph.touched_elements import shorten_note
 from nvsim.graph.types import EdgeKey, NavGraph
+
+if TYPE_CHECKING:
+    from nvsim.graph.journal import Journal
 
 SHOWN = 8
 """Characters of an id in the name of a step."""
@@ -53,34 +55,13 @@ class HistoryChange:
     before_graph: NavGraph
     after_graph: NavGraph
     selection_changed: bool
-    steps_changed: bool
-
-
-class Recorder(Protocol):
-    """Writes a history to disk, see `nvsim.graph.journal`. `refusal` is the reason why editing is not allowed, None if
-    it is."""
-
-    @property
-    def refusal(self) -> str | None: ...
-
-    def record_step(self, index: int, step: Step, delta: GraphDelta) -> None:
-        """Record step `index` (1 and up) with its delta from the previous step. Later steps are removed."""
-
-    def amend(self, index: int, step: Step) -> None:
-        """Replace the selection of step `index`."""
-
-    def move(self, index: int, clean: int) -> None:
-        """Record the current step and the saved step (-1: none)."""
-
-    def saved(self, graph: NavGraph) -> None:
-        """Record that the file holds this graph."""
 
 
 class History:
     """The steps of a graph with undo and redo. Step 0 is the opened graph. Listeners are called once for every change,
     after it is complete."""
 
-    def __init__(self, graph: NavGraph, journal: Recorder | None = None) -> None:
+    def __init__(self, graph: NavGraph, journal: Journal | None = None) -> None:
         self._steps = [Step("Opened", NOTHING, time.time(), edit=False)]
         self._graphs = GraphCache(graph)
         self._graph = graph
@@ -91,7 +72,7 @@ class History:
 
     @staticmethod
     def restored(
-        graphs: GraphCache, steps: list[Step], index: int, clean: int, journal: Recorder | None = None
+        graphs: GraphCache, steps: list[Step], index: int, clean: int, journal: Journal | None = None
     ) -> History:
         """Return a history that was read from disk. `graphs` holds one graph per step."""
         history = History(graphs[0], journal)
@@ -192,7 +173,7 @@ class History:
         else:
             earlier = before
         self._append(Step(text, chosen, time.time(), True, merge, operation), earlier, graph)
-        self._announce(before, chosen != was, True)
+        self._announce(before, chosen != was)
 
     def replace_from_outside(self, text: str, graph: NavGraph) -> None:
         """Make `graph`, which a job or another program wrote to the file, the current and saved graph. It becomes a
@@ -213,7 +194,7 @@ class History:
         self._note()
         if self._journal is not None:
             self._journal.saved(graph)
-        self._announce(before, chosen != was, True)
+        self._announce(before, chosen != was)
 
     def select(self, selection: GraphSelection, text: str | None = None) -> None:
         """Change the selection, as a step.
@@ -236,7 +217,7 @@ class History:
             if self._index > 0 and not current.changes and lost <= 1:
                 self._index -= 1
             self._append(Step(text or selection_text(chosen), chosen, time.time(), edit=False), graph, graph)
-        self._announce(graph, True, True)
+        self._announce(graph, True)
 
     def undo(self) -> bool:
         """Go one step back. Returns False at the beginning."""
@@ -254,7 +235,7 @@ class History:
         self._graph = self._graphs[index]
         self._index = index
         self._note()
-        self._announce(before, self.selection != was, True)
+        self._announce(before, self.selection != was)
         return True
 
     def mark_saved(self, graph: NavGraph | None = None) -> None:
@@ -267,7 +248,7 @@ class History:
         self._note()
         if self._journal is not None:
             self._journal.saved(self._graph if graph is None else graph)
-        self._announce(self.graph, False, True)
+        self._announce(self.graph, False)
 
     # Listeners --------------------------------------------------------------------------------------------------
 
@@ -297,8 +278,8 @@ class History:
         if self._journal is not None:
             self._journal.move(self._index, self._clean)
 
-    def _announce(self, before: NavGraph, selected: bool, steps: bool) -> None:
-        change = HistoryChange(before, self._graph, selected, steps)
+    def _announce(self, before: NavGraph, selected: bool) -> None:
+        change = HistoryChange(before, self._graph, selected)
         for callback in tuple(self._listeners):
             callback(change)
 

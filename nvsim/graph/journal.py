@@ -138,9 +138,10 @@ class Journal:
                 return graph
         return None
 
-    # Recorder of the history ------------------------------------------------------------------------------------
+    # Called by the history -----------------------------------------------------------------------------------------
 
     def record_step(self, index: int, step: Step, delta: GraphDelta) -> None:
+        """Record step `index` (1 and up) with its delta from the previous step. Later steps are removed."""
         with self._state:
             for later in [i for i in self._pending if i >= index]:
                 del self._pending[later]
@@ -149,6 +150,7 @@ class Journal:
         self._begin()
 
     def amend(self, index: int, step: Step) -> None:
+        """Replace the selection of step `index`."""
         with self._state:
             delta = self._pending[index][1] if index in self._pending else None
             if index:
@@ -156,11 +158,13 @@ class Journal:
         self._begin()
 
     def move(self, index: int, clean: int) -> None:
+        """Record the current step and the saved step (-1: none)."""
         with self._state:
             self._marks |= {"index": index, "clean": clean}
         self._begin()
 
     def saved(self, graph: NavGraph) -> None:
+        """Record that the file holds this graph."""
         with self._state:
             self._marks["saved"] = graph
         self._begin()

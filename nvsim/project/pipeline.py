@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Callable
 from pathlib import Path
 
-from nvsim.cluster.config import Storage
 from nvsim.cluster.piece import Executor
 from nvsim.events import Listener, ignore_event
 from nvsim.project.config import CaptureConfig, DepthUse, RunConfig
@@ -23,16 +22,15 @@ def run(
     listen: Listener = ignore_event,
     depth: DepthUse = "auto",
     executor: Executor | None = None,
-    storage: Storage = "auto",
 ) -> None:
     """Builds a navigation graph in the project from the capture or video `source`. `executor` runs work that is divided
     into pieces. Raises InputError for errors that the user can fix."""
     runs: dict[StageName, Callable[[], object]] = {
         "import": lambda: imported.run(project, source, capture_config, listen),
         "submaps": lambda: submaps.run(project, config.submaps, listen),
-        "depth": lambda: depths.run(project, depth, config.depth, listen, executor, storage),
-        "floors": lambda: floors.run(project, listen, False, config.floors, executor, storage),
-        "train": lambda: trained.run(project, config.train, listen, executor=executor, storage=storage),
+        "depth": lambda: depths.run(project, depth, config.depth, listen, executor),
+        "floors": lambda: floors.run(project, listen, False, config.floors, executor),
+        "train": lambda: trained.run(project, config.train, listen, executor=executor),
         "map": lambda: mapped.run(project, config.map, listen),
     }
     mapped.check_normals(config.map)  # before any stage runs

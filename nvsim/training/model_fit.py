@@ -34,7 +34,6 @@ from nvsim.training.loss.alpha import alpha_loss
 from nvsim.training.loss.floor_aware import FloorAwareLoss, LossValues
 from nvsim.training.networks import Networks
 from nvsim.training.optimizer import BETA1, BETA2, ParameterGroup
-from nvsim.training.strategies.types import Refinement
 from nvsim.training.views import TrainingView
 
 Float32 = NDArray[np.float32]
@@ -128,16 +127,6 @@ class ModelFit:
     def gaussians(self) -> Gaussians:
         """Arrays that can be changed in place until the next step."""
         return self.held.gaussians
-
-    @property
-    def gradients(self) -> Gaussians:
-        """The gradients, which can be changed in place until the next step."""
-        return self.held.gradients
-
-    @property
-    def sums(self) -> Float32:
-        """(N, 3) statistics, see `strategies.types.Model`."""
-        return self.held.sums
 
     def canvas(self, width: int, height: int) -> ViewBuffers:
         key = (width, height)
@@ -244,14 +233,6 @@ class ModelFit:
                     group.step(step // TEXTURE_STEPS, decay[name] ** share)
                     group.gradient[:] = 0
         self.parts["optimizer"] = 1e3 * (time.perf_counter() - started)
-
-    def refine(self, refinement: Refinement) -> None:
-        """Replaces the Gaussians. Survivors keep their moments, new ones start with zero moments."""
-        self.held.refine(refinement)
-
-    def reset_moments(self, name: str) -> None:
-        """Sets both moments of a group of the Gaussians to zero."""
-        self.held.reset_moments(name)
 
     def state(self) -> dict[str, NDArray[np.generic]]:
         """All arrays that a step changes, by name, of any shape."""

@@ -216,9 +216,9 @@ class _TrainingRun:
         if view.usable is not None:
             canvas.loss.error[:, ~view.usable] = 0
         self._robust.end(index, canvas.loss.error)
-        self._strategy.before_update(self.fit, step)
+        self._strategy.before_update(self.fit.held, step)
         self.fit.move(step)
-        self._strategy.after_update(self.fit, step)
+        self._strategy.after_update(self.fit.held, step)
         keep = _SMOOTHING if step > 1 else 0.0
         for name, value in (("loss", values.total), ("psnr", values.psnr)):
             self._figures[name] = keep * self._figures[name] + (1 - keep) * value

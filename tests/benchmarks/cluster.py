@@ -152,12 +152,10 @@ def measure(
     with head(2) as address, open_executor(ClusterConfig("ray", address, storage)) as executor:
 
         def run(listen: Callable[[Event], None]) -> Callable[[Project], None]:
-            return lambda p: trained.run(p, config, listen, at_once=2, executor=executor, storage=storage)
+            return lambda p: trained.run(p, config, listen, at_once=2, executor=executor)
 
         few = dataclasses.replace(config, steps=2)
-        train_copy(
-            base, "warm", lambda p: trained.run(p, few, ignore_event, at_once=2, executor=executor, storage=storage)
-        )
+        train_copy(base, "warm", lambda p: trained.run(p, few, ignore_event, at_once=2, executor=executor))
         afar, found = train_copy(base, "afar", run(ignore_event))
         result["ray_seconds"] = round(afar, 1)
         if with_local:

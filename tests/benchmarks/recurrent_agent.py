@@ -25,8 +25,8 @@ from numpy.typing import NDArray
 from nvsim.cli.terminal import as_json, table
 from nvsim.evaluation.interval import grouped_mean
 from nvsim.events import Event, Metric
-from nvsim.r2r.agents.baselines import RandomAgent
-from nvsim.r2r.agents.benchmark import Benchmark, run_agent, scans_in
+from nvsim.r2r.agents.baselines import random_agent
+from nvsim.r2r.agents.benchmark import Agent, Benchmark, run_agent, scans_in
 from nvsim.r2r.features.layouts import features_in
 from nvsim.r2r.metrics.scores import Scores, score
 from nvsim.r2r.recurrent.config import LearningConfig, ModelConfig
@@ -61,7 +61,7 @@ def main() -> None:
             for folder in folders:
                 found[folder][kind].append(walked(folder, agent))
         for folder in folders:
-            found[folder]["RANDOM"].append(walked(folder, RandomAgent(seed)))
+            found[folder]["RANDOM"].append(walked(folder, random_agent(seed)))
         for folder in folders:
             shares = {kind: round(100 * float(found[folder][kind][-1].success.mean()), 1) for kind in KINDS}
             print(f"seed {seed}, {folder.name}: SR % {shares}", flush=True)
@@ -88,7 +88,7 @@ def trained(arguments: Arguments, kind: str, seed: int) -> Path:
     return out
 
 
-def walked(folder: Path, agent: Path | RandomAgent) -> Scores:
+def walked(folder: Path, agent: Path | Agent) -> Scores:
     benchmark = Benchmark.read(scans_in(folder), folder / "tasks" / "R2R_val_unseen.json")
     if isinstance(agent, Path):
         trajectories = run_recurrent(agent, benchmark, features_in(folder))

@@ -503,7 +503,7 @@ def test_proposed_viewpoints_come_with_their_edges_as_one_step(window: MainWindo
         PlaceProposal("new2", (3.2, 2.2, 1.5), 1.5, 3.0, ("new1",), 0.5, ""),
     )
     steps, before = len(document.editing.history.steps), document.graph
-    part._on_thought(((), places), "")
+    part._on_found(((), places))
     window.grab()
     window.actions_table["accept_proposals"].trigger()
     assert set(document.graph.neighbors("new1")) == {near, "new2"}

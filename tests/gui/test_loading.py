@@ -19,9 +19,10 @@ from nvsim.errors import InputError
 from nvsim.graph.operations import apply
 from nvsim.project.layout import Layout
 from nvsim.project.project import Project
+from nvsim_app.processes.background import BackgroundWork
 from nvsim_app.session import Session
 from nvsim_app.state.loading import Contents, ProjectReader
-from nvsim_app.state.watcher import FileReader, ProjectWatcher
+from nvsim_app.state.watcher import ProjectWatcher
 
 
 @pytest.fixture
@@ -101,19 +102,26 @@ def test_the_watcher_tells_the_window_what_another_process_commits(project: Path
 
 
 def test_what_was_read_before_a_stop_is_not_handed_on_after_it(qtbot: QtBot) -> None:
-    class Read:
-        def contents(self) -> Contents:
-            return Contents(Path("house.nvsim"))
-
     for stopped in (True, False):
-        reader, read = FileReader(Read()), []
-        reader.read.connect(read.append)
-        reader.start()
+        reader, read = BackgroundWork("file reader"), []
+        reader.start(lambda: "contents", read.append, pytest.fail)
         reader._thread.join()
         if stopped:
             reader.stop()
         QApplication.processEvents()
-        assert [c.path for c in read] == ([] if stopped else [Path("house.nvsim")])
+        assert read == ([] if stopped else ["contents"]) and not reader.busy
+
+
+def test_the_result_of_earlier_work_is_dropped_and_an_error_is_one_sentence(qtbot: QtBot) -> None:
+    def fail() -> None:
+        raise InputError("It is damaged.")
+
+    work, read, said = BackgroundWork("file reader"), [], []
+    work.start(lambda: "earlier", read.append, said.append)
+    work.start(fail, read.append, said.append)
+    qtbot.waitUntil(lambda: not work.busy)
+    QApplication.processEvents()
+    assert read == [] and said == ["It is damaged."]
 
 
 def test_a_damaged_project_is_said_once(project: Path, qtbot: QtBot) -> None:

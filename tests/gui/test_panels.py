@@ -18,13 +18,14 @@ from nvsim_app.panels.job_plots import StepAxis
 from nvsim_app.panels.jobs import duration
 from nvsim_app.panels.log import LogPanel
 from nvsim_app.panels.stages import EmptyState
-from nvsim_app.panels.submaps import SubmapModel, SubmapPanel
+from nvsim_app.panels.submaps import SubmapPanel
 from nvsim_app.state.document import Document
 from nvsim_app.state.loading import Contents
 
 
 def test_the_model_keeps_qts_rules_while_the_document_changes(qtmodeltester, document: Document) -> None:
-    model = SubmapModel(document)
+    panel = SubmapPanel(document)
+    model = panel.model
     qtmodeltester.check(model)
     document.set_contents(replace(document.contents, submaps=document.contents.submaps[:2]))
     qtmodeltester.check(model)
@@ -34,7 +35,8 @@ def test_the_model_keeps_qts_rules_while_the_document_changes(qtmodeltester, doc
 
 
 def test_submaps_tell_frames_overlap_and_quality(document: Document, qtbot: QtBot) -> None:
-    model = SubmapModel(document)
+    panel = SubmapPanel(document)
+    model = panel.model
     assert [model.index(1, c).data() for c in range(5)] == ["1", "30", "8", "27.7", "68 k"]
     assert model.index(3, 3).data() == "–"
 

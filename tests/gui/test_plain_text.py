@@ -206,7 +206,7 @@ def test_texts_from_outside_are_text_in_the_whole_window(attacked: MainWindow, f
     qtbot.waitUntil(lambda: bool(document.editing.findings), timeout=10_000)
     validation.renew()
     validation.choose(validation.model.rows[0])
-    document.editing.ignore_finding(validation.model.rows[0], hostile.text(fifo, long=True))
+    document.editing.ignore(validation.model.rows[0].key, hostile.text(fifo, long=True))
     validation.ignored.setChecked(True)
     validation.renew()
     _part(window, ComparePart).compare_with_step(0)

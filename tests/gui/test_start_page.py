@@ -8,6 +8,7 @@ import time
 from collections.abc import Callable, Iterator
 from dataclasses import replace
 from pathlib import Path
+from threading import Event
 
 import cv2
 import demo_project
@@ -29,7 +30,7 @@ from nvsim_app.panels.new_project import NewProjectDialog
 from nvsim_app.panels.open_dialog import OpenDialog
 from nvsim_app.panels.start_page import StartPage
 from nvsim_app.session import Session
-from nvsim_app.state.folder_listing import FolderLook
+from nvsim_app.state.folder_listing import list_folder
 from nvsim_app.state.recent_projects import MOST, RecentProjects
 from nvsim_app.state.side_work import LAST_VIEW, look_at
 from nvsim_app.wiring.files import FilePart, RecentPart
@@ -53,7 +54,7 @@ def shelf(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def test_everything_in_a_folder_is_said_what_it_is(shelf: Path) -> None:
-    listing = FolderLook(shelf).result()
+    listing = list_folder(shelf, Event())
     assert listing is not None and listing.others == 1 and not listing.cut
     assert {e.path.name: e.kind for e in listing.entries} == {
         "graphs": "graph folder",
@@ -65,10 +66,10 @@ def test_everything_in_a_folder_is_said_what_it_is(shelf: Path) -> None:
     }
     assert [e.is_folder for e in listing.entries] == [True] * 4 + [False] * 2
     with pytest.raises(InputError, match="nowhere"):
-        FolderLook(shelf / "nowhere").result()
-    killed = FolderLook(shelf)
-    killed.kill()
-    assert killed.result() is None
+        list_folder(shelf / "nowhere", Event())
+    stopped = Event()
+    stopped.set()
+    assert list_folder(shelf, stopped) is None
 
 
 def listed(dialog: OpenDialog, qtbot: QtBot) -> list[str]:

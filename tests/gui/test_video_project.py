@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 from dataclasses import replace
 from pathlib import Path
+from threading import Event
 
 import cv2
 import numpy as np
@@ -30,7 +31,7 @@ from nvsim_app.panels.details import DetailsPanel
 from nvsim_app.panels.new_project import NewProjectDialog
 from nvsim_app.session import Session
 from nvsim_app.state.document import Document
-from nvsim_app.state.folder_listing import FolderLook
+from nvsim_app.state.folder_listing import list_folder
 from nvsim_app.state.recent_projects import place_for
 from nvsim_app.wiring.new_project import NewProjectPart
 from nvsim_app.wiring.panels import MapPart
@@ -70,7 +71,7 @@ def test_a_dropped_video_is_checked_asks_for_the_height_and_becomes_a_job(
     ordered: list[tuple] = []
     monkeypatch.setattr(session.window.jobs, "start", lambda *job: ordered.append(job))
     video = write_video(tmp_path / "walk.mp4")
-    assert [(e.path, e.kind, e.openable) for e in FolderLook(tmp_path).result().entries] == [(video, "video", True)]
+    assert [(e.path, e.kind, e.openable) for e in list_folder(tmp_path, Event()).entries] == [(video, "video", True)]
     session.window.part(NewProjectPart).open_paths([video])
     (dialog,) = session.window.findChildren(NewProjectDialog)
     assert Path(dialog.project.text()) == place_for(video) == tmp_path / "walk.nvsim"

@@ -32,13 +32,13 @@ def write_lmdb(target: Path, made: set[str] | None = None) -> list[bool]:
     """Writes an LMDB of three arrays; returns which of them were there from before."""
     pytest.importorskip("lmdb", reason="the extra `navgpt2` is not installed")
     pytest.importorskip("msgpack", reason="the extra `navgpt2` is not installed")
-    from nvsim.r2r.features.candidate_views import growing_lmdb
+    from nvsim.r2r.features import feature_files
 
-    with growing_lmdb(target, "m", 1 << 20, 4) as growing:
-        there = [growing.contains(key, b"k") for key in KEYS]
+    with kept_rows(target, "m") as rows:
+        there = [rows.contains(key, b"k") for key in KEYS]
         for key in KEYS if made is None else made:
-            growing.store(key, b"k", np.zeros((3, 4), np.float32))
-        growing.finish(set(KEYS))
+            rows.append(key, b"k", feature_files.packed_array(np.zeros((3, 4), np.float32)))
+        feature_files.write_lmdb(target, rows, {key: key.encode() for key in KEYS}, 1 << 20)
     return there
 
 

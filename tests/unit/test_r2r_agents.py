@@ -7,6 +7,8 @@ import math
 from collections import Counter
 from itertools import pairwise
 from pathlib import Path
+from types import SimpleNamespace
+from typing import cast
 
 import numpy as np
 import pytest
@@ -17,9 +19,10 @@ from task_samples import as_agents_load, exported, house
 from nvsim.cli.main import main
 from nvsim.errors import InputError
 from nvsim.graph.types import NavGraph, Viewpoint, edge
-from nvsim.r2r.agents.baselines import PaperRandomAgent, RandomAgent, ShortestAgent
+from nvsim.r2r.agents.baselines import paper_random_agent, random_agent, shortest_agent
 from nvsim.r2r.agents.benchmark import run_agent
 from nvsim.r2r.metrics.submission import Pose
+from nvsim.r2r.simulator import SimState
 from nvsim.r2r.tasks.shortest import PathBounds
 from nvsim.r2r.tasks.splitting import PathCounts, sample_tasks
 from nvsim.r2r.tasks.task import Task
@@ -40,7 +43,7 @@ def test_shortest_walks_every_path_as_it_was_sampled(tmp_path: Path) -> None:
     # The second graph climbs: neighbors lie up to 60 degrees above and below.
     graphs = [house("one"), random_graph("two", 60, 4, reach=3.5)]
     tasks = tasks_in(*graphs, count=150)
-    agent = ShortestAgent({graph.scan: graph for graph in graphs})
+    agent = shortest_agent({graph.scan: graph for graph in graphs})
     walked = run_agent(agent, tasks, exported(tmp_path, *graphs) / "connectivity")
     assert {t.scan for t in tasks} == {"one", "two"} and list(walked) == [f"{t.path_id}_0" for t in tasks]
     for task in tasks:
@@ -55,7 +58,7 @@ def test_shortest_turns_the_shorter_way_and_goes_once_it_looks_there(tmp_path: P
     graphs = exported(tmp_path, graph) / "connectivity"
     for begin, headings in [(0, [0, 30, 60, 60]), (210, [210, 180, 150, 120, 90, 90]), (90, [90, 90])]:
         task = Task(1, "pair", ("a", "b"), math.radians(begin))
-        (walked,) = run_agent(ShortestAgent({"pair": graph}), [task], graphs).values()
+        (walked,) = run_agent(shortest_agent({"pair": graph}), [task], graphs).values()
         assert [round(math.degrees(heading)) for _, heading, _ in walked] == headings
         assert [id for id, _, _ in walked] == ["a"] * (len(headings) - 1) + ["b"]
 
@@ -65,7 +68,7 @@ def test_shortest_says_when_a_way_goes_straight_up(tmp_path: Path) -> None:
     graph = NavGraph("shaft", viewpoints, {("high", "low"): edge("low", "high")})
     with pytest.raises(InputError, match="No view from low in the scan shaft leads to high"):
         run_agent(
-            ShortestAgent({"shaft": graph}),
+            shortest_agent({"shaft": graph}),
             [Task(1, "shaft", ("low", "high"), 0.0)],
             exported(tmp_path, graph) / "connectivity",
         )
@@ -75,7 +78,7 @@ def test_random_turns_right_then_goes_five_times_to_what_is_ahead(tmp_path: Path
     graph = house("one")
     at = {id: np.array(v.position) for id, v in graph.viewpoints.items()}
     tasks = tasks_in(graph, count=400)
-    walked = run_agent(RandomAgent(3), tasks, exported(tmp_path, graph) / "connectivity")
+    walked = run_agent(random_agent(3), tasks, exported(tmp_path, graph) / "connectivity")
     turned = Counter()
     for task in tasks:
         trajectory = walked[f"{task.path_id}_0"]
@@ -98,9 +101,11 @@ def test_random_turns_right_then_goes_five_times_to_what_is_ahead(tmp_path: Path
 
 
 def test_first_turns_of_random_are_uniform() -> None:
-    agent = RandomAgent(0)
+    agent = random_agent(0)
     task = Task(1, "s", ("a", "b"), 0.0)
-    counts = Counter(agent.begin(f"{i}_0", task)._turns for i in range(6000))
+    ahead = cast(SimState, SimpleNamespace(navigableLocations=("a", "b")))  # every view shows a neighbor
+    episodes = (agent.episode(f"{i}_0", task, ahead) for i in range(6000))
+    counts = Counter(sum(not index for index, _, _ in episode) for episode in episodes)
     assert sorted(counts) == list(range(12)) and chisquare(list(counts.values())).pvalue > 0.001
 
 
@@ -108,7 +113,7 @@ def test_random_of_the_paper_goes_ten_times_to_any_neighbor_alike(tmp_path: Path
     graph = house("one")
     agents = as_agents_load(graph)
     tasks = tasks_in(graph, count=400)
-    walked = run_agent(PaperRandomAgent(1), tasks, exported(tmp_path, graph) / "connectivity")
+    walked = run_agent(paper_random_agent(1), tasks, exported(tmp_path, graph) / "connectivity")
     chosen: Counter[tuple[int, int]] = Counter()
     for task in tasks:
         ids = [pose[0] for pose in walked[f"{task.path_id}_0"]]
@@ -124,7 +129,7 @@ def test_random_of_the_paper_goes_ten_times_to_any_neighbor_alike(tmp_path: Path
 def test_a_trajectory_depends_on_seed_and_instruction_alone(tmp_path: Path) -> None:
     graph = house("one")
     graphs, tasks = exported(tmp_path, graph) / "connectivity", tasks_in(graph, count=100)
-    for agent in (RandomAgent, PaperRandomAgent):
+    for agent in (random_agent, paper_random_agent):
         whole = run_agent(agent(1), tasks, graphs)
         assert run_agent(agent(1), tasks[70:40:-1], graphs).items() <= whole.items()
         assert run_agent(agent(2), tasks, graphs) != whole

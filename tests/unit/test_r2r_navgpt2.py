@@ -17,8 +17,10 @@ from nvsim.errors import InputError
 from nvsim.events import Progress
 from nvsim.files.locking import AlreadyLocked
 from nvsim.r2r.features.backbone import Projection
-from nvsim.r2r.features.candidate_views import extract_candidates, growing_lmdb
 from nvsim.r2r.features.exported_scan import read_exported_scans
+from nvsim.r2r.features.extraction import extract_candidates
+from nvsim.r2r.features.feature_files import packed_array, write_lmdb
+from nvsim.r2r.features.kept_rows import kept_rows
 from nvsim.r2r.features.layouts import LAYOUTS
 
 NAME, TOKENS = "MP3D_eva_clip_g_can.lmdb", 257
@@ -104,9 +106,9 @@ def test_what_was_finished_before_a_kill_is_not_computed_again(tmp_path: Path) -
 
 def test_a_second_writer_is_refused(tmp_path: Path) -> None:
     with (
-        growing_lmdb(tmp_path / NAME, "a", 1, 1),
+        kept_rows(tmp_path / NAME, "a"),
         pytest.raises(AlreadyLocked),
-        growing_lmdb(tmp_path / NAME, "a", 1, 1),
+        kept_rows(tmp_path / NAME, "a"),
     ):
         pass
 
@@ -114,11 +116,12 @@ def test_a_second_writer_is_refused(tmp_path: Path) -> None:
 def test_a_file_that_grows_beyond_its_room_is_one_sentence(tmp_path: Path) -> None:
     with (
         pytest.raises(InputError, match="Cannot write .*free some space"),
-        growing_lmdb(tmp_path / NAME, "a", 1, 1) as f,
+        kept_rows(tmp_path / NAME, "a") as rows,
     ):
-        for n in range(100):
-            f.store(f"key{n}", b"", np.zeros(1 << 20, np.float32))
-        f.finish({f"key{n}" for n in range(100)})
+        keys = {f"key{n}": f"key{n}".encode() for n in range(100)}
+        for key in keys:
+            rows.append(key, b"", packed_array(np.zeros(1 << 20, np.float32)))
+        write_lmdb(tmp_path / NAME, rows, keys, 1)
     assert not (tmp_path / NAME).exists()
 
 

@@ -332,7 +332,8 @@ def test_a_cluster_draws_what_this_machine_draws(project, whole, tmp_path, ray_h
     with open_executor(ClusterConfig("ray", ray_head)) as executor:
         for storage in ("auto", "sent"):
             heard: list[object] = []
-            export(project, tmp_path / storage, settings, listen=heard.append, executor=executor, storage=storage)
+            executor.storage = storage
+            export(project, tmp_path / storage, settings, listen=heard.append, executor=executor)
             assert any(isinstance(e, Worker) for e in heard)
             theirs = content(tmp_path / storage)
             assert ours.keys() == theirs.keys()
@@ -347,7 +348,7 @@ def test_a_worker_that_reports_a_viewpoint_of_another_piece_is_refused(
     id: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     class Wrong:
-        machines = (1,)
+        machines, storage = (1,), "shared"
 
         def run(
             self, pieces: list[WorkItem], begin: Callable[[WorkItem], WorkCall]
@@ -362,4 +363,4 @@ def test_a_worker_that_reports_a_viewpoint_of_another_piece_is_refused(
     places = ScanPlaces(tmp_path / "scans", "hall")
     executor: Any = Wrong()
     with pytest.raises(InputError, match="check that worker"):
-        list(drawing.draw_on_workers(executor, "shared", source, todo, places, SMALL, "numba", print))
+        list(drawing.draw_on_workers(executor, source, todo, places, SMALL, "numba", print))

@@ -21,7 +21,7 @@ from nvsim.r2r.instructions import short_wording as short
 from nvsim.r2r.instructions.cues import Cue, cues_along
 from nvsim.r2r.instructions.generating import find_described_path, instruct, with_one_name_each
 from nvsim.r2r.instructions.ground import Leg, PathSteps
-from nvsim.r2r.instructions.phrases import THINGS, TURNS, ObjectNames
+from nvsim.r2r.instructions.phrases import THINGS, TURNS, WordChoice
 from nvsim.r2r.instructions.short_wording import short_instruction
 from nvsim.r2r.instructions.wording import (
     ALONG,
@@ -281,10 +281,10 @@ def test_every_cue_can_be_read_back_from_the_detailed_words() -> None:
         cues = some_cues(random, ("left", "right"))
         cues |= {Cue("stairs", random.choice(list(STAIRS)))} if random.random() < 0.3 else set()
         cues |= {Cue("to stairs", random.choice(list(TO_STAIRS)))} if random.random() < 0.3 else set()
-        text = cue_words(sorted(cues), ObjectNames(random), random)
+        text = cue_words(sorted(cues), WordChoice(random))
         assert cues_in(text, DETAILED) == cues, text
         end = Cue("by", "red sofa", random.choice(list(STOP_BY)))
-        assert cues_in(stop_words(end, ObjectNames(random), random), DETAILED) == {end}
+        assert cues_in(stop_words(end, WordChoice(random)), DETAILED) == {end}
 
 
 def read_short(text: str) -> set[Cue]:

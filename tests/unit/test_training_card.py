@@ -76,12 +76,14 @@ def test_a_step_on_the_card_is_a_step_on_the_cpu(
         assert values[1].total == pytest.approx(values[0].total, rel=2e-3)
         if step == 1:
             for field in ("means", "log_scales", "quats", "opacity_logits"):
-                a, b = (getattr(f.gradients, field) for f in fits)
+                a, b = (getattr(f.held.gradients, field) for f in fits)
                 assert np.linalg.norm(a - b) < 0.02 * np.linalg.norm(a) + 1e-7, field  # round ones do not turn
             for group in cpu.groups:
                 a, b = (f.groups[group].gradient for f in fits)
                 assert np.linalg.norm(a - b) <= 0.02 * np.linalg.norm(a) + 1e-7, group
-            np.testing.assert_allclose(card_.sums[:, 0], cpu.sums[:, 0], rtol=0.05, atol=0.02 * cpu.sums[:, 0].max())
+            np.testing.assert_allclose(
+                card_.held.sums[:, 0], cpu.held.sums[:, 0], rtol=0.05, atol=0.02 * cpu.held.sums[:, 0].max()
+            )
         for f in fits:
             f.move(step)
     a, b = (f.state() for f in fits)
@@ -107,16 +109,16 @@ def test_strategies_change_what_is_on_the_card(
     before = len(fit.held)
     for step in range(1, 5):
         fit.differentiate(room.views[step], inlier, config.sh_degree, step)
-        strategy_.before_update(fit, step)
+        strategy_.before_update(fit.held, step)
         fit.move(step)
-        strategy_.after_update(fit, step)
+        strategy_.after_update(fit.held, step)
     assert before < len(fit.held) <= config.gaussian_cap
     shapes = {n: len(a) for n, a in fit.held.state().items()}
     assert set(shapes.values()) == {len(fit.held)}
     left = fit.gaussians.opacity_logits
     left[:] = -3.0  # as a reset does, in place
     np.testing.assert_array_equal(fit.state()["opacity_logits.values"], np.float32(-3.0))
-    fit.reset_moments("opacity_logits")
+    fit.held.reset_moments("opacity_logits")
     assert not fit.state()["opacity_logits.second"].any()
 
 

@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 from PySide6.QtCore import QCoreApplication, QEvent, QObject, QPointF, QSettings, Qt
 from PySide6.QtGui import QMouseEvent
-from PySide6.QtWidgets import QApplication, QDockWidget, QWidget
+from PySide6.QtWidgets import QApplication, QWidget
 
 from nvsim.benchmarks.graph import random_graph, random_map
 from nvsim_app.look.notices import Notices
@@ -250,9 +250,8 @@ def show_lists(window: MainWindow) -> None:
     """Shows all panels that follow the graph, side by side."""
     for name in LISTS:
         window.show_dock(name)
-    behind = window.findChild(QDockWidget, "dock_histogram")
-    assert behind is not None
-    window.addDockWidget(Qt.DockWidgetArea.BottomDockWidgetArea, behind, Qt.Orientation.Horizontal)
+    area = Qt.DockWidgetArea.BottomDockWidgetArea
+    window.addDockWidget(area, window.docks["histogram"], Qt.Orientation.Horizontal)
 
 
 def _p95(values: list[float]) -> float:

@@ -3,11 +3,9 @@
 from __future__ import annotations
 
 import numpy as np
-import pyqtgraph as pg
 from numpy.typing import NDArray
-from PySide6.QtCore import QObject, QPointF, Qt
-from PySide6.QtGui import QColor, QPainter, QPainterPath, QPen, QPolygonF
-from PySide6.QtWidgets import QGraphicsPathItem
+from PySide6.QtCore import QPointF, Qt
+from PySide6.QtGui import QColor, QPainter, QPen, QPolygonF
 
 from nvsim.geometry.camera import Camera
 from nvsim_app.inspector.state import Inspection
@@ -15,6 +13,7 @@ from nvsim_app.layers.layer import Layer
 from nvsim_app.look import colors
 from nvsim_app.painting.picking import NEAR
 from nvsim_app.state.directions import Direction
+from nvsim_app.views.graph_surface import GraphSurface, MapSurface
 
 _POINTED = 60  # alpha of the fill of the highlighted region, 0 to 255; the others are outlines
 
@@ -34,8 +33,8 @@ def clip_at_near_plane(corners: NDArray[np.float64], camera: Camera) -> NDArray[
 
 
 class RegionLayer(Layer):
-    """The regions as a layer of the 3D view. If `suppressed` is set, the layer is hidden even if the user enabled
-    it."""
+    """The regions as a layer of the 3D view, and on the map. If `suppressed` is set, they are hidden even if the user
+    enabled the layer."""
 
     name = "rois"
     title = "Regions of interest"
@@ -55,11 +54,7 @@ class RegionLayer(Layer):
         if self.suppressed:
             return
         painter.setRenderHint(QPainter.RenderHint.Antialiasing)
-        current = self._inspection.current
-        for direction in sorted(self._inspection.directions, key=lambda d: d is current):
-            pointed = direction is current
-            if not direction.lattice and not pointed:
-                continue  # corridors of edges would cover the regions of the steps
+        for direction, pointed in self._drawn():
             ink = QColor(colors.OPEN if direction.open else colors.BLOCKED)
             fill = QColor(ink)
             fill.setAlpha(_POINTED if pointed else 0)  # filled regions would cover the floor
@@ -72,6 +67,28 @@ class RegionLayer(Layer):
                 strong.setAlpha(235 if pointed else 170)
                 _draw(painter, camera, failed, QPen(QColor("#ffffff") if pointed else strong, 1.0), strong)
 
+    def paint_on_map(self, painter: QPainter, surface: GraphSurface) -> None:
+        if self.suppressed or not isinstance(surface, MapSurface):
+            return
+        painter.save()
+        painter.setRenderHint(QPainter.RenderHint.Antialiasing)
+        for direction, pointed in self._drawn():
+            ink = QColor(colors.SELECTED if pointed else colors.OPEN if direction.open else colors.BLOCKED)
+            style = Qt.PenStyle.SolidLine if pointed or direction.open else Qt.PenStyle.DotLine
+            fill = QColor(ink)
+            fill.setAlpha(_POINTED if pointed else 0)
+            _draw_polygon(
+                painter, surface.project(direction.polygon())[0], QPen(ink, 2.2 if pointed else 1.0, style), fill
+            )
+        painter.restore()
+
+    def _drawn(self) -> list[tuple[Direction, bool]]:
+        """The drawn directions, and whether each is highlighted; the highlighted one is last. Corridors of edges are
+        not drawn otherwise, because they would cover the regions of the steps."""
+        current = self._inspection.current
+        drawn = [(d, d is current) for d in self._inspection.directions if d.lattice or d is current]
+        return sorted(drawn, key=lambda each: each[1])
+
 
 def _draw(painter: QPainter, camera: Camera, corners: NDArray[np.float64], pen: QPen, fill: QColor) -> None:
     seen = clip_at_near_plane(corners, camera)
@@ -81,50 +98,10 @@ def _draw(painter: QPainter, camera: Camera, corners: NDArray[np.float64], pen: 
     k = camera.intrinsics
     if (pixels.max(axis=0) < 0).any() or pixels[:, 0].min() > k.width or pixels[:, 1].min() > k.height:
         return
+    _draw_polygon(painter, pixels, pen, fill)
+
+
+def _draw_polygon(painter: QPainter, pixels: NDArray[np.float64], pen: QPen, fill: QColor) -> None:
     painter.setPen(pen)
     painter.setBrush(fill)
     painter.drawPolygon(QPolygonF([QPointF(x, y) for x, y in np.clip(pixels, -1e5, 1e5)]))
-
-
-class RegionMarks(QObject):
-    """The regions on the map, with the highlighted one on top."""
-
-    def __init__(self, plot: pg.PlotWidget, inspection: Inspection, parent: QObject) -> None:
-        super().__init__(parent)
-        self._inspection = inspection
-        self._items = {key: QGraphicsPathItem() for key in ("open", "blocked", "pointed")}
-        for z, (key, item) in enumerate(self._items.items()):
-            ink = QColor({"open": colors.OPEN, "blocked": colors.BLOCKED, "pointed": colors.SELECTED}[key])
-            style = Qt.PenStyle.DotLine if key == "blocked" else Qt.PenStyle.SolidLine
-            pen = QPen(ink, 2.2 if key == "pointed" else 1.0, style)
-            pen.setCosmetic(True)
-            item.setPen(pen)
-            fill = QColor(ink)
-            fill.setAlpha(_POINTED if key == "pointed" else 0)
-            item.setBrush(fill)
-            item.setZValue(24 + z)
-            item.setAcceptedMouseButtons(Qt.MouseButton.NoButton)
-            # The regions must not change the automatic range of the map.
-            plot.addItem(item, ignoreBounds=True)
-        inspection.changed.connect(self.refresh)
-        inspection.pointed.connect(self.refresh)
-        self.refresh()
-
-    def set_shown(self, on: bool) -> None:
-        for item in self._items.values():
-            item.setVisible(on)
-
-    def refresh(self) -> None:
-        current = self._inspection.current
-        lattice = [d for d in self._inspection.directions if d.lattice]
-        self._items["open"].setPath(_path([d for d in lattice if d.open]))
-        self._items["blocked"].setPath(_path([d for d in lattice if not d.open]))
-        self._items["pointed"].setPath(_path([] if current is None else [current]))
-
-
-def _path(found: list[Direction]) -> QPainterPath:
-    path = QPainterPath()
-    for direction in found:
-        path.addPolygon(QPolygonF([QPointF(x, y) for x, y in direction.polygon()[:, :2]]))
-        path.closeSubpath()
-    return path

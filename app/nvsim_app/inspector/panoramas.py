@@ -3,19 +3,19 @@ cached."""
 
 from __future__ import annotations
 
-import threading
 import time
 from collections import OrderedDict
 from collections.abc import Callable
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
 from PySide6.QtCore import QObject, QTimer, Signal
 
-from nvsim.errors import InputError
 from nvsim.kernel_folder import compiled_since
 from nvsim_app.drawing.panorama_child import WIDTHS, Panorama, PanoramaRequest
 from nvsim_app.drawing.picture_feed import RenderLink
+from nvsim_app.processes.background import BackgroundWork
 
 KEPT = 12  # cached sharp panoramas, 6 MB each
 SKETCHES = 40  # cached coarse panoramas, 0.9 MB each
@@ -30,7 +30,6 @@ class Panoramas(QObject):
     """Requests, reads, and caches panoramas. arrived(): `current` or its note changed."""
 
     arrived = Signal()
-    _was_read = Signal(object, object, str)  # from the reading thread: position, pixels, error
 
     def __init__(self, link: RenderLink, parent: QObject | None = None) -> None:
         super().__init__(parent)
@@ -39,7 +38,7 @@ class Panoramas(QObject):
         self._sketches: OrderedDict[Place, Panorama] = OrderedDict()
         self._wanted: Place | None = None
         self._read: Read | None = None
-        self._reader: threading.Thread | None = None
+        self._reading = BackgroundWork("panorama", self)
         self._troubles: dict[Place, str] = {}
         self._wait = QTimer(self, singleShot=True, interval=SETTLE)
         self._wait.timeout.connect(self._ask)
@@ -48,7 +47,6 @@ class Panoramas(QObject):
         self._asked = 0.0  # when the panorama was requested, seconds since the epoch
         self._compiles = False  # whether kernels were compiled since then
         link.panoramaArrived.connect(self._on_panorama)
-        self._was_read.connect(self._on_read)
 
     @property
     def current(self) -> Panorama | None:
@@ -96,8 +94,7 @@ class Panoramas(QObject):
         """Cancels the request, and waits for the reading thread."""
         self._wanted = self._read = None
         self._patience.stop()
-        if self._reader is not None:
-            self._reader.join()
+        self._reading.stop()
 
     def clear_caches(self) -> None:
         """Empties the caches and repeats the request, because the models changed."""
@@ -108,21 +105,16 @@ class Panoramas(QObject):
             self._wait.start()
 
     def _ask(self) -> None:
-        if self._read is not None:
-            if self.drawing and (self._reader is None or not self._reader.is_alive()):
-                self._reader = threading.Thread(target=self._read_it, args=(self._wanted, self._read), daemon=True)
-                self._reader.start()
-        elif self._wanted is not None:
-            known = self._wanted in self._sketches
-            self._link.ask_panorama(PanoramaRequest(self._wanted, self._wanted, WIDTHS[1:] if known else WIDTHS))
+        place = self._wanted
+        if place is None:
+            return
+        if self._read is None:
+            widths = WIDTHS[1:] if place in self._sketches else WIDTHS
+            self._link.ask_panorama(PanoramaRequest(place, place, widths))
+        elif self.drawing and not self._reading.busy:
+            self._reading.start(self._read, partial(self._on_read, place), partial(self._on_read, place, None))
 
-    def _read_it(self, place: Place, read: Read) -> None:
-        try:
-            self._was_read.emit(place, read(), "")
-        except InputError as error:
-            self._was_read.emit(place, None, str(error))
-
-    def _on_read(self, place: Place, pixels: NDArray[np.uint8] | None, trouble: str) -> None:
+    def _on_read(self, place: Place, pixels: NDArray[np.uint8] | None, trouble: str = "") -> None:
         if pixels is not None:
             self._on_panorama(Panorama(place, pixels.shape[1], {"rgb": pixels}, -1, 0.0, True))
         else:

@@ -169,20 +169,15 @@ WORKER_COLUMNS: tuple[Column[Worker], ...] = (
 _WORDS = {"works": "works", "ended": "idle", "lost": "lost"}
 
 
-class WorkerModel(TableModel[Worker]):
-    """One row for each worker, working ones first."""
-
-    def __init__(self, parent: QWidget | None = None) -> None:
-        super().__init__(WORKER_COLUMNS, parent, about=lambda row: f"{row[0]}: {row[1]}, {row[2]}")
-
-
 class JobWorkers(QWidget):
-    """The table of the selected job's workers."""
+    """The table of the selected job's workers, working ones first."""
 
     def __init__(self, parent: QWidget | None = None) -> None:
         super().__init__(parent)
         self._handle: JobHandle | None = None
-        self.model = WorkerModel(self)
+        self.model: TableModel[Worker] = TableModel(
+            WORKER_COLUMNS, self, about=lambda row: f"{row[0]}: {row[1]}, {row[2]}"
+        )
         self.table = table(self.model, self, "Workers")
         vbox(self.table, on=self, margins=0)
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import threading
+from functools import partial
 from pathlib import Path
 
 from PySide6.QtCore import QEvent, QObject, Qt, QTimer, Signal
@@ -16,7 +18,8 @@ from nvsim_app.look.plain_text import plain
 from nvsim_app.look.table import Column, TableModel, table
 from nvsim_app.look.theme import type_font
 from nvsim_app.look.widgets import Dialog, DialogButtons, push_button
-from nvsim_app.state.folder_listing import Entry, Listing, Listings
+from nvsim_app.processes.background import BackgroundWork
+from nvsim_app.state.folder_listing import Entry, Listing, list_folder
 
 _TYPING = 120  # milliseconds after the last key press until the folder is read
 _WORDS: dict[PathKind, str] = {
@@ -48,8 +51,8 @@ class OpenDialog(Dialog):
         self.setAttribute(Qt.WidgetAttribute.WA_DeleteOnClose)
         self.listing: Listing | None = None
         self._trouble = ""
-        self._waiting = Listings(self)
-        self._waiting.ended.connect(self._on_listed)
+        self._waiting = BackgroundWork("folder", self)
+        self._stopped = threading.Event()  # ends the running listing
         self._due = QTimer(self, singleShot=True, interval=_TYPING)
         self._due.timeout.connect(self._list_folder)
         self.line = QLineEdit(
@@ -115,13 +118,18 @@ class OpenDialog(Dialog):
             self._fill()
             return
         self.listing, self._trouble = None, ""
-        self._waiting.start(self.folder)
+        self._stopped.set()
+        self._stopped = threading.Event()
+        work = partial(list_folder, self.folder, self._stopped)
+        self._waiting.start(work, self._on_listed, self._on_trouble)
         self._fill()
 
-    def _on_listed(self, found: Listing | None, trouble: str) -> None:
-        if found is None and not trouble:
-            return
-        self.listing, self._trouble = found, trouble
+    def _on_listed(self, found: Listing | None) -> None:
+        self.listing = found
+        self._fill()
+
+    def _on_trouble(self, trouble: str) -> None:
+        self._trouble = trouble
         self._fill()
 
     # Listing ------------------------------------------------------------------------------------------------------
@@ -231,5 +239,6 @@ class OpenDialog(Dialog):
 
     def done(self, code: int) -> None:
         self._due.stop()
+        self._stopped.set()
         self._waiting.stop()
         super().done(code)

@@ -43,15 +43,25 @@ COLUMNS: tuple[Column[SubmapTableRow], ...] = (
 )  # fmt: skip
 
 
-class SubmapModel(TableModel[SubmapTableRow]):
-    """One row for each submap of the document."""
+class SubmapPanel(QWidget):
+    """The table of submaps. Selecting a row selects the submap in the whole window; a double-click moves the camera."""
 
-    def __init__(self, document: Document, parent: QWidget | None = None) -> None:
-        super().__init__(COLUMNS, parent, key=lambda row: row.index)
+    def __init__(self, document: Document) -> None:
+        super().__init__()
         self._document = document
+        self.model: TableModel[SubmapTableRow] = TableModel(COLUMNS, self, key=lambda row: row.index)
+        self.table = table(self.model, self, "Submaps")
+        header = self.table.horizontalHeader()
+        header.setStretchLastSection(False)  # otherwise the column keeps the width of a wider panel
+        header.setSectionResizeMode(len(COLUMNS) - 1, header.ResizeMode.Stretch)
+        self.hint = Hint(self.table, self._missing).refresh_with(self.table)
+        self.table.selectionModel().selectionChanged.connect(self._on_selected)
+        self.model.modelReset.connect(self._show_selection)
+        document.selectionChanged.connect(self._show_selection)
         document.contentsChanged.connect(self._on_contents)
         if document.jobs is not None:
             document.jobs.changed.connect(self._refresh)
+        vbox(self.table, on=self, margins=0)
         self._refresh()
 
     def _on_contents(self, parts: frozenset[str]) -> None:
@@ -67,25 +77,7 @@ class SubmapModel(TableModel[SubmapTableRow]):
             rows.append(
                 SubmapTableRow(submap.index, core, len(submap.frames) - core, psnr, info.get("gaussians"), words)
             )
-        self.show(rows)
-
-
-class SubmapPanel(QWidget):
-    """The table of submaps. Selecting a row selects the submap in the whole window; a double-click moves the camera."""
-
-    def __init__(self, document: Document) -> None:
-        super().__init__()
-        self._document = document
-        self.model = SubmapModel(document, self)
-        self.table = table(self.model, self, "Submaps")
-        header = self.table.horizontalHeader()
-        header.setStretchLastSection(False)  # otherwise the column keeps the width of a wider panel
-        header.setSectionResizeMode(len(COLUMNS) - 1, header.ResizeMode.Stretch)
-        self.hint = Hint(self.table, self._missing).refresh_with(self.table)
-        self.table.selectionModel().selectionChanged.connect(self._on_selected)
-        self.model.modelReset.connect(self._show_selection)
-        document.selectionChanged.connect(self._show_selection)
-        vbox(self.table, on=self, margins=0)
+        self.model.show(rows)
 
     def _missing(self) -> str:
         return "" if self.model.rowCount() else "Submaps appear here.\nCreate them with Jobs > Cut into submaps."

@@ -335,7 +335,7 @@ class ValidationPanel(QWidget):
         if by is not None:
             self._document.editing.show_ignored_again(by)
         elif self.reason.text().strip():
-            self._document.editing.ignore_finding(finding, self.reason.text().strip())
+            self._document.editing.ignore(finding.key, self.reason.text().strip())
             self.reason.clear()
 
     def ignore_kind(self) -> None:

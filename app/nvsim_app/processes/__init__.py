@@ -1,1 +1,1 @@
-"""Side processes: work that must not block the window. The only folder that starts processes."""
+"""Side processes and threads: work that must not block the window. The only folder that starts processes."""

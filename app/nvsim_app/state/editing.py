@@ -259,14 +259,6 @@ class Editing(QObject):
         """The findings of the graph by key, including those that the user ignores."""
         return self.checking.findings
 
-    def ignore_finding(self, finding: Finding, reason: str) -> None:
-        """Hides a finding, with a reason."""
-        self.ignore(finding.key, reason)
-
-    def heed_finding(self, finding: Finding) -> None:
-        """Shows an ignored finding again."""
-        self.show_ignored_again(finding.key)
-
     def ignore(self, key: str, reason: str) -> None:
         """Hides the findings with this key: a single finding or all of one kind."""
         self.run("ignore_finding", {"key": key, "reason": reason})
@@ -289,9 +281,8 @@ class Editing(QObject):
             self.graphChanged.emit(changed)
         if change.selection_changed:
             self.selectionChanged.emit()
-        if change.steps_changed:
-            self._keeping.look_soon()
-            self.stepsChanged.emit()
+        self._keeping.look_soon()
+        self.stepsChanged.emit()
 
 
 def _see_each_other(occupancy: OccupancyMap, a: NDArray[np.float64], b: NDArray[np.float64]) -> NDArray[np.bool_]:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import threading
 from pathlib import Path
-from typing import Protocol
 
 from PySide6.QtCore import QObject, Signal
 
@@ -14,26 +13,24 @@ from nvsim_app.state.loading import Contents, ProjectReader
 PERIOD = 1.0  # seconds
 
 
-class ReadableFile(Protocol):
-    """A file that provides the contents of a window. It is read once."""
+class ProjectWatcher(QObject):
+    """Watches a project. read(Contents) is emitted after every change, failed(str) once for each new error.
 
-    def contents(self) -> Contents:
-        """Reads the file. Raises InputError if it cannot be read."""
-        ...
-
-
-class _ReadingRelay(QObject):
-    """Forwards the results of a reading thread to the main thread. After a stop, pending results are dropped, because
-    disconnecting a signal does not remove posted events."""
+    After a stop, pending results are dropped, because disconnecting a signal does not remove posted events.
+    """
 
     read = Signal(object)
     failed = Signal(str)
-    _posted = Signal(object)
+    _posted = Signal(object)  # from the thread: the contents, or the sentence of an error
 
-    def __init__(self, parent: QObject | None) -> None:
+    def __init__(self, path: Path, parent: QObject | None = None) -> None:
         super().__init__(parent)
+        self._path = path
         self._stop = threading.Event()
         self._posted.connect(self._hand_on)
+        self._soon = threading.Event()
+        self._reader: ProjectReader | None = None
+        self._thread = threading.Thread(target=self._run, name="project watcher", daemon=True)
 
     def _hand_on(self, found: Contents | str) -> None:
         if self._stop.is_set():
@@ -42,17 +39,6 @@ class _ReadingRelay(QObject):
             self.failed.emit(found)
         else:
             self.read.emit(found)
-
-
-class ProjectWatcher(_ReadingRelay):
-    """Watches a project. read(Contents) is emitted after every change, failed(str) once for each new error."""
-
-    def __init__(self, path: Path, parent: QObject | None = None) -> None:
-        super().__init__(parent)
-        self._path = path
-        self._soon = threading.Event()
-        self._reader: ProjectReader | None = None
-        self._thread = threading.Thread(target=self._run, name="project watcher", daemon=True)
 
     def start(self) -> None:
         self._thread.start()
@@ -92,27 +78,3 @@ class ProjectWatcher(_ReadingRelay):
         self._reader = None
         if reader is not None:
             reader.close()
-
-
-class FileReader(_ReadingRelay):
-    """Reads a file in a thread. Emits read(Contents) once, or failed(str)."""
-
-    def __init__(self, file: ReadableFile, parent: QObject | None = None) -> None:
-        super().__init__(parent)
-        self._file = file
-        self._thread = threading.Thread(target=self._run, name="file reader", daemon=True)
-
-    def start(self) -> None:
-        self._thread.start()
-
-    def stop(self) -> None:
-        """Stops, and returns when the thread has ended."""
-        self._stop.set()
-        if self._thread.is_alive():
-            self._thread.join()
-
-    def _run(self) -> None:
-        try:
-            self._posted.emit(self._file.contents())
-        except InputError as error:
-            self._posted.emit(str(error))

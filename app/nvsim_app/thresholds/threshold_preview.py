@@ -6,9 +6,10 @@ from __future__ import annotations
 import contextlib
 import threading
 import time
+from collections.abc import Callable
+from functools import partial
 
 import numpy as np
-import pyqtgraph as pg
 from numpy.typing import NDArray
 from PySide6.QtCore import QObject, Qt, QTimer, Signal
 from PySide6.QtGui import QColor, QPainter, QPen
@@ -23,6 +24,7 @@ from nvsim_app.look import colors
 from nvsim_app.painting.picking import projected_segments
 from nvsim_app.painting.primitives import Primitives
 from nvsim_app.state.document import Document
+from nvsim_app.views.graph_surface import GraphSurface, MapSurface
 
 
 class ThresholdPreview(QObject):
@@ -143,6 +145,8 @@ class ThresholdPreview(QObject):
 
 _MANY = 800  # lines in view; more wide lines would make the slider stutter
 _LIFT = 0.02  # meters above the existing edges
+Points = NDArray[np.float64]
+Segments = Callable[[Points, Points], tuple[Points, NDArray[np.int64], Points]]  # see `GraphSurface.segments`
 
 
 def changed_segments(trial: ThresholdPreview, document: Document) -> dict[str, NDArray[np.float64]]:
@@ -164,7 +168,7 @@ _TONES = {"disappear": colors.BLOCKED, "appear": "#5dff9b"}
 
 
 class PreviewLayer(Layer):
-    """The preview in the 3D view."""
+    """The preview as a layer of the 3D view, and on the map."""
 
     name = "preview"
     title = "Edges under other thresholds"
@@ -182,46 +186,28 @@ class PreviewLayer(Layer):
 
     def paint(self, painter: QPainter, camera: Camera) -> None:
         """Draws over the image of `camera`, which is scaled to the widget's logical pixels."""
+        self._paint(painter, partial(projected_segments, camera), 2.0)
+
+    def paint_on_map(self, painter: QPainter, surface: GraphSurface) -> None:
+        if isinstance(surface, MapSurface):
+            painter.save()
+            self._paint(painter, surface.segments, 2.6)
+            painter.restore()
+
+    def _paint(self, painter: QPainter, segments: Segments, far: float) -> None:
+        """`far`: width in pixels of lines that are farther than 8 m from the camera."""
         if not self._trial.outcome:
             return
         if self._of is not self._trial.outcome:
             self._ends, self._of = changed_segments(self._trial, self._document), self._trial.outcome
         for name, tone in _TONES.items():
             places = self._ends[name] + [0.0, 0.0, _LIFT]
-            lines, _, depth = projected_segments(camera, places[:, 0], places[:, 1])
+            lines, _, depth = segments(places[:, 0], places[:, 1])
             many = len(lines) > _MANY
             painter.setRenderHint(QPainter.RenderHint.Antialiasing, not many)
-            for near, far, width in ((8.0, np.inf, 2.0), (0.0, 8.0, 3.6)):
+            for least, most, width in ((8.0, np.inf, far), (0.0, 8.0, 3.6)):
                 pen = QPen(QColor(tone), 1.0 if many else width)
                 if name == "appear" and not many:
                     pen.setStyle(Qt.PenStyle.DashLine)
                 painter.setPen(pen)
-                self._primitives.draw_lines(painter, lines[(depth >= near) & (depth < far)])
-
-
-class PreviewMarks(QObject):
-    """The preview on the map."""
-
-    def __init__(self, plot: pg.PlotWidget, trial: ThresholdPreview, document: Document, parent: QObject) -> None:
-        super().__init__(parent)
-        self._trial, self._document = trial, document
-        self._items = {}
-        for name, tone in _TONES.items():
-            item = pg.PlotCurveItem(connect="pairs", pen=pg.mkPen(tone, width=2.6))
-            item.setZValue(26)
-            item.setAcceptedMouseButtons(Qt.MouseButton.NoButton)
-            plot.addItem(item, ignoreBounds=True)
-            self._items[name] = item
-        self._of: object = None
-        trial.decided.connect(self.refresh)
-
-    def refresh(self) -> None:
-        if self._of is self._trial.outcome:
-            return
-        self._of = self._trial.outcome
-        for name, places in changed_segments(self._trial, self._document).items():
-            flat = places.reshape(-1, 3)
-            few = len(places) <= _MANY
-            style = Qt.PenStyle.DashLine if name == "appear" and few else Qt.PenStyle.SolidLine
-            self._items[name].setPen(pg.mkPen(_TONES[name], width=2.6 if few else 1.0, style=style))
-            self._items[name].setData(flat[:, 0], flat[:, 1])
+                self._primitives.draw_lines(painter, lines[(depth >= least) & (depth < most)])

@@ -103,7 +103,7 @@ class AgentPart(Part):
         self._at = ""
         self._make_room()
         self.context.part(InspectorPart).draw_only_in_front(True)
-        own = self._dock()
+        own = self.context.window.docks["agent"]
         self._was_closed = own.isHidden()
         in_front = [d for d in window.docks.values() if _in_front(d)]
         window.show_dock("agent")
@@ -126,17 +126,12 @@ class AgentPart(Part):
         for dock in (dock for dock, front in self._hidden if front):
             dock.raise_()
         self._hidden = []
-        if self._before is not None and _in_front(self._dock()):
+        if self._before is not None and _in_front(self.context.window.docks["agent"]):
             self._before.raise_()
         if self._was_closed:
-            self._dock().hide()
+            self.context.window.docks["agent"].hide()
         if seen and state is not None and state.location.viewpointId in self.context.document.graph_arrays.index:
             scene.places.go_to_position(state.position, state.heading)
-
-    def _dock(self) -> QDockWidget:
-        dock = self.context.window.findChild(QDockWidget, "dock_agent")
-        assert isinstance(dock, QDockWidget)
-        return dock
 
     def _leave_mode(self) -> None:
         if self.context.modes.current is self.mode:

@@ -6,11 +6,10 @@ from functools import partial
 
 import numpy as np
 from PySide6.QtCore import QSettings
-from PySide6.QtWidgets import QDockWidget
 
 from nvsim.project.work import STAGE, sentence
 from nvsim_app.actions import Action
-from nvsim_app.inspector.layers import RegionLayer, RegionMarks
+from nvsim_app.inspector.layers import RegionLayer
 from nvsim_app.inspector.panel import InspectorPanel
 from nvsim_app.inspector.panoramas import Panoramas
 from nvsim_app.inspector.state import Inspection
@@ -18,7 +17,6 @@ from nvsim_app.state.directions import Direction
 from nvsim_app.state.document import Document
 from nvsim_app.state.graph_files import ForeignGraph
 from nvsim_app.state.reasons import Reason, with_editing, with_graph
-from nvsim_app.wiring.panels import MapPart
 from nvsim_app.wiring.part import Dock, Part, WindowContext
 
 
@@ -37,10 +35,11 @@ class InspectorPart(Part):
         self.panel = InspectorPanel(self.inspection, self.panoramas)
         self._seen = self._only_in_front = False
         self.layer = RegionLayer(self.inspection)
+        context.modes.beneath.append(self.layer.paint_on_map)
         self.panel.chosen.connect(self._go_in_direction)
         self.panel.view.walked.connect(self._walk_to)
         self.inspection.changed.connect(self._request_panorama)
-        self.inspection.pointed.connect(context.scene.update)
+        self.inspection.pointed.connect(context.modes.refresh)
         context.document.contentsChanged.connect(self._on_contents)
         context.document.unitsChanged.connect(self.inspection.changed)
 
@@ -56,9 +55,7 @@ class InspectorPart(Part):
             overlays.add(self.layer)
             overlays.changed.connect(self._follow_layer)
             self._follow_layer()
-        self._marks = RegionMarks(self.context.part(MapPart).view.plot, self.inspection, self)
-        dock = self._dock()
-        dock.visibilityChanged.connect(self._on_seen)
+        self.context.window.docks["inspector"].visibilityChanged.connect(self._on_seen)
         self.panel.set_channel(str(settings.value("inspector/channel", "rgb")))
         self.panel.regions.setChecked(settings.value("inspector/regions", "true") in (True, "true"))
         self._request_panorama()
@@ -80,19 +77,12 @@ class InspectorPart(Part):
         self._draw_regions()
 
     def _draw_regions(self) -> None:
-        drawn = self._seen or not self._only_in_front
-        self.layer.suppressed = not drawn
-        self._marks.set_shown(drawn)
-        self.context.scene.update()
+        self.layer.suppressed = not self._seen and self._only_in_front
+        self.context.modes.refresh()
 
     def show_panel(self) -> None:
         """Brings the panel to the front."""
         self.context.window.show_dock("inspector")
-
-    def _dock(self) -> QDockWidget:
-        dock = self.context.window.findChild(QDockWidget, "dock_inspector")
-        assert isinstance(dock, QDockWidget)
-        return dock
 
     def _show_regions(self, on: bool) -> None:
         self.context.scene.overlays.set_shown(self.layer.name, on)
@@ -122,7 +112,7 @@ class InspectorPart(Part):
         lacking = "The folder of the file has no images." if file else sentence(lacking)
         self.panel.view.hint = "" if there else lacking
         self.panel.view.update()
-        self.context.scene.update()
+        self.context.modes.refresh()
 
     def _walk_to(self, id: str) -> None:
         """Goes to a neighbor, and looks in the direction of the move."""

@@ -3,17 +3,14 @@ viewpoints are measured in the background."""
 
 from __future__ import annotations
 
-import threading
 from collections.abc import Callable
 
 import numpy as np
 from numpy.typing import NDArray
-from PySide6.QtCore import QSettings, Qt, QTimer, Signal
+from PySide6.QtCore import QSettings, Qt, QTimer
 from PySide6.QtGui import QPainter
 
-from nvsim.errors import InputError
 from nvsim.graph.difference import Difference
-from nvsim.graph.edits import EditError
 from nvsim.graph.history import count_text
 from nvsim.graph.proposals import PlaceProposal, propose_edges, propose_viewpoints
 from nvsim.graph.selection import GraphSelection
@@ -25,6 +22,7 @@ from nvsim_app.actions import Action
 from nvsim_app.look import colors
 from nvsim_app.modes.mode import Pointer, dots, line
 from nvsim_app.painting.picking import nearest_segment
+from nvsim_app.processes.background import BackgroundWork
 from nvsim_app.processes.serving import EndMessage
 from nvsim_app.processes.side_process import SideProcess
 from nvsim_app.state import edit_commands
@@ -40,14 +38,11 @@ REST = 1500  # milliseconds without an edit until measuring starts, so that a se
 class ProposePart(Part):
     """Measures edited viewpoints, and proposes edges and viewpoints."""
 
-    _thought = Signal(object, str)
-
     def __init__(self, context: WindowContext) -> None:
         super().__init__(context)
         self.proposals = context.document.editing.proposals
         self._automatic = True
-        self._thread: threading.Thread | None = None
-        self._thought.connect(self._on_thought)
+        self._search = BackgroundWork("proposals", self)
         self.process = SideProcess(EVIDENCE, self)
         self.process.ended.connect(self._on_end)
         self._soon = QTimer(self, singleShot=True, interval=REST)
@@ -135,23 +130,11 @@ class ProposePart(Part):
             self._start_work(lambda: ((), propose_viewpoints(graph, occupancy)))
 
     def _start_work(self, work: Callable[[], tuple[tuple[EdgeKey, ...], tuple[PlaceProposal, ...]]]) -> None:
-        if self._thread is not None and self._thread.is_alive():
-            return
+        if not self._search.busy:
+            self._search.start(work, self._on_found, self.context.notices.warning)
 
-        def run() -> None:
-            try:
-                self._thought.emit(work(), "")
-            except (InputError, EditError) as error:
-                self._thought.emit(((), ()), str(error))
-
-        self._thread = threading.Thread(target=run, name="proposals", daemon=True)
-        self._thread.start()
-
-    def _on_thought(self, found: tuple[tuple[EdgeKey, ...], tuple[PlaceProposal, ...]], trouble: str) -> None:
+    def _on_found(self, found: tuple[tuple[EdgeKey, ...], tuple[PlaceProposal, ...]]) -> None:
         edges, places = found
-        if trouble:
-            self.context.notices.warning(trouble)
-            return
         graph = self.context.document.graph
         if graph is None:
             return
@@ -240,8 +223,7 @@ class ProposePart(Part):
 
     def store(self, settings: QSettings) -> None:
         self.process.close()
-        if self._thread is not None:
-            self._thread.join()
+        self._search.stop()
 
     ACTIONS = (
         Action("&Graph", 3, "measure_automatically", "Measure &added or moved viewpoints",

@@ -3,19 +3,15 @@
 from __future__ import annotations
 
 import math
-from collections import Counter
-from collections.abc import Callable
 from pathlib import Path
-from threading import Thread
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from PySide6.QtCore import Qt, QTimer, Signal
+from PySide6.QtCore import Qt, QTimer
 from PySide6.QtGui import QPainter
 from PySide6.QtWidgets import QFileDialog
 
-from nvsim.errors import InputError
 from nvsim.graph.selection import GraphSelection
 from nvsim.project.layout import Layout
 from nvsim.r2r.metrics.distances import Distances
@@ -27,6 +23,7 @@ from nvsim_app.jobs.queue import JobHandle
 from nvsim_app.look import colors
 from nvsim_app.modes.mode import dots, line
 from nvsim_app.panels.tasks import TaskPanel
+from nvsim_app.processes.background import BackgroundWork
 from nvsim_app.state.reasons import with_editing
 from nvsim_app.views.graph_surface import GraphSurface
 from nvsim_app.wiring.part import Dock, Part, WindowContext
@@ -38,16 +35,15 @@ SETTLE = 250  # milliseconds after an edit until the tasks are checked
 class TaskPart(Part):
     """Reads, reviews, and exports tasks, and draws their paths."""
 
-    _came = Signal(object)  # a function from a thread, to call in the main thread
-
     def __init__(self, context: WindowContext) -> None:
         super().__init__(context)
         self.panel = panel = TaskPanel()
         self._review_file: Path | None = None
         self._trajectories: dict[str, list[Pose]] = {}
         self._all: tuple[TaskEntry, ...] = ()  # tasks of all scans
-        self._turns: Counter[str] = Counter()
-        self._came.connect(lambda then: then(), Qt.ConnectionType.QueuedConnection)
+        self._reading, self._playing, self._checking = (
+            BackgroundWork(name, self) for name in ("tasks", "trajectories", "checks of tasks")
+        )
         panel.opened.connect(self._choose)
         panel.picked.connect(self._choose_files)
         panel.played.connect(self._choose_trajectories)
@@ -98,27 +94,11 @@ class TaskPart(Part):
 
     def open(self, *paths: Path) -> None:
         """Reads files or a folder of tasks in the background. A read error becomes a notice."""
-        self._run_in_background("open", lambda: read_folder(*paths), self._show)
+        self._reading.start(lambda: read_folder(*paths), self._show, self.context.notices.error)
 
     def read_submission(self, path: Path) -> None:
         """Reads a submission in the background. A read error becomes a notice."""
-        self._run_in_background("play", lambda: read_submission(path), self._set_trajectories)
-
-    def _run_in_background(self, what: str, work: Callable[[], Any], then: Callable[[Any], None]) -> None:
-        """Runs `work` in a thread and passes its result to `then`, unless `what` was started again meanwhile."""
-        self._turns[what] += 1
-        turn = self._turns[what]
-
-        def run() -> None:
-            try:
-                found = work()
-            except InputError as error:
-                why = str(error)
-                self._came.emit(lambda: self.context.notices.error(why))
-                return
-            self._came.emit(lambda: then(found) if turn == self._turns[what] else None)
-
-        Thread(target=run, daemon=True).start()
+        self._playing.start(lambda: read_submission(path), self._set_trajectories, self.context.notices.error)
 
     def _show(self, folder: TaskFolder) -> None:
         graph, project = self.context.document.graph, self.context.document.project
@@ -154,7 +134,7 @@ class TaskPart(Part):
                 scored_episodes([e.task for e in entries], walked, distances) if walked else {},
             )
 
-        self._run_in_background("look", work, self._mark)
+        self._checking.start(work, self._mark, self.context.notices.error)
 
     def _mark(self, found: tuple[Any, Any]) -> None:
         model = self.panel.model
@@ -163,7 +143,8 @@ class TaskPart(Part):
 
     def _close_tasks(self) -> None:
         self.panel.keep()
-        self._turns.update(("open", "play", "look"))
+        for work in (self._reading, self._playing, self._checking):
+            work.drop()
         self._review_file, self._all, self._trajectories = None, (), {}
         self.panel.show_entries((), Review())
 

@@ -20,9 +20,8 @@ from nvsim_app.thresholds.calibration_panel import CalibrationPanel
 from nvsim_app.thresholds.calibrations import Calibrations
 from nvsim_app.thresholds.panel import ThresholdPanel
 from nvsim_app.thresholds.slider import thresholds
-from nvsim_app.thresholds.threshold_preview import PreviewLayer, PreviewMarks, ThresholdPreview
+from nvsim_app.thresholds.threshold_preview import PreviewLayer, ThresholdPreview
 from nvsim_app.wiring.inspector import InspectorPart
-from nvsim_app.wiring.panels import MapPart
 from nvsim_app.wiring.part import Dock, Part, WindowContext
 
 
@@ -35,6 +34,7 @@ class ThresholdPart(Part):
         self.trial = ThresholdPreview(document, self)
         self.panel = ThresholdPanel(self.trial, document)
         self.layer = PreviewLayer(self.trial, document)
+        context.modes.beneath.append(self.layer.paint_on_map)
         self.panel.applied.connect(self.apply)
         self.panel.built.connect(self.build)
         self.trial.decided.connect(self._on_trial)
@@ -51,8 +51,6 @@ class ThresholdPart(Part):
         )  # fmt: skip
 
     def restore(self, settings: QSettings) -> None:
-        plot = self.context.part(MapPart).view.plot
-        self._marks = PreviewMarks(plot, self.trial, self.context.document, self)
         self.context.scene.overlays.add(self.layer)
         self._inspector = self.context.part(InspectorPart)
 
@@ -78,7 +76,7 @@ class ThresholdPart(Part):
         self.trial.on_graph(fresh=False)
 
     def _on_trial(self) -> None:
-        self.context.scene.update()
+        self.context.modes.refresh()
         tried = self.trial.differs and not self.trial.refusal
         self._inspector.inspection.try_out(self.trial.config if tried else None)
 

@@ -107,7 +107,6 @@ class ExportScan(ProjectArguments):
                     self.max_viewpoints,
                     listen,
                     executor,
-                    self.cluster.storage,
                 )
         if self.json:
             return 0

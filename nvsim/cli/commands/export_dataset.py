@@ -52,9 +52,8 @@ class ExportFeatures:
 
     def run(self) -> int:
         """Runs the command. Raises InputError if options are invalid or contradict each other."""
-        from nvsim.r2r.features.all_layouts import extract_layouts
         from nvsim.r2r.features.exported_scan import read_exported_scans
-        from nvsim.r2r.features.extraction import STAGE, with_images
+        from nvsim.r2r.features.extraction import STAGE, extract_layouts, with_images
         from nvsim.r2r.features.network import choose_backbone
 
         if not 1 <= self.batch <= 1024:

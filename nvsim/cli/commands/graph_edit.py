@@ -64,6 +64,21 @@ class GraphSelect:
 
 
 @dataclass(frozen=True)
+class EditOptions:
+    """Options of the commands that edit a graph."""
+
+    occupancy: Path | None = None
+    """A ROS map.yaml or an OctoMap .bt or .ot, instead of the one found next to the graph."""
+    heights: Inline[Heights] = field(default_factory=Heights)
+    dry_run: bool = False
+    """Report the changes without making them."""
+    out: Path | None = None
+    """Write the result to this connectivity file and do not change the graph."""
+    json: bool = False
+    """Print one JSON object."""
+
+
+@dataclass(frozen=True)
 class GraphEdit:
     """Edit the graph of a project or a connectivity file: `nvsim graph edit FILE remove_edges --where "length > 5"`.
 
@@ -79,22 +94,14 @@ class GraphEdit:
     """An expression, as in `nvsim graph select`."""
     set: Annotated[tuple[str, ...], tyro.conf.arg(metavar="NAME=VALUE ...")] = ()
     """Arguments of the edit, with values as JSON: distance=3 even=true position=[1,2,1.5] ids='["a"]'."""
-    occupancy: Path | None = None
-    """A ROS map.yaml or an OctoMap .bt or .ot, instead of the one found next to the graph."""
-    heights: Inline[Heights] = field(default_factory=Heights)
-    dry_run: bool = False
-    """Report the changes without making them."""
-    out: Path | None = None
-    """Write the result to this connectivity file and do not change the graph."""
-    json: bool = False
-    """Print one JSON object."""
+    how: Inline[EditOptions] = field(default_factory=EditOptions)
 
     def run(self) -> int:
         """Runs the command. Raises InputError if the edit is unknown, or if its arguments are invalid."""
         from nvsim.cli.graph_target import GraphTarget, edit_errors_as_input_errors
         from nvsim.graph.operations import OPERATIONS, describe, perform_operation, usage
 
-        target = GraphTarget(self.graph, self.occupancy, self.heights)
+        target = GraphTarget(self.graph, self.how.occupancy, self.how.heights)
         if self.edit == "list":
             print_lines(*(usage(operation) for operation in OPERATIONS.values()))
             return 0
@@ -111,24 +118,24 @@ class GraphEdit:
                 perform_operation(history, operation.name, values, surroundings=target.surroundings())
                 return describe(operation.name, values)
 
-        return _edit(self, target, change)
+        return _edit(self.how, target, change)
 
 
-def _edit(arguments: GraphEdit | GraphReplay, target: GraphTarget, change: Callable[[History], str]) -> int:
+def _edit(how: EditOptions, target: GraphTarget, change: Callable[[History], str]) -> int:
     """Changes the graph, or a copy of it for --dry-run and --out, and prints the changes. `change` returns the text of
     the edit, "" if it changes nothing."""
     from nvsim.graph.history import History
 
-    if arguments.dry_run or arguments.out is not None:
+    if how.dry_run or how.out is not None:
         history = History(target.read())
         before, words = history.graph, change(history)
-        written = None if arguments.dry_run else target.write(history.graph, arguments.out)
+        written = None if how.dry_run else target.write(history.graph, how.out)
     else:
         with target.editing() as history:
             before, words = history.graph, change(history)
         written = None if history.graph is before else target.path
     original = target.original if written == target.path else None
-    _report(before, history.graph, words, written, arguments.json, original)
+    _report(before, history.graph, words, written, how.json, original)
     return 0
 
 
@@ -219,15 +226,7 @@ class GraphReplay:
     """A project, NAME.nvsim, or an R2R connectivity file."""
     script: Positional[Path]
     """The script, as JSON lines."""
-    occupancy: Path | None = None
-    """A ROS map.yaml or an OctoMap .bt or .ot, instead of the one found next to the graph."""
-    heights: Inline[Heights] = field(default_factory=Heights)
-    dry_run: bool = False
-    """Report the changes without making them."""
-    out: Path | None = None
-    """Write the result to this connectivity file and do not change the graph."""
-    json: bool = False
-    """Print one JSON object."""
+    how: Inline[EditOptions] = field(default_factory=EditOptions)
 
     def run(self) -> int:
         from nvsim.cli.graph_target import GraphTarget, edit_errors_as_input_errors
@@ -235,7 +234,7 @@ class GraphReplay:
         from nvsim.graph.operations import parse_line, perform_operation
         from nvsim.graph.scripts import script_lines
 
-        target = GraphTarget(self.graph, self.occupancy, self.heights)
+        target = GraphTarget(self.graph, self.how.occupancy, self.how.heights)
         lines = script_lines(self.script)
         surroundings = target.surroundings()
 
@@ -248,7 +247,7 @@ class GraphReplay:
                     count += 1
             return f"Replay {count_text(count, 'edit')}"
 
-        return _edit(self, target, apply_script)
+        return _edit(self.how, target, apply_script)
 
 
 @dataclass(frozen=True)

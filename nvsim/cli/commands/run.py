@@ -89,7 +89,6 @@ class Run:
                 listen,
                 self.depth,
                 executor,
-                cluster.storage,
             )
             end = [] if self.json else summary(project)
         print_lines(*end)

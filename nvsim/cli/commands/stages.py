@@ -58,7 +58,7 @@ class Depth(ProjectArguments):
 
         cluster = self.cluster
         with open_executor(cluster) as executor, project_job(self.project, "depth", self.json) as (project, listen):
-            depths.run(project, self.depth, self.config, listen, executor, cluster.storage)
+            depths.run(project, self.depth, self.config, listen, executor)
         return 0
 
 
@@ -76,7 +76,7 @@ class Floors(ProjectArguments):
 
         cluster = self.cluster
         with open_executor(cluster) as executor, project_job(self.project, "floors", self.json) as (project, listen):
-            floors.run(project, listen, self.discard_corrections, self.config, executor, cluster.storage)
+            floors.run(project, listen, self.discard_corrections, self.config, executor)
         return 0
 
 
@@ -107,7 +107,7 @@ class Train(ProjectArguments):
 
         cluster = self.cluster
         with open_executor(cluster) as executor, project_job(self.project, "train", self.json) as (project, listen):
-            trained.run(project, self.config, listen, self.submaps, self.at_once, executor, cluster.storage)
+            trained.run(project, self.config, listen, self.submaps, self.at_once, executor)
         return 0
 
 

@@ -12,7 +12,6 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from nvsim.cluster.config import Storage
 from nvsim.cluster.piece import Executor
 from nvsim.depth.config import DepthConfig
 from nvsim.errors import InputError
@@ -43,7 +42,6 @@ def run(
     config: DepthConfig,
     listen: Listener = ignore_event,
     executor: Executor | None = None,
-    storage: Storage = "auto",
 ) -> None:
     """Computes the depth of all frames if `use` asks for it: "auto" (if the capture has no LiDAR scan), "always" or
     "never".
@@ -76,7 +74,7 @@ def run(
     if executor is not None and executor.remote:
         from nvsim.project.stages.depths_remote import depth_remote
 
-        helped = depth_remote(executor, storage, project, folder, config, listen)
+        helped = depth_remote(executor, project, folder, config, listen)
     measured = len(capture.depth_of_frames)
     if measured:
         rest = "" if measured == len(capture.frames) else "; the depth of the others is estimated"

@@ -8,7 +8,6 @@ from concurrent.futures import ThreadPoolExecutor
 from functools import partial
 from pathlib import Path
 
-from nvsim.cluster.config import Storage
 from nvsim.cluster.piece import Caller, Executor, SentFile, StorageNotShared, WorkCall
 from nvsim.cluster.storage import StorageProbe
 from nvsim.depth.config import DepthConfig
@@ -23,7 +22,7 @@ from nvsim.project.stages.remote import ProjectSnapshot, do_frames_remote
 
 
 def depth_remote(
-    executor: Executor, storage: Storage, project: Project, folder: Path, config: DepthConfig, listen: Listener
+    executor: Executor, project: Project, folder: Path, config: DepthConfig, listen: Listener
 ) -> Elsewhere:
     """A function that runs frames of a phase on a cluster, for `estimate_depth`, which writes to `folder`. The function
     raises InputError if a worker fails."""
@@ -43,7 +42,7 @@ def depth_remote(
             left = [i for i in some if not _files(folder, phase, i)[-1].is_file()]
             return WorkCall(compute_depth_on_worker, (snapshot, folder, config, phase, left, planes, threads))
 
-        do_frames_remote(executor, storage, project, "depth", frames, order, receive, listen)
+        do_frames_remote(executor, project, "depth", frames, order, receive, listen)
 
     return compute_remotely
 

@@ -14,7 +14,6 @@ from numpy.typing import NDArray
 
 from nvsim.capture.images import read_image
 from nvsim.capture.masks import usable_pixels, usable_pixels_of_frames
-from nvsim.cluster.config import Storage
 from nvsim.cluster.piece import Executor
 from nvsim.errors import InputError
 from nvsim.events import Done, Listener, Log, Progress, Warning, ignore_event
@@ -131,7 +130,6 @@ def run(
     discard: bool = False,
     config: FloorsConfig | None = None,
     executor: Executor | None = None,
-    storage: Storage = "auto",
 ) -> None:
     """Computes the masks of all frames and the supported floor. Held-out frames do not count as support.
 
@@ -181,7 +179,7 @@ def run(
     if executor is not None and executor.remote:
         from nvsim.project.stages.floors_remote import segment_remote
 
-        segment_remote(executor, storage, project, making, config, provider.key(), listen)
+        segment_remote(executor, project, making, config, provider.key(), listen)
     seen = depth_maps(project)
     floors = floors_seen(project)
     if seen is not None and not stacked:  # on several storeys, the floor of each obstacle would be ambiguous

@@ -7,7 +7,6 @@ from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
-from nvsim.cluster.config import Storage
 from nvsim.cluster.piece import Caller, Executor, SentFile, StorageNotShared, WorkCall
 from nvsim.cluster.storage import StorageProbe
 from nvsim.errors import InputError
@@ -27,7 +26,6 @@ _STAGE = "floors"
 
 def segment_remote(
     executor: Executor,
-    storage: Storage,
     project: Project,
     making: dict[str, str],
     config: FloorsConfig,
@@ -64,7 +62,7 @@ def segment_remote(
         left = [i for i in frames if not mask_path(folder, i).exists()]
         return WorkCall(segment_there, (snapshot, config, provider, left, threads))
 
-    do_frames_remote(executor, storage, project, _STAGE, missing, order, receive, listen)
+    do_frames_remote(executor, project, _STAGE, missing, order, receive, listen)
 
 
 def segment_there(

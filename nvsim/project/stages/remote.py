@@ -13,7 +13,6 @@ from contextlib import closing
 from dataclasses import dataclass
 from pathlib import Path
 
-from nvsim.cluster.config import Storage
 from nvsim.cluster.piece import Executor, SentFile, StorageNotShared, WorkCall, WorkItem, WorkResult
 from nvsim.cluster.storage import StorageProbe
 from nvsim.errors import InputError
@@ -66,7 +65,6 @@ _FRAME_BYTES = 200 << 20  # cached data of frames
 
 def do_frames_remote(
     executor: Executor,
-    storage: Storage,
     project: Project,
     stage: str,
     frames: Sequence[int],
@@ -82,7 +80,7 @@ def do_frames_remote(
     """
     if not frames:
         return
-    if storage == "sent":
+    if executor.storage == "sent":
         _say_alone("There is no shared storage", stage, listen)
         return
     machines = executor.machines
@@ -103,7 +101,7 @@ def do_frames_remote(
         with closing(executor.run(pieces, begin)) as messages:
             for _, message in messages:
                 if isinstance(message, StorageNotShared):
-                    if storage == "shared":
+                    if executor.storage == "shared":
                         raise InputError(f"{message.reason}; share it with all machines under the same path.")
                     _say_alone(message.reason, stage, listen)
                     return

@@ -9,7 +9,6 @@ from contextlib import closing
 
 import psutil
 
-from nvsim.cluster.config import Storage
 from nvsim.cluster.local import LocalPool
 from nvsim.cluster.piece import (
     Executor,
@@ -54,13 +53,11 @@ def run(
     only: tuple[int, ...] = (),
     at_once: int = 0,
     executor: Executor | None = None,
-    storage: Storage = "auto",
 ) -> None:
     """Trains the submaps in `only`, or all if it is empty.
 
     at_once   number of submaps in parallel; 0 selects it by cores, free memory and number of submaps
     executor  runs the trainings; None for processes of this machine
-    storage   for executors on other machines, see `ClusterConfig`
 
     Raises InputError if the masks are missing or belong to another cut, a submap does not exist, or `at_once` is
     negative.
@@ -116,7 +113,7 @@ def run(
 
     run = _SubmapTraining(project, config, merged, begin, finish)
     if executor.remote and left:
-        run.train_remotely(executor, [s.index for s in chosen], left, at_once, storage, listen)
+        run.train_remotely(executor, [s.index for s in chosen], left, at_once, listen)
     elif left:
         cores = min(config.threads or psutil.cpu_count() or 1, psutil.cpu_count() or 1)
         most = at_once or (1 if on_card else cores)  # a GPU trains one submap at a time unless the user asks for more
@@ -167,7 +164,6 @@ class _SubmapTraining:
         chosen: Sequence[int],
         left: Sequence[Submap],
         at_once: int,
-        storage: Storage,
         listen: Listener,
     ) -> None:
         """Trains on other machines. The number of threads depends on all `chosen` submaps, not only on those `left`."""
@@ -176,7 +172,7 @@ class _SubmapTraining:
         threads = self._config.threads or threads_each(executor.machines, min(at_once or len(chosen), len(chosen)))
         needed = _memory_of_largest(self._project, left, self._config)
         pieces = [WorkItem(STAGE, s.index, f"submap {s.index}", threads, needed) for s in left]
-        remote_training = RemoteTraining(self._project, self._config, storage, listen)
+        remote_training = RemoteTraining(self._project, self._config, executor.storage, listen)
 
         def order(piece: WorkItem) -> WorkCall:
             self._begin(piece.part)

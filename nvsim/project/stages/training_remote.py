@@ -15,8 +15,7 @@ import time
 from dataclasses import dataclass
 from pathlib import Path
 
-from nvsim.cluster.config import Storage
-from nvsim.cluster.piece import Caller, SentFile, StorageNotShared, WorkCall, WorkItem
+from nvsim.cluster.piece import Caller, SentFile, Storage, StorageNotShared, WorkCall, WorkItem
 from nvsim.cluster.storage import StorageProbe
 from nvsim.errors import InputError
 from nvsim.events import Event, Listener, Log, Preview

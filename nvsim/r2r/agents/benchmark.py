@@ -6,11 +6,10 @@ A benchmark is a tasks file together with the scans that its tasks use, read and
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
-from typing import Protocol
 
 from nvsim.errors import InputError
 from nvsim.graph.connectivity import read_connectivity, scan_files
@@ -24,6 +23,7 @@ Action = tuple[int, float, float]
 """Index of a navigable location, heading change, and elevation change. Only the signs of the changes count, as in
 `makeAction`; positive is right and up."""
 _AT_ONCE = 64  # episodes
+_WAIT: Action = (0, 0.0, 0.0)
 
 
 @dataclass(frozen=True, eq=False)
@@ -65,19 +65,17 @@ def scans_in(folder: Path) -> Path:
     return inside if (inside / "connectivity").is_dir() else folder
 
 
-class EpisodeWalk(Protocol):
-    """One episode of an agent."""
+@dataclass(frozen=True)
+class Agent:
+    """An agent that runs in the simulator.
 
-    def act(self, state: SimState) -> Action | None:
-        """Returns the next action, or None to stop. The simulator reuses `state`: copy the values that you keep."""
-
-
-class Agent(Protocol):
-    """restricted   if true, the agent can only move to viewpoints in the field of view"""
+    restricted   if true, the agent can only move to viewpoints in the field of view
+    episode      yields the actions of an episode from its instr_id, its task, and the state of its environment, which
+                 changes after each action; the agent stops after the last action
+    """
 
     restricted: bool
-
-    def begin(self, instr_id: str, task: Task) -> EpisodeWalk: ...
+    episode: Callable[[str, Task, SimState], Iterator[Action]]
 
 
 def run_agent(agent: Agent, tasks: Sequence[Task], graphs: Path) -> dict[str, list[Pose]]:
@@ -96,26 +94,20 @@ def run_agent(agent: Agent, tasks: Sequence[Task], graphs: Path) -> dict[str, li
         filled = [task for _, task in part + part[-1:] * (size - len(part))]  # pads the last batch to the full size
         starts = [task.scan for task in filled], [task.path[0] for task in filled]
         sim.newEpisode(*starts, [task.heading for task in filled], [0.0] * size)
-        found |= dict(zip((id for id, _ in part), _run_paths(sim, [agent.begin(*episode) for episode in part])))
+        found |= dict(zip((id for id, _ in part), _run_episodes(sim, agent, part)))
     return found
 
 
-def _run_paths(sim: Simulator, walks: Sequence[EpisodeWalk]) -> list[list[Pose]]:
-    trajectories = [[_pose(state)] for state in sim.getState()[: len(walks)]]
-    going = set(range(len(walks)))
-    while going:
-        states = sim.getState()
-        actions: list[Action] = [(0, 0.0, 0.0)] * len(states)
-        for i in sorted(going):
-            action = walks[i].act(states[i])
-            if action is None:
-                going.discard(i)
-            else:
-                actions[i] = action
-        if going:
-            sim.makeAction(*(list(values) for values in zip(*actions)))
+def _run_episodes(sim: Simulator, agent: Agent, part: Sequence[tuple[str, Task]]) -> list[list[Pose]]:
+    states = sim.getState()[: len(part)]
+    episodes = [agent.episode(id, task, state) for (id, task), state in zip(part, states)]
+    trajectories = [[_pose(state)] for state in states]
+    actions = {i: next(episode, None) for i, episode in enumerate(episodes)}
+    while going := {i: action for i, action in actions.items() if action is not None}:
+        sim.makeAction(*(list(values) for values in zip(*(going.get(b, _WAIT) for b in range(sim.batch_size)))))
         for i in going:
-            trajectories[i].append(_pose(sim.getState()[i]))
+            trajectories[i].append(_pose(states[i]))
+        actions = {i: next(episodes[i], None) for i in going}
     return trajectories
 
 

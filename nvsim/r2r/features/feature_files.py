@@ -1,9 +1,11 @@
-"""Reads and writes features in the HDF5 and TSV files that agents use.
+"""Reads and writes features in the HDF5, TSV, and LMDB files that agents use.
 
 HDF5: a dataset "<scan>_<viewpoint>" of (36, width) float32, gzip, with scanId, viewpointId, image_w, image_h, vfov.
 TSV: no header, scanId, viewpointId, image_w, image_h, vfov, base64 of (36, width) float32. Views are in the order of
 viewIndex. The record of how the features were made is in the attributes of the HDF5 file, or in a JSON file beside
-the TSV.
+the other files.
+LMDB: the value of a key SCAN_VIEWPOINT is a msgpack of an array: the bytes `data`, the NumPy `type`, and the `shape`
+(candidates, tokens, width). Source: NavGPT-2, map_nav_src/utils/data.py.
 
 A separate process reads HDF5 files, because the HDF5 library may crash on a damaged file, or never return from it.
 """
@@ -15,7 +17,7 @@ import io
 import json
 import math
 import os
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -26,12 +28,16 @@ from numpy.typing import NDArray
 
 from nvsim.errors import InputError
 from nvsim.files import atomic
+from nvsim.files.atomic import as_input_error, make_own_folder, move_into_place, private_folder
 from nvsim.files.opening import opened, read_json
 from nvsim.files.reading import reading
 from nvsim.geometry.directions import VIEWS
 from nvsim.processes.child import Child, Limits
 from nvsim.r2r.features.backbone import Float32
+from nvsim.r2r.features.kept_rows import KeptRows
 from nvsim.r2r.features.layouts import LAYOUTS
+
+_LONGEST_KEY = 480  # bytes; LMDB allows 511
 
 
 class QuietFile(io.RawIOBase):
@@ -137,9 +143,54 @@ def write_tsv(path: Path, rows: Rows, about: About, vfov: int) -> None:
     atomic.write_text(description_path(path), json.dumps(about, indent=1) + "\n")
 
 
-def description_path(tsv: Path) -> Path:
-    """Returns the path of the JSON file beside a TSV."""
-    return tsv.with_suffix(".json")
+def description_path(file: Path) -> Path:
+    """Returns the path of the JSON file beside a TSV or an LMDB."""
+    return file.with_suffix(".json")
+
+
+def lmdb_key(key: str) -> bytes:
+    """Returns the key of an array in an LMDB. Raises InputError if it is not short ASCII."""
+    name = key.encode("utf-8", "surrogateescape")
+    if not name.isascii() or len(name) > _LONGEST_KEY:
+        raise InputError(f"An LMDB cannot store the key {key[:60]!r}; use short ASCII ids for scans and viewpoints.")
+    return name
+
+
+def packed_array(array: NDArray[np.float32]) -> bytes:
+    """Returns the value of an array of any shape in an LMDB."""
+    import msgpack
+
+    packed: bytes = msgpack.packb({b"data": array.tobytes(), b"type": array.dtype.str, b"shape": array.shape})
+    return packed
+
+
+def write_lmdb(target: Path, rows: KeptRows, keys: Mapping[str, bytes], room: int) -> None:
+    """Writes an LMDB to the folder `target` from kept rows of packed arrays.
+
+    keys  key of each kept row -> its key in the LMDB
+    room  bytes of all arrays together
+
+    An LMDB does not survive a power loss unless it waits for the disk after every array, and a damaged file crashes it,
+    so it is written when all rows are complete. Meanwhile, the disk holds the arrays twice. Raises InputError if
+    reading or writing fails.
+    """
+    import lmdb
+
+    # Some pages are free or half empty. The file only grows as large as its content.
+    largest = round(1.3 * room) + len(keys) * (1 << 15) + (1 << 26)
+    with private_folder(target) as folder:
+        data = folder / "data.mdb"
+        try:
+            # Syncs the whole file once at the end, not after every transaction.
+            with lmdb.open(str(folder), map_size=largest, max_dbs=0, sync=False) as environment:
+                for key, name in sorted(keys.items(), key=lambda item: item[1]):
+                    with environment.begin(write=True) as transaction:
+                        transaction.put(name, rows.get(key), append=True)
+            move_into_place(data, make_own_folder(target) / data.name)
+        except lmdb.Error as error:
+            raise InputError(f"Cannot write {target}: {error}; free some space and start again.") from error
+        except OSError as error:
+            raise as_input_error(target, error) from error
 
 
 WHAT = "a features file"

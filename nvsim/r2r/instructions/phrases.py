@@ -7,10 +7,11 @@ parsed back to the facts.
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from random import Random
 
 from nvsim.r2r.instructions.cues import Cue
+from nvsim.r2r.instructions.ground import Detail, Leg, clock_hour, degrees_of, rounded_turn
 
 
 def alternatives_pattern(text: str) -> str:
@@ -93,10 +94,10 @@ _BEFORE_VOWEL = re.compile(r"\ba(?= [aeio])")
 _ALTERNATIVES = re.compile(r"\[([^\[\]]*)\]")
 
 
-def choose_alternatives(pattern: str, random: Random) -> str:
+def _choose_alternatives(pattern: str, random: Random) -> str:
     """Returns a pattern with one of each of its alternatives. Alternatives may be nested."""
     while found := _ALTERNATIVES.search(pattern):
-        pattern = pattern[: found.start()] + choose_phrase(found[1].split("|"), random) + pattern[found.end() :]
+        pattern = pattern[: found.start()] + _one(found[1].split("|"), random) + pattern[found.end() :]
     return pattern
 
 
@@ -107,7 +108,7 @@ def plain_name(shape: str, color: str) -> str:
     return " ".join(pattern.format(color).split())
 
 
-def choose_phrase(phrases: Sequence[str], random: Random) -> str:
+def _one(phrases: Sequence[str], random: Random) -> str:
     return phrases[int(random.random() * len(phrases))]
 
 
@@ -117,16 +118,42 @@ def sentence(words: str) -> str:
     return words[0].upper() + words[1:] + "."
 
 
-class ObjectNames:
-    """Names the objects of one instruction: an object keeps its noun, and a second mention has no color."""
+class WordChoice:
+    """Selects the words of one instruction at random. An object keeps its noun, and a second mention has no color."""
 
     def __init__(self, random: Random) -> None:
-        self._random = random
+        self.random = random
         self._nouns: dict[str, str] = {}
 
-    def name_of(self, cue: Cue) -> str:
-        """Returns the name of the object of a cue, without an article."""
+    def choose(self, phrases: str | Sequence[str], *values: object) -> str:
+        """Returns one of several phrases, or a pattern with one of each of its alternatives, with `values` in its
+        fields."""
+        chosen = _choose_alternatives(phrases, self.random) if isinstance(phrases, str) else _one(phrases, self.random)
+        return chosen.format(*values) if values else chosen
+
+    def choose_about(self, phrases: str | Sequence[str], cue: Cue) -> str:
+        """Returns `choose` with the name of the object of a cue, without an article, in the field."""
+        chosen = self.choose(phrases)
         color, _, shape = cue.subject.partition(" ")
         if cue.subject not in self._nouns:
-            self._nouns[cue.subject] = choose_alternatives(THINGS[shape], self._random)
-        return self._nouns[cue.subject].format(color)
+            self._nouns[cue.subject] = _choose_alternatives(THINGS[shape], self.random)
+        return chosen.format(self._nouns[cue.subject].format(color))
+
+
+def turn_words(
+    leg: Leg,
+    detail: Detail,
+    wording: WordChoice,
+    degrees: str | Sequence[str] = DEGREES,
+    clock: str | Sequence[str] = CLOCK,
+    turns: Mapping[str, str | Sequence[str]] = TURNS,
+) -> str:
+    """Returns the phrase for the turn of a leg, "" if there is none."""
+    if detail == "degrees":
+        angle = degrees_of(leg)
+        return wording.choose(degrees, abs(angle), "right" if angle > 0 else "left") if angle else ""
+    if detail == "clock":
+        hour = clock_hour(leg)
+        return "" if hour == 12 else wording.choose(clock, hour)
+    turn = rounded_turn(leg)
+    return "" if turn == "ahead" else wording.choose(turns[turn])

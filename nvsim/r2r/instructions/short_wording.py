@@ -7,19 +7,15 @@ from dataclasses import dataclass, replace
 from random import Random
 
 from nvsim.r2r.instructions.cues import Cue
-from nvsim.r2r.instructions.ground import PACE, RISER, Detail, Leg, clock_hour, degrees_of, rounded_turn
+from nvsim.r2r.instructions.ground import PACE, RISER, Detail, Leg
 from nvsim.r2r.instructions.phrases import (
-    CLOCK,
     CORRIDOR,
-    DEGREES,
     DOOR,
     NUMBERS,
-    TURNS,
-    ObjectNames,
+    WordChoice,
     alternatives_pattern,
-    choose_alternatives,
-    choose_phrase,
     sentence,
+    turn_words,
 )
 
 _GO = "[walk|walk|go|go|head|continue|move|proceed|keep going|make your way|start walking|travel|carry on]"
@@ -190,138 +186,105 @@ class _Clause:
 
 def short_instruction(said: Sequence[Leg], detail: Detail, random: Random) -> str:
     """Returns an instruction of the short register for legs that were rounded to `detail`."""
-    names = ObjectNames(random)
+    wording = WordChoice(random)
     clauses: list[_Clause] = []
     reached: Cue | None = None
     for i, leg in enumerate(said):
         by = next((cue for cue in sorted(leg.cues) if cue.kind == "by"), None)
-        turn = _turn_phrase(leg, detail, random)
+        turn = turn_words(leg, detail, wording)
         if reached is not None:
-            clauses.append(
-                _Clause(f"{choose_alternatives(AT, random).format(names.name_of(reached))}, {turn}", opens=True)
-            )
+            clauses.append(_Clause(f"{wording.choose_about(AT, reached)}, {turn}", opens=True))
         elif turn:
             clauses.append(_Clause(turn))
         reached = None
         is_last = i + 1 == len(said)
-        follows = not is_last and _turn_phrase(said[i + 1], detail, Random(0)) != ""
-        if by is not None and by.side == "" and follows and random.random() < 0.6:
+        follows = not is_last and turn_words(said[i + 1], detail, WordChoice(Random(0))) != ""
+        if by is not None and by.side == "" and follows and wording.random.random() < 0.6:
             reached = by
         inside = leg if by is None or not (is_last or reached is by) else replace(leg, cues=leg.cues - {by})
         is_plain = is_last and by is not None and not inside.cues and leg.meters is None
-        if by is not None and is_plain and by.side in ("", "ahead") and random.random() < 0.5:
-            clauses += [_Clause(choose_alternatives(WALK_TO, random).format(names.name_of(by)))]
+        if by is not None and is_plain and by.side in ("", "ahead") and wording.random.random() < 0.5:
+            clauses += [_Clause(wording.choose_about(WALK_TO, by))]
             by = None
         else:
-            clauses += [_Clause(words) for words in _walk_phrases(inside, names, random)]
+            clauses += [_Clause(words) for words in _walk_phrases(inside, wording)]
         if is_last:
-            words = (
-                choose_alternatives(STOPS, random)
-                if by is None
-                else choose_alternatives(STOP_BY[by.side], random).format(names.name_of(by))
-            )
+            words = wording.choose(STOPS) if by is None else wording.choose_about(STOP_BY[by.side], by)
             clauses.append(_Clause(words))
-    return _sentences(clauses, random)
+    return _sentences(clauses, wording)
 
 
-def _sentences(clauses: Sequence[_Clause], random: Random) -> str:
+def _sentences(clauses: Sequence[_Clause], wording: WordChoice) -> str:
     sentences: list[str] = []
     group: list[str] = []
-    size = 2 + int(random.random() * 2)
+    size = 2 + int(wording.random.random() * 2)
     for clause in clauses:
         count = sum(len(words.split()) for words in (*group, clause.words))
         if group and (clause.opens or len(group) >= size or count > _MOST_WORDS):
-            sentences.append(_join_clauses(group, bool(sentences), False, random))
-            group, size = [], 2 + int(random.random() * 2)
+            sentences.append(_join_clauses(group, bool(sentences), False, wording))
+            group, size = [], 2 + int(wording.random.random() * 2)
         group.append(clause.words)
-    sentences.append(_join_clauses(group, bool(sentences), True, random))
+    sentences.append(_join_clauses(group, bool(sentences), True, wording))
     return " ".join(sentences)
 
 
-def _join_clauses(group: Sequence[str], follows: bool, ends: bool, random: Random) -> str:
+def _join_clauses(group: Sequence[str], follows: bool, ends: bool, wording: WordChoice) -> str:
     *first, last = group
     openers = _FIRST if not follows else _LAST if ends else _OPENERS
-    opener = "" if group[0].split(" ")[0] in _NO_OPENER else choose_phrase(openers, random)
+    opener = "" if group[0].split(" ")[0] in _NO_OPENER else wording.choose(openers)
     if not first:
         return sentence(opener + last)
     alone = last.split(" ")[0] in _NO_OPENER
     links = (" and ",) if opener in ("then ", "next, ") else (" and ", ", then ", " and then ", " and ")
-    link = ", and " if len(group) > 2 or alone else choose_phrase(links, random)
+    link = ", and " if len(group) > 2 or alone else wording.choose(links)
     return sentence(opener + ", ".join(first) + link + last)
 
 
-def _turn_phrase(leg: Leg, detail: Detail, random: Random) -> str:
-    """Returns the imperative of a turn, "" if there is none."""
-    if detail == "degrees":
-        degrees = degrees_of(leg)
-        return (
-            choose_alternatives(DEGREES, random).format(abs(degrees), "right" if degrees > 0 else "left")
-            if degrees
-            else ""
-        )
-    if detail == "clock":
-        return "" if clock_hour(leg) == 12 else choose_alternatives(CLOCK, random).format(clock_hour(leg))
-    turn = rounded_turn(leg)
-    return "" if turn == "ahead" else choose_alternatives(TURNS[turn], random)
-
-
-def _walk_phrases(leg: Leg, names: ObjectNames, random: Random) -> list[str]:
+def _walk_phrases(leg: Leg, wording: WordChoice) -> list[str]:
     """Returns the imperatives of a walk with its landmarks, in the order of the way."""
     door = min((cue.distance for cue in leg.cues if cue.kind in ("through", "rug", "floor")), default=float("inf"))
     found: list[str] = []
     past = sorted((cue for cue in leg.cues if cue.kind == "past"), key=lambda cue: cue.distance)
     early = [cue for cue in past if cue.distance < door]
     late = [cue for cue in past if cue.distance >= door]
-    main = _landmark_phrase(leg, names, random)
-    far = _distance(leg, random)
+    main = _landmark_phrase(leg, wording)
+    far = _distance(leg, wording)
     if main:
-        found += [
-            choose_alternatives(PASSING[cue.side], random).format(names.name_of(cue))
-            for cue in early
-            if door < float("inf")
-        ]
+        found += [wording.choose_about(PASSING[cue.side], cue) for cue in early if door < float("inf")]
         late = late if door < float("inf") else past
         found.append(main)
-        found[-1] += "".join(
-            f", {choose_alternatives(PAST[cue.side], random).format(names.name_of(cue))}" for cue in late
-        )
+        found[-1] += "".join(f", {wording.choose_about(PAST[cue.side], cue)}" for cue in late)
     elif past:
-        found += [choose_alternatives(PASSING[cue.side], random).format(names.name_of(cue)) for cue in past]
+        found += [wording.choose_about(PASSING[cue.side], cue) for cue in past]
     else:
-        found.append(choose_alternatives(_FORWARD if far else WALKS["forward"], random).format(far))
+        found.append(wording.choose(_FORWARD if far else WALKS["forward"], far))
     if far and (main or past):
         is_plain = door == float("inf") and leg.slope == "level" and not past
-        found[-1] += (
-            f" for {far}"
-            if is_plain
-            else f", {far} {choose_alternatives('[in all|in total|altogether|overall]', random)}"
-        )
-    tail = [choose_alternatives(STAIRS[c.subject], random) for c in sorted(leg.cues) if c.kind == "stairs"]
-    tail += [choose_alternatives(TO_STAIRS[c.subject], random) for c in sorted(leg.cues) if c.kind == "to stairs"]
-    tail += [
-        choose_alternatives(UNTIL[c.side], random).format(names.name_of(c)) for c in sorted(leg.cues) if c.kind == "by"
-    ]
+        found[-1] += f" for {far}" if is_plain else f", {far} {wording.choose('[in all|in total|altogether|overall]')}"
+    tail = [wording.choose(STAIRS[c.subject]) for c in sorted(leg.cues) if c.kind == "stairs"]
+    tail += [wording.choose(TO_STAIRS[c.subject]) for c in sorted(leg.cues) if c.kind == "to stairs"]
+    tail += [wording.choose_about(UNTIL[c.side], c) for c in sorted(leg.cues) if c.kind == "by"]
     found[-1] = " ".join([found[-1], *tail])
     return found
 
 
-def _landmark_phrase(leg: Leg, names: ObjectNames, random: Random) -> str:
+def _landmark_phrase(leg: Leg, wording: WordChoice) -> str:
     """Returns the imperative of the main landmark: stairs, doorway, floor, corridor, object ahead; "" without one."""
     if leg.slope != "level":
-        return choose_alternatives(WALKS[leg.slope], random)
+        return wording.choose(WALKS[leg.slope])
     of: dict[str, Cue] = {cue.kind: cue for cue in sorted(leg.cues) if cue.kind not in ("past", "by")}
     words = []
     if "through" in of:
-        words.append(choose_alternatives(WALKS[_doorway_key(of)], random))
+        words.append(wording.choose(WALKS[_doorway_key(of)]))
     if "rug" in of:
         how, _, rug = of["rug"].subject.partition(" ")
-        words.append(choose_alternatives(RUG[how], random).format(rug))
+        words.append(wording.choose(RUG[how], rug))
     if "floor" in of:
-        words.append(choose_alternatives(FLOOR, random).format(*of["floor"].subject.split(" to ")))
+        words.append(wording.choose(FLOOR, *of["floor"].subject.split(" to ")))
     if "along" in of:
-        words.append(choose_alternatives(WALKS[of["along"].subject], random))
+        words.append(wording.choose(WALKS[of["along"].subject]))
     if "towards" in of:
-        words.append(choose_alternatives(TOWARDS, random).format(names.name_of(of["towards"])))
+        words.append(wording.choose_about(TOWARDS, of["towards"]))
     return " and ".join(words[:2])
 
 
@@ -335,12 +298,12 @@ def _doorway_key(of: dict[str, Cue]) -> str:
     return f"out {out}" if out else f"into {into}" if into else of["through"].subject
 
 
-def _distance(leg: Leg, random: Random) -> str:
+def _distance(leg: Leg, wording: WordChoice) -> str:
     """Returns the distance in paces or rough words, "" if it is not mentioned."""
     if leg.meters is None:
         return ""
     if leg.measure == "roughly":
-        return choose_alternatives(ROUGHLY[leg.meters], random)
+        return wording.choose(ROUGHLY[leg.meters])
     count = round(leg.meters / (PACE if leg.slope == "level" else RISER))
     number = NUMBERS[count] if count <= _MOST_IN_WORDS else str(count)
     return f"{number} step{'s' if count > 1 else ''}"

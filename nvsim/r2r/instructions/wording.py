@@ -8,8 +8,8 @@ from random import Random
 
 from nvsim.graph.quantities import Slope
 from nvsim.r2r.instructions.cues import Cue
-from nvsim.r2r.instructions.ground import Detail, Leg, View, clock_hour, degrees_of, rounded_turn
-from nvsim.r2r.instructions.phrases import CORRIDOR, FLOOR_OF, ObjectNames, choose_alternatives, choose_phrase, sentence
+from nvsim.r2r.instructions.ground import Detail, Leg, View
+from nvsim.r2r.instructions.phrases import CORRIDOR, FLOOR_OF, WordChoice, sentence, turn_words
 
 PAST = {
     "": ("passing the {}", "going past the {}"),
@@ -104,36 +104,36 @@ _BOTH = ("{} and {}", "{}, then {}", "{} and then {}")
 ENDS = ("Stop there.", "Stop.", "You have arrived.", "Wait there.", "That is the place.")
 
 
-def cue_words(cues: Sequence[Cue], names: ObjectNames, random: Random) -> str:
+def cue_words(cues: Sequence[Cue], wording: WordChoice) -> str:
     """Returns the words for cues within a sentence, "" if there are no cues."""
-    said = [*_doors(cues, random)]
+    said = [*_doors(cues, wording)]
     for cue in sorted(cues):
         if cue.kind == "along":
-            said.append(choose_phrase(ALONG[cue.subject], random))
+            said.append(wording.choose(ALONG[cue.subject]))
         elif cue.kind == "towards":
-            said.append(choose_phrase(TOWARDS, random).format(names.name_of(cue)))
+            said.append(wording.choose_about(TOWARDS, cue))
         elif cue.kind == "floor":
-            said.append(choose_phrase(FLOOR, random).format(*_floors(cue)))
+            said.append(wording.choose(FLOOR, *_floors(cue)))
         elif cue.kind == "rug":
             how, _, rug = cue.subject.partition(" ")
-            said.append(choose_phrase(RUG[how], random).format(rug))
-    said += [choose_phrase(STAIRS[c.subject], random) for c in sorted(cues) if c.kind == "stairs"]
-    said += [choose_phrase(TO_STAIRS[c.subject], random) for c in sorted(cues) if c.kind == "to stairs"]
+            said.append(wording.choose(RUG[how], rug))
+    said += [wording.choose(STAIRS[c.subject]) for c in sorted(cues) if c.kind == "stairs"]
+    said += [wording.choose(TO_STAIRS[c.subject]) for c in sorted(cues) if c.kind == "to stairs"]
     past = [c for c in sorted(cues, key=lambda c: (c.distance, c)) if c.kind == "past"]
     door = min((c.distance for c in cues if c.kind == "through"), default=0.0)
-    before = [_past_words(c, names, random) for c in past if c.distance < door]
-    said = [*before, *said, *(_past_words(c, names, random) for c in past if c.distance >= door)]
-    said += [choose_phrase(BY[c.side], random).format(names.name_of(c)) for c in sorted(cues) if c.kind == "by"]
+    before = [_past_words(c, wording) for c in past if c.distance < door]
+    said = [*before, *said, *(_past_words(c, wording) for c in past if c.distance >= door)]
+    said += [wording.choose_about(BY[c.side], c) for c in sorted(cues) if c.kind == "by"]
     return ", ".join(said)
 
 
-def _past_words(cue: Cue, names: ObjectNames, random: Random) -> str:
-    return choose_phrase(PAST[cue.side], random).format(names.name_of(cue))
+def _past_words(cue: Cue, wording: WordChoice) -> str:
+    return wording.choose_about(PAST[cue.side], cue)
 
 
-def stop_words(cue: Cue, names: ObjectNames, random: Random) -> str:
+def stop_words(cue: Cue, wording: WordChoice) -> str:
     """Returns the last sentence, for a path that ends next to an object."""
-    return choose_phrase(STOP_BY[cue.side], random).format(names.name_of(cue))
+    return wording.choose_about(STOP_BY[cue.side], cue)
 
 
 def _floors(cue: Cue) -> list[str]:
@@ -141,24 +141,24 @@ def _floors(cue: Cue) -> list[str]:
     return [*names, *(FLOOR_OF.get(name, name) for name in names)]
 
 
-def _doors(cues: Sequence[Cue], random: Random) -> Sequence[str]:
+def _doors(cues: Sequence[Cue], wording: WordChoice) -> Sequence[str]:
     of = {cue.kind: cue.subject for cue in cues}
     if "through" not in of:
         return []
-    words = [choose_phrase(THROUGH[of["through"]], random)]
+    words = [wording.choose(THROUGH[of["through"]])]
     if "out of" in of:
-        phrase = choose_phrase(OUT_OF[of["out of"]], random)
+        phrase = wording.choose(OUT_OF[of["out of"]])
         # "leaving the room" is a separate clause; "out of the room" comes before the doorway.
         words = [phrase, words[0]] if phrase.startswith("leaving") else [f"{phrase} {words[0]}"]
     if "into" in of:
-        phrase = choose_phrase(INTO[of["into"]], random)
+        phrase = wording.choose(INTO[of["into"]])
         words[-1] += f", {phrase}" if phrase.startswith("entering") else f" {phrase}"
     return words
 
 
 def instruction_of(said: Sequence[Leg], detail: Detail, random: Random) -> str:
     """Returns an instruction for legs that were rounded to `detail`. `random` selects the words."""
-    names = ObjectNames(random)
+    wording = WordChoice(random)
     sentences: list[str] = []
     link = ""
     by = sorted((cue for cue in said[-1].cues if cue.kind == "by"), key=lambda cue: (cue.side == "", cue))
@@ -167,21 +167,21 @@ def instruction_of(said: Sequence[Leg], detail: Detail, random: Random) -> str:
         *before, leg = said
         said = [*before, replace(leg, cues=leg.cues - {last})]
     for leg in said:
-        link = choose_phrase([other for other in _LINKS if other != link or not link], random) if sentences else ""
-        both = choose_phrase(_BOTH[:1] if link == "then " else _BOTH, random)
-        sentences.append(sentence(link + _clause(leg, detail, both, names, random)))
-    end = choose_phrase(ENDS, random) if last is None else stop_words(last, names, random)
+        link = wording.choose([other for other in _LINKS if other != link or not link]) if sentences else ""
+        both = wording.choose(_BOTH[:1] if link == "then " else _BOTH)
+        sentences.append(sentence(link + _clause(leg, detail, both, wording)))
+    end = wording.choose(ENDS) if last is None else stop_words(last, wording)
     return " ".join([*sentences, end])
 
 
-def _clause(leg: Leg, detail: Detail, both: str, names: ObjectNames, random: Random) -> str:
+def _clause(leg: Leg, detail: Detail, both: str, wording: WordChoice) -> str:
     """Returns the turn and the walk, joined by the pattern `both`, and the cues."""
-    turn, seen = turn_words(leg, detail, random), cue_words(sorted(leg.cues), names, random)
+    turn, seen = _turn_words(leg, detail, wording), cue_words(sorted(leg.cues), wording)
     if leg.meters is None:
-        walk = choose_phrase(ON_PHRASES[leg.slope], random)
+        walk = wording.choose(ON_PHRASES[leg.slope])
     else:
-        walk = choose_phrase(WALK_PHRASES[leg.slope], random).format(meter_words(leg.meters, random))
-    ahead = "" if turn else f" {choose_phrase(AHEAD_PHRASES, random)}"
+        walk = wording.choose(WALK_PHRASES[leg.slope]).format(meter_words(leg.meters, wording))
+    ahead = "" if turn else f" {wording.choose(AHEAD_PHRASES)}"
     walk = walk.replace("*", ahead) if "*" in walk else walk + ahead
     if seen:
         clause = leg.meters is not None or seen.startswith(("leaving", "following"))
@@ -190,26 +190,17 @@ def _clause(leg: Leg, detail: Detail, both: str, names: ObjectNames, random: Ran
     return both.format(turn, walk) if turn else walk
 
 
-def turn_words(leg: Leg, detail: Detail, random: Random) -> str:
-    """Returns the phrase for a turn, "" if there is none."""
-    if detail == "degrees":
-        degrees = degrees_of(leg)
-        side = "right" if degrees > 0 else "left"
-        return choose_phrase(DEGREE_PHRASES, random).format(abs(degrees), side) if degrees else ""
-    if detail == "clock":
-        hour = clock_hour(leg)
-        return "" if hour == 12 else choose_phrase(CLOCK_PHRASES, random).format(hour)
-    turn = rounded_turn(leg)
-    return "" if turn == "ahead" else choose_phrase(TURN_PHRASES[turn], random)
+def _turn_words(leg: Leg, detail: Detail, wording: WordChoice) -> str:
+    return turn_words(leg, detail, wording, DEGREE_PHRASES, CLOCK_PHRASES, TURN_PHRASES)
 
 
-def meter_words(meters: float, random: Random) -> str:
+def meter_words(meters: float, wording: WordChoice) -> str:
     """Returns the words for a distance in meters."""
     if meters == 0.5:
-        return choose_phrase(HALF_METER, random)
+        return wording.choose(HALF_METER)
     if meters == 1:
-        return choose_phrase(ONE_METER, random)
-    return choose_phrase(METER_PHRASES, random).format(f"{meters:g}")
+        return wording.choose(ONE_METER)
+    return wording.choose(METER_PHRASES, f"{meters:g}")
 
 
 _PLACES = {"room": "[in a room|inside a room]", "corridor": f"in a {CORRIDOR}", "": ""}
@@ -247,61 +238,59 @@ def long_instruction(
 
     `views` are the view at the start, and the view at the start of each leg after its turn.
     """
-    names = ObjectNames(random)
-    found = [(text, 0) for text in _begin(views[0], names, random)]
+    wording = WordChoice(random)
+    found = [(text, 0) for text in _begin(views[0], wording)]
     for i, leg in enumerate(said):
-        opener = choose_phrase(_OPENERS, random) if i else ""
-        turn = turn_words(leg, detail, random)
+        opener = wording.choose(_OPENERS) if i else ""
+        turn = _turn_words(leg, detail, wording)
         seen = [cue for cue in views[i + 1].objects if cue.side == "ahead"]
         if turn:
             found.append((sentence(opener + turn), i))
             opener = ""
             if seen:
-                found.append((sentence(choose_alternatives(_VIEW["ahead"], random).format(names.name_of(seen[0]))), i))
+                found.append((sentence(wording.choose_about(_VIEW["ahead"], seen[0])), i))
         last = i + 1 == len(said)
         by = (
             next((cue for cue in sorted(leg.cues, key=lambda c: c.side == "") if cue.kind == "by"), None)
             if last
             else None
         )
-        found.append((sentence(opener + _walk_clause(leg, by, not turn, names, random)), i))
+        found.append((sentence(opener + _walk_clause(leg, by, not turn, wording)), i))
         into = [cue.subject for cue in leg.cues if cue.kind == "into"]
         if into:
             found.append(
                 (
-                    sentence(choose_alternatives(_NOW, random).format(choose_alternatives(_PLACES[into[0]], random))),
+                    sentence(wording.choose(_NOW).format(wording.choose(_PLACES[into[0]]))),
                     i + 1,
                 )
             )
         if by is not None:
-            found.append((sentence(choose_alternatives(_STAND[by.side], random).format(names.name_of(by))), i + 1))
-    found.append((sentence(choose_phrase(_ENDS, random)), len(said)))
+            found.append((sentence(wording.choose_about(_STAND[by.side], by)), i + 1))
+    found.append((sentence(wording.choose(_ENDS)), len(said)))
     return found
 
 
-def _begin(view: View, names: ObjectNames, random: Random) -> list[str]:
+def _begin(view: View, wording: WordChoice) -> list[str]:
     """Returns the sentences about the start."""
     ahead = [cue for cue in view.objects if cue.side == "ahead"]
-    place = choose_alternatives(_PLACES[view.kind], random)
+    place = wording.choose(_PLACES[view.kind])
     found = []
     if place or ahead:
-        facing = choose_alternatives(_FACING, random).format(names.name_of(ahead[0])) if ahead else ""
-        words = choose_alternatives(_BEGIN, random).format(place).rstrip()
+        facing = wording.choose_about(_FACING, ahead[0]) if ahead else ""
+        words = wording.choose(_BEGIN, place).rstrip()
         found.append(sentence(f"{words}, {facing}" if facing else words))
     for side in ("left", "right"):
         beside = [cue for cue in view.objects if cue.side == side and cue not in ahead]
-        if beside and random.random() < 0.7:
-            found.append(
-                sentence(choose_alternatives(_SIDES[side], random).replace("  ", " ").format(names.name_of(beside[0])))
-            )
+        if beside and wording.random.random() < 0.7:
+            found.append(sentence(wording.choose_about(_SIDES[side], beside[0]).replace("  ", " ")))
     return found
 
 
-def _walk_clause(leg: Leg, by: Cue | None, straight: bool, names: ObjectNames, random: Random) -> str:
+def _walk_clause(leg: Leg, by: Cue | None, straight: bool, wording: WordChoice) -> str:
     cues = sorted(leg.cues - ({by} if by is not None else set()))
-    meters = "" if leg.meters is None else meter_words(leg.meters, random)
-    walk = choose_phrase(WALK_PHRASES[leg.slope], random).format(meters)
+    meters = "" if leg.meters is None else meter_words(leg.meters, wording)
+    walk = wording.choose(WALK_PHRASES[leg.slope], meters)
     walk = walk.replace("*", "")
     walk += " straight ahead" if straight and leg.slope == "level" else ""
-    said = cue_words(cues, names, random)
+    said = cue_words(cues, wording)
     return f"{walk}, {said}" if said else walk

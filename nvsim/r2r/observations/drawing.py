@@ -20,7 +20,6 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from nvsim.cluster.config import Storage
 from nvsim.cluster.piece import (
     Caller,
     Executor,
@@ -124,7 +123,6 @@ def draw_viewpoints(
     backend: Backend,
     listen: Listener,
     executor: Executor | None = None,
-    storage: Storage = "auto",
 ) -> None:
     """Draws and writes the viewpoints that `record` does not list as finished, on a cluster if `executor` is given.
 
@@ -134,7 +132,7 @@ def draw_viewpoints(
     done = len(viewpoints) - len(todo)
     listen(Progress(STAGE, done, len(viewpoints)))
     if executor is not None and executor.remote:
-        parts = draw_on_workers(executor, storage, source, todo, places, settings, backend, listen)
+        parts = draw_on_workers(executor, source, todo, places, settings, backend, listen)
     else:
         parts = _write_finished(source, todo, places, settings, backend)
     for id, part in parts:
@@ -182,7 +180,6 @@ def _write_finished(
 
 def draw_on_workers(
     executor: Executor,
-    storage: Storage,
     source: ScanModels,
     todo: Sequence[Todo],
     places: ScanPlaces,
@@ -205,7 +202,7 @@ def draw_on_workers(
     keys = {viewpoint.id: key for _, viewpoint, key in todo}
     arrived: dict[int, list[tuple[Path, bytes]]] = {}
     finished: set[str] = set()
-    sent = storage == "sent"
+    sent = executor.storage == "sent"
 
     def begin(piece: WorkItem) -> WorkCall:
         arrived[piece.part] = []
@@ -217,7 +214,7 @@ def draw_on_workers(
     with closing(executor.run(pieces, begin)) as messages:
         for piece, message in messages:
             if isinstance(message, StorageNotShared):
-                if storage == "shared":
+                if executor.storage == "shared":
                     raise InputError(f"{message.reason}; share that folder with all machines, or use --storage sent.")
                 sent = True
             elif isinstance(message, SentFile):

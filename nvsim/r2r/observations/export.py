@@ -17,7 +17,6 @@ import numba
 import numpy as np
 
 from nvsim import __version__
-from nvsim.cluster.config import Storage
 from nvsim.cluster.piece import Executor
 from nvsim.errors import InputError
 from nvsim.events import Done, Listener, Log, Warning, ignore_event
@@ -152,7 +151,6 @@ def export_scan(
     most: int | None = None,
     listen: Listener = ignore_event,
     executor: Executor | None = None,
-    storage: Storage = "auto",
 ) -> list[ScanPlaces]:
     """Writes the graph and the models of `project` as a scan into the folder `root`, which may hold other scans.
 
@@ -172,7 +170,7 @@ def export_scan(
     if short := prepared.shortage(estimated):
         listen(Warning(short, STAGE))
     for part, scan_places in zip(parts, places, strict=True):
-        write_scan(prepared.source, part, scan_places, settings, backend, listen, executor, storage)
+        write_scan(prepared.source, part, scan_places, settings, backend, listen, executor)
     if len(parts) > 1:
         write_parts(root / f"{graph.scan}-parts.csv", parts)
         cut = len(graph.edges) - sum(len(part.edges) for part in parts)
@@ -194,7 +192,6 @@ def write_scan(
     backend: Backend,
     listen: Listener,
     executor: Executor | None = None,
-    storage: Storage = "auto",
 ) -> None:
     """Writes one scan, its manifest last. Raises InputError in the cases that `export_scan` lists."""
     atomic.make_folder(places.folder)
@@ -202,7 +199,7 @@ def write_scan(
         record = ScanRecord(places)
         remove_leftovers(places)
         viewpoints = drawn_of(graph)
-        draw_viewpoints(source, viewpoints, places, settings, record, backend, listen, executor, storage)
+        draw_viewpoints(source, viewpoints, places, settings, record, backend, listen, executor)
         if settings.plans:
             _add_plans(source, graph, places, record)
         if source.photographed is not None:

@@ -150,19 +150,16 @@ class Surround:
     def color(self, camera: Camera, finer: int = 1) -> Float32:
         """Returns (H, W, 3) the view of a `camera` at `position`, with `finer` x `finer` samples for each pixel."""
         image = np.empty((camera.intrinsics.height, camera.intrinsics.width, 3), np.float32)
-        self._sample(camera, finer, image, np.empty((0, 0, 2), np.float32))
+        nothing = np.empty((0, 0, 2), np.float32)
+        sample_view(self.colors, self.solids[:0], self.focal, camera, finer, image, nothing)
         return image
 
     def color_and_solid(self, camera: Camera, finer: int = 1) -> tuple[Float32, Float32]:
         """Returns the view of `color`, and (H, W, 2) alpha and alpha times meters along the ray."""
         shape = camera.intrinsics.height, camera.intrinsics.width
         color, solid = np.empty((*shape, 3), np.float32), np.empty((*shape, 2), np.float32)
-        self._sample(camera, finer, color, solid)
+        sample_view(self.colors, self.solids, self.focal, camera, finer, color, solid)
         return color, solid
-
-    def _sample(self, camera: Camera, finer: int, color: Float32, solid: Float32) -> None:
-        solids = self.solids if solid.size else self.solids[:0]
-        sample_view(self.colors, solids, self.focal, camera, finer, color, solid)
 
 
 def draw_surround(

@@ -38,16 +38,14 @@ _LOW, _HIGH = 0.1, 3.0  # allowed camera heights above the floor in meters
 _MOST = 500  # largest number of positions with cached measurements
 
 
-class GraphOfProject(OneScan):
-    """The graph of a project as a scan. All viewpoints are level and face +y."""
-
-    def __init__(self, graph: NavGraph, id: str) -> None:
-        viewpoints = list(graph.viewpoints.values())
-        index = {v.id: i for i, v in enumerate(viewpoints)}
-        edges = np.array([(index[a], index[b]) for a, b in graph.edges], np.int64).reshape(-1, 2)
-        positions = np.array([v.position for v in viewpoints]).reshape(-1, 3)
-        included = np.array([v.included for v in viewpoints], bool)
-        super().__init__(level_scan(id, list(index), included, positions, edges))
+def scan_of_graph(graph: NavGraph, id: str) -> Scan:
+    """Returns a graph as a scan. All viewpoints are level and face +y."""
+    viewpoints = list(graph.viewpoints.values())
+    index = {v.id: i for i, v in enumerate(viewpoints)}
+    edges = np.array([(index[a], index[b]) for a, b in graph.edges], np.int64).reshape(-1, 2)
+    positions = np.array([v.position for v in viewpoints]).reshape(-1, 3)
+    included = np.array([v.included for v in viewpoints], bool)
+    return level_scan(id, list(index), included, positions, edges)
 
 
 class FreeSpaceChecks:
@@ -148,18 +146,18 @@ def _words(place: NDArray[np.float64]) -> str:
 
 
 class LiveImages:
-    """Views from the trained models of a project, and its graph as the only scan."""
+    """Views from the trained models of a project.
+
+    scans   its graph as the only scan
+    """
 
     one_thread_each = False  # the rasterizer is multi-threaded
 
     def __init__(self, live: LiveScene) -> None:
         self._live = live
-        self._scans = GraphOfProject(live.graph, live.scan)
+        self.scans: Scans = OneScan(scan_of_graph(live.graph, live.scan))
         self._ground: FreeSpaceChecks | None = None
         self._seen = PlacesSeen()
-
-    def scans(self) -> Scans:
-        return self._scans
 
     def preload(self, scans: Scans, depth: bool) -> None:
         """Loads the models, as far as the memory limit allows."""

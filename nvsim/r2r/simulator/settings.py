@@ -124,4 +124,4 @@ def source_of(settings: Settings) -> tuple[Scans, Images]:
         images = LiveImages(read_live_scene(settings.dataset_path, settings.rendering_enabled))
     except InputError as error:
         raise InvalidValue(str(error)) from error
-    return (images.scans() if folder is None else NavGraph(folder)), images
+    return (images.scans if folder is None else NavGraph(folder)), images

@@ -110,7 +110,7 @@ class CardGaussianState:
 
     @property
     def sums(self) -> Float32:
-        """(N, 3) statistics, see `strategies.types.Model`."""
+        """(N, 3) statistics, see `strategies.types.GaussianModel`."""
         return _array(self._sums)
 
     def __len__(self) -> int:

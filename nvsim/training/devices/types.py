@@ -10,9 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from nvsim.geometry.camera import Camera
-from nvsim.splats.types import Gaussians
 from nvsim.training.config import RateConfig
-from nvsim.training.strategies.types import Refinement
+from nvsim.training.strategies.types import GaussianModel, Refinement
 
 
 class Stopwatch:
@@ -35,7 +34,7 @@ FEATURES = "features"
 """The group of the features from which networks compute colors, with one row per Gaussian like those of FIELDS."""
 
 
-class GaussianState(Protocol):
+class GaussianState(GaussianModel, Protocol):
     """All arrays with one row per Gaussian, with their gradients and moments. The interface uses only numpy arrays, so
     that losses, strategies, and checkpoints do not depend on the device."""
 
@@ -45,23 +44,8 @@ class GaussianState(Protocol):
         ...
 
     @property
-    def gaussians(self) -> Gaussians:
-        """Arrays that can be changed in place until the next call."""
-        ...
-
-    @property
-    def gradients(self) -> Gaussians:
-        """The gradients, which can be changed in place until the next call."""
-        ...
-
-    @property
     def features(self) -> Float32 | None:
         """(N, F) features of the colors; None without a color network."""
-        ...
-
-    @property
-    def sums(self) -> Float32:
-        """(N, 3) statistics, see `strategies.types.Model`."""
         ...
 
     def __len__(self) -> int: ...
@@ -79,14 +63,6 @@ class GaussianState(Protocol):
 
     def step(self, count: int, scales: Mapping[str, float]) -> None:
         """Makes the `count`-th Adam update (from 1), with the rates of a group times its entry in `scales`."""
-        ...
-
-    def refine(self, refinement: Refinement) -> None:
-        """Replaces the Gaussians. Survivors keep their moments, new ones start with zero moments."""
-        ...
-
-    def reset_moments(self, name: str) -> None:
-        """Sets both moments of a group to zero."""
         ...
 
     def state(self) -> dict[str, NDArray[np.generic]]:

@@ -30,13 +30,17 @@ class Refinement:
 
 
 class GaussianModel(Protocol):
-    """The Gaussians under training. `gaussians` and `gradients` are the live arrays."""
+    """The Gaussians under training."""
 
     @property
-    def gaussians(self) -> Gaussians: ...
+    def gaussians(self) -> Gaussians:
+        """Arrays that can be changed in place until the next call."""
+        ...
 
     @property
-    def gradients(self) -> Gaussians: ...
+    def gradients(self) -> Gaussians:
+        """The gradients, which can be changed in place until the next call."""
+        ...
 
     @property
     def sums(self) -> Float32:
@@ -45,7 +49,8 @@ class GaussianModel(Protocol):
         ...
 
     def refine(self, refinement: Refinement) -> None:
-        """Replaces the Gaussians and sets `sums` to zero."""
+        """Replaces the Gaussians and sets `sums` to zero. Survivors keep their moments, new ones start with zero
+        moments."""
         ...
 
     def reset_moments(self, name: str) -> None:

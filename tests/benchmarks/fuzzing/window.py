@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from threading import Event
 
 import cv2
 import numpy as np
@@ -23,7 +24,7 @@ from nvsim_app.panels.preferences import PREFERENCES, Preferences, memory_budget
 from nvsim_app.panels.training_images import read_picture
 from nvsim_app.start.application import check_settings
 from nvsim_app.state.document import Selection
-from nvsim_app.state.folder_listing import FolderLook
+from nvsim_app.state.folder_listing import list_folder
 from nvsim_app.state.view_state_store import StoredViewState, decode, encode
 
 
@@ -117,7 +118,7 @@ def _paths() -> list[Seed]:
 def _kinds(path: Path) -> object:
     """Examines a path as the window does before it opens it."""
     sentence_about(path, path_kind(path))
-    FolderLook(path.parent).result()
+    list_folder(path.parent, Event())
     return check_openable(path)
 
 
