@@ -54,6 +54,7 @@ def test_a_line_beside_the_door_crosses_an_opening_and_one_through_it_does_not()
     openings = openings_of(cloud(*SHOP))
     assert crosses(openings, (7, 2), (9, 2)) and crosses(openings, (6.5, 5), (9, 6.5))
     assert not crosses(openings, (7, 3.7), (9, 3.7)) and not crosses(openings, (7, 3.4), (9, 4))
+    assert crosses(openings, (7.8, 1.2), (8.2, 2.8)), "although almost along the wall"
     assert not crosses(openings, (2, 2), (6, 6)) and not crosses(openings, (7.5, 1), (7.5, 7)), "within a room"
 
 

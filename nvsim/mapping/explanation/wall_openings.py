@@ -29,7 +29,7 @@ _JAMB = 0.4  # meters by which the free width is larger before and behind an ope
 _BEFORE = 0.6  # meters before and behind an opening in which it is larger
 _DOOR = 3.5  # meters of the widest door
 _ALONG = 8.0  # meters along a wall from an opening to a door
-_STEEP = 0.35  # sine of the least angle between a line and a wall that it passes through
+_STEEP = 0.15  # sine of the least angle between a line and a wall that it passes through
 _SPACING = 0.05  # meters between the examined positions of a line
 _ARRAYS = {"turn": ("f", 2), "origin": ("f", 1), "cells": ("bui", 2)}
 
