@@ -15,6 +15,7 @@ from task_samples import exported, house
 
 from nvsim.cli.main import main
 from nvsim.graph.paths import PathGraph
+from nvsim.graph.quantities import Slope
 from nvsim.graph.types import NavGraph, Viewpoint, edge
 from nvsim.r2r.instructions.cues import Cue
 from nvsim.r2r.instructions.generating import InstructedDataset, describe_path, find_described_path, instruct
@@ -25,6 +26,7 @@ from nvsim.r2r.instructions.ground import (
     Leg,
     PathSteps,
     Step,
+    View,
     continues_leg,
     is_bend,
     round_legs,
@@ -44,6 +46,7 @@ from nvsim.r2r.instructions.wording import (
     TURN_PHRASES,
     WALK_PHRASES,
     instruction_of,
+    long_instruction,
 )
 from nvsim.r2r.tasks.shortest import PathBounds
 from nvsim.r2r.tasks.splitting import SPLITS, PathCounts, sample_tasks
@@ -159,6 +162,15 @@ def test_every_fact_can_be_read_back_from_the_words(detail: Detail) -> None:
             (round(math.cos(leg.turn), 6), round(math.sin(leg.turn), 6), leg.meters, leg.slope) for leg in found
         ] == [(round(math.cos(leg.turn), 6), round(math.sin(leg.turn), 6), leg.meters, leg.slope) for leg in said], text
         assert "  " not in text and "then" not in re.findall(r"Then [^.]*?, (then)", text)
+
+
+@pytest.mark.parametrize("slope", ["level", "up", "down"])
+def test_a_long_instruction_without_a_distance_has_no_gap(slope: Slope) -> None:
+    legs = [Leg(0.0, 2.0, "level"), Leg(1.6, None, slope)]
+    for seed in range(50):
+        sentences = long_instruction(legs, [View(""), View(""), View("")], "words", Random(seed))
+        text = " ".join(words for words, _ in sentences)
+        assert "  " not in text and " ," not in text and " ." not in text and "you are ." not in text, text
 
 
 def test_no_phrase_has_two_meanings() -> None:

@@ -288,8 +288,10 @@ def _begin(view: View, wording: WordChoice) -> list[str]:
 
 def _walk_clause(leg: Leg, by: Cue | None, straight: bool, wording: WordChoice) -> str:
     cues = sorted(leg.cues - ({by} if by is not None else set()))
-    meters = "" if leg.meters is None else meter_words(leg.meters, wording)
-    walk = wording.choose(WALK_PHRASES[leg.slope], meters)
+    if leg.meters is None:
+        walk = wording.choose(ON_PHRASES[leg.slope])
+    else:
+        walk = wording.choose(WALK_PHRASES[leg.slope], meter_words(leg.meters, wording))
     walk = walk.replace("*", "")
     walk += " straight ahead" if straight and leg.slope == "level" else ""
     said = cue_words(cues, wording)
