@@ -22,7 +22,7 @@ _LEVEL = 0.5  # maximum height difference in meters of two floors: the map cover
 _FAR = 20.0  # meters: longer paths are treated as equal
 _SURE = 0.3  # margin at which evidence counts as certain
 _MAP_ALONE = 0.6  # confidence from the map alone; the lowest confidence from evidence is smaller
-_GLASS = 0.5  # factor on the confidence if the trajectory makes a long detour and no LiDAR scan shows why
+_GLASS = 0.5  # factor on the confidence if a glass pane may be on the edge and no LiDAR scan shows it
 _LISTED = 0.3  # visible does not imply traversable
 
 
