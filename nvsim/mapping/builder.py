@@ -210,8 +210,8 @@ def _report_build(
         listen(Log(f"{count} corridors have no edge because two submap models disagree about them.", STAGE))
     if report["led_around"]:
         text = (
-            f"Removed edges: {report['led_around']}. The trajectory goes around them through a door or on a long detour, "
-            "and without a LiDAR scan, glass panes cannot be excluded (--around 0 keeps them)."
+            f"Removed edges: {report['led_around']}. The trajectory goes around them through a door or on a long "
+            "detour, and without a LiDAR scan, glass panes cannot be excluded (--around 0 keeps them)."
         )
         listen(Log(text, STAGE))
     if report["components"] > 1:
