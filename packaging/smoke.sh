@@ -28,7 +28,7 @@ PYTHON
 "$bin/nvsim" --help >/dev/null
 NVSIM_MODELS="$work/none" "$bin/nvsim" models | grep -q moge-2
 QT_QPA_PLATFORM=offscreen "$bin/nvsim" bench startup --runs 1
-"$bin/nvsim" demo --small --no-window --project small.nvsim --train.steps 100
+"$bin/nvsim" demo --small --no-window --project small.nvsim --train.steps 10
 "$bin/nvsim" export r2r --project small.nvsim --out connectivity
 test -s connectivity/scans.txt
 "$bin/nvsim" export scan --project small.nvsim --out scans --size 64

@@ -11,8 +11,28 @@ cd "$root"
 export OMP_WAIT_POLICY=PASSIVE
 # Many tests start processes, each of which would compile every module again.
 unset PYTHONDONTWRITEBYTECODE
-# Once on a machine; otherwise the first test that trains would wait for it.
-"$venv/bin/python" -c "from nvsim.training.compilation import compile_ahead; compile_ahead(print)"
+# Compiles the kernels of all stages. Otherwise several processes would compile the same ones at the start.
+"$venv/bin/python" - <<'PYTHON'
+import tempfile
+from pathlib import Path
+
+from nvsim.building import BuildingConfig, generate
+from nvsim.events import ignore_event
+from nvsim.mapping.config import MappingConfig
+from nvsim.project.config import CaptureConfig
+from nvsim.project.project import Project
+from nvsim.project.stages import floors, imported, mapped, submaps, trained
+from nvsim.submaps.split import SubmapConfig
+from nvsim.training.config import TrainingConfig
+
+with tempfile.TemporaryDirectory() as folder, Project.create_or_open(Path(folder) / "rooms.nvsim") as project:
+    generate(project.root, BuildingConfig(size="small", width=96, height=72, step=1.0, turn=45.0, people=False))
+    imported.run(project, project.layout.built_in_capture, CaptureConfig(), ignore_event)
+    submaps.run(project, SubmapConfig(count=1), ignore_event)
+    floors.run(project, ignore_event)
+    trained.run(project, TrainingConfig(steps=1, image_size=48, gaussian_cap=600), ignore_event)
+    mapped.run(project, MappingConfig(max_viewpoints=3, view_size=48), ignore_event)
+PYTHON
 export QT_QPA_PLATFORM=offscreen
 "$venv/bin/python" -m pytest --cache-clear -n "${WORKERS:-2}" --dist loadfile --no-loadscope-reorder -m "not gl" "$@" || {
     code=$?

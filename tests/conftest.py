@@ -61,8 +61,8 @@ def pytest_ignore_collect(collection_path: Path, config: pytest.Config) -> bool 
 
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
     if hasattr(config, "workerinput"):  # a process of pytest-xdist
-        # The dearest files first, so that no process has one left when the others are at the end.
-        items.sort(key=lambda item: item.path.parent.name != "pipeline")
+        # The slowest files first, so that no process has one left when the others are at the end.
+        items.sort(key=lambda item: (item.path.parent.name != "pipeline", item.path.stem != "test_tutorials_run"))
     for item in items:
         named = item.path.parent.name == "unit" and item.path.stem.removeprefix("test_") in FAST
         if named and getattr(item, "originalname", item.name) not in STARTS_PROCESSES | TAKES_SECONDS:

@@ -12,11 +12,11 @@ import numpy as np
 import pytest
 
 BENCHMARKS = Path(__file__).parents[1] / "benchmarks"
-INPUTS = 3000
+INPUTS = 1200
 
 
 @pytest.mark.timeout(600)
-def test_every_reader_reads_or_refuses_three_thousand_damaged_files():
+def test_every_reader_reads_or_refuses_damaged_files():
     began = time.monotonic()
     words = ["--inputs", str(INPUTS), "--seed", "1", "--json"]
     run = subprocess.run(

@@ -1,9 +1,9 @@
 """The four tutorials run as written: the shell blocks in order, and the programs that they show. The project of the
 first tutorial meets the truth of its building.
 
-Three commands run differently: the installation does nothing, `nvsim app` closes its window as soon as it is drawn, and
-options of the command line shorten the training. In the tutorial about the window, `tutorial_window.py` follows the
-numbered steps.
+Some commands run differently: the installation does nothing, `nvsim app` closes its window as soon as it is drawn, and
+options of the command line shorten the training and the maps of own captures. In the tutorial about the window,
+`tutorial_window.py` follows the numbered steps.
 """
 
 from __future__ import annotations
@@ -25,11 +25,12 @@ from tests.unit import textured_room as room
 ROOT = Path(__file__).parents[2]
 TUTORIALS = ROOT / "resources" / "docs" / "tutorials"
 BLOCK = re.compile(r"^```(bash|python)\n(.*?)^```", re.MULTILINE | re.DOTALL)
-STEPS = "150"
+TRAINING = "--train.steps 100 --train.image-size 240"
 FUNCTIONS = """
 nvsim() {
     case "$1 ${2:-}" in
-        demo* | run*) "$PYTHON" -m nvsim "$@" --train.steps $STEPS ;;
+        demo*) "$PYTHON" -m nvsim "$@" $TRAINING ;;
+        run*) "$PYTHON" -m nvsim "$@" --train.steps 150 --map.max-viewpoints 4 ;;
         "export scan") "$PYTHON" -m nvsim "$@" --size 64 ;;
         "r2r train") "$PYTHON" -m nvsim "$@" --iterations 20 --evaluate-every 10 ;;
         app*) "$PYTHON" $WINDOW "$2" ;;
@@ -59,7 +60,7 @@ def run(name: str, folder: Path, window: str = "-m nvsim_app --screenshot window
         "BASH_ENV": str(folder / "functions.sh"),
         "PATH": os.pathsep.join([str(Path(sys.executable).parent), os.environ["PATH"]]),
         "PYTHON": sys.executable,
-        "STEPS": STEPS,
+        "TRAINING": TRAINING,
         "QT_QPA_PLATFORM": "offscreen",
         "XDG_CONFIG_HOME": str(folder / "settings"),
         "WINDOW": window,
@@ -161,7 +162,7 @@ def test_the_export_loads_as_agents_load_it(first: tuple[Path, str]) -> None:
 
 def test_a_second_run_finds_everything_up_to_date(first: tuple[Path, str]) -> None:
     project = first[0] / "first.nvsim"
-    said = nvsim("run", project / "capture", "--project", project, "--train.steps", STEPS).stderr
+    said = nvsim("run", project / "capture", "--project", project, *TRAINING.split()).stderr
     for words in ("capture is unchanged", "submaps are up to date", "masks are up to date", "graph is up to date"):
         assert words in said
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ast
+import functools
 import re
 from collections.abc import Iterator
 from pathlib import Path
@@ -27,17 +28,19 @@ OTHERS = {
 
 def literals(path: Path) -> Iterator[tuple[int, str]]:
     """Texts in the code, without docstrings."""
-    tree = ast.parse(path.read_text())
+    nodes = list(ast.walk(ast.parse(path.read_text())))
     kinds = ast.Module | ast.ClassDef | ast.FunctionDef
-    bodies = [node.body for node in ast.walk(tree) if isinstance(node, kinds)]
+    bodies = [node.body for node in nodes if isinstance(node, kinds)]
     said = {id(step.value) for body in bodies for step in body if isinstance(step, ast.Expr)}
-    for node in ast.walk(tree):
+    for node in nodes:
         if isinstance(node, ast.Constant) and isinstance(node.value, str) and id(node) not in said:
             yield node.lineno, node.value
 
 
-MENTIONED = sorted(
-    {
+@functools.cache
+def mentioned() -> list[tuple[str, str]]:
+    """The places of all options in texts of the code, and the options."""
+    found = {
         (f"{path.relative_to(ROOT)}:{line}", option)
         for package in ("nvsim", "app/nvsim_app")
         for path in (ROOT / package).rglob("*.py")
@@ -45,14 +48,13 @@ MENTIONED = sorted(
         for line, text in literals(path)
         for option in _OPTION.findall(text)
     }
-    - {("", "")}
-)
+    return sorted(found - {("", "")})
 
 
 def test_every_option_in_a_message_is_one_of_some_command() -> None:
     known = {option for verb in COMMANDS for option in options_of(verb)} | OTHERS
-    unknown = [place for place in MENTIONED if place[1] not in known]
-    assert len(MENTIONED) > 100 and not unknown
+    unknown = [place for place in mentioned() if place[1] not in known]
+    assert len(mentioned()) > 100 and not unknown
 
 
 @pytest.mark.parametrize("verb", sorted(COMMANDS))
@@ -65,7 +67,7 @@ def test_the_options_of_a_command_are_those_of_its_help(verb: str, capsys: pytes
 
 @pytest.mark.parametrize("verb", sorted(COMMANDS))
 def test_every_command_names_options_that_it_has_or_whose_command_it_says(verb: str) -> None:
-    for option in sorted({option for _, option in MENTIONED} - OTHERS):
+    for option in sorted({option for _, option in mentioned()} - OTHERS):
         words = rename_options(verb, f"It makes no sense; give {option} 1.")
         for other, its in re.findall(r"`nvsim ([a-z0-9 -]+?) (--[a-z][a-z0-9.-]*)`", words):
             assert its in options_of(other)

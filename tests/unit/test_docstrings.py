@@ -36,13 +36,19 @@ def test_no_public_docstring_begins_with_a_riddle() -> None:
 
 SHAPE = re.compile(r"\(\s*[\w.+*/ -]+(?:,\s*[\w.+*/ -]*)+\)|\bscalar\b|\b\w+ x \w+\b|shape")
 ARRAYS = {"NDArray", "ndarray", "Tensor"}
-SOURCES = {
-    ".".join(path.relative_to(folder.parent).with_suffix("").parts).removesuffix(".__init__"): (text, ast.parse(text))
-    for folder in (LIBRARY, LIBRARY.parent / "app" / "nvsim_app")
-    for path in sorted(folder.rglob("*.py"))
-    for text in (path.read_text(),)
-}
-"""The text and the syntax tree of every module of the library and the window, by its name."""
+Sources = dict[str, tuple[str, ast.Module, list[ast.AST]]]
+"""The text, the syntax tree, and all nodes of every module of the library and the window, by its name."""
+
+
+def read_sources() -> Sources:
+    found = {}
+    for folder in (LIBRARY, LIBRARY.parent / "app" / "nvsim_app"):
+        for path in sorted(folder.rglob("*.py")):
+            text = path.read_text()
+            tree = ast.parse(text)
+            name = ".".join(path.relative_to(folder.parent).with_suffix("").parts)
+            found[name.removesuffix(".__init__")] = (text, tree, list(ast.walk(tree)))
+    return found
 
 
 def words_in(node: ast.AST | None) -> set[str]:
@@ -53,12 +59,12 @@ def words_in(node: ast.AST | None) -> set[str]:
     return {n.id if isinstance(n, ast.Name) else n.attr for n in inner if isinstance(n, ast.Name | ast.Attribute)}
 
 
-def names_of_arrays() -> dict[str, set[str]]:
+def names_of_arrays(sources: Sources) -> dict[str, set[str]]:
     """For each module, the names of array types in it: those of numpy and torch, and aliases such as Float32."""
-    names = {module: set(ARRAYS) for module in SOURCES}
+    names = {module: set(ARRAYS) for module in sources}
     for _ in range(3):  # an alias can be imported from a module that imports it
-        for module, (_, tree) in SOURCES.items():
-            for node in ast.walk(tree):
+        for module, (_, tree, nodes) in sources.items():
+            for node in nodes:
                 if isinstance(node, ast.ImportFrom) and node.module in names:
                     names[module] |= {a.asname or a.name for a in node.names if a.name in names[node.module]}
             for node in tree.body:
@@ -75,11 +81,11 @@ def comments_of(text: str, node: ast.FunctionDef) -> str:
     return " ".join(line.partition("  # ")[2] for line in lines)
 
 
-def makers_of_errors() -> dict[str, str]:
+def makers_of_errors(sources: Sources) -> dict[str, str]:
     """Functions that return an InputError or EditError, so that `raise damaged(path)` raises one."""
     found = {}
-    for _, tree in SOURCES.values():
-        for node in ast.walk(tree):
+    for _, _, nodes in sources.values():
+        for node in nodes:
             returned = node.returns if isinstance(node, ast.FunctionDef) else None
             if isinstance(returned, ast.Name) and returned.id in {"InputError", "EditError"}:
                 assert isinstance(node, ast.FunctionDef)
@@ -101,8 +107,9 @@ def public_functions(module: ast.Module) -> Iterator[tuple[ast.FunctionDef, str]
 
 def test_public_docstrings_state_the_shapes_of_arrays_and_the_errors_for_users() -> None:
     missing = []
-    arrays, makers = names_of_arrays(), makers_of_errors()
-    for module, (text, tree) in SOURCES.items():
+    sources = read_sources()
+    arrays, makers = names_of_arrays(sources), makers_of_errors(sources)
+    for module, (text, tree, _) in sources.items():
         for node, words in public_functions(tree):
             given = (*node.args.posonlyargs, *node.args.args, *node.args.kwonlyargs)
             types = [a.annotation for a in given] + [node.returns]

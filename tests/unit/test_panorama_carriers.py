@@ -118,12 +118,12 @@ def test_other_numbers_of_views_are_one_sentence(views: int, tmp_path: Path, cap
 
 @pytest.fixture(scope="module")
 def house(shared_data: Path) -> list[list[np.ndarray]]:
-    """The four sides of every third panorama of a rendered house, in which nothing carries the camera."""
+    """The four sides of every sixth panorama of a rendered house, in which nothing carries the camera."""
     videos = [cv2.VideoCapture(str(shared_data / "house_360" / f"side{k}.mp4")) for k in range(4)]
     moments = []
     while all(video.grab() for video in videos):
         moments.append([video.retrieve()[1] for video in videos])
-    return moments[::3]
+    return moments[::6]
 
 
 def test_nothing_is_masked_in_a_house_without_a_carrier(house: list[list[np.ndarray]]) -> None:

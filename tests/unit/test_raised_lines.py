@@ -34,15 +34,17 @@ def drawn(camera: Camera, bar: float | None, planks: float | None) -> NDArray[np
     rays = big.rays()
     down = np.minimum(rays[..., 2], -1e-3)
 
-    def at(height: float) -> NDArray[np.float64]:
-        return camera.position + ((height - camera.position[2]) / down)[..., None] * rays
+    def at(height: float) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """x and y at which the rays reach a height above the floor."""
+        reach = (FLOOR + height - camera.position[2]) / down
+        return camera.position[0] + reach * rays[..., 0], camera.position[1] + reach * rays[..., 1]
 
-    image = np.full(rays.shape[:2], 150.0)
+    image = np.full(rays.shape[:2], 150.0, np.float32)
     if planks is not None:
-        image += 25 * (np.floor(at(FLOOR)[..., 1] / planks) % 2)
+        image[(np.floor(at(0.0)[1] / planks) % 2).astype(bool)] += 25
     if bar is not None:
-        place = at(FLOOR + bar)
-        image[(np.abs(place[..., 1]) < 0.025) & (np.abs(place[..., 0]) < 0.7)] = 40
+        x, y = at(bar)
+        image[(np.abs(y) < 0.025) & (np.abs(x) < 0.7)] = 40
     image[rays[..., 2] > -0.05] = 200
     small = cv2.resize(image, (LENS.width, LENS.height), interpolation=cv2.INTER_AREA)
     return np.repeat(small[..., None], 3, axis=2).round().astype(np.uint8)

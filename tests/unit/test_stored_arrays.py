@@ -44,22 +44,27 @@ def announcing(name: str, shape: str, descr: str, others: dict[str, np.ndarray])
     return out.getvalue()
 
 
-def broken(name: str, good: dict[str, np.ndarray]) -> dict[str, bytes]:
+def broken(name: str, good: dict[str, np.ndarray]) -> dict[str, Callable[[], bytes]]:
+    """Functions that make damaged files. Some take a second to pack."""
     rest = {k: v for k, v in good.items() if k != name}
+
+    def packed(**other: np.ndarray) -> Callable[[], bytes]:
+        return lambda: stored(**(rest | other))
+
     return {
-        "nothing": b"",
-        "no archive": b"hello",
-        "half": stored(**good)[:200],
-        "an array missing": stored(**rest),
-        "objects": stored(**(rest | {name: np.array([[{}]], object)})),
-        "words": stored(**(rest | {name: np.array([["a"]])})),
-        "another shape": stored(**(rest | {name: np.zeros(5)})),
-        "nothing in it": stored(**(rest | {name: np.zeros((0, 3), good[name].dtype)})),
-        "a bomb": stored(**(rest | {name: np.zeros((9000, 10_000), good[name].dtype)})),
-        "10^18 announced": announcing(name, "(1000000000, 1000000000)", "<f4", rest),
-        "less than nothing announced": announcing(name, "(-1, 5)", "<f4", rest),
-        "a spacing of 0": stored(**(good | {"spacing": np.array(0.0)})),
-        "an origin that is no number": stored(**(good | {"origin": np.array([np.nan, 0])})),
+        "nothing": lambda: b"",
+        "no archive": lambda: b"hello",
+        "half": lambda: stored(**good)[:200],
+        "an array missing": packed(),
+        "objects": packed(**{name: np.array([[{}]], object)}),
+        "words": packed(**{name: np.array([["a"]])}),
+        "another shape": packed(**{name: np.zeros(5)}),
+        "nothing in it": packed(**{name: np.zeros((0, 3), good[name].dtype)}),
+        "a bomb": lambda: stored(**(rest | {name: np.zeros((9000, 10_000), good[name].dtype)})),
+        "10^18 announced": lambda: announcing(name, "(1000000000, 1000000000)", "<f4", rest),
+        "less than nothing announced": lambda: announcing(name, "(-1, 5)", "<f4", rest),
+        "a spacing of 0": packed(**(good | {"spacing": np.array(0.0)})),
+        "an origin that is no number": packed(**(good | {"origin": np.array([np.nan, 0])})),
     }
 
 
@@ -69,14 +74,14 @@ SURFACES, SUPPORTS = broken("heights", SURFACE), broken("cells", SUPPORT)
 @pytest.mark.parametrize("kind", SURFACES)
 def test_a_damaged_floor_surface_is_refused(tmp_path: Path, kind: str) -> None:
     path = tmp_path / "surface_000.npz"
-    path.write_bytes(SURFACES[kind])
+    path.write_bytes(SURFACES[kind]())
     assert "nvsim floors" in refusal(lambda: FloorSurface.load(path))
 
 
 @pytest.mark.parametrize("kind", SUPPORTS)
 def test_a_damaged_observe_is_refused(tmp_path: Path, kind: str) -> None:
     path = tmp_path / "support.npz"
-    path.write_bytes(SUPPORTS[kind])
+    path.write_bytes(SUPPORTS[kind]())
     assert "nvsim floors" in refusal(lambda: FloorSupport.load(path))
 
 

@@ -279,26 +279,27 @@ def header_of(**changes: Any) -> dict[str, Any]:
 
 
 @pytest.mark.parametrize(
-    "data",
+    "pack",
     [
-        blob(header_of(), bytes(300 * MEGABYTE)),
-        blob(header_of(shape=[20_000, 20_000]), bytes(800 * MEGABYTE // 8)),
-        blob(header_of(shape=[-4, -5]), bytes(43)),
-        blob(header_of(shape=["4", 5]), bytes(43)),
-        blob(header_of(shape=[10**400, 1]), bytes(43)),
-        blob(header_of(heading="x"), bytes(43)),
-        blob(header_of(heading=1e999), bytes(43)),
-        blob(header_of(direction=True), bytes(43)),
-        blob(header_of(target=[1e999, 0]), bytes(43)),
-        blob(header_of(viewpoint=[1]), bytes(43)),
-        blob(b"[" * 100_000, bytes(43)),
-        blob(b"9" * 5000, bytes(43)),
-        blob(b"[]", bytes(43)),
-        b"",
+        lambda: blob(header_of(), bytes(300 * MEGABYTE)),
+        lambda: blob(header_of(shape=[20_000, 20_000]), bytes(800 * MEGABYTE // 8)),
+        lambda: blob(header_of(shape=[-4, -5]), bytes(43)),
+        lambda: blob(header_of(shape=["4", 5]), bytes(43)),
+        lambda: blob(header_of(shape=[10**400, 1]), bytes(43)),
+        lambda: blob(header_of(heading="x"), bytes(43)),
+        lambda: blob(header_of(heading=1e999), bytes(43)),
+        lambda: blob(header_of(direction=True), bytes(43)),
+        lambda: blob(header_of(target=[1e999, 0]), bytes(43)),
+        lambda: blob(header_of(viewpoint=[1]), bytes(43)),
+        lambda: blob(b"[" * 100_000, bytes(43)),
+        lambda: blob(b"9" * 5000, bytes(43)),
+        lambda: blob(b"[]", bytes(43)),
+        lambda: b"",
     ],
     ids=range(14),
 )
-def test_evidence_with_false_sizes_is_refused(data: bytes) -> None:
+def test_evidence_with_false_sizes_is_refused(pack: Callable[[], bytes]) -> None:
+    data = pack()
     refused(lambda: decode_evidence(data), len(data), "damaged")
 
 
@@ -324,23 +325,24 @@ INDEX: dict[str, Any] = {"version": 1, "scan": "a", "viewpoints": [], "edges": [
 
 
 @pytest.mark.parametrize(
-    "data",
+    "pack",
     [
-        packed(b" " * (200 * MEGABYTE)),
-        packed(INDEX, bytes(200 * MEGABYTE)),
-        packed(b"[" * 100_000),
-        packed({**INDEX, "viewpoints": [["a", ["x", 0, 0]]]}),
-        packed({**INDEX, "viewpoints": [["a", [1e999, 0, 0]]]}),
-        packed({**INDEX, "viewpoints": [["a", [0, 0, 0], "high"]]}),
-        packed({**INDEX, "viewpoints": [[3, [0, 0, 0]]]}),
-        packed({**INDEX, "ignored": [1]}),
-        packed({**INDEX, "ignored": {"a": 1}}),
-        packed({**INDEX, "evidence": [0] * 10}),
-        packed({**INDEX, "evidence": [-5]}),
+        lambda: packed(b" " * (200 * MEGABYTE)),
+        lambda: packed(INDEX, bytes(200 * MEGABYTE)),
+        lambda: packed(b"[" * 100_000),
+        lambda: packed({**INDEX, "viewpoints": [["a", ["x", 0, 0]]]}),
+        lambda: packed({**INDEX, "viewpoints": [["a", [1e999, 0, 0]]]}),
+        lambda: packed({**INDEX, "viewpoints": [["a", [0, 0, 0], "high"]]}),
+        lambda: packed({**INDEX, "viewpoints": [[3, [0, 0, 0]]]}),
+        lambda: packed({**INDEX, "ignored": [1]}),
+        lambda: packed({**INDEX, "ignored": {"a": 1}}),
+        lambda: packed({**INDEX, "evidence": [0] * 10}),
+        lambda: packed({**INDEX, "evidence": [-5]}),
     ],
     ids=range(11),
 )
-def test_a_graph_record_with_false_counts_is_refused(data: bytes) -> None:
+def test_a_graph_record_with_false_counts_is_refused(pack: Callable[[], bytes]) -> None:
+    data = pack()
     refused(lambda: decode_graph(data), len(data), "damaged")
 
 

@@ -131,9 +131,8 @@ class Plot(pg.PlotWidget):
 
     def __init__(self, name: str, parent: QWidget, **options: Any) -> None:
         """`name` is for screen readers; `options` are those of pyqtgraph.PlotWidget."""
-        super().__init__(parent, **options)
+        super().__init__(parent, enableMenu=False, **options)
         self.setAccessibleName(name)
-        self.setMenuEnabled(False)
         self.hideButtons()
         self.setMouseEnabled(x=False, y=False)
         self._ready = True

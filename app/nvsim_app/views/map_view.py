@@ -49,14 +49,13 @@ class MapView(QWidget):
         self._pose: ViewPose | None = None  # camera pose that is not shown yet
         self._pose_soon = QTimer(self, singleShot=True, interval=PACE)
         self._pose_soon.timeout.connect(self._place_camera)
-        self.plot = pg.PlotWidget(self)
+        self.plot = pg.PlotWidget(self, enableMenu=False)
         self.setFocusProxy(self.plot)
         self.plot.setAccessibleName("Map")
         self.plot.setAspectLocked(True)
         self.plot.hideAxis("left")
         self.plot.hideAxis("bottom")
         self.plot.hideButtons()
-        self.plot.setMenuEnabled(False)
         self.legend = MapLegend(self)
         vbox((self.plot, 1), self.legend, on=self, margins=0, spacing=0)
 
