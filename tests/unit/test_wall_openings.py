@@ -80,6 +80,14 @@ def test_furniture_is_no_wall_and_a_lone_post_has_no_door() -> None:
     assert not crosses(post, (4.5, 7), (6, 7)), "but the trajectory uses no door in its line"
 
 
+def test_a_corridor_is_no_door() -> None:
+    """The line between a post and a wall meets a corridor of 1.2 m, through which the camera is carried."""
+    walls = ((0, 0, 16, 0), (0, 6, 16, 6), (0, 7.2, 16, 7.2), (5, 4, 5.2, 4))
+    walk = np.column_stack([np.arange(1.0, 15.0, 0.25), np.full(56, 6.6), np.full(56, EYE)])
+    openings = openings_of(cloud(*walls), walk)
+    assert crosses(openings, (4, 2), (6, 2), beside_door=False) and not crosses(openings, (4, 2), (6, 2))
+
+
 def test_a_storey_without_walls_has_no_openings() -> None:
     nothing = openings_of(cloud((0, 0, 4, 0), height=0.2))
     assert not crosses(nothing, (1, 1), (3, 3), beside_door=False)

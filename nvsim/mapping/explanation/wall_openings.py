@@ -144,10 +144,19 @@ class _Openings:
             return False
         if not beside_door:
             return True
-        doors = np.empty((3, len(where), 2))
-        doors[..., axis], doors[..., 1 - axis] = where, place[1 - axis] + np.array([[-_CELL], [0.0], [_CELL]])
         near = (where > place[axis] - low - _ALONG) & (where < place[axis] + high + _ALONG)
-        return bool((near & (np.sum(self._free_at(doors, axis), axis=0) <= _DOOR)).any())
+        return bool(self._are_doors(axis, where[near], float(place[1 - axis])).any())
+
+    def _are_doors(self, axis: int, where: NDArray[np.float64], line: float) -> NDArray[np.bool_]:
+        """(K,) bool: whether a door is at the coordinates `where` (K,) along `axis` and `line` along the other axis.
+        Unlike a corridor, it is narrower than the space before and behind it."""
+        steps = round(_BEFORE / _CELL)
+        places = np.empty((2 * steps + 1, len(where), 2))
+        places[..., axis], places[..., 1 - axis] = where, line + _CELL * np.arange(-steps, steps + 1)[:, None]
+        width = np.sum(self._free_at(places, axis), axis=0)
+        door = width[steps - 1 : steps + 2].min(axis=0)
+        around = np.minimum(width[:steps].max(axis=0), width[steps + 1 :].max(axis=0))
+        return np.asarray((door <= _DOOR) & (around >= door + _JAMB))
 
     def _free_at(self, places: NDArray[np.float64], axis: int) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
         """(...) free meters toward both sides along `axis` at places (..., 2), infinite outside of the grid."""
