@@ -14,7 +14,8 @@ import functools
 import importlib
 import inspect
 import re
-import textwrap
+import sys
+import threading
 import typing
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -25,6 +26,7 @@ from nvsim.cli.command_table import COMMANDS
 _OPTION = re.compile(r"(?<![\w-])--[a-z][a-z0-9-]*(?:\.[a-z0-9][a-z0-9-]*)*+(?!\w)")
 _WITH_NUMBER = re.compile(rf"({_OPTION.pattern})( \d+(?:\.\d+)?\b)?")
 _COMMAND = re.compile(r"(`nvsim [^`]*`)")  # options in a command belong to that command
+_PARSING = threading.Lock()  # Python 3.11 can fail to parse in two threads at the same time
 
 
 class Command(Protocol):
@@ -128,11 +130,7 @@ def field_docs(cls: type) -> dict[str, str]:
     """Field -> the string below it in the source, including inherited fields. Empty if there is no source."""
     docs: dict[str, str] = {}
     for base in reversed(cls.__mro__[:-1]):
-        try:
-            tree = ast.parse(textwrap.dedent(inspect.getsource(base)))
-        except (OSError, TypeError):
-            continue
-        body = typing.cast(ast.ClassDef, tree.body[0]).body
+        body = _class_bodies(base.__module__).get(base.__qualname__, [])
         for first, second in zip(body, body[1:]):
             if (
                 isinstance(first, ast.AnnAssign)
@@ -143,6 +141,21 @@ def field_docs(cls: type) -> dict[str, str]:
             ):
                 docs[first.target.id] = " ".join(second.value.value.split())
     return docs
+
+
+def _class_bodies(module: str) -> dict[str, list[ast.stmt]]:
+    """The statements of the classes at the top of a module, by name. Empty if there is no source."""
+    with _PARSING:
+        return _parsed_class_bodies(module)
+
+
+@functools.cache
+def _parsed_class_bodies(module: str) -> dict[str, list[ast.stmt]]:
+    try:
+        tree = ast.parse(inspect.getsource(sys.modules[module]))
+    except (OSError, TypeError):
+        return {}
+    return {node.name: node.body for node in tree.body if isinstance(node, ast.ClassDef)}
 
 
 @functools.cache

@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
+import ast
 import re
 import shlex
+import time
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import pytest
 import tyro
 
+from nvsim.cli import options as option_table
 from nvsim.cli.arguments import parse
 from nvsim.cli.command_table import COMMANDS
 from nvsim.cli.commands.run import summary
@@ -163,3 +167,24 @@ def test_names_separated_by_spaces_get_a_hint_on_commas(capsys: pytest.CaptureFi
         main(["import", "capture", "--project", "a.nvsim", "--leave-out", "A", "B"])
     assert stop.value.code == 2
     assert "If these are values of --leave-out, separate them by commas: A,B" in capsys.readouterr().err
+
+
+def test_sources_are_parsed_by_one_thread_at_a_time(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Python 3.11 can fail to parse in two threads at the same time."""
+    parse_source, at_once, most = ast.parse, [0], [0]
+
+    def counted(source: str) -> ast.Module:
+        at_once[0] += 1
+        most[0] = max(most[0], at_once[0])
+        time.sleep(0.05)
+        at_once[0] -= 1
+        return parse_source(source)
+
+    monkeypatch.setattr(ast, "parse", counted)
+    classes = [command_of(verb) for verb in ("train", "map", "poses", "demo")]
+    known = [option_table.field_docs(cls) for cls in classes]
+    option_table.field_docs.cache_clear()
+    option_table._parsed_class_bodies.cache_clear()
+    with ThreadPoolExecutor(4) as pool:
+        assert list(pool.map(option_table.field_docs, classes)) == known
+    assert most == [1]
