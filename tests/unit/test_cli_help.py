@@ -8,6 +8,7 @@ import shlex
 import time
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
+from typing import Any
 
 import pytest
 import tyro
@@ -173,12 +174,12 @@ def test_sources_are_parsed_by_one_thread_at_a_time(monkeypatch: pytest.MonkeyPa
     """Python 3.11 can fail to parse in two threads at the same time."""
     parse_source, at_once, most = ast.parse, [0], [0]
 
-    def counted(source: str) -> ast.Module:
+    def counted(*source: Any, **more: Any) -> Any:
         at_once[0] += 1
         most[0] = max(most[0], at_once[0])
         time.sleep(0.05)
         at_once[0] -= 1
-        return parse_source(source)
+        return parse_source(*source, **more)
 
     monkeypatch.setattr(ast, "parse", counted)
     classes = [command_of(verb) for verb in ("train", "map", "poses", "demo")]
