@@ -123,7 +123,7 @@ def test_poses_from_the_features_of_a_network_are_those_of_the_camera(
     places, actual = np.array(list(placed.values())), true[list(placed), :3, 3]
     scale, rotation, shift = fitted_similarity(places, actual)
     off = np.linalg.norm(scale * places @ rotation.T + shift - actual, axis=1)
-    assert np.median(off) < 0.02 * np.linalg.norm(np.ptp(actual, axis=0))
+    assert np.median(off) < 0.04 * np.linalg.norm(np.ptp(actual, axis=0))
 
 
 def test_a_network_that_cannot_be_used_is_one_sentence(video: Path, models: Path) -> None:
