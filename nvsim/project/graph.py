@@ -82,7 +82,7 @@ def context_on(occupancy: OccupancyMap | None, project: Project, limits: Limits 
 
 def _possible_glass(project: Project) -> Callable[[Camera, Camera], str] | None:
     """None if the trajectory is no evidence (with a LiDAR scan, which shows glass), or no floor is known yet. Without
-    the walls of the last map, only detours count."""
+    the walls of the last map, or if they cannot be read, only detours count."""
     from nvsim.mapping.explanation.possible_glass import PossibleGlass
     from nvsim.mapping.explanation.trajectory_detour import TrajectoryDetour
     from nvsim.mapping.explanation.wall_openings import WallOpenings, read_walls
@@ -92,9 +92,10 @@ def _possible_glass(project: Project) -> Callable[[Camera, Camera], str] | None:
     if capture is None or support is None or not capture.trajectory_counts:
         return None
     detour = TrajectoryDetour(Walk(capture.positions, support.is_supported))
-    walls, openings = project.layout.walls, None
-    if walls.is_file():
-        openings = WallOpenings(read_walls(walls, capture.positions), capture.positions)
+    try:
+        openings = WallOpenings(read_walls(project.layout.walls, capture.positions), capture.positions)
+    except InputError:  # no walls, or those of another import
+        openings = None
     return PossibleGlass(detour, openings, seen_floor(project)).reason
 
 

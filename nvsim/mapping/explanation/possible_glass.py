@@ -7,8 +7,8 @@ import math
 from dataclasses import dataclass
 
 from nvsim.mapping.explanation.seen_floor import SeenFloor
-from nvsim.mapping.explanation.trajectory_detour import TrajectoryDetour
-from nvsim.mapping.explanation.wall_openings import Camera, WallOpenings
+from nvsim.mapping.explanation.trajectory_detour import Camera, TrajectoryDetour
+from nvsim.mapping.explanation.wall_openings import WallOpenings
 
 
 @dataclass(frozen=True)

@@ -17,7 +17,7 @@ _BEFORE = 0.3  # meters of a camera before the middle of the line
 _CLOSE = 0.2  # meters; floor nearer along the optical axis is not examined
 _TOLERANCE = 0.08  # difference of depth, as a share of it
 _LEAST = 2  # images; a single one can have a wrong depth
-_KEPT = 200  # depth maps in memory, 60 MB
+_KEPT = 40  # depth maps in memory, 50 MB at 640 x 480 pixels
 
 
 class SeenFloor:

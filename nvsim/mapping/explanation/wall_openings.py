@@ -16,6 +16,7 @@ from nvsim.files.stored_arrays import read_arrays, write_arrays
 from nvsim.geometry.cells import grid_size
 from nvsim.mapping.corridor import HeightAt
 from nvsim.mapping.evidence.traversed_floor import JUMP
+from nvsim.mapping.explanation.trajectory_detour import Camera
 from nvsim.submaps.split import storeys_of
 
 _CELL = 0.1  # meters
@@ -32,8 +33,6 @@ _ALONG = 8.0  # meters along a wall from an opening to a door
 _STEEP = 0.15  # sine of the least angle between a line and a wall that it passes through
 _SPACING = 0.05  # meters between the examined positions of a line
 _ARRAYS = {"turn": ("f", 2), "origin": ("f", 1), "cells": ("bui", 2)}
-
-Camera = tuple[float, ...]
 
 
 @dataclass(frozen=True, eq=False)
