@@ -10,8 +10,9 @@ from dataclasses import replace
 import demo_room
 import numpy as np
 import pytest
+from painted_layers import pixels_on_map
 from PySide6.QtCore import QEvent, QPoint, QPointF, Qt
-from PySide6.QtGui import QImage, QMouseEvent, QPainter
+from PySide6.QtGui import QMouseEvent
 from PySide6.QtWidgets import QApplication, QDockWidget
 from pytestqt.qtbot import QtBot
 
@@ -24,9 +25,7 @@ from nvsim_app.inspector.state import direction_hit, viewing_angles
 from nvsim_app.painting.cameras import ViewPose
 from nvsim_app.state.directions import directions
 from nvsim_app.state.document import Document
-from nvsim_app.views.graph_surface import MapSurface
 from nvsim_app.wiring.inspector import InspectorPart
-from nvsim_app.wiring.panels import MapPart
 from nvsim_app.wiring.window import MainWindow
 from nvsim_app.wiring.workspace_layouts import WorkspacePart
 
@@ -42,17 +41,6 @@ def part(window: MainWindow, document: Document) -> InspectorPart:
     found.show_panel()
     QApplication.processEvents()
     return found
-
-
-def pixels_on_map(part: InspectorPart) -> int:
-    """The number of pixels that the layer of the part paints on the map."""
-    plan = part.context.part(MapPart).view
-    image = QImage(plan.canvas.size(), QImage.Format.Format_ARGB32_Premultiplied)
-    image.fill(0)
-    painter = QPainter(image)
-    part.layer.paint_on_map(painter, MapSurface(plan, part.context.document))
-    painter.end()
-    return int(np.count_nonzero(np.frombuffer(image.constBits(), np.uint32)))
 
 
 def test_a_viewpoint_has_eight_regions_and_those_with_an_edge_name_their_neighbor(document: Document) -> None:
@@ -174,13 +162,13 @@ def test_pointing_in_the_panorama_is_seen_in_the_list_the_values_and_on_the_map(
     ((x, y),) = view.to_pixels(seen)
     heading, elevation = view.to_angles(QPointF(x, y))
     assert (heading, elevation) == pytest.approx(tuple(seen[0]))
-    outlines = pixels_on_map(part)
+    outlines = pixels_on_map(part.layer, part.context)
     qtbot.mouseMove(view, QPoint(round(x) % view.width(), round(y)))
     QApplication.processEvents()
     assert part.inspection.current is direction
     assert panel.sentence.text() == direction.sentence
     assert panel.list.currentIndex().siblingAtColumn(0).data() == direction.place
-    assert pixels_on_map(part) > outlines > 0
+    assert pixels_on_map(part.layer, part.context) > outlines > 0
     assert "mean alpha" in panel.bars.accessibleDescription()
 
 

@@ -4,10 +4,9 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-import numpy as np
 import pytest
+from painted_layers import pixels_on_map
 from PySide6.QtCore import QSettings
-from PySide6.QtGui import QImage, QPainter
 from PySide6.QtWidgets import QApplication
 from pytestqt.qtbot import QtBot
 
@@ -15,9 +14,7 @@ from nvsim.mapping.config import MappingConfig
 from nvsim_app.state.document import Document
 from nvsim_app.thresholds.slider import FIXED, preset, thresholds, with_value
 from nvsim_app.thresholds.threshold_preview import changed_segments
-from nvsim_app.views.graph_surface import MapSurface
 from nvsim_app.wiring.inspector import InspectorPart
-from nvsim_app.wiring.panels import MapPart
 from nvsim_app.wiring.thresholds import ThresholdPart
 from nvsim_app.wiring.window import MainWindow
 
@@ -25,17 +22,6 @@ from nvsim_app.wiring.window import MainWindow
 @pytest.fixture
 def part(window: MainWindow) -> ThresholdPart:
     return window.part(ThresholdPart)
-
-
-def pixels_on_map(part: ThresholdPart) -> int:
-    """The number of pixels that the layer of the part paints on the map."""
-    plan = part.context.part(MapPart).view
-    image = QImage(plan.canvas.size(), QImage.Format.Format_ARGB32_Premultiplied)
-    image.fill(0)
-    painter = QPainter(image)
-    part.layer.paint_on_map(painter, MapSurface(plan, part.context.document))
-    painter.end()
-    return int(np.count_nonzero(np.frombuffer(image.constBits(), np.uint32)))
 
 
 def tried(part: ThresholdPart, qtbot: QtBot) -> None:
@@ -73,12 +59,16 @@ def test_a_slider_counts_and_draws_what_would_disappear(part: ThresholdPart, doc
     assert f"−{gone:,}" in part.panel.outcome.text() and "last edge" in part.panel.notes.text()
     assert row.figure.value() == 0.0 and row.name.font().bold()
     assert changed_segments(part.trial, document)["disappear"].shape == (gone, 2, 3)
-    assert pixels_on_map(part) > 0
+    assert pixels_on_map(part.layer, part.context) > 0
     picture = part.context.scene.grab().toImage()
     assert not picture.isNull()
     part.panel.reset.click()
     tried(part, qtbot)
-    assert not part.trial.outcome and "No edge appears" in part.panel.outcome.text() and pixels_on_map(part) == 0
+    assert (
+        not part.trial.outcome
+        and "No edge appears" in part.panel.outcome.text()
+        and pixels_on_map(part.layer, part.context) == 0
+    )
     assert not part.panel.apply.isEnabled() and "change no edge" in part.panel.apply.toolTip()
 
 
