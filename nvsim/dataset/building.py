@@ -17,6 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from nvsim import __version__
+from nvsim.cluster.piece import Executor
 from nvsim.dataset.agent_files import (
     AGENTS,
     FEATURES,
@@ -150,9 +151,15 @@ def prepare_exports(
         yield found
 
 
-def export_dataset(projects: Sequence[Path], out: Path, options: DatasetOptions, listen: Listener) -> dict[str, Any]:
+def export_dataset(
+    projects: Sequence[Path],
+    out: Path,
+    options: DatasetOptions,
+    listen: Listener,
+    executor: Executor | None = None,
+) -> dict[str, Any]:
     """Writes the dataset of `projects` into the folder `out`; returns the content of dataset.json. Parts that are
-    complete and have unchanged inputs are reused.
+    complete and have unchanged inputs are reused. If `executor` is a cluster, it renders the images.
 
     Raises InputError in the cases of `prepare_exports`, if no path fits into a split, or if the disk refuses.
     """
@@ -162,14 +169,18 @@ def export_dataset(projects: Sequence[Path], out: Path, options: DatasetOptions,
         atomic.make_folder(out)
         lock = WriterLock(out / ".writer")
         try:
-            return _export(sources, out, options, listen)
+            return _export(sources, out, options, listen, executor)
         finally:
             (out / ".writer").unlink(missing_ok=True)
             lock.release()
 
 
 def _export(
-    sources: Sequence[tuple[Project, PreparedExport]], out: Path, options: DatasetOptions, listen: Listener
+    sources: Sequence[tuple[Project, PreparedExport]],
+    out: Path,
+    options: DatasetOptions,
+    listen: Listener,
+    executor: Executor | None,
 ) -> dict[str, Any]:
     # If the export is interrupted, this unfinished record identifies the folder.
     about: dict[str, Any] = {"format": FORMAT, "made_by": f"nvsim {__version__}", "finished": False}
@@ -179,7 +190,7 @@ def _export(
     atomic.write_text(out / RECORD, json.dumps(about, indent=1) + "\n")
     o, places, clouds = options, [], {}
     for project, source in sources:
-        places += export_scan(project, out / SCANS, None, o.images, o.stub, o.force, o.backend, None, listen)
+        places += export_scan(project, out / SCANS, None, o.images, o.stub, o.force, o.backend, None, listen, executor)
         cloud = dense_point_cloud(project) if o.all_tasks.strips else None
         if cloud is not None:
             clouds[source.graph.scan] = cloud

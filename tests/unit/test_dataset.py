@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Generator, Iterator
+from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
 
@@ -11,6 +13,9 @@ import yaml
 from scan_samples import scan_project
 
 from nvsim.cli.main import main
+from nvsim.cluster.config import ClusterConfig
+from nvsim.cluster.piece import WorkItem
+from nvsim.errors import InputError
 from nvsim.graph.connectivity import write_connectivity
 from nvsim.graph.types import NavGraph, Viewpoint, edge
 from nvsim.project.project import Project
@@ -127,9 +132,29 @@ def test_what_is_not_its_own_stays(project: Path, tmp_path: Path, capsys: pytest
     assert "Two projects" in capsys.readouterr().err and not (tmp_path / "twice").exists()
 
 
+def test_a_cluster_draws_the_images(
+    project: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    class Cluster:
+        remote, storage, machines = True, "shared", (2, 2)
+
+        def run(self, pieces: list[WorkItem], begin: object) -> Generator[tuple[WorkItem, object], None, None]:
+            yield from ()
+            raise InputError(f"asked for {sum(int(piece.label.split()[0]) for piece in pieces)} viewpoints")
+
+    @contextmanager
+    def opened(config: ClusterConfig) -> Iterator[Cluster]:
+        assert config == ClusterConfig("ray", "head:6379")
+        yield Cluster()
+
+    monkeypatch.setattr("nvsim.cli.commands.export_dataset.open_executor", opened)
+    command = ["export", "dataset", "--project", str(project), *SMALL, "--out", str(tmp_path / "out")]
+    assert main([*command, "--executor", "ray", "--address", "head:6379"]) == 2
+    assert "asked for 6 viewpoints" in capsys.readouterr().err
+
+
 def test_a_job_may_only_name_places_that_its_user_chose(project: Path, tmp_path: Path) -> None:
     from nvsim.cli.worker import check_order
-    from nvsim.errors import InputError
     from nvsim.project.jobs.joblist import JobCommand
 
     words = ["--project", str(project), "--out", str(project / "set"), "--also", str(tmp_path / "other.nvsim")]

@@ -13,6 +13,8 @@ from nvsim.cli.arguments import Inline, Positional, ProjectArguments
 from nvsim.cli.commands.export_tasks import TaskArguments
 from nvsim.cli.console import event_listener
 from nvsim.cli.terminal import as_json, print_lines
+from nvsim.cluster.config import ClusterConfig
+from nvsim.cluster.executor_choice import open_executor
 from nvsim.dataset.agent_files import AgentName
 from nvsim.errors import InputError
 from nvsim.events import Warning
@@ -160,6 +162,7 @@ class ExportDataset(ProjectArguments):
     """Also write graphs that R2R agents cannot handle."""
     backend: Literal["auto", "numba", "gsplat"] = "auto"
     """Renderer: gsplat if it is installed and there is a CUDA GPU, else the CPU kernels."""
+    cluster: Inline[ClusterConfig] = field(default_factory=ClusterConfig)
     dry_run: bool = False
     """Report the files to write, their size and the time, or the reason why it is not possible; write nothing."""
 
@@ -191,8 +194,8 @@ class ExportDataset(ProjectArguments):
             with prepare_exports(projects, self.out, options) as sources:
                 _print_estimate(estimate_dataset(sources, options), self)
             return 0
-        with event_listener(self.json) as listen:
-            about = export_dataset(projects, self.out, options, listen)
+        with event_listener(self.json) as listen, open_executor(self.cluster) as executor:
+            about = export_dataset(projects, self.out, options, listen, executor)
         if not self.json:
             _show(about, self.out)
         return 0
