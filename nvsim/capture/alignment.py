@@ -5,7 +5,8 @@ coordinates are far from the origin, `read.py` subtracts an origin first.
 
 The up direction comes from the cameras, which people and robots hold level on average. The dominant floor plane of the
 point cloud refines it. If the point cloud shows no floor, the depth images or points triangulated from the images are
-used. A capture whose up direction is within 2 degrees of z is not rotated.
+used. Without a LiDAR scan and depth images, vertical edges in the images refine it further. A capture whose up
+direction is within 2 degrees of z is not rotated.
 
 The scale is known in these cases:
 - the user gives the scale;
@@ -15,6 +16,7 @@ The scale is known in these cases:
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import replace
 
 import numpy as np
@@ -26,6 +28,7 @@ from nvsim.capture.floor_plane import FloorPlane, find_floor
 from nvsim.capture.raw import RawCapture
 from nvsim.capture.triangulation import image_points
 from nvsim.capture.types import Alignment, Capture, Cloud, Frame
+from nvsim.capture.vertical_edges import vertical_from_images
 from nvsim.errors import InputError
 from nvsim.geometry.rotation import smallest_rotation
 
@@ -64,6 +67,7 @@ def scale_from_length(text: str, raw: RawCapture) -> float:
 UNTOUCHED_DEGREES = 2.0
 PLAUSIBLE_HEIGHT = (0.1, 6.0)  # meters of a camera above the floor: from a robot vacuum to a raised pole
 _UNSURE_DEGREES = 20.0  # possible error of the up direction if all cameras may lean to the same side
+_UNEVEN_DEGREES = 3.0  # possible tilt of the floor against the vertical edges, because poses drift
 _Z = np.array([0.0, 0.0, 1.0])
 
 
@@ -108,20 +112,23 @@ def align(
         return Alignment(np.eye(3), scale or 1.0, scale is not None, raw.origin), None
     up, unsure = find_up(poses)
     positions = poses[:, :3, 3]
-    floor = None if raw.cloud is None else find_floor(raw.cloud.points, positions, up, unsure)
-    seen_in = "the cloud"
-    if floor is None and raw.depths:
-        floor, seen_in = find_floor(depth_points(raw.depths), positions, up, unsure), "the depth images"
-    if floor is None and (raw.cloud is None or not raw.cloud.is_dense):
-        floor, seen_in = find_floor(image_points(raw.frames), positions, up, unsure), "the images"
-    if floor is not None:
-        up = floor.normal
+    floor, basis = None, "the cameras alone"
+    for seen_in, points in _points(raw):
+        floor = find_floor(points, positions, up, unsure)
+        if floor is not None:
+            up, basis = floor.normal, f"the cameras and the floor of {seen_in}"
+            break
+    if not raw.depths and (raw.cloud is None or not raw.cloud.is_dense):
+        edges = vertical_from_images(raw.frames, up)
+        if edges is not None:
+            up, basis = edges, "vertical edges in the images"
+            if floor is not None:
+                floor = find_floor(points, positions, up, _UNEVEN_DEGREES) or floor
     tilt = float(np.degrees(np.arccos(np.clip(up[2], -1, 1))))
     if tilt <= UNTOUCHED_DEGREES:
         rotation = np.eye(3)
     else:
         rotation = smallest_rotation(up, _Z)
-        basis = f"the cameras and the floor of {seen_in}" if floor is not None else "the cameras alone"
         findings.note(
             f"up is {tilt:.1f} degrees away from z, judged from {basis}",
             raw.source.name,
@@ -129,6 +136,17 @@ def align(
         )
     units, known = _scale(raw, positions, floor, scale, camera_height, findings)
     return Alignment(rotation, units, known, raw.origin), floor
+
+
+def _points(raw: RawCapture) -> Iterator[tuple[str, NDArray[np.floating]]]:
+    """The sources of points (N, 3) in which a floor is searched, in the unit and frame of the source, with their
+    names."""
+    if raw.cloud is not None:
+        yield "the cloud", raw.cloud.points
+    if raw.depths:
+        yield "the depth images", depth_points(raw.depths)
+    if raw.cloud is None or not raw.cloud.is_dense:
+        yield "the images", image_points(raw.frames)
 
 
 def _scale(

@@ -52,6 +52,14 @@ def smallest_rotation(source: ArrayLike, target: ArrayLike) -> NDArray[np.float6
     return np.eye(3) + sine * cross + (1 - cosine) * cross @ cross
 
 
+def level_axes(up: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Two horizontal unit vectors (3,) at right angles to `up` and to each other. The second is the first, rotated by a
+    quarter turn about `up`."""
+    east = np.cross(up, np.eye(3)[np.abs(up).argmin()])
+    east /= np.linalg.norm(east)
+    return east, np.cross(up, east)
+
+
 def quaternion_from_matrix(rotation: ArrayLike) -> NDArray[np.float64]:
     """(4,) unit w x y z, w >= 0, of a (3, 3) rotation matrix: the eigenvector of Bar-Itzhack's (2000) symmetric matrix
     with the largest eigenvalue."""

@@ -9,7 +9,6 @@ Yuille 1999).
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
 
@@ -18,6 +17,8 @@ import numpy as np
 import pycolmap
 from numpy.typing import NDArray
 
+from nvsim.capture.vertical_edges import Lines, long_segments
+from nvsim.geometry.rotation import level_axes
 from nvsim.poses.piece_reliability import Observations
 
 _STEEP = 4.0  # largest distance of a floor point, in units of its drop below the camera
@@ -26,15 +27,7 @@ _FLOOR = 30  # points of a floor, at least
 _DENSER = 3.0  # density of the floor level over the density just above it
 _DEEPER = 0.35  # largest number of points below the floor, over the points of the floor
 _SIDEWAYS = 0.05  # second singular value of the sideways axes over the largest, at least, to estimate the vertical
-_SHORTEST = 0.06  # shortest line that is used, over the image width
 _LEVEL, _UPRIGHT = 0.97, 0.15  # |sine| above and below which a line does not give the direction of its wall
-_UPRIGHT_LINE = 0.2  # |sine| of the angle between a possibly vertical line's plane and the vertical, at most
-_TILTS, _TILT = 8.0, 0.5  # degrees: largest tilt of a given vertical, and distance of the tilts that are tried
-_UP_ERROR = 4.0  # degrees: usual error of a given vertical
-_LINE_ERROR = 0.3  # degrees: usual error of a line
-_LINES = 4  # possibly vertical lines, at least
-_INFORMATION = 0.3  # information on the vertical in both directions, at least: lines of full width at right angles
-_DEVIATION, _LEAST_DEVIATION = 0.15, 0.05  # degrees: deviation of the vertical for an information of 1, and the least
 _BINS = 180  # histogram bins of wall directions in a quarter turn
 _CLEAR = 8.0  # height of the wall peak over the mean of the histogram, at least; 12 to 48 in buildings
 
@@ -95,18 +88,6 @@ def _floor_level(depth: NDArray[np.float64]) -> float | None:
     return float(depth[np.argmax(np.where(fit, inside, 0))]) if fit.any() else None
 
 
-@dataclass(frozen=True, eq=False)
-class Lines:
-    """Straight lines of images.
-
-    normals  (N, 3) float64, unit vectors, world, at right angles to the plane of the line and the camera
-    weights  (N,) float64, lengths over the image width
-    """
-
-    normals: NDArray[np.float64]
-    weights: NDArray[np.float64]
-
-
 def lines_of(folder: Path, views: Sequence[tuple[str, pycolmap.Camera, NDArray[np.float64]]]) -> Lines:
     """The straight lines in `views`. Each view is an image name in `folder`, its camera, and its rotation (3, 3), world
     to camera."""
@@ -128,38 +109,7 @@ def _segments(path: Path, changed: int) -> NDArray[np.float64]:
     """The ends (N, 2, 2) in pixels of the long lines of an image that was `changed` at this time. Empty if it cannot be
     read."""
     image = cv2.imread(str(path), cv2.IMREAD_GRAYSCALE)
-    lines = None if image is None else cv2.createLineSegmentDetector().detect(image)[0]
-    if image is None or lines is None:
-        return np.zeros((0, 2, 2))
-    ends = lines.reshape(-1, 2, 2).astype(np.float64)
-    return ends[np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1) > _SHORTEST * image.shape[1]]
-
-
-def vertical_from_lines(lines: Lines, up: NDArray[np.float64]) -> tuple[NDArray[np.float64], float] | None:
-    """The vertical (3,) from the vertical edges among `lines`, near a given vertical `up`, and its standard deviation
-    in radians. None if they do not determine it: a single edge, or edges in one direction, leave a tilt open."""
-    east, north = level_axes(up)
-    beside = np.stack([lines.normals @ east, lines.normals @ north], axis=1)
-    ahead = -lines.normals @ up
-    near = np.abs(ahead) < _UPRIGHT_LINE
-    beside, ahead, weights = beside[near], ahead[near], lines.weights[near]
-    if len(ahead) < _LINES:
-        return None
-    steps = np.radians(np.arange(-_TILTS, _TILTS + _TILT / 2, _TILT))
-    tilts = np.stack(np.meshgrid(steps, steps), axis=-1).reshape(-1, 2)
-    off = (beside @ tilts.T - ahead[:, None]) / np.radians(_TILT)
-    votes = weights @ np.exp(-(off**2)) * np.exp(-((tilts / np.radians(_UP_ERROR)) ** 2).sum(axis=1) / 2)
-    tilt, information = tilts[votes.argmax()], np.zeros((2, 2))
-    for _ in range(10):
-        off = (beside @ tilt - ahead) / np.radians(_LINE_ERROR)
-        weighted = beside * (weights / (1 + off**2) ** 2)[:, None]
-        information = weighted.T @ beside + 1e-6 * np.eye(2)
-        tilt = np.linalg.solve(information, weighted.T @ ahead)
-    least = float(np.linalg.eigvalsh(information)[0])
-    if least < _INFORMATION or np.abs(tilt).max() > np.radians(_TILTS):
-        return None
-    found = up + tilt @ np.stack([east, north])
-    return found / np.linalg.norm(found), float(np.radians(max(_DEVIATION / least**0.5, _LEAST_DEVIATION)))
+    return np.zeros((0, 2, 2)) if image is None else long_segments(np.asarray(image, np.uint8))
 
 
 def wall_direction(lines: Lines, up: NDArray[np.float64]) -> NDArray[np.float64] | None:
@@ -184,14 +134,6 @@ def wall_direction(lines: Lines, up: NDArray[np.float64]) -> NDArray[np.float64]
         inside = np.abs(off) < np.radians(width)
         center += _weighted_median(off[inside], weight[inside])
     return np.asarray(np.cos(center) * east + np.sin(center) * north)
-
-
-def level_axes(up: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Two horizontal unit vectors (3,) at right angles to `up` and to each other. The second is the first, rotated by a
-    quarter turn about `up`."""
-    east = np.cross(up, np.eye(3)[np.abs(up).argmin()])
-    east /= np.linalg.norm(east)
-    return east, np.cross(up, east)
 
 
 def _weighted_median(values: NDArray[np.float64], weights: NDArray[np.float64]) -> float:

@@ -17,8 +17,7 @@ from scipy.optimize import least_squares
 from scipy.sparse import csr_matrix, kron
 from scipy.spatial.transform import Rotation
 
-from nvsim.geometry.rotation import fitted_similarity
-from nvsim.poses.building_frame import level_axes
+from nvsim.geometry.rotation import fitted_similarity, level_axes
 from nvsim.poses.match_database import Pair
 from nvsim.poses.two_views import TwoViews
 

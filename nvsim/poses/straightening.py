@@ -18,15 +18,9 @@ from numpy.typing import NDArray
 from scipy.ndimage import median_filter
 from scipy.spatial.transform import Rotation
 
-from nvsim.geometry.rotation import rotation_angle, smallest_rotation
-from nvsim.poses.building_frame import (
-    camera_height,
-    level_axes,
-    lines_of,
-    vertical_from_lines,
-    vertical_of,
-    wall_direction,
-)
+from nvsim.capture.vertical_edges import vertical_from_lines
+from nvsim.geometry.rotation import level_axes, rotation_angle, smallest_rotation
+from nvsim.poses.building_frame import camera_height, lines_of, vertical_of, wall_direction
 from nvsim.poses.mapping import center_of, move_image, poses_of
 from nvsim.poses.piece_reliability import (
     Observations,

@@ -11,14 +11,8 @@ from known_reconstruction import HEIGHT, WIDTH, camera, facing, places_in, pose,
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from nvsim.poses.building_frame import (
-    Lines,
-    camera_height,
-    lines_of,
-    vertical_from_lines,
-    vertical_of,
-    wall_direction,
-)
+from nvsim.capture.vertical_edges import Lines, vertical_from_lines
+from nvsim.poses.building_frame import camera_height, lines_of, vertical_of, wall_direction
 from nvsim.poses.piece_reliability import Observations, observations_of
 
 HIGH = 1.5  # meters of the camera above the floor

@@ -65,6 +65,41 @@ def test_a_few_cameras_mounted_on_their_side_do_not_count() -> None:
     assert angle(find_up(poses)[0], np.array([0, 0, 1.0])) < 1
 
 
+@pytest.mark.parametrize("leaning", [2.5, -2.5])
+def test_vertical_edges_correct_the_floor_of_a_sparse_cloud(
+    leaning: float, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    for name, value in (("WIDTH", 640), ("HEIGHT", 480), ("FOCAL", 400.0)):
+        monkeypatch.setattr(sample, name, value)
+    world = Rotation.from_euler("xz", [40, 20], degrees=True).as_matrix()
+    walk = sample.walk(40)
+    rolled = Rotation.from_euler("z", np.random.default_rng(4).normal(0, 3, (40, 1)), degrees=True).as_matrix()
+    walk[:, :3, :3] = walk[:, :3, :3] @ rolled  # a person does not hold the camera level
+    points = sample.room() @ Rotation.from_euler("x", leaning, degrees=True).as_matrix().T
+    poses, points = sample.turn(world, walk, points)
+    read_from = sample.write_colmap(tmp_path, poses, points, binary=False)
+    off = []
+    for shown in (0, 16):
+        for number, pose in enumerate(walk):
+            cv2.imwrite(str(tmp_path / "images" / f"{number:03d}.png"), _door_frames(pose, shown))
+        up = (read(read_from).alignment.rotation @ world)[:, 2]
+        off.append(angle(up, np.array([0, 0, 1.0])))
+    assert off[0] > 1.5 and off[1] < 0.2
+
+
+def _door_frames(pose: np.ndarray, count: int) -> np.ndarray:
+    """The image of a room with the sides of `count` of 16 door frames, from a camera at `pose` (4, 4)."""
+    camera = Camera(Intrinsics(640, 480, 400.0, 400.0, 320.0, 240.0), pose)
+    image = np.full((480, 640, 3), 220, np.uint8)
+    for turn in np.arange(count) * np.pi / 8:
+        x, y = np.clip([4 * np.cos(turn), 4 * np.sin(turn)], -3, 3)
+        places, depth = camera.project(np.array([[x, y, z] for z in np.linspace(0, 2.1, 200)]))
+        ends = np.rint(places[depth > 0.1] * 16 - 8).astype(int)
+        if len(ends):
+            cv2.polylines(image, [ends.reshape(-1, 1, 2)], False, (30, 30, 30), 2, cv2.LINE_AA, 4)
+    return image
+
+
 def test_cameras_that_all_look_one_way_still_give_an_up_but_an_unsure_one() -> None:
     poses = sample.walk(12)
     poses[:, :3, :3] = poses[0, :3, :3]
