@@ -29,7 +29,7 @@ _LINE_ERROR = 0.3  # degrees: usual error of a line
 _LINES = 4  # possibly vertical lines, at least
 _INFORMATION = 0.3  # information on the vertical in both directions, at least: lines of full width at right angles
 _DEVIATION, _LEAST_DEVIATION = 0.15, 0.05  # degrees: deviation of the vertical for an information of 1, and the least
-_IMAGES, _SIZE = 60, 960  # images whose edges are used, at most, and their longer side in pixels, at most
+_IMAGES, _SIZE = 40, 960  # images whose edges are used, at most, and their longer side in pixels, at most
 _THREADS = 2
 
 
