@@ -3,6 +3,7 @@ Gaussians; each has a list of those that are removed."""
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING
@@ -103,16 +104,20 @@ def _levels_of(project: Project, whole: WholeSplat, height: float) -> tuple[Leve
     return tuple(found)
 
 
-def remove_gaussians(project: Project, whole: WholeSplat, removed: NDArray[np.bool_]) -> None:
-    """Stores that exactly the Gaussians `removed` (N,) bool of `whole` are removed, in the project, which must be
-    writable. The floors and the map must be made again. Raises InputError if all Gaussians would be removed, the models
-    changed since `whole` was read, or the disk refuses."""
+def remove_gaussians(project: Project, rows: Mapping[int, NDArray[np.int64]], removed: NDArray[np.bool_]) -> None:
+    """Stores that exactly the Gaussians `removed` (N,) bool are removed, in the project, which must be writable. The
+    floors and the map must be made again.
+
+    rows  submap -> (n,) rows of its Gaussians, see WholeSplat
+
+    Raises InputError if all Gaussians would be removed, the models changed since they were read, or the disk
+    refuses."""
     if removed.all():
         raise InputError("All Gaussians would be removed; keep some.")
     folders = model_folders(project.layout)
-    for index, rows in whole.rows.items():
+    for index, own in rows.items():
         try:
-            store_removed(folders[index], removed[rows])
+            store_removed(folders[index], removed[own])
         except (KeyError, ValueError) as error:
             raise InputError(f"{project.layout.root} was imported again; begin to clean again.") from error
 

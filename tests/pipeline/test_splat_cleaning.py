@@ -94,13 +94,13 @@ def test_floors_and_map_are_stale_after_a_removal_and_current_after_the_restore(
         floors = ledger.record(opened, "floors")
         removed = np.zeros(len(whole.removed), bool)
         removed[-OUTSIDE:] = True
-        remove_gaussians(opened, whole, removed)
+        remove_gaussians(opened, whole.rows, removed)
         assert map_key(opened, for_splats(MappingConfig())) != before[1]
     assert main(["floors", "--project", str(project)]) == 0
     with Project.open(project, writable=True) as opened:
         again = ledger.record(opened, "floors")
         assert floors is not None and again is not None and again.key != floors.key
-        remove_gaussians(opened, whole, whole.removed)
+        remove_gaussians(opened, whole.rows, whole.removed)
     assert main(["floors", "--project", str(project)]) == 0
     assert keys() == before
 
@@ -128,7 +128,7 @@ def test_a_gaussian_of_two_submaps_is_removed_from_both(tmp_path: Path) -> None:
         assert shared.any() and len(whole.removed) == len(stair_house())
         for index, model in whole.models.items():
             np.testing.assert_array_equal(whole.model.gaussians.means[whole.rows[index]], model.gaussians.means)
-        remove_gaussians(opened, whole, shared)
+        remove_gaussians(opened, whole.rows, shared)
         scene = opened.scene()
         assert scene is not None
         assert sum(len(scene.model(i).gaussians) for i in scene.indices) == (~shared).sum()
@@ -139,6 +139,6 @@ def test_what_cannot_be_removed_is_refused(project: Path, capsys: pytest.Capture
     with Project.open(project, writable=True) as opened:
         whole = read_whole_splat(opened)
         with pytest.raises(InputError, match="All Gaussians"):
-            remove_gaussians(opened, whole, np.ones(len(whole.removed), bool))
+            remove_gaussians(opened, whole.rows, np.ones(len(whole.removed), bool))
     assert main(["splat", "clean", str(project), "--apply", "--restore"]) == 2
     assert "one of them" in capsys.readouterr().err

@@ -45,7 +45,7 @@ class SplatClean:
         if self.restore:
             with project_job(self.project, "splat clean", self.json) as (project, listen):
                 whole = read_whole_splat(project)
-                remove_gaussians(project, whole, np.zeros_like(whole.removed))
+                remove_gaussians(project, whole.rows, np.zeros_like(whole.removed))
                 listen(Done("splat clean", f"{int(whole.removed.sum())} Gaussians restored", {}))
             return 0
         with Project.open(self.project) as project:
@@ -61,6 +61,6 @@ class SplatClean:
             terminal.table(["candidates", "Gaussians"], rows, title)
         if self.apply:
             with project_job(self.project, "splat clean", self.json) as (project, listen):
-                remove_gaussians(project, whole, np.any([whole.removed, *found.values()], axis=0))
+                remove_gaussians(project, whole.rows, np.any([whole.removed, *found.values()], axis=0))
                 listen(Done("splat clean", f"{sum(counts.values())} Gaussians removed", {}))
         return 0
