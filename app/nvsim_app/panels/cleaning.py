@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from functools import partial
-
 from PySide6.QtCore import QSize, Qt, Signal
 from PySide6.QtGui import QColor, QIcon, QPixmap
 from PySide6.QtWidgets import QCheckBox, QPushButton, QRadioButton, QWidget
@@ -19,7 +17,7 @@ NOTHING = "Edit > Clean splat shows which Gaussians of a splat can be removed."
 SEARCHING = "Looking for floaters and for Gaussians outside the building…"
 _REASONS: dict[Reason, tuple[str, str]] = {
     "floater": ("Floaters and fog", "Gaussians that most views of the free space see through, also faint glass"),
-    "outside": ("Outside the building", "Gaussians more than 3 m from the floor of the building, seen from above"),
+    "outside": ("Outside", "Gaussians more than 3 m from the floor of the building, seen from above"),
 }
 _SWATCH = 12  # pixels
 
@@ -46,28 +44,25 @@ class CleanPanel(QWidget):
         self.reasons: dict[Reason, QCheckBox] = {reason: self._reason_box(reason) for reason in REASONS}
         self.hide_box = named(QCheckBox("Hide what will be removed", self), tip="Show the splat as it will be")
         self.hide_box.toggled.connect(self.hideChosen)
-        self.selection = Label("", self, wordWrap=True)
         self.box = named(QRadioButton("Box", self), tip="A drag selects the Gaussians in a box (B)")
         self.lasso = named(QRadioButton("Lasso", self), tip="A drag selects the Gaussians inside a freehand line (K)")
         self.box.setChecked(True)
         self.lasso.toggled.connect(self.lassoChosen)
         self.reach = NumberBox("Greatest distance", 0.1, FARTHEST, FARTHEST, 1, 0.5, " m", self)
+        self.reach.setPrefix("up to ")
         named(self.reach, tip="A drag selects no Gaussians farther than this from the camera, such as a wall behind")
         self.reach.valueChanged.connect(self.reachChosen)
         self.remove = self._button("Remove", "remove_selected", "Remove the selected Gaussians (Del)")
         self.keep = self._button("Keep", "keep_selected", "Keep the selected Gaussians (Shift+Del)")
-        self.undo = self._button("Undo", "undo", "Undo the last step (Ctrl+Z)")
-        self.redo = self._button("Redo", "redo", "Redo the undone step (Ctrl+Shift+Z)")
         self.keep_all = self._button("Keep all", "keep_all", "Remove no Gaussians; then Apply restores all")
         self.apply = push_button("Apply", self, self.applyWanted, "Store what is removed; you can change it later")
         self.cancel = push_button("Cancel", self, self.cancelWanted, "Leave without changes (Esc)")
         rows = (
-            WrappingRow(self.box, self.lasso, Label("up to", self), self.reach),
+            WrappingRow(self.box, self.lasso, self.reach),
             WrappingRow(self.remove, self.keep, self.keep_all),
-            WrappingRow(self.undo, self.redo),
             WrappingRow(self.apply, self.cancel),
         )
-        vbox(self.words, *self.reasons.values(), self.hide_box, self.selection, *rows, STRETCH,
+        vbox(self.words, *self.reasons.values(), self.hide_box, *rows, STRETCH,
              on=self, margins=8, spacing=8)  # fmt: skip
         self.refresh()
 
@@ -75,7 +70,7 @@ class CleanPanel(QWidget):
         box = named(QCheckBox(self), tip=f"{_REASONS[reason][1]}. Checked: they are removed")
         box.setIcon(QIcon(_swatch(reason)))
         box.setIconSize(QSize(_SWATCH, _SWATCH))
-        box.clicked.connect(partial(self._set_reason, reason))
+        box.clicked.connect(lambda on: self._set_reason(reason, on))
         return box
 
     def _set_reason(self, reason: Reason, on: bool) -> None:
@@ -108,14 +103,12 @@ class CleanPanel(QWidget):
             box.setEnabled(total > 0)
         chosen = 0 if cleaning is None else int(cleaning.selected.sum())
         if cleaning is not None:
-            words = f"{int(cleaning.removed.sum()):,} of {len(cleaning.removed):,} Gaussians will be removed."
+            part, total = int(cleaning.removed.sum()), len(cleaning.removed)
+            words = f"{part:,} of {total:,} Gaussians will be removed. {chosen:,} are selected."
         self.words.setText(words)
-        self.selection.setText(f"{chosen:,} selected")
         for button, usable in (
             (self.remove, chosen > 0),
             (self.keep, chosen > 0),
-            (self.undo, cleaning is not None and cleaning.can_undo),
-            (self.redo, cleaning is not None and cleaning.can_redo),
             (self.keep_all, cleaning is not None and bool(cleaning.removed.any())),
             (self.apply, cleaning is not None and cleaning.edited),
             (self.cancel, words != NOTHING),

@@ -90,14 +90,6 @@ class SplatCleaning(QObject):
 
     # History ---------------------------------------------------------------------------------------------------
 
-    @property
-    def can_undo(self) -> bool:
-        return bool(self._past)
-
-    @property
-    def can_redo(self) -> bool:
-        return bool(self._future)
-
     def undo(self) -> None:
         if self._past:
             self._future.append(self._state())

@@ -57,8 +57,8 @@ class SplatClean:
             print_lines(as_json(numbers | {str(reason): count for reason, count in counts.items()}))
         else:
             rows = [[_WORDS[reason], f"{count:,}"] for reason, count in counts.items()]
-            title = f"{int(whole.removed.sum()):,} of {len(whole.removed):,} Gaussians are removed; candidates:"
-            terminal.table(["candidates", "Gaussians"], rows, title)
+            title = f"{int(whole.removed.sum()):,} of {len(whole.removed):,} Gaussians are removed"
+            terminal.table(["should be removed", "Gaussians"], rows, title)
         if self.apply:
             with project_job(self.project, "splat clean", self.json) as (project, listen):
                 remove_gaussians(project, whole.rows, np.any([whole.removed, *found.values()], axis=0))
