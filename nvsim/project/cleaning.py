@@ -123,6 +123,6 @@ def remove_gaussians(project: Project, rows: Mapping[int, NDArray[np.int64]], re
 
 
 def removal_key(project: Project) -> list[str]:
-    """What stages add to their key because of removed Gaussians: nothing if none are removed."""
+    """The part of a stage's key that identifies the removed Gaussians; empty if none are removed."""
     digests = [removal_digest(folder) for folder in model_folders(project.layout).values()]
     return digests if any(digests) else []
