@@ -27,6 +27,7 @@ COMMANDS: dict[str, tuple[str, str]] = {
     "graph review": ("graph_check", "list the edges to review, the least certain first"),
     "graph compare": ("graph_check", "compare two graphs, and merge them"),
     "graph evidence": ("graph_check", "measure viewpoints that were added or moved, and propose edges there"),
+    "splat clean": ("splat", "remove floaters from a project of splat files, and restore them"),
     "occupancy build": (
         "occupancy",
         "build an occupancy map from scans, depth images, or other data of a capture",

@@ -166,6 +166,7 @@ EXAMPLES: dict[str, tuple[str, ...]] = {
     "graph review": ("nvsim graph review house.nvsim --count 20",),
     "graph compare": ("nvsim graph compare A B", "nvsim graph compare A B --out merged_connectivity.json"),
     "graph evidence": ("nvsim graph evidence --project house.nvsim",),
+    "splat clean": ("nvsim splat clean room.nvsim", "nvsim splat clean room.nvsim --apply"),
     "occupancy build": (
         "nvsim occupancy build --project house.nvsim",
         "nvsim occupancy build CAPTURE --out maps/house.yaml",

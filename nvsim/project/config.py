@@ -66,7 +66,8 @@ class CaptureConfig:
     up: Literal["auto", "z", "-z", "y", "-y", "x", "-x"] = "auto"
     """Up axis of a splat file; auto finds it from the floors, ceilings and furniture."""
     clean: bool = False
-    """Remove the floaters and the fog of a splat file: Gaussians that most views of the free space see through."""
+    """Remove the floaters and the fog of a splat file: Gaussians that most views of the free space see through, and
+    those outside the building. `nvsim splat clean` and the window restore them."""
     mask: str = ""
     """PNG file with the proportions of the panoramas. Black pixels are ignored. It replaces the mask that NVSim makes
     of the person or tripod that carries the camera."""

@@ -120,13 +120,13 @@ class ScenePart:
     storeys    the storey, or the two storeys that a stair joins, numbered from 0
     rows       indices of its places among all places of the scene
     surface    its floor
-    gaussians  its model
+    members    (N,) bool, the Gaussians of the scene that belong to it
     """
 
     storeys: tuple[int, ...]
     rows: tuple[int, ...]
     surface: FloorSurface
-    gaussians: Gaussians
+    members: NDArray[np.bool_]
 
 
 def divide(
@@ -146,7 +146,7 @@ def divide(
         low = -np.inf if k == 0 else floors[k] - _OVERLAP
         high = np.inf if k + 1 == len(floors) else floors[k + 1] + _OVERLAP
         z = gaussians.means[:, 2]
-        parts.append(ScenePart((k,), (), level.surface, select_gaussians(gaussians, (z >= low) & (z <= high))))
+        parts.append(ScenePart((k,), (), level.surface, (z >= low) & (z <= high)))
         if k < len(stairs) and len(stairs[k]):
             own = rows[len(levels) + k]
             steps = [i for i in own if floors[k] + _OFF < places[i, 2] - height < floors[k + 1] - _OFF]
@@ -155,17 +155,10 @@ def divide(
             if steps:
                 slope = stair_floor(places[own], height - _NOSES)
                 near = _is_near(gaussians, stairs[k], floors[k] - _OVERLAP, floors[k + 1] + _OVERLAP)
-                parts.append(ScenePart((k, k + 1), tuple(steps), slope, select_gaussians(gaussians, near)))
+                parts.append(ScenePart((k, k + 1), tuple(steps), slope, near))
     return tuple(
-        ScenePart(p.storeys, p.rows or tuple(sorted(rows[p.storeys[0]])), p.surface, p.gaussians) for p in parts
+        ScenePart(p.storeys, p.rows or tuple(sorted(rows[p.storeys[0]])), p.surface, p.members) for p in parts
     ), places
-
-
-def select_gaussians(g: Gaussians, rows: NDArray[np.bool_]) -> Gaussians:
-    """The Gaussians with `rows` (N,) bool."""
-    if rows.all():
-        return g
-    return Gaussians(g.means[rows], g.log_scales[rows], g.quats[rows], g.opacity_logits[rows], g.sh[rows])
 
 
 def _is_near(g: Gaussians, path: NDArray[np.float64], low: float, high: float) -> NDArray[np.bool_]:

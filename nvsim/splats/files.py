@@ -1,10 +1,10 @@
 """Save and load a submap model as a folder: gaussians-*.ply, networks-*.safetensors (background, floor texture, floor
-surface, appearance), and model.json.
+surface, appearance), and model.json. If the user removed Gaussians, removed-*.npz has their rows in the PLY file.
 
 model.json names the format, and the name, size, and SHA-256 of the other files. The arrays of a loaded model fit
 together, so that rendering it cannot fail.
 
-The names of the two data files contain a hash of their content. The files of a new model can therefore be written next
+The names of the data files contain a hash of their content. The files of a new model can therefore be written next
 to the old ones, until model.json is replaced in one step.
 """
 
@@ -15,17 +15,19 @@ import hashlib
 import json
 import math
 import os
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import safetensors
 import safetensors.numpy
+from numpy.typing import NDArray
 
 from nvsim.errors import InputError, value_text
 from nvsim.files import atomic
 from nvsim.files.opening import opened, read_json, refuse_placeholder
+from nvsim.files.stored_arrays import read_arrays, write_arrays
 from nvsim.geometry.floor_surface import FloorSurface
 from nvsim.splats.appearance import describe, read_appearance, tensors_of
 from nvsim.splats.ply import read_gaussians, write_ply
@@ -79,7 +81,7 @@ def _check_finite(what: str, *arrays: object) -> None:
 FORMAT, VERSION = "nvsim submap model", 2
 DESCRIPTION = "model.json"
 _OLD_VERSION = 1  # file names without a hash
-_GAUSSIANS, _NETWORKS = ("gaussians", ".ply"), ("networks", ".safetensors")
+_GAUSSIANS, _NETWORKS, _REMOVED = ("gaussians", ".ply"), ("networks", ".safetensors"), ("removed", ".npz")
 _ATTEMPTS = 3
 _LONGEST = 1 << 24  # bytes of model.json
 
@@ -103,12 +105,83 @@ def save_model(model: SubmapModel, folder: Path) -> None:
         raise atomic.as_input_error(folder, error) from error
     finally:
         staged.unlink(missing_ok=True)
-    for name in before - {DESCRIPTION, *files}:
-        if name.lstrip(".").startswith((_GAUSSIANS[0], _NETWORKS[0], f"{Path(DESCRIPTION).stem}-")):
-            # A file of the old model or of a killed process. If it is in use and cannot be removed, the next save
-            # removes it.
+    starts = (_GAUSSIANS[0], _NETWORKS[0], _REMOVED[0], f"{Path(DESCRIPTION).stem}-")
+    _delete_old_files(folder, before - {DESCRIPTION, *files}, starts)
+
+
+def _delete_old_files(folder: Path, names: Iterable[str], starts: tuple[str, ...]) -> None:
+    """Deletes the files of `names` that begin with one of `starts`: those of an old model or of a killed process. A
+    file that is in use and cannot be deleted is left to the next call."""
+    for name in names:
+        if name.lstrip(".").startswith(starts):
             with contextlib.suppress(OSError):
                 atomic.remove(folder / name)
+
+
+def store_removed(folder: Path, removed: NDArray[np.bool_]) -> None:
+    """Stores which Gaussians of the model in `folder` are removed, and replaces what was stored before. `removed` (N,)
+    bool has a value for each Gaussian of the PLY file, which is not changed. A process killed at any moment leaves the
+    old state or the new one.
+
+    Raises ValueError if the model has another number of Gaussians, InputError if it is damaged or the disk refuses."""
+    data = _read_description(folder)
+    with _description_errors(folder):
+        files = {name: about for name, about in data["files"].items() if not name.startswith(_REMOVED[0])}
+        count = int(data["count"])
+    if removed.shape != (count,):
+        raise ValueError(f"{removed.shape} values for {count} Gaussians")
+    rows, staged = np.flatnonzero(removed).astype(np.int32), folder / f".{_REMOVED[0]}{_REMOVED[1]}"
+    try:
+        before = {path.name for path in folder.iterdir()}
+        if len(rows):
+            write_arrays(staged, {"rows": rows})
+            files |= dict([_rename_by_content(staged, _REMOVED)])
+        text = json.dumps({**data, "files": files, "removed": len(rows)}, indent=1)
+        atomic.write_text(folder / DESCRIPTION, text + "\n")
+    except OSError as error:
+        raise atomic.as_input_error(folder, error) from error
+    finally:
+        staged.unlink(missing_ok=True)
+    _delete_old_files(folder, before - set(files), (_REMOVED[0],))
+
+
+def load_removed(folder: Path) -> NDArray[np.bool_]:
+    """(N,) bool, which Gaussians of the PLY file in `folder` are removed. Raises InputError like `load_model`."""
+    data = _read_description(folder)
+    with _description_errors(folder):
+        return _read_removed(folder, data)
+
+
+def removal_digest(folder: Path) -> str:
+    """A hash of the removed Gaussians of the model in `folder`; "" if none are removed. Raises InputError if its
+    description is missing or damaged."""
+    data = _read_description(folder)
+    with _description_errors(folder):
+        name = _removed_name(data)
+        return "" if name is None else str(data["files"][name]["sha256"])
+
+
+def _removed_name(data: dict[str, Any]) -> str | None:
+    """The name of the file of removed Gaussians, None if there is none. Raises ValueError if there are several."""
+    names = [n for n in data["files"] if n.startswith(_REMOVED[0]) and n.endswith(_REMOVED[1]) and Path(n).name == n]
+    if len(names) > 1:
+        raise ValueError(f"{len(names)} files of {_REMOVED[0]}")
+    return names[0] if names else None
+
+
+def _read_removed(folder: Path, data: dict[str, Any]) -> NDArray[np.bool_]:
+    removed = np.zeros(int(data["count"]), bool)
+    name = _removed_name(data)
+    if name is None:
+        return removed
+    path, then = folder / name, "train this submap again, or import its splat file again"
+    _check_sizes((path,), data["files"])
+    _check(path, _fingerprint(path)["sha256"], data["files"])
+    rows = read_arrays(path, "a list of removed Gaussians", {"rows": ("i", 1)}, then)["rows"]
+    if len(rows) and not (rows.min() >= 0 and rows.max() < len(removed)):
+        raise ValueError(f"a removed Gaussian {rows.max()} of {len(removed)}")
+    removed[rows] = True
+    return removed
 
 
 def _rename_by_content(staged: Path, kind: tuple[str, str]) -> tuple[str, dict[str, Any]]:
@@ -124,13 +197,13 @@ _verified: dict[Path, dict[str, tuple[int, int, int]]] = {}
 # a model that was evicted and is loaded again is not hashed again.
 
 
-def load_model(folder: Path) -> SubmapModel:
-    """Loads a model written by `save_model`. Raises InputError naming the file that is missing, damaged, or of a newer
-    version."""
+def load_model(folder: Path, with_removed: bool = False) -> SubmapModel:
+    """Loads a model written by `save_model`, without its removed Gaussians, or `with_removed` ones. Raises InputError
+    naming the file that is missing, damaged, or of a newer version."""
     for attempt in range(_ATTEMPTS):
         data = _read_description(folder)
         try:
-            return _load(folder, data)
+            return _load(folder, data, with_removed)
         except InputError:
             # Another process may have replaced the model and removed its files after the description was read.
             if attempt + 1 == _ATTEMPTS or _read_description(folder) == data:
@@ -153,9 +226,12 @@ def _description_errors(folder: Path) -> Iterator[None]:
         ) from error
 
 
-def _load(folder: Path, data: dict[str, Any]) -> SubmapModel:
+def _load(folder: Path, data: dict[str, Any], with_removed: bool) -> SubmapModel:
     with _description_errors(folder):
-        return _read_model(folder, data)
+        model = _read_model(folder, data)
+        if with_removed or _removed_name(data) is None:
+            return model
+        return model.selected(~_read_removed(folder, data))
 
 
 def _read_model(folder: Path, data: dict[str, Any]) -> SubmapModel:
@@ -214,10 +290,11 @@ def memory_needed(folder: Path) -> int:
 
 
 def gaussian_count(folder: Path) -> int:
-    """The number of Gaussians of the model in `folder`. Raises InputError if its description is missing or damaged."""
+    """The number of Gaussians of the model in `folder` that are not removed. Raises InputError if its description is
+    missing or damaged."""
     data = _read_description(folder)
     with _description_errors(folder):
-        return int(data["count"])
+        return int(data["count"]) - int(data.get("removed", 0))
 
 
 def _read_description(folder: Path) -> dict[str, Any]:

@@ -103,6 +103,11 @@ def joined(*parts: Gaussians) -> Gaussians:
     return Gaussians(*(np.concatenate([getattr(part, name) for part in parts]) for name in names))
 
 
+def select_gaussians(gaussians: Gaussians, rows: NDArray[np.generic]) -> Gaussians:
+    """The Gaussians in `rows`: indices (M,) or a mask (N,) bool."""
+    return Gaussians(*(getattr(gaussians, one.name)[rows] for one in fields(Gaussians)))
+
+
 @dataclass(eq=False)
 class Background:
     """The background network of the paper (section III-C): appearance embedding -> SH-4 colors.
@@ -190,6 +195,11 @@ class SubmapModel:
     def gaussians_at(self, position: NDArray[np.floating]) -> Gaussians:
         """The Gaussians with their colors for a camera at `position` (3,), meters, world."""
         return self.gaussians if self.appearance is None else self.appearance.colored(self.gaussians, position)
+
+    def selected(self, rows: NDArray[np.generic]) -> SubmapModel:
+        """The model with the Gaussians in `rows` only: indices (M,) or a mask (N,) bool."""
+        appearance = None if self.appearance is None else self.appearance.of_rows(rows)
+        return replace(self, gaussians=select_gaussians(self.gaussians, rows), appearance=appearance)
 
     def baked(self) -> Gaussians:
         """The Gaussians with one fixed set of colors, as seen from the mean of the training cameras. Used for files

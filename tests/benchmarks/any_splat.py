@@ -30,11 +30,10 @@ from nvsim.project import pipeline
 from nvsim.project.config import CaptureConfig, RunConfig
 from nvsim.project.project import Project
 from nvsim.project.stages.imported_splats import imported_storeys
-from nvsim.scene_import.parts import select_gaussians
 from nvsim.splats.floor_mesh import floor_gaussians
 from nvsim.splats.formats.choice import SUFFIXES, Format, write_splats
 from nvsim.splats.turning import transform_gaussians
-from nvsim.splats.types import Gaussians, joined
+from nvsim.splats.types import Gaussians, joined, select_gaussians
 from tests.benchmarks.harness import peak_gib, report, timed
 from tests.unit.splat_rooms import any_rotation, two_rooms
 

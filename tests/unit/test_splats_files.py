@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import json
 import os
 import subprocess
@@ -15,7 +16,7 @@ from hypothesis import strategies as st
 
 from nvsim.errors import InputError
 from nvsim.geometry.floor_surface import FloorSurface
-from nvsim.splats.files import load_model, save_model
+from nvsim.splats.files import gaussian_count, load_model, load_removed, removal_digest, save_model, store_removed
 from nvsim.splats.formats.choice import read_splats
 from nvsim.splats.ply import read_ply, write_ply
 from nvsim.splats.types import Background, FloorTexture, Gaussians, SubmapModel
@@ -323,6 +324,48 @@ def test_a_write_that_dies_leaves_the_model_before(tmp_path, monkeypatch):
         save_model(model(seed=2), tmp_path / "submap")
     assert_same_gaussians(model(seed=1).gaussians, load_model(tmp_path / "submap").gaussians)
     assert os.listdir(tmp_path) == ["submap"]
+
+
+def test_removed_gaussians_are_left_out_until_they_are_restored(tmp_path):
+    save_model(model(), tmp_path)
+    whole, removed = load_model(tmp_path), np.array([False, True, True, False, False, False, True])
+    store_removed(tmp_path, removed)
+    kept = load_model(tmp_path)
+    np.testing.assert_array_equal(kept.gaussians.means, whole.gaussians.means[~removed])
+    np.testing.assert_array_equal(load_removed(tmp_path), removed)
+    assert gaussian_count(tmp_path) == 4 and removal_digest(tmp_path)
+    assert_same_gaussians(load_model(tmp_path, with_removed=True).gaussians, whole.gaussians)
+    store_removed(tmp_path, ~removed)
+    assert len(load_model(tmp_path).gaussians) == 3 and len(list(tmp_path.glob("removed-*"))) == 1
+    store_removed(tmp_path, np.zeros(7, bool))
+    assert_same_gaussians(load_model(tmp_path).gaussians, whole.gaussians)
+    assert removal_digest(tmp_path) == "" and not list(tmp_path.glob("removed-*"))
+    with pytest.raises(ValueError, match="7 Gaussians"):
+        store_removed(tmp_path, np.zeros(6, bool))
+
+
+def test_a_new_model_has_no_removed_gaussians(tmp_path):
+    save_model(model(), tmp_path)
+    store_removed(tmp_path, np.arange(7) < 2)
+    save_model(model(1), tmp_path)
+    assert len(load_model(tmp_path).gaussians) == 7 and not list(tmp_path.glob("removed-*"))
+
+
+@pytest.mark.parametrize("rows", [[-1], [7], [0.5]])
+def test_a_list_of_removed_gaussians_that_does_not_fit_is_refused(tmp_path, rows):
+    save_model(model(), tmp_path)
+    store_removed(tmp_path, np.arange(7) < 2)
+    (path,) = tmp_path.glob("removed-*")
+    np.savez_compressed(path, rows=np.array(rows, np.float32 if rows == [0.5] else np.int32))
+    about = json.loads((tmp_path / "model.json").read_text())
+    digest = hashlib.sha256(path.read_bytes()).hexdigest()
+    about["files"][path.name] = {"bytes": path.stat().st_size, "sha256": digest}
+    (tmp_path / "model.json").write_text(json.dumps(about))
+    with pytest.raises(InputError, match="damaged|a list of removed Gaussians"):
+        load_model(tmp_path)
+    path.write_bytes(b"")
+    with pytest.raises(InputError, match="damaged"):
+        load_model(tmp_path)
 
 
 @pytest.mark.parametrize("name", ["gaussians", "networks", "model.json"])

@@ -15,10 +15,10 @@ from numpy.typing import NDArray
 from nvsim.geometry.floor_surface import FloorSurface
 from nvsim.splats.harmonics import terms
 from nvsim.splats.scene import SceneModel
-from nvsim.splats.types import FloorTexture, Gaussians, SubmapModel
+from nvsim.splats.types import FloorTexture, Gaussians, SubmapModel, select_gaussians
 from nvsim.submaps.split import Submap
 from nvsim_app.drawing.painter import EYE_HEIGHT
-from nvsim_app.drawing.renderer_choice import largest_gaussians, select_gaussians
+from nvsim_app.drawing.renderer_choice import largest_gaussians
 
 CUT = 1.9  # meters above the floor; higher Gaussians are removed
 OUTSIDE = 2.6  # meters above the floor; a higher camera is outside the rooms and sees the whole building

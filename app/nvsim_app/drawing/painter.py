@@ -17,6 +17,7 @@ from nvsim.geometry.camera import Camera
 from nvsim.render.backends import RenderOutput
 from nvsim.splats.types import SubmapModel
 from nvsim.submaps.split import Submap
+from nvsim_app.drawing.marked_model import MarkedModel, Marks
 from nvsim_app.drawing.renderer_choice import AUTOMATIC, CPU, OPENGL, RendererChoice, SplatBudget
 from nvsim_app.look import colors
 from nvsim_app.painting.value_colors import CHANNELS, picture
@@ -153,17 +154,27 @@ class Painter:
         self._broken = self._hopeless = False
         self._choice = RendererChoice()
         self._budget = SplatBudget()
+        self._marked = MarkedModel()
         self._still: Camera | None = None  # of the last still color image with automatic choice of the renderer
 
     def paint(
-        self, camera: Camera, channel: str, wanted: str, moving: bool, budget: int = 0
+        self,
+        camera: Camera,
+        channel: str,
+        wanted: str,
+        moving: bool,
+        budget: int = 0,
+        marks: Marks | None = None,
     ) -> tuple[int, Pixels, str]:
         """Returns the submap index, the (H, W, 4) uint8 image (blue, green, red, 255), and the renderer that was used.
-        `wanted` is one of PREFERENCES. At most `budget` Gaussians are rendered; 0 means all."""
+        `wanted` is one of PREFERENCES. At most `budget` Gaussians are rendered; 0 means all. `marks` colors or hides
+        Gaussians of a source with one model."""
         if not isinstance(self._opened, Models):
             submap, view = self._opened(camera, CHANNELS[channel])
             return submap, picture(view, channel), CPU
         submap, model = self._opened.at(camera)
+        if marks is not None:
+            model = self._marked.of(model, marks)
         model = self._budget.limit_model(model, budget)
         both = channel == "rgb" and wanted == AUTOMATIC
         self._still = camera if both and not moving else None

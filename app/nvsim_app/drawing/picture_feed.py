@@ -10,6 +10,7 @@ from PySide6.QtCore import QObject, QTimer, Signal
 from PySide6.QtGui import QImage
 
 from nvsim.kernel_folder import compiled_since
+from nvsim_app.drawing.marked_model import Marks
 from nvsim_app.drawing.painter import LogRemark
 from nvsim_app.drawing.panorama_child import Panorama, PanoramaRequest
 from nvsim_app.drawing.render_child import Picture, RenderError, RenderSource, Request, serve
@@ -146,6 +147,7 @@ class PictureFeed(QObject):
         self.channel = "rgb"
         self.renderer = AUTOMATIC
         self.budget = 0
+        self.marks: Marks | None = None
         self.source: RenderSource | None = None
         self.note = ""  # why there is no image yet
         self.picture: Picture | None = None
@@ -209,7 +211,8 @@ class PictureFeed(QObject):
             width, height = self.pacing.size_while_moving(width, height)
         self._number += 1
         camera = self._pose().camera(width, height)
-        self.link.ask(Request(self._number, camera, self.channel, moving, self.renderer, SCENE, self.budget))
+        asked = Request(self._number, camera, self.channel, moving, self.renderer, SCENE, self.budget, marks=self.marks)
+        self.link.ask(asked)
 
     def _say_more(self) -> None:
         if self.note != LOADING:

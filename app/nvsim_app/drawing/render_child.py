@@ -20,6 +20,7 @@ from nvsim.errors import InputError
 from nvsim.geometry.camera import Camera
 from nvsim.project.layout import Layout
 from nvsim.splats.types import SubmapModel
+from nvsim_app.drawing.marked_model import Marks
 from nvsim_app.drawing.painter import LogRemark, Models, Painter, Renderer, SubmapGrid
 from nvsim_app.drawing.panorama_child import PanoramaDrawing, PanoramaRequest
 from nvsim_app.drawing.renderer_choice import AUTOMATIC, CPU
@@ -49,6 +50,21 @@ class ProjectSource:
     def open(self) -> Models:
         models = ProjectModels(self)
         return Models(models.model_for, models.territory)
+
+
+@dataclass(frozen=True)
+class WholeSplatSource:
+    """All Gaussians of a project from splat files as one model, also the removed ones."""
+
+    path: Path
+
+    def open(self) -> Models:
+        from nvsim.project.cleaning import read_whole_splat
+        from nvsim.project.project import Project
+
+        with Project.open(self.path) as project:
+            model = read_whole_splat(project).model
+        return Models(lambda camera: (WHOLE, model))
 
 
 class ProjectModels:
@@ -106,6 +122,7 @@ class Request:
     view       name of the requester; a newer request replaces only its own waiting request
     budget     maximum number of rendered Gaussians, 0 for all
     values     whether to return the numbers that the colors of a measured channel represent
+    marks      colored or hidden Gaussians of a WholeSplatSource
     """
 
     number: int
@@ -116,6 +133,7 @@ class Request:
     view: str = "scene"
     budget: int = 0
     values: bool = False
+    marks: Marks | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -211,7 +229,7 @@ def _answer(painter: Painter, request: Request) -> Picture | RenderError:
             pixels, values = picture(view, request.channel), measured(view, request.channel)
             return Picture(request, pixels, submap, 1e3 * (time.perf_counter() - begin), CPU, values)
         submap, pixels, renderer = painter.paint(
-            request.camera, request.channel, request.renderer, request.moving, request.budget
+            request.camera, request.channel, request.renderer, request.moving, request.budget, request.marks
         )
     except Exception as error:
         return RenderError(f"A view could not be rendered: {short_reason(error)}", traceback.format_exc())

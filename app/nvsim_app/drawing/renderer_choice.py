@@ -4,7 +4,7 @@ Qt."""
 from __future__ import annotations
 
 import weakref
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -63,12 +63,6 @@ def largest_gaussians(gaussians: Gaussians, count: int) -> NDArray[np.int64]:
     return np.sort(np.argpartition(-cover, count)[:count])
 
 
-def select_gaussians(gaussians: Gaussians, rows: NDArray[np.generic]) -> Gaussians:
-    """The Gaussians in `rows`: indices (M,) or a mask (N,)."""
-    g = gaussians
-    return Gaussians(g.means[rows], g.log_scales[rows], g.quats[rows], g.opacity_logits[rows], g.sh[rows])
-
-
 @dataclass
 class _ThinnedModel:
     of: weakref.ref[SubmapModel]
@@ -89,9 +83,5 @@ class SplatBudget:
         last = self._last
         if last is None or last.of() is not model or last.count != count:
             rows = largest_gaussians(model.gaussians, count)
-            appearance = model.appearance
-            if appearance is not None:
-                appearance = appearance.of_rows(rows)
-            thinned = replace(model, gaussians=select_gaussians(model.gaussians, rows), appearance=appearance)
-            last = self._last = _ThinnedModel(weakref.ref(model), count, thinned)
+            last = self._last = _ThinnedModel(weakref.ref(model), count, model.selected(rows))
         return last.model

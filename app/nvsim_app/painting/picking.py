@@ -77,10 +77,14 @@ def nearest_segment(
 
 def within_polygon(points: NDArray[np.floating], polygon: NDArray[np.floating]) -> NDArray[np.bool_]:
     """(N,) bool, which of `points` (N, 2) are inside `polygon` (K, 2), by the even-odd rule."""
-    inside = np.zeros(len(points), bool)
-    x, y = points[:, 0], points[:, 1]
+    # In the order of y, each edge needs only the points at its height; a lasso has hundreds of short edges.
+    order = np.argsort(points[:, 1])
+    x, y = np.ascontiguousarray(points[order].T)
+    crossed = np.zeros(len(points), bool)
     for (x1, y1), (x2, y2) in zip(polygon, np.roll(polygon, -1, axis=0), strict=True):
         if y1 != y2:
-            crosses = (y1 > y) != (y2 > y)
-            inside ^= crosses & (x < (x2 - x1) * (y - y1) / (y2 - y1) + x1)
+            beside = slice(*np.searchsorted(y, sorted((y1, y2))))
+            crossed[beside] ^= x[beside] < (x2 - x1) * (y[beside] - y1) / (y2 - y1) + x1
+    inside = np.empty_like(crossed)
+    inside[order] = crossed
     return inside

@@ -353,7 +353,8 @@ class Document(QObject):
     @property
     def extent(self) -> NDArray[np.float64]:
         """(N, 3) all known positions in meters, world: viewpoints, frames (also of a video whose poses are being
-        computed), and the outline of a splat file. May be empty."""
-        outline = self._contents.outline
+        computed), places of a project from splat files, and the outline of a splat file. May be empty."""
+        outline, capture = self._contents.outline, self._contents.capture
+        places = None if capture is None else capture.places
         known = [self.graph_arrays.positions, self.drawn_trajectory.positions]
-        return np.concatenate(known if outline is None else [*known, outline])
+        return np.concatenate([*known, *(some for some in (places, outline) if some is not None)])

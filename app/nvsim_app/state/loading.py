@@ -439,6 +439,6 @@ class ProjectReader:
             path = folder / "model.json"
             data = read_json(path, what, then, strict=False)
             with reading(path, what, then):
-                info = {"gaussians": data.get("count"), **data.get("info", {})}
+                info = {"gaussians": data.get("count", 0) - data.get("removed", 0), **data.get("info", {})}
                 result[index] = info
         return result

@@ -11,7 +11,10 @@ import math
 from collections.abc import Iterator, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
 
 from nvsim.errors import InputError
 from nvsim.evaluation.calibrated import Calibration
@@ -22,6 +25,9 @@ from nvsim.occupancy.types import OccupancyMap
 from nvsim.project.layout import Layout
 from nvsim_app.processes.child import Child, ChildProgram
 from nvsim_app.processes.serving import Requests
+
+if TYPE_CHECKING:
+    from nvsim.scene_import.cleaning import Reason
 
 _NO_MAP = (
     "There is no occupancy map to compare with: select one with Map…, or compute one from the capture in a terminal."
@@ -162,6 +168,36 @@ def _part(graph: NavGraph, ids: tuple[str, ...]) -> NavGraph:
 
 EVIDENCE = ChildProgram(_measure, "evidence", "The viewpoints cannot be measured")
 """EvidenceTask -> Measured"""
+
+
+@dataclass(frozen=True, eq=False)
+class RemovableGaussians:
+    """The Gaussians of a project from splat files, see `nvsim.project.cleaning`.
+
+    means       (N, 3) float32 meters, world
+    rows        submap -> (n,) rows of its Gaussians
+    removed     (N,) bool, removed now
+    candidates  reason -> (N,) bool, Gaussians that should be removed for it
+    """
+
+    means: NDArray[np.float32]
+    rows: dict[int, NDArray[np.int64]]
+    removed: NDArray[np.bool_]
+    candidates: dict[Reason, NDArray[np.bool_]]
+
+
+def _find_removable(requests: Requests, path: Path) -> RemovableGaussians:
+    from nvsim.project.cleaning import read_whole_splat, removal_candidates
+    from nvsim.project.project import Project
+
+    with Project.open(path) as project:
+        whole = read_whole_splat(project)
+        candidates = removal_candidates(project, whole)
+    return RemovableGaussians(whole.model.gaussians.means, whole.rows, whole.removed, candidates)
+
+
+CLEANING = ChildProgram(_find_removable, "cleaning", "The Gaussians to remove cannot be found")
+"""Path of a project -> RemovableGaussians"""
 
 
 Found = dict[str, Any]

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from PySide6.QtCore import QPointF
 from PySide6.QtWidgets import QWidget
 
+from nvsim.geometry.camera import Camera
 from nvsim_app.painting.picking import NEAR, nearest_point, nearest_segment, projected_segments, within_polygon
 from nvsim_app.state.document import Document
 from nvsim_app.state.free_floor import floor_height, trajectory_on_floor
@@ -147,6 +148,11 @@ class SceneSurface(GraphSurface):
     @property
     def widget(self) -> QWidget:
         return self._view
+
+    @property
+    def camera(self) -> Camera:
+        """The camera of the displayed image, in pixels of the view."""
+        return self._view.overlay_camera
 
     def project(self, points: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Pixels (N, 2) and depths (N,) in meters of world points (N, 3) in meters."""

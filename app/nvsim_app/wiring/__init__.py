@@ -9,6 +9,7 @@ from nvsim_app.wiring.appearance import FocusPart, LookPart, PalettePart, Prefer
 from nvsim_app.wiring.camera import CameraPart, ViewPart
 from nvsim_app.wiring.camera_path import CameraPathPart
 from nvsim_app.wiring.checking import CheckPart, ComparePart
+from nvsim_app.wiring.cleaning import CleanPart
 from nvsim_app.wiring.display import ColoringPart, StoreyPart
 from nvsim_app.wiring.editing import AutosavePart, EditPart, FeedbackPart
 from nvsim_app.wiring.exporting import ExportPart
@@ -50,6 +51,7 @@ PARTS: tuple[type[Part], ...] = (
     LogPart,
     CalibratePart,
     ModePart,
+    CleanPart,
     ReimportPart,
     EditPart,
     ContextPart,

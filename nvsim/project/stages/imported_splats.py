@@ -22,6 +22,9 @@ from nvsim.project.work import StageName, missing_result_error
 from nvsim.submaps.split import Submap
 
 if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
+
     from nvsim.scene_import.levels import Level
     from nvsim.splats.types import Gaussians
 
@@ -46,9 +49,9 @@ def run(project: Project, source: Path, config: CaptureConfig, listen: Listener 
     from nvsim.capture.store import save_capture
     from nvsim.scene_import.parts import divide
     from nvsim.scene_import.scene import align_scene
-    from nvsim.splats.files import save_model
+    from nvsim.splats.files import save_model, store_removed
     from nvsim.splats.formats.choice import read_splats, source_up_axis
-    from nvsim.splats.types import SubmapModel
+    from nvsim.splats.types import SubmapModel, select_gaussians
 
     started, source = time.monotonic(), source.expanduser().absolute()
     _refuse_options(config)
@@ -72,8 +75,7 @@ def run(project: Project, source: Path, config: CaptureConfig, listen: Listener 
     for doubt in scene.doubts:
         listen(Warning(doubt, STAGE))
     gaussians, levels = scene.gaussians, scene.storeys.levels
-    if config.clean:
-        gaussians = _clean_gaussians(gaussians, levels, height, listen)
+    removed = _found_for_removal(gaussians, levels, height, listen) if config.clean else None
     listen(Progress(STAGE, 2, 3, "models"))
     parts, places = divide(gaussians, scene.surface, scene.storeys, height)
     submaps = tuple(Submap(i, part.rows, part.rows, places[list(part.rows)]) for i, part in enumerate(parts))
@@ -85,8 +87,13 @@ def run(project: Project, source: Path, config: CaptureConfig, listen: Listener 
     folder = project.making(project.stage_results().made_at(STAGE)).layout.imported
     antialiased = False if splats.antialiased is None else splats.antialiased
     for index, part in enumerate(parts):
-        model = SubmapModel(part.gaussians, None, None, part.surface, antialiased, {"source": source.name})
-        save_model(model, folder / model_name(index))
+        own = select_gaussians(gaussians, part.members)
+        save_model(
+            SubmapModel(own, None, None, part.surface, antialiased, {"source": source.name}),
+            folder / model_name(index),
+        )
+        if removed is not None:
+            store_removed(folder / model_name(index), removed[part.members])
     save_capture(capture, folder)
     project.set_submaps(submaps)  # before the import is finished, so that a killed import is repeated
     heights = [round(level.height, 4) for level in levels]
@@ -131,15 +138,17 @@ def _fingerprint(source: Path) -> tuple[int, ...]:
     return tuple(found)
 
 
-def _clean_gaussians(gaussians: Gaussians, levels: tuple[Level, ...], height: float, listen: Listener) -> Gaussians:
-    """The Gaussians without floaters, fog, and those outside the building."""
-    from nvsim.scene_import.cleaning import far_from_floor, floaters
-    from nvsim.scene_import.parts import select_gaussians
+def _found_for_removal(
+    gaussians: Gaussians, levels: tuple[Level, ...], height: float, listen: Listener
+) -> NDArray[np.bool_]:
+    """(N,) bool, the floaters, the fog, and the Gaussians outside the building."""
+    from nvsim.scene_import.cleaning import find_candidates
 
-    loose, far = floaters(gaussians, levels, height), far_from_floor(gaussians, levels)
+    found = find_candidates(gaussians, levels, height)
+    removed = found["floater"] | found["outside"]
     text = (
-        f"{int((loose | far).sum())} of {len(gaussians)} Gaussians are removed: {int((loose & ~far).sum())} floaters "
-        f"that views see through, and {int(far.sum())} outside the building."
+        f"{int(removed.sum())} of {len(gaussians)} Gaussians are removed: {int(found['floater'].sum())} floaters that "
+        f"views see through, and {int(found['outside'].sum())} outside the building. `nvsim splat clean` restores them."
     )
     listen(Log(text, STAGE))
-    return select_gaussians(gaussians, ~(loose | far))
+    return removed

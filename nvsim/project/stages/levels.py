@@ -12,6 +12,7 @@ from nvsim.events import Done, Listener, Log, Progress, ignore_event
 from nvsim.files.atomic import make_folder
 from nvsim.files.stored_arrays import write_arrays
 from nvsim.project import ledger
+from nvsim.project.cleaning import removal_key
 from nvsim.project.earlier_results import report_replaced_result
 from nvsim.project.project import Project
 from nvsim.project.stages.imported import capture_key
@@ -33,7 +34,7 @@ def run(project: Project, listen: Listener = ignore_event) -> None:
     from nvsim.project.floor_heights import floor_of
     from nvsim.scene_import.levels import ceiling_distances, known_floor
 
-    key = ledger.key_of(STAGE, capture_key(project), _VERSION)
+    key = ledger.key_of(STAGE, capture_key(project), _VERSION, *removal_key(project))
     if ledger.is_current(project, STAGE, key):
         listen(Log("The floor is up to date.", STAGE))
         return
