@@ -9,6 +9,8 @@ venv="${VENV:-$root/.venv}"
 [ -n "${INSTALLED:-}" ] || "$root/packaging/install.sh" "$venv" -e "$root[test]"
 cd "$root"
 export OMP_WAIT_POLICY=PASSIVE
+# The threads of OpenBLAS wait actively. In several processes they would take the cores from each other.
+export OPENBLAS_NUM_THREADS=1
 # Many tests start processes, each of which would compile every module again.
 unset PYTHONDONTWRITEBYTECODE
 # Compiles the kernels of all stages. Otherwise several processes would compile the same ones at the start.

@@ -12,12 +12,17 @@ def matrix_from_quaternion(quaternion: ArrayLike) -> NDArray[np.float64]:
     """(..., 4) w x y z, any positive length -> (..., 3, 3) rotation matrices."""
     q = np.asarray(quaternion, dtype=np.float64)
     w, x, y, z = np.moveaxis(q / np.linalg.norm(q, axis=-1, keepdims=True), -1, 0)
-    rows = [
-        [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
-        [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
-        [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
-    ]
-    return np.stack([np.stack(row, axis=-1) for row in rows], axis=-2)
+    rotation = np.empty((*w.shape, 3, 3))
+    rotation[..., 0, 0] = 1 - 2 * (y * y + z * z)
+    rotation[..., 0, 1] = 2 * (x * y - w * z)
+    rotation[..., 0, 2] = 2 * (x * z + w * y)
+    rotation[..., 1, 0] = 2 * (x * y + w * z)
+    rotation[..., 1, 1] = 1 - 2 * (x * x + z * z)
+    rotation[..., 1, 2] = 2 * (y * z - w * x)
+    rotation[..., 2, 0] = 2 * (x * z - w * y)
+    rotation[..., 2, 1] = 2 * (y * z + w * x)
+    rotation[..., 2, 2] = 1 - 2 * (x * x + y * y)
+    return rotation
 
 
 def rotation_angle(rotation: NDArray[np.floating]) -> float:

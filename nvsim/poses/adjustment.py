@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from nvsim.geometry.camera import Camera
+from nvsim.poses.threads import one_thread_of_blas
 from nvsim.poses.tracks import Tracks
 
 Float = NDArray[np.float64]
@@ -47,7 +48,8 @@ def adjust(cameras: Sequence[Camera], tracks: Tracks) -> AdjustedPoses:
     if not len(tracks.point):
         raise ValueError("there is no track")
     work = _AdjustmentState(cameras, tracks)
-    errors = [work.run_round(_ASTRAY[0 if number < 2 else 1]) for number in range(_ROUNDS) if not work.is_done]
+    with one_thread_of_blas():
+        errors = [work.run_round(_ASTRAY[0 if number < 2 else 1]) for number in range(_ROUNDS) if not work.is_done]
     _, _, _, counts = work.errors(_ASTRAY[1])
     features = np.bincount(tracks.frame[counts], minlength=len(cameras))
     return AdjustedPoses(work.poses, errors[0], work.error(_ASTRAY[1]), features)

@@ -14,6 +14,7 @@ _CONE = np.cos(np.radians(15.0))  # normals that belong to a candidate
 _CANDIDATES, _PLANES = 6, 6
 _APART = np.cos(np.radians(30.0))  # between candidates
 _DIRECTIONS = 1500
+_CHUNK = 128  # normals that are compared with all directions at once: few enough for the cache of the processor
 _GIVEN = np.cos(np.radians(20.0))  # largest angle between a given axis and the up direction
 _SNAP = 0.5  # degrees from an axis of the file within which the axis is used
 _BAND = (0.1, 0.45)  # of the height of a storey: tables, beds and seats are there, rarely anything below a ceiling
@@ -159,7 +160,9 @@ def _candidates(normals: NDArray[np.float64]) -> list[NDArray[np.float64]]:
     ring = np.sqrt(1 - z * z)
     directions = np.stack([ring * np.cos(turn), ring * np.sin(turn), z], axis=1)
     sample = normals[:: max(1, len(normals) // 20_000)]
-    counts = (np.abs(sample @ directions.T) > _CONE).sum(axis=0)
+    counts = np.zeros(_DIRECTIONS, np.int64)
+    for first in range(0, len(sample), _CHUNK):
+        counts += (np.abs(sample[first : first + _CHUNK] @ directions.T) > _CONE).sum(axis=0)
     found: list[NDArray[np.float64]] = []
     for index in np.argsort(-counts, kind="stable"):
         if all(abs(directions[index] @ other) < _APART for other in found):

@@ -85,6 +85,7 @@ def test_what_nobody_wants_any_more_ends_at_once(project: Path) -> None:
 def test_the_page_shows_a_row_and_curves_for_every_threshold_that_decides(part: CalibratePart, qtbot: QtBot) -> None:
     part.show_panel()
     assert part.calibrations.busy and "every value" in part.panel.status.text()
+    assert part.panel.plot is None, "plots take long to make"
     done(part, qtbot)
     found, panel = part.calibrations.last_result, part.panel
     assert found is not None and panel.model.rowCount() == len(found.sweeps) > 3

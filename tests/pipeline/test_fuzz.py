@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 BENCHMARKS = Path(__file__).parents[1] / "benchmarks"
-INPUTS = 1200
+INPUTS = 600
 
 
 @pytest.mark.timeout(600)

@@ -30,7 +30,8 @@ FUNCTIONS = """
 nvsim() {
     case "$1 ${2:-}" in
         demo*) "$PYTHON" -m nvsim "$@" $TRAINING ;;
-        run*) "$PYTHON" -m nvsim "$@" --train.steps 150 --map.max-viewpoints 4 ;;
+        run*) "$PYTHON" -m nvsim "$@" --train.steps 100 --map.max-viewpoints 4 ;;
+        map*) "$PYTHON" -m nvsim "$@" --max-viewpoints 13 ;;
         "export scan") "$PYTHON" -m nvsim "$@" --size 64 ;;
         "r2r train") "$PYTHON" -m nvsim "$@" --iterations 20 --evaluate-every 10 ;;
         app*) "$PYTHON" $WINDOW "$2" ;;
@@ -181,7 +182,7 @@ def test_a_video_and_images_with_poses_become_projects(folder: Path) -> None:
     import cv2
 
     video = cv2.VideoWriter(str(folder / "walk.mp4"), cv2.VideoWriter.fourcc(*"mp4v"), 10, (room.WIDTH, room.HEIGHT))
-    for pose in room.walk(120):
+    for pose in room.walk(60):
         video.write(room.render(pose))
     video.release()
     run("own-capture", folder)

@@ -21,6 +21,7 @@ from nvsim.capture.types import Alignment
 from nvsim.errors import InputError
 from nvsim.geometry.camera import Camera, Intrinsics, camera_pose
 from nvsim.training.synthetic import EYE_HEIGHT, photograph
+from nvsim.training.views import TrainingView
 
 
 def angle(a: np.ndarray, b: np.ndarray) -> float:
@@ -181,38 +182,49 @@ def test_the_two_frames_are_inverse_to_each_other() -> None:
     np.testing.assert_allclose(to_aligned_frame(points[0, 0], alignment), 2.5 * alignment.rotation @ points[0, 0])
 
 
-def write_images_alone(folder: Path, rotation: np.ndarray, unit: float) -> Path:
-    """A room as photographs and poses in `unit` per meter, turned, with nothing that claims meters."""
-    k = Intrinsics.from_fov(480, 360, np.radians(80))
-    frames = []
+LENS = Intrinsics.from_fov(480, 360, np.radians(80))
+
+
+@pytest.fixture(scope="module")
+def photographs() -> list[TrainingView]:
+    """A room, photographed by a person who walks along it."""
+    views = []
     for i in range(40):
         place = np.array([1.2 + 0.09 * i, 1.5 + 0.8 * (i % 2), EYE_HEIGHT])
-        view = photograph(
-            f"{i:04d}", Camera(k.scaled(960, 720), camera_pose(place, 0.8 * (i % 4), -0.45))
-        ).at_half_size()
+        camera = Camera(LENS.scaled(960, 720), camera_pose(place, 0.8 * (i % 4), -0.45))
+        views.append(photograph(f"{i:04d}", camera).at_half_size())
+    return views
+
+
+def write_images_alone(folder: Path, views: list[TrainingView], rotation: np.ndarray, unit: float) -> Path:
+    """A capture of photographs and their poses in `unit` per meter, turned, with nothing that claims meters."""
+    frames = []
+    for view in views:
         cv2.imwrite(str(folder / f"{view.name}.png"), view.image[..., ::-1])
         pose = np.eye(4)
         pose[:3, :3] = rotation @ view.camera.rotation @ np.diag([1.0, -1, -1])  # OpenGL's axes
         pose[:3, 3] = unit * rotation @ view.camera.position
         frames.append({"file_path": f"{view.name}.png", "transform_matrix": pose.tolist()})
-    lens = {"fl_x": k.fx, "fl_y": k.fy, "cx": k.cx, "cy": k.cy, "w": k.width, "h": k.height, "camera_model": "OPENCV"}
+    lens = {"fl_x": LENS.fx, "fl_y": LENS.fy, "cx": LENS.cx, "cy": LENS.cy, "w": LENS.width, "h": LENS.height}
     path = folder / "transforms.json"
-    path.write_text(json.dumps({**lens, "applied_scale": 0.5, "frames": frames}))
+    path.write_text(json.dumps({**lens, "camera_model": "OPENCV", "applied_scale": 0.5, "frames": frames}))
     return path
 
 
 @pytest.mark.parametrize("unit", [0.2, 30.0])
-def test_images_alone_show_the_floor_that_a_camera_height_is_measured_from(tmp_path: Path, unit: float) -> None:
+def test_images_alone_show_the_floor_that_a_camera_height_is_measured_from(
+    photographs: list[TrainingView], tmp_path: Path, unit: float
+) -> None:
     rotation = Rotation.from_euler("xy", [20, -9], degrees=True).as_matrix()
-    path = write_images_alone(tmp_path, rotation, unit)
+    path = write_images_alone(tmp_path, photographs, rotation, unit)
     assert not read(path).alignment.scale_known
     alignment = read(path, camera_height=EYE_HEIGHT).alignment
     assert alignment.scale_known and alignment.scale == pytest.approx(1 / unit, rel=0.05)
     assert angle(alignment.rotation @ rotation @ [0, 0, 1], np.array([0, 0, 1.0])) < 1
 
 
-def test_a_capture_whose_images_cannot_be_read_shows_no_points(tmp_path: Path) -> None:
-    raw = read_raw(write_images_alone(tmp_path, np.eye(3), 1.0), Findings())
+def test_a_capture_whose_images_cannot_be_read_shows_no_points(photographs: list[TrainingView], tmp_path: Path) -> None:
+    raw = read_raw(write_images_alone(tmp_path, photographs, np.eye(3), 1.0), Findings())
     assert len(image_points(raw.frames)) > 100 and not len(image_points(raw.frames[:1])) and not len(image_points([]))
     for image in tmp_path.glob("*.png"):
         image.write_bytes(b"nothing")

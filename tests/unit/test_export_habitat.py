@@ -49,7 +49,7 @@ def made(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, list[Block], N
     folder = tmp_path_factory.mktemp("habitat")
     blocks, graph = flat_house()
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(boxed_scan, "SIDE", 192)
+        patch.setattr(boxed_scan, "SIDE", 128)
         scans = export_blocks(folder / "scans", blocks, graph)
     assert main(["export", "habitat", str(scans), "--out", str(folder / "scenes"), "--json"]) == 0
     return folder / "scenes", blocks, graph

@@ -25,11 +25,16 @@ def world() -> OccupancyMap:
     return fill(occupancy, 7.5, 3.0, 8.3, 3.9, OCCUPIED)
 
 
-def roi(columns: Columns, position: NDArray[np.float64], heading: float) -> tuple[float, float]:
-    """Mean alpha and mean upward normal over the floor from 0.05 m ahead to the robot's radius beyond the step, as wide
-    as the robot, in cells of 0.05 x 0.1 m, out of the spherical view of 512 x 256 pixels."""
+def panorama(columns: Columns, position: NDArray[np.float64]) -> NDArray[np.floating]:
+    """(256, 512) alpha of the spherical view."""
     _, view = columns.panorama(Sphere(position, 512, 256), np.ones((256, 512), bool))
     assert view.alpha is not None
+    return view.alpha
+
+
+def roi(panorama: NDArray[np.floating], position: NDArray[np.float64], heading: float) -> tuple[float, float]:
+    """Mean alpha and mean upward normal over the floor from 0.05 m ahead to the robot's radius beyond the step, as wide
+    as the robot, in cells of 0.05 x 0.1 m, out of the spherical view (256, 512) of alpha."""
     forward = np.array([np.sin(heading), np.cos(heading)])
     right = np.array([forward[1], -forward[0]])
     values = []
@@ -42,8 +47,8 @@ def roi(columns: Columns, position: NDArray[np.float64], heading: float) -> tupl
             v = min(128 + 256 * down / np.pi - 0.5, 255)
             u0, v0 = int(u), int(v)
             u1, v1, fu, fv = (u0 + 1) % 512, min(v0 + 1, 255), u - u0, v - v0
-            top = view.alpha[v0, u0] * (1 - fu) + view.alpha[v0, u1] * fu
-            bottom = view.alpha[v1, u0] * (1 - fu) + view.alpha[v1, u1] * fu
+            top = panorama[v0, u0] * (1 - fu) + panorama[v0, u1] * fu
+            bottom = panorama[v1, u0] * (1 - fu) + panorama[v1, u1] * fu
             values.append(round(float(top * (1 - fv) + bottom * fv) * 255) / 255)
     alpha = float(np.mean(values))
     return alpha, 1 - alpha  # the columns have no normals: what passes them meets the floor
@@ -57,9 +62,11 @@ def algorithm_1(
     v, edges, q = [start[:2]], set(), deque([0])
     while q:
         current = q.popleft()
+        position = np.array([*v[current], height])
+        view = panorama(columns, position)
         for d in range(8):
             heading = np.radians(45 * d)
-            alpha, normal = roi(columns, np.array([*v[current], height]), heading)
+            alpha, normal = roi(view, position, heading)
             if alpha < TAU_ALPHA and normal > TAU_NORMAL:
                 new = v[current] + TAU_DIST * np.array([np.sin(heading), np.cos(heading)])
                 apart = [float(np.hypot(*(place - new))) for place in v]

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
+from threadpoolctl import threadpool_info, threadpool_limits
 
 from nvsim.geometry.camera import Camera, Intrinsics, camera_pose
 from nvsim.poses.adjustment import _AdjustmentState, adjust
@@ -67,6 +68,19 @@ def test_what_a_hand_shakes_is_taken_back_although_matches_are_wrong(wrong: floa
     assert found.before > 1.5 and found.after < 0.35
     turned = found.poses[:, :3, :3]
     np.testing.assert_allclose(turned @ turned.transpose(0, 2, 1), np.tile(np.eye(3), (len(cameras), 1, 1)), atol=1e-9)
+
+
+def test_the_products_of_an_adjustment_use_one_thread(monkeypatch: pytest.MonkeyPatch) -> None:
+    run_round, threads = _AdjustmentState.run_round, set[int]()
+
+    def counted(state: _AdjustmentState, astray: float) -> float:
+        threads.update(library["num_threads"] for library in threadpool_info() if library["user_api"] == "blas")
+        return run_round(state, astray)
+
+    monkeypatch.setattr(_AdjustmentState, "run_round", counted)
+    with threadpool_limits(2, "blas"):
+        adjust(shaken(walk(4)), seen(walk(4)))
+    assert threads == {1}
 
 
 def test_the_capture_as_a_whole_stays_where_it_was() -> None:

@@ -183,7 +183,7 @@ def test_no_phrase_has_two_meanings() -> None:
 def test_a_follower_finds_nine_paths_of_ten_again(register: Register) -> None:
     graphs = [house("one", 8), house("two", 8, seed=2), random_graph("steep", 80, 3, reach=3.5)]
     for graph in graphs:
-        found = told(graph, register=register)
+        found = told(graph, count=150, register=register)
         assert found.paths > 100 and len(found.found) >= 0.9 * found.paths
 
 

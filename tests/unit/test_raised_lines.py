@@ -16,7 +16,7 @@ from nvsim.perception.support import observe
 
 LENS = Intrinsics.from_fov(480, 360, np.radians(80))
 FLOOR = 0.3  # meters, world
-_FINER = 4
+_FINER = 4  # samples of a pixel along each side
 
 
 def cameras() -> list[Camera]:
@@ -30,22 +30,26 @@ def cameras() -> list[Camera]:
 
 def drawn(camera: Camera, bar: float | None, planks: float | None) -> NDArray[np.uint8]:
     """A gray floor with planks along x so many meters wide, and a dark bar along x over y = 0 at a height in meters."""
-    big = camera.scaled(LENS.width * _FINER, LENS.height * _FINER)
-    rays = big.rays()
-    down = np.minimum(rays[..., 2], -1e-3)
+    lens = LENS.scaled(LENS.width * _FINER, LENS.height * _FINER)
+    right = ((np.arange(lens.width) + 0.5 - lens.cx) / lens.fx).astype(np.float32)
+    down = ((np.arange(lens.height) + 0.5 - lens.cy) / lens.fy).astype(np.float32)[:, None]
+    # Rays with a depth of 1, one component after the other: arrays of all three take most of the time of the test.
+    ahead, aside, up = (a * right + b * down + c for a, b, c in camera.rotation.astype(np.float32))
+    falling = np.minimum(up, -1e-3)
 
-    def at(height: float) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    def at(height: float) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
         """x and y at which the rays reach a height above the floor."""
-        reach = (FLOOR + height - camera.position[2]) / down
-        return camera.position[0] + reach * rays[..., 0], camera.position[1] + reach * rays[..., 1]
+        reach = np.float32(FLOOR + height - camera.position[2]) / falling
+        x, y = camera.position[:2].astype(np.float32)
+        return x + reach * ahead, y + reach * aside
 
-    image = np.full(rays.shape[:2], 150.0, np.float32)
+    image = np.full(up.shape, 150.0, np.float32)
     if planks is not None:
         image[(np.floor(at(0.0)[1] / planks) % 2).astype(bool)] += 25
     if bar is not None:
         x, y = at(bar)
         image[(np.abs(y) < 0.025) & (np.abs(x) < 0.7)] = 40
-    image[rays[..., 2] > -0.05] = 200
+    image[up > -0.05] = 200
     small = cv2.resize(image, (LENS.width, LENS.height), interpolation=cv2.INTER_AREA)
     return np.repeat(small[..., None], 3, axis=2).round().astype(np.uint8)
 

@@ -85,10 +85,7 @@ class ResultPanel(QWidget):
         self.view = quiet_table(self.model, self, "Figures")
         self.view.doubleClicked.connect(self._on_double_clicked)
         QShortcut(QKeySequence.StandardKey.Copy, self.view, self._copy, context=Qt.ShortcutContext.WidgetShortcut)
-        self.plot = Plot("Plot of the figures", self)
-        self.plot.setMouseEnabled(x=True, y=True)
-        self.plot.showGrid(y=True, alpha=0.15)
-        self.plot.setMinimumWidth(160)
+        self.plot: Plot | None = None  # until a table has a column to plot, so that the window opens sooner
         self.empty = Label("Results appear here. Jobs > Evaluate computes them.", self, quiet=True)
         self.empty.setContentsMargins(8, 8, 8, 8)
         bar = hbox(self.tables, self.copy, self.save, STRETCH, margins=4, spacing=4)
@@ -96,7 +93,7 @@ class ResultPanel(QWidget):
         vbox(bar, (self.view, 1), on=middle, margins=0, spacing=0)
         above = hbox(self.columns, self.save_plot, STRETCH, margins=4, spacing=4)
         self._right = right = QWidget(self)
-        vbox(above, (self.plot, 1), on=right, margins=0, spacing=0)
+        self._plotted = vbox(above, on=right, margins=0, spacing=0)
         self.splitter = QSplitter(Qt.Orientation.Horizontal, self)
         for widget, stretch in ((self.list, 1), (middle, 3), (right, 2)):
             self.splitter.addWidget(widget)
@@ -160,8 +157,15 @@ class ResultPanel(QWidget):
             mode = QHeaderView.ResizeMode.Stretch if names else QHeaderView.ResizeMode.ResizeToContents
             header.setSectionResizeMode(place, mode)
 
+    def _add_plot(self) -> Plot:
+        plot = Plot("Plot of the figures", self._right)
+        plot.setMouseEnabled(x=True, y=True)
+        plot.showGrid(y=True, alpha=0.15)
+        plot.setMinimumWidth(160)
+        self._plotted.addWidget(plot, 1)
+        return plot
+
     def _draw(self) -> None:
-        self.plot.clear()
         plotted, chosen = self.model.table.columns_to_plot, self.columns.currentIndex()
         shown = 0 <= chosen < len(plotted)
         for widget in (self.columns, self.save_plot):
@@ -169,25 +173,27 @@ class ResultPanel(QWidget):
         self._right.setVisible(shown)  # otherwise the table has the space
         if not shown:
             return
+        plot = self.plot = self.plot or self._add_plot()
+        plot.clear()
         values = np.array(self.model.table.numbers(plotted[chosen]))
         known = np.flatnonzero(np.isfinite(values))
         names = [str(row[0]) for row in self.model.table.rows]
         few = len(values) <= _FEW
         if few:  # horizontal bars leave room for their names
             bars = pyqtgraph.BarGraphItem(x0=0.0, width=values[known], y=known, height=0.7, brush=colors.NODE, pen=None)
-            self.plot.addItem(bars)
+            plot.addItem(bars)
         elif len(values) <= 60:
             bars = pyqtgraph.BarGraphItem(x=known, height=values[known], width=0.7, brush=colors.NODE, pen=None)
-            self.plot.addItem(bars)
+            plot.addItem(bars)
         else:
-            self.plot.plot(known, values[known], pen=pyqtgraph.mkPen(colors.NODE, width=1.5))
-        self.plot.getPlotItem().invertY(few)  # in the order of the table
+            plot.plot(known, values[known], pen=pyqtgraph.mkPen(colors.NODE, width=1.5))
+        plot.getPlotItem().invertY(few)  # in the order of the table
         step = 1 if few else max(1, len(names) // 8)
         ticks = [[(i, plain(names[i], 22)) for i in range(0, len(names), step)]]
-        self.plot.getAxis("left").setTicks(ticks if few else None)
-        self.plot.getAxis("bottom").setTicks(None if few else ticks)
-        self.plot.show_title(self.columns.currentText())
-        self.plot.autoRange()
+        plot.getAxis("left").setTicks(ticks if few else None)
+        plot.getAxis("bottom").setTicks(None if few else ticks)
+        plot.show_title(self.columns.currentText())
+        plot.autoRange()
 
     # Export -----------------------------------------------------------------------------------------------------
 
@@ -205,7 +211,7 @@ class ResultPanel(QWidget):
 
     def _choose_plot(self) -> None:
         name, _ = QFileDialog.getSaveFileName(self, "Save plot", f"{self.columns.currentText()}.png", "PNG (*.png)")
-        if name:
+        if name and self.plot is not None:
             try:
                 save_image(self.plot.grab(), Path(name))
                 self._notices.info(f"Saved {name}.", about="save")

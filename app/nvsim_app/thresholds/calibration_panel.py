@@ -160,7 +160,7 @@ class CalibrationPanel(QWidget):
         self.list = table(self.model, self, "Thresholds")
         self.list.selectionModel().currentRowChanged.connect(self._show_chosen)
         self.take = push_button("", self, self.apply_suggestion)
-        self.plot = CalibrationPlot(self)
+        self.plot: CalibrationPlot | None = None  # until there is a result, so that the window opens sooner
         self._lay_out()
         calibrations.changed.connect(self.refresh)
         trial.changed.connect(self._on_trial)
@@ -172,12 +172,16 @@ class CalibrationPanel(QWidget):
         about = hbox((self.status, 1), self.frame)
         chosen = hbox((self.words, 1), (self.take, 0, Qt.AlignmentFlag.AlignTop))
         vbox(controls, about, (self.list, 1), chosen, on=left, margins=(8, 4, 8, 4), spacing=4)
-        split = QSplitter(Qt.Orientation.Horizontal, self)
-        split.addWidget(left)
-        split.addWidget(self.plot)
-        split.setSizes([480, 500])
-        split.setStretchFactor(1, 1)
-        vbox(split, on=self, margins=0)
+        self._split = QSplitter(Qt.Orientation.Horizontal, self)
+        self._split.addWidget(left)
+        vbox(self._split, on=self, margins=0)
+
+    def _add_plot(self) -> CalibrationPlot:
+        plot = CalibrationPlot(self)
+        self._split.addWidget(plot)
+        self._split.setSizes([480, 500])
+        self._split.setStretchFactor(1, 1)
+        return plot
 
     def _controls(self, parent: QWidget) -> QHBoxLayout:
         self.judge = named(QComboBox(parent), "Definition of a free corridor")
@@ -262,7 +266,10 @@ class CalibrationPanel(QWidget):
         fields = [] if found is None else list(found.sweeps)
         self.model.show(fields)
         self.list.setCurrentIndex(self.model.index(fields.index(chosen) if chosen in fields else 0, 0))
-        self.plot.setVisible(found is not None)
+        if found is not None and self.plot is None:
+            self.plot = self._add_plot()
+        if self.plot is not None:
+            self.plot.setVisible(found is not None)
         self._show_chosen()
 
     def _on_trial(self) -> None:
@@ -279,7 +286,7 @@ class CalibrationPanel(QWidget):
             if obstacle is None
             else tooltip_text(f"{obstacle}")
         )
-        if found is None or not field:
+        if found is None or self.plot is None or not field:
             self.words.setText("")
             self.take.setText("Use suggestion")
             return
