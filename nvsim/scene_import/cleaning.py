@@ -2,16 +2,17 @@
 
 from __future__ import annotations
 
-from typing import Literal, get_args
+from typing import TYPE_CHECKING, Literal, get_args
 
 import numpy as np
 from numpy.typing import NDArray
 
 from nvsim.geometry.camera import Camera, Intrinsics, camera_pose
 from nvsim.geometry.floor_surface import FloorSurface
-from nvsim.render.scene import render_regions
-from nvsim.scene_import.levels import Level
 from nvsim.splats.types import Gaussians, SubmapModel, select_gaussians
+
+if TYPE_CHECKING:
+    from nvsim.scene_import.levels import Level
 
 _VIEWS, _SIDE = 24, 160  # positions of cameras per storey; pixels per side of their square views
 _NEAREST, _FARTHEST = 0.3, 4.0  # meters from a camera to Gaussians that it judges
@@ -52,6 +53,8 @@ def floaters(gaussians: Gaussians, levels: tuple[Level, ...], height: float) -> 
 def _seen_through(gaussians: Gaussians, levels: tuple[Level, ...], height: float) -> NDArray[np.bool_]:
     """(N,) bool, the result of one round of `floaters`."""
     from scipy.ndimage import minimum_filter
+
+    from nvsim.render.scene import render_regions  # imports numba, which takes long
 
     model = SubmapModel(gaussians, None, None, FloorSurface.flat(0.0))
     intrinsics = Intrinsics.from_fov(_SIDE, _SIDE, np.pi / 2)
