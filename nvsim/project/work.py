@@ -176,7 +176,7 @@ STAGE: dict[StageName, StageTexts] = {
     "depth": StageTexts("depth", "no depth is estimated yet", "depth was estimated", "", "depth"),
     "floors": StageTexts(
         "floor masks",
-        "the floor is not found in the frames yet",
+        "the floor is not found yet",
         "the floor was found",
         "The floor belongs to a previous cut into submaps.",
         "floors",

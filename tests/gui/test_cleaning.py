@@ -209,7 +209,16 @@ def test_a_splat_is_cleaned_with_the_mouse(qtbot: QtBot, session: Session, proje
         scene = again.scene()
         assert scene is not None and len(scene.model(0).gaussians) == (~expected).sum()
     assert window.scene.feed.source is not None and not isinstance(window.scene.feed.source, WholeSplatSource)
-    assert any("Build the map" in text for text in session.window.notice_area.texts)
+    texts = session.window.notice_area.texts
+    assert any("Gaussians are removed." in text for text in texts) and not any("again" in text for text in texts)
+
+
+def test_a_graph_that_does_not_fit_the_cleaned_splat_is_named(window: MainWindow, document: Document) -> None:
+    assert "map" in document.contents.stages
+    window.part(CleanPart)._on_written(2)
+    assert "2 Gaussians are removed. Run" in window.notice_area.texts[-1] and "Build the map" in str(
+        window.notice_area.texts
+    )
 
 
 def test_escape_leaves_without_changes_and_the_removal_can_be_undone(

@@ -128,11 +128,12 @@ class CleanPart(Part):
         )
 
     def _on_written(self, count: int) -> None:
-        self.context.notices.info(
-            f"{count:,} Gaussians are removed. Run “{WORK['floors'].title}” and “{WORK['map'].title}” again, so that "
-            "the graph fits the cleaned splat.",
-            about="clean",
+        again = (
+            f" Run “{WORK['floors'].title}” and “{WORK['map'].title}” again, so that the graph fits the cleaned splat."
+            if "map" in self.context.document.contents.stages
+            else ""
         )
+        self.context.notices.info(f"{count:,} Gaussians are removed.{again}", about="clean")
         self.leave()
 
     def _on_failed(self, sentence: str) -> None:
