@@ -106,7 +106,7 @@ def _lines_of_image(raw: RawFrame) -> Lines:
         return Lines(np.zeros((0, 3)), np.zeros(0))  # the stage that needs the image reports the error
     ends = long_segments(np.asarray(cv2.cvtColor(image, cv2.COLOR_RGB2GRAY), np.uint8))
     if counted is not None:
-        column, row = ends.mean(axis=1).astype(np.int64).T
+        column, row = np.clip(ends.mean(axis=1).astype(np.int64), 0, [k.width - 1, k.height - 1]).T
         ends = ends[counted[row, column]]
     rays = np.concatenate([(ends + 0.5 - [k.cx, k.cy]) / [k.fx, k.fy], np.ones((*ends.shape[:2], 1))], axis=2)
     normals = np.cross(rays[:, 0], rays[:, 1]) @ raw.camera_to_world[:3, :3].T
