@@ -103,6 +103,19 @@ _SIZE = 640  # pixels
 _THREADS = 2
 
 
+def read_view(raw: RawFrame, longest_side: int) -> tuple[Camera, NDArray[np.uint8], NDArray[np.bool_] | None] | None:
+    """The camera of an image that has a pose and a lens, with at most `longest_side` pixels on its longer side, the
+    undistorted image (H, W, 3) uint8 RGB, and its usable pixels (H, W), None for all. None if it cannot be read: the
+    stage that needs the image reports the error."""
+    assert raw.lens is not None and raw.camera_to_world is not None
+    frame = Frame(raw.name, raw.image_path, raw.lens, raw.camera_to_world, raw.sensor, raw.timestamp, raw.mask)
+    k = frame.intrinsics.limited_to(longest_side)
+    try:
+        return frame.camera.scaled(k.width, k.height), read_image(frame, k), usable_pixels(frame, k)
+    except InputError:
+        return None
+
+
 def image_points(frames: Sequence[RawFrame]) -> NDArray[np.float64]:
     """(N, 3) float64 points in the unit and frame of the source. Images that cannot be read are skipped."""
     usable = [f for f in frames if f.camera_to_world is not None and f.lens is not None]
@@ -111,15 +124,8 @@ def image_points(frames: Sequence[RawFrame]) -> NDArray[np.float64]:
     wanted = sorted({i for pair in pairs for i in pair})
 
     def features(index: int) -> Features | None:
-        raw = usable[index]
-        assert raw.lens is not None and raw.camera_to_world is not None
-        frame = Frame(raw.name, raw.image_path, raw.lens, raw.camera_to_world, raw.sensor, raw.timestamp, raw.mask)
-        intrinsics = frame.intrinsics.limited_to(_SIZE)
-        try:
-            image, counted = read_image(frame, intrinsics), usable_pixels(frame, intrinsics)
-        except InputError:
-            return None  # the stage that needs the image reports the error
-        return Features.of(frame.camera.scaled(intrinsics.width, intrinsics.height), image, counted)
+        view = read_view(usable[index], _SIZE)
+        return None if view is None else Features.of(*view)
 
     with ThreadPoolExecutor(_THREADS) as pool:
         found = dict(zip(wanted, pool.map(features, wanted), strict=True))

@@ -14,11 +14,8 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from nvsim.capture.images import read_image
-from nvsim.capture.masks import usable_pixels
 from nvsim.capture.raw import RawFrame
-from nvsim.capture.types import Frame
-from nvsim.errors import InputError
+from nvsim.capture.triangulation import read_view
 from nvsim.geometry.rotation import level_axes
 
 _SHORTEST = 0.06  # shortest line that is used, over the image width
@@ -97,18 +94,16 @@ def vertical_from_images(frames: Sequence[RawFrame], up: NDArray[np.float64]) ->
 
 
 def _lines_of_image(raw: RawFrame) -> Lines:
-    assert raw.lens is not None and raw.camera_to_world is not None
-    frame = Frame(raw.name, raw.image_path, raw.lens, raw.camera_to_world, raw.sensor, raw.timestamp, raw.mask)
-    k = frame.intrinsics.limited_to(_SIZE)
-    try:
-        image, counted = read_image(frame, k), usable_pixels(frame, k)
-    except InputError:
-        return Lines(np.zeros((0, 3)), np.zeros(0))  # the stage that needs the image reports the error
+    view = read_view(raw, _SIZE)
+    if view is None:
+        return Lines(np.zeros((0, 3)), np.zeros(0))
+    camera, image, counted = view
+    k = camera.intrinsics
     ends = long_segments(np.asarray(cv2.cvtColor(image, cv2.COLOR_RGB2GRAY), np.uint8))
     if counted is not None:
         column, row = np.clip(ends.mean(axis=1).astype(np.int64), 0, [k.width - 1, k.height - 1]).T
         ends = ends[counted[row, column]]
     rays = np.concatenate([(ends + 0.5 - [k.cx, k.cy]) / [k.fx, k.fy], np.ones((*ends.shape[:2], 1))], axis=2)
-    normals = np.cross(rays[:, 0], rays[:, 1]) @ raw.camera_to_world[:3, :3].T
+    normals = np.cross(rays[:, 0], rays[:, 1]) @ camera.rotation.T
     lengths = np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1) / k.width
     return Lines(normals / np.linalg.norm(normals, axis=1, keepdims=True), lengths)
