@@ -49,17 +49,19 @@ def help_pages() -> tuple[Page, ...]:
 
 
 def find(words: str) -> list[Section]:
-    """Sections that contain all words, first those with one of the words in the heading."""
+    """Sections that contain all words. Those that contain them as one phrase are first, then those with one of them in
+    the heading."""
     wanted = words.casefold().split()
     if not wanted:
         return []
     hits = []
     for page in help_pages():
         for section in page.sections:
-            text = f"{section.title} {section.text}".casefold()
+            text = " ".join(f"{section.title} {section.text}".casefold().split())
             if all(word in text for word in wanted):
-                hits.append((not any(word in section.title.casefold() for word in wanted), section))
-    return [section for _, section in sorted(hits, key=lambda hit: hit[0])]
+                in_title = any(word in section.title.casefold() for word in wanted)
+                hits.append((" ".join(wanted) not in text, not in_title, section))
+    return [section for *_, section in sorted(hits, key=lambda hit: hit[:2])]
 
 
 def _page(path: Path) -> Page:
