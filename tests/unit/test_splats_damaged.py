@@ -524,12 +524,6 @@ def test_a_name_that_no_file_has_is_refused(tmp_path: Path, name: str) -> None:
         recognize(tmp_path / name)
 
 
-def test_an_index_of_levels_says_what_it_is_and_what_can_be_opened(tmp_path: Path) -> None:
-    (tmp_path / "lod-meta.json").write_text('{"lodLevels": 3, "filenames": ["0_0/meta.json"], "tree": {}}')
-    with pytest.raises(InputError, match="streamed SOG.*levels of detail.*open the meta.json"):
-        recognize(tmp_path / "lod-meta.json")
-
-
 def test_of_json_files_only_those_of_a_sog_are_taken_for_splats() -> None:
     names = ["meta.json", "lod-meta.json", "house_connectivity.json", "my_meta.json", "a.SPZ", "a.compressed.ply"]
     assert [named_as_splats(Path(n)) for n in names] == [True, True, False, False, True, True]

@@ -97,9 +97,9 @@ class WideKnownFloor:
         along = (y > low[1] - radius) & (y < high[1] + radius)
         return shut[across & along & (np.abs(at_z - z) < _STOREY)]
 
-    def is_wide(self, places: NDArray[np.floating]) -> NDArray[np.bool_]:
-        """Return (N,) bool: whether the robot has room at positions (N, 3)."""
-        return self.clearance(places) >= self.least
+    def is_wide(self, places: NDArray[np.floating], spare: float = 0.0) -> NDArray[np.bool_]:
+        """Return (N,) bool: whether the robot has room at positions (N, 3), with `spare` meters of extra room."""
+        return self.clearance(places) >= self.least + spare
 
 
 class _CameraWindow:
@@ -147,6 +147,7 @@ _THERE = 0.5  # meters: a viewpoint this close is used for a position
 _SHUT = 0.3  # meters around the narrowest position of a corridor that was not free, which are closed
 _ROUNDS = 3
 _SPACING = 0.05  # meters between the examined positions of a leg
+_EXTRA = 0.1  # meters of extra room beside the legs that are tried first
 
 Join = Callable[[list[str]], None]
 IsOpen = Callable[[Viewpoint, Viewpoint], bool]
@@ -219,21 +220,28 @@ class Shortcuts:
         return self._ways.meters(a, b, _detour_limit(meters)) > _detour_limit(meters)
 
     def _shorten(self, a: str, b: str) -> None:
-        """Put viewpoints on the path over known floor, and join them if its legs are free. They are removed again if
-        they hardly shorten the path of the graph."""
+        """Put viewpoints on the path over known floor, and join them if its legs are free: first on legs with extra
+        room, because the corridor of a leg ends where an obstacle begins, then on all wide legs."""
+        any(self._shorten_with_room(a, b, spare) for spare in (_EXTRA, 0.0))
+
+    def _shorten_with_room(self, a: str, b: str, spare: float) -> bool:
+        """Return whether viewpoints on legs with `spare` meters of extra room shorten the path of the graph. Otherwise
+        they are removed again."""
         ends = self._draft.viewpoints[a], self._draft.viewpoints[b]
         was = self._ways.meters(a, b)
-        stops = self._plan_stops(*ends)
+        stops = self._plan_stops(*ends, spare)
         here, new = ends[0], list[str]()
         for place in [*stops, None] if stops else []:
             viewpoint = ends[1] if place is None else self._viewpoint_at(place)
             if viewpoint is None:
-                self._room.close_floor(np.array(place), _SHUT)
+                if not spare:
+                    self._room.close_floor(np.array(place), _SHUT)
                 break
             if viewpoint.id not in self._ways and viewpoint.id not in new:
                 new.append(viewpoint.id)
             if viewpoint.id != here.id and not self._is_open(here, viewpoint):
-                self._close_narrowest(here, viewpoint)
+                if not spare:
+                    self._close_narrowest(here, viewpoint)
                 break
             here = viewpoint
         else:
@@ -241,24 +249,25 @@ class Shortcuts:
                 self._join(new)
             now = self._ways.meters(a, b, was)
             if math.isfinite(now) and now <= was - _GAIN:
-                return
+                return True
         for id in new:
             if id in self._ways:
                 self._ways.remove(id)
             self._draft.remove(id)
+        return False
 
-    def _plan_stops(self, start: Viewpoint, end: Viewpoint) -> list[NDArray[np.float64]]:
-        """Return positions between two cameras that straight, wide legs connect. Empty if there is no such path, if no
-        position is needed, or if too many are."""
+    def _plan_stops(self, start: Viewpoint, end: Viewpoint, spare: float) -> list[NDArray[np.float64]]:
+        """Return positions between two cameras that straight legs with `spare` meters of extra room connect. Empty if
+        there is no such path, if no position is needed, or if too many are."""
         pair, here = (start.id, end.id), np.array(start.position)
         if pair in self._hopeless and not self._room.is_affected_since(self._hopeless[pair], here, _REACH):
             return []
-        found = self._places(here, np.array(end.position))
-        if not found:
+        found = self._places(here, np.array(end.position), spare)
+        if not found and not spare:
             self._hopeless[pair] = self._room.closed_count
         return found
 
-    def _places(self, start: NDArray[np.float64], end: NDArray[np.float64]) -> list[NDArray[np.float64]]:
+    def _places(self, start: NDArray[np.float64], end: NDArray[np.float64], spare: float) -> list[NDArray[np.float64]]:
         way = self._room.find_path(start, end, _REACH)
         if not len(way):
             return []
@@ -266,7 +275,7 @@ class Shortcuts:
         stops: list[NDArray[np.float64]] = []
         at = 0
         while len(stops) <= _BETWEEN:
-            ahead = at + 1 + np.flatnonzero(self._are_legs(way[at], way[at + 1 :]))
+            ahead = at + 1 + np.flatnonzero(self._are_legs(way[at], way[at + 1 :], spare))
             if not len(ahead):
                 return []
             at = int(ahead[-1])
@@ -277,13 +286,14 @@ class Shortcuts:
             stops.append(way[at])
         return []
 
-    def _are_legs(self, start: NDArray[np.float64], ends: NDArray[np.float64]) -> NDArray[np.bool_]:
-        """(N,) bool: whether straight legs lead from a position (3,) to others (N, 3)."""
+    def _are_legs(self, start: NDArray[np.float64], ends: NDArray[np.float64], spare: float) -> NDArray[np.bool_]:
+        """(N,) bool: whether straight legs with `spare` meters of extra room lead from a position (3,) to others
+        (N, 3)."""
         found = np.hypot(*(ends - start)[:, :2].T) <= self._survey.config.reach
         near = np.flatnonzero(found)
         legs = [_points_between(start, ends[k])[1:-1] for k in near]
         if legs:
-            wide = self._room.is_wide(np.concatenate(legs))
+            wide = self._room.is_wide(np.concatenate(legs), spare)
             first = np.cumsum([0, *map(len, legs[:-1])])
             found[near] = np.logical_and.reduceat(wide, first)
         return found

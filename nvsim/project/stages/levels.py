@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from nvsim.geometry.floor_surface import FloorSurface
 
 STAGE: StageName = "floors"
-_VERSION = "splats 1"  # changed when equal models give another result
+_VERSION = "splats 2"  # changed when equal models give another result
 
 
 def run(project: Project, listen: Listener = ignore_event) -> None:
@@ -55,7 +55,7 @@ def run(project: Project, listen: Listener = ignore_event) -> None:
         model = scene.model(submap.index)
         _save_surface(project.layout.surface(submap.index), model.floor)
         if len(storeys) == 1:
-            grid, cells, _ = known_floor(model.gaussians, model.floor, heights[storeys[0]], tops[storeys[0]])
+            grid, _, cells = known_floor(model.gaussians, model.floor, heights[storeys[0]], tops[storeys[0]])
             known.append(FloorSupport(cells, grid.low, grid.spacing))
     floor, area = floor_of(project), sum(float(one.cells.sum()) * one.spacing**2 for one in known)
     stacked = isinstance(floor, StackedFloor) and len(floor.storeys) == len(known)

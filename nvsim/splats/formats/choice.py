@@ -12,6 +12,7 @@ from nvsim.files.opening import opened
 from nvsim.files.reading import reading
 from nvsim.splats.formats.cleaning import renderable_gaussians
 from nvsim.splats.formats.splat_list import SUFFIX, is_list, join_splats, listed_splats
+from nvsim.splats.formats.streamed_sog import INDEX, level_to_read
 from nvsim.splats.ply import read_ply, write_ply
 from nvsim.splats.turning import Up, up_axis
 from nvsim.splats.types import Gaussians
@@ -22,14 +23,14 @@ READABLE = (".ply", ".spz", ".splat", ".ksplat", ".sog", "meta.json", SUFFIX)
 """Endings of the file names that `read_splats` can read. meta.json belongs to an unpacked SOG."""
 
 
-_META, _LEVELS = "meta.json", "lod-meta.json"
+_META = "meta.json"
 Kind = Literal["ply", "compressed-ply", "spz", "sog", "splat", "ksplat"]
 
 
 def named_as_splats(path: Path) -> bool:
     """Whether the file name is one of a splat file. Of JSON files, only those of a SOG count."""
     if path.suffix.lower() == ".json":
-        return path.name in (_META, _LEVELS)
+        return path.name in (_META, INDEX)
     return path.name.lower().endswith(READABLE)
 
 
@@ -39,11 +40,6 @@ def recognize(path: Path) -> Kind:
 
     Raises InputError if the file cannot be read or is not a splat file.
     """
-    if path.name == _LEVELS:
-        raise InputError(
-            f"{path} is the index of a streamed SOG in several levels of detail, which NVSim cannot open as a"
-            " whole; open the meta.json of one of its folders, or export the scene as one .sog or .ply."
-        )
     if is_list(path):
         kinds = [recognize(one.path) for one in listed_splats(path)]
         return kinds[0]
@@ -115,6 +111,12 @@ def _read_several(path: Path) -> Splats:
             f"{path} names files for rendering with antialiasing and others without; export all of them in one way."
         )
     notes = tuple(note for one in contents for note in one.notes)
+    if path.name == INDEX:
+        level = level_to_read(path)
+        notes += (
+            f"{path} has {level.levels} levels of detail with up to {level.finest:,} Gaussians; NVSim reads level "
+            f"{level.number} with {level.count:,}.",
+        )
     gaussians = join_splats(listed, [one.gaussians for one in contents])
     return Splats(gaussians, next(iter(antialiased), None), notes)
 

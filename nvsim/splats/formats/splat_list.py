@@ -1,4 +1,5 @@
-"""Several splat files of one building as one: each line of a text file NAME.splats names a file and its transform."""
+"""Several splat files of one building as one. Each line of a text file NAME.splats names a file and its transform. The
+index of a streamed SOG names files without transforms."""
 
 from __future__ import annotations
 
@@ -10,6 +11,7 @@ from numpy.typing import NDArray
 
 from nvsim.errors import InputError
 from nvsim.files.opening import read_text
+from nvsim.splats.formats.streamed_sog import INDEX, level_to_read
 from nvsim.splats.turning import transform_gaussians
 from nvsim.splats.types import Gaussians, joined
 
@@ -48,15 +50,18 @@ class ListedSplats:
 
 
 def is_list(path: Path) -> bool:
-    """Whether the file name is that of a list of splat files."""
-    return path.suffix.lower() == SUFFIX
+    """Whether the file name is that of a list of splat files, or of the index of a streamed SOG."""
+    return path.suffix.lower() == SUFFIX or path.name == INDEX
 
 
 def listed_splats(path: Path) -> list[ListedSplats]:
-    """The files that the list at `path` names. Relative paths start at its folder; text after # is a comment.
+    """The files that the list at `path` names. Relative paths start at its folder; text after # is a comment. Of a
+    streamed SOG, those of one level of detail, see `level_to_read`.
 
     Raises InputError naming the line if the list cannot be read, names no file, more than 100 files, or a file twice,
     or if a transform is not a rotation with a uniform scale and a translation."""
+    if path.name == INDEX:
+        return [ListedSplats(file, np.eye(3), 1.0, np.zeros(3)) for file in level_to_read(path).files]
     found: list[ListedSplats] = []
     for number, line in enumerate(read_text(path, _WHAT, _THEN, _LONGEST).splitlines(), 1):
         words = line.partition("#")[0].split()
