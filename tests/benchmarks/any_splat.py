@@ -1,12 +1,13 @@
 """Quality of graphs from splats without images, and cost of a large splat.
 
 The models of each trained demo project are joined into one splat, in an arbitrary rotation and scale, and imported as
-a file without images. The graph is compared with the true map of the demo. The projects are trained once; preset 3dgs
-ends with an error of the map stage, which does not matter here. Run, for example:
+a file without images. The graph is compared with the true map of the demo, or with the map that --truth names. The
+projects are trained once. Preset 3dgs ends with an error of the map stage, which does not matter here. For example:
 
     nvsim demo --seed 51 --preset 3dgs --project b51.nvsim --no-window
     python -m tests.benchmarks.any_splat b51.nvsim
     python -m tests.benchmarks.any_splat b51.nvsim --formats compressed-ply spz --keep /tmp/kept
+    python -m tests.benchmarks.any_splat house.nvsim --truth house.building/ground_truth/map.yaml
     python -m tests.benchmarks.any_splat --gaussians 1000000
 """
 
@@ -46,6 +47,8 @@ class Arguments:
     formats: tuple[Format, ...] = ("ply",)
     keep: Path | None = None
     """Folder in which the splats and their projects remain."""
+    truth: Path | None = None
+    """The true map of projects that are not demos, in the frame of their captures."""
     gaussians: int = 0
 
 
@@ -65,12 +68,13 @@ def one_splat(project: Project) -> Gaussians:
     return joined(*parts)
 
 
-def measure(demo: Path, folder: Path, seed: int, form: Format) -> dict[str, object]:
-    """The figures of one demo project, exported in the format `form`."""
+def measure(demo: Path, truth_map: Path | None, folder: Path, seed: int, form: Format) -> dict[str, object]:
+    """The figures of one project, exported in the format `form`."""
     with Project.open(demo) as project:
         capture = project.need_capture()
         gaussians = one_splat(project)
-        truth = maps_in_aligned_frame(project.layout.true_map or project.layout.ground_truth, capture, "aligned")
+        own_map = project.layout.true_map or project.layout.ground_truth
+        truth = maps_in_aligned_frame(truth_map or own_map, capture, "source" if truth_map else "aligned")
     rotation = any_rotation(seed)
     source = folder / f"any{SUFFIXES[form]}"
     write_splats(source, transform_gaussians(gaussians, rotation, SCALE), False, form)
@@ -140,7 +144,10 @@ def main() -> None:
                 folder = arguments.keep / f"{demo.stem}-{form}" if arguments.keep else Path(temporary)
                 shutil.rmtree(folder, ignore_errors=True)
                 folder.mkdir(parents=True)
-                report({"project": demo.name, "format": form, **measure(demo, folder, seed, form)}, as_json=True)
+                report(
+                    {"project": demo.name, "format": form, **measure(demo, arguments.truth, folder, seed, form)},
+                    as_json=True,
+                )
     if arguments.gaussians:
         with tempfile.TemporaryDirectory() as folder:
             report(large(arguments.gaussians, Path(folder)), as_json=True)

@@ -51,6 +51,15 @@ def test_the_graph_joins_both_rooms_and_avoids_furniture(project: Path) -> None:
         assert ((through[:, 1] > 2.2) & (through[:, 1] < 2.8)).all()  # only through the doorway
 
 
+def test_floor_under_furniture_and_walls_is_not_known_floor(project: Path) -> None:
+    with Project.open(project) as opened:
+        support, alignment = opened.support(), opened.need_capture().alignment
+    assert support is not None
+    places = np.array([[1.6, 3.4, 0.0], [4.0, 1.0, 0.0], [7.2, 1.2, 0.0], [4.05, 2.5, 0.0], [3.0, 1.5, 0.0]])
+    known = support.is_supported(places @ (alignment.rotation @ any_rotation(3)).T)
+    assert known.tolist() == [False, False, False, True, True]  # table, wall, bed; doorway, floor
+
+
 def test_viewpoints_on_a_stair_are_joined(tmp_path: Path) -> None:
     write_splats(tmp_path / "house.ply", stair_house(), False, "ply")
     house = tmp_path / "house.nvsim"

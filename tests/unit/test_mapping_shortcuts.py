@@ -3,20 +3,23 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from itertools import pairwise
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 from columns import Columns, fill, flat_floor, room
 from numpy.typing import NDArray
+from scipy.ndimage import distance_transform_edt
 
 from nvsim.evaluation.structure import map_structure
 from nvsim.mapping.builder import build_map
 from nvsim.mapping.config import MappingConfig
 from nvsim.mapping.search.trajectory import Walk
-from nvsim.mapping.settling.shortcuts import Shortcuts, WideKnownFloor
+from nvsim.mapping.settling.shortcuts import _EXTRA, Shortcuts, WideKnownFloor
 from nvsim.occupancy.grid_ways import ERROR, Geodesics
 from nvsim.occupancy.paths import standing_room
-from nvsim.occupancy.types import OCCUPIED, OccupancyMap
+from nvsim.occupancy.types import FREE, OCCUPIED, OccupancyMap
 
 HALF_WIDTH = 0.3
 
@@ -126,3 +129,28 @@ def test_the_graph_follows_the_ways_over_known_floor(monkeypatch: pytest.MonkeyP
 
     monkeypatch.setattr(Shortcuts, "make", nothing)
     assert detour_of(offset_doors()) > 1.5 > follows, "without them this world has long ways round"
+
+
+def test_legs_with_extra_room_fit_their_corridors() -> None:
+    """Cells of known floor are 10 cm wide, so legs with just enough room can touch obstacles."""
+    start, least = np.array([0.65, 2.55, 1.2]), {_EXTRA: [np.inf], 0.0: [np.inf]}
+    for seed in range(6):
+        occupancy = cluttered(seed)
+        floor, places = known(occupancy)
+        survey = SimpleNamespace(config=MappingConfig(), walk=floor._walk, draft=None)
+        shortcuts = Shortcuts(survey, None, None, None)  # type: ignore[arg-type]
+        for end in places[floor.clearance(places) > 0.5]:
+            for spare, rooms in least.items():
+                stops = shortcuts._places(start, end, spare)
+                for a, b in pairwise([start, *stops, end] if stops else []):
+                    leg = a + np.linspace(0.0, 1.0, 50)[:, None] * (b - a)
+                    rooms.append(occupancy_clearance(occupancy, leg).min())
+    assert min(least[_EXTRA]) >= HALF_WIDTH > min(least[0.0])
+
+
+def occupancy_clearance(occupancy: OccupancyMap, places: NDArray[np.float64]) -> NDArray[np.float64]:
+    """(N,) meters from places (N, 3) to the nearest cell that is not free."""
+    free = np.asarray(occupancy.cells) == FREE
+    meters = distance_transform_edt(free) * occupancy.resolution
+    column, row = np.floor((places[:, :2] - occupancy.origin[:2]) / occupancy.resolution).astype(int).T
+    return np.asarray(meters[row, column])

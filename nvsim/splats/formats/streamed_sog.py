@@ -6,6 +6,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path, PurePosixPath
+from typing import TypeGuard
 
 from nvsim.errors import InputError, value_text
 from nvsim.files.opening import read_json
@@ -64,7 +65,7 @@ def level_to_read(index: Path) -> StreamedLevel:
     return StreamedLevel(number, len(counts), counts[number], counts[min(counts)], paths)
 
 
-def _is_below(value: object, limit: int) -> bool:
+def _is_below(value: object, limit: int) -> TypeGuard[int]:
     return isinstance(value, int) and not isinstance(value, bool) and 0 <= value < limit
 
 
