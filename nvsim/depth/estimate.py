@@ -102,6 +102,7 @@ def estimate_depth(
                 elsewhere(phase, frames.missing(phase), frames.planes, steps.report_done)
             steps.run_for_frames(frames.missing(phase), partial(frames.do, phase, folder))
     frames.clear_caches()
+    frames.rest = None  # its points need as much memory as the cloud that follows
     for phase in PHASES[:-1]:
         shutil.rmtree(folder / phase, ignore_errors=True)
     listen(Progress(STAGE, steps.total, steps.total))
