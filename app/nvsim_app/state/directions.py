@@ -65,9 +65,12 @@ class Direction:
         return self._on_floor(outline(self.evidence, self.explanation.corridor))
 
     def failed_corners(self) -> NDArray[np.float64] | None:
-        """(4, 3) corners of the part that failed a threshold, meters, world; None if the corridor passes."""
+        """(4, 3) corners of the row or cell that failed a threshold, meters, world. None if the corridor passes, or fails
+        as a whole."""
         failed = self.explanation.failed
-        return None if failed is None else self._on_floor(outline(self.evidence, failed.part))
+        if failed is None or failed.part == self.explanation.corridor:
+            return None
+        return self._on_floor(outline(self.evidence, failed.part))
 
     def _on_floor(self, xy: NDArray[np.float64]) -> NDArray[np.float64]:
         e = self.evidence
