@@ -133,7 +133,7 @@ def test_the_graph_follows_the_ways_over_known_floor(monkeypatch: pytest.MonkeyP
 
 def test_legs_with_extra_room_fit_their_corridors() -> None:
     """Cells of known floor are 10 cm wide, so legs with just enough room can touch obstacles."""
-    start, least = np.array([0.65, 2.55, 1.2]), {_EXTRA: [np.inf], 0.0: [np.inf]}
+    start, least = np.array([0.65, 2.55, 1.2]), {spare: [np.inf] for spare in _EXTRA}
     for seed in range(6):
         occupancy = cluttered(seed)
         floor, places = known(occupancy)
@@ -145,7 +145,7 @@ def test_legs_with_extra_room_fit_their_corridors() -> None:
                 for a, b in pairwise([start, *stops, end] if stops else []):
                     leg = a + np.linspace(0.0, 1.0, 50)[:, None] * (b - a)
                     rooms.append(occupancy_clearance(occupancy, leg).min())
-    assert min(least[_EXTRA]) >= HALF_WIDTH > min(least[0.0])
+    assert min(least[0.2]) >= HALF_WIDTH > min(least[0.0])
 
 
 def occupancy_clearance(occupancy: OccupancyMap, places: NDArray[np.float64]) -> NDArray[np.float64]:

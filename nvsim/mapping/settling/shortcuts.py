@@ -97,8 +97,8 @@ class WideKnownFloor:
         along = (y > low[1] - radius) & (y < high[1] + radius)
         return shut[across & along & (np.abs(at_z - z) < _STOREY)]
 
-    def is_wide(self, places: NDArray[np.floating], spare: float = 0.0) -> NDArray[np.bool_]:
-        """Return (N,) bool: whether the robot has room at positions (N, 3), with `spare` meters of extra room."""
+    def is_wide(self, places: NDArray[np.floating], spare: float | NDArray[np.floating] = 0.0) -> NDArray[np.bool_]:
+        """Return (N,) bool: whether the robot has room at positions (N, 3), with `spare` (N,) meters of extra room."""
         return self.clearance(places) >= self.least + spare
 
 
@@ -143,11 +143,13 @@ _LOSS = 0.75  # meters that it may be longer in any case
 _GAIN = 0.25  # minimum meters by which new viewpoints must shorten the path
 _BETWEEN = 3  # maximum viewpoints on a path
 _BEFORE = 0.8  # meters before the end of a leg within which it may end instead, at a position with more room
+_TIP = 0.5  # meters at both ends of a path in which its legs need no extra room
+_APART = 0.3  # meters between two positions of a path, if possible
 _THERE = 0.5  # meters: a viewpoint this close is used for a position
 _SHUT = 0.3  # meters around the narrowest position of a corridor that was not free, which are closed
 _ROUNDS = 3
 _SPACING = 0.05  # meters between the examined positions of a leg
-_EXTRA = 0.1  # meters of extra room beside the legs that are tried first
+_EXTRA = (0.2, 0.1, 0.0)  # meters of extra room beside the legs, in the order in which they are tried
 
 Join = Callable[[list[str]], None]
 IsOpen = Callable[[Viewpoint, Viewpoint], bool]
@@ -222,7 +224,7 @@ class Shortcuts:
     def _shorten(self, a: str, b: str) -> None:
         """Put viewpoints on the path over known floor, and join them if its legs are free: first on legs with extra
         room, because the corridor of a leg ends where an obstacle begins, then on all wide legs."""
-        any(self._shorten_with_room(a, b, spare) for spare in (_EXTRA, 0.0))
+        any(self._shorten_with_room(a, b, spare) for spare in _EXTRA)
 
     def _shorten_with_room(self, a: str, b: str, spare: float) -> bool:
         """Return whether viewpoints on legs with `spare` meters of extra room shorten the path of the graph. Otherwise
@@ -275,25 +277,31 @@ class Shortcuts:
         stops: list[NDArray[np.float64]] = []
         at = 0
         while len(stops) <= _BETWEEN:
-            ahead = at + 1 + np.flatnonzero(self._are_legs(way[at], way[at + 1 :], spare))
+            ahead = at + 1 + np.flatnonzero(self._are_legs(way[at], way[at + 1 :], spare, way[[0, -1]]))
             if not len(ahead):
                 return []
-            at = int(ahead[-1])
+            here, at = way[at], int(ahead[-1])
             if at == len(way) - 1:
                 return stops
             late = ahead[np.hypot(*(way[ahead] - way[at])[:, :2].T) <= _BEFORE]
+            apart = late[np.hypot(*(way[late] - here)[:, :2].T) >= _APART]
+            late = apart if len(apart) else late
             at = int(late[np.argmax(np.round(self._room.clearance(way[late]), 2))])
             stops.append(way[at])
         return []
 
-    def _are_legs(self, start: NDArray[np.float64], ends: NDArray[np.float64], spare: float) -> NDArray[np.bool_]:
+    def _are_legs(
+        self, start: NDArray[np.float64], ends: NDArray[np.float64], spare: float, tips: NDArray[np.float64]
+    ) -> NDArray[np.bool_]:
         """(N,) bool: whether straight legs with `spare` meters of extra room lead from a position (3,) to others
-        (N, 3)."""
+        (N, 3). Near the ends of the path, `tips` (2, 3), no extra room is needed, because viewpoints are there."""
         found = np.hypot(*(ends - start)[:, :2].T) <= self._survey.config.reach
         near = np.flatnonzero(found)
         legs = [_points_between(start, ends[k])[1:-1] for k in near]
         if legs:
-            wide = self._room.is_wide(np.concatenate(legs), spare)
+            places = np.concatenate(legs)
+            inner = np.linalg.norm(places[:, None, :2] - tips[:, :2], axis=2).min(axis=1) >= _TIP
+            wide = self._room.is_wide(places, np.where(inner, spare, 0.0))
             first = np.cumsum([0, *map(len, legs[:-1])])
             found[near] = np.logical_and.reduceat(wide, first)
         return found
