@@ -77,6 +77,17 @@ def test_whether_a_column_is_hidden_does_not_depend_on_whether_it_is_hidden(qtbo
     assert hidden[0] and not hidden[-1]
 
 
+def test_columns_without_text_leave_their_room_to_others(qtbot: QtBot) -> None:
+    texts = [{row: "" for row in range(3)}, {row: "text" for row in range(3)}]
+    empty, full = (Column("Title", text.__getitem__, width=80, optional=True) for text in texts)
+    view = shown(qtbot, [value("Value", width=80), empty, full])
+    view.resize(210, 200)
+    assert [view.isColumnHidden(k) for k in range(3)] == [False, True, False]
+    texts[0][1] = "now"
+    view.fit()
+    assert [view.isColumnHidden(k) for k in range(3)] == [False, False, True]
+
+
 def test_rows_are_lower_than_in_other_tables(qtbot: QtBot) -> None:
     dense, other = thresholds(qtbot, True), thresholds(qtbot, False)
     assert dense.rowHeight(0) < other.rowHeight(0)

@@ -33,6 +33,7 @@ STRIDE = 2000  # rows that are read between two pauses
 LOW = 64  # preferred height of a table, pixels; layouts stretch it
 FEW = 4  # up to this many rows are searched one by one
 _ROOT = QModelIndex()
+_FEW = 200  # rows up to which columns without text are found
 _GAP = "\u2002"  # after right-aligned text, so that it does not touch the next column
 _RIGHT = Qt.AlignmentFlag.AlignRight | Qt.AlignmentFlag.AlignVCenter
 
@@ -51,7 +52,7 @@ class Column(Generic[Row]):
     ink       color of the text as #rrggbb, "" for the normal one
     font      font of the text, None for the normal one
     icon      image beside the text
-    optional  hidden if the table is too narrow for all columns; the last optional column first
+    optional  hidden if the table is too narrow for all columns: first those without text, then the last one first
     """
 
     title: str
@@ -271,7 +272,7 @@ class TableView(QTableView):
                 changed.connect(self.fit)
 
     def fit(self, *_: object) -> None:
-        """Hides optional columns until the others fit, the last one first."""
+        """Hides optional columns until the others fit: first those without text, then the last one first."""
         model = self.model()
         columns = model.columns if isinstance(model, TableModel) else ()
         if not any(column.optional for column in columns):
@@ -280,11 +281,18 @@ class TableView(QTableView):
         # The room does not depend on whether the scroll bar is shown, which depends on the columns.
         room = self.width() - 2 * self.frameWidth() - self.verticalScrollBar().sizeHint().width()
         room -= sum(w for w, column in zip(widths, columns, strict=True) if not column.optional)
-        for place, column in enumerate(columns):
-            if column.optional:
-                room -= widths[place]
-                if self.isColumnHidden(place) != (room < 0):
-                    self.setColumnHidden(place, room < 0)
+        optional = [place for place, column in enumerate(columns) if column.optional]
+        for place in sorted(optional, key=self._is_empty):
+            room -= widths[place]
+            if self.isColumnHidden(place) != (room < 0):
+                self.setColumnHidden(place, room < 0)
+
+    def _is_empty(self, place: int) -> bool:
+        """Whether a column of a short table has no text."""
+        model = self.model()
+        rows = model.rows if isinstance(model, TableModel) else []
+        column = model.columns[place] if isinstance(model, TableModel) else None
+        return 0 < len(rows) <= _FEW and column is not None and not any(column.text(column.value(row)) for row in rows)
 
     def set_widgets_width(self, place: int, width: int) -> None:
         """Gives a column at least the width of the widgets in it, in pixels."""

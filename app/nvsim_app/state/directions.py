@@ -65,8 +65,8 @@ class Direction:
         return self._on_floor(outline(self.evidence, self.explanation.corridor))
 
     def failed_corners(self) -> NDArray[np.float64] | None:
-        """(4, 3) corners of the row or cell that failed a threshold, meters, world. None if the corridor passes, or fails
-        as a whole."""
+        """(4, 3) corners of the row or cell that failed a threshold, meters, world. None if the corridor passes, or
+        fails as a whole."""
         failed = self.explanation.failed
         if failed is None or failed.part == self.explanation.corridor:
             return None
