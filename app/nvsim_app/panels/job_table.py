@@ -64,6 +64,11 @@ def time_of_day(at: float | None) -> str:
     return time.strftime("%H:%M" if then[:3] == now[:3] else "%d %b %H:%M", then)
 
 
+def _day_or_time(at: float | None) -> str:
+    """For example "14:05", or "28 Nov" if it is not today."""
+    return time_of_day(at).rpartition(" ")[0] or time_of_day(at)
+
+
 @dataclass(frozen=True)
 class JobRow:
     """One row of the table. handle: its key, which stays the same while the project is open."""
@@ -110,7 +115,8 @@ COLUMNS: tuple[Column[JobRow], ...] = (
     Column("Rate", lambda row: row.rate, _rate, number=True, width=56, optional=True),
     Column("Duration", lambda row: row.took, lambda took: "–" if took is None else duration(took), number=True,
            width=84, optional=True),
-    Column("Started", lambda row: row.started, time_of_day, width=56, optional=True),
+    Column("Started", lambda row: row.started, _day_or_time, width=56, optional=True,
+           about=lambda row: time_of_day(row.started)),
     Column("Note", lambda row: row.note, width=120, optional=True),
 )  # fmt: skip
 STATE, PROGRESS, BUTTONS = 1, 2, 4
