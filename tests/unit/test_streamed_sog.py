@@ -71,9 +71,12 @@ BOX = {"file": 0, "count": 3}
         ({"filenames": ["0_0/meta.json"], "tree": {"lods": {"0": {**BOX, "count": -1}}}}, "as level"),
         ({"filenames": ["0_0/meta.json"], "tree": {"lods": {"0": {**BOX, "count": True}}}}, "as level"),
         ({"filenames": ["0_0/meta.json"], "tree": {"lods": {"x": BOX}}}, "as level"),
-        ({"filenames": ["../0_0/meta.json"], "tree": {"lods": {"0": BOX}}}, "not a file of its folder"),
-        ({"filenames": ["/etc/meta.json"], "tree": {"lods": {"0": BOX}}}, "not a file of its folder"),
-        ({"filenames": [3], "tree": {"lods": {"0": BOX}}}, "not a file of its folder"),
+        ({"filenames": ["../0_0/meta.json"], "tree": {"lods": {"0": BOX}}}, "not a SOG in its folder"),
+        ({"filenames": ["/etc/meta.json"], "tree": {"lods": {"0": BOX}}}, "not a SOG in its folder"),
+        ({"filenames": ["lod-meta.json"], "tree": {"lods": {"0": BOX}}}, "not a SOG in its folder"),
+        ({"filenames": ["a.splats"], "tree": {"lods": {"0": BOX}}}, "not a SOG in its folder"),
+        ({"filenames": [""], "tree": {"lods": {"0": BOX}}}, "not a SOG in its folder"),
+        ({"filenames": [3], "tree": {"lods": {"0": BOX}}}, "not a SOG in its folder"),
     ],
 )
 def test_a_damaged_index_is_one_sentence(index: Path, meta: Any, words: str) -> None:

@@ -33,7 +33,7 @@ STRIDE = 2000  # rows that are read between two pauses
 LOW = 64  # preferred height of a table, pixels; layouts stretch it
 FEW = 4  # up to this many rows are searched one by one
 _ROOT = QModelIndex()
-_FEW = 200  # rows up to which columns without text are found
+_SHORT = 200  # rows of a table in which columns without text are found
 _GAP = "\u2002"  # after right-aligned text, so that it does not touch the next column
 _RIGHT = Qt.AlignmentFlag.AlignRight | Qt.AlignmentFlag.AlignVCenter
 
@@ -290,9 +290,10 @@ class TableView(QTableView):
     def _is_empty(self, place: int) -> bool:
         """Whether a column of a short table has no text."""
         model = self.model()
-        rows = model.rows if isinstance(model, TableModel) else []
-        column = model.columns[place] if isinstance(model, TableModel) else None
-        return 0 < len(rows) <= _FEW and column is not None and not any(column.text(column.value(row)) for row in rows)
+        if not isinstance(model, TableModel) or not 0 < len(model.rows) <= _SHORT:
+            return False
+        column = model.columns[place]
+        return not any(column.text(column.value(row)) for row in model.rows)
 
     def set_widgets_width(self, place: int, width: int) -> None:
         """Gives a column at least the width of the widgets in it, in pixels."""

@@ -224,7 +224,9 @@ class Shortcuts:
     def _shorten(self, a: str, b: str) -> None:
         """Put viewpoints on the path over known floor, and join them if its legs are free: first on legs with extra
         room, because the corridor of a leg ends where an obstacle begins, then on all wide legs."""
-        any(self._shorten_with_room(a, b, spare) for spare in _EXTRA)
+        for spare in _EXTRA:
+            if self._shorten_with_room(a, b, spare):
+                return
 
     def _shorten_with_room(self, a: str, b: str, spare: float) -> bool:
         """Return whether viewpoints on legs with `spare` meters of extra room shorten the path of the graph. Otherwise

@@ -11,6 +11,7 @@ from nvsim.errors import InputError
 from nvsim.files.opening import opened
 from nvsim.files.reading import reading
 from nvsim.splats.formats.cleaning import renderable_gaussians
+from nvsim.splats.formats.sog_files import META
 from nvsim.splats.formats.splat_list import SUFFIX, is_list, join_splats, listed_splats
 from nvsim.splats.formats.streamed_sog import INDEX, level_to_read
 from nvsim.splats.ply import read_ply, write_ply
@@ -23,14 +24,13 @@ READABLE = (".ply", ".spz", ".splat", ".ksplat", ".sog", "meta.json", SUFFIX)
 """Endings of the file names that `read_splats` can read. meta.json belongs to an unpacked SOG."""
 
 
-_META = "meta.json"
 Kind = Literal["ply", "compressed-ply", "spz", "sog", "splat", "ksplat"]
 
 
 def named_as_splats(path: Path) -> bool:
     """Whether the file name is one of a splat file. Of JSON files, only those of a SOG count."""
     if path.suffix.lower() == ".json":
-        return path.name in (_META, INDEX)
+        return path.name in (META, INDEX)
     return path.name.lower().endswith(READABLE)
 
 
@@ -45,12 +45,12 @@ def recognize(path: Path) -> Kind:
         return kinds[0]
     with opened(path) as file, reading(path, "a splat file"):
         head = file.read(4096)
-        is_zip = path.name != _META and zipfile.is_zipfile(file)
+        is_zip = path.name != META and zipfile.is_zipfile(file)
     if head.startswith(b"ply"):
         return "compressed-ply" if b"packed_position" in head else "ply"
     if head.startswith((b"\x1f\x8b", b"NGSP")):
         return "spz"
-    if path.name == _META or is_zip:
+    if path.name == META or is_zip:
         return "sog"
     if path.suffix.lower() == ".splat":
         if head and _is_text(head):

@@ -10,6 +10,7 @@ from typing import TypeGuard
 
 from nvsim.errors import InputError, value_text
 from nvsim.files.opening import read_json
+from nvsim.splats.formats.sog_files import META
 
 INDEX = "lod-meta.json"
 _MOST = 5_000_000  # Gaussians that are read; the finest level with at most that many is chosen
@@ -70,7 +71,12 @@ def _is_below(value: object, limit: int) -> TypeGuard[int]:
 
 
 def _path(index: Path, name: object) -> Path:
-    parts = PurePosixPath(name).parts if isinstance(name, str) else ()
-    if not parts or ".." in parts or PurePosixPath(*parts).is_absolute() or "\\" in str(name):
-        raise InputError(f"{index} names {value_text(name)}, which is not a file of its folder; {_THEN}.")
-    return index.parent.joinpath(*parts)
+    path = PurePosixPath(name if isinstance(name, str) else "")
+    if (
+        path.is_absolute()
+        or ".." in path.parts
+        or "\\" in path.name
+        or not (path.name == META or path.suffix == ".sog")
+    ):
+        raise InputError(f"{index} names {value_text(name)}, which is not a SOG in its folder; {_THEN}.")
+    return index.parent / path
