@@ -21,7 +21,7 @@ def choose() -> None:
     A folder that the environment variable names takes precedence."""
     if os.environ.get(VARIABLE) or sys.platform == "win32":
         return
-    if _can_write(_PACKAGE / "render" / "__pycache__") or _can_write(_user_cache()):
+    if can_write(_PACKAGE / "render" / "__pycache__") or can_write(user_cache()):
         return
     folder = temporary_cache()
     if folder is None:
@@ -51,7 +51,7 @@ def compiled_since(when: float) -> bool:
     """Whether a process of this user compiled a kernel after `when`, in seconds since the epoch. Does not import
     numba."""
     chosen = os.environ.get(VARIABLE)
-    folders = [Path(chosen)] if chosen else [_PACKAGE, _user_cache()]
+    folders = [Path(chosen)] if chosen else [_PACKAGE, user_cache()]
     return any(path.stat().st_mtime > when for folder in folders for path in folder.rglob("*.nbc"))
 
 
@@ -64,7 +64,7 @@ def _is_private(folder: Path) -> bool:
     return mine and above.st_uid in (0, os.geteuid()) and (not shared or bool(above.st_mode & stat.S_ISVTX))
 
 
-def _user_cache() -> Path:
+def user_cache() -> Path:
     """Numba's default folder in the user's cache, which depends on the platform."""
     home = os.path.expanduser("~")
     if sys.platform == "darwin":
@@ -72,7 +72,7 @@ def _user_cache() -> Path:
     return Path(os.environ.get("XDG_CACHE_HOME", os.path.join(home, ".cache"))) / "numba"
 
 
-def _can_write(folder: Path) -> bool:
+def can_write(folder: Path) -> bool:
     """Whether `folder` is writable, or could be created and written."""
     if not folder.is_absolute():  # if there is no home folder, numba takes ~ literally as a folder name
         return False

@@ -9,10 +9,10 @@ from typing import Any
 
 import numba
 import numpy as np
-from numba import njit, prange
 from numpy.typing import NDArray
 
 from nvsim.geometry.camera import Camera, Intrinsics, camera_pose
+from nvsim.kernels import njit, prange
 from nvsim.render.ellipse_extent import pixel_rows
 from nvsim.render.kernel_types import TILE, Float32, Int32, Int64, Whole
 from nvsim.render.model import render_gaussians

@@ -11,13 +11,13 @@ from typing import Any, NamedTuple
 
 import cv2
 import numpy as np
-from numba import njit, prange
 from numpy.typing import NDArray
 
 from nvsim.building.painting import Image, paint_face, paint_floor
 from nvsim.building.plan import HEIGHT, Plan, Storey
 from nvsim.building.raycast import Solids, normal, trace
 from nvsim.building.solids import BOTTOM, TOP, Box, Paint
+from nvsim.kernels import njit, prange
 
 LEVELS = 6
 FloorPainter = Callable[[Plan, float, np.random.Generator], tuple[Image, NDArray[np.float32]]]

@@ -12,7 +12,6 @@ from pathlib import Path
 
 import cv2
 import numpy as np
-from numba import njit, prange
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
@@ -26,6 +25,7 @@ from nvsim.capture.types import Cloud
 from nvsim.events import Listener, Progress, ignore_event
 from nvsim.files import atomic
 from nvsim.geometry.camera import Camera, Intrinsics, camera_pose
+from nvsim.kernels import njit, prange
 from nvsim.occupancy.paths import clearance
 from nvsim.occupancy.ros import write_ros_map
 from nvsim.occupancy.storeys import NAME as STOREYS

@@ -5,11 +5,11 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from nvsim.building.plan import HEIGHT, Storey
 from nvsim.building.solids import Box
+from nvsim.kernels import njit
 
 NOTHING = -1
 _CELL = 0.5

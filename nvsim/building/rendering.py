@@ -5,12 +5,12 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit, prange
 from numpy.typing import NDArray
 
 from nvsim.building.baking import LEVELS, Textures
 from nvsim.building.raycast import NOTHING, Solids, normal, trace
 from nvsim.geometry.camera import Camera
+from nvsim.kernels import njit, prange
 
 _PROBES = 5  # texture samples along the longer axis of a pixel's footprint
 _COARSE = 4  # reflections are computed for blocks of this many pixels, which also blurs them

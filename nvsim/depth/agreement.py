@@ -5,10 +5,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from nvsim.depth.view import Warp
+from nvsim.kernels import njit
 
 Float32 = NDArray[np.float32]
 

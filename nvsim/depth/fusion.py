@@ -13,11 +13,11 @@ from itertools import pairwise
 from typing import Any
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from nvsim.geometry.camera import Camera
 from nvsim.geometry.nearest_points import axes_of
+from nvsim.kernels import njit
 
 Map = tuple[NDArray[np.float32], NDArray[np.float32], NDArray[np.uint8]]
 """Inverse depth (H, W), 1 / meters, 0 where unknown; its inverse variance (H, W), meters squared; and the image

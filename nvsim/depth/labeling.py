@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import cv2
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from nvsim.depth.config import LabelConfig
@@ -18,6 +17,7 @@ from nvsim.depth.smoothing import smooth_cost
 from nvsim.depth.sweep import plane_costs
 from nvsim.depth.view import View, Warp, matrix_of
 from nvsim.geometry.camera import Camera
+from nvsim.kernels import njit
 
 Float32 = NDArray[np.float32]
 _LEVEL = 0.9  # upward part of a normal

@@ -9,8 +9,9 @@ from __future__ import annotations
 
 import cv2
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
+
+from nvsim.kernels import njit
 
 Float32 = NDArray[np.float32]
 

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
+
+from nvsim.kernels import njit
 
 _FAR = 16000  # larger than the cost of any path
 

@@ -9,10 +9,10 @@ from __future__ import annotations
 
 import cv2
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from nvsim.depth.view import NOTHING, census_of
+from nvsim.kernels import njit
 
 WORST = 28
 """Largest cost of a source, in bits of the census, and the cost of a source that does not see the point. Bare regions

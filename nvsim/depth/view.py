@@ -11,13 +11,13 @@ from functools import cached_property, lru_cache
 
 import cv2
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from nvsim.capture.images import read_image
 from nvsim.capture.masks import usable_pixels
 from nvsim.capture.types import Frame
 from nvsim.geometry.camera import Camera
+from nvsim.kernels import njit
 
 _IGNORED = -1e6  # so far below any gray value that interpolation beside it stays negative
 NOTHING = np.uint64(0xFFFFFFFFFFFFFFFF)

@@ -15,12 +15,12 @@ from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from nvsim.depth.config import DepthConfig
 from nvsim.geometry.camera import Camera
 from nvsim.geometry.splatting import SplatCloud
+from nvsim.kernels import njit
 
 Float32 = NDArray[np.float32]
 

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from nvsim.geometry import grid_values
+from nvsim.kernels import njit
 
 bilinear = njit(cache=True, nogil=True, error_model="numpy")(grid_values.bilinear)
 

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
+
+from nvsim.kernels import njit
 
 
 @njit(cache=True, nogil=True)
 def nearest(
-    places: NDArray[np.float64],  # (N, 3) meters, sorted by cell
+    places: NDArray[np.float32],  # (N, 3) meters, sorted by cell; computed with in double precision
     cells: NDArray[np.int64],  # (C,) numbers of the non-empty cells, ascending
     first: NDArray[np.int64],  # (C + 1,) index of the first place of each cell
     row: int,  # difference between the numbers of neighboring cells along y
@@ -41,7 +42,7 @@ def nearest(
         for i in range(first[at], first[at + 1]):
             if not np.isnan(apart[i]):
                 continue
-            x, y, z = places[i]
+            x, y, z = np.float64(places[i, 0]), np.float64(places[i, 1]), np.float64(places[i, 2])
             best[:] = np.inf
             for j in range(9):
                 last = cells[at] + (j // 3 - 1) * layer + (j % 3 - 1) * row + 1

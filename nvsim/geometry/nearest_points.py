@@ -10,13 +10,15 @@ from nvsim.kernel_threads import allowed_threads
 _CUBE = 1.0  # meters: side of the cubes with which the density of the cloud is measured
 _SIDE = 2.5  # side of the cells in which neighbors are searched, in distances between points
 _WIDER = 4.0  # factor by which the cells grow if neighbors are missing
+_BLOCK = 1 << 18  # points whose cells are computed at the same time, 25 MB
 
 
 def distance_to(points: NDArray[np.float32], neighbor: int) -> NDArray[np.float32]:
     """(N,) float32 meters from each of the `points` (N, 3) to its `neighbor`-th nearest point, or to the farthest
     point of a tiny cloud.
 
-    The result equals that of a k-d tree. The cell search takes a tenth of the time for half a million points."""
+    The result equals that of a k-d tree. The cell search takes a tenth of the time for half a million points, and 50
+    bytes of memory per point."""
     from concurrent.futures import ThreadPoolExecutor
 
     from nvsim.geometry import nearest_kernels
@@ -25,20 +27,21 @@ def distance_to(points: NDArray[np.float32], neighbor: int) -> NDArray[np.float3
     found = np.full(len(points), np.nan, np.float32)
     if not len(points):
         return found
-    places = np.ascontiguousarray(points, np.float64)
-    low, high = places.min(axis=0), places.max(axis=0)
-    cubes, each = np.unique(_numbers(places, low, high, _CUBE)[0], return_inverse=True)
-    dense = float(np.median(np.bincount(each.reshape(-1), minlength=len(cubes))[each.reshape(-1)]))
+    low, high = (points.min(axis=0).astype(np.float64), points.max(axis=0).astype(np.float64))
+    per_cube = np.diff(_starts(np.sort(_numbers(points, low, high, _CUBE)[0])))
+    dense = _median_of_members(per_cube)
     side = _SIDE * _CUBE / np.sqrt(dense)
     with ThreadPoolExecutor(allowed_threads(), "nearest") as pool:
         while True:
-            number, columns, rows = _numbers(places, low, high, side)
-            order = np.argsort(number, kind="stable")
-            cells, first = np.unique(number[order], return_index=True)
-            first = np.append(first, len(places))
+            number, columns, rows = _numbers(points, low, high, side)
+            order = np.argsort(number)
+            number = number[order]
+            first = _starts(number)
+            cells = number[first[:-1]]
+            del number
             whole = bool(((high - low) <= side).all())
-            given = places[order], cells, first, columns, rows, count, side, whole
             apart = found[order]
+            given = points[order], cells, first, columns, rows, count, side, whole
             parts = np.linspace(0, len(cells), allowed_threads() + 1).astype(np.int64)
             jobs = [
                 pool.submit(nearest_kernels.nearest, *given, int(a), int(b), apart)
@@ -52,14 +55,32 @@ def distance_to(points: NDArray[np.float32], neighbor: int) -> NDArray[np.float3
             side *= _WIDER
 
 
+def _starts(numbers: NDArray[np.int64]) -> NDArray[np.int64]:
+    """(M + 1,) index of the first of each of the M distinct values in ascending `numbers` (N,), and N."""
+    inner = np.flatnonzero(numbers[1:] != numbers[:-1]) + 1
+    return np.concatenate([[0], inner, [len(numbers)]])
+
+
+def _median_of_members(sizes: NDArray[np.int64]) -> float:
+    """The median, over all members of groups of `sizes` (M,), of the size of their group."""
+    sizes = np.sort(sizes)
+    members = np.cumsum(sizes)
+    middle = (members[-1] - 1) // 2, members[-1] // 2
+    return float(np.mean(sizes[np.searchsorted(members, middle, side="right")]))
+
+
 def _numbers(
-    places: NDArray[np.float64], low: NDArray[np.float64], high: NDArray[np.float64], side: float
+    points: NDArray[np.float32], low: NDArray[np.float64], high: NDArray[np.float64], side: float
 ) -> tuple[NDArray[np.int64], int, int]:
-    """(N,) cell number of each place (N, 3), and the differences between the numbers of neighboring cells along y and
-    z. There is an empty cell on every side."""
+    """(N,) cell number of each of the `points` (N, 3), and the differences between the numbers of neighboring cells
+    along y and z. There is an empty cell on every side."""
     sides = np.floor((high - low) / side).astype(np.int64) + 3
-    x, y, z = (np.floor((places - low) / side).astype(np.int64) + 1).T
-    return (z * sides[1] + y) * sides[0] + x, int(sides[0]), int(sides[0] * sides[1])
+    number = np.empty(len(points), np.int64)
+    for start in range(0, len(points), _BLOCK):
+        part = slice(start, start + _BLOCK)
+        x, y, z = (np.floor((points[part] - low) / side).astype(np.int64) + 1).T
+        number[part] = (z * sides[1] + y) * sides[0] + x
+    return number, int(sides[0]), int(sides[0] * sides[1])
 
 
 def axes_of(around: NDArray[np.floating]) -> NDArray[np.float64]:

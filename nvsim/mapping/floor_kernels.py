@@ -5,8 +5,9 @@ slowly."""
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
+
+from nvsim.kernels import njit
 
 
 @njit(cache=True, nogil=True, error_model="numpy")

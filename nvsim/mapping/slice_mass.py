@@ -9,10 +9,10 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from nvsim.geometry.rotation import matrix_from_quaternion
+from nvsim.kernels import njit
 from nvsim.mapping.corridor import CELLS, DEPTH, NEAR, WIDTH, Corridor, HeightAt, offset_ahead
 from nvsim.render.nearby import along_a_curve
 from nvsim.splats.types import Gaussians

@@ -14,12 +14,12 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from nvsim.errors import InputError
 from nvsim.files.opening import read_bytes
 from nvsim.files.reading import reading
+from nvsim.kernels import njit
 from nvsim.occupancy.heights import Heights
 from nvsim.occupancy.types import FREE, OCCUPIED, UNKNOWN, OccupancyMap
 

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from nvsim.kernels import njit
 from nvsim.occupancy.types import FREE, OccupancyMap
 
 FloatArray = NDArray[np.floating]

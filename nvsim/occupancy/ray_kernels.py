@@ -8,8 +8,9 @@ over a flat floor. A flat array stores the layers of one column after the other.
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
+
+from nvsim.kernels import njit
 
 PASSED, HIT = np.uint8(1), np.uint8(2)
 """Effect of one scan's rays on a voxel; 0 for none."""

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
+
+from nvsim.kernels import njit
 
 Float64 = NDArray[np.float64]
 Int64 = NDArray[np.int64]

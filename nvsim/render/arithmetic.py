@@ -8,8 +8,10 @@ from typing import Any
 
 import numpy as np
 from llvmlite import ir
-from numba import njit, types
+from numba import types
 from numba.extending import intrinsic
+
+from nvsim.kernels import njit
 
 _F = np.float32
 LOG2E = _F(1.4426950408889634)

@@ -12,10 +12,10 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from nvsim.geometry.camera import Camera
+from nvsim.kernels import njit
 from nvsim.render.arithmetic import FLAGS, LOG2E, exp2_below
 from nvsim.render.ewa import rotation
 from nvsim.render.kernel_types import ALPHA_MAX, EPS2D, LOG_CUT, NEAR, TILE, Float32, Int64, Mask, Vector3

@@ -11,8 +11,8 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numba import njit
 
+from nvsim.kernels import njit
 from nvsim.render.arithmetic import FLAGS, LN2, LOG2E, exp2, log2
 from nvsim.render.ewa import axes_in_camera, determinant, jacobian, rotation, sh_terms, to_camera
 from nvsim.render.kernel_types import LOG_CUT, Float32

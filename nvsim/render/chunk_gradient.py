@@ -11,8 +11,8 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numba import njit
 
+from nvsim.kernels import njit
 from nvsim.render.arithmetic import FLAGS, LOG2E, exp2
 from nvsim.render.chunk import BASIS, CHUNK
 from nvsim.render.ewa import axes_in_camera, determinant, jacobian, rotation, to_camera

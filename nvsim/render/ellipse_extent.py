@@ -6,8 +6,8 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numba import njit
 
+from nvsim.kernels import njit
 from nvsim.render.arithmetic import FLAGS
 from nvsim.render.kernel_types import (
     CONIC_A,

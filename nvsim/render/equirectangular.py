@@ -12,10 +12,10 @@ import math
 from functools import lru_cache
 
 import numpy as np
-from numba import njit, prange
 from numpy.typing import NDArray
 
 from nvsim.geometry.camera import Camera, Intrinsics, camera_pose
+from nvsim.kernels import njit, prange
 from nvsim.render.arithmetic import FLAGS
 from nvsim.render.kernel_types import TILE, Float32, Mask
 from nvsim.render.workspace import tiles_of

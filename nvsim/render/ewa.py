@@ -4,8 +4,8 @@ the backward kernels."""
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
+from nvsim.kernels import njit
 from nvsim.render.arithmetic import FLAGS
 from nvsim.render.kernel_types import Float32, Matrix3, Vector3
 from nvsim.splats import harmonics

@@ -7,10 +7,10 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from nvsim.geometry.camera import Camera
+from nvsim.kernels import njit
 from nvsim.render.by_rays import WIDE
 from nvsim.render.kernel_types import Float32, Int32, Int64, Mask, limit, pack
 from nvsim.render.workspace import as_kernel_array

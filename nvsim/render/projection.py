@@ -10,8 +10,8 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numba import njit, prange
 
+from nvsim.kernels import njit, prange
 from nvsim.render.arithmetic import FLAGS, LOG2E, exp2
 from nvsim.render.chunk import BASIS, CHUNK, PLANES, harmonics_of, splats_of
 from nvsim.render.ellipse_extent import tile_box, tile_columns

@@ -4,8 +4,8 @@ geometry is in `chunk_gradient`; this module has the colors and the transfer of 
 from __future__ import annotations
 
 import numpy as np
-from numba import njit, prange
 
+from nvsim.kernels import njit, prange
 from nvsim.render.arithmetic import FLAGS
 from nvsim.render.chunk import BASIS, CHUNK, harmonics_of
 from nvsim.render.chunk_gradient import (

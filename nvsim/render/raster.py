@@ -7,8 +7,8 @@ one buffer at constant distances. So LLVM knows that they do not overlap, and ve
 from __future__ import annotations
 
 import numpy as np
-from numba import njit, prange
 
+from nvsim.kernels import njit, prange
 from nvsim.render.arithmetic import exp2_below
 from nvsim.render.ellipse_extent import pixel_rows
 from nvsim.render.kernel_types import (

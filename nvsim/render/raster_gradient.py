@@ -7,8 +7,8 @@ gradients of pixels are first summed per column of the tile, because dx is const
 from __future__ import annotations
 
 import numpy as np
-from numba import njit, prange
 
+from nvsim.kernels import njit, prange
 from nvsim.render.arithmetic import LN2, exp2_below
 from nvsim.render.ellipse_extent import pixel_rows
 from nvsim.render.kernel_types import (

@@ -15,9 +15,9 @@ from __future__ import annotations
 from functools import cache, lru_cache
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from nvsim.kernels import njit
 from nvsim.render.kernel_types import Float32
 from nvsim.splats import harmonics
 

@@ -4,8 +4,8 @@ tile."""
 from __future__ import annotations
 
 import numpy as np
-from numba import njit, prange
 
+from nvsim.kernels import njit, prange
 from nvsim.render.arithmetic import depth_key
 from nvsim.render.ellipse_extent import tile_box, tile_columns
 from nvsim.render.kernel_types import DEPTH, Float32, Int32, Int64, Mask, UInt64, Whole

@@ -6,10 +6,10 @@ import threading
 
 import numba
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from nvsim.geometry.camera import Camera
+from nvsim.kernels import njit
 from nvsim.render import kernel_types
 from nvsim.render.kernel_types import Float32, Int32, Int64, Mask, Whole, limit, pack
 from nvsim.render.projection import project

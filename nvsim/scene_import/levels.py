@@ -6,11 +6,11 @@ import itertools
 from dataclasses import dataclass
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from nvsim.geometry.cells import grid_size
 from nvsim.geometry.floor_surface import FloorSurface
+from nvsim.kernels import njit
 from nvsim.scene_import.slab_cover import Grid, slab_cover
 from nvsim.scene_import.surface_points import SurfacePoints
 from nvsim.splats.types import Gaussians

@@ -6,10 +6,10 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from nvsim.geometry.rotation import matrix_from_quaternion
+from nvsim.kernels import njit
 from nvsim.splats.types import Gaussians
 
 _FAINT = 0.02  # opacity of Gaussians that are skipped

@@ -10,15 +10,15 @@ from dataclasses import replace
 
 import numpy as np
 import torch
-from numba import njit, prange
 from numpy.typing import NDArray
 
 from nvsim.geometry.camera import Camera
+from nvsim.kernels import njit, prange
+from nvsim.render.sky import pack_camera
 from nvsim.render.workspace import NO_TINT, Tint
 from nvsim.splats.appearance import LinearAppearance, NetworkAppearance
 from nvsim.splats.harmonics import DC
 from nvsim.splats.types import Embedding, Gaussians
-from nvsim.training.background.harmonics import pack_camera
 from nvsim.training.config import AppearanceConfig
 from nvsim.training.optimizer import Parameters, propagate_gradient, random_generator
 

@@ -6,15 +6,15 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from numba import njit, prange
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from nvsim.capture.types import Cloud
 from nvsim.geometry.floor_surface import FloorSurface
+from nvsim.kernels import njit, prange
+from nvsim.render.sky import pack_camera
 from nvsim.splats.harmonics import DC
 from nvsim.splats.types import Gaussians
-from nvsim.training.background.harmonics import pack_camera
 from nvsim.training.config import TrainingConfig
 from nvsim.training.starting_points import detail_shares, flatten, guessed_points, triangulated_cloud
 from nvsim.training.views import TrainingView

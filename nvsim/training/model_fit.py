@@ -15,17 +15,16 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 import torch
-from numba import njit, prange
 from numpy.typing import NDArray
 
 from nvsim.geometry.camera import Camera
 from nvsim.geometry.floor_surface import FloorSurface
-from nvsim.render.floor_texture import pack_floor
+from nvsim.kernels import njit, prange
+from nvsim.render.floor_rays import meet_floor, pack_floor
 from nvsim.render.sh_polynomials import ROW
+from nvsim.render.sky import evaluate, evaluate_gradient, pack_camera
 from nvsim.render.workspace import LOCK
 from nvsim.splats.types import Gaussians, SubmapModel
-from nvsim.training.background.floor_rays import meet_floor
-from nvsim.training.background.harmonics import evaluate, evaluate_gradient, pack_camera
 from nvsim.training.background.texture import LearnedTexture
 from nvsim.training.config import LossConfig, TrainingConfig
 from nvsim.training.devices.device_state import hold_on_device

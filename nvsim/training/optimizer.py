@@ -9,8 +9,9 @@ from dataclasses import dataclass
 
 import numpy as np
 import torch
-from numba import njit, prange
 from numpy.typing import NDArray
+
+from nvsim.kernels import njit, prange
 
 Float32 = NDArray[np.float32]
 

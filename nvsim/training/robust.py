@@ -20,9 +20,9 @@ from typing import Protocol
 
 import cv2
 import numpy as np
-from numba import njit, prange
 from numpy.typing import NDArray
 
+from nvsim.kernels import njit, prange
 from nvsim.training.config import RobustConfig, TrainingConfig
 
 BLOCK = 8

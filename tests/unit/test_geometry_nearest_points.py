@@ -70,6 +70,22 @@ def test_a_camera_misses_none_of_the_points_that_it_sees(heading: float) -> None
     assert same.any() and np.isclose(near, expected, rtol=1e-5)[same].mean() > 0.999
 
 
+@pytest.mark.parametrize("heading", [0.0, 0.4, 1.5])
+def test_what_a_near_wall_hides_is_not_drawn_and_its_gaps_and_edges_show_what_is_behind(heading: float) -> None:
+    rng = np.random.default_rng(5)
+    wall = np.stack(np.meshgrid(np.arange(-3, 3, 0.1), [2.0], np.arange(0, 2.2, 0.1)), axis=-1).reshape(-1, 3)
+    gap = (np.abs(wall[:, 0] - 0.5) < 0.25) & (np.abs(wall[:, 2] - 1.2) < 0.2)
+    room = rng.uniform((-8, 3, 0), (8, 12, 3), (1500, 3))
+    points = np.concatenate([wall[~gap], room]).astype(np.float32)
+    radii = np.concatenate([np.full((~gap).sum(), 0.06), rng.uniform(0.02, 0.2, len(room))]).astype(np.float32)
+    camera = Camera(Intrinsics.from_fov(96, 64, np.radians(70)), camera_pose(np.array([0.1, 0.2, 1.3]), heading, -0.1))
+    drawn = SplatCloud.of(points, radii).depth(camera)[0]
+    expected = _all_depths(points, radii, camera)
+    behind = np.isfinite(expected) & (expected > 2.6)
+    assert 10 < behind.sum() < 0.8 * expected.size
+    assert np.isclose(drawn, expected, rtol=1e-5).mean() > 0.999
+
+
 def test_of_points_equally_deep_the_first_shows_whatever_cube_it_is_in() -> None:
     points = np.array([[0.05, 3, 0], [-0.05, 3, 0]], np.float32)
     camera = Camera(Intrinsics.from_fov(64, 64, np.radians(60)), camera_pose(np.zeros(3), 0.0))

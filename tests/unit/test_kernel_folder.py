@@ -27,7 +27,7 @@ def temporary(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     place.chmod(0o1777)
     monkeypatch.setattr(tempfile, "tempdir", str(place))
     monkeypatch.delenv(VARIABLE, raising=False)
-    monkeypatch.setattr(kernel_folder, "_can_write", lambda folder: False)
+    monkeypatch.setattr(kernel_folder, "can_write", lambda folder: False)
     return place
 
 
@@ -49,7 +49,7 @@ def test_a_choice_of_the_user_stays(temporary: Path, monkeypatch: pytest.MonkeyP
 
 def test_where_the_package_can_be_written_nothing_is_chosen(temporary: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     for writable in ("__pycache__", "numba"):
-        monkeypatch.setattr(kernel_folder, "_can_write", lambda folder, name=writable: folder.name == name)
+        monkeypatch.setattr(kernel_folder, "can_write", lambda folder, name=writable: folder.name == name)
         choose()
         assert VARIABLE not in os.environ
 

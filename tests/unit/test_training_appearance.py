@@ -11,12 +11,12 @@ import torch
 from nvsim.errors import InputError
 from nvsim.geometry.camera import Camera, Intrinsics, camera_pose
 from nvsim.render.model import render_model
+from nvsim.render.sky import pack_camera
 from nvsim.render.workspace import NO_TINT, RenderBuffers
 from nvsim.splats.harmonics import DC
 from nvsim.splats.types import Gaussians
 from nvsim.training import trainer
 from nvsim.training.appearance import LinearColors, NetworkColors, mark_in_view
-from nvsim.training.background.harmonics import pack_camera
 from nvsim.training.config import AppearanceConfig, TrainingConfig
 from nvsim.training.initialize import gaussians_at
 from nvsim.training.networks import IndexEmbedding, Networks, PositionEmbedding

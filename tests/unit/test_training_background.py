@@ -8,11 +8,10 @@ import torch
 
 from nvsim.geometry.camera import Camera, Intrinsics, camera_pose
 from nvsim.geometry.floor_surface import FloorSurface
-from nvsim.render.floor_texture import pack_floor
+from nvsim.render.floor_rays import meet_floor, pack_floor
+from nvsim.render.sky import evaluate, evaluate_gradient, pack_camera
 from nvsim.splats.harmonics import basis
 from nvsim.training.background.floor_paint import initial_floor_paint
-from nvsim.training.background.floor_rays import meet_floor
-from nvsim.training.background.harmonics import evaluate, evaluate_gradient, pack_camera
 from nvsim.training.background.texture import LearnedTexture
 from nvsim.training.config import AppearanceConfig, TrainingConfig
 from nvsim.training.networks import BackgroundNetwork, PositionEmbedding

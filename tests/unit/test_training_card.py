@@ -14,10 +14,10 @@ from gsplat_reference import INSTALLED, stand_in
 from nvsim.errors import InputError
 from nvsim.events import Event, Metric
 from nvsim.render import backends
+from nvsim.render.sky import pack_camera
 from nvsim.training import trainer
 from nvsim.training.appearance import in_view, mark_in_view
 from nvsim.training.background.floor_paint import initial_floor_paint
-from nvsim.training.background.harmonics import pack_camera
 from nvsim.training.checkpoint import fingerprint
 from nvsim.training.config import TrainingConfig, preset
 from nvsim.training.devices import choice

@@ -14,7 +14,6 @@ from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
-from numba import njit, prange
 from numpy.typing import NDArray
 
 from nvsim.errors import InputError
@@ -24,6 +23,7 @@ from nvsim.files.opening import read_bytes
 from nvsim.geometry.camera import camera_pose
 from nvsim.geometry.directions import face_axes
 from nvsim.graph.types import NavGraph, Viewpoint
+from nvsim.kernels import njit, prange
 from nvsim.r2r.observations.layout import ScanPlaces
 from nvsim.r2r.observations.skybox import UNITS_A_METER, read_depth
 from nvsim.r2r.surroundings.layers import Scalar

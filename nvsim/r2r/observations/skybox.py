@@ -14,7 +14,6 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from numba import njit, prange
 from numpy.typing import NDArray
 
 from nvsim.errors import InputError
@@ -25,11 +24,12 @@ from nvsim.geometry.directions import face_axes, sweep
 from nvsim.geometry.floor_surface import FloorSurface
 from nvsim.graph.sight import FARTHEST_SEEN
 from nvsim.graph.types import Viewpoint
+from nvsim.kernels import njit, prange
 from nvsim.r2r.observations.layout import ScanPlaces, ScanSettings, jpeg, png
 from nvsim.r2r.observations.surround import Surround, draw_surround
 from nvsim.render.arithmetic import FLAGS
 from nvsim.render.backends import Backend
-from nvsim.render.floor_texture import distance_to_floor, pack_floor
+from nvsim.render.floor_rays import distance_to_floor, pack_floor
 from nvsim.render.kernel_types import Float32
 from nvsim.render.workspace import LOCK
 from nvsim.splats.types import SubmapModel

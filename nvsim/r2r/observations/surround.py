@@ -11,10 +11,10 @@ from functools import lru_cache
 from typing import Any
 
 import numpy as np
-from numba import njit, prange
 from numpy.typing import NDArray
 
 from nvsim.geometry.camera import Camera
+from nvsim.kernels import njit, prange
 from nvsim.render.arithmetic import FLAGS
 from nvsim.render.backends import Backend
 from nvsim.render.equirectangular import axes_ahead, views_around

@@ -12,10 +12,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from nvsim.geometry.floor_surface import FloorSurface
-from nvsim.render.floor_texture import pack_floor
-from nvsim.training.background.floor_rays import meet_floor
-from nvsim.training.background.harmonics import pack_camera
-from nvsim.training.background.texture import LearnedTexture, scatter_texture
+from nvsim.render.floor_rays import meet_floor, pack_floor
+from nvsim.render.floor_texture import scatter_texture
+from nvsim.render.sky import pack_camera
+from nvsim.training.background.texture import LearnedTexture
 from nvsim.training.config import TrainingConfig
 from nvsim.training.networks import Networks
 from nvsim.training.views import TrainingView

@@ -15,9 +15,9 @@ from dataclasses import dataclass
 
 import numba
 import numpy as np
-from numba import njit, prange
 from numpy.typing import NDArray
 
+from nvsim.kernels import njit, prange
 from nvsim.training.config import LossConfig
 from nvsim.training.loss.ssim import RADIUS, SEGMENT, STRIP, planes, ssim_forward, ssim_gradient, tiles
 

@@ -16,8 +16,9 @@ compile time. Only then do compilers see that eleven rows are one array, and vec
 from __future__ import annotations
 
 import numpy as np
-from numba import njit, prange
 from numpy.typing import NDArray
+
+from nvsim.kernels import njit, prange
 
 _F = np.float32
 RADIUS = 5

@@ -1,13 +1,13 @@
-"""The SH background at every pixel of a view, and the gradient of its 25 coefficients, with the polynomials of
-`render.sh_polynomials`."""
+"""The SH background at every pixel of a view (paper section III-C), and the gradient of its 25 coefficients, with the
+polynomials of `sh_polynomials`."""
 
 from __future__ import annotations
 
 import numpy as np
-from numba import njit, prange
 from numpy.typing import NDArray
 
 from nvsim.geometry.camera import Camera
+from nvsim.kernels import njit, prange
 from nvsim.render.sh_polynomials import EXPONENTS, change_of_basis, row_numbers
 
 _F = np.float32
@@ -24,6 +24,29 @@ def pack_camera(camera: Camera) -> Float32:
     return packed
 
 
+@njit(fastmath=True)
+def sky_segment(
+    camera: Float32,  # (16,) `pack_camera`
+    terms: Float32,  # (25, 3) the coefficients after `change_of_basis`
+    row: int,
+    x0: int,  # first column of the segment
+    count: int,  # of pixels
+    channel: int,
+    colors: Float32,  # (count,) out
+) -> None:
+    """One color channel of the background at `count` pixels of a row from x0 on."""
+    v = (_F(row) + _F(0.5) - camera[15]) / camera[13]
+    step, first = _ONE / camera[12], (_F(x0) + _F(0.5) - camera[14]) / camera[12]
+    above = v * v + _ONE
+    e0, e1, e2, e3, e4, o0, o1, o2, o3 = row_numbers(terms, v, channel)
+    for x in range(count):
+        u = _F(x) * step + first
+        square = _ONE / (u * u + above)
+        even = e0 + u * (e1 + u * (e2 + u * (e3 + u * e4)))
+        odd = o0 + u * (o1 + u * (o2 + u * o3))
+        colors[x] = square * (square * even + np.sqrt(square) * odd)
+
+
 @njit(parallel=True, cache=True, fastmath=True)
 def _evaluate(
     camera: Float32,  # (16,) `pack_camera`
@@ -32,18 +55,8 @@ def _evaluate(
 ) -> None:
     _, height, width = out.shape
     for y in prange(height):
-        v = (_F(y) + _F(0.5) - camera[15]) / camera[13]
-        step, first = _ONE / camera[12], (_F(0.5) - camera[14]) / camera[12]
-        above = v * v + _ONE
         for c in range(3):
-            e0, e1, e2, e3, e4, o0, o1, o2, o3 = row_numbers(terms, v, c)
-            line = out[c, y]
-            for x in range(width):
-                u = _F(x) * step + first
-                square = _ONE / (u * u + above)
-                even = e0 + u * (e1 + u * (e2 + u * (e3 + u * e4)))
-                odd = o0 + u * (o1 + u * (o2 + u * o3))
-                line[x] = square * (square * even + np.sqrt(square) * odd)
+            sky_segment(camera, terms, y, 0, width, c, out[c, y])
 
 
 @njit(parallel=True, cache=True, fastmath=True)
