@@ -58,8 +58,10 @@ class Cloud:
         """The points less than `reach` meters, measured horizontally, from any of `places` (P, 2 or 3), and some points
         a meter or two farther. Returns this object itself if it has no other points."""
         kept = near_places(self.points, places, reach)
-        if kept.all():
-            return self
+        return self if kept.all() else self.only(kept)
+
+    def only(self, kept: NDArray[np.bool_]) -> Cloud:
+        """The points where `kept` (N,) is True."""
         colors = None if self.colors is None else self.colors[kept]
         normals = None if self.normals is None else self.normals[kept]
         return Cloud(self.points[kept], colors, self.kind, normals)

@@ -26,6 +26,7 @@ _STIFFNESS = 2.0  # weight of smoothness relative to one patch of floor points
 _PATCH = 0.25  # meters: floor points are reduced to one median per patch, so that dense places do not dominate
 _TOLERATED = 0.05  # meters: floor points this far from the floor of their neighbors lose most of their weight
 _MOST_HEIGHTS = 250_000  # nodes; a fit over more needs gigabytes
+_MOST_POINTS = 1_000_000  # about those of 400 square meters
 _LEVEL = 0.02  # meters: bin width of the height histograms
 _TREAD, _SUPPLE = 0.25, 0.005  # meters between the nodes, and stiffness, of the slope of a staircase
 _UNDER = 0.2  # meters: points this far under a level are not its noise
@@ -99,8 +100,9 @@ def _possible_floor_points(cloud: Cloud | None, walk: Float64) -> Float64 | None
 
     low, high = walk.min(axis=0) - _REACH, walk.max(axis=0) + _REACH
     x, y = cloud.points[:, 0], cloud.points[:, 1]
-    around = (x > low[0]) & (x < high[0]) & (y > low[1]) & (y < high[1])
-    points = np.asarray(cloud.points[around], np.float64)
+    around = np.flatnonzero((x > low[0]) & (x < high[0]) & (y > low[1]) & (y < high[1]))
+    # An even subset shows the height of the floor as well as all points.
+    points = np.asarray(cloud.points[around[:: -(-len(around) // _MOST_POINTS) or 1]], np.float64)
     cells, member = distinct_cells(np.floor(points[:, :2] / _PATCH).astype(np.int64))
     distance, nearest = cKDTree(walk[:, :2]).query((cells + 0.5) * _PATCH, distance_upper_bound=_REACH)
     carried = np.append(walk[:, 2], np.nan)[nearest][member]

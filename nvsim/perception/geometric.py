@@ -19,7 +19,7 @@ from nvsim.geometry.splatting import SplatCloud
 from nvsim.perception.appearance import FloorAppearance, FloorObservation
 from nvsim.perception.glass import GlassVotes
 from nvsim.perception.hybrid import large_regions
-from nvsim.perception.obstacles import split_obstacles
+from nvsim.perception.obstacles import ObstacleCloud, ObstacleConfig, split_obstacles
 from nvsim.perception.refine import RefineConfig, refine
 from nvsim.perception.roles import Float32, FloorMask, Image, Mask
 from nvsim.perception.stairs import Stairs
@@ -33,11 +33,9 @@ _ROUNDS = 3
 
 @dataclass(frozen=True)
 class GeometricConfig:
-    """clearance     meters: surfaces higher above the floor are not floor
-    farthest      meters: floor farther away is left out, because one pixel covers too much of it
+    """obstacles     how obstacles are found; floor beyond their greatest distance is left out, because one pixel covers
+                  too much of it
     longest_side  pixels of the image in which occlusion is computed
-    cover         half-width of a cloud point's square, in distances to its fourth neighbor
-    sparse        a surface whose points are this many times as far apart as usual is noise or glass and occludes little
     shrink        share of that half-width removed from silhouettes, because the squares overhang the object
     contact       a point nearer than this share of the distance to the floor behind it is a silhouette, not a foot
     margin        share of the distance to the floor beyond which a point does not occlude it
@@ -63,11 +61,8 @@ class GeometricConfig:
     filled_wall   and confirmed floor on such a surface is removed below this probability
     """
 
-    clearance: float = 0.05
-    farthest: float = 20.0
+    obstacles: ObstacleConfig = ObstacleConfig()
     longest_side: int = 320
-    cover: float = 0.8
-    sparse: float = 2.0
     shrink: float = 0.75
     contact: float = 0.95
     margin: float = 0.998
@@ -126,12 +121,19 @@ class _DepthMasks(NamedTuple):
 class GeometricFloor:
     """A FloorSegmenter that uses a point cloud (or None) and the floor surface around the cameras."""
 
-    def __init__(self, cloud: Cloud | None, surface: FloorSurface, config: GeometricConfig | None = None) -> None:
+    def __init__(
+        self,
+        cloud: Cloud | None,
+        surface: FloorSurface,
+        config: GeometricConfig | None = None,
+        obstacles: ObstacleCloud | None = None,
+    ) -> None:
+        """`obstacles` are those of the cloud around the cameras, by default of the whole cloud."""
         self.config = config or GeometricConfig()
         self.surface, self._stairs = surface, Stairs.of(surface)
         self._appearance: FloorAppearance | None = None
         self._is_sparse = cloud is not None and not cloud.is_dense
-        self._standing = split_obstacles(cloud, surface, self.config.clearance, self.config.cover, self.config.sparse)
+        self._standing = obstacles or split_obstacles(cloud, surface, self.config.obstacles)
         self._splats = SplatCloud.of(self._standing.points, self._standing.radii)
 
     def learn(
@@ -290,11 +292,11 @@ class GeometricFloor:
         small = self._working_camera(camera)
         rays = small.rays()
         distance = self._stairs.distance_along_rays(small.position, rays)
-        met = distance < self.config.farthest
+        met = distance < self.config.obstacles.farthest
         distance = np.where(met, distance, 0).astype(np.float32)
         ground = _ground_points(small, rays, distance)
         floor_depth = distance * (rays @ small.rotation[:, 2].astype(np.float32))
-        depth, radius = self._splats.depth(small, farthest=self.config.farthest)
+        depth, radius = self._splats.depth(small, farthest=self.config.obstacles.farthest)
         hidden = ~met | (depth < floor_depth * self.config.margin - 0.003)
         inside = cv2.distanceTransform(hidden.astype(np.uint8), cv2.DIST_L2, 3)
         # Above the foot of an object, the floor beside its border is behind it, and the border is a silhouette drawn

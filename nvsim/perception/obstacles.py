@@ -2,19 +2,22 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from itertools import chain
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
-from nvsim.capture.types import Cloud
-from nvsim.geometry.cells import MOST_CELLS, distinct_cells
+from nvsim.capture.types import Capture, Cloud
+from nvsim.depth.floor_noise import flatten_floor
+from nvsim.geometry.cells import MOST_CELLS, distinct_cells, grid_size, near_places
 from nvsim.geometry.floor_surface import FloorSurface
 from nvsim.geometry.nearest_points import distance_to
 from nvsim.perception.stairs import Stairs
 from nvsim.perception.support import FloorSupport
+from nvsim.submaps.split import storeys_of
 
 Float32 = NDArray[np.float32]
 
@@ -28,6 +31,8 @@ _ROOF = 0.8  # least share of one half of that disc that the overhang covers
 _NEIGHBORHOOD = 0.4
 _RIM = 1  # cells
 _HOLE = 1.0  # square meters: unscanned areas up to this size are floor if floor surrounds them
+_SQUARE = 0.5  # meters: side of the cells of ground that belong to the frame nearest to them
+_HALO = 3  # of these cells around the ground of a submap, so that its border is as if nothing had been cut off
 
 
 @dataclass(frozen=True, eq=False)
@@ -42,21 +47,130 @@ class ObstacleCloud:
     confirmed: FloorSupport | None
 
 
-def split_obstacles(
-    cloud: Cloud | None, surface: FloorSurface, clearance: float, cover: float, sparse: float
-) -> ObstacleCloud:
-    """Splits a cloud into obstacles higher than `clearance` meters above the floor and points that confirm floor. On
-    stairs both limits are half a step higher.
-
-    cover   half-width of a point's square, in distances to its fourth neighbor
-    sparse  a surface whose points are this many times as far apart as the median is glass or noise
+@dataclass(frozen=True)
+class ObstacleConfig:
+    """clearance  meters: surfaces higher above the floor are obstacles
+    cover      half-width of a cloud point's square, in distances to its fourth neighbor
+    sparse     a surface whose points are this many times as far apart as the median is glass or noise
+    farthest   meters: obstacles farther from all cameras are left out
     """
+
+    clearance: float = 0.05
+    cover: float = 0.8
+    sparse: float = 2.0
+    farthest: float = 20.0
+
+
+class BuildingObstacles:
+    """The obstacles of a capture. The ground of a storey is divided among its floor surfaces: each place has that of
+    the nearest frame. So every point is processed once, and memory does not grow with the building."""
+
+    def __init__(self, capture: Capture, surfaces: Sequence[FloorSurface], config: ObstacleConfig) -> None:
+        """`surfaces` are those around each frame of the capture; frames of a submap have the same object."""
+        self._cloud, self._positions, self._config = capture.cloud, capture.positions, config
+        index = {id(surface): i for i, surface in enumerate({id(s): s for s in surfaces}.values())}
+        self._surfaces = list({id(s): s for s in surfaces}.values())
+        self._owner = np.array([index[id(s)] for s in surfaces], np.int64)
+        self._storey = storeys_of(self._positions).part
+        self._ground: dict[int, _Ground] = {}
+        self._found: dict[int, ObstacleCloud] = {}
+
+    def near(self, members: Sequence[int], frames: Sequence[int]) -> ObstacleCloud:
+        """The obstacles that the `frames` can see, on the storey of `members`, which have the same surface."""
+        storey, places = int(self._storey[members[0]]), self._positions[list(frames)]
+        if self._cloud is None:
+            return split_obstacles(None, self._surfaces[self._owner[members[0]]], self._config)
+        level = np.flatnonzero(self._storey == storey)
+        if len(np.unique(self._owner[level])) == 1:
+            surface = self._surfaces[self._owner[members[0]]]
+            cloud = flatten_floor(self._cloud.near(places, self._config.farthest), surface)
+            return split_obstacles(cloud, surface, self._config)
+        distance, _ = cKDTree(places[:, :2]).query(self._positions[level, :2])
+        # A place that the frames can see is as close to the cameras of its own submap.
+        owners = np.unique(self._owner[level[distance <= 2 * self._config.farthest]])
+        found = _joined([self._of_submap(storey, int(owner)) for owner in owners])
+        kept = near_places(found.points, places, self._config.farthest)
+        return replace(found, points=found.points[kept], radii=found.radii[kept])
+
+    def _of_submap(self, storey: int, owner: int) -> ObstacleCloud:
+        """The obstacles on the ground of a submap."""
+        import cv2
+
+        if owner in self._found:
+            return self._found[owner]
+        assert self._cloud is not None
+        if storey not in self._ground:
+            level = np.flatnonzero(self._storey == storey)
+            self._ground[storey] = _Ground.of(self._positions[level], self._owner[level], self._config.farthest)
+        own = self._ground[storey].owner == owner
+        wide = cv2.dilate(own.astype(np.uint8), np.ones((2 * _HALO + 1, 2 * _HALO + 1), np.uint8)) > 0
+        surface, ground = self._surfaces[owner], self._ground[storey]
+        cloud = flatten_floor(self._cloud.only(ground.contains(wide, self._cloud.points)), surface)
+        found = split_obstacles(cloud, surface, self._config)
+        kept = ground.contains(own, found.points)
+        confirmed = found.confirmed
+        if confirmed is not None:
+            rows, columns = np.nonzero(confirmed.cells)
+            centers = confirmed.origin + confirmed.spacing * (np.stack([columns, rows], axis=1) + 0.5)
+            outside = ~ground.contains(own, centers)
+            confirmed.cells[rows[outside], columns[outside]] = False
+        self._found[owner] = ObstacleCloud(found.points[kept], found.radii[kept], confirmed)
+        return self._found[owner]
+
+
+@dataclass(frozen=True, eq=False)
+class _Ground:
+    """Which submap each cell of the ground belongs to: `owner` (rows, columns), -1 for none; `low` (2,) is the corner,
+    meters."""
+
+    owner: NDArray[np.int64]
+    low: NDArray[np.float64]
+
+    @staticmethod
+    def of(positions: NDArray[np.float64], owners: NDArray[np.int64], reach: float) -> _Ground:
+        """The ground within `reach` meters of cameras at `positions` (N, 3) with `owners` (N,)."""
+        low = np.floor(positions[:, :2].min(axis=0) - reach) - 3.0
+        columns, rows = grid_size(low, positions[:, :2].max(axis=0) + reach + 3.0, _SQUARE, "the cameras")
+        x, y = (low[a] + _SQUARE * (np.arange(n) + 0.5) for a, n in enumerate((columns, rows)))
+        # Some points that `Cloud.near` keeps are up to two meters farther.
+        tree = cKDTree(positions[:, :2])
+        nearest = tree.query(np.stack(np.meshgrid(x, y), axis=-1), distance_upper_bound=reach + 2.0)[1]
+        return _Ground(np.append(owners, -1)[nearest], low)
+
+    def contains(self, cells: NDArray[np.bool_], places: NDArray[np.floating]) -> NDArray[np.bool_]:
+        """(N,) bool: which `places` (N, 2 or 3) are in one of the `cells` (rows, columns) bool."""
+        from nvsim.geometry.grid_kernels import look_up_cells
+
+        found = np.empty(len(places), bool)
+        look_up_cells(cells, float(self.low[0]), float(self.low[1]), _SQUARE, places, found)
+        return found
+
+
+def _joined(parts: Sequence[ObstacleCloud]) -> ObstacleCloud:
+    """All obstacles and all confirmed floor of `parts`."""
+    points, radii = np.concatenate([p.points for p in parts]), np.concatenate([p.radii for p in parts])
+    grids = [p.confirmed for p in parts if p.confirmed is not None]
+    if not grids:
+        return ObstacleCloud(points, radii, None)
+    low = np.min([g.origin for g in grids], axis=0)
+    corners = [np.round((np.array(g.origin) - low) / _CELL).astype(int) for g in grids]
+    columns, rows = np.max([at + g.cells.shape[::-1] for at, g in zip(corners, grids, strict=True)], axis=0)
+    cells = np.zeros((rows, columns), bool)
+    for (column, row), grid in zip(corners, grids, strict=True):
+        height, width = grid.cells.shape
+        cells[row : row + height, column : column + width] |= grid.cells
+    return ObstacleCloud(points, radii, FloorSupport(cells, (float(low[0]), float(low[1])), _CELL))
+
+
+def split_obstacles(cloud: Cloud | None, surface: FloorSurface, config: ObstacleConfig) -> ObstacleCloud:
+    """Splits a cloud into obstacles above the floor and points that confirm floor. On stairs both limits are half a
+    step higher."""
     nothing = ObstacleCloud(np.empty((0, 3), np.float32), np.empty(0, np.float32), None)
     if cloud is None or len(cloud.points) < 10:
         return nothing
     points = np.asarray(cloud.points, np.float32)
     above = points[:, 2] - surface.height_at(points[:, :2])
-    clear = clearance + Stairs.of(surface).half_step(points)
+    clear = config.clearance + Stairs.of(surface).half_step(points)
     obstacles, height = points[above > clear], above[above > clear]
     on_floor = points[np.abs(above) <= clear]
     feet = _extend_to_floor(obstacles, height, on_floor, surface)
@@ -64,8 +178,8 @@ def split_obstacles(
     spacing = distance_to(everything, 4)
     # A surface with far fewer points than the rest is glass or noise: surfaces behind it are visible.
     around = _local_mean(everything, spacing)
-    solid = around <= sparse * float(np.median(around)) if len(spacing) else np.empty(0, bool)
-    radii = np.where(solid, np.clip(cover * spacing, 0.03, 0.2), 0.02).astype(np.float32)
+    solid = around <= config.sparse * float(np.median(around)) if len(spacing) else np.empty(0, bool)
+    radii = np.where(solid, np.clip(config.cover * spacing, 0.03, 0.2), 0.02).astype(np.float32)
     return ObstacleCloud(everything, radii, _confirmed_floor(on_floor, surface))
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import ThreadPoolExecutor, as_completed
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -25,7 +25,11 @@ from nvsim.geometry.camera import Camera, Intrinsics
 from nvsim.geometry.floor_surface import FloorSurface
 from nvsim.perception.failures import Failures
 from nvsim.perception.geometric import GeometricConfig, GeometricFloor
+from nvsim.perception.obstacles import BuildingObstacles
 from nvsim.perception.roles import Failure, Float32, FloorSegmenter, Image, Mask
+
+NearCloud = Callable[[], Cloud | None]
+"""Gives the point cloud around the frames of a submap, with its floor smoothed."""
 
 _NEAR = 6.0  # meters
 _DOUBTFUL = 96  # value of doubtful floor in a mask image
@@ -58,14 +62,14 @@ def segment_capture(
     listen: Listener = ignore_event,
     todo: Iterable[int] | None = None,
     depth_of: Callable[[int], Float32] | None = None,
-    other_of: Callable[[GeometricFloor, Cloud | None], FloorSegmenter] | None = None,
+    other_of: Callable[[GeometricFloor, NearCloud], FloorSegmenter] | None = None,
 ) -> dict[int, Failure]:
     """Writes the floor mask of every frame index in `todo` (default: all frames) to `folder`/NNNNNN.png. Pixels are 255
     for floor, 96 for doubtful floor (see `FloorMask.doubtful`), and 0 elsewhere, also where the frame's mask is False.
 
     surfaces_of  gives the floor surface around a frame; frames with an identical object are processed together
     depth_of     gives the depth (h, w) of a frame, meters (see `GeometricFloor.segment`), or None
-    other_of     makes another provider from the geometric one and the cloud that it uses
+    other_of     makes another provider from the geometric one and the cloud around its frames
 
     Returns frame index -> reason for the failed masks. The file `failures.json` in `folder` has them too. Frames with a
     mask are skipped unless `config.again`. Raises InputError for an image that cannot be read and for a folder that
@@ -110,15 +114,21 @@ def segment_capture(
         write_bytes(mask_path(folder, index), encoded.tobytes())
         return index
 
+    obstacles = BuildingObstacles(capture, surfaces, config.geometric.obstacles)
+
+    def segment_frames(frames: list[int]) -> Iterator[int]:
+        # The provider is freed before the next one is made, because each holds the obstacles around its frames.
+        surface = surfaces[frames[0]]
+        floor, near_cloud = learnt_floor(capture, walks[id(surface)], surface, obstacles, config)
+        provider = floor if other_of is None else other_of(floor, near_cloud)
+        jobs = [pool.submit(segment_frame, i, provider) for i in frames]
+        for job in as_completed(jobs):
+            yield job.result()
+
     with ThreadPoolExecutor(config.threads) as pool:
-        # One provider after the other, because each holds the cloud around its trajectory.
         for key in dict.fromkeys(id(surfaces[i]) for i in missing):
-            floor, cloud = learnt_floor(capture, walks[key], surfaces[walks[key][0]], config)
-            provider = floor if other_of is None else other_of(floor, cloud)
-            jobs = [pool.submit(segment_frame, i, provider) for i in missing if id(surfaces[i]) == key]
             try:
-                for job in as_completed(jobs):
-                    index = job.result()
+                for index in segment_frames([i for i in missing if id(surfaces[i]) == key]):
                     done += 1
                     listen(Progress("floors", done, total, capture.frames[index].name))
             except BaseException:
@@ -128,9 +138,13 @@ def segment_capture(
 
 
 def learnt_floor(
-    capture: Capture, members: list[int], surface: FloorSurface, config: SegmentConfig
-) -> tuple[GeometricFloor, Cloud | None]:
-    """The provider for the frames `members`, which share a floor surface, and the cloud that it uses. The provider has
+    capture: Capture,
+    members: list[int],
+    surface: FloorSurface,
+    obstacles: BuildingObstacles,
+    config: SegmentConfig,
+) -> tuple[GeometricFloor, NearCloud]:
+    """The provider for the frames `members`, which share a floor surface, and the cloud around them. The provider has
     learned the color of the floor. Raises InputError for an image that cannot be read."""
     near = _frames_near_submap(capture.positions, members, surface)
 
@@ -147,12 +161,14 @@ def learnt_floor(
         frame = capture.frames[near[k]]
         return usable_pixels(frame, frame.intrinsics.limited_to(config.geometric.longest_side))
 
-    cloud = capture.cloud
-    if cloud is not None:
-        cloud = flatten_floor(cloud.near(capture.positions[near], config.geometric.farthest), surface)
-    floor = GeometricFloor(cloud, surface, config.geometric)
+    def near_cloud() -> Cloud | None:
+        if capture.cloud is None:
+            return None
+        return flatten_floor(capture.cloud.near(capture.positions[near], config.geometric.obstacles.farthest), surface)
+
+    floor = GeometricFloor(capture.cloud, surface, config.geometric, obstacles.near(members, near))
     floor.learn([camera(i) for i in near], read_small, config.threads, usable_of)
-    return floor, cloud
+    return floor, near_cloud
 
 
 def _frames_near_submap(positions: NDArray[np.float64], members: list[int], surface: FloorSurface) -> list[int]:

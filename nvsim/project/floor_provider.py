@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     from nvsim.perception.normals_network import NormalsNetwork
     from nvsim.perception.prompted_network import PromptedNetwork
     from nvsim.perception.roles import FloorSegmenter, SemanticFloor, SurfaceNormals
+    from nvsim.perception.segment import NearCloud
 
 ROLES: tuple[Role, ...] = ("semantic", "normals", "prompted")
 GEOMETRY, AUTO = "geometry", "auto"
@@ -79,7 +80,7 @@ class FloorProvider:
             [[role, model.digest()] for role, model in sorted(self.models.items())],
         ]
 
-    def open(self, capture: Capture) -> Callable[[GeometricFloor, Cloud | None], FloorSegmenter] | None:
+    def open(self, capture: Capture) -> Callable[[GeometricFloor, NearCloud], FloorSegmenter] | None:
         """A function that makes the segmenter from a geometric one, with its networks opened; None for geometry alone.
 
         Raises InputError if a network cannot be used. For the hybrid, also if an image of `capture` cannot be read.
@@ -131,21 +132,21 @@ class HybridProvider:
         """Opens all networks. Raises InputError if one cannot be used."""
         _ = self.semantic, self.seen_normals, self.prompted
 
-    def fused(self, floor: GeometricFloor, cloud: Cloud | None) -> FusedFloor:
+    def fused(self, floor: GeometricFloor, near_cloud: NearCloud) -> FusedFloor:
         """Geometry fused with the semantic network and, if available, the normals network."""
         from nvsim.perception.fused import FusedFloor
 
         assert self.semantic is not None
         return FusedFloor(floor, self.semantic, self.seen_normals)
 
-    def __call__(self, floor: GeometricFloor, cloud: Cloud | None) -> HybridFloor:
-        """The hybrid segmenter. `floor` and its `cloud` fill the roles without a network."""
+    def __call__(self, floor: GeometricFloor, near_cloud: NearCloud) -> HybridFloor:
+        """The hybrid segmenter. `floor` and the cloud around it fill the roles without a network."""
         from nvsim.perception.geometric_roles import CloudNormals, FloorSimilarity
         from nvsim.perception.hybrid import HybridFloor
         from nvsim.perception.regions import RegionGrowing
 
         return HybridFloor(
-            self.semantic or FloorSimilarity(floor), self.normals or CloudNormals(floor, cloud),
+            self.semantic or FloorSimilarity(floor), self.normals or CloudNormals(floor, near_cloud()),
             self.prompted or RegionGrowing(),
         )  # fmt: skip
 

@@ -106,6 +106,7 @@ class CandidateMaker:
         return path
 
     def _hybrid(self, index: int, provider: FloorProvider) -> HybridFloor:
+        from nvsim.perception.obstacles import BuildingObstacles
         from nvsim.perception.segment import SegmentConfig, learnt_floor
 
         project = self._project
@@ -122,7 +123,10 @@ class CandidateMaker:
             if self._opened is None:
                 self._opened = HybridProvider(provider, capture)
             members = [i for i, s in floors.items() if s is surface]
-            self._hybrids[id(surface)] = self._opened(*learnt_floor(capture, members, surface, SegmentConfig()))
+            how = SegmentConfig()
+            around = [floors.get(i, surface) for i in range(len(capture.frames))]
+            obstacles = BuildingObstacles(capture, around, how.geometric.obstacles)
+            self._hybrids[id(surface)] = self._opened(*learnt_floor(capture, members, surface, obstacles, how))
         return self._hybrids[id(surface)]
 
     def _network(self) -> PromptedNetwork | None:

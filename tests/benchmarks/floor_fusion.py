@@ -31,6 +31,7 @@ from nvsim.perception.fused import FusedFloor
 from nvsim.perception.geometric_roles import CloudNormals
 from nvsim.perception.hybrid import HybridFloor
 from nvsim.perception.normals_network import NormalsNetwork, installed_normals
+from nvsim.perception.obstacles import BuildingObstacles
 from nvsim.perception.regions import RegionGrowing
 from nvsim.perception.roles import Float32, Mask
 from nvsim.perception.segment import SegmentConfig, learnt_floor
@@ -141,10 +142,12 @@ def main() -> None:
             if a.as_it_is and rows:
                 break
             found: dict[str, list[tuple[Mask, Mask]]] = {}
+            whole, how = replace(capture, cloud=cloud), SegmentConfig()
+            owner = {i: surfaces[s.index] for s in submaps for i in s.core}
+            obstacles = BuildingObstacles(whole, [owner[i] for i in range(len(owner))], how.geometric.obstacles)
             for submap in submaps:
-                whole = replace(capture, cloud=cloud)
-                floor, calm = learnt_floor(whole, list(submap.core), surfaces[submap.index], SegmentConfig())
-                hybrid = HybridFloor(looks, faces or CloudNormals(floor, calm), RegionGrowing())
+                floor, calm = learnt_floor(whole, list(submap.core), surfaces[submap.index], obstacles, how)
+                hybrid = HybridFloor(looks, faces or CloudNormals(floor, calm()), RegionGrowing())
                 providers = {"geometry": floor, "fused": FusedFloor(floor, looks, faces), "hybrid": hybrid}
                 for i in submap.core:
                     if i not in true:

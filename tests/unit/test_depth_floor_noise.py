@@ -10,8 +10,7 @@ from nvsim.capture.types import Cloud
 from nvsim.depth import floor_noise
 from nvsim.depth.floor_noise import flatten_floor, floor_reach
 from nvsim.geometry.floor_surface import FloorSurface
-from nvsim.perception.geometric import GeometricConfig
-from nvsim.perception.obstacles import split_obstacles
+from nvsim.perception.obstacles import ObstacleConfig, split_obstacles
 
 UP = np.array([0.0, 0.0, 1.0], np.float32)
 
@@ -65,9 +64,6 @@ def test_a_scan_is_never_moved() -> None:
 
 def test_without_it_the_scatter_of_a_floor_is_taken_for_obstacles() -> None:
     points, normals = floor_cloud(0.04)
-    cloud, floor, c = Cloud(points, None, "images", normals), FloorSurface.flat(0.0), GeometricConfig()
-    noisy, calm = (
-        len(split_obstacles(one, floor, c.clearance, c.cover, c.sparse).points)
-        for one in (cloud, flatten_floor(cloud, floor))
-    )
+    cloud, floor, c = Cloud(points, None, "images", normals), FloorSurface.flat(0.0), ObstacleConfig()
+    noisy, calm = (len(split_obstacles(one, floor, c).points) for one in (cloud, flatten_floor(cloud, floor)))
     assert noisy > 400 and calm < 0.2 * noisy

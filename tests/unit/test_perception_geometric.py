@@ -17,7 +17,7 @@ from nvsim.geometry.camera import Camera, Intrinsics, camera_pose
 from nvsim.geometry.floor_surface import FloorSurface
 from nvsim.geometry.lens import Lens
 from nvsim.perception.geometric import GeometricConfig, GeometricFloor
-from nvsim.perception.obstacles import split_obstacles
+from nvsim.perception.obstacles import ObstacleConfig, split_obstacles
 from nvsim.perception.refine import RefineConfig, refine
 from nvsim.perception.segment import SegmentConfig, mask_path, read_mask, read_mask_and_doubt, segment_capture
 from nvsim.perception.support import FloorSupport, SupportConfig, observe
@@ -288,11 +288,11 @@ def test_floor_that_the_scan_shows_below_a_sofa_is_seen_and_the_next_room_behind
     sides = [np.column_stack([0 * edge + at, edge, 0 * edge + z]) for at in (0.6, 1.4) for z in (0.12, 0.2, 0.3)]
     pane = [np.column_stack([0 * edge + 3, edge, 0 * edge + z]) for z in np.arange(0.12, 2, 0.04)]
     cloud = Cloud(np.concatenate([floor, top, *sides, *pane]).astype(np.float32))
-    points = split_obstacles(cloud, FLAT, 0.05, 0.8, 2.0).points
+    points = split_obstacles(cloud, FLAT, ObstacleConfig()).points
     feet = points[(points[:, 2] < 0.1) & (np.abs(points[:, 1] - 2) < 0.6)]  # corners have no room for half a disc
     assert len(feet) > 50 and (feet[:, 0] > 2).all()
     alone = Cloud(np.concatenate([floor[x > 1.4], *sides]).astype(np.float32))
-    kept = split_obstacles(alone, FLAT, 0.05, 0.8, 2.0).points
+    kept = split_obstacles(alone, FLAT, ObstacleConfig()).points
     assert (kept[:, 2] < 0.1).sum() > 50, "nothing says that floor goes on below it"
 
 

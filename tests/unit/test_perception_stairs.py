@@ -11,7 +11,7 @@ from nvsim.capture.types import Cloud
 from nvsim.geometry.camera import Camera, Intrinsics
 from nvsim.geometry.floor_surface import FloorSurface
 from nvsim.perception.geometric import GeometricFloor
-from nvsim.perception.obstacles import split_obstacles
+from nvsim.perception.obstacles import ObstacleConfig, split_obstacles
 from nvsim.perception.stairs import Stairs
 
 RISE, GOING = 0.168, 0.28
@@ -94,7 +94,7 @@ def steps() -> Cloud:
 
 
 def test_treads_and_risers_do_not_stand_on_the_stair_and_a_post_does() -> None:
-    found = split_obstacles(steps(), below(), 0.05, 0.8, 2.0)
+    found = split_obstacles(steps(), below(), ObstacleConfig())
     on = (found.points[:, 0] > 2.5) & (found.points[:, 0] < 6.5)
     assert len(found.points[on])
     assert np.abs(found.points[on][:, 0] - 4.5).max() < 0.1
