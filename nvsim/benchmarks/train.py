@@ -23,9 +23,9 @@ from nvsim.geometry.camera import Camera, Intrinsics, camera_pose
 from nvsim.geometry.floor_surface import FloorSurface
 from nvsim.render.gsplat_backend import rasterize
 from nvsim.splats.types import Gaussians
-from nvsim.training.background.floor_paint import initial_floor_paint
 from nvsim.training.config import Device, preset
 from nvsim.training.devices import choice
+from nvsim.training.floor_paint import initial_floor_paint
 from nvsim.training.model_fit import STEP_PARTS, ModelFit
 from nvsim.training.synthetic import EYE_HEIGHT, ROOM, photograph, synthetic_gaussians
 from nvsim.training.views import TrainingView

@@ -25,10 +25,10 @@ from nvsim.render.sh_polynomials import ROW
 from nvsim.render.sky import evaluate, evaluate_gradient, pack_camera
 from nvsim.render.workspace import LOCK
 from nvsim.splats.types import Gaussians, SubmapModel
-from nvsim.training.background.texture import LearnedTexture
 from nvsim.training.config import LossConfig, TrainingConfig
 from nvsim.training.devices.device_state import hold_on_device
 from nvsim.training.devices.types import FEATURES, Stopwatch
+from nvsim.training.floor_paint import LearnedTexture
 from nvsim.training.loss.alpha import alpha_loss
 from nvsim.training.loss.floor_aware import FloorAwareLoss, LossValues
 from nvsim.training.networks import Networks

@@ -11,9 +11,8 @@ from nvsim.geometry.floor_surface import FloorSurface
 from nvsim.render.floor_rays import meet_floor, pack_floor
 from nvsim.render.sky import evaluate, evaluate_gradient, pack_camera
 from nvsim.splats.harmonics import basis
-from nvsim.training.background.floor_paint import initial_floor_paint
-from nvsim.training.background.texture import LearnedTexture
 from nvsim.training.config import AppearanceConfig, TrainingConfig
+from nvsim.training.floor_paint import LearnedTexture, initial_floor_paint
 from nvsim.training.networks import BackgroundNetwork, PositionEmbedding
 from nvsim.training.synthetic import synthetic_room
 

@@ -17,11 +17,11 @@ from nvsim.render import backends
 from nvsim.render.sky import pack_camera
 from nvsim.training import trainer
 from nvsim.training.appearance import in_view, mark_in_view
-from nvsim.training.background.floor_paint import initial_floor_paint
 from nvsim.training.checkpoint import fingerprint
 from nvsim.training.config import TrainingConfig, preset
 from nvsim.training.devices import choice
 from nvsim.training.devices.card import CardGroup
+from nvsim.training.floor_paint import initial_floor_paint
 from nvsim.training.initialize import initial_gaussians
 from nvsim.training.model_fit import ModelFit
 from nvsim.training.optimizer import ParameterGroup

@@ -6,8 +6,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from nvsim.training.background.floor_paint import initial_floor_paint
 from nvsim.training.config import TrainingConfig
+from nvsim.training.floor_paint import initial_floor_paint
 from nvsim.training.initialize import initial_gaussians
 from nvsim.training.model_fit import HOLD, Exposure, ModelFit
 from nvsim.training.synthetic import synthetic_room
