@@ -30,7 +30,7 @@ from nvsim.depth.files import (
     write_depth,
     write_draft,
 )
-from nvsim.depth.fusion import FusedCells, FusedCloud, Map, fuse, joined
+from nvsim.depth.fusion import FusedCells, FusedCloud, Map, concatenate_parts, fuse, joined
 from nvsim.depth.labeling import label_planes
 from nvsim.depth.planes import Plane, find_planes, is_behind_floor
 from nvsim.depth.refinement import refine, smooth_depth
@@ -292,7 +292,7 @@ def _check_of_all_maps(cameras: list[Camera], maps: Draft, config: DepthConfig) 
     for part in _fuse_maps(cameras, map_with_equal_weights, config, config.checked_observations):
         points = part.seen.points
         kept.append(points[carver.exists(points)])
-    return DepthCheck(np.concatenate(kept), cameras, inverse, config)
+    return DepthCheck(concatenate_parts(kept), cameras, inverse, config)
 
 
 def _fuse_maps(cameras: list[Camera], maps: Draft, config: DepthConfig, seen: int) -> Iterator[FusedCells]:

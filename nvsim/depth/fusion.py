@@ -115,11 +115,11 @@ def joined(parts: Iterable[FusedCells]) -> FusedCloud:
         found: tuple[NDArray[Any], ...] = seen.points, seen.eyes - seen.points, part.colors, part.views
         for column, values in zip(columns, found, strict=True):
             column.append(values)
-    points, towards, colors, views = (_concatenate_parts(column) for column in columns)
+    points, towards, colors, views = (concatenate_parts(column) for column in columns)
     return FusedCloud(points, colors, normals_of(points, towards), views)
 
 
-def _concatenate_parts(parts: list[NDArray[Any]]) -> NDArray[Any]:
+def concatenate_parts(parts: list[NDArray[Any]]) -> NDArray[Any]:
     """The concatenated `parts`, which are removed from their list."""
     together = np.concatenate(parts)
     parts.clear()

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -137,10 +137,6 @@ class SplatCloud:
         del key
         middles = ((_cubes_of(points[order[starts]]) + 0.5) * _BLOCK).astype(np.float32)
         return SplatCloud(order, points[order], radii[order], np.append(starts, len(points)), middles)
-
-    def with_radii(self, radii: Float32) -> SplatCloud:
-        """This cloud with other `radii` (N,), meters, in the caller's order."""
-        return replace(self, radii=radii[self.order])
 
     def depth(self, camera: Camera, largest: float = _LARGEST, farthest: float = _ANY) -> tuple[Float32, Float32]:
         """Depth (H, W) float32 in meters along the optical axis of the nearest point, and radius (H, W) of that point.

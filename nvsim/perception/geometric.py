@@ -133,8 +133,8 @@ class GeometricFloor:
         self.surface, self._stairs = surface, Stairs.of(surface)
         self._appearance: FloorAppearance | None = None
         self._is_sparse = cloud is not None and not cloud.is_dense
-        self._standing = obstacles or split_obstacles(cloud, surface, self.config.obstacles)
-        self._splats = SplatCloud.of(self._standing.points, self._standing.radii)
+        found = obstacles or split_obstacles(cloud, surface, self.config.obstacles)
+        self._confirmed, self._splats = found.confirmed, SplatCloud.of(found.points, found.radii)
 
     def learn(
         self,
@@ -175,9 +175,8 @@ class GeometricFloor:
             hits = (camera.position + before[..., None] * rays).astype(np.float32)
             seen = self._appearance.log_colors(image)
             through.add_votes(seen, expected, hidden & known & np.isfinite(before), hits, distance - before)
-        glass = through.glass(self._standing.points)
-        radii = np.where(glass, np.minimum(self._standing.radii, _SPECK), self._standing.radii).astype(np.float32)
-        self._splats = self._splats.with_radii(radii)
+        glass = through.glass(self._splats.points)
+        self._splats.radii[glass] = np.minimum(self._splats.radii[glass], _SPECK)
 
     def segment(
         self, camera: Camera, image: Image, depth: Float32 | None = None, looks: Float32 | None = None,
@@ -276,7 +275,7 @@ class GeometricFloor:
     @property
     def has_dense_cloud(self) -> bool:
         """Whether the cloud is dense enough to show floor, so that floor without points is doubtful."""
-        return not self._is_sparse and self._standing.confirmed is not None
+        return not self._is_sparse and self._confirmed is not None
 
     def _observe_floor(self, seen: Projection, image: Image) -> FloorObservation:
         import cv2
@@ -304,8 +303,8 @@ class GeometricFloor:
         silhouette = met & (depth < floor_depth * self.config.contact)
         hidden &= ~(silhouette & (inside < self.config.shrink * radius * small.intrinsics.fx / depth))
         possible = met
-        if self._standing.confirmed is not None:
-            possible = met & self._standing.confirmed.is_supported(ground)
+        if self._confirmed is not None:
+            possible = met & self._confirmed.is_supported(ground)
         floor: Mask = possible & ~hidden
         floor = _without_specks(floor, self.config.speck)
         nearest = np.minimum(depth, np.where(met, floor_depth, np.inf))

@@ -16,6 +16,7 @@ _ALIKE = 0.5  # least correlation of a pixel that shows the floor
 _BEHIND = 0.4  # meters: the floor must be at least this far behind the object; nearer floor is that at its foot
 _SHARE = 0.4  # least share of the pixels of a cube that must show the floor
 _LEAST = 60  # least number of compared pixels of a cube
+_BLOCK = 1 << 18  # points that are looked up at the same time, 20 MB
 
 
 class GlassVotes:
@@ -56,16 +57,23 @@ class GlassVotes:
 
     def glass(self, points: Float32) -> Mask:
         """(N,) bool: whether each of `points` (N, 3), meters, world, is in a cube that is glass."""
-        if not self._cubes or len(points) == 0:
-            return np.zeros(len(points), bool)
-        votes, of_points = np.concatenate(self._cubes), self._cube(points)
-        cubes, member = distinct_cells(np.concatenate([votes, of_points]))
+        found = np.zeros(len(points), bool)
+        if not self._cubes:
+            return found
+        cubes, member = distinct_cells(np.concatenate(self._cubes))
         asked, shown = (
-            np.bincount(member[: len(votes)], np.concatenate(counts), minlength=len(cubes))
-            for counts in (self._asked, self._shown)
+            np.bincount(member, np.concatenate(counts), minlength=len(cubes)) for counts in (self._asked, self._shown)
         )
-        clear = (asked >= _LEAST) & (shown > _SHARE * asked)
-        found: Mask = clear[member[len(votes) :]]
+        clear = cubes[(asked >= _LEAST) & (shown > _SHARE * asked)]
+        if not len(clear):
+            return found
+        low = clear.min(axis=0)
+        sides = tuple(clear.max(axis=0) - low + 1)
+        numbers = np.ravel_multi_index(tuple((clear - low).T), sides)
+        for start in range(0, len(points), _BLOCK):
+            at = self._cube(points[start : start + _BLOCK]) - low
+            inside = ((at >= 0) & (at < sides)).all(axis=1)
+            found[start + np.flatnonzero(inside)] = np.isin(np.ravel_multi_index(tuple(at[inside].T), sides), numbers)
         return found
 
     def _cube(self, points: Float32) -> NDArray[np.int64]:

@@ -46,6 +46,11 @@ class ObstacleCloud:
     radii: Float32
     confirmed: FloorSupport | None
 
+    def near(self, places: NDArray[np.floating], reach: float) -> ObstacleCloud:
+        """The obstacles near any of `places` (P, 2 or 3), as `Cloud.near`, and all confirmed floor."""
+        kept = near_places(self.points, places, reach)
+        return replace(self, points=self.points[kept], radii=self.radii[kept])
+
 
 @dataclass(frozen=True)
 class ObstacleConfig:
@@ -88,9 +93,7 @@ class BuildingObstacles:
         distance, _ = cKDTree(places[:, :2]).query(self._positions[level, :2])
         # A place that the frames can see is as close to the cameras of its own submap.
         owners = np.unique(self._owner[level[distance <= 2 * self._config.farthest]])
-        found = _joined([self._of_submap(storey, int(owner)) for owner in owners])
-        kept = near_places(found.points, places, self._config.farthest)
-        return replace(found, points=found.points[kept], radii=found.radii[kept])
+        return _joined([self._of_submap(storey, int(owner)).near(places, self._config.farthest) for owner in owners])
 
     def _of_submap(self, storey: int, owner: int) -> ObstacleCloud:
         """The obstacles on the ground of a submap."""

@@ -93,7 +93,7 @@ def test_of_points_equally_deep_the_first_shows_whatever_cube_it_is_in() -> None
         for order in (slice(None), slice(None, None, -1)):
             cloud = SplatCloud.of(points[order], np.array(radii, np.float32)[order])
             assert cloud.depth(camera)[1][32, 32] == np.float32(np.array(radii)[order][0])
-            wider = cloud.with_radii(np.array([0.3, 0.4], np.float32))
+            wider = SplatCloud.of(points, np.array([0.3, 0.4], np.float32))
             assert wider.depth(camera)[1][32, 32] == np.float32(0.3)
 
 
