@@ -68,13 +68,13 @@ class ObstacleConfig:
 
 class BuildingObstacles:
     """The obstacles of a capture. The ground of a storey is divided among its floor surfaces: each place has that of
-    the nearest frame. So every point is processed once, and memory does not grow with the building."""
+    the nearest frame. So every point is processed once, and not once for each submap that sees it."""
 
     def __init__(self, capture: Capture, surfaces: Sequence[FloorSurface], config: ObstacleConfig) -> None:
         """`surfaces` are those around each frame of the capture; frames of a submap have the same object."""
         self._cloud, self._positions, self._config = capture.cloud, capture.positions, config
-        index = {id(surface): i for i, surface in enumerate({id(s): s for s in surfaces}.values())}
         self._surfaces = list({id(s): s for s in surfaces}.values())
+        index = {id(surface): i for i, surface in enumerate(self._surfaces)}
         self._owner = np.array([index[id(s)] for s in surfaces], np.int64)
         self._storey = storeys_of(self._positions).part
         self._ground: dict[int, _Ground] = {}
@@ -83,11 +83,10 @@ class BuildingObstacles:
     def near(self, members: Sequence[int], frames: Sequence[int]) -> ObstacleCloud:
         """The obstacles that the `frames` can see, on the storey of `members`, which have the same surface."""
         storey, places = int(self._storey[members[0]]), self._positions[list(frames)]
+        surface, level = self._surfaces[self._owner[members[0]]], np.flatnonzero(self._storey == storey)
         if self._cloud is None:
-            return split_obstacles(None, self._surfaces[self._owner[members[0]]], self._config)
-        level = np.flatnonzero(self._storey == storey)
+            return split_obstacles(None, surface, self._config)
         if len(np.unique(self._owner[level])) == 1:
-            surface = self._surfaces[self._owner[members[0]]]
             cloud = flatten_floor(self._cloud.near(places, self._config.farthest), surface)
             return split_obstacles(cloud, surface, self._config)
         distance, _ = cKDTree(places[:, :2]).query(self._positions[level, :2])
