@@ -63,6 +63,40 @@ def _judge(
             shown[i] += pixels
 
 
+@njit(cache=True, nogil=True, error_model="numpy")
+def _judge_blocks(
+    points: Float32,  # (N, 3) meters, world, block by block, as in `SplatCloud`
+    first: NDArray[np.int64],  # (B + 1,)
+    middles: Float32,  # (B, 3)
+    farthest: float,  # meters from the camera beyond which the map has no votes
+    lens: NDArray[np.float64],  # as in `_judge`, like all following
+    pose: NDArray[np.float64],
+    inverse: Float32,
+    shown: NDArray[np.int64],
+    through: NDArray[np.int64],
+) -> None:
+    """`_judge` for the blocks that the camera may see."""
+    height, width = inverse.shape
+    fx, fy, cx, cy = lens
+    reach = 0.9  # meters from the middle of a block to its corners, and rounding
+    # The sides of the image are planes through the camera: f * offset + side * z >= 0 inside.
+    by_left, by_right = reach * np.hypot(fx, cx), reach * np.hypot(fx, width - cx)
+    by_upper, by_lower = reach * np.hypot(fy, cy), reach * np.hypot(fy, height - cy)
+    for b in range(len(middles)):
+        x, y, z = np.float64(middles[b, 0]), np.float64(middles[b, 1]), np.float64(middles[b, 2])
+        ahead = pose[2, 0] * x + pose[2, 1] * y + pose[2, 2] * z + pose[2, 3]
+        aside = pose[0, 0] * x + pose[0, 1] * y + pose[0, 2] * z + pose[0, 3]
+        below = pose[1, 0] * x + pose[1, 1] * y + pose[1, 2] * z + pose[1, 3]
+        if ahead < -reach or ahead * ahead + aside * aside + below * below > (farthest + reach) ** 2:
+            continue
+        if fx * aside + cx * ahead < -by_left or (width - cx) * ahead - fx * aside < -by_right:
+            continue
+        if fy * below + cy * ahead < -by_upper or (height - cy) * ahead - fy * below < -by_lower:
+            continue
+        here = slice(first[b], first[b + 1])
+        _judge(points[here], lens, pose, inverse, shown[here], through[here])
+
+
 def add_depth_votes(
     points: Float32, camera: Camera, inverse: Float32, shown: NDArray[np.int64], through: NDArray[np.int64]
 ) -> None:
@@ -70,8 +104,12 @@ def add_depth_votes(
 
     `inverse` (H, W) float32 is the inverse depth seen by `camera`, 1 / meters, 0 where unknown. Votes of pixels that
     show a point are added to `shown` (N,); votes of pixels that see through it to `through` (N,)."""
-    k, pose = camera.intrinsics, np.ascontiguousarray(camera.world_to_camera[:3], np.float64)
-    _judge(points, np.array([k.fx, k.fy, k.cx, k.cy]), pose, inverse, shown, through)
+    _judge(points, *_lens_and_pose(camera), inverse, shown, through)
+
+
+def _lens_and_pose(camera: Camera) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    k = camera.intrinsics
+    return np.array([k.fx, k.fy, k.cx, k.cy]), np.ascontiguousarray(camera.world_to_camera[:3], np.float64)
 
 
 class Carver:
@@ -91,18 +129,23 @@ class Carver:
             return np.zeros(0, bool)
         away = np.maximum(np.maximum(points.min(axis=0) - self._positions, self._positions - points.max(axis=0)), 0)
         near = np.flatnonzero(np.linalg.norm(away, axis=1) <= self._reach)
+        cloud = SplatCloud.of(points, np.zeros(len(points), np.float32))
 
         def count(first: int) -> NDArray[np.int64]:
             counts = np.zeros((2, len(points)), np.int64)
             for i in near[first :: self._threads]:
-                inverse = self._maps(int(i))
-                self._reach[i] = _farthest_vote(self._cameras[i], inverse)
-                add_depth_votes(points, self._cameras[i], inverse, counts[0], counts[1])
+                inverse, camera = self._maps(int(i)), self._cameras[i]
+                self._reach[i] = _farthest_vote(camera, inverse)
+                _judge_blocks(
+                    cloud.points, cloud.first, cloud.middles, self._reach[i], *_lens_and_pose(camera), inverse, *counts
+                )
             return counts
 
         with ThreadPoolExecutor(self._threads) as pool:
             shown, through = sum(pool.map(count, range(self._threads)), np.zeros((2, len(points)), np.int64))
-        return np.asarray(shown >= _TIMES * through)
+        found = np.empty(len(points), bool)
+        found[cloud.order] = shown >= _TIMES * through
+        return found
 
 
 def _farthest_vote(camera: Camera, inverse: Float32) -> float:

@@ -10,9 +10,9 @@ from nvsim.depth.fusion import ObservedPoints
 from nvsim.depth.labeling import label_planes
 from nvsim.depth.planes import find_planes
 from nvsim.depth.view import View, Warp, census_of
-from nvsim.depth.visibility import Carver
+from nvsim.depth.visibility import Carver, add_depth_votes
 from nvsim.errors import InputError
-from nvsim.geometry.camera import Camera, Intrinsics
+from nvsim.geometry.camera import Camera, Intrinsics, camera_pose
 from nvsim.project.ledger import key_of
 
 
@@ -171,6 +171,29 @@ def test_points_that_more_maps_see_through_than_show_are_taken_away() -> None:
     kept = Carver(cameras, maps.__getitem__, 2).exists(points)
     assert kept[:102].all() and not kept[102:104].any()
     assert kept[104]  # behind all cameras: nothing speaks against it
+
+
+def test_points_out_of_sight_of_a_map_are_skipped_and_all_others_are_counted() -> None:
+    """Maps with edges and unknown pixels in a hall: the votes of blocks equal those of all points."""
+    rng = np.random.default_rng(4)
+    points = rng.uniform((-20, -15, 0), (20, 15, 3), (6000, 3)).astype(np.float32)
+    lens = Intrinsics(80, 60, 60.0, 60.0, 35.0, 32.0)
+    cameras = [
+        Camera(lens, camera_pose(rng.uniform((-18, -13, 1), (18, 13, 2)), rng.uniform(0, 6.3), rng.uniform(-0.6, 0.3)))
+        for _ in range(30)
+    ]
+    maps = []
+    for k in range(len(cameras)):
+        depth = np.repeat(np.repeat(rng.uniform(1, 4 + k % 7, (6, 8)), 10, axis=0), 10, axis=1)
+        maps.append(np.where(rng.uniform(size=depth.shape) < 0.1, 0, 1 / depth).astype(np.float32))
+    shown, through = np.zeros((2, len(points)), np.int64)
+    for camera, inverse in zip(cameras, maps, strict=True):
+        add_depth_votes(points, camera, inverse, shown, through)
+    expected = shown >= 2 * through
+    assert (shown > 0).sum() > 100 and (~expected).sum() > 300
+    carver = Carver(cameras, maps.__getitem__, 2)
+    for _ in range(2):  # the second time, the distances of the farthest votes are known
+        np.testing.assert_array_equal(carver.exists(points), expected)
 
 
 def test_a_thin_top_stays_that_few_near_cameras_show_and_many_far_ones_look_past() -> None:
