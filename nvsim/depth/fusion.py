@@ -120,7 +120,7 @@ def joined(parts: Iterable[FusedCells]) -> FusedCloud:
 
 
 def concatenate_parts(parts: list[NDArray[Any]]) -> NDArray[Any]:
-    """The concatenated `parts`, which are removed from their list."""
+    """(N, ...) the concatenated `parts` (M, ...), which are removed from their list."""
     together = np.concatenate(parts)
     parts.clear()
     return together
