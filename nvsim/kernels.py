@@ -41,7 +41,7 @@ def remove_outdated(package: Path) -> None:
     for place in places:
         record = place(package) / _RECORD
         with contextlib.suppress(OSError, InputError):
-            if record.is_file() and record.read_text() == now:
+            if record.is_file() and record.read_bytes() == now.encode():
                 continue
             # Without its index, a kernel is compiled again.
             outdated = [index for folder in folders for index in place(folder).glob("*.nbi")]
@@ -54,7 +54,7 @@ def remove_outdated(package: Path) -> None:
 
 def _sources(package: Path) -> dict[Path, bytes]:
     """The files of a `package` with kernels, and the files that these import, with their content."""
-    every = {path: path.read_bytes() for path in package.rglob("*.py")}
+    every = {path: path.read_bytes() for path in package.rglob("*.py") if path.is_file()}  # an editor may leave links
     found = {path for path, text in every.items() if b".kernels import" in text}
     for path in list(found):
         for module in re.findall(rb"^from %s\.([\w.]+) import" % package.name.encode(), every[path], re.MULTILINE):

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from nvsim.depth.config import DepthConfig
 from nvsim.geometry.camera import Camera
-from nvsim.geometry.splatting import SplatCloud
+from nvsim.geometry.splatting import BLOCK_REACH, SplatCloud, blocks_in_view
 from nvsim.kernels import njit
 
 Float32 = NDArray[np.float32]
@@ -77,22 +77,7 @@ def _judge_blocks(
 ) -> None:
     """`_judge` for the blocks that the camera may see."""
     height, width = inverse.shape
-    fx, fy, cx, cy = lens
-    reach = 0.9  # meters from the middle of a block to its corners, and rounding
-    # The sides of the image are planes through the camera: f * offset + side * z >= 0 inside.
-    by_left, by_right = reach * np.hypot(fx, cx), reach * np.hypot(fx, width - cx)
-    by_upper, by_lower = reach * np.hypot(fy, cy), reach * np.hypot(fy, height - cy)
-    for b in range(len(middles)):
-        x, y, z = np.float64(middles[b, 0]), np.float64(middles[b, 1]), np.float64(middles[b, 2])
-        ahead = pose[2, 0] * x + pose[2, 1] * y + pose[2, 2] * z + pose[2, 3]
-        aside = pose[0, 0] * x + pose[0, 1] * y + pose[0, 2] * z + pose[0, 3]
-        below = pose[1, 0] * x + pose[1, 1] * y + pose[1, 2] * z + pose[1, 3]
-        if ahead < -reach or ahead * ahead + aside * aside + below * below > (farthest + reach) ** 2:
-            continue
-        if fx * aside + cx * ahead < -by_left or (width - cx) * ahead - fx * aside < -by_right:
-            continue
-        if fy * below + cy * ahead < -by_upper or (height - cy) * ahead - fy * below < -by_lower:
-            continue
+    for b in blocks_in_view(middles, BLOCK_REACH, pose, lens, height, width, farthest):
         here = slice(first[b], first[b + 1])
         _judge(points[here], lens, pose, inverse, shown[here], through[here])
 

@@ -10,7 +10,7 @@ from nvsim.kernels import njit
 
 @njit(cache=True, nogil=True)
 def nearest(
-    places: NDArray[np.float32],  # (N, 3) meters, sorted by cell; computed with in double precision
+    places: NDArray[np.float32],  # (N, 3) meters, sorted by cell
     cells: NDArray[np.int64],  # (C,) numbers of the non-empty cells, ascending
     first: NDArray[np.int64],  # (C + 1,) index of the first place of each cell
     row: int,  # difference between the numbers of neighboring cells along y

@@ -27,7 +27,7 @@ def distance_to(points: NDArray[np.float32], neighbor: int) -> NDArray[np.float3
     found = np.full(len(points), np.nan, np.float32)
     if not len(points):
         return found
-    low, high = (points.min(axis=0).astype(np.float64), points.max(axis=0).astype(np.float64))
+    low, high = points.min(axis=0).astype(np.float64), points.max(axis=0).astype(np.float64)
     per_cube = np.diff(_starts(np.sort(_numbers(points, low, high, _CUBE)[0])))
     dense = _median_of_members(per_cube)
     side = _SIDE * _CUBE / np.sqrt(dense)

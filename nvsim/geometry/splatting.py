@@ -13,9 +13,46 @@ from nvsim.kernels import njit
 Float32 = NDArray[np.float32]
 
 _BLOCK = 1.0  # meters: side of the cubes in which points are stored; a camera processes only cubes in its view
+BLOCK_REACH = 0.87 * _BLOCK + 0.05
+"""Meters from the middle of a block to its corners, and the rounding of large coordinates."""
 _LARGEST = 24.0  # pixels
 _PIXELS = 4  # pixels that are tested in the time in which a point is drawn
 _ANY = 1e6  # meters
+
+
+@njit(nogil=True, fastmath=True)
+def blocks_in_view(
+    middles: NDArray[np.float32],  # (B, 3) meters, world, of `SplatCloud`
+    reach: float | np.floating,  # meters from the middle of a block to its farthest content
+    pose: NDArray[np.floating],  # (3, 4) rows of world-to-camera
+    lens: NDArray[np.floating],  # (4,) fx, fy, cx, cy, pixels
+    height: int,  # of the image, pixels, as `width`
+    width: int,
+    farthest: float | np.floating,  # meters from the camera beyond which blocks are skipped
+) -> NDArray[np.int64]:
+    """(K,) the blocks of which a camera may see a part, the nearest first."""
+    fx, fy, cx, cy = lens[0], lens[1], lens[2], lens[3]
+    # The sides of the image, a pixel farther out, are planes through the camera: lens * offset + side * z >= 0 inside.
+    left, right = cx + np.float32(1), width - cx + np.float32(1)
+    upper, lower = cy + np.float32(1), height - cy + np.float32(1)
+    by_left, by_right = reach * np.sqrt(fx * fx + left * left), reach * np.sqrt(fx * fx + right * right)
+    by_upper, by_lower = reach * np.sqrt(fy * fy + upper * upper), reach * np.sqrt(fy * fy + lower * lower)
+    blocks, away, count = np.empty(middles.shape[0], np.int64), np.empty(middles.shape[0], np.float32), 0
+    for b in range(middles.shape[0]):
+        x, y, z = middles[b, 0], middles[b, 1], middles[b, 2]
+        zc = pose[2, 0] * x + pose[2, 1] * y + pose[2, 2] * z + pose[2, 3]
+        across = fx * (pose[0, 0] * x + pose[0, 1] * y + pose[0, 2] * z + pose[0, 3])
+        down = fy * (pose[1, 0] * x + pose[1, 1] * y + pose[1, 2] * z + pose[1, 3])
+        if zc < -reach or across + left * zc < -by_left or right * zc - across < -by_right:
+            continue
+        if down + upper * zc < -by_upper or lower * zc - down < -by_lower:
+            continue
+        aside, below = across / fx, down / fy
+        if aside * aside + below * below + zc * zc > (farthest + reach) * (farthest + reach):
+            continue
+        blocks[count], away[count] = b, zc
+        count += 1
+    return blocks[np.argsort(away[:count])]
 
 
 @njit(cache=True, nogil=True, fastmath=True)
@@ -37,28 +74,8 @@ def _splat(
     # Written without temporary arrays, because it processes half a million points for every frame.
     height, width = depth.shape
     fx, fy, cx, cy = lens[0], lens[1], lens[2], lens[3]
-    # The sides of the image, a pixel farther out, are planes through the camera: lens * offset + side * z >= 0 inside.
-    left, right = cx + np.float32(1), width - cx + np.float32(1)
-    upper, lower = cy + np.float32(1), height - cy + np.float32(1)
-    by_left, by_right = reach * np.sqrt(fx * fx + left * left), reach * np.sqrt(fx * fx + right * right)
-    by_upper, by_lower = reach * np.sqrt(fy * fy + upper * upper), reach * np.sqrt(fy * fy + lower * lower)
-    # Blocks are drawn from the nearest to the farthest. In a building, most are behind what is drawn already.
-    blocks, away, count = np.empty(middles.shape[0], np.int64), np.empty(middles.shape[0], np.float32), 0
-    for b in range(middles.shape[0]):
-        x, y, z = middles[b, 0], middles[b, 1], middles[b, 2]
-        zc = pose[2, 0] * x + pose[2, 1] * y + pose[2, 2] * z + pose[2, 3]
-        across = fx * (pose[0, 0] * x + pose[0, 1] * y + pose[0, 2] * z + pose[0, 3])
-        down = fy * (pose[1, 0] * x + pose[1, 1] * y + pose[1, 2] * z + pose[1, 3])
-        if zc < -reach or across + left * zc < -by_left or right * zc - across < -by_right:
-            continue
-        if down + upper * zc < -by_upper or lower * zc - down < -by_lower:
-            continue
-        aside, below = across / fx, down / fy
-        if aside * aside + below * below + zc * zc > (farthest + reach) * (farthest + reach):
-            continue
-        blocks[count], away[count] = b, zc
-        count += 1
-    for b in blocks[np.argsort(away[:count])]:
+    # In a building, most blocks are behind nearer ones, which are drawn first.
+    for b in blocks_in_view(middles, reach, pose, lens, height, width, farthest):
         x, y, z = middles[b, 0], middles[b, 1], middles[b, 2]
         xc = pose[0, 0] * x + pose[0, 1] * y + pose[0, 2] * z + pose[0, 3]
         yc = pose[1, 0] * x + pose[1, 1] * y + pose[1, 2] * z + pose[1, 3]
@@ -148,8 +165,7 @@ class SplatCloud:
         extent = np.zeros((k.height, k.width), np.float32)
         pose = np.ascontiguousarray(camera.world_to_camera[:3], np.float32)
         lens = np.array([k.fx, k.fy, k.cx, k.cy], np.float32)
-        # Half a cube's diagonal, half a square's diagonal, and the rounding of large coordinates.
-        reach = np.float32(0.87 * _BLOCK + 1.5 * self.radii.max(initial=0) + 0.05)
+        reach = np.float32(BLOCK_REACH + 1.5 * self.radii.max(initial=0))  # half the diagonal of a square
         _splat(
             self.points, self.radii, self.order, self.first, self.middles, reach, pose, lens, np.float32(largest),
             np.float32(farthest), depth, extent, np.empty(depth.shape, np.int32),

@@ -54,7 +54,13 @@ def test_a_kernel_is_compiled_again_if_what_it_contains_changes(tmp_path: Path, 
     (package / "constants.py").write_text("ADDED = 5.0\n")
     assert call() == ["14.0", "0"]
     (package / "words.py").write_text("TEXT = 'another'\n")
+    (package / ".#words.py").symlink_to("user@machine.1234")  # the lock file of an editor
     assert call() == ["14.0", "1"]
+    records = [path for path in tmp_path.rglob("kernels.sha256") if path.is_file()]
+    assert records
+    for path in records:
+        path.write_bytes(bytes(range(128, 256)))
+    assert call() == ["14.0", "0"]
 
 
 def test_every_kernel_takes_part() -> None:

@@ -117,6 +117,7 @@ _SUPPORT = 1  # the part of the stage that depends on corrections
 _VERSION = 4  # of the committed data; increased when equal inputs give another result
 _WITH_DEPTH = 5  # version for captures with estimated depth or depth images
 _WITH_STAIRS = "stairs 3"  # version for captures with overlapping storeys
+_WITH_SUBMAPS = "submaps 2"  # version for captures with several submaps
 
 _NOTHING_STANDS = (
     "The project has no LiDAR scan and no depth, so obstacles on the floor are hard to detect. Masks and map may lead "
@@ -147,9 +148,11 @@ def run(
     if discard:
         listen(Log(f"Discarded the corrections of {discard_corrections(project)} floor masks.", STAGE))
     depth = project.stage_results().depth
-    # Keys without depth or stairs have the form of versions without these features, so that old results stay current.
+    # Keys without depth, stairs, or submaps have the form of versions without these features, so that old results stay
+    # current.
     stacked = len(storeys_of(project.need_capture().positions).levels) > 1
-    parts = [*([depth.key, _WITH_DEPTH] if depth else []), *([_WITH_STAIRS] if stacked else []), *provider.key()]
+    parts = [*([depth.key, _WITH_DEPTH] if depth else []), *([_WITH_STAIRS] if stacked else [])]
+    parts += [*([_WITH_SUBMAPS] if len(project.submaps()) > 1 else []), *provider.key()]
     key = ledger.key_of(STAGE, submaps_key(project), how.key, _VERSION, *parts)
     if ledger.is_current(project, STAGE, key) and _is_whole(project):
         listen(Log(f"The floor masks are up to date; they were made {provider.description}.", STAGE))
