@@ -30,7 +30,7 @@ from nvsim.depth.files import (
     write_depth,
     write_draft,
 )
-from nvsim.depth.fusion import FusedCells, FusedCloud, Map, concatenate_parts, fuse, joined
+from nvsim.depth.fusion import FusedCells, FusedCloud, Map, concatenate_parts, fuse, joined, return_freed_memory
 from nvsim.depth.labeling import label_planes
 from nvsim.depth.planes import Plane, find_planes, is_behind_floor
 from nvsim.depth.refinement import refine, smooth_depth
@@ -101,8 +101,8 @@ def estimate_depth(
             if elsewhere is not None and phase != "finished" and frames.missing(phase):
                 elsewhere(phase, frames.missing(phase), frames.planes, steps.report_done)
             steps.run_for_frames(frames.missing(phase), partial(frames.do, phase, folder))
-    frames.clear_caches()
     frames.rest = None  # its points need as much memory as the cloud that follows
+    frames.clear_caches()
     for phase in PHASES[:-1]:
         shutil.rmtree(folder / phase, ignore_errors=True)
     listen(Progress(STAGE, steps.total, steps.total))
@@ -149,6 +149,7 @@ class FramesInPhases:
         """Free the views and drafts of the previous phase. The next phase begins with other frames."""
         self.views.at.cache_clear()
         self._drafts.cache_clear()
+        return_freed_memory()
 
     def _map(self, phase: Phase, index: int) -> tuple[Float32, Float32]:
         skipped = phase in _ESTIMATED and index in self._measured

@@ -159,27 +159,44 @@ def _extent(plane: Plane, camera: Camera) -> NDArray[np.float64]:
     return np.concatenate([axes @ camera.rotation @ out, (axes @ camera.position)[:, None]], axis=1)
 
 
-def _inside(plane: Plane, points: NDArray[np.floating]) -> NDArray[np.bool_]:
-    a, b = points @ plane.along.astype(np.float32), points @ plane.up.astype(np.float32)
-    low, high = plane.low, plane.high
-    inside: NDArray[np.bool_] = (a > low[0]) & (a < high[0]) & (b > low[1]) & (b < high[1])
-    return inside
-
-
 def _visible(camera: Camera, planes: list[Plane], config: LabelConfig) -> list[int]:
     """The planes that cover most of the image, without regard to occlusion."""
-    small = camera.scaled(40, 30)
-    rays = small.rays().reshape(-1, 3)
-    shares = []
-    for i, plane in enumerate(planes):
-        distance = plane.offset - float(plane.normal @ camera.position)
+    if not planes:
+        return []
+    rays = camera.scaled(40, 30).rays().reshape(-1, 3)
+    axes = np.array([(p.normal, p.along, p.up) for p in planes])
+    limits = np.array([(*p.low, *p.high) for p in planes])
+    offsets = np.array([p.offset for p in planes])
+    shares = _shares_of_image(rays, camera.position, axes, offsets, limits, config.farthest)
+    order = np.argsort(-shares, kind="stable")
+    return [int(i) for i in order[: config.max_planes] if shares[i] > 0.002]
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _shares_of_image(
+    rays: Float32,
+    eye: NDArray[np.float64],
+    axes: NDArray[np.float64],
+    offsets: NDArray[np.float64],
+    limits: NDArray[np.float64],
+    farthest: float,
+) -> NDArray[np.float64]:
+    """(P,) the share of `rays` (R, 3) from `eye` (3,) that meet the front of each of P planes within `farthest` meters.
+
+    `axes` (P, 3, 3) has the normal and the two axes of a plane; `limits` (P, 4) its low and high, as in `_fill`."""
+    shares = np.zeros(len(axes))
+    for k in range(len(axes)):
+        normal, first, second = axes[k]
+        distance = offsets[k] - (normal[0] * eye[0] + normal[1] * eye[1] + normal[2] * eye[2])
         if distance > -0.05:  # seen from its back
-            shares.append((0.0, i))
             continue
-        with np.errstate(divide="ignore", invalid="ignore"):
-            along = distance / (rays @ plane.normal)
-            points = camera.position + along[:, None] * rays
-            hit = (along > 0.05) & (along < config.farthest) & _inside(plane, points)
-        shares.append((float(hit.mean()), i))
-    order = sorted((s for s in shares if s[0] > 0.002), key=lambda s: (-s[0], s[1]))
-    return [i for _, i in order[: config.max_planes]]
+        for i in range(len(rays)):
+            x, y, z = rays[i]
+            along = distance / (normal[0] * x + normal[1] * y + normal[2] * z)
+            if not 0.05 < along < farthest:
+                continue
+            x, y, z = eye[0] + along * x, eye[1] + along * y, eye[2] + along * z
+            a, b = first[0] * x + first[1] * y + first[2] * z, second[0] * x + second[1] * y + second[2] * z
+            if limits[k, 0] < a < limits[k, 2] and limits[k, 1] < b < limits[k, 3]:
+                shares[k] += 1
+    return shares / len(rays)

@@ -67,17 +67,15 @@ def _judge(
 def _judge_blocks(
     points: Float32,  # (N, 3) meters, world, block by block, as in `SplatCloud`
     first: NDArray[np.int64],  # (B + 1,)
-    middles: Float32,  # (B, 3)
-    farthest: float,  # meters from the camera beyond which the map has no votes
+    blocks: NDArray[np.int64],  # (K,) blocks whose points are judged
     lens: NDArray[np.float64],  # as in `_judge`, like all following
     pose: NDArray[np.float64],
     inverse: Float32,
     shown: NDArray[np.int64],
     through: NDArray[np.int64],
 ) -> None:
-    """`_judge` for the blocks that the camera may see."""
-    height, width = inverse.shape
-    for b in blocks_in_view(middles, BLOCK_REACH, pose, lens, height, width, farthest):
+    """`_judge` for some blocks."""
+    for b in blocks:
         here = slice(first[b], first[b + 1])
         _judge(points[here], lens, pose, inverse, shown[here], through[here])
 
@@ -118,12 +116,12 @@ class Carver:
 
         def count(first: int) -> NDArray[np.int64]:
             counts = np.zeros((2, len(points)), np.int64)
-            for i in near[first :: self._threads]:
-                inverse, camera = self._maps(int(i)), self._cameras[i]
-                self._reach[i] = _farthest_vote(camera, inverse)
-                _judge_blocks(
-                    cloud.points, cloud.first, cloud.middles, self._reach[i], *_lens_and_pose(camera), inverse, *counts
-                )
+            for i in map(int, near[first :: self._threads]):
+                if len(self._blocks_in_reach(cloud, i)):
+                    inverse = self._maps(i)
+                    self._reach[i] = _farthest_vote(self._cameras[i], inverse)
+                    lens_and_pose, blocks = _lens_and_pose(self._cameras[i]), self._blocks_in_reach(cloud, i)
+                    _judge_blocks(cloud.points, cloud.first, blocks, *lens_and_pose, inverse, *counts)
             return counts
 
         with ThreadPoolExecutor(self._threads) as pool:
@@ -131,6 +129,12 @@ class Carver:
         found = np.empty(len(points), bool)
         found[cloud.order] = shown >= _TIMES * through
         return found
+
+    def _blocks_in_reach(self, cloud: SplatCloud, index: int) -> NDArray[np.int64]:
+        """(K,) the blocks of `cloud` about which the map `index` may vote, as far as is known."""
+        lens, pose = _lens_and_pose(self._cameras[index])
+        k = self._cameras[index].intrinsics
+        return blocks_in_view(cloud.middles, BLOCK_REACH, pose, lens, k.height, k.width, self._reach[index])
 
 
 def _farthest_vote(camera: Camera, inverse: Float32) -> float:
@@ -159,6 +163,8 @@ class DepthCheck:
         self._cloud = SplatCloud.of(points, np.full(len(points), config.voxel / 2, np.float32))
         self._cameras, self._maps, self._config = cameras, maps, config
         self._positions = np.array([c.position for c in cameras]).reshape(-1, 3)
+        seen = [(*_lens_and_pose(c), (c.intrinsics.width, c.intrinsics.height)) for c in cameras]
+        self._lenses, self._poses, self._sizes = (np.array(column) for column in zip(*seen, strict=True))
 
     def contradicted_pixels(self, index: int) -> NDArray[np.bool_]:
         """(H, W) bool, True for pixels of the map `index` that the rest of the capture contradicts."""
@@ -183,7 +189,8 @@ class DepthCheck:
         may = np.flatnonzero(
             np.linalg.norm(self._positions - self._positions[index], axis=1) < 2 * self._config.farthest
         )
-        overlap = np.array([_share_in_view(self._cameras[int(j)], some) if j != index else 0.0 for j in may])
+        overlap = _shares_in_view(some, self._lenses[may], self._poses[may], self._sizes[may])
+        overlap[may == index] = 0
         may, overlap = may[overlap >= _OVERLAP], overlap[overlap >= _OVERLAP]
         far = np.linalg.norm(self._positions[may] - self._positions[index], axis=1)
         chosen: list[int] = []
@@ -204,9 +211,23 @@ def _points(camera: Camera, inverse: Float32) -> Float32:
     return np.asarray(camera.position + depth[:, None] * rays, np.float32)
 
 
-def _share_in_view(camera: Camera, points: Float32) -> float:
-    """The share of points (N, 3) inside the camera's image, without regard to occlusion."""
-    k = camera.intrinsics
-    x, y, z = ((points - camera.position) @ camera.rotation).T
-    inside = (z > 0) & (np.abs(k.fx * x + (k.cx - k.width / 2) * z) < k.width / 2 * z)
-    return float((inside & (np.abs(k.fy * y + (k.cy - k.height / 2) * z) < k.height / 2 * z)).mean())
+@njit(cache=True, nogil=True, error_model="numpy")
+def _shares_in_view(
+    points: Float32, lenses: NDArray[np.float64], poses: NDArray[np.float64], sizes: NDArray[np.int64]
+) -> NDArray[np.float64]:
+    """(M,) the share of `points` (N, 3) inside the image of each of M cameras, without regard to occlusion.
+
+    `lenses` (M, 4) and `poses` (M, 3, 4) are as in `_judge`; `sizes` (M, 2) are the width and height of the images."""
+    shares = np.zeros(len(lenses))
+    for m in range(len(lenses)):
+        (fx, fy, cx, cy), pose, (width, height) = lenses[m], poses[m], sizes[m]
+        for i in range(len(points)):
+            x, y, z = points[i]
+            depth = pose[2, 0] * x + pose[2, 1] * y + pose[2, 2] * z + pose[2, 3]
+            if depth <= 0:
+                continue
+            across = fx * (pose[0, 0] * x + pose[0, 1] * y + pose[0, 2] * z + pose[0, 3]) + cx * depth
+            down = fy * (pose[1, 0] * x + pose[1, 1] * y + pose[1, 2] * z + pose[1, 3]) + cy * depth
+            if 0 < across < width * depth and 0 < down < height * depth:
+                shares[m] += 1
+    return shares / len(points)

@@ -20,7 +20,7 @@ _PIXELS = 4  # pixels that are tested in the time in which a point is drawn
 _ANY = 1e6  # meters
 
 
-@njit(nogil=True, fastmath=True)
+@njit(cache=True, nogil=True, fastmath=True)
 def blocks_in_view(
     middles: NDArray[np.float32],  # (B, 3) meters, world, of `SplatCloud`
     reach: float | np.floating,  # meters from the middle of a block to its farthest content

@@ -7,7 +7,7 @@ import pytest
 
 from nvsim.depth.config import DepthConfig, LabelConfig
 from nvsim.depth.fusion import ObservedPoints
-from nvsim.depth.labeling import label_planes
+from nvsim.depth.labeling import _visible, label_planes
 from nvsim.depth.planes import find_planes
 from nvsim.depth.view import View, Warp, census_of
 from nvsim.depth.visibility import Carver, add_depth_votes
@@ -90,6 +90,26 @@ def test_a_wall_stands_behind_what_hangs_on_it() -> None:
     planes = find_planes([ObservedPoints(points, eyes, np.full(len(points), 2e4, np.float32))])
     [wall] = [p for p in planes if p.normal[0] < -0.9 and p.offset < -5]
     assert wall.offset == pytest.approx(-6.0, abs=0.02)
+
+
+def test_the_planes_of_an_image_are_those_that_its_rays_meet_the_most_covered_first() -> None:
+    planes = find_planes([room(np.random.default_rng(0))])
+    lens = Intrinsics.from_fov(80, 60, np.radians(80))
+    for place, heading in (((2.0, 1.0, 1.2), 0.5), ((5.0, 3.0, 0.4), 4.0), ((-1.0, 2.0, 1.2), np.pi / 2)):
+        camera = Camera(lens, camera_pose(np.array(place), heading, -0.1))
+        rays = camera.scaled(40, 30).rays().reshape(-1, 3).astype(float)
+        shares = []
+        for plane in planes:
+            away = (plane.offset - camera.position @ plane.normal) / (rays @ plane.normal)
+            points = camera.position + away[:, None] * rays
+            flat = np.stack([points @ plane.along, points @ plane.up], axis=1)
+            met = (away > 0.05) & (away < 20) & ((flat > plane.low) & (flat < plane.high)).all(axis=1)
+            shares.append(met.mean() if camera.position @ plane.normal > plane.offset else 0.0)
+        expected = [i for i in np.argsort(-np.array(shares), kind="stable") if shares[i] > 0.002]
+        assert _visible(camera, planes, LabelConfig()) == expected
+        assert _visible(camera, planes, LabelConfig(max_planes=2)) == expected[:2]
+    assert len(expected) < 6  # from outside, the nearest wall shows its back
+    assert _visible(camera, [], LabelConfig()) == []
 
 
 def test_a_bare_wall_takes_the_plane_that_its_border_lies_on() -> None:

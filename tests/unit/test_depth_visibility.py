@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from nvsim.depth.config import DepthConfig
-from nvsim.depth.visibility import DepthCheck
-from nvsim.geometry.camera import Camera, Intrinsics
+from nvsim.depth.visibility import DepthCheck, _lens_and_pose, _shares_in_view
+from nvsim.geometry.camera import Camera, Intrinsics, camera_pose
 
 LENS = Intrinsics(80, 60, 60.0, 60.0, 40.0, 30.0)
 WALL, POST, HALF = 4.0, 2.0, 0.1
@@ -81,3 +81,17 @@ def test_unknown_pixels_and_unseen_frames_are_not_spoken_of() -> None:
     assert not said_against(np.zeros((60, 80), np.float32)).any()
     alone = DepthCheck(np.empty((0, 3), np.float32), CAMERAS[:1], lambda i: true_map(CAMERAS[0]), DepthConfig())
     assert not alone.contradicted_pixels(0).any()
+
+
+def test_the_shares_in_view_are_those_of_the_projected_points() -> None:
+    rng = np.random.default_rng(0)
+    some = rng.uniform(-4, 4, (200, 3)).astype(np.float32)
+    cameras = [Camera(LENS, camera_pose(*rng.uniform(-2, 2, (1, 3)), rng.uniform(0, 6), 0.3)) for _ in range(20)]
+    expected = []
+    for camera in cameras:
+        pixels, depth = camera.project(some)
+        expected.append(((depth > 0) & (pixels > 0).all(axis=1) & (pixels < (80, 60)).all(axis=1)).mean())
+    lenses, poses = zip(*map(_lens_and_pose, cameras), strict=True)
+    shares = _shares_in_view(some, np.array(lenses), np.array(poses), np.full((20, 2), (80, 60)))
+    np.testing.assert_allclose(shares, expected)
+    assert min(expected) < 0.05 and max(expected) > 0.1

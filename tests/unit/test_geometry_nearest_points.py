@@ -9,7 +9,7 @@ from scipy.spatial import cKDTree
 
 from nvsim.geometry.camera import Camera, Intrinsics, camera_pose
 from nvsim.geometry.cells import distinct_cells
-from nvsim.geometry.nearest_points import distance_to
+from nvsim.geometry.nearest_points import axes_of, distance_and_normals, distance_to
 from nvsim.geometry.splatting import SplatCloud
 
 RNG = np.random.default_rng(0)
@@ -29,6 +29,23 @@ def test_the_fourth_neighbor_is_as_far_as_a_tree_says(name: str) -> None:
     distance, _ = cKDTree(points).query(points, k=min(5, len(points)))
     expected = np.asarray(distance, np.float32).reshape(len(points), -1)[:, -1]
     np.testing.assert_array_equal(distance_to(points, 4), expected)
+
+
+@pytest.mark.parametrize("name", CLOUDS)
+def test_normals_are_the_axes_of_the_neighbors_that_a_tree_finds(name: str) -> None:
+    points = CLOUDS[name].astype(np.float32)
+    wanted, count = np.arange(0, len(points), 3), min(24, len(points))
+    distance, index = cKDTree(points).query(points[wanted], k=np.arange(1, count + 1))
+    found, normals = distance_and_normals(points, 24, wanted)
+    np.testing.assert_array_equal(found, np.asarray(distance, np.float32)[:, -1])
+    np.testing.assert_allclose(np.linalg.norm(normals, axis=1), 1, atol=1e-6)
+    around = points[index].astype(np.float64)
+    around -= around.mean(axis=1, keepdims=True)
+    spread = ((around @ normals[..., None]) ** 2).sum(axis=(1, 2))
+    least = ((around @ axes_of(around)[:, :, :1]) ** 2).sum(axis=(1, 2))
+    alike = spread <= 1.001 * least + 1e-9
+    # At equal distances, either point can be a neighbor.
+    assert alike.mean() > (0.999 if name != "grid" else 0.2)
 
 
 def test_no_points_lie_nowhere() -> None:
