@@ -1,5 +1,4 @@
-"""Shared functions of the benchmarks: timing, memory, commands, and output. A benchmark declares its arguments as a
-dataclass and reads them with `tyro.cli(Arguments, description=__doc__)`.
+"""Shared functions of the benchmarks: timing, memory, commands, and output.
 
 A benchmark declares its arguments as a dataclass and reads them with `tyro.cli(Arguments, description=__doc__)`.
 """

@@ -11,7 +11,9 @@ import pytest
 from PySide6.QtCore import Qt
 from pytestqt.qtbot import QtBot
 
+from nvsim.graph.selection import GraphSelection
 from nvsim.graph.types import NavGraph
+from nvsim.occupancy.types import UNKNOWN
 from nvsim_app.painting.cameras import ViewPose, walk_pose
 from nvsim_app.state.document import Document
 from nvsim_app.state.free_floor import FreeFloor
@@ -106,3 +108,20 @@ def test_the_floor_under_the_eye_counts_and_not_that_of_the_storey_above(
     document.set_contents(replace(document.contents, graph=both))
     assert window.scene.places.eye_level(3, 2, 1.4) == pytest.approx(1.5)
     assert window.scene.places.eye_level(3, 2, 4.6) == pytest.approx(4.7)
+
+
+@pytest.mark.parametrize("heading", [0.0, pi / 2, pi, -pi / 2])
+def test_the_focus_on_a_viewpoint_keeps_the_camera_on_its_side_of_the_walls(
+    window: MainWindow, document: Document, qtbot: QtBot, heading: float
+) -> None:
+    occupancy, arrays = document.contents.occupancy, document.graph_arrays
+    distances = []
+    for id, position in zip(arrays.ids, arrays.positions, strict=True):
+        window.scene.navigation.set_pose(ViewPose((7, 2, 2.2), heading))
+        document.editing.select(GraphSelection(frozenset({id})))
+        window.actions_table["focus"].trigger()
+        qtbot.waitUntil(lambda: not window.scene.navigation.active, timeout=3000)
+        camera = np.asarray(window.scene.pose.position)
+        distances.append(np.hypot(*(camera - position)[:2]))
+        assert distances[-1] < 1.01 or occupancy.states_at(camera[:2]) != UNKNOWN
+    assert min(distances) < 2.0 < max(distances) < 3.01

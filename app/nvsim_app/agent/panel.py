@@ -40,7 +40,7 @@ _COLUMNS: tuple[Column[Row], ...] = (
     Column("rel_heading", lambda row: row[1].rel_heading, lambda value: angle(value, short=True),
            "Angle to the right of the agent's heading, radians; degrees in parentheses", number=True),
     Column("rel_elevation", lambda row: row[1].rel_elevation, lambda value: angle(value, short=True),
-           "Angle above the agent's viewing direction, radians; degrees in parentheses", number=True),
+           "Angle above the agent's viewing direction, radians; degrees in parentheses", number=True, optional=True),
     Column("rel_distance", lambda row: row[1].rel_distance, "{:.3f}".format, "Meters", number=True),
 )  # fmt: skip
 _NOTHING = "Select a viewpoint, then Graph > Walk as an agent. This panel then shows the agent's state."

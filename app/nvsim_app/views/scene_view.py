@@ -34,6 +34,7 @@ from nvsim_app.views.overlays import Overlays, paint_ground, paint_status
 
 EYE = 1.5  # default camera height above the floor in meters, if there are no viewpoints
 _NEAR = 1.0  # meters: the least distance from a point that is centered
+_STEP = 0.05  # meters between tested places behind a point that is centered
 _WALL = 0.4  # meters from the camera to the outer side of a wall behind it
 _IN_ROOM = 1.0  # maximum height difference in meters to the eye level at which the camera is inside a room
 
@@ -285,21 +286,26 @@ class Places:
     def focus_on_selection(self) -> None:
         point = self._document.selected_point
         if point is not None:
-            self._navigation.go_to(cameras.focused(self._navigation.pose, point))
+            self.focus_on_point(point, cameras.REACH)
 
-    def focus_on_point(self, point: NDArray[np.float64]) -> None:
-        """Centers `point` (3,), meters, world, from at most the default distance. Later turns are around it. The camera
-        stays over the known part of the map, because an outer wall would hide a point that is seen from outside."""
+    def focus_on_point(self, point: NDArray[np.float64], reach: float | None = None) -> None:
+        """Centers `point` (3,), meters, world, from at most `reach` meters: by default the distance now, and at most
+        the default distance. Later turns are around it. Between the point and the camera, the floor is known, because
+        a wall would hide a point that is seen from outside its room."""
         pose = self._navigation.pose
-        reach = min(float(np.linalg.norm(point - pose.position)), cameras.REACH)
+        if reach is None:
+            reach = min(float(np.linalg.norm(point - pose.position)), cameras.REACH)
         if self._is_known(point):
-            while reach > _NEAR and not self._is_known(point - (reach + _WALL) * pose.axes[:, 2]):
+            while reach > _NEAR and not self._is_known(
+                point - np.arange(_NEAR, reach + _WALL, _STEP)[:, None] * pose.axes[:, 2]
+            ):
                 reach *= 0.9
         self._navigation.go_to(cameras.focused(pose, point, reach))
 
-    def _is_known(self, point: NDArray[np.float64]) -> bool:
+    def _is_known(self, points: NDArray[np.float64]) -> bool:
+        """Whether the map knows all `points` (..., 3)."""
         occupancy = self._document.contents.occupancy
-        return occupancy is not None and bool(occupancy.states_at(point[:2]) != UNKNOWN)
+        return occupancy is not None and bool((occupancy.states_at(points[..., :2]) != UNKNOWN).all())
 
     def snap_to_frame(self, index: int) -> None:
         capture = self._document.contents.capture

@@ -12,7 +12,7 @@ from nvsim.graph.offers import SelectionNeeds
 from nvsim.graph.selection import GraphSelection
 from nvsim.graph.types import NavGraph
 from nvsim_app.actions import Action
-from nvsim_app.painting.cameras import focused, view_along_edge
+from nvsim_app.painting.cameras import REACH, focused, view_along_edge
 from nvsim_app.panels.histogram import HistogramPanel
 from nvsim_app.panels.history import HistoryPanel
 from nvsim_app.panels.tables import TablePanel
@@ -91,12 +91,14 @@ class SelectPart(Part):
         places = arrays.feet[rows]
         middle, size = (places.min(axis=0) + places.max(axis=0)) / 2, float(np.ptp(places, axis=0).max())
         scene = self.context.scene
+        center = middle + [0.0, 0.0, 0.6]
         if len(rows) == 2 and len(chosen.edges) == 1 and self.context.document.contents.scene_stamp is not None:
             # Between walls, only a view along the edge is free of obstacles.
-            pose = view_along_edge(scene.pose, arrays.positions[rows], arrays.feet[rows])
+            scene.navigation.go_to(view_along_edge(scene.pose, arrays.positions[rows], arrays.feet[rows]))
+        elif len(rows) == 1:
+            scene.places.focus_on_point(center, REACH)
         else:
-            pose = focused(scene.pose, middle + [0.0, 0.0, 0.6], max(3.0, 1.4 * size))
-        scene.navigation.go_to(pose)
+            scene.navigation.go_to(focused(scene.pose, center, max(REACH, 1.4 * size)))
         plan = self.context.part(MapPart).view
         plan.center_on(float(middle[0]), float(middle[1]), max(4.0, 1.3 * size))
 
