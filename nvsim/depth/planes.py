@@ -107,7 +107,7 @@ def _is_ground_under(top: Plane, ground: Plane) -> bool:
 
 
 def find_planes(parts: Iterable[ObservedPoints]) -> list[Plane]:
-    """The planes that contain the points of a building, largest first. `parts` has the points in the order of x."""
+    """The planes that contain the points of a building, largest first. `parts` are in the order of their `end`."""
     points, eyes, say = _sample_coarse_cells(parts)
     if len(points) < 100:
         return []
