@@ -3,7 +3,7 @@
 The cells of a large building do not fit in memory, so they are fused in parts. Each part reads only maps with points in
 its cells. Every cell receives its points in the order of the maps, so the division into parts does not change it.
 
-The key of a cell orders cells by strip, then y, then x, then z. A strip is `1 << _STRIP_BITS` cells wide in x, so that
+The key of a cell orders cells by band, then y, then x, then z. A band is `1 << _BAND_BITS` cells wide in x, so that
 a part of a large building is about as wide as long, and few parts share a map.
 """
 
@@ -34,9 +34,9 @@ _STRIP = 1_000_000  # points whose neighbors are searched at the same time, 100 
 _REACH = 0.5  # meters from a strip in which its neighbors are searched first
 _EMPTY = -1
 _LAST = int(np.iinfo(np.int64).max)
-_STRIP_BITS = 9  # 15 meters with cells of 3 cm
+_BAND_BITS = 9  # 15 meters with cells of 3 cm
 _BITS = 21  # of the number of a cell along each axis
-_ROW = _BITS + _STRIP_BITS  # the bits of a key above these are the strip and y
+_ROW = _BITS + _BAND_BITS  # the bits of a key above these are the band and y
 _FAR = 1 << (_BITS - 1)  # cells farther than this from the origin are clamped to the outermost cell
 _WITHIN = 3 | 3 << _BITS | 3 << _ROW  # cells whose keys differ only in these bits are beside each other in the table
 _GOLDEN = np.uint64(0x9E3779B97F4A7C15)  # 2^64 / golden ratio: spreads neighboring keys over the table (Knuth)
@@ -186,8 +186,8 @@ class Fusion:
         if box is None:
             return True
         low, high = self.first >> _ROW, self.last >> _ROW
-        strips = np.arange(box[0] >> _STRIP_BITS, (box[1] >> _STRIP_BITS) + 1) << _BITS
-        return bool(((strips | box[3] >= low) & (strips | box[2] <= high)).any())
+        bands = np.arange(box[0] >> _BAND_BITS, (box[1] >> _BAND_BITS) + 1) << _BITS
+        return bool(((bands | box[3] >= low) & (bands | box[2] <= high)).any())
 
     def cells(self, seen: int) -> FusedCells:
         """The cells with at least `seen` observations and a positive weight. No further points can be added."""
@@ -198,8 +198,8 @@ class Fusion:
         say = sums[:, 9:10]
         points, eyes = (sums[:, :3] / say).astype(np.float32), (sums[:, 6:9] / say).astype(np.float32)
         colors = np.clip(sums[:, 3:6] / say + 0.5, 0, 255).astype(np.uint8)
-        strip = (self.last + 1) >> (_ROW + _BITS)
-        end = np.inf if self.last == _LAST else ((strip << _STRIP_BITS) - _FAR) * self.voxel
+        band = (self.last + 1) >> (_ROW + _BITS)
+        end = np.inf if self.last == _LAST else ((band << _BAND_BITS) - _FAR) * self.voxel
         return FusedCells(
             ObservedPoints(points, eyes, say[:, 0].astype(np.float32), end),
             colors,
@@ -229,8 +229,8 @@ class Fusion:
 
 @njit(cache=True, nogil=True)
 def _find_row(key: np.int64, keys: NDArray[np.int64], table: NDArray[np.int32]) -> np.int64:
-    """The place in `table` (M,) of the row of `key` in `keys`, or an empty place for it. M is a power of two, and some
-    places are empty."""
+    """The place in `table` (M,) of the row of `key` in `keys`, or an empty place for it. M is a power of two, at least
+    64, and some places are empty."""
     mask = len(table) - 1
     mixed = np.uint64(key & ~_WITHIN) * _GOLDEN
     at = np.int64((mixed ^ (mixed >> np.uint64(32))) & np.uint64(mask & ~63))
@@ -286,10 +286,10 @@ def _add(
             column, line = _cell(px, voxel), _cell(py, voxel)
             box[0], box[1] = min(box[0], column), max(box[1], column)
             box[2], box[3] = min(box[2], line), max(box[3], line)
-            row = (column >> _STRIP_BITS) << _BITS | line
+            row = (column >> _BAND_BITS) << _BITS | line
             if row < low or row > high:
                 continue
-            key = (row << _STRIP_BITS | column & ((1 << _STRIP_BITS) - 1)) << _BITS | _cell(pz, voxel)
+            key = (row << _BAND_BITS | column & ((1 << _BAND_BITS) - 1)) << _BITS | _cell(pz, voxel)
             if key < limits[0] or key > limits[1]:
                 continue
             at = _find_row(key, keys, table)

@@ -10,6 +10,7 @@ per second of all processes.
 from __future__ import annotations
 
 import multiprocessing
+import sys
 import tempfile
 import time
 from dataclasses import dataclass
@@ -40,6 +41,8 @@ class Arguments:
 
 def main() -> None:
     arguments = tyro.cli(Arguments, description=__doc__)
+    if next(arguments.dataset.rglob("frames.json"), None) is None:
+        sys.exit(f"{arguments.dataset} has no frames; export it with `nvsim export dataset --for streamvln`.")
     with multiprocessing.get_context("spawn").Pool(arguments.processes) as pool:
         rows = pool.map(partial(draw, arguments), range(arguments.processes), chunksize=1)
     seconds = sum(row["wall"] for row in rows) / len(rows)
