@@ -13,7 +13,9 @@ export OMP_WAIT_POLICY=PASSIVE
 export OPENBLAS_NUM_THREADS=1
 # Many tests start processes, each of which would compile every module again.
 unset PYTHONDONTWRITEBYTECODE
-# Compiles the kernels of all stages. Otherwise several processes would compile the same ones at the start.
+# Compiles the test modules and the kernels of all stages. Otherwise several processes would compile the same ones at the
+# start.
+QT_QPA_PLATFORM=offscreen "$venv/bin/python" -m pytest --collect-only -m "not gl" "$@" >/dev/null 2>&1 &
 "$venv/bin/python" - <<'PYTHON'
 import tempfile
 from pathlib import Path
@@ -35,6 +37,7 @@ with tempfile.TemporaryDirectory() as folder, Project.create_or_open(Path(folder
     trained.run(project, TrainingConfig(steps=1, image_size=48, gaussian_cap=600), ignore_event)
     mapped.run(project, MappingConfig(max_viewpoints=3, view_size=48), ignore_event)
 PYTHON
+wait
 export QT_QPA_PLATFORM=offscreen
 "$venv/bin/python" -m pytest --cache-clear -n "${WORKERS:-2}" --dist loadfile --no-loadscope-reorder -m "not gl" "$@" || {
     code=$?

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 BENCHMARKS = Path(__file__).parents[1] / "benchmarks"
-INPUTS = 600
+INPUTS = 300
 
 
 @pytest.mark.timeout(600)
