@@ -24,11 +24,11 @@ from nvsim.mapping.families import NETWORK_NORMAL
 from nvsim.perception.furniture import share_without_points_below, uneven_height_range
 from nvsim.perception.normals_network import installed_normals, normals_model
 from nvsim.project import ledger
-from nvsim.project.cleaning import removal_key
 from nvsim.project.corrections import corrections_key
 from nvsim.project.earlier_results import graph_in_file, report_replaced_result
 from nvsim.project.floor_heights import floor_of
 from nvsim.project.graph import recorded_config, seen_floor
+from nvsim.project.outdated import outdated_sentences
 from nvsim.project.photographed import PhotographedDirections, with_shares
 from nvsim.project.project import Project
 from nvsim.project.scene_views import SceneViews
@@ -79,6 +79,8 @@ def run(
     if not capture.alignment.scale_known and capture.has_images:
         listen(Warning(f"The graph is built in units of camera heights: {SCALE_ASSUMED}; {SCALE_IN_HEIGHTS}.", STAGE))
     start = search_start(capture, config.start)
+    if old := outdated_sentences(project, before=STAGE):
+        listen(Warning(" ".join(old), STAGE))
     refresh_support(project, listen)
     scene, support = project.scene(memory_budget, colors=False), project.support()
     if scene is None or support is None:
@@ -244,7 +246,7 @@ def map_key(project: Project, config: MappingConfig) -> str:
     asked = [_DRAWN, *(["second opinion"] if config.second_opinion and len(trained) > 1 else [])]
     capture = project.need_capture()
     if not capture.has_images:
-        asked += [capture_key(project), floors_key(project), *removal_key(project)]
+        asked += [capture_key(project), floors_key(project), *ledger.removal_key(project)]
     elif not capture.is_scanned:
         asked.append(f"images alone {_ALONE}, around {config.around}")
     network = [found] if (found := network_of(config)) else []
