@@ -90,8 +90,9 @@ def _finished_part(
     project: Project, stage: str, summary: Mapping[str, Any], key: str, seconds: float, settings: str = ""
 ) -> StagePart:
     """A part of a stage that finished just now, from the present content."""
-    if stage != "import":
-        summary = {**summary, CONTENT: content_key(project)}
+    content = "" if stage == "import" else content_key(project)
+    if content:
+        summary = {**summary, CONTENT: content}
     return StagePart(key, seconds, time.time(), json.dumps(summary), __version__, settings)
 
 

@@ -16,8 +16,9 @@ from nvsim.mapping.config import MappingConfig
 from nvsim.project import ledger
 from nvsim.project.cleaning import read_whole_splat, removal_candidates, remove_gaussians
 from nvsim.project.graph import recorded_config
-from nvsim.project.outdated import outdated_sentences, outdated_stages
+from nvsim.project.outdated import outdated_stages
 from nvsim.project.project import Project
+from nvsim.project.stages import mapped
 from nvsim.project.stages.mapped import for_splats, map_key
 from nvsim.project.state.results import CONTENT, StageResult
 from nvsim.splats.formats.choice import read_splats, write_splats
@@ -169,14 +170,20 @@ def test_results_of_earlier_versions_are_outdated_if_their_stage_would_run_again
     assert main(["splat", "clean", str(project), "--restore"]) == 0 and not outdated(project)
 
 
-def test_the_warning_before_a_map_is_about_its_inputs(project: Path) -> None:
-    assert main(["floors", "--project", str(project)]) == 0
+def test_a_map_of_a_floor_of_other_gaussians_warns(
+    project: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr(mapped, "run", lambda *_: None)
+    here = ["--project", str(project)]
+    assert main(["floors", *here]) == main(["map", *here]) == 0
+    assert "has changed" not in capsys.readouterr().err
     with Project.open(project, writable=True) as opened:
-        assert outdated_sentences(opened, before="map") == ()
         whole = read_whole_splat(opened)
         remove_gaussians(opened, whole.rows, np.arange(len(whole.removed)) == 0)
-        told = outdated_sentences(opened, before="map")
-        assert told[1] == "`nvsim floors --project` computes the results again."
+    assert main(["map", *here]) == 0
+    told = " ".join(capsys.readouterr().err.split())
+    assert "since the floor was found. `nvsim floors --project` computes the results again." in told
+    with Project.open(project, writable=True) as opened:
         remove_gaussians(opened, whole.rows, whole.removed)
 
 

@@ -28,7 +28,6 @@ from nvsim.project.corrections import corrections_key
 from nvsim.project.earlier_results import graph_in_file, report_replaced_result
 from nvsim.project.floor_heights import floor_of
 from nvsim.project.graph import recorded_config, seen_floor
-from nvsim.project.outdated import outdated_sentences
 from nvsim.project.photographed import PhotographedDirections, with_shares
 from nvsim.project.project import Project
 from nvsim.project.scene_views import SceneViews
@@ -79,8 +78,6 @@ def run(
     if not capture.alignment.scale_known and capture.has_images:
         listen(Warning(f"The graph is built in units of camera heights: {SCALE_ASSUMED}; {SCALE_IN_HEIGHTS}.", STAGE))
     start = search_start(capture, config.start)
-    if old := outdated_sentences(project, before=STAGE):
-        listen(Warning(" ".join(old), STAGE))
     refresh_support(project, listen)
     scene, support = project.scene(memory_budget, colors=False), project.support()
     if scene is None or support is None:
