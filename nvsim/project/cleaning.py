@@ -15,7 +15,7 @@ from nvsim.errors import InputError
 from nvsim.project.project import Project
 from nvsim.project.state.results import model_folders
 from nvsim.project.work import missing_result_error
-from nvsim.splats.files import load_model, load_removed, removal_digest, store_removed
+from nvsim.splats.files import load_model, load_removed, store_removed
 from nvsim.splats.types import SubmapModel, joined, select_gaussians
 
 if TYPE_CHECKING:
@@ -105,8 +105,8 @@ def _levels_of(project: Project, whole: WholeSplat, height: float) -> tuple[Leve
 
 
 def remove_gaussians(project: Project, rows: Mapping[int, NDArray[np.int64]], removed: NDArray[np.bool_]) -> None:
-    """Stores that exactly the Gaussians `removed` (N,) bool are removed, in the project, which must be writable. The
-    floors and the map must be made again.
+    """Stores that exactly the Gaussians `removed` (N,) bool are removed, in the project, which must be writable. This
+    outdates the floors and the map, unless they were computed without exactly these Gaussians.
 
     rows  submap -> (n,) rows of its Gaussians, see WholeSplat
 
@@ -120,9 +120,3 @@ def remove_gaussians(project: Project, rows: Mapping[int, NDArray[np.int64]], re
             store_removed(folders[index], removed[own])
         except (KeyError, ValueError) as error:
             raise InputError(f"{project.layout.root} was imported again; begin to clean again.") from error
-
-
-def removal_key(project: Project) -> list[str]:
-    """The part of a stage's key that identifies the removed Gaussians; empty if none are removed."""
-    digests = [removal_digest(folder) for folder in model_folders(project.layout).values()]
-    return digests if any(digests) else []

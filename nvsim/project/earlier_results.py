@@ -163,10 +163,14 @@ def _describe_result(result: StageResult, stage: str) -> tuple[str, list[str]]:
             else f"the depth of {_count(summary.get('frames', 0), 'frame')}"
         )
         return what, []
+    if stage == "floors" and "storeys" in summary:  # of a splat file
+        return f"the floor heights and the known floor of {_count(summary['storeys'], 'storey')}", []
     if stage == "floors":
         return f"the floor masks of {_count(summary.get('frames', 0), 'frame')}", []
     if stage == "submaps":
         return f"the cut into {_count(summary.get('submaps', 0), 'submap')}", []
+    if stage == "import" and "gaussians" in summary:
+        return f"the splat of {_count(summary['gaussians'], 'Gaussian')}", []
     if stage == "import":
         return f"the capture of {_count(summary.get('frames', 0), 'frame')}", []
     size = [_count(summary.get("viewpoints", 0), "viewpoint"), _count(summary.get("edges", 0), "edge")]

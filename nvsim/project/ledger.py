@@ -16,7 +16,14 @@ from nvsim import __version__
 from nvsim.files.atomic import remove
 from nvsim.project.project import Project
 from nvsim.project.state import results
-from nvsim.project.state.results import StagePart, StageResult, StageResults, remove_folder
+from nvsim.project.state.results import (
+    CONTENT,
+    StagePart,
+    StageResult,
+    StageResults,
+    model_folders,
+    remove_folder,
+)
 from nvsim.project.work import StageName
 
 TRAIN: StageName = "train"
@@ -49,6 +56,24 @@ def is_current(project: Project, stage: str, key: str, part: int = 0) -> bool:
     return found is not None and found.key == key
 
 
+def removal_key(project: Project) -> list[str]:
+    """The part of a stage's key that identifies the removed Gaussians; empty if none are removed."""
+    from nvsim.splats.files import removal_digest
+
+    digests = [removal_digest(folder) for folder in model_folders(project.layout).values()]
+    return digests if any(digests) else []
+
+
+def content_key(project: Project) -> str:
+    """Identifies the content that all stages after the import are computed from: the capture in use, without the
+    Gaussians that the user removed. "" if nothing is imported. Raises InputError if files are damaged."""
+    imported, capture = project.stage_results().part("import"), project.capture()
+    if imported is None or capture is None:
+        return ""
+    removed = [] if capture.has_images else removal_key(project)
+    return key_of(imported.key, *removed) if removed else imported.key
+
+
 def begin_part(project: Project, stage: str, key: str, part: int = 0) -> bool:
     """Records that a part is being made; the result in use remains in use. Returns whether unfinished work for these
     inputs can be continued."""
@@ -61,8 +86,13 @@ def begin_part(project: Project, stage: str, key: str, part: int = 0) -> bool:
     return False
 
 
-def finished_part(summary: Mapping[str, Any], key: str, seconds: float, settings: str = "") -> StagePart:
-    """A part of a stage that finished just now."""
+def _finished_part(
+    project: Project, stage: str, summary: Mapping[str, Any], key: str, seconds: float, settings: str = ""
+) -> StagePart:
+    """A part of a stage that finished just now, from the present content."""
+    content = "" if stage == "import" else content_key(project)
+    if content:
+        summary = {**summary, CONTENT: content}
     return StagePart(key, seconds, time.time(), json.dumps(summary), __version__, settings)
 
 
@@ -92,8 +122,8 @@ def finish(
     found, root = project.stage_results(), project.root
     # A part without `begin_part`, as in a project of an older version, keeps its present key.
     start = found.unfinished.get((stage, part)) or found.part(stage, part)
-    parts = {part: finished_part(summary, "" if start is None else start.key, seconds, settings)}
-    parts |= {other: finished_part({}, key, 0.0) for other, key in (also or {}).items()}
+    parts = {part: _finished_part(project, stage, summary, "" if start is None else start.key, seconds, settings)}
+    parts |= {other: _finished_part(project, stage, {}, key, 0.0) for other, key in (also or {}).items()}
     new = {name: place for name, place in found.made_at(stage, part).items() if part == 0 and (root / place).exists()}
     newest = found.places.get("cut/submaps")
     if stage == "floors" and part == 0 and newest is not None:
@@ -138,7 +168,7 @@ def add_model(project: Project, submap: int, seconds: float, figures: dict[str, 
     """
     found, root = project.stage_results(), project.root
     work = found.unfinished.get((TRAIN, submap))
-    part = finished_part(figures, "" if work is None else work.key, seconds)
+    part = _finished_part(project, TRAIN, figures, "" if work is None else work.key, seconds)
     files = found.made_at(TRAIN, submap)
     used, former = True, found.in_use(TRAIN, root)
     found = found.without_unfinished(TRAIN, submap)

@@ -46,7 +46,7 @@ class StageTexts(NamedTuple):
 
     result             the result, as in "the project has no RESULT yet"
     missing            the reason why work that needs the result cannot start, without capital and period
-    how_made           how the result was made, as in "the capture has grown since MADE"
+    how_made           how the result was made, as in "the capture has changed since MADE"
     from_previous_cut  the result belongs to a previous cut into submaps; "" if that is impossible
     command            the command that makes the result, without `nvsim`
     """
@@ -57,10 +57,10 @@ class StageTexts(NamedTuple):
     from_previous_cut: str
     command: str
 
-    @property
-    def outdated(self) -> str:
-        """A sentence about a result that is older than the present capture; "" if that is impossible."""
-        return f"The capture has grown since {self.how_made}." if self.how_made else ""
+    def outdated(self, content: str = "capture") -> str:
+        """A sentence about a result that was computed from an earlier `content`: "capture" or "splat". "" if that is
+        impossible."""
+        return f"The {content} has changed since {self.how_made}." if self.how_made else ""
 
 
 WORK: dict[str, ProjectCommand] = {

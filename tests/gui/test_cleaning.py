@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import shutil
 from collections.abc import Callable
 from dataclasses import replace
+from functools import partial
 from itertools import pairwise
 from pathlib import Path
 
@@ -16,8 +18,15 @@ from pytestqt.qtbot import QtBot
 from nvsim.cli.main import main
 from nvsim.geometry.camera import Camera, Intrinsics, camera_pose
 from nvsim.geometry.floor_surface import FloorSurface
+from nvsim.graph.types import NavGraph, Viewpoint
+from nvsim.mapping.config import MappingConfig
+from nvsim.project import ledger
 from nvsim.project.cleaning import read_whole_splat, remove_gaussians
+from nvsim.project.graph import recorded_config
 from nvsim.project.project import Project
+from nvsim.project.stages import levels
+from nvsim.project.stages.mapped import for_splats, map_key
+from nvsim.project.state import graph_table
 from nvsim.splats.formats.choice import write_splats
 from nvsim.splats.types import Gaussians, SubmapModel, joined
 from nvsim_app.drawing.marked_model import MARKS, MarkedModel, Marks
@@ -29,6 +38,7 @@ from nvsim_app.state.cleaning import SplatCleaning, rows_in_outline
 from nvsim_app.state.document import Document
 from nvsim_app.state.side_work import RemovableGaussians
 from nvsim_app.wiring.cleaning import CleanPart, with_splat_project
+from nvsim_app.wiring.jobs import JobsPart
 from nvsim_app.wiring.window import MainWindow
 from tests.unit.splat_rooms import two_rooms
 
@@ -213,12 +223,55 @@ def test_a_splat_is_cleaned_with_the_mouse(qtbot: QtBot, session: Session, proje
     assert any("Gaussians are removed." in text for text in texts) and not any("again" in text for text in texts)
 
 
-def test_a_graph_that_does_not_fit_the_cleaned_splat_is_named(window: MainWindow, document: Document) -> None:
-    assert "map" in document.contents.stages
-    window.part(CleanPart)._on_written(2)
-    assert "2 Gaussians are removed. Run" in window.notice_area.texts[-1] and "Build the map" in str(
-        window.notice_area.texts
-    )
+@pytest.fixture
+def mapped(project: Path, tmp_path: Path) -> Path:
+    """A copy of the project with a floor and a map."""
+    shutil.copytree(project, tmp_path / "mapped.nvsim")
+    with Project.open(tmp_path / "mapped.nvsim", writable=True) as writable:
+        whole = read_whole_splat(writable)
+        remove_gaussians(writable, whole.rows, np.zeros_like(whole.removed))
+        levels.run(writable)
+        config = for_splats(MappingConfig())
+        ledger.begin_part(writable, "map", map_key(writable, config))
+        graph = NavGraph("mapped", {"a": Viewpoint("a", (2.0, 2.5, 1.5), 1.5, 0)})
+        ledger.finish(writable, "map", 1.0, recorded_config(config), write_rows=partial(graph_table.write, graph=graph))
+    return tmp_path / "mapped.nvsim"
+
+
+def test_the_stage_bar_names_results_of_other_gaussians_until_they_fit_again(
+    qtbot: QtBot, session: Session, mapped: Path
+) -> None:
+    window, bar = session.window, session.window.part(JobsPart).bar
+
+    def apply(keep_all: bool) -> None:
+        cleaning = opened(qtbot, session, mapped)
+        panel = window.part(CleanPart).panel
+        if keep_all:
+            qtbot.mouseClick(panel.keep_all, LEFT)
+        assert cleaning.removed.any() != keep_all
+        qtbot.mouseClick(panel.apply, LEFT)
+        qtbot.waitUntil(lambda: window.modes.current.name == "select", timeout=SECONDS)
+
+    opened(qtbot, session, mapped)
+    assert not bar.isVisible() and session.document.contents.missing == ""
+    qtbot.keyClick(window.scene, Qt.Key.Key_Escape)
+    for _ in range(2):  # removed, restored, removed again, restored again
+        apply(keep_all=False)
+        qtbot.waitUntil(bar.isVisible, timeout=SECONDS)
+        assert bar.sentence.text() == "The splat has changed since the floor was found."
+        assert "Run “Find the floor” and “Build the map” again" in window.notice_area.texts[-1]
+        apply(keep_all=True)
+        qtbot.waitUntil(lambda: not bar.isVisible(), timeout=SECONDS)
+        assert window.notice_area.texts[-1] == "0 Gaussians are removed."
+    apply(keep_all=False)
+    qtbot.waitUntil(bar.isVisible, timeout=SECONDS)
+    session.open(mapped)  # also after it is opened again
+    qtbot.waitUntil(lambda: not session.document.contents.reading and bar.isVisible(), timeout=SECONDS)
+    assert bar.sentence.text() == "The splat has changed since the floor was found."
+    qtbot.mouseClick(bar.stage, LEFT)
+    built = "The splat has changed since the map was built."
+    qtbot.waitUntil(lambda: bar.isVisible() and bar.sentence.text() == built, timeout=SECONDS)
+    assert bar.stage.text() == "Build the map only"
 
 
 def test_escape_leaves_without_changes_and_the_removal_can_be_undone(

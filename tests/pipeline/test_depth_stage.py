@@ -23,6 +23,7 @@ from nvsim.events import Done, Event, Log, Progress, ignore_event
 from nvsim.project import ledger
 from nvsim.project.config import CaptureConfig
 from nvsim.project.earlier_results import kept_results, replaced_result_sentence, restore
+from nvsim.project.outdated import outdated_stages
 from nvsim.project.project import Project
 from nvsim.project.stages import depths, floors, imported, submaps
 from nvsim.project.stages.trained import adapt_to_capture, train_key
@@ -189,9 +190,9 @@ def test_a_capture_with_a_scan_skips_it_in_no_time_and_says_so(
     assert main(["evaluate", "depth", "--project", str(scanned.root), "--truth", str(scanned.root)]) == 2
     assert "as the capture has a LiDAR scan; run `nvsim depth --depth always" in capsys.readouterr().err
     imported.run(scanned, scanned.need_capture().source, CaptureConfig(scale=1.5), ignore_event)
-    assert "depth" in scanned.stage_results().outdated
+    assert "depth" in outdated_stages(scanned)
     depths.run(scanned, "auto", CONFIG, ignore_event)
-    assert "depth" not in scanned.stage_results().outdated and kept_results(scanned)[0].stage == "import"
+    assert "depth" not in outdated_stages(scanned) and kept_results(scanned)[0].stage == "import"
     assert [k.stage for k in kept_results(scanned)] == ["import"], "that nothing was done is not worth keeping"
 
 
@@ -240,7 +241,7 @@ def test_never_takes_depth_out_of_use_and_restore_brings_it_back(project: Projec
 def test_depth_of_another_capture_is_not_used(project: Project) -> None:
     assert project.scan() is not None
     imported.run(project, project.need_capture().source, CaptureConfig(scale=2.0), ignore_event)
-    assert project.scan() is None and "depth" in project.stage_results().outdated
+    assert project.scan() is None and "depth" in outdated_stages(project)
     restore(project, "import")
     assert project.scan() is not None
 
@@ -255,8 +256,7 @@ def test_floors_without_scan_and_depth_warn(building: Path, tmp_path: Path, caps
     assert main(["floors", *here]) == 0
     assert "up to date" in capsys.readouterr().err, "as are floors of before there was a depth stage"
     with Project.open(tmp_path / "rooms.nvsim") as opened:
-        found = opened.stage_results()
-    assert first_outdated_stage(found.outdated, found.stages_of_previous_cut) is None
+        assert first_outdated_stage(outdated_stages(opened), opened.stage_results().stages_of_previous_cut) is None
 
 
 def test_the_window_shows_the_cloud_of_the_images(project: Project) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -10,11 +11,16 @@ import pytest
 
 from nvsim.cli.main import main
 from nvsim.errors import InputError
+from nvsim.graph.store import same_graph
 from nvsim.mapping.config import MappingConfig
 from nvsim.project import ledger
 from nvsim.project.cleaning import read_whole_splat, removal_candidates, remove_gaussians
+from nvsim.project.graph import recorded_config
+from nvsim.project.outdated import outdated_stages
 from nvsim.project.project import Project
+from nvsim.project.stages import mapped
 from nvsim.project.stages.mapped import for_splats, map_key
+from nvsim.project.state.results import CONTENT, StageResult
 from nvsim.splats.formats.choice import read_splats, write_splats
 from nvsim.splats.types import Gaussians, joined
 from tests.unit.splat_rooms import rectangle, stair_house, two_rooms
@@ -103,6 +109,82 @@ def test_floors_and_map_are_stale_after_a_removal_and_current_after_the_restore(
         remove_gaussians(opened, whole.rows, whole.removed)
     assert main(["floors", "--project", str(project)]) == 0
     assert keys() == before
+
+
+def outdated(project: Path) -> set[str]:
+    with Project.open(project) as opened:
+        return set(outdated_stages(opened))
+
+
+def test_floors_and_map_are_outdated_while_they_belong_to_other_gaussians(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    def warned(*words: str) -> bool:
+        capsys.readouterr()
+        assert main([*words]) == 0
+        return "The splat has changed since the floor was found." in " ".join(capsys.readouterr().err.split())
+
+    project = imported(tmp_path)
+    here = ["--project", str(project)]
+    assert main(["floors", *here]) == main(["map", *here]) == 0
+    assert not outdated(project)
+    for _ in range(2):  # removed, restored, removed again, restored again
+        assert warned("splat", "clean", str(project), "--apply") and outdated(project) == {"floors", "map"}
+        assert not warned("splat", "clean", str(project), "--restore") and not outdated(project)
+    assert not warned("export", "r2r", *here, "--out", str(tmp_path / "graph"))
+    assert main(["splat", "clean", str(project), "--apply"]) == 0
+    assert warned("export", "r2r", *here, "--out", str(tmp_path / "graph"))
+    assert warned("graph", "check", str(project))
+    with Project.open(project) as opened:
+        before = opened.need_graph()
+    assert main(["floors", *here]) == 0 and outdated(project) == {"map"}
+    assert main(["map", *here]) == 0 and not outdated(project)
+    with Project.open(project) as opened:
+        assert not same_graph(opened.need_graph(), before)
+    assert warned("splat", "clean", str(project), "--restore") and outdated(project) == {"floors", "map"}
+    assert main(["restore", "floors", *here]) == 0 and outdated(project) == {"map"}
+    assert "the known floor of 1 storey" in capsys.readouterr().err
+    assert main(["restore", "map", *here]) == 0 and not outdated(project)
+    with Project.open(project) as opened:
+        assert same_graph(opened.need_graph(), before)
+    assert warned("splat", "clean", str(project), "--apply")
+    assert main(["restore", "floors", *here]) == main(["restore", "map", *here]) == 0 and not outdated(project)
+
+
+def test_results_of_earlier_versions_are_outdated_if_their_stage_would_run_again(tmp_path: Path) -> None:
+    project = imported(tmp_path)
+    assert main(["floors", "--project", str(project)]) == 0
+    with Project.open(project, writable=True) as opened:
+        key = map_key(opened, config := for_splats(MappingConfig()))
+        ledger.begin_part(opened, "map", key)
+        ledger.finish(opened, "map", 1.0, recorded_config(config))
+        found = opened.stage_results()
+        for stage in ("floors", "map"):  # earlier versions did not record the content
+            part = ledger.record(opened, stage)
+            assert part is not None
+            figures = {name: value for name, value in part.summary.items() if name != CONTENT}
+            found = found.with_result("in use", stage, StageResult({0: replace(part, figures=json.dumps(figures))}))
+        opened.set_stage_results(found)
+    assert not outdated(project)
+    assert main(["splat", "clean", str(project), "--apply"]) == 0 and outdated(project) == {"floors", "map"}
+    assert main(["splat", "clean", str(project), "--restore"]) == 0 and not outdated(project)
+
+
+def test_a_map_of_a_floor_of_other_gaussians_warns(
+    project: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr(mapped, "run", lambda *_: None)
+    here = ["--project", str(project)]
+    assert main(["floors", *here]) == main(["map", *here]) == 0
+    assert "has changed" not in capsys.readouterr().err
+    with Project.open(project, writable=True) as opened:
+        whole = read_whole_splat(opened)
+        remove_gaussians(opened, whole.rows, np.arange(len(whole.removed)) == 0)
+    assert main(["map", *here]) == 0
+    told = " ".join(capsys.readouterr().err.split())
+    assert "since the floor was found. `nvsim floors --project` computes the results again." in told
+    with Project.open(project, writable=True) as opened:
+        remove_gaussians(opened, whole.rows, whole.removed)
 
 
 def test_the_removal_of_an_import_can_be_undone(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

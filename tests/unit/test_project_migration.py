@@ -121,7 +121,7 @@ def check_results(project: Project) -> None:
         "import",
         "map",
     }
-    assert found.outdated == {"floors"} and found.stages_of_previous_cut == {"train"}
+    assert found.outdated("k") == {"floors"} and found.stages_of_previous_cut == {"train"}
     assert found.places == {
         "imported": "imported",
         "cut/submaps": "cuts/2.npz",

@@ -1,5 +1,6 @@
 """One table of the work on a project, from which the command line, the jobs and the pipeline read."""
 
+import json
 import subprocess
 import sys
 from pathlib import Path
@@ -14,7 +15,7 @@ from nvsim.project.jobs.files import finite_number
 from nvsim.project.jobs.joblist import JobList
 from nvsim.project.project import Project
 from nvsim.project.stages import depths, floors, imported, mapped, submaps, trained
-from nvsim.project.state.results import StagePart, StageResult, StageResults, first_outdated_stage
+from nvsim.project.state.results import CONTENT, StagePart, StageResult, StageResults, first_outdated_stage
 from nvsim.project.work import FROM_A_CUT, PIPELINE, STAGE, STAGES, WORK, sentence
 
 
@@ -57,7 +58,7 @@ def test_nothing_else_can_be_a_job(verb: str, tmp_path: Path) -> None:
 
 def test_what_is_said_of_a_stage_is_whole() -> None:
     for stage in PIPELINE:
-        assert STAGE[stage].outdated.endswith(".") and STAGE[stage].missing.endswith("yet")
+        assert STAGE[stage].outdated().endswith(".") and STAGE[stage].missing.endswith("yet")
     assert FROM_A_CUT == ("floors", "train")
     assert sentence(STAGE["submaps"].missing) == "The trajectory is not divided into submaps yet."
 
@@ -70,11 +71,31 @@ def test_the_first_stale_stage_is_the_one_to_run_again() -> None:
     )
     assert first_outdated_stage(frozenset({"map", "floors"}), frozenset({"floors"})) == (
         "floors",
-        STAGE["floors"].outdated,
+        "The capture has changed since the floor was found.",
+    )
+    assert first_outdated_stage(frozenset({"map"}), frozenset(), "splat") == (
+        "map",
+        "The splat has changed since the map was built.",
     )
 
 
-def test_what_ended_before_the_import_is_outdated(tmp_path: Path) -> None:
+def test_a_result_is_outdated_if_it_was_computed_from_another_capture_than_the_one_in_use() -> None:
+    def result(made_from: str, at: float) -> StageResult:
+        return StageResult({0: StagePart("k", 1.0, at, json.dumps({CONTENT: made_from}))})
+
+    def imported(key: str, at: float) -> StageResults:
+        return found.with_result("in use", "import", StageResult({0: StagePart(key, 1.0, at)}))
+
+    found = StageResults().with_result("in use", "floors", result("A", 20.0))
+    assert imported("A", 10.0).outdated("A") == frozenset()
+    assert imported("A", 40.0).outdated("A") == frozenset(), "it was imported again, without a change"
+    assert imported("B", 30.0).outdated("B") == {"floors"}
+    found = found.with_result("in use", "map", result("B", 35.0))
+    assert imported("A", 10.0).outdated("A") == {"map"}, "the earlier capture was restored"
+    assert imported("A", 10.0).outdated("") == frozenset()
+
+
+def test_what_ended_before_the_import_is_outdated_in_projects_of_earlier_versions(tmp_path: Path) -> None:
     with Project.create_or_open(tmp_path / "house.nvsim") as project:
         found = project.stage_results()
         assert found == StageResults()
@@ -82,7 +103,7 @@ def test_what_ended_before_the_import_is_outdated(tmp_path: Path) -> None:
             found = found.with_result("in use", stage, StageResult({0: StagePart("k", 1.0, at)}))
         project.set_stage_results(found)
         assert project.stage_results() == found
-    assert found.finished_stages == {"import", "submaps", "floors"} and found.outdated == {"submaps"}
+    assert found.finished_stages == {"import", "submaps", "floors"} and found.outdated("k") == {"submaps"}
 
 
 def test_the_help_loads_nothing_heavy() -> None:

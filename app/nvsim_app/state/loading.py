@@ -57,7 +57,8 @@ class Contents:
     stages_of_previous_cut  stages of "floors" and "train" whose result belongs to a previous division into submaps
     restorable_stages       stages of which an earlier result can be restored
     stages                  names of the stages that finished successfully
-    outdated_stages         stages that finished before the last change of the capture
+    outdated_stages         stages whose result was computed from another capture than the present one, or before the
+                            user removed Gaussians
     thresholds              thresholds that the graph was decided with
     context                 context of the validation of the graph; None if only thresholds and map are known
     results                 name of a stored evaluation -> time of its end and its results
@@ -144,7 +145,10 @@ class Contents:
     @property
     def _stale(self) -> tuple[StageName, str] | None:
         nothing = self.capture is None and self.graph is None
-        return None if nothing else first_outdated_stage(self.outdated_stages, self.stages_of_previous_cut)
+        if nothing:
+            return None
+        content = "capture" if self.has_images else "splat"
+        return first_outdated_stage(self.outdated_stages, self.stages_of_previous_cut, content)
 
     @property
     def missing(self) -> str:
@@ -219,6 +223,7 @@ class ProjectReader:
         """Yields the contents after each changed part, fast parts first; nothing if there is no change. Raises
         InputError if a file of the project is damaged."""
         from nvsim.project.graph import thresholds_of
+        from nvsim.project.outdated import outdated_stages
 
         project = self._project
         models, training = self._models(), self._training()
@@ -239,7 +244,7 @@ class ProjectReader:
             return
         self._revision = revision
         states = project.stage_results()
-        stages = tuple(states.results.items())
+        stages, content = tuple(states.results.items()), self._content_key()
         capture, depth = _file_stamp(project.layout.imported / "capture.json"), states.depth
         built = _file_stamp(project.layout.occupancy)
         stamps: dict[str, Hashable] = {
@@ -247,7 +252,7 @@ class ProjectReader:
             "cloud": (capture, depth and depth.key, project.layout.depth),
             "submaps": (capture, stages),
             "graph": stages,
-            "stages": stages,
+            "stages": (stages, content),
             "results": tuple(project.result_times().items()),
             "scene_stamp": models,
             "occupancy": (capture, _file_stamp(project.layout.support), built),
@@ -287,7 +292,7 @@ class ProjectReader:
             if part == "stages":
                 self._contents = replace(
                     self._contents,
-                    outdated_stages=states.outdated,
+                    outdated_stages=outdated_stages(project) if content else frozenset(),
                     stages_of_previous_cut=states.stages_of_previous_cut,
                     restorable_stages=states.restorable_stages,
                 )
@@ -301,6 +306,14 @@ class ProjectReader:
         if self._contents.reading:
             self._contents = replace(self._contents, reading=False)
             yield self._contents
+
+    def _content_key(self) -> str:
+        """See `ledger.content_key`; "" if files are damaged, which the reader of these files reports."""
+        from nvsim.project.ledger import content_key
+
+        with contextlib.suppress(InputError):
+            return content_key(self._project)
+        return ""
 
     def _occupancy(self) -> OccupancyMap | None:
         if self._child is None:

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 from PySide6.QtCore import QSettings
 
-from nvsim.project.work import WORK
+from nvsim.project.work import STAGES, WORK, StageName
 from nvsim_app.actions import Action
 from nvsim_app.drawing.render_child import RenderSource, WholeSplatSource
 from nvsim_app.modes.clean import CleanMode
@@ -124,15 +124,14 @@ class CleanPart(Part):
             return
         rows, removed = cleaning.found.rows, cleaning.removed
         self._writing.start(
-            lambda: _write(project, rows, removed), lambda _: self._on_written(int(removed.sum())), self._on_failed
+            lambda: _write(project, rows, removed),
+            lambda outdated: self._on_written(int(removed.sum()), outdated),
+            self._on_failed,
         )
 
-    def _on_written(self, count: int) -> None:
-        again = (
-            f" Run “{WORK['floors'].title}” and “{WORK['map'].title}” again, so that the graph fits the cleaned splat."
-            if "map" in self.context.document.contents.stages
-            else ""
-        )
+    def _on_written(self, count: int, outdated: frozenset[StageName]) -> None:
+        titles = " and ".join(f"“{WORK[stage].title}”" for stage in STAGES if stage in outdated)
+        again = f" Run {titles} again, so that the results fit these Gaussians." if titles else ""
         self.context.notices.info(f"{count:,} Gaussians are removed.{again}", about="clean")
         self.leave()
 
@@ -146,9 +145,12 @@ class CleanPart(Part):
     )  # fmt: skip
 
 
-def _write(path: Path, rows: dict[int, NDArray[np.int64]], removed: NDArray[np.bool_]) -> None:
+def _write(path: Path, rows: dict[int, NDArray[np.int64]], removed: NDArray[np.bool_]) -> frozenset[StageName]:
+    """Stores which Gaussians are removed. Returns the stages that are outdated afterwards."""
     from nvsim.project.cleaning import remove_gaussians
+    from nvsim.project.outdated import outdated_stages
     from nvsim.project.project import Project
 
     with Project.open(path, writable=True) as project:
         remove_gaussians(project, rows, removed)
+        return outdated_stages(project)

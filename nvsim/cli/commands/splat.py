@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -12,8 +13,12 @@ from nvsim.cli.arguments import Positional
 from nvsim.cli.session import project_job
 from nvsim.cli.terminal import as_json, print_lines
 from nvsim.errors import InputError
-from nvsim.events import Done
+from nvsim.events import Done, Listener, Warning
 
+if TYPE_CHECKING:
+    from nvsim.project.project import Project
+
+_VERB = "splat clean"
 _WORDS = {"floater": "floaters, fog, and faint glass", "outside": "outside the building"}
 
 
@@ -43,10 +48,11 @@ class SplatClean:
         if self.apply and self.restore:
             raise InputError("--apply removes Gaussians and --restore restores them; give one of them.")
         if self.restore:
-            with project_job(self.project, "splat clean", self.json) as (project, listen):
+            with project_job(self.project, _VERB, self.json) as (project, listen):
                 whole = read_whole_splat(project)
                 remove_gaussians(project, whole.rows, np.zeros_like(whole.removed))
-                listen(Done("splat clean", f"{int(whole.removed.sum())} Gaussians restored", {}))
+                listen(Done(_VERB, f"{int(whole.removed.sum())} Gaussians restored", {}))
+                _warn_of_outdated_results(project, listen)
             return 0
         with Project.open(self.project) as project:
             whole = read_whole_splat(project)
@@ -60,7 +66,15 @@ class SplatClean:
             title = f"{int(whole.removed.sum()):,} of {len(whole.removed):,} Gaussians are removed"
             terminal.table(["should be removed", "Gaussians"], rows, title)
         if self.apply:
-            with project_job(self.project, "splat clean", self.json) as (project, listen):
+            with project_job(self.project, _VERB, self.json) as (project, listen):
                 remove_gaussians(project, whole.rows, np.any([whole.removed, *found.values()], axis=0))
-                listen(Done("splat clean", f"{sum(counts.values())} Gaussians removed", {}))
+                listen(Done(_VERB, f"{sum(counts.values())} Gaussians removed", {}))
+                _warn_of_outdated_results(project, listen)
         return 0
+
+
+def _warn_of_outdated_results(project: Project, listen: Listener) -> None:
+    from nvsim.project.outdated import outdated_sentences
+
+    if sentences := outdated_sentences(project):
+        listen(Warning(" ".join(sentences), _VERB))

@@ -16,7 +16,7 @@ from nvsim.cluster.config import ClusterConfig
 from nvsim.cluster.executor_choice import open_executor
 from nvsim.depth.config import DepthConfig
 from nvsim.errors import InputError
-from nvsim.events import Done, Listener, Log
+from nvsim.events import Done, Listener, Log, Warning
 from nvsim.mapping.config import MappingConfig
 from nvsim.mapping.families import NETWORK_NORMAL, NormalSource, with_normals
 from nvsim.project.config import DepthUse, FloorsConfig
@@ -165,6 +165,7 @@ class Map(ProjectArguments):
         return Map(cast(Path, tyro.MISSING), preset=cast(Any, name), config=config)
 
     def run(self) -> int:
+        from nvsim.project.outdated import outdated_sentences
         from nvsim.project.stages import mapped
 
         budget = memory_budget(self.memory)
@@ -172,6 +173,8 @@ class Map(ProjectArguments):
         with project_job(self.project, "map", self.json) as (project, listen):
             if self.preset == "paper":
                 report_network_fallback(config, self.normal_source, listen)
+            if old := outdated_sentences(project, before=mapped.STAGE):
+                listen(Warning(" ".join(old), mapped.STAGE))
             mapped.run(project, config, listen, self.reapply, budget, self.backend)
         return 0
 

@@ -58,7 +58,7 @@ def run(
         listen(Log(f"No depth is estimated: {reason}." if reason else "The depth is up to date.", STAGE))
         return
     if reason:
-        _skip(project, key, {"skipped": reason, "use": use, "capture": imported}, listen)
+        _skip(project, key, {"skipped": reason, "use": use}, listen)
         return
     from nvsim.depth.cloud_file import write_cloud
     from nvsim.depth.estimate import estimate_depth
@@ -80,7 +80,7 @@ def run(
         rest = "" if measured == len(capture.frames) else "; the depth of the others is estimated"
         listen(Log(f"The depth images of {measured} of {len(capture.frames)} frames are used{rest}.", STAGE))
     cloud = estimate_depth(capture, folder, config, listen, helped)
-    summary = {"frames": len(capture.frames), "points": len(cloud.points), "use": use, "capture": imported}
+    summary = {"frames": len(capture.frames), "points": len(cloud.points), "use": use}
     if measured:
         summary["measured"] = measured
     if capture.cloud is not None and capture.cloud.is_dense:

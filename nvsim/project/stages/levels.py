@@ -12,7 +12,6 @@ from nvsim.events import Done, Listener, Log, Progress, ignore_event
 from nvsim.files.atomic import make_folder
 from nvsim.files.stored_arrays import write_arrays
 from nvsim.project import ledger
-from nvsim.project.cleaning import removal_key
 from nvsim.project.earlier_results import report_replaced_result
 from nvsim.project.project import Project
 from nvsim.project.stages.imported import capture_key
@@ -34,7 +33,7 @@ def run(project: Project, listen: Listener = ignore_event) -> None:
     from nvsim.project.floor_heights import floor_of
     from nvsim.scene_import.levels import ceiling_distances, known_floor
 
-    key = ledger.key_of(STAGE, capture_key(project), _VERSION, *removal_key(project))
+    key = levels_key(project)
     if ledger.is_current(project, STAGE, key):
         listen(Log("The floor is up to date.", STAGE))
         return
@@ -74,6 +73,11 @@ def run(project: Project, listen: Listener = ignore_event) -> None:
     listen(Progress(STAGE, len(submaps), len(submaps)))
     count = f"{len(heights)} storey" if len(heights) == 1 else f"{len(heights)} storeys"
     listen(Done(STAGE, f"{area:.0f} m² of known floor on {count}", summary))
+
+
+def levels_key(project: Project) -> str:
+    """The key of the floor: the imported splats without the removed Gaussians."""
+    return ledger.key_of(STAGE, capture_key(project), _VERSION, *ledger.removal_key(project))
 
 
 def _save_surface(path: Path, surface: FloorSurface) -> None:

@@ -24,7 +24,6 @@ from nvsim.mapping.families import NETWORK_NORMAL
 from nvsim.perception.furniture import share_without_points_below, uneven_height_range
 from nvsim.perception.normals_network import installed_normals, normals_model
 from nvsim.project import ledger
-from nvsim.project.cleaning import removal_key
 from nvsim.project.corrections import corrections_key
 from nvsim.project.earlier_results import graph_in_file, report_replaced_result
 from nvsim.project.floor_heights import floor_of
@@ -244,7 +243,7 @@ def map_key(project: Project, config: MappingConfig) -> str:
     asked = [_DRAWN, *(["second opinion"] if config.second_opinion and len(trained) > 1 else [])]
     capture = project.need_capture()
     if not capture.has_images:
-        asked += [capture_key(project), floors_key(project), *removal_key(project)]
+        asked += [capture_key(project), floors_key(project), *ledger.removal_key(project)]
     elif not capture.is_scanned:
         asked.append(f"images alone {_ALONE}, around {config.around}")
     network = [found] if (found := network_of(config)) else []

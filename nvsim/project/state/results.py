@@ -25,6 +25,8 @@ from nvsim.project.work import FROM_A_CUT, STAGE, STAGES, StageName
 Slot = Literal["in use", "previous", "next"]
 """previous: the result before the one in use. next: models of another cut than those in use, until each submap has
 one."""
+CONTENT = "capture"
+"""The figure of a part with the content that it was computed from, see `ledger.content_key`."""
 NOWHERE = "models/none"
 """The place of a model or depth that a result does not have."""
 _GRAPH = re.compile(r"kept/graph\.\d+")
@@ -120,20 +122,30 @@ class StageResults:
         found, imported = self.part("depth"), self.part("import")
         if found is None or imported is None or "skipped" in found.summary:
             return None
-        return found if found.summary.get("capture") == imported.key else None
+        return found if found.summary.get(CONTENT) == imported.key else None
 
     @property
     def finished_stages(self) -> frozenset[StageName]:
         """The stages that finished."""
         return frozenset(stage for stage in STAGES if self.results.get(("in use", stage), StageResult()).parts)
 
-    @property
-    def outdated(self) -> frozenset[StageName]:
-        """The stages in `finished_stages` that finished before the present capture was imported."""
+    def outdated(self, content: str) -> frozenset[StageName]:
+        """The stages in `finished_stages` that were computed from other content than `content`, the present one by
+        `ledger.content_key`; none if it is "". Raises InputError if a summary is damaged."""
+        return frozenset(
+            stage
+            for stage in self.finished_stages
+            if content
+            and any(self._is_outdated(part, content) for part in self.results["in use", stage].parts.values())
+        )
+
+    def _is_outdated(self, part: StagePart, content: str) -> bool:
+        made_from = part.summary.get(CONTENT)
+        if made_from is not None:
+            return bool(made_from != content)
+        # Earlier versions did not record the content. Their results are compared with the time of the import.
         imported = self.part("import")
-        at = imported.finished if imported else 0.0
-        parts = {s: self.results["in use", s].parts.values() for s in self.finished_stages}
-        return frozenset(s for s in self.finished_stages if at and any(0 < p.finished < at for p in parts[s]))
+        return imported is not None and 0 < part.finished < imported.finished
 
     @property
     def stages_of_previous_cut(self) -> frozenset[StageName]:
@@ -161,7 +173,8 @@ class StageResults:
                 return None
         elif not found.parts:
             return None
-        files = {n: places.get(n, n) for n in names}
+        # The floors of splat files have no masks.
+        files = {n: places.get(n, n) for n in names if n in places or (root / n).exists()}
         return StageResult(found.parts, files | {n: p for n, p in found.files.items() if n == f"cut/{stage}"})
 
     def made_at(self, stage: str, part: int = 0) -> dict[str, str]:
@@ -180,6 +193,12 @@ class StageResults:
         """With `result` in this slot, or without one."""
         others = {k: r for k, r in self.results.items() if k != (slot, stage)}
         return replace(self, results=others if result is None else {**others, (slot, stage): result})
+
+    def with_content(self, stage: str, content: str) -> StageResults:
+        """With `content` as the content that the result of a stage in use was computed from."""
+        result = self.results["in use", stage]
+        parts = {n: replace(p, figures=json.dumps({**p.summary, CONTENT: content})) for n, p in result.parts.items()}
+        return self.with_result("in use", stage, replace(result, parts=parts))
 
     def completed(self, slot: Slot, stage: str, files: Mapping[str, str]) -> StageResults:
         """With these files of a result, if it does not have them."""
@@ -230,12 +249,14 @@ def _names_of(stage: str, part: int) -> tuple[str, ...]:
     return (model_name(part),) if stage == "train" else _NAMES.get(stage, ()) if part == 0 else ()
 
 
-def first_outdated_stage(outdated: frozenset[StageName], former: frozenset[StageName]) -> tuple[StageName, str] | None:
-    """The first stage with a result of another capture or cut than the present one, and a sentence about it; None if
-    there is none."""
+def first_outdated_stage(
+    outdated: frozenset[StageName], former: frozenset[StageName], content: str = "capture"
+) -> tuple[StageName, str] | None:
+    """The first stage with a result of another content or cut than the present one, and a sentence about it; None if
+    there is none. `content` is "capture" or "splat"."""
     for stage in STAGES:
         if stage in outdated:
-            return stage, STAGE[stage].outdated
+            return stage, STAGE[stage].outdated(content)
         if stage in former:
             return stage, STAGE[stage].from_previous_cut
     return None
