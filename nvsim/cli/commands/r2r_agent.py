@@ -12,6 +12,7 @@ from nvsim.cli.terminal import as_json, print_lines
 from nvsim.endpoint.options import AskingOptions, OneEndpoint
 from nvsim.endpoint.request import StoredAnswers
 from nvsim.errors import InputError
+from nvsim.files.atomic import refuse_unwritable_file
 from nvsim.r2r.agents.baselines import Name, agent_of
 from nvsim.r2r.agents.benchmark import Benchmark, run_agent, scans_in
 from nvsim.r2r.metrics.submission import check_submission, read_submission, write_submission
@@ -61,6 +62,7 @@ class R2RAgent:
             raise InputError(f"The agent {agent} takes neither --checkpoint nor --features; drop these options.")
         if agent != "mapgpt" and self.asked.endpoint is not None:
             raise InputError(f"The agent {agent} asks no model; drop --endpoint, or run mapgpt.")
+        refuse_unwritable_file(self.out)
         scans = scans_in(self.scans)
         tasks = self.scans / "tasks" / f"R2R_{self.split}.json" if self.tasks is None else self.tasks
         if agent == "mapgpt":
