@@ -219,7 +219,13 @@ def test_the_folder_of_mapgpt_is_a_submission(tmp_path: Path, capsys: pytest.Cap
     command = ["evaluate", "r2r", "--scans", scans, "--tasks", tasks, "--json", "--submission", str(folder)]
     assert main(command) == 2 and "case_InstrID_*.json" in capsys.readouterr().err
     for id, path in (("1_0", "012345"), ("1_1", "012")):
-        case = {"instr_id": id, "trajectory": [[v] for v in path], "a_t": [1], "scan": "row", "evaluation": {"spl": [1]}}
+        case = {
+            "instr_id": id,
+            "trajectory": [[v] for v in path],
+            "a_t": [1],
+            "scan": "row",
+            "evaluation": {"spl": [1]},
+        }
         (folder / f"case_InstrID_{id}.json").write_text(json.dumps(case))
     assert main(command) == 0
     assert json.loads(capsys.readouterr().out)["agents"]["preds"]["pl"] == pytest.approx(7.0)
