@@ -14,7 +14,7 @@ from nvsim.endpoint.request import StoredAnswers
 from nvsim.errors import InputError
 from nvsim.files.atomic import refuse_unwritable_file
 from nvsim.r2r.agents.baselines import Name, agent_of
-from nvsim.r2r.agents.benchmark import Benchmark, run_agent, scans_in
+from nvsim.r2r.agents.benchmark import Benchmark, run_agent, scans_in, tasks_in
 from nvsim.r2r.metrics.submission import check_submission, read_submission, write_submission
 from nvsim.r2r.prompted.options import EpisodeLimits, ImageOptions
 
@@ -64,7 +64,7 @@ class R2RAgent:
             raise InputError(f"The agent {agent} asks no model; drop --endpoint, or run mapgpt.")
         refuse_unwritable_file(self.out)
         scans = scans_in(self.scans)
-        tasks = self.scans / "tasks" / f"R2R_{self.split}.json" if self.tasks is None else self.tasks
+        tasks = tasks_in(self.scans, self.split) if self.tasks is None else self.tasks
         if agent == "mapgpt":
             return _run_mapgpt(self, scans, tasks)
         benchmark = Benchmark.read(scans, tasks)
@@ -173,7 +173,7 @@ class EvaluateR2R:
 
         if not self.submission and not self.agents:
             raise InputError("There is no agent to score; give trajectory files with --submission, or name --agents.")
-        benchmark = Benchmark.read(self.scans, self.tasks)
+        benchmark = Benchmark.read(scans_in(self.scans), self.tasks)
         agents = {}
         for name, (where, trajectories) in _trajectories(self, benchmark).items():
             check_submission(trajectories, benchmark.tasks, benchmark.distances, where)
