@@ -13,6 +13,7 @@ from pathlib import Path
 import pytest
 
 from nvsim.cli.guard import CommandStopped, run_guarded
+from nvsim.cli.main import main
 from nvsim.r2r.simulator.shim import shim_folder
 
 PROGRAM = "import sys, MatterSim; print(MatterSim.Simulator.__module__, sys.argv[1:])"
@@ -119,6 +120,14 @@ def test_an_installed_simulator_is_not_shadowed_unasked(tmp_path: Path) -> None:
     assert done.returncode == 2 and "already has a MatterSim" in done.stderr and "--replace" in done.stderr
     done = nvsim("r2r", "python", "--replace", *program, PYTHONPATH=path)
     assert done.stdout.startswith("nvsim.r2r.simulator"), done.stderr
+
+
+def test_options_of_a_program_without_two_hyphens_are_answered_with_the_command(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    assert main(["r2r", "python", "python", "train.py", "--batch", "8"]) == 2
+    assert capsys.readouterr().err.rstrip().endswith("nvsim r2r python -- python train.py --batch 8")
+    assert main(["r2r", "path", "--batch", "8"]) == 2 and "two hyphens" not in capsys.readouterr().err
 
 
 def test_no_program_and_one_that_is_not_there_are_one_sentence() -> None:
