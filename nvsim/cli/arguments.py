@@ -4,6 +4,7 @@ shows the common options, `--help-all` shows all options."""
 from __future__ import annotations
 
 import itertools
+import shlex
 import shutil
 import sys
 import textwrap
@@ -214,7 +215,7 @@ def parse(command: type[Command], argv: list[str], verb: str) -> Any:
         # Keep argparse's convention for any version of tyro: 0 for help, 2 for a wrong option.
         if stop.code in (0, None):
             sys.exit(0)
-        for hint in _hints_on_lists(command, argv):
+        for hint in (*_hints_on_lists(command, argv), *_hint_on_program(command, verb, argv)):
             print_lines(hint, error=True)
         sys.exit(2)
 
@@ -240,6 +241,14 @@ def _hints_on_lists(command: type[Command], argv: list[str]) -> list[str]:
             if len(words) > 1:
                 hints.append(f"If these are values of {option.flag}, separate them by commas: {','.join(words)}")
     return hints
+
+
+def _hint_on_program(command: type[Command], verb: str, argv: list[str]) -> list[str]:
+    """A sentence if a program of the user, which belongs after `--`, is given without these hyphens."""
+    if "--" in argv or not any("after `--`" in option.help for option in options(command)):
+        return []
+    words = shlex.join(itertools.dropwhile(lambda word: word.startswith("-"), argv))
+    return [f"If these are options of a program, write it after two hyphens: nvsim {verb} -- {words}"] if words else []
 
 
 def value_of_flag(argv: list[str], flag: str, default: str) -> str:

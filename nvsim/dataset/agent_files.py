@@ -9,7 +9,6 @@ from __future__ import annotations
 import json
 import os
 import re
-import shlex
 import shutil
 import string
 from collections import Counter
@@ -19,7 +18,7 @@ from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
-from nvsim import __version__
+from nvsim.dataset.agent_readme import readme
 from nvsim.dataset.text_views import TextViews, read_text_views
 from nvsim.dataset.word_pieces import Vocabulary
 from nvsim.errors import InputError
@@ -101,7 +100,10 @@ class Agent:
     title       name of the agent
     files       path in the folder -> its writer; {split} and {scan} stand for each split and each scan, and {steps} for
                 each split of the episodes in small steps
-    run         lines of a shell that run the agent; $FOLDER is the folder, $CHECKOUT the repository of the agent
+    run         lines of a shell that run the agent; $FOLDER is the folder, $CHECKOUT the repository of the agent,
+                $OUT a folder for its results, {val} the evaluated split, and {count} its number of instructions
+    results     the trajectories that the agent writes, for `nvsim evaluate r2r`, or "" if it writes none of this format
+    submits     line that makes the split `test`, which the agent also opens when it writes trajectories, or ""
     ran         what ran without changes to the code of the agent
     features    feature layouts in `files`
     views       whether `files` contain the 36 views of each viewpoint
@@ -117,6 +119,8 @@ class Agent:
     files: Mapping[str, Writer]
     run: tuple[str, ...]
     ran: str
+    results: str = ""
+    submits: str = ""
     features: tuple[LayoutName, ...] = ()
     views: bool = False
     encoded: bool = False
@@ -256,10 +260,12 @@ _VLNCE = _habitat("data/datasets/R2R_VLNCE_v1-3_preprocessed", "data/scene_datas
 _NO_WORD_VECTORS = (
     "The agent's embeddings.json.gz has vectors for the words of R2R; train without use_pretrained_embeddings."
 )
+_NO_OTHER_DATA = "If the checkout already has a folder {}, `ln` refuses to replace it; rename that folder first."
 _ANNOTATIONS = {
     "R2R/connectivity": _connectivity,
     "R2R/annotations/R2R_{split}_enc.json": _write_encoded,
 }
+_TEST = 'cp "$FOLDER/R2R/annotations/R2R_{val}_enc.json" "$FOLDER/R2R/annotations/R2R_test_enc.json"'
 _SCRIPT = (
     'cd "$CHECKOUT/map_nav_src"',
     "export PYTHONPATH=.",
@@ -283,8 +289,12 @@ AGENTS: dict[AgentName, Agent] = {
         features=("vit-b16",),
         encoded=True,
         candidates=True,
+        results='"$FOLDER/R2R/exprs_map/finetune/dagger-vitbase-seed.0-init.aug.45k/preds/submit_{val}.json"',
+        submits=_TEST,
         notes=(
             "Name the pre-trained model in the script (--bert_ckpt_file), or remove that option.",
+            "The second command of the script, which writes the trajectories, names best_val_unseen of the authors "
+            "(--resume_file); name that of your training, ckpts/best_val_unseen in its output folder.",
             "The pre-training also names R2R_prevalent_aug_train_enc.jsonl; remove it from its configuration.",
         ),
     ),
@@ -300,7 +310,14 @@ AGENTS: dict[AgentName, Agent] = {
         "20 steps of its training with a small network of random weights on a CPU, and its evaluation",
         features=("vit-b16",),
         encoded=True,
-        notes=("Add the other options of its scripts/run_r2r.sh.",),
+        results='"$OUT/preds/submit_{val}.json"',
+        submits=_TEST,
+        notes=(
+            "Add the other options of its scripts/run_r2r.sh, except --aug, whose file NVSim does not write. "
+            "--bert_ckpt_file names the pre-trained model.",
+            "To write the trajectories, run the command again with --test --submit, and with "
+            '--resume_file "$OUT/ckpts/best_val_unseen" in place of --bert_ckpt_file.',
+        ),
     ),
     "recurrent-vln-bert": Agent(
         "Recurrent-VLN-BERT",
@@ -312,15 +329,20 @@ AGENTS: dict[AgentName, Agent] = {
         },
         (
             'cd "$FOLDER"',
-            'ln -s "$CHECKOUT/Prevalent"',
+            'ln -sfn "$CHECKOUT/Prevalent" .',
             "mkdir -p snap/first logs",
             'nvsim r2r python -- python "$CHECKOUT/r2r_src/train.py" --vlnbert prevalent --train listener '
             "--features places365 --name first",
         ),
         "20 steps of its training with a small network of random weights on a CPU",
         features=("resnet-152-places365",),
+        results='"$FOLDER/snap/first/submit_{val}.json"',
+        submits='cp "$FOLDER/data/R2R_{val}.json" "$FOLDER/data/R2R_test.json"',
         notes=(
             "The agent opens its files relative to the current folder, so it runs in this one.",
+            "Add the other options of its run/train_agent.bash, except --aug, whose file NVSim does not write.",
+            "To write the trajectories, run the command again with --train validlistener --submit 1 "
+            "--load snap/first/state_dict/best_val_unseen.",
             "Scan ids contain no underscore, because the agent splits keys there.",
         ),
     ),
@@ -355,11 +377,15 @@ AGENTS: dict[AgentName, Agent] = {
             'cd "$CHECKOUT"',
             "export PYTHONPATH=.",
             'nvsim r2r python -- python vln/main_gpt.py --root_dir "$FOLDER" --img_root "$FOLDER/images" '
-            '--split val_unseen_processed --llm gpt-4o-2024-05-13 --response_format json --output_dir "$OUT"',
+            '--split {val}_processed --llm gpt-4o-2024-05-13 --response_format json --save_pred --output_dir "$OUT"',
         ),
         "23 steps of `main_gpt.py` with a server in place of the model",
         views=True,
-        notes=("The agent sends images to the service of the model that you name.",),
+        results='"$OUT/preds"',
+        notes=(
+            "The agent sends images to the service of the model that you name. Its key is in GPT/api.py.",
+            "The agent writes a file for each instruction. A second run needs another OUT, or an empty one.",
+        ),
     ),
     "navgpt": Agent(
         "NavGPT",
@@ -373,14 +399,17 @@ AGENTS: dict[AgentName, Agent] = {
         },
         (
             'cd "$CHECKOUT/nav_src"',
-            'python NavGPT.py --root_dir "$FOLDER" --val_env_name R2R_val_unseen_instr --output_dir "$OUT"',
+            'python NavGPT.py --root_dir "$FOLDER" --val_env_name R2R_{val}_instr --iters {count} --output_dir "$OUT"',
         ),
         "30 steps of `NavGPT.py` with a server in place of the model",
         candidates=True,
+        results='"$OUT/preds/submit_R2R_{val}_instr.json"',
         notes=(
+            "--iters is the number of instructions of the split; without it, the agent stops after ten.",
             "The texts name the objects, doorways, and rooms of surroundings.json, where NavGPT's own texts are "
             "captions by a model.",
-            "The agent sends texts to the service of the model that you name.",
+            "The agent sends texts to the service of the model that you name with --llm_model_name. Its key is in "
+            "OPENAI_API_KEY.",
         ),
     ),
     "navgpt2": Agent(
@@ -398,7 +427,9 @@ AGENTS: dict[AgentName, Agent] = {
         "20 steps of its training with a small network of random weights on a CPU",
         features=("eva-g",),
         candidates=True,
-        notes=("Its script names prevalent_aug.json; remove that option, or add the file.",),
+        results='"$FOLDER/R2R/exprs_map/finetune/NavGPT2-XL-seed.0-bs2/preds/submit_{val}.json"',
+        submits=_TEST,
+        notes=("Its script names prevalent_aug.json (--aug); remove that option, or add the file.",),
     ),
     "streamvln": Agent(
         "StreamVLN",
@@ -409,25 +440,29 @@ AGENTS: dict[AgentName, Agent] = {
         },
         (
             'cd "$CHECKOUT"',
-            'ln -s "$FOLDER/data"',
+            "mkdir -p data/datasets data/scene_datasets",
+            'ln -sfn "$FOLDER/data/datasets/r2r" data/datasets/',
+            'ln -sfn "$FOLDER/data/scene_datasets/nvsim" data/scene_datasets/',
             'python streamvln/streamvln_train.py --video_folder "$FOLDER/train"',
         ),
         "its training dataset reads every sample of train; its evaluation needs Habitat: not run",
         frames=True,
         scenes=True,
-        notes=("Add the other options of its training script.",),
+        notes=("Add the other options of its training script.", _NO_OTHER_DATA.format("data/datasets/r2r")),
     ),
     "vlnce": Agent(
         "VLN-CE",
         _VLNCE,
         (
             'cd "$CHECKOUT"',
-            'ln -s "$FOLDER/data/datasets" "$FOLDER/data/scene_datasets" data/',
+            "mkdir -p data/datasets data/scene_datasets",
+            'ln -sfn "$FOLDER/data/datasets/R2R_VLNCE_v1-3_preprocessed" data/datasets/',
+            'ln -sfn "$FOLDER/data/scene_datasets/nvsim" data/scene_datasets/',
             "python run.py --exp-config vlnce_baselines/config/r2r_baselines/nonlearning.yaml --run-type eval",
         ),
         "its dataset reads every episode, and its nDTW the paths; its simulator Habitat: not run",
         scenes=True,
-        notes=(_NO_WORD_VECTORS,),
+        notes=(_NO_WORD_VECTORS, _NO_OTHER_DATA.format("data/datasets/R2R_VLNCE_v1-3_preprocessed")),
     ),
     "navid": Agent(
         "NaVid",
@@ -441,7 +476,9 @@ AGENTS: dict[AgentName, Agent] = {
         ),
         "its dataset reads every episode, and its nDTW the paths; its simulator Habitat: not run",
         scenes=True,
-        notes=("Name its weights and this configuration in eval_navid_vlnce.sh.",),
+        notes=(
+            "Name its weights (MODEL_PATH) in eval_navid_vlnce.sh, and the number of your graphics cards (CHUNKS).",
+        ),
     ),
     "internnav": Agent(
         "InternNav",
@@ -451,10 +488,10 @@ AGENTS: dict[AgentName, Agent] = {
         },
         (
             'cd "$CHECKOUT"',
-            'ln -s "$FOLDER/traj_data"',
-            "mkdir -p data/vln_ce data/scene_data",
-            'ln -s "$FOLDER/data/vln_ce/raw_data" data/vln_ce/',
-            'ln -s "$FOLDER/data/scene_data/mp3d_ce" data/scene_data/',
+            "mkdir -p traj_data data/vln_ce/raw_data data/scene_data/mp3d_ce",
+            'ln -sfn "$FOLDER/traj_data/r2r" traj_data/',
+            'ln -sfn "$FOLDER/data/vln_ce/raw_data/r2r" data/vln_ce/raw_data/',
+            'ln -sfn "$FOLDER/data/scene_data/mp3d_ce/nvsim" data/scene_data/mp3d_ce/',
             "python internnav/trainer/internvla_n1_trainer.py --vln_dataset_use r2r_125cm_0_30",
         ),
         "its training dataset reads the first 30 samples of train; its evaluation needs Habitat: not run",
@@ -464,6 +501,7 @@ AGENTS: dict[AgentName, Agent] = {
         notes=(
             "Add the other options of its scripts/train/qwenvl_train.",
             "traj_data has the paths of train for r2r_125cm_0_30, which is one of the cameras that its scripts name.",
+            _NO_OTHER_DATA.format("traj_data/r2r"),
         ),
     ),
 }
@@ -501,7 +539,10 @@ def write_agent(parts: DatasetParts, name: AgentName, folder: Path) -> list[Path
             atomic.make_folder(path.parent)
             writer(parts, path, of)
             written.append(path)
-    atomic.write_text(folder / "README.md", _readme(agent, folder))
+    val = "val_unseen" if parts.splits["val_unseen"] else "val_seen"
+    count = sum(len(task.instr_ids) for task in parts.splits[val])
+    evaluated = (parts.root / SCANS, parts.root / TASKS / f"R2R_{val}.json")
+    atomic.write_text(folder / "README.md", readme(agent, folder, evaluated, val, count))
     return [*written, folder / "README.md"]
 
 
@@ -522,33 +563,6 @@ def _values(pattern: str, parts: DatasetParts) -> tuple[str, ...]:
 
 def _fill_pattern(pattern: str, of: str) -> str:
     return pattern.format(split=of, scan=of, steps=of)
-
-
-def _readme(agent: Agent, folder: Path) -> str:
-    lines = [
-        f"# Files for {agent.title}",
-        "",
-        f"Made by NVSim {__version__} with `nvsim export dataset`. Large files are hard links to files of the dataset.",
-        "",
-        *(f"- `{pattern}`" for pattern in agent.files),
-        "",
-        "SPLIT is train, val_train_seen (paths of train), val_seen, or val_unseen.",
-        "",
-        f"Run the agent with these commands. CHECKOUT is the folder of {agent.title}, OUT a folder for its results:",
-        "",
-        "```bash",
-        "CHECKOUT=... OUT=...",
-        f"FOLDER={shlex.quote(str(folder.absolute()))}",
-        *agent.run,
-        "```",
-        "",
-        f"What ran without changes to the code of the agent: {agent.ran}.",
-        "",
-        *agent.notes,
-        "",
-    ]
-    text = "\n".join(lines)
-    return text.replace("{split}", "SPLIT").replace("{steps}", "SPLIT").replace("{scan}", "SCAN")
 
 
 def _link(source: Path, target: Path) -> None:

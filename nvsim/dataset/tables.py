@@ -159,15 +159,19 @@ def card_of(about: Mapping[str, Any]) -> str:
         f"Each path has {said['each']} instructions, generated from the geometry of the graph"
         + (" and from objects along the path" if said["landmarks_in"] else "")
         + f"; no person wrote them. A follower that knows the graph, the start, and the instruction finds "
-        f"{said['found_again']} of {said['paths']} paths.",
+        f"{said['found_again']} of {said['paths']} paths."
+        if said["each"]
+        else "The paths have no instructions.",
         "",
         *(_statistics(said) if said["each"] else ()),
         "## Content of the folder",
         "",
-        *(f"- `{name}/`: {words}." for name, words in _FOLDERS.items() if name not in _ON_REQUEST or about.get(name)),
     ]
-    for one in features:
-        lines.append(f"  `features/{one['file']}` by {one['backbone']}, in the layout that {one['read_by']} read.")
+    for name, words in _FOLDERS.items():
+        if name not in _ON_REQUEST or about.get(name):
+            lines.append(f"- `{name}/`: {words}.")
+        if name == "features":
+            lines += [f"  - `features/{f['file']}`: by {f['backbone']}, for {f['read_by']}" for f in features]
     if tasks["episodes"]:
         count = sum(tasks["episodes"].values())
         lines.append(
@@ -183,8 +187,11 @@ def card_of(about: Mapping[str, Any]) -> str:
     lines += ["", "## Baselines", ""]
     for split, agents in about["baselines"].items():
         lines += [f"{split}:", "", "```", text_of(agents).rstrip(), "```", ""]
-    lines += [
-        "To repeat: `nvsim evaluate r2r --scans scans --tasks tasks/R2R_val_unseen.json --agents shortest random`.",
-        "",
-    ]
+    tested = list(about["baselines"])
+    if tested:
+        agents = " ".join(name.lower() for name in about["baselines"][tested[-1]])
+        tasks_file = f"tasks/R2R_{tested[-1]}.json"
+        command = f"nvsim evaluate r2r --scans scans --tasks {tasks_file} --agents {agents}"
+        seed = about["options"]["tasks"]["amounts"]["seed"]
+        lines += [f"To repeat: `{command}{f' --seed {seed}' if seed else ''}`.", ""]
     return "\n".join(lines)

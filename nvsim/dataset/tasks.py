@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from nvsim.dataset.task_options import TaskOptions
 from nvsim.errors import InputError
 from nvsim.events import Listener, Log, Progress, Warning
+from nvsim.files.atomic import refuse_unwritable_folder
 from nvsim.graph.history import count_text
 from nvsim.graph.types import NavGraph
 from nvsim.r2r.instructions.generating import InstructedDataset, instruct
@@ -27,11 +28,12 @@ from nvsim.r2r.tasks.exporting import (
     SURROUNDINGS,
     export_tasks,
     goal_files,
+    refuse_foreign_files,
     rxr_files,
     streamvln_files,
     vlnce_files,
 )
-from nvsim.r2r.tasks.splitting import Dataset, Impassable, sample_tasks
+from nvsim.r2r.tasks.splitting import SPLITS, Dataset, Impassable, sample_tasks
 
 if TYPE_CHECKING:
     from nvsim.r2r.episodes.episode import Episode, Scene
@@ -87,10 +89,15 @@ def make_tasks(
     clouds  scan -> (N, 3) points on surfaces, meters, world, which robots must not touch; they supplement the strips
     retell  replaces the generated instructions, and returns their description for tasks.json
 
-    Raises InputError if no path fits, if required strips are damaged or missing, or if the disk refuses.
+    Raises InputError if no path fits, if required strips are damaged or missing, or if the disk refuses. Before any
+    work: if `out` cannot be written, or contains tasks that NVSim did not write.
     """
     o = options
     check_options(o)
+    others = _other_files(o)
+    refuse_unwritable_folder(out)
+    kinds = ("R2R", "R4R") if o.amounts.joined else ("R2R",)
+    refuse_foreign_files(out, [*(f"{kind}_{name}.json" for kind in kinds for name in SPLITS), *others])
     dataset = sample_tasks(graphs, o.unseen, o.bounds, o.amounts)
     used = {task.scan for tasks in dataset.splits.values() for task in tasks}
     if o.episodes:
@@ -106,12 +113,8 @@ def make_tasks(
         instructed = replace(instructed, dataset=rewritten, places={})
     splits = instructed.dataset.splits.values()
     about["statistics"] = asdict(statistics_of([text for split in splits for t in split for text in t.instructions]))
-    others = [SURROUNDINGS] if seen else []
+    others = [SURROUNDINGS, *others] if seen else others
     episodes = _episodes(instructed, scenes, listen) if o.episodes else {}
-    others += vlnce_files() if o.vlnce else []
-    others += streamvln_files() if o.streamvln else []
-    others += rxr_files(o.vlnce) if o.rxr else []
-    others += goal_files() if o.goals else []
     written = export_tasks(instructed.dataset, out, o.bounds, o.amounts, about, others)
     if seen:
         from nvsim.r2r.surroundings.survey import write_surroundings
@@ -136,6 +139,14 @@ def make_tasks(
         coarse = episodes_of(instructed.dataset.splits, scenes, listen, rxr.TURN) if o.vlnce else {}
         written += rxr.write_rxr(instructed, graphs, coarse, out / "rxr", listen)
     return WrittenTasks(instructed, about, written, episodes)
+
+
+def _other_files(o: TaskOptions) -> list[str]:
+    """The names of the requested files beside R2R's and R4R's."""
+    found = vlnce_files() if o.vlnce else []
+    found += streamvln_files() if o.streamvln else []
+    found += rxr_files(o.vlnce) if o.rxr else []
+    return found + (goal_files() if o.goals else [])
 
 
 def _looked_at(

@@ -18,6 +18,7 @@ _REASONS = {
     errno.ENOSPC: "the disk is full; free some space and try again",
     errno.EDQUOT: "the disk quota is used up; free some space and try again",
     errno.EROFS: "the file system is read-only; choose another folder",
+    errno.EISDIR: "it is a folder; name a file",
     errno.EIO: "the disk reports an error; check it or choose another",
     errno.ESTALE: "the network file system has lost the file; mount it again",
     **dict.fromkeys(
@@ -61,6 +62,29 @@ def _user(number: int) -> str:
         return pwd.getpwuid(number).pw_name
     except (ImportError, KeyError):
         return f"user {number}"
+
+
+def existing_parent(folder: Path) -> Path:
+    """The folder itself, or its nearest parent that exists."""
+    place = folder.absolute()
+    while not os.path.lexists(place) and place != place.parent:
+        place = place.parent
+    return place
+
+
+def refuse_unwritable_folder(folder: Path) -> None:
+    """Raises InputError, before any work, if `folder` cannot be created, or if this user may not write into it."""
+    place = existing_parent(folder)
+    why = errno.ENOTDIR if not place.is_dir() else 0 if os.access(place, os.W_OK | os.X_OK) else errno.EACCES
+    if why:
+        raise as_input_error(folder, OSError(why, os.strerror(why)))
+
+
+def refuse_unwritable_file(path: Path) -> None:
+    """Raises InputError, before any work, if no file can be written at `path`."""
+    if path.is_dir():
+        raise as_input_error(path, OSError(errno.EISDIR, os.strerror(errno.EISDIR)))
+    refuse_unwritable_folder(path.parent)
 
 
 def make_folder(path: Path) -> Path:

@@ -7,7 +7,9 @@ import csv
 import gzip
 import json
 import math
+import os
 import re
+import subprocess
 import sys
 from collections import Counter
 from dataclasses import replace
@@ -23,6 +25,7 @@ from test_dataset import FEW, row
 
 from nvsim.cli.main import main
 from nvsim.dataset.agent_files import AGENTS, AgentName, DatasetParts, write_agent
+from nvsim.dataset.agent_readme import readme
 from nvsim.dataset.building import _scenes
 from nvsim.dataset.frames import DrawnEpisode, write_frames
 from nvsim.dataset.lerobot import rows_of
@@ -454,6 +457,64 @@ def test_missing_inputs_are_reported_before_any_work(
     monkeypatch.setitem(sys.modules, "lmdb", None)
     assert main([*command, "--for", "navgpt2"]) == 2 and "the extra navgpt2" in capsys.readouterr().err
     assert not (tmp_path / "out").exists()
+
+
+STUBS = {
+    "map_nav_src/scripts/run_r2r.sh": "DATA_ROOT=../datasets\n",
+    "map_nav_src/scripts/run_r2r_xl.sh": "DATA_ROOT=../datasets\n",
+    "finetune_src/r2r/main.py": "",
+    "nav_src/NavGPT.py": "",
+    "Prevalent/pretrained_model": "",
+    "eval_navid_vlnce.sh": "python run.py\n",
+    "VLN_CE/habitat_extensions/config/vlnce_task_navid_r2r.yaml": "SCENES_DIR: /raid/data/scene_dataset/\n",
+}
+"""Files of the agents' repositories that the commands of a README change or enter."""
+
+
+@pytest.mark.parametrize("name", AGENTS)
+def test_the_commands_of_a_readme_run_twice(name: AgentName, tmp_path: Path) -> None:
+    """In a checkout, with programs that do nothing in place of python and nvsim."""
+    checkout, programs, folder = tmp_path / "checkout", tmp_path / "programs", tmp_path / "agents" / name
+    for path, text in STUBS.items():
+        (checkout / path).parent.mkdir(parents=True, exist_ok=True)
+        (checkout / path).write_text(text)
+    (checkout / "data" / "scene_datasets" / "mp3d").mkdir(parents=True)  # data of the user stay
+    programs.mkdir()
+    for program in ("python", "nvsim"):
+        (programs / program).write_text(f'#!/bin/sh\necho {program} "$@" >> "{tmp_path}/calls"\n')
+        (programs / program).chmod(0o755)
+    for path in ("R2R/annotations/R2R_val_seen_enc.json", "data/R2R_val_seen.json"):
+        (folder / path).parent.mkdir(parents=True, exist_ok=True)
+        (folder / path).touch()
+    text = readme(AGENTS[name], folder, (tmp_path / "scans", tmp_path / "R2R_val_seen.json"), "val_seen", 7)
+    commands, *score = re.findall(r"```bash\n(.*?)```", text, re.DOTALL)
+    script = commands.replace("CHECKOUT=...", f"CHECKOUT={checkout}").replace("OUT=...", f"OUT={tmp_path}/results")
+    assert "..." not in script.replace("../", "") and "val_unseen" not in script
+    for _ in range(2):
+        environment = {"PATH": f"{programs}:{os.environ['PATH']}"}
+        subprocess.run(["bash", "-euc", "\n".join([script, *score])], env=environment, check=True)
+    calls = (tmp_path / "calls").read_text().splitlines()
+    assert len(calls) == 2 * (1 + len(score)) and (calls[1].startswith("nvsim evaluate r2r --scans") if score else True)
+    assert (checkout / "data" / "scene_datasets" / "mp3d").is_dir()
+    links = [path for path in checkout.rglob("*") if path.is_symlink()]
+    assert all(Path(os.readlink(path)) == folder / path.relative_to(checkout) for path in links)
+    assert all(path.name not in os.listdir(os.readlink(path)) for path in links if path.is_dir())
+
+
+def test_a_readme_names_only_splits_that_its_agent_has() -> None:
+    for name, agent in AGENTS.items():
+        text = readme(agent, Path("/folder"), (Path("/scans"), Path("/tasks")), "val_unseen", 7)
+        assert ("val_train_seen" in text) == (name in ON_GRAPHS), name
+
+
+def test_agents_with_results_write_and_score_all_instructions() -> None:
+    texts = {
+        name: readme(agent, Path("/folder"), (Path("/scans"), Path("/tasks.json")), "val_unseen", 7)
+        for name, agent in AGENTS.items()
+    }
+    scored = {name for name, text in texts.items() if "nvsim evaluate r2r --scans /scans --tasks /tasks.json" in text}
+    assert scored == {"duet", "hamt", "recurrent-vln-bert", "mapgpt", "navgpt", "navgpt2"}
+    assert "--save_pred" in texts["mapgpt"] and "--iters 7" in texts["navgpt"]
 
 
 @pytest.mark.parametrize("name", AGENTS)

@@ -40,3 +40,23 @@ def test_a_path_through_a_file_is_refused_with_a_sentence(tmp_path):
 def test_a_full_disk_is_refused_with_a_sentence():
     with pytest.raises(InputError, match="disk is full"):
         raise atomic.as_input_error("/x", OSError(28, "No space left on device"))
+
+
+def test_an_output_that_cannot_be_written_is_refused_before_any_work(tmp_path):
+    (tmp_path / "file").write_text("")
+    for folder in (tmp_path / "file", tmp_path / "file" / "inside" / "deep"):
+        with pytest.raises(InputError, match="not a folder"):
+            atomic.refuse_unwritable_folder(folder)
+        with pytest.raises(InputError, match="not a folder"):
+            atomic.refuse_unwritable_file(folder / "figures.json")
+    with pytest.raises(InputError, match="it is a folder; name a file"):
+        atomic.refuse_unwritable_file(tmp_path)
+    atomic.refuse_unwritable_folder(tmp_path / "new" / "deep")
+    atomic.refuse_unwritable_file(tmp_path / "file")
+    assert [p.name for p in tmp_path.iterdir()] == ["file"]
+
+
+def test_a_folder_of_another_user_is_refused_before_any_work(tmp_path, monkeypatch):
+    monkeypatch.setattr(atomic.os, "access", lambda path, mode: False)
+    with pytest.raises(InputError, match="permission is denied"):
+        atomic.refuse_unwritable_folder(tmp_path / "new")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from collections.abc import Generator, Iterator
 from contextlib import contextmanager
 from dataclasses import replace
@@ -79,6 +80,12 @@ def test_one_command_makes_a_benchmark_and_goes_on_where_it_was(
     card = (whole / "README.md").read_text()
     assert "| words per instruction |" in card and "Their register is `short`" in card
     assert "| hall | 6 | 5 |" in card and "SHORTEST" in card and "R2R_SPLIT.json" in card
+    (repeat,) = re.findall("To repeat: `nvsim (.*)`", card)
+    assert repeat.split()[:2] == ["evaluate", "r2r"] and "R2R_val_seen.json --agents shortest random random-" in repeat
+    monkeypatch.chdir(whole)  # the command of the card runs in its folder, although val_unseen is empty
+    assert main(repeat.split()) == 0 and "RANDOM-PAPER" in capsys.readouterr().out
+    file_line = card[card.index("- `features/`") :].splitlines()[1]
+    assert file_line.startswith("  - `features/pth_vit_base_patch16_224_imagenet.hdf5`: by random projection")
     for name in ("scans/hall/manifest.json", "tasks/R2R_train.json", "tasks/surroundings.json",
                  "features/pth_vit_base_patch16_224_imagenet.hdf5", "results/random_train.json"):  # fmt: skip
         assert (whole / name).is_file(), name
@@ -172,3 +179,13 @@ def test_tasks_of_a_scan_with_another_id_than_its_project_name_the_option(
     command += ["--out", str(tmp_path / "tasks")]
     assert main(command) == 2 and "with --only: demo." in capsys.readouterr().err
     assert main([*command, "--only", "demo"]) == 0 and (tmp_path / "tasks" / "R2R_train.json").exists()
+
+
+def test_a_dataset_without_instructions_names_no_follower(
+    project: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    command = ["export", "dataset", "--project", str(project), *SMALL, "--out", str(tmp_path / "out")]
+    assert main([*command, "--instructions", "0", "--features", "vit-b16", "--seed", "3"]) == 0
+    card, said = (tmp_path / "out" / "README.md").read_text(), capsys.readouterr().out
+    assert "The paths have no instructions." in card and "follower finds" not in card + said
+    assert "--agents shortest random random-paper --seed 3`" in card

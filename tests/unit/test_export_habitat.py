@@ -196,6 +196,9 @@ def test_bad_input_is_refused_and_nothing_is_written(tmp_path: Path, capsys: pyt
     from task_samples import exported, house
 
     scans, out = exported(tmp_path, house("one", 5)), tmp_path / "scenes"
+    (tmp_path / "file").touch()
+    assert main(["export", "habitat", str(scans), "--out", str(tmp_path / "file")]) == 2
+    assert "not a folder" in capsys.readouterr().err
     assert main(["export", "habitat", str(scans), "--out", str(out)]) == 2
     assert "no strips with depth" in capsys.readouterr().err
     assert main(["export", "habitat", str(scans), "--out", str(out), "--voxel", "0"]) == 2

@@ -160,3 +160,13 @@ def test_shortest_and_random_have_the_rows_that_they_must_have(
 def test_nobody_to_score_is_said(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["evaluate", "r2r", "--scans", str(tmp_path), "--tasks", str(tmp_path / "x.json")]) == 2
     assert "no agent to score" in capsys.readouterr().err
+
+
+def test_an_agent_whose_output_cannot_be_written_does_not_start(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    from nvsim.cli.commands import r2r_agent
+
+    monkeypatch.setattr(r2r_agent.Benchmark, "read", lambda *_: pytest.fail("the tasks were read"))
+    command = ["r2r", "agent", "random", "--scans", str(tmp_path), "--split", "train", "--out", str(tmp_path)]
+    assert main(command) == 2 and "it is a folder; name a file" in capsys.readouterr().err

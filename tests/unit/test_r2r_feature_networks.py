@@ -16,7 +16,8 @@ from nvsim.errors import InputError
 from nvsim.networks.image_preparation import Preparation
 from nvsim.networks.onnx_server import import_onnxruntime
 from nvsim.networks.onnx_session import providers
-from nvsim.r2r.features.network import Description, Network, parse_description
+from nvsim.r2r.features.layouts import LAYOUTS
+from nvsim.r2r.features.network import Description, Network, choose_backbone, parse_description
 
 IMAGENET = np.array([0.485, 0.456, 0.406]), np.array([0.229, 0.224, 0.225])
 
@@ -121,6 +122,11 @@ def test_without_a_description_the_sentence_says_what_to_write(tmp_path: Path) -
     path.with_suffix(".toml").unlink()
     with pytest.raises(InputError, match=r"mean.toml is missing; describe .*width = 512 and size = \[224, 224\]"):
         Network(path, 4)
+
+
+def test_a_network_that_does_not_exist_is_named(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match=r"The network .*none.onnx does not exist; check --model"):
+        choose_backbone(LAYOUTS["vit-b16"], tmp_path / "none.onnx", 4, "cpu")
 
 
 def test_of_several_outputs_one_must_be_named(tmp_path: Path) -> None:

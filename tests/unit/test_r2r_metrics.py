@@ -211,6 +211,32 @@ def test_segments_of_duet_and_mapgpt_have_the_scores_of_the_flat_trajectory(
         assert agents["agent"] == agents["flat"] and agents["flat"]["pl"] == pytest.approx(7.0)
 
 
+def test_the_folder_of_mapgpt_is_a_submission(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """MapGPT writes a file for each instruction, and no file with all of them."""
+    scans, tasks, _ = written(tmp_path, corridor())
+    folder = tmp_path / "preds"
+    folder.mkdir()
+    command = ["evaluate", "r2r", "--scans", scans, "--tasks", tasks, "--json", "--submission", str(folder)]
+    assert main(command) == 2 and "case_InstrID_*.json" in capsys.readouterr().err
+    for id, path in (("1_0", "012345"), ("1_1", "012")):
+        case = {
+            "instr_id": id,
+            "trajectory": [[v] for v in path],
+            "a_t": [1],
+            "scan": "row",
+            "evaluation": {"spl": [1]},
+        }
+        (folder / f"case_InstrID_{id}.json").write_text(json.dumps(case))
+    assert main(command) == 0
+    assert json.loads(capsys.readouterr().out)["agents"]["preds"]["pl"] == pytest.approx(7.0)
+    (folder / "case_InstrID_2.json").write_text(json.dumps(walked("1_0", "012")))
+    assert main(command) == 2
+    error = capsys.readouterr().err
+    assert "case_InstrID_2.json (1_0): this instr_id occurs twice" in error
+    (folder / "case_InstrID_2.json").write_text("[]")
+    assert main(command) == 2 and "case_InstrID_2.json has no instr_id" in capsys.readouterr().err
+
+
 @pytest.mark.parametrize(
     "items, sentence",
     [

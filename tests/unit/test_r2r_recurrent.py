@@ -331,6 +331,8 @@ def test_wrong_orders_are_refused_in_one_sentence(
     named = [*common, "--split", "val_unseen", "--checkpoint", str(agent)]
     train = ["r2r", "train", "--scans", str(folder), "--out", str(agent)]
     twice = ["r2r", "train", "--scans", str(folder), str(folder), "--out", str(agent)]
+    bare = tmp_path / "bare"
+    shutil.copytree(folder / "connectivity", bare / "connectivity")
     (tmp_path / "mine").mkdir()
     (tmp_path / "mine" / "weights.safetensors").write_text("mine")
     for words, said in (
@@ -346,7 +348,12 @@ def test_wrong_orders_are_refused_in_one_sentence(
         ([*train[:-1], str(tmp_path / "mine")], "belongs to no agent"),
         ([*train, "--tasks", str(tmp_path), str(tmp_path)], "--tasks has 2 values for 1"),
         ([*train, "--width", "33"], "multiple of --heads"),
-        (["r2r", "train", "--scans", str(tmp_path), "--out", str(tmp_path / "y")], "R2R_train.json"),
+        (
+            ["r2r", "train", "--scans", str(tmp_path), "--out", str(tmp_path / "y")],
+            "R2R_train.json does not exist; write",
+        ),
+        ([*common, "--split", "nowhere", "--checkpoint", str(agent)], "R2R_nowhere.json does not exist; write"),
+        ([*train, "--scans", str(bare), "--tasks", str(folder / "tasks")], f"features {bare}`, or give --features"),
     ):
         assert main(words) == 2, words
         assert said in (error := capsys.readouterr().err) and "Traceback" not in error, (words, error)

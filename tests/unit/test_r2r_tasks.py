@@ -15,6 +15,7 @@ import pytest
 from task_samples import as_agents_load, exported, house, without
 
 from nvsim.cli.main import main
+from nvsim.dataset import tasks as making
 from nvsim.errors import InputError
 from nvsim.graph.paths import PathGraph
 from nvsim.graph.types import NavGraph, Viewpoint, edge
@@ -204,6 +205,22 @@ def test_a_task_file_that_nvsim_did_not_write_is_not_replaced(
     assert main(command) == 2 and "NVSim did not write it" in capsys.readouterr().err
     assert [p.name for p in out.iterdir()] == ["R2R_train.json"] and (out / "R2R_train.json").read_text() == "[]"
     assert main([*command[:-1], str(tmp_path / "other")]) == main([*command[:-1], str(tmp_path / "other")]) == 0
+
+
+def test_tasks_that_cannot_be_written_are_refused_before_any_path_is_sampled(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A model may be paid for instructions after that."""
+    scans, out = exported(tmp_path, house("one")), tmp_path / "tasks"
+    (tmp_path / "file").touch()
+    (out / "rxr").mkdir(parents=True)
+    (out / "rxr" / "rxr_train_guide.jsonl.gz").touch()
+    monkeypatch.setattr(making, "sample_tasks", lambda *_: pytest.fail("paths were sampled"))
+    command = ["export", "tasks", "--scans", str(scans), "--out"]
+    assert main([*command, str(tmp_path / "file")]) == 2 and "not a folder" in capsys.readouterr().err
+    assert main([*command, str(out), "--rxr"]) == 2 and "NVSim did not write it" in capsys.readouterr().err
+    (out / "R4R_train.json").touch()
+    assert main([*command, str(out), "--joined", "1"]) == 2 and "R4R_train.json" in capsys.readouterr().err
 
 
 def test_no_tasks_of_an_earlier_run_stay_beside_new_ones(tmp_path: Path) -> None:

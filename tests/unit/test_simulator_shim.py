@@ -13,6 +13,8 @@ from pathlib import Path
 import pytest
 
 from nvsim.cli.guard import CommandStopped, run_guarded
+from nvsim.cli.main import main
+from nvsim.r2r.simulator.shim import shim_folder
 
 PROGRAM = "import sys, MatterSim; print(MatterSim.Simulator.__module__, sys.argv[1:])"
 
@@ -92,6 +94,24 @@ def test_old_readers_of_features_find_the_function_that_python_removed() -> None
     assert done.stdout == "b'A'\n", done.stderr
 
 
+def test_a_python_without_the_packages_of_the_simulator_is_named(tmp_path: Path) -> None:
+    """A checkout of NVSim in PYTHONPATH makes the package nvsim visible, but not what it needs."""
+    bare, root = tmp_path / "python-bare", str(Path(__file__).parents[2])
+    bare.write_text(f'#!/bin/sh\nexec "{sys.executable}" -S "$@"\n')
+    bare.chmod(0o755)
+    path = os.pathsep.join(
+        p for p in (root, *os.environ.get("PYTHONPATH", "").split(os.pathsep)) if "site-pack" not in p
+    )
+    done = nvsim("r2r", "python", "--", str(bare), "-c", "import MatterSim", PYTHONPATH=path)
+    assert done.returncode == 2 and done.stderr.count("\n") == 1, done.stderr
+    assert f"{bare} lacks numpy and cv2" in done.stderr and "install NVSim" in done.stderr
+    environment = os.environ | {"PYTHONPATH": os.pathsep.join([str(shim_folder()), path])}
+    command = [str(bare), "-c", "import MatterSim"]
+    done = subprocess.run(command, capture_output=True, text=True, check=False, env=environment)
+    last = done.stderr.strip().splitlines()[-1]
+    assert done.returncode == 1 and "lacks the package numpy" in last and "install NVSim" in last
+
+
 def test_an_installed_simulator_is_not_shadowed_unasked(tmp_path: Path) -> None:
     (tmp_path / "MatterSim.py").write_text("class Simulator: pass\n")
     path = os.pathsep.join([str(tmp_path), *filter(None, [os.environ.get("PYTHONPATH")])])
@@ -100,6 +120,17 @@ def test_an_installed_simulator_is_not_shadowed_unasked(tmp_path: Path) -> None:
     assert done.returncode == 2 and "already has a MatterSim" in done.stderr and "--replace" in done.stderr
     done = nvsim("r2r", "python", "--replace", *program, PYTHONPATH=path)
     assert done.stdout.startswith("nvsim.r2r.simulator"), done.stderr
+
+
+def test_options_of_a_program_without_two_hyphens_are_answered_with_the_command(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    with pytest.raises(SystemExit, match="2"):
+        main(["r2r", "python", "python", "train.py", "--batch", "8"])
+    assert capsys.readouterr().err.rstrip().endswith("nvsim r2r python -- python train.py --batch 8")
+    with pytest.raises(SystemExit, match="2"):
+        main(["r2r", "path", "--batch", "8"])
+    assert "two hyphens" not in capsys.readouterr().err
 
 
 def test_no_program_and_one_that_is_not_there_are_one_sentence() -> None:

@@ -242,6 +242,8 @@ class EvaluateAblation(ProjectArguments):
 
         if self.resume and self.repeat:
             raise InputError("--resume and --repeat contradict each other; name one of them.")
+        if self.out is not None:
+            atomic.refuse_unwritable_folder(self.out)
         distance, why = open_lpips(self.lpips, self.lpips_range)
         budget = Budget(self.steps, self.image_size, self.gaussian_cap)
         config = AblationConfig(self.tables, self.rows, self.presets, self.submaps, self.seeds, budget, self.repeat)

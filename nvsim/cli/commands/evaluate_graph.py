@@ -13,6 +13,7 @@ from nvsim.cli.arguments import Inline, ProjectArguments, value_of_flag
 from nvsim.cli.session import project_job
 from nvsim.cli.terminal import print_lines
 from nvsim.events import Done
+from nvsim.files.atomic import refuse_unwritable_folder
 from nvsim.mapping.config import MappingConfig
 from nvsim.occupancy.heights import Heights
 
@@ -102,6 +103,8 @@ class EvaluateCalibration(ProjectArguments):
         from nvsim.project.graph import thresholds_of
         from nvsim.project.project import Project
 
+        if self.out is not None:
+            refuse_unwritable_folder(self.out)
         with Project.open(self.project) as project:
             graph, capture, config = project.need_graph(), project.need_capture(), thresholds_of(project)
             occupancy = true_occupancy(project, self.occupancy, self.map_frame, self.heights)
@@ -164,6 +167,8 @@ class EvaluateValidityTable(ProjectArguments):
         from nvsim.evaluation.validity import STAGE, TableConfig, cells_folder, evaluate_validity
         from nvsim.evaluation.validity_report import text_of, write_validity
 
+        if self.out is not None:
+            refuse_unwritable_folder(self.out)
         config = TableConfig(
             self.presets,
             tuple(tuple(column.split("+")) for column in self.columns),

@@ -13,6 +13,7 @@ from nvsim.endpoint.budget import Prices
 from nvsim.endpoint.options import AskingOptions, Endpoint
 from nvsim.endpoint.request import StoredAnswers
 from nvsim.errors import InputError
+from nvsim.files.atomic import refuse_unwritable_folder
 
 if TYPE_CHECKING:
     from nvsim.evaluation.judging.compared_images import ContestantImages
@@ -135,6 +136,8 @@ def _check(a: EvaluateJudge) -> None:
         raise InputError(f"--seen {a.seen} and --novel {a.novel} give no views to compare; raise at least one of them.")
     if not 16 <= a.image_width <= 4096:
         raise InputError(f"--image-width {a.image_width} is out of range; give 16 to 4096 pixels.")
+    if a.out is not None:
+        refuse_unwritable_folder(a.out)
 
 
 def _endpoints(a: EvaluateJudge) -> dict[str, tuple[Endpoint, Prices]]:

@@ -221,5 +221,6 @@ def _show(about: dict[str, Any], out: Path) -> None:
     said = about["tasks"]["instructions"]
     for split, agents in about["baselines"].items():
         print_lines(split, *text_of(agents).split("\n"))
-    print_lines(f"From the instructions alone a follower finds {said['found_again']} of {said['paths']} paths.")
+    if said["each"]:
+        print_lines(f"From the instructions alone a follower finds {said['found_again']} of {said['paths']} paths.")
     print_lines(f"Wrote {out}; its README.md describes the dataset.")

@@ -16,6 +16,7 @@ from nvsim.cli.console import event_listener
 from nvsim.cli.session import project_job
 from nvsim.errors import InputError
 from nvsim.events import Done, Listener, Log
+from nvsim.files.atomic import refuse_unwritable_file
 from nvsim.occupancy.heights import Heights
 from nvsim.occupancy.read import ROS, read_map
 
@@ -85,6 +86,8 @@ def _check(arguments: OccupancyBuild) -> None:
         raise InputError("A map of trained models cannot be the project's own; name a file with --out NAME.yaml.")
     if arguments.out is not None and arguments.out.suffix.lower() not in ROS:
         raise InputError(f"A map cannot be written to {arguments.out}; name a file that ends in .yaml.")
+    if arguments.out is not None:
+        refuse_unwritable_file(arguments.out)
 
 
 def _build(arguments: OccupancyBuild, project: Project | None, listen: Listener) -> int:

@@ -12,8 +12,9 @@ from nvsim.cli.terminal import as_json, print_lines
 from nvsim.endpoint.options import AskingOptions, OneEndpoint
 from nvsim.endpoint.request import StoredAnswers
 from nvsim.errors import InputError
+from nvsim.files.atomic import refuse_unwritable_file
 from nvsim.r2r.agents.baselines import Name, agent_of
-from nvsim.r2r.agents.benchmark import Benchmark, run_agent, scans_in
+from nvsim.r2r.agents.benchmark import Benchmark, run_agent, scans_in, tasks_in
 from nvsim.r2r.metrics.submission import check_submission, read_submission, write_submission
 from nvsim.r2r.prompted.options import EpisodeLimits, ImageOptions
 
@@ -61,8 +62,9 @@ class R2RAgent:
             raise InputError(f"The agent {agent} takes neither --checkpoint nor --features; drop these options.")
         if agent != "mapgpt" and self.asked.endpoint is not None:
             raise InputError(f"The agent {agent} asks no model; drop --endpoint, or run mapgpt.")
+        refuse_unwritable_file(self.out)
         scans = scans_in(self.scans)
-        tasks = self.scans / "tasks" / f"R2R_{self.split}.json" if self.tasks is None else self.tasks
+        tasks = tasks_in(self.scans, self.split) if self.tasks is None else self.tasks
         if agent == "mapgpt":
             return _run_mapgpt(self, scans, tasks)
         benchmark = Benchmark.read(scans, tasks)
@@ -155,7 +157,8 @@ class EvaluateR2R:
     """A task file, such as R2R_val_unseen.json."""
     submission: tuple[Path, ...] = ()
     """Trajectory files in the leaderboard's format, one for each agent: [{"instr_id": "17_0", "trajectory": [[viewpoint
-    id, heading, elevation], ...]}, ...]. Result files of VLN-DUET and MapGPT are read too."""
+    id, heading, elevation], ...]}, ...]. Result files of VLN-DUET are read too, and
+    the folder with the results of MapGPT."""
     agents: tuple[Name, ...] = ()
     """Baseline agents to run as well: shortest; random, as in R2R; random-paper, ten moves to any neighbor."""
     seed: int = 0
@@ -170,7 +173,7 @@ class EvaluateR2R:
 
         if not self.submission and not self.agents:
             raise InputError("There is no agent to score; give trajectory files with --submission, or name --agents.")
-        benchmark = Benchmark.read(self.scans, self.tasks)
+        benchmark = Benchmark.read(scans_in(self.scans), self.tasks)
         agents = {}
         for name, (where, trajectories) in _trajectories(self, benchmark).items():
             check_submission(trajectories, benchmark.tasks, benchmark.distances, where)

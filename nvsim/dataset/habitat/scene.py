@@ -78,6 +78,7 @@ def write_scenes(
     """
     if not SMALLEST <= voxel <= LARGEST:
         raise InputError(f"Voxels of {voxel:g} m are out of range; give --voxel {SMALLEST} to {LARGEST}.")
+    atomic.refuse_unwritable_folder(out)
     graphs = [read_connectivity(path) for scan, path in scan_files(root, scans).items() if scan != STUB]
     for graph in graphs:
         if not has_depth(ScanPlaces(root, graph.scan), graph):

@@ -6,6 +6,7 @@ A benchmark is a tasks file together with the scans that its tasks use, read and
 from __future__ import annotations
 
 import math
+import os
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
@@ -63,6 +64,18 @@ def scans_in(folder: Path) -> Path:
     """Returns the folder of an export's scans: the folder itself, or its folder `scans`."""
     inside = folder / "scans"
     return inside if (inside / "connectivity").is_dir() else folder
+
+
+def tasks_in(folder: Path, split: str) -> Path:
+    """Returns the task file of a split in an export. Raises InputError if it is missing."""
+    path = folder / "tasks" / f"R2R_{split}.json"
+    if not os.path.lexists(path):
+        scans = scans_in(folder)
+        raise InputError(
+            f"{path} does not exist; write it with `nvsim export tasks --scans {scans} --out {path.parent}`, or give "
+            "--tasks."
+        )
+    return path
 
 
 @dataclass(frozen=True)

@@ -114,6 +114,6 @@ def features_in(folder: Path) -> Path:
     found = [path for layout in LAYOUTS.values() if (path := folder / "features" / layout.file).is_file()]
     if len(found) != 1:
         many = f"{len(found)} features files" if found else "no features file"
-        then = "name one with --features" if found else f"write one with `nvsim export features {folder}`"
-        raise InputError(f"{folder / 'features'} has {many}; {then}.")
+        then = "" if found else f"write one with `nvsim export features {folder}`, or "
+        raise InputError(f"{folder / 'features'} has {many}; {then}give --features.")
     return found[0]

@@ -177,6 +177,8 @@ def choose_backbone(
 
     Raises InputError if the network cannot be used.
     """
+    if model is not None and not model.is_file():
+        raise InputError(f"The network {model} does not exist; check --model.")
     maker = feature_maker(layout, model, projection)
     if maker.file is not None:
         return Network(maker.file, batch, provider), ""

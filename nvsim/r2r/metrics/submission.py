@@ -2,12 +2,13 @@
 
 The trajectory is an array of [viewpoint id, heading, elevation], angles in radians. A turn on the spot repeats the
 viewpoint. VLN-DUET and MapGPT write an array of segments instead, each an array of viewpoint ids; their angles are 0.
+MapGPT writes a file for each instruction, with the item alone.
 """
 
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -24,6 +25,8 @@ Trajectories = Mapping[str, Sequence[Pose]]
 """instr_id -> the poses of an agent, from the start."""
 
 _LARGEST = 1 << 30  # bytes
+_CASES = "case_InstrID_*.json"
+"""Files that MapGPT writes with --save_pred."""
 
 
 def write_submission(path: Path, trajectories: Trajectories) -> Path:
@@ -34,13 +37,10 @@ def write_submission(path: Path, trajectories: Trajectories) -> Path:
 
 
 def read_submission(path: Path) -> dict[str, list[Pose]]:
-    """Reads a trajectory file. Raises InputError with the item if it is invalid or an instr_id occurs twice."""
-    items = read_json(path, "a submission", "name a trajectory file in the leaderboard's format", _LARGEST)
-    if not isinstance(items, list):
-        raise InputError(f"{path} is not a list of trajectories; name a file in the leaderboard's format.")
+    """Reads a trajectory file, or a folder with a file for each instruction, as MapGPT writes them. Raises InputError
+    with the item if it is invalid or an instr_id occurs twice."""
     found: dict[str, list[Pose]] = {}
-    for i, item in enumerate(items):
-        where = f"{path}, item {i}"
+    for where, item in _items(path):
         if not isinstance(item, dict) or not isinstance(item.get("instr_id"), str):
             raise InputError(f"{where} has no instr_id; every item needs instr_id and trajectory.")
         id, poses = item["instr_id"], item.get("trajectory")
@@ -49,6 +49,21 @@ def read_submission(path: Path) -> dict[str, list[Pose]]:
             raise InputError(f"{where}: this instr_id occurs twice; give one trajectory for each.")
         found[id] = read_poses(poses, where)
     return found
+
+
+def _items(path: Path) -> Iterator[tuple[str, Any]]:
+    """The place and the content of each item."""
+    then = "name a trajectory file in the leaderboard's format"
+    if path.is_dir():
+        files = sorted(path.glob(_CASES))
+        if not files:
+            raise InputError(f"{path} is a folder without results of MapGPT ({_CASES}); {then}.")
+        yield from ((str(file), read_json(file, "a result of MapGPT", then, _LARGEST)) for file in files)
+        return
+    items = read_json(path, "a submission", then, _LARGEST)
+    if not isinstance(items, list):
+        raise InputError(f"{path} is not a list of trajectories; {then}, or the folder with the results of MapGPT.")
+    yield from ((f"{path}, item {i}", item) for i, item in enumerate(items))
 
 
 def read_poses(poses: Any, where: str) -> list[Pose]:

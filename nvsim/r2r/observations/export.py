@@ -5,8 +5,6 @@
 
 from __future__ import annotations
 
-import errno
-import os
 import shutil
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -85,7 +83,7 @@ class PreparedExport:
         places = tuple(ScanPlaces(root, part.scan) for part in parts)
         for scan_places in places:
             refuse_foreign(scan_places)
-        _refuse_unwritable(root)
+        atomic.refuse_unwritable_folder(root)
         return PreparedExport(root, graph, parts, places, ScanModels.of(project, graph))
 
     def estimate(self, settings: ScanSettings, with_stub: bool, backend: Backend) -> ExportEstimate:
@@ -101,7 +99,7 @@ class PreparedExport:
     def free(self) -> int:
         """Free bytes on the disk of the folder. Raises InputError if they cannot be determined."""
         try:
-            return shutil.disk_usage(_existing_parent(self.root)).free
+            return shutil.disk_usage(atomic.existing_parent(self.root)).free
         except OSError as error:
             raise as_input_error(self.root, error) from error
 
@@ -124,21 +122,6 @@ class PreparedExport:
             mean = sum(drawing) / max(1, len(drawing))
             masked = source.photographed is not None
             yield ScanCounts(graph.scan, len(graph.viewpoints), len(drawn), todo, plans, mean, masked)
-
-
-def _existing_parent(root: Path) -> Path:
-    """Returns the folder itself, or its nearest parent that exists."""
-    place = root.absolute()
-    while not os.path.lexists(place) and place != place.parent:
-        place = place.parent
-    return place
-
-
-def _refuse_unwritable(root: Path) -> None:
-    place = _existing_parent(root)
-    why = errno.ENOTDIR if not place.is_dir() else 0 if os.access(place, os.W_OK | os.X_OK) else errno.EACCES
-    if why:
-        raise as_input_error(root, OSError(why, os.strerror(why)))
 
 
 def export_scan(

@@ -14,7 +14,7 @@ from random import Random
 
 from nvsim.errors import InputError
 from nvsim.files.opening import read_json
-from nvsim.r2r.agents.benchmark import Benchmark, scans_in
+from nvsim.r2r.agents.benchmark import Benchmark, scans_in, tasks_in
 from nvsim.r2r.features.feature_files import Key, backbone_of_file
 from nvsim.r2r.features.layouts import features_in
 from nvsim.r2r.recurrent.rollout import Episode
@@ -102,7 +102,7 @@ def read_dataset(folders: Sequence[Path], tasks: Sequence[Path] = (), features: 
     sources: list[ExportFiles] = []
     closed: set[Key] = set()
     for i, folder in enumerate(folders):
-        at = tasks[i] if tasks else folder / "tasks"
+        at = tasks[i] if tasks else tasks_in(folder, "train").parent
         benchmark = Benchmark.read(scans_in(folder), at / "R2R_train.json")
         found += benchmark.tasks
         sources.append(ExportFiles(benchmark.graphs, features[i] if features else features_in(folder)))

@@ -63,10 +63,7 @@ def export_tasks(
     """
     files = {out / f"R2R_{name}.json": dataset.splits[name] for name in SPLITS}
     files |= {out / f"R4R_{name}.json": tasks for name, tasks in dataset.joined.items()}
-    before = _written_before(out)
-    for path in (*files, *(out / name for name in others)):
-        if path.relative_to(out).as_posix() not in before and os.path.lexists(path):
-            raise InputError(f"{path} exists, but NVSim did not write it; choose another --out.")
+    before = refuse_foreign_files(out, [*(path.name for path in files), *others])
     about = {
         "format": FORMAT,
         "version": __version__,
@@ -88,6 +85,16 @@ def export_tasks(
     for path, tasks in files.items():
         write_tasks(path, tasks)
     return [*files, out / RECORD]
+
+
+def refuse_foreign_files(out: Path, names: Sequence[str]) -> set[str]:
+    """Returns the names of the tasks files in `out` that NVSim wrote. Raises InputError if one of `names` exists there
+    and NVSim did not write it."""
+    before = _written_before(out)
+    for name in names:
+        if name not in before and os.path.lexists(out / name):
+            raise InputError(f"{out / name} exists, but NVSim did not write it; choose another --out.")
+    return before
 
 
 def _written_before(out: Path) -> set[str]:
