@@ -157,8 +157,8 @@ class EvaluateR2R:
     """A task file, such as R2R_val_unseen.json."""
     submission: tuple[Path, ...] = ()
     """Trajectory files in the leaderboard's format, one for each agent: [{"instr_id": "17_0", "trajectory": [[viewpoint
-    id, heading, elevation], ...]}, ...]. Result files of VLN-DUET are read too, and
-    the folder with the results of MapGPT."""
+    id, heading, elevation], ...]}, ...]. Result files of VLN-DUET are read too, and the folder with the results of
+    MapGPT."""
     agents: tuple[Name, ...] = ()
     """Baseline agents to run as well: shortest; random, as in R2R; random-paper, ten moves to any neighbor."""
     seed: int = 0
