@@ -8,13 +8,16 @@ loads them.
 
 from __future__ import annotations
 
+import contextlib
 import dataclasses
-import subprocess
-import sys
+from collections.abc import Iterator
+from multiprocessing.connection import Connection
 from pathlib import Path
 
 from nvsim.events import Listener, Log, Warning, ignore_event
 from nvsim.files import atomic
+from nvsim.processes.messages import receive, send
+from nvsim.processes.process import PipedProcess
 from nvsim.render.kernel_cache import process_lock, stamp
 
 STAGE = "train"
@@ -23,24 +26,49 @@ _SOURCES = ("geometry", "splats", "render", "training")
 
 def compile_ahead(listen: Listener = ignore_event) -> None:
     """Compiles the kernels once for this machine and these sources, in a minute or two; later calls return at once. A
-    failure is only a warning: the kernels are then compiled when they are needed."""
+    failure is only a warning: the kernels are then compiled when they are needed. Raises InputError if no process can
+    be started."""
     done = _stamp()
     if done.exists():
         return
-    with process_lock(done.with_suffix(".lock")):
-        if not done.exists():  # another process can have done it meanwhile
-            _compile(done, listen)
-
-
-def _compile(done: Path, listen: Listener) -> None:
     listen(Log("Compiling the kernels, once on this machine; this takes a minute or two.", STAGE))
-    command = [sys.executable, "-P", "-m", "nvsim.training.compilation"]
-    found = subprocess.run(command, stdin=subprocess.DEVNULL, capture_output=True, text=True, errors="replace")
-    if found.returncode != 0:
-        last = (found.stderr.strip().splitlines() or ["no reason given"])[-1]
-        listen(Warning(f"The kernels could not be compiled ahead ({last}); they are compiled while training.", STAGE))
-        return
-    atomic.write_text(done, "")
+    child = PipedProcess(_compile_once, done, hide_output=True)
+    try:
+        reason = receive(child.connection)
+    except (EOFError, OSError):
+        reason = "the process ended"
+    finally:
+        child.end()
+    if reason:
+        text = f"The kernels could not be compiled ahead ({reason}); they are compiled while training."
+        listen(Warning(text, STAGE))
+
+
+@contextlib.contextmanager
+def compiling_ahead(wanted: bool = True) -> Iterator[None]:
+    """Compiles the kernels on another core while the body runs, if `wanted` and if that was not done before. A later
+    `compile_ahead` waits for it. It is stopped at the end of the body. Raises InputError if no process can be started.
+    """
+    done = _stamp() if wanted else None
+    child = PipedProcess(_compile_once, done, hide_output=True) if done is not None and not done.exists() else None
+    try:
+        yield
+    finally:
+        if child is not None:
+            child.end()
+
+
+def _compile_once(connection: Connection, done: Path) -> None:
+    """Compiles the kernels unless `done` exists, and then writes it. Sends the reason of a failure, or ""."""
+    reason = ""
+    try:
+        with process_lock(done.with_suffix(".lock")):
+            if not done.exists():  # another process can have done it meanwhile
+                _train_in_small()
+                atomic.write_text(done, "")
+    except Exception as error:
+        reason = next(iter(str(error).splitlines()), type(error).__name__)
+    send(connection, reason)
 
 
 def _stamp() -> Path:
@@ -59,7 +87,3 @@ def _train_in_small() -> None:
         if name == "splatfacto-w":  # its presets for short runs have no robust mask
             config = dataclasses.replace(config, robust=RobustConfig(kind="quantile", start=0.0))
         train_submap(room.views, room.cloud, room.floor, config)
-
-
-if __name__ == "__main__":
-    _train_in_small()

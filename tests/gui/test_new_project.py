@@ -189,7 +189,7 @@ def test_a_second_walk_is_added_and_the_next_stage_is_offered_again(
     qtbot.waitUntil(dialog.import_button.isEnabled, timeout=SECONDS)
     qtbot.mouseClick(dialog.import_button, Qt.MouseButton.LeftButton)
     qtbot.waitUntil(lambda: len(document.contents.capture.frames) == 2 * frames, timeout=SECONDS)
-    qtbot.waitUntil(lambda: bar.isVisible() and "capture has grown" in bar.sentence.text(), timeout=SECONDS)
+    qtbot.waitUntil(lambda: bar.isVisible() and "capture has changed" in bar.sentence.text(), timeout=SECONDS)
     assert document.contents.missing_verb == "submaps"
     qtbot.mouseClick(bar.stage, Qt.MouseButton.LeftButton)
     qtbot.waitUntil(lambda: document.contents.missing_verb == "floors", timeout=SECONDS)

@@ -26,7 +26,6 @@ COMMANDS = {
     "nvsim/cli/window.py",
     "nvsim/cli/worker.py",  # jobs, which outlive the window
     "nvsim/r2r/simulator/shim/__init__.py",
-    "nvsim/training/compilation.py",
 }
 """Modules that run one command and wait for its end, or start a job."""
 

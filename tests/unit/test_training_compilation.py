@@ -4,11 +4,16 @@ from __future__ import annotations
 
 import subprocess
 import sys
+import time
+from multiprocessing.connection import Connection
 from pathlib import Path
 
+import psutil
 import pytest
 
+from nvsim.errors import InputError
 from nvsim.events import Event, Log, Warning
+from nvsim.processes.messages import send
 from nvsim.render import kernel_cache
 from nvsim.training import compilation
 
@@ -19,16 +24,22 @@ def cache(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     return tmp_path
 
 
-def program(folder: Path, text: str) -> str:
-    path = folder / "python"
-    path.write_text(f"#!{sys.executable}\n{text}\n")
-    path.chmod(0o755)
-    return str(path)
+def compile_nothing(connection: Connection, done: Path) -> None:
+    done.touch()
+    send(connection, "")
+
+
+def fail(connection: Connection, done: Path) -> None:
+    send(connection, "no room on the disk")
+
+
+def never_end(connection: Connection, done: Path) -> None:
+    send(connection, "")
+    time.sleep(600)
 
 
 def test_the_kernels_are_compiled_once(cache: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(sys, "executable", program(cache, "import sys; assert sys.argv[1:] == ['-P', '-m', "
-                                                          "'nvsim.training.compilation']"))  # fmt: skip
+    monkeypatch.setattr(compilation, "_compile_once", compile_nothing)
     heard: list[Event] = []
     compilation.compile_ahead(heard.append)
     compilation.compile_ahead(heard.append)
@@ -38,12 +49,33 @@ def test_the_kernels_are_compiled_once(cache: Path, monkeypatch: pytest.MonkeyPa
 def test_a_machine_that_cannot_compile_ahead_hears_why_and_tries_again(
     cache: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(sys, "executable", program(cache, "raise SystemExit('no room on the disk')"))
+    monkeypatch.setattr(compilation, "_compile_once", fail)
     heard: list[Event] = []
     compilation.compile_ahead(heard.append)
     compilation.compile_ahead(heard.append)
     warnings = [e for e in heard if isinstance(e, Warning)]
     assert len(warnings) == 2 and "no room on the disk" in warnings[0].text
+
+
+def test_kernels_that_were_compiled_meanwhile_are_not_compiled_again(cache: Path) -> None:
+    heard: list[Event] = []
+    with compilation.compiling_ahead():
+        until = time.monotonic() + 200
+        while not compilation._stamp().exists() and time.monotonic() < until:
+            time.sleep(0.1)
+        compilation.compile_ahead(heard.append)
+    assert not heard
+
+
+def test_compiling_ends_with_the_work_beside_it(cache: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(compilation, "_compile_once", never_end)
+    before = set(psutil.Process().children())
+    with pytest.raises(InputError), compilation.compiling_ahead():
+        (child,) = set(psutil.Process().children()) - before
+        raise InputError("The capture is empty.")
+    assert not child.is_running()
+    with compilation.compiling_ahead(wanted=False):
+        assert set(psutil.Process().children()) == before
 
 
 def test_other_sources_are_compiled_again(cache: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -67,6 +67,8 @@ class Run:
 
     def run(self) -> int:
         from nvsim.project import pipeline
+        from nvsim.project.stages.imported_splats import is_splats
+        from nvsim.training.compilation import compiling_ahead
         from nvsim.training.devices.choice import gpu_name
 
         config = replace(self.config, map=with_normal_source(self.config.map, self.normal_source))
@@ -78,6 +80,7 @@ class Run:
         with (
             open_executor(cluster) as executor,
             project_job(self.project, "run", self.json, create=True) as (project, listen),
+            compiling_ahead(cluster.executor == "local" and not is_splats(self.capture)),
         ):
             if self.paper:
                 report_network_fallback(config.map, self.normal_source, listen)
@@ -136,13 +139,14 @@ class Demo:
         from nvsim.evaluation.graph import evaluate_graph
         from nvsim.evaluation.truth import maps_in_aligned_frame
         from nvsim.project import pipeline
+        from nvsim.training.compilation import compiling_ahead
 
         if self.small and self.area:
             raise InputError("--small and --area give different buildings; name only one of them.")
         size: Literal["full", "small", "halls"] = "halls" if self.area else "small" if self.small else "full"
         options = {"storeys": self.storeys, "style": self.style, "area": self.area}
         config = BuildingConfig(self.seed, size, **cast(Any, options))
-        with project_job(self.project, "demo", self.json, create=True) as (project, listen):
+        with project_job(self.project, "demo", self.json, create=True) as (project, listen), compiling_ahead():
             generate(project.layout.root, config, listen)
             capture = project.layout.built_in_capture
             pipeline.run(project, capture, CaptureConfig(), self.config, listen, self.depth)
