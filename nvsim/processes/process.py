@@ -10,6 +10,7 @@ import multiprocessing
 import os
 import subprocess
 import sys
+import threading
 from collections.abc import Callable
 from typing import Any
 
@@ -30,7 +31,7 @@ class PipedProcess:
     """
 
     def __init__(self, function: Callable[..., object], *arguments: Any, hide_output: bool = False) -> None:
-        self._owner = os.getpid()
+        self._owner, self._ending = os.getpid(), threading.RLock()
         self.connection, theirs = multiprocessing.Pipe()
         # Carries no data: it closes when this process ends, and the child notices.
         life, self._life = multiprocessing.Pipe(duplex=False)
@@ -87,13 +88,15 @@ class PipedProcess:
         self._process.kill()
 
     def end(self) -> None:
-        """Kills it, waits for its end, and closes the pipe. No other thread may use the pipe at this time. Does nothing
-        in a fork of its owner, or if called again."""
-        if not self.is_owned or self.connection.closed:
+        """Kills it, waits for its end, and closes the pipe. Another thread that reads from the pipe gets an EOFError or
+        OSError. Does nothing in a fork of its owner, or if called again, also in another thread."""
+        if not self.is_owned:
             return
-        self._process.kill()
-        self._process.wait()
-        self._close()
+        with self._ending:
+            if not self.connection.closed:
+                self._process.kill()
+                self._process.wait()
+                self._close()
 
     def _close(self) -> None:
         self.connection.close()

@@ -19,6 +19,8 @@ from obedient_child import Obedient
 from nvsim.errors import InputError
 from nvsim.processes import child as processes
 from nvsim.processes.child import Child, Limits
+from nvsim.processes.process import PipedProcess
+from nvsim.processes.serving import answer_requests
 
 
 def end_all() -> None:
@@ -145,6 +147,19 @@ def test_close_in_another_thread_ends_an_endless_request(child) -> None:
     threading.Timer(0.3, child.close).start()
     with pytest.raises(InputError, match="x.h5 crashed the program"):
         child.ask(("loop",))
+
+
+def test_two_threads_that_end_a_process_close_its_pipe_once(monkeypatch) -> None:
+    process = PipedProcess(answer_requests, "obedient_child:Obedient")
+    wait, close, closed = process._process.wait, process._close, []
+    monkeypatch.setattr(process._process, "wait", lambda: (time.sleep(0.2), wait()))
+    monkeypatch.setattr(process, "_close", lambda: (closed.append(1), close()))
+    threads = [threading.Thread(target=process.end) for _ in range(2)]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join()
+    assert closed == [1]
 
 
 @pytest.mark.parametrize("name", ["SIGKILL", "SIGTERM", "SIGINT"])
