@@ -26,7 +26,8 @@ Slot = Literal["in use", "previous", "next"]
 """previous: the result before the one in use. next: models of another cut than those in use, until each submap has
 one."""
 CONTENT = "capture"
-"""The figure of a part with the content that it was computed from, see `ledger.content_key`."""
+"""Key in the summary of a part. Its value identifies the content that the part was computed from, see
+`ledger.content_key`."""
 NOWHERE = "models/none"
 """The place of a model or depth that a result does not have."""
 _GRAPH = re.compile(r"kept/graph\.\d+")
