@@ -21,7 +21,7 @@ from nvsim.perception.glass import GlassVotes
 from nvsim.perception.hybrid import large_regions
 from nvsim.perception.obstacles import ObstacleCloud, ObstacleConfig, split_obstacles
 from nvsim.perception.refine import RefineConfig, refine
-from nvsim.perception.roles import Float32, FloorMask, Image, Mask
+from nvsim.perception.roles import Failure, Float32, FloorMask, Image, Mask
 from nvsim.perception.stairs import Stairs
 
 _HIGH = 0.25  # meters above the floor from which on a surface cannot be mistaken for floor
@@ -29,6 +29,7 @@ _ALIKE = 0.5  # least similarity of a pixel that can be floor
 _SPECK = 0.02  # meters: half-width of a point that occludes almost nothing
 _LEAST = 40  # pixels of floor needed to learn colors
 _ROUNDS = 3
+_UNSURE_IOU, _UNSURE_AREA = 0.6, 0.01  # of an unsure mask: greatest expected IoU, least share of wrong pixels
 
 
 @dataclass(frozen=True)
@@ -187,7 +188,7 @@ class GeometricFloor:
         depth   (h, w) of any size, meters along the optical axis, 0 if unknown: the image's own depth. It overrides the
                 cloud. Unconfirmed pixels that look like floor become doubtful.
         looks   (H, W) 0 to 1, a network's floor probability. It fills unoccluded, unconfirmed floor and decides at the
-                edges of objects.
+                edges of objects. If it leaves much of the mask open, the mask's failure is "unsure".
         upward  (H, W) the world's z of a network's normals. Vertical surfaces without own depth are not floor.
         """
         import cv2
@@ -220,12 +221,13 @@ class GeometricFloor:
             else:
                 floor = self._as_it_looks(floor, seen, own, small, upward)
         mask = refine(floor, seen.scale, image, self.config.refine)
+        failure: Failure = "unsure" if small is not None and _is_unsure(mask, seen, own, small) else ""
         if depth is None or self._appearance is None:
-            return FloorMask(mask, mask)
+            return FloorMask(mask, mask, failure=failure)
         alike = self._appearance.similarity(view) > _ALIKE
         doubtful = ((seen.floor | seen.unsure) & ~own.before & alike).astype(np.uint8)
         sized = cv2.resize(doubtful, (mask.shape[1], mask.shape[0]), interpolation=cv2.INTER_NEAREST) > 0
-        return FloorMask(mask, mask, doubtful=sized & ~mask)
+        return FloorMask(mask, mask, doubtful=sized & ~mask, failure=failure)
 
     def _as_it_looks(
         self, floor: Mask, seen: Projection, own: _DepthMasks, looks: Float32, upward: Float32 | None
@@ -266,11 +268,25 @@ class GeometricFloor:
         view = self._observe_floor(seen, image)
         if self._appearance is None:
             return grow(seen.floor, seen.floor | seen.unsure | seen.hidden, view.image).astype(np.float32)
+        possible = (seen.distance > 0) & ~self._high_objects(seen, camera)
+        return np.where(possible, self._appearance.similarity(view), 0).astype(np.float32)
+
+    def certain(self, camera: Camera, depth: Float32 | None = None) -> tuple[Mask, Mask]:
+        """The pixels (h, w) bool at the working size that certainly show floor, and those that certainly show an object
+        before the floor. `depth` is the image's own, see `segment`; with it, both must agree with it."""
+        seen = self.project(camera)
+        floor, high = seen.floor, (seen.distance > 0) & self._high_objects(seen, camera)
+        if depth is None:
+            return floor, high
+        found, own = self._with_depth(seen, camera, depth)
+        return found & own.level, high & own.before & ~found
+
+    def _high_objects(self, seen: Projection, camera: Camera) -> Mask:
+        """(h, w) bool, pixels that show a point of the cloud that is too high to be mistaken for floor."""
         with np.errstate(invalid="ignore"):
             hits = camera.position + seen.before[..., None] * self._working_camera(camera).rays()
             high = hits[..., 2] - self.surface.height_at(np.nan_to_num(hits[..., :2])) > _HIGH
-        standing_high = np.isfinite(seen.before) & high & ~seen.floor
-        return np.where((seen.distance > 0) & ~standing_high, self._appearance.similarity(view), 0).astype(np.float32)
+        return np.asarray(np.isfinite(seen.before) & high & ~seen.floor)
 
     @property
     def has_dense_cloud(self) -> bool:
@@ -320,6 +336,21 @@ class GeometricFloor:
 def _ground_points(camera: Camera, rays: Float32, distance: Float32) -> NDArray[np.float64]:
     """(h, w, 2) x and y of the points `distance` (h, w) meters along the `rays` (h, w, 3) of a camera."""
     return np.asarray(camera.position[:2] + distance[..., None] * rays[..., :2], np.float64)
+
+
+def _is_unsure(mask: Mask, seen: Projection, own: _DepthMasks, looks: Float32) -> bool:
+    """Whether much of the `mask` (H, W) may be wrong, by the probability `looks` (h, w) where geometry decides nothing.
+
+    If pixels are independent, the expected IoU is about the expected intersection over the expected union."""
+    import cv2
+
+    certain = own.level if own.known.any() else seen.floor
+    likely = np.where(certain, 1, np.where((seen.distance > 0) & ~own.before, looks, 0))
+    size = (likely.shape[1], likely.shape[0])
+    found = cv2.resize(mask.astype(np.uint8), size, interpolation=cv2.INTER_NEAREST) > 0
+    both, missed = float(likely[found].sum()), float(likely[~found].sum())
+    either = float(found.sum()) + missed
+    return both < _UNSURE_IOU * either and either - both > _UNSURE_AREA * found.size
 
 
 def _without_ignored(seen: Projection, usable: Mask | None) -> Projection:

@@ -46,8 +46,8 @@ class PromptedMask(Protocol):
         ...
 
 
-Failure = Literal["", "no-looks", "no-flat", "no-candidates", "beyond", "short"]
-"""Why the mask of a frame differs from the prompted role's mask; "" if it does not."""
+Failure = Literal["", "no-looks", "no-flat", "no-candidates", "beyond", "short", "unsure"]
+"""Why the mask of a frame differs from the prompted role's mask, or may be wrong; "" if it does not."""
 FAILURE_WORDS: dict[Failure, str] = {
     "no-looks": "nothing looks like floor, so the mask is empty",
     "no-flat": "no surface is horizontal, so the mask is empty",
@@ -55,6 +55,7 @@ FAILURE_WORDS: dict[Failure, str] = {
     "beyond": "the mask grown from prompts covers too much that neither looks like floor nor is horizontal, so only "
     "the candidates are kept",
     "short": "the mask grown from prompts misses most of the candidates, so they are added to it",
+    "unsure": "geometry leaves much of the floor open and the network is unsure about it, so the mask may be wrong",
 }
 
 
@@ -64,7 +65,7 @@ class FloorMask:
     candidates  (H, W) bool, pixels that are floor with confidence: M_cand
     normals     (H, W, 3) float32, world, or None if the provider has none
     doubtful    (H, W) bool, possible floor outside the mask; None if the provider has no doubts
-    failure     why the mask is not the one that the provider intended, "" if it is
+    failure     why the mask may be wrong, or is not the one that the provider intended; "" if it is
     """
 
     mask: Mask

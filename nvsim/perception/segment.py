@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor, as_completed
 from dataclasses import dataclass, field
+from functools import partial
 from pathlib import Path
 
 import cv2
@@ -25,11 +26,9 @@ from nvsim.geometry.camera import Camera, Intrinsics
 from nvsim.geometry.floor_surface import FloorSurface
 from nvsim.perception.failures import Failures
 from nvsim.perception.geometric import GeometricConfig, GeometricFloor
+from nvsim.perception.network_calibration import View
 from nvsim.perception.obstacles import BuildingObstacles
 from nvsim.perception.roles import Failure, Float32, FloorSegmenter, Image, Mask
-
-NearCloud = Callable[[], Cloud | None]
-"""Gives the point cloud around the frames of a submap, with its floor smoothed."""
 
 _NEAR = 6.0  # meters
 _DOUBTFUL = 96  # value of doubtful floor in a mask image
@@ -49,6 +48,20 @@ class SegmentConfig:
     geometric: GeometricConfig = field(default_factory=GeometricConfig)
 
 
+@dataclass(frozen=True)
+class Surroundings:
+    """What is around the frames of a submap.
+
+    cloud    gives the point cloud, with its floor smoothed
+    views    the frames that see the floor of the submap, at the size of masks
+    threads  number of frames that may be processed in parallel
+    """
+
+    cloud: Callable[[], Cloud | None]
+    views: Sequence[View]
+    threads: int
+
+
 def mask_path(folder: Path, index: int) -> Path:
     """The path of the mask of frame `index`."""
     return folder / f"{index:06d}.png"
@@ -62,14 +75,14 @@ def segment_capture(
     listen: Listener = ignore_event,
     todo: Iterable[int] | None = None,
     depth_of: Callable[[int], Float32] | None = None,
-    other_of: Callable[[GeometricFloor, NearCloud], FloorSegmenter] | None = None,
+    other_of: Callable[[GeometricFloor, Surroundings], FloorSegmenter] | None = None,
 ) -> dict[int, Failure]:
     """Writes the floor mask of every frame index in `todo` (default: all frames) to `folder`/NNNNNN.png. Pixels are 255
     for floor, 96 for doubtful floor (see `FloorMask.doubtful`), and 0 elsewhere, also where the frame's mask is False.
 
     surfaces_of  gives the floor surface around a frame; frames with an identical object are processed together
     depth_of     gives the depth (h, w) of a frame, meters (see `GeometricFloor.segment`), or None
-    other_of     makes another provider from the geometric one and the cloud around its frames
+    other_of     makes another provider from the geometric one and the surroundings of its frames
 
     Returns frame index -> reason for the failed masks. The file `failures.json` in `folder` has them too. Frames with a
     mask are skipped unless `config.again`. Raises InputError for an image that cannot be read and for a folder that
@@ -119,8 +132,8 @@ def segment_capture(
     def segment_frames(frames: list[int]) -> Iterator[int]:
         # The provider is freed before the next one is made, because each holds the obstacles around its frames.
         surface = surfaces[frames[0]]
-        floor, near_cloud = learnt_floor(capture, walks[id(surface)], surface, obstacles, config)
-        provider = floor if other_of is None else other_of(floor, near_cloud)
+        floor, around = learnt_floor(capture, walks[id(surface)], surface, obstacles, config, depth_of)
+        provider = floor if other_of is None else other_of(floor, around)
         jobs = [pool.submit(segment_frame, i, provider) for i in frames]
         for job in as_completed(jobs):
             yield job.result()
@@ -143,15 +156,17 @@ def learnt_floor(
     surface: FloorSurface,
     obstacles: BuildingObstacles,
     config: SegmentConfig,
-) -> tuple[GeometricFloor, NearCloud]:
-    """The provider for the frames `members`, which share a floor surface, and the cloud around them. The provider has
+    depth_of: Callable[[int], Float32] | None = None,
+) -> tuple[GeometricFloor, Surroundings]:
+    """The provider for the frames `members`, which share a floor surface, and their surroundings. The provider has
     learned the color of the floor. Raises InputError for an image that cannot be read."""
     near = _frames_near_submap(capture.positions, members, surface)
 
-    def camera(index: int) -> Camera:
+    def view(index: int) -> View:
         frame = capture.frames[index]
-        intrinsics = frame.intrinsics.limited_to(config.longest_side)
-        return frame.camera.scaled(intrinsics.width, intrinsics.height)
+        size = frame.intrinsics.limited_to(config.longest_side)
+        depth = None if depth_of is None else partial(depth_of, index)
+        return View(frame.camera.scaled(size.width, size.height), partial(read_image, frame, size), depth)
 
     def read_small(k: int) -> Image:
         frame = capture.frames[near[k]]
@@ -166,9 +181,10 @@ def learnt_floor(
             return None
         return flatten_floor(capture.cloud.near(capture.positions[near], config.geometric.obstacles.farthest), surface)
 
+    views = [view(i) for i in near]
     floor = GeometricFloor(capture.cloud, surface, config.geometric, obstacles.near(members, near))
-    floor.learn([camera(i) for i in near], read_small, config.threads, usable_of)
-    return floor, near_cloud
+    floor.learn([v.camera for v in views], read_small, config.threads, usable_of)
+    return floor, Surroundings(near_cloud, views, config.threads)
 
 
 def _frames_near_submap(positions: NDArray[np.float64], members: list[int], surface: FloorSurface) -> list[int]:

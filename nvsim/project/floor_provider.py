@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any, Literal
 
 from nvsim.capture.types import Capture, Cloud
 from nvsim.errors import InputError
+from nvsim.events import Listener, Log, ignore_event
 from nvsim.networks.description import Role
 from nvsim.networks.installed import InstalledModel, bundled_model, find_model
 from nvsim.project.config import FloorsConfig
@@ -21,12 +22,13 @@ if TYPE_CHECKING:
     from nvsim.perception.normals_network import NormalsNetwork
     from nvsim.perception.prompted_network import PromptedNetwork
     from nvsim.perception.roles import FloorSegmenter, SemanticFloor, SurfaceNormals
-    from nvsim.perception.segment import NearCloud
+    from nvsim.perception.segment import Surroundings
 
 ROLES: tuple[Role, ...] = ("semantic", "normals", "prompted")
 GEOMETRY, AUTO = "geometry", "auto"
-_VERSIONS = {"fused": 5, "hybrid": 6}
+_VERSIONS = {"fused": 6, "hybrid": 6}
 """Increased when equal inputs give another result."""
+_TOO_SURE = 1.5  # temperature from which on the user is told
 _PLAYED_BY_GEOMETRY: dict[Role, str] = {
     "semantic": "the floor's known appearance", "normals": "the cloud", "prompted": "region growing over normals",
 }  # fmt: skip
@@ -80,14 +82,16 @@ class FloorProvider:
             [[role, model.digest()] for role, model in sorted(self.models.items())],
         ]
 
-    def open(self, capture: Capture) -> Callable[[GeometricFloor, NearCloud], FloorSegmenter] | None:
+    def open(
+        self, capture: Capture, listen: Listener = ignore_event
+    ) -> Callable[[GeometricFloor, Surroundings], FloorSegmenter] | None:
         """A function that makes the segmenter from a geometric one, with its networks opened; None for geometry alone.
 
         Raises InputError if a network cannot be used. For the hybrid, also if an image of `capture` cannot be read.
         """
         if self.method == "geometry":
             return None
-        hybrid = HybridProvider(self, capture)
+        hybrid = HybridProvider(self, capture, listen)
         hybrid.open_all()
         if self.method == "fused":
             return hybrid.fused
@@ -98,8 +102,8 @@ class FloorProvider:
 class HybridProvider:
     """The hybrid for all submaps. Each network is opened once, at its first use."""
 
-    def __init__(self, provider: FloorProvider, capture: Capture) -> None:
-        self._models, self._capture = provider.models, capture
+    def __init__(self, provider: FloorProvider, capture: Capture, listen: Listener = ignore_event) -> None:
+        self._models, self._capture, self._listen = provider.models, capture, listen
 
     @cached_property
     def semantic(self) -> SemanticFloor | None:
@@ -132,21 +136,29 @@ class HybridProvider:
         """Opens all networks. Raises InputError if one cannot be used."""
         _ = self.semantic, self.seen_normals, self.prompted
 
-    def fused(self, floor: GeometricFloor, near_cloud: NearCloud) -> FusedFloor:
-        """Geometry fused with the semantic network and, if available, the normals network."""
+    def fused(self, floor: GeometricFloor, around: Surroundings) -> FusedFloor:
+        """Geometry fused with the semantic network, calibrated in its surroundings, and, if available, the normals
+        network."""
         from nvsim.perception.fused import FusedFloor
+        from nvsim.perception.network_calibration import calibrate
 
         assert self.semantic is not None
-        return FusedFloor(floor, self.semantic, self.seen_normals)
+        looks = calibrate(self.semantic, floor, around.views, around.threads)
+        if looks.temperature > _TOO_SURE:
+            words = f"Where geometry is certain, {self._models['semantic'].name} is wrong more often than it says"
+            self._listen(
+                Log(f"{words}, so its probabilities count less (temperature {looks.temperature:.1f}).", "floors")
+            )
+        return FusedFloor(floor, looks, self.seen_normals)
 
-    def __call__(self, floor: GeometricFloor, near_cloud: NearCloud) -> HybridFloor:
+    def __call__(self, floor: GeometricFloor, around: Surroundings) -> HybridFloor:
         """The hybrid segmenter. `floor` and the cloud around it fill the roles without a network."""
         from nvsim.perception.geometric_roles import CloudNormals, FloorSimilarity
         from nvsim.perception.hybrid import HybridFloor
         from nvsim.perception.regions import RegionGrowing
 
         return HybridFloor(
-            self.semantic or FloorSimilarity(floor), self.normals or CloudNormals(floor, near_cloud()),
+            self.semantic or FloorSimilarity(floor), self.normals or CloudNormals(floor, around.cloud()),
             self.prompted or RegionGrowing(),
         )  # fmt: skip
 

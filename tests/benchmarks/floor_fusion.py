@@ -30,6 +30,7 @@ from nvsim.geometry.floor_surface import FloorSurface
 from nvsim.perception.fused import FusedFloor
 from nvsim.perception.geometric_roles import CloudNormals
 from nvsim.perception.hybrid import HybridFloor
+from nvsim.perception.network_calibration import calibrate
 from nvsim.perception.normals_network import NormalsNetwork, installed_normals
 from nvsim.perception.obstacles import BuildingObstacles
 from nvsim.perception.regions import RegionGrowing
@@ -103,6 +104,26 @@ class RememberedNormals:
         return self._seen[key].astype(np.float32)
 
 
+class Reliability:
+    """The expected calibration error of probabilities: the mean difference of confidence and accuracy over 15 bins of
+    confidence, weighted by their pixels (Guo et al. 2017)."""
+
+    def __init__(self) -> None:
+        self._sums = np.zeros((3, 15))  # pixels, confidence, and right pixels
+
+    def add(self, probability: Float32, truth: Mask) -> None:
+        """Adds pixels (N,)."""
+        confidence = np.maximum(probability, 1 - probability).astype(float)
+        bins = np.minimum((confidence - 0.5) * 30, 14).astype(int)
+        for row, weights in enumerate((None, confidence, (probability > 0.5) == truth)):
+            self._sums[row] += np.bincount(bins, weights, 15)
+
+    @property
+    def error(self) -> float:
+        """0 to 1."""
+        return float(np.abs(self._sums[1] - self._sums[2]).sum() / max(1, self._sums[0].sum()))
+
+
 def scores(pairs: list[tuple[Mask, Mask]]) -> tuple[str, str, str, str]:
     """Mean IoU over frames with at least 1 % of true floor, precision and recall over all their pixels, and the mean
     share of pixels that are called floor in the other frames ("" if there are none). `pairs` has the predicted and the
@@ -142,13 +163,19 @@ def main() -> None:
             if a.as_it_is and rows:
                 break
             found: dict[str, list[tuple[Mask, Mask]]] = {}
+            unsure, raw, tempered = list[bool](), Reliability(), Reliability()
             whole, how = replace(capture, cloud=cloud), SegmentConfig()
             owner = {i: surfaces[s.index] for s in submaps for i in s.core}
             obstacles = BuildingObstacles(whole, [owner[i] for i in range(len(owner))], how.geometric.obstacles)
             for submap in submaps:
-                floor, calm = learnt_floor(whole, list(submap.core), surfaces[submap.index], obstacles, how)
-                hybrid = HybridFloor(looks, faces or CloudNormals(floor, calm()), RegionGrowing())
-                providers = {"geometry": floor, "fused": FusedFloor(floor, looks, faces), "hybrid": hybrid}
+                floor, around = learnt_floor(whole, list(submap.core), surfaces[submap.index], obstacles, how, depths)
+                hybrid = HybridFloor(looks, faces or CloudNormals(floor, around.cloud()), RegionGrowing())
+                calibrated = calibrate(looks, floor, around.views, around.threads)
+                print(f"{name}, submap {submap.index}: temperature {calibrated.temperature:.2f}", flush=True)
+                providers = {
+                    "geometry": floor, "fused": FusedFloor(floor, calibrated, faces),
+                    "fused uncalibrated": FusedFloor(floor, looks, faces), "hybrid": hybrid,
+                }  # fmt: skip
                 for i in submap.core:
                     if i not in true:
                         continue
@@ -158,14 +185,22 @@ def main() -> None:
                     right, known = truth.floor(i, size.width, size.height)
                     depth = None if depths is None else depths(i)
                     for who, provider in providers.items():
-                        found.setdefault(who, []).append(
-                            (provider.segment(camera, image, depth).mask[known], right[known])
-                        )
-                    mask = looks.floor_probability(image, camera) > 0.5
+                        made = provider.segment(camera, image, depth)
+                        found.setdefault(who, []).append((made.mask[known], right[known]))
+                        if who == "fused":
+                            unsure.append(made.failure == "unsure")
+                    likely = looks.floor_probability(image, camera)
+                    raw.add(likely[known], right[known])
+                    tempered.add(calibrated.floor_probability(image, camera)[known], right[known])
+                    mask = likely > 0.5
                     found.setdefault("network alone", []).append((mask[known], right[known]))
                     if faces is not None:
                         flat = faces.normals(image, camera)[..., 2] >= 0.9
                         found.setdefault("normals alone", []).append((flat[known], right[known]))
+            print(f"{name}: calibration error {raw.error:.3f}, calibrated {tempered.error:.3f}")
+            for word, part in (("unsure", True), ("other", False)):
+                pairs = [pair for pair, u in zip(found["fused"], unsure, strict=True) if u == part]
+                print(f"{len(pairs)} {word} masks" + (f": IoU {scores(pairs)[0]}" if pairs else ""))
             rows += [(name, who, *scores(pairs)) for who, pairs in found.items()]
     terminal.table(("scan", "masks by", "IoU", "precision", "recall", "floor where none is"), rows, a.project.name)
 

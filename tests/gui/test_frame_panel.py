@@ -130,6 +130,19 @@ def test_frames_are_found_by_how_much_floor_they_show(panel: FramePanel) -> None
     panel.kind.setCurrentIndex(0)
 
 
+def test_frames_with_a_doubtful_mask_are_found_until_it_is_corrected(tmp_path: Path, qtbot: QtBot) -> None:
+    project = with_images(tmp_path, 6)
+    (Layout(project).masks / "failures.json").write_text('{"2": "unsure", "4": "short"}')
+    document = opened_document(project)
+    made = FramePanel(document)
+    qtbot.addWidget(made)
+    document.contentsChanged.emit(frozenset({"submaps"}))
+    made.kind.setCurrentText("Doubtful masks")
+    assert made.model.rows == [2, 4] and frame_words(made.state, 2).endswith("doubtful")
+    made.state.learn(2, 0.3, corrected=True)
+    assert made.model.rows == [4] and frame_words(made.state, 2).endswith("corrected by hand")
+
+
 def evaluated(at: float, **psnr: float) -> EvaluationResult:
     """An evaluation with rows for the frames f4, f12, ... as `evaluate views` prints them."""
     rows = [{"frame": int(f[1:]), "submap": 0, "psnr": v, "ssim": round(1 - v / 100, 3)} for f, v in psnr.items()]

@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 
 from PySide6.QtCore import QObject, Signal
 
+from nvsim.perception.failures import read_failures
 from nvsim.project.corrections import corrected_frames
 from nvsim.project.project import layout_of
 from nvsim_app.frames.link import FrameLink
@@ -72,6 +73,7 @@ class FrameState(QObject):
         self.reading = False
         """Whether there are masks whose floor share is not read yet."""
         self.corrected: frozenset[int] = frozenset()
+        self._failed: frozenset[int] = frozenset()  # frames whose mask may be wrong
         self._scores = Scores()
         document.projectChanged.connect(self._on_project)
         document.contentsChanged.connect(self._on_contents)
@@ -89,6 +91,11 @@ class FrameState(QObject):
         if scores != self._scores:
             self._scores = scores
             self._all_changed()
+
+    @property
+    def doubtful(self) -> frozenset[int]:
+        """The frames whose floor mask may be wrong and was not corrected."""
+        return self._failed - self.corrected
 
     @property
     def held_out(self) -> frozenset[int]:
@@ -110,7 +117,8 @@ class FrameState(QObject):
         return self._scores.at < self._document.contents.modified_time
 
     def _on_project(self) -> None:
-        self.coverage, self.corrected, self._scores, self.reading = {}, frozenset(), Scores(), False
+        self.coverage, self.corrected, self._failed, self._scores = {}, frozenset(), frozenset(), Scores()
+        self.reading = False
         path = self._document.path
         self._link.open(path if path is not None and path.is_dir() else None)
 
@@ -127,6 +135,7 @@ class FrameState(QObject):
             self.coverage = {}
         layout = layout_of(path)
         self.corrected = frozenset() if capture is None else corrected_frames(layout, capture.frames)
+        self._failed = frozenset(read_failures(layout.masks))
         self.reading = capture is not None and layout.masks.is_dir()
         if self.reading:
             self._link.ask_coverage()
@@ -162,6 +171,8 @@ def mask_words(state: FrameState, frame: int) -> str:
 def coverage_words(state: FrameState, frame: int) -> str:
     """The floor share of a frame as text, for example "23 % floor, corrected by hand"."""
     words = mask_words(state, frame)
+    if frame in state.doubtful:
+        return f"{words}, doubtful"
     return f"{words}, corrected by hand" if frame in state.corrected else words
 
 

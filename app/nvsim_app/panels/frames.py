@@ -46,7 +46,13 @@ from nvsim_app.look.widgets import named
 from nvsim_app.painting.primitives import paint_label
 from nvsim_app.state.document import Document
 
-KINDS = {"All frames": "", "Held out": "held out", "Trained on": "trained on", "Corrected": "corrected"}
+KINDS = {
+    "All frames": "",
+    "Held out": "held out",
+    "Trained on": "trained on",
+    "Doubtful masks": "doubtful",
+    "Corrected": "corrected",
+}
 ORDERS = {"In order": "", "Worst PSNR": "psnr", "Worst SSIM": "ssim"}
 """Label, and name of the score by which the list is sorted in ascending order; "" for the order of the capture."""
 COVERAGES = {
@@ -58,7 +64,8 @@ COVERAGES = {
 }
 """Label and range of the floor share: above the first and up to the second number. Unknown shares count as -1."""
 _KIND = (
-    "Held out: frames that no model is trained on, for evaluation. Corrected: frames with a floor mask edited by hand"
+    "Held out: frames that no model is trained on, for evaluation. Doubtful masks: frames whose floor mask may be "
+    "wrong. Corrected: frames with a floor mask edited by hand"
 )
 _ORDER = "Sort by the render quality of held-out frames; frames without a score come last"
 
@@ -165,6 +172,8 @@ class FramePanel(QWidget):
             return False
         if kind == "corrected":
             return frame in self.state.corrected
+        if kind == "doubtful":
+            return frame in self.state.doubtful
         return not kind or (frame in self.state.held_out) == (kind == "held out")
 
     def _on_contents(self, parts: frozenset[str]) -> None:
@@ -269,6 +278,8 @@ class FrameDelegate(QStyledItemDelegate):
         words = mask_words(self._frames, frame)
         if frame in self._frames.corrected:
             words += " · corrected"
+        elif frame in self._frames.doubtful:
+            words += " · doubtful"
         words = metrics.elidedText(words, Qt.TextElideMode.ElideRight, right - left)
         painter.drawText(QRect(left, top + line, right - left, line), Qt.AlignmentFlag.AlignVCenter, words)
         _paint_bar(painter, QRectF(left, top + 2 * line + 3, right - left, 5), share, palette, selected)

@@ -162,7 +162,7 @@ def run(
 
     listen(Log(f"The floor is found {provider.description}.", STAGE))
     capture, submaps = replace(project.need_capture(), cloud=project.scan()), submaps_of_capture(project)
-    other = provider.open(capture)  # raises before any result is replaced
+    other = provider.open(capture, listen)  # raises before any result is replaced
     if capture.cloud is None or not capture.cloud.is_dense:
         listen(Warning(_NOTHING_STANDS, STAGE))
     report_replaced_result(project, STAGE, listen)
@@ -201,6 +201,8 @@ def run(
     for word, count in counts.items():
         if count:
             listen(Warning(f"In {count} of {len(capture.frames)} frames {FAILURE_WORDS[word]}.", STAGE))
+    if failures:
+        listen(Log('The frame list of the window shows them with the filter "Doubtful masks".', STAGE))
     listen(Done(STAGE, f"{words}, {coverage:.0f} m² of supported floor", summary))
 
 

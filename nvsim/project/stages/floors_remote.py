@@ -92,7 +92,7 @@ def segment_there(
             caller.send_event,
             frames,
             depth_maps(project),
-            found.open(capture),
+            found.open(capture, caller.send_event),
         )
         for index in frames:
             failed = failures.get(index, "")

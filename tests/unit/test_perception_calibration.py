@@ -1,0 +1,85 @@
+"""The calibration of a floor network in the box room of `test_perception_geometric`, and masks that it leaves open."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from nvsim.perception.fused import FusedFloor
+from nvsim.perception.geometric import GeometricFloor
+from nvsim.perception.network_calibration import CalibratedFloor, View, calibrate, fitting_temperature, log_odds
+from tests.benchmarks.floor_fusion import Reliability
+from tests.unit.test_perception_geometric import EYES, FLAT, camera, scan, truth
+
+VIEWS = [View(camera(k), lambda k=k: truth(camera(k))[1], None) for k in range(len(EYES))]
+
+
+class Network:
+    """A SemanticFloor that gives the true floor the probability `right`, and is wrong in a share of its squares."""
+
+    def __init__(self, right: float, wrong: float = 0.0) -> None:
+        self._right, self._wrong = right, wrong
+
+    def floor_probability(self, image, view):
+        floor = truth(view)[0]
+        rows, columns = np.indices(floor.shape) // 16
+        swapped = np.random.default_rng(3).random((floor.shape[0] // 16 + 1, floor.shape[1] // 16 + 1)) < self._wrong
+        return np.where(floor ^ swapped[rows, columns], self._right, 1 - self._right).astype(np.float32)
+
+
+def geometry(share: float = 1.0) -> GeometricFloor:
+    cloud = scan()
+    kept = np.random.default_rng(5).random(len(cloud.points)) < share
+    provider = GeometricFloor(type(cloud)(cloud.points[kept]), FLAT)
+    provider.learn([view.camera for view in VIEWS], lambda k: VIEWS[k].image())
+    return provider
+
+
+@pytest.mark.parametrize("true", [0.5, 1.0, 3.0])
+def test_the_temperature_that_made_the_labels_is_found(true: float) -> None:
+    rng = np.random.default_rng(0)
+    odds = rng.normal(0, 4, 100_000).astype(np.float32)
+    is_floor = rng.random(len(odds)) < 1 / (1 + np.exp(-odds / true))
+    assert fitting_temperature(odds, is_floor) == pytest.approx(true, rel=0.03)
+
+
+def test_a_network_that_is_too_certain_is_corrected_by_the_capture_itself() -> None:
+    floor = geometry()
+    sharp = Network(0.999, wrong=0.15)
+    calibrated = calibrate(sharp, floor, VIEWS, threads=2)
+    # With probabilities p and 1 - p alone, the best p is the share of right pixels.
+    assert 1 / (1 + np.exp(-np.log(999) / calibrated.temperature)) == pytest.approx(0.85, abs=0.06)
+    before, after = Reliability(), Reliability()
+    for view in VIEWS:
+        known = truth(view.camera)[0]
+        before.add(sharp.floor_probability(view.image(), view.camera).ravel(), known.ravel())
+        after.add(calibrated.floor_probability(view.image(), view.camera).ravel(), known.ravel())
+    assert before.error > 0.1 and after.error < 0.5 * before.error
+    assert calibrate(sharp, floor, VIEWS).temperature == calibrated.temperature, "threads do not matter"
+
+
+def test_a_network_that_is_right_keeps_its_certainty_and_few_pixels_change_nothing() -> None:
+    assert calibrate(Network(0.95), geometry(), VIEWS).temperature < 1
+    assert calibrate(Network(0.95, wrong=0.3), GeometricFloor(None, FLAT), VIEWS).temperature == 1
+
+
+def test_probabilities_keep_their_order_and_one_half_stays() -> None:
+    class Fixed:
+        def floor_probability(self, image, view):
+            return np.array([[0, 1e-6, 0.2, 0.5, 0.9, 1]], np.float32)
+
+    found = CalibratedFloor(Fixed(), 2.0).floor_probability(VIEWS[0].image(), VIEWS[0].camera)[0]
+    assert (np.diff(found) > 0).all() and found[3] == 0.5
+    assert log_odds(found)[[2, 4]] == pytest.approx(np.log([0.25, 9]) / 2, abs=1e-3)
+
+
+def test_a_mask_that_geometry_leaves_open_and_the_network_too_is_called_unsure() -> None:
+    cloud = scan()
+    high = cloud.points[cloud.points[:, 2] > 0.3]
+    open_floor = np.concatenate([high, cloud.points[(cloud.points[:, 2] < 0.05) & (cloud.points[:, 0] < 0.5)]])
+    provider = GeometricFloor(type(cloud)(open_floor), FLAT)
+    provider.learn([view.camera for view in VIEWS], lambda k: VIEWS[k].image())
+    view = VIEWS[1]
+    assert FusedFloor(provider, Network(0.55)).segment(view.camera, view.image()).failure == "unsure"
+    assert FusedFloor(provider, Network(0.999)).segment(view.camera, view.image()).failure == ""
+    assert FusedFloor(geometry(), Network(0.55)).segment(view.camera, view.image()).failure == "", "geometry knows it"
