@@ -345,7 +345,8 @@ def _is_unsure(mask: Mask, seen: Projection, own: _DepthMasks, looks: Float32) -
     import cv2
 
     certain = own.level if own.known.any() else seen.floor
-    likely = np.where(certain, 1, np.where((seen.distance > 0) & ~own.before, looks, 0))
+    possible = (seen.floor | seen.hidden | seen.unsure) & ~own.before
+    likely = np.where(certain, 1, np.where(possible, looks, 0))
     size = (likely.shape[1], likely.shape[0])
     found = cv2.resize(mask.astype(np.uint8), size, interpolation=cv2.INTER_NEAREST) > 0
     both, missed = float(likely[found].sum()), float(likely[~found].sum())

@@ -333,7 +333,7 @@ class FrameBrowser(QObject):
         self.page.hint.setText(words)
 
     def _failed(self) -> str:
-        """A sentence that says why the hybrid segmentation failed in this frame; "" if it succeeded."""
+        """A sentence that says why the mask or the candidates of this frame may be wrong; "" if there is no reason."""
         machine = self.matter.failure if self.matter is not None else ""
         if machine:
             return sentence(FAILURE_WORDS[machine])

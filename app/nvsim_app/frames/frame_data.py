@@ -39,7 +39,7 @@ class FrameData:
     machine  (H, W) bool, the floor that the floors stage found, or None
     depth    (h, w) float32, meters along the optical axis, 0 if unknown; None if no depth was estimated
     views    (h, w) uint8, how many other images confirm the depth, or None
-    failure  how the hybrid segmentation failed in this frame, "" if it succeeded
+    failure  why the mask may be wrong, "" if there is no reason
     ignored  (H, W) bool, the pixels that the capture's mask excludes, or None if the frame has no mask
     """
 
