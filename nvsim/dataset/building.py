@@ -234,7 +234,7 @@ def _scenes(out: Path, scans: Sequence[str], clouds: Mapping[str, NDArray[np.flo
 
 def _folders_of_agents(out: Path, scans: Sequence[str], options: DatasetOptions, listen: Listener) -> None:
     vocabulary = check_agents(options.agents, options.vocabulary, options.tasks.instructions)
-    parts = DatasetParts(out, tuple(scans), vocabulary)
+    parts = DatasetParts(out, tuple(scans), vocabulary, options.tasks.goals)
     if any(AGENTS[name].candidates for name in options.agents):
         parts.write_candidates()
     for name in options.agents:

@@ -68,7 +68,7 @@ def estimate_dataset(sources: Sequence[tuple[Project, PreparedExport]], options:
         beside.append({"what": "RxR", "folder": TASKS, "files": files, "bytes": count * each * _POSE_TRACE})
     if o.tasks.goals:
         size = 2 * count * _EPISODE_BYTES + drawn * _BOXES
-        beside.append({"what": "goals", "folder": TASKS, "files": 13 + drawn, "bytes": size})
+        beside.append({"what": "goals", "folder": TASKS, "files": 16 + drawn, "bytes": size})
     frames = 0
     if o.frames:
         frames = round(_FRAMES * sum(task.distance or 0.0 for split in tasks.splits.values() for task in split))
@@ -83,7 +83,7 @@ def estimate_dataset(sources: Sequence[tuple[Project, PreparedExport]], options:
         )
     if o.agents:
         scans = [source.graph.scan for _, source in sources]
-        files = sum(count_files(name, scans) for name in o.agents)
+        files = sum(count_files(name, scans, o.tasks.goals) for name in o.agents)
         size = len(o.agents) * instruction_bytes
         beside.append({"what": "agents", "folder": FOR_AGENTS, "files": files, "bytes": size})
     walks = 3 * count * max(1, each)

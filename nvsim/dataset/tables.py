@@ -181,9 +181,8 @@ def card_of(about: Mapping[str, Any]) -> str:
     if about["options"]["tasks"].get("rxr"):
         lines.append("- `tasks/rxr/`: the instructions as guide annotations of RxR, with pose traces.")
     if about["options"]["tasks"].get("goals"):
-        lines.append(
-            "- `tasks/goals/`: PointNav, ObjectNav, and image goals for Habitat, and REVERIE's remote objects."
-        )
+        goals = "PointNav, ObjectNav, and image goals for Habitat, and remote objects of REVERIE and SOON"
+        lines.append(f"- `tasks/goals/`: {goals}.")
     lines += ["", "## Baselines", ""]
     for split, agents in about["baselines"].items():
         lines += [f"{split}:", "", "```", text_of(agents).rstrip(), "```", ""]
