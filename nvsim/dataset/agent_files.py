@@ -317,7 +317,6 @@ _SOON = {
         ("val_unseen_house", "val_unseen"),
     )
 }
-_NO_OBJECT_FEATURES = "{} also reads features of the objects ({}), which NVSim does not write."
 _TEST = 'cp "$FOLDER/R2R/annotations/R2R_{val}_enc.json" "$FOLDER/R2R/annotations/R2R_test_enc.json"'
 _SCRIPT = (
     'cd "$CHECKOUT/map_nav_src"',
@@ -350,10 +349,18 @@ AGENTS: dict[AgentName, Agent] = {
             "(--resume_file); name that of your training, ckpts/best_val_unseen in its output folder.",
             "The pre-training also names R2R_prevalent_aug_train_enc.jsonl; remove it from its configuration.",
         ),
-        goals={**_REVERIE, **_SOON},
+        goals={
+            **_REVERIE,
+            "REVERIE/features/obj.avg.top3.min80_vit_base_patch16_224_imagenet.hdf5": link_writer(
+                f"{FEATURES}/objects.hdf5"
+            ),
+            **_SOON,
+            "SOON/features/filtered_butd_bboxes.hdf5": link_writer(f"{FEATURES}/objects_corners.hdf5"),
+        },
         goal_notes=(
-            _NO_OBJECT_FEATURES.format("scripts/run_reverie.sh", "REVERIE/features"),
-            _NO_OBJECT_FEATURES.format("scripts/run_soon.sh", "SOON/features"),
+            "REVERIE and SOON run in the same way with scripts/run_reverie.sh and scripts/run_soon.sh. In the second "
+            "script, set obj_ft_dim=768. To write trajectories, both need annotations of a split `test`, and SOON also "
+            "of `test_v2`.",
         ),
     ),
     "hamt": Agent(
@@ -376,8 +383,16 @@ AGENTS: dict[AgentName, Agent] = {
             "To write the trajectories, run the command again with --test --submit, and with "
             '--resume_file "$OUT/ckpts/best_val_unseen" in place of --bert_ckpt_file.',
         ),
-        goals=_REVERIE,
-        goal_notes=(_NO_OBJECT_FEATURES.format("scripts/run_reverie.sh", "REVERIE/features"),),
+        goals={
+            **_REVERIE,
+            "REVERIE/features/obj_pth_vit_base_patch16_224_imagenet_r2r.e2e.ft.22k.hdf5": link_writer(
+                f"{FEATURES}/objects.hdf5"
+            ),
+        },
+        goal_notes=(
+            "REVERIE runs in the same way with reverie/main_navref.py, and with the options of scripts/run_reverie.sh "
+            "except --features vitbase.",
+        ),
     ),
     "recurrent-vln-bert": Agent(
         "Recurrent-VLN-BERT",

@@ -275,16 +275,24 @@ def remote_objects(tasks: Sequence[Task], scenes: Mapping[str, GoalScene]) -> It
 def outlined(item: Mapping[str, Any], scenes: Mapping[str, GoalScene]) -> dict[str, Any]:
     """Returns an item of REVERIE as one of SOON: the outline of the object from each viewpoint that sees it, radians.
 
-    The path id is a text, because VLN-DUET reads it from the id of an instruction.
+    The path id is a text, because VLN-DUET reads it from the id of an instruction. `pseudo_label` has the place of the
+    object among those of the viewpoint in BBoxes.json.
     """
     scene, thing = scenes[item["scan"]], item["objId"]
-    seen = [id for id, objects in scene.targets.boxes.items() if thing in objects]
+    seen = {id: list(objects).index(thing) for id, objects in scene.targets.boxes.items() if thing in objects}
     return {
         "scan": item["scan"],
         "path_id": str(item["path_id"]),
         "path": item["path"],
         "instructions": [{"full": text} for text in item["instructions"]],
-        "bboxes": [{"image_id": id, "target": _outline_from(scene, id, thing)} for id in seen],
+        "bboxes": [
+            {
+                "image_id": id,
+                "target": _outline_from(scene, id, thing),
+                "pseudo_label": {"idx": i, "obj_id": str(thing)},
+            }
+            for id, i in seen.items()
+        ],
     }
 
 

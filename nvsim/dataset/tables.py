@@ -172,6 +172,8 @@ def card_of(about: Mapping[str, Any]) -> str:
             lines.append(f"- `{name}/`: {words}.")
         if name == "features":
             lines += [f"  - `features/{f['file']}`: by {f['backbone']}, for {f['read_by']}" for f in features]
+            if about.get("objects"):
+                lines.append("  - `features/objects.hdf5` and `features/objects_corners.hdf5`: of the objects of goals")
     if tasks["episodes"]:
         count = sum(tasks["episodes"].values())
         lines.append(

@@ -9,6 +9,7 @@ from itertools import product
 from pathlib import Path
 from typing import Any
 
+import h5py
 import numpy as np
 import pytest
 from boxed_scan import Block, export_blocks, flat_house
@@ -16,7 +17,11 @@ from boxed_scan import Block, export_blocks, flat_house
 from nvsim.cli.main import main
 from nvsim.dataset.agent_files import AGENTS, DatasetParts
 from nvsim.dataset.word_pieces import Vocabulary
+from nvsim.events import ignore_event
 from nvsim.graph.types import NavGraph
+from nvsim.r2r.features.backbone import Projection
+from nvsim.r2r.features.exported_scan import read_exported_scans
+from nvsim.r2r.features.objects import write_object_features
 
 EPISODE = {
     "episode_id",
@@ -203,7 +208,8 @@ def test_duet_and_hamt_construct_the_instructions_of_remote_objects(
 
     for name in ("duet", "hamt"):
         agent = AGENTS[name]
-        for pattern, writer in agent.goals.items():
+        annotated = {pattern: writer for pattern, writer in agent.goals.items() if "/annotations/" in pattern}
+        for pattern, writer in annotated.items():
             for split in ("train", "val_train_seen", "val_seen", "val_unseen") if "{split}" in pattern else ("",):
                 path = tmp_path / name / pattern.format(split=split)
                 path.parent.mkdir(parents=True, exist_ok=True)
@@ -230,6 +236,43 @@ def test_duet_and_hamt_construct_the_instructions_of_remote_objects(
             assert {"path_id", "scan", "path", "bboxes"} <= set(item)
             for one, codes in zip(item["instructions"], item["instr_encodings"], strict=True):
                 assert spelled(codes["full"]) == "".join(one["full"].lower().split())
+
+
+def test_agents_find_features_of_each_object_with_its_direction(
+    made: tuple[Path, list[Block], NavGraph], tmp_path: Path
+) -> None:
+    """As `ObjectFeatureDB` of VLN-DUET and `load_obj_database` of VLN-HAMT read them."""
+    folder, _, graph = made
+    boxes = json.loads((folder / "reverie/BBoxes.json").read_text())
+    scans = read_exported_scans(folder.parent.parent / "scans", ["boxes"])
+    write_object_features(scans, boxes, Projection(8), 12, tmp_path, ignore_event)
+    soon = [json.loads(line) for line in (folder / "soon/SOON_train.jsonl").read_text().splitlines()]
+    with h5py.File(tmp_path / "objects.hdf5") as file, h5py.File(tmp_path / "objects_corners.hdf5") as corners:
+        assert set(file) == {key for key, objects in boxes.items() if objects}
+        assert set(corners) == {f"boxes_{id}" for id in graph.viewpoints}  # VLN-DUET stops at any of them
+        for key in set(corners) - set(file):
+            assert list(corners[key].attrs["obj_ids"]) == ["none"] and corners[key].shape == (1, 12)
+            assert corners[key].attrs["directions"] == pytest.approx(np.zeros((1, 2)))
+        for key in file:
+            rows, attributes, viewpoint = file[key][...], file[key].attrs, key.split("_")[1]
+            ids = list(attributes["obj_ids"])
+            assert ids == list(boxes[key]) and rows.shape == (len(ids), 12) and (rows.std(axis=1) > 0).all()
+            for n, found in enumerate(boxes[key].values()):
+                (width, height), (x, y, *size) = attributes["sizes"][n], attributes["bboxes"][n]
+                assert [width, height] == size
+                assert width * height == max(w * h for _, _, w, h in found["bbox2d"])
+                assert [x, y, *size] == dict(zip(found["visible_pos"], found["bbox2d"]))[attributes["viewindexs"][n]]
+                assert list(corners[key].attrs["bboxes"][n]) == [x, y, x + width, y + height]
+                block = SOFA if found["name"] == "blue sofa" else CABINET
+                middle = tuple((low + high) / 2 for low, high in zip(block.lo, block.hi))
+                heading, elevation = angles(middle, graph.viewpoints[viewpoint].position)
+                turned, raised = attributes["directions"][n]
+                assert abs((turned - heading + math.pi) % (2 * math.pi) - math.pi) < 0.5 and 0 <= turned < 2 * math.pi
+                assert abs(raised - elevation) < 0.5
+    for item in soon:
+        for one in item["bboxes"]:
+            label = one["pseudo_label"]
+            assert list(boxes[f"{item['scan']}_{one['image_id']}"])[label["idx"]] == label["obj_id"]
 
 
 def test_goals_need_strips_with_depth(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
