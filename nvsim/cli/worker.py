@@ -162,10 +162,6 @@ def _run(jobs: JobList, job: Job) -> tuple[int, str]:
     except OSError as error:  # the folder of the order is gone
         code = 2
         hear(Failed(job.order.verb, str(as_input_error(Path(job.order.folder), error)), code))
-    except SystemExit as stop:  # an invalid option, which the parser reported on stderr
-        code = stop.code if isinstance(stop.code, int) else 2
-        if code:
-            hear(Failed(job.order.verb, "An option is invalid; see the log.", code))
     message = hear.message
     return code, message or (_last_words(job.output) if code == 0 else "")
 
