@@ -34,11 +34,11 @@ def mistake_in(verb: str, found: Sequence[Option], argv: Sequence[str], usage: s
     while words:
         word = words.pop(0)
         if word == "--" and not seen_hyphens:
-            seen_hyphens = True
+            seen_hyphens, last, values = True, None, []
         elif seen_hyphens or _is_value(word):
             if not places:
                 needed = [o for o in found if o.required and o.flag and not _is_given(o.flag, argv)]
-                return _stray(verb, last, [*values, word, *itertools.takewhile(_is_value, words)], needed)
+                return _stray(verb, word, last, [*values, word, *itertools.takewhile(_is_value, words)], needed)
             option, last, values = places[0], None, []
             given.add(option.path)
             if not _is_list(option):
@@ -50,9 +50,11 @@ def mistake_in(verb: str, found: Sequence[Option], argv: Sequence[str], usage: s
             name = name.replace("_", "-")
             if name not in flags:
                 return _unknown(verb, name, found, argv)
+            if places and places[0].path in given:  # an option ends a list
+                places.pop(0)
             last, values = flags[name], [value] if sign else []
             given.add(last.path)
-            while words and len(values) < _most_values(last) and not sign and _can_be_value(words[0], last):
+            while words and len(values) < _most_values(last) and _can_be_value(words[0], last):
                 values.append(words.pop(0))
             if sentence := _wrong_values(last, values):
                 return sentence
@@ -87,14 +89,13 @@ def _unknown(verb: str, name: str, found: Sequence[Option], argv: Sequence[str])
     return f"There is no option {name}{belongs}; `nvsim {verb} --help-all` lists the options."
 
 
-def _stray(verb: str, last: Option | None, values: Sequence[str], needed: Sequence[Option]) -> str:
+def _stray(verb: str, word: str, last: Option | None, values: Sequence[str], needed: Sequence[Option]) -> str:
     """The sentence about a word that belongs to no argument. `last`: the option before it. `values`: the values of that
     option, the word, and the values after it. `needed`: options that the command needs and that are not given."""
-    if last is not None and last.hint is not bool:
+    if last is not None and last.hint is not bool and not _is_list(last):
         most = _most_values(last)
         fix = f"separate several by commas: {','.join(values)}" if "separated by commas" in last.help else "remove it"
-        return f"{last.flag} takes {most} value{'s' * (most > 1)}, and {values[most]} is one more; {fix}."
-    word = values[0]
+        return f"{last.flag} takes {most} value{'s' * (most > 1)}, and {word} is one more; {fix}."
     for option in needed:
         return f"{word} is not expected here; write {option.flag} {shlex.quote(word)}."
     return f"{word} is not expected here; `nvsim {verb} --help` shows how to write the command."

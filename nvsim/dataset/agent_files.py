@@ -360,7 +360,7 @@ AGENTS: dict[AgentName, Agent] = {
         goal_notes=(
             "REVERIE and SOON run in the same way with scripts/run_reverie.sh and scripts/run_soon.sh. In the second "
             "script, set obj_ft_dim=768. To write trajectories, both need annotations of a split `test`, and SOON also "
-            "of `test_v2`.",
+            "of `test_v2`. 20 steps of their training and their evaluation ran, too.",
         ),
     ),
     "hamt": Agent(
@@ -391,7 +391,7 @@ AGENTS: dict[AgentName, Agent] = {
         },
         goal_notes=(
             "REVERIE runs in the same way with reverie/main_navref.py, and with the options of scripts/run_reverie.sh "
-            "except --features vitbase.",
+            "except --features vitbase. 20 steps of its training and its evaluation ran, too.",
         ),
     ),
     "recurrent-vln-bert": Agent(

@@ -47,6 +47,11 @@ from nvsim.cli.options import Option, command_of, options
         ),
         ("train --project a --loss.ssim 1_0", "1_0 is not a number; give --loss.ssim a number, for example 0.2."),
         ("train --project a --steps 5 6", "--steps takes 1 value, and 6 is one more; remove it."),
+        ("models add a --name b c", "--name takes 1 value, and c is one more; remove it."),
+        (
+            "export tasks --unseen a -- b",
+            "b is not expected here; `nvsim export tasks --help` shows how to write the command.",
+        ),
         ("map --project a --json=yes", "--json takes no value; write --json alone, or leave it out."),
         ("panorama --project a --at 1 -2", "--at needs 3 values, not 2."),
         ("export dataset --project a --for duett", "--for cannot be duett; did you mean duet?"),
