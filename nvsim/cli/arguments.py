@@ -3,8 +3,9 @@ shows the common options, `--help-all` shows all options."""
 
 from __future__ import annotations
 
-import itertools
-import shlex
+import contextlib
+import io
+import re
 import shutil
 import sys
 import textwrap
@@ -18,8 +19,9 @@ from typing import Annotated, Any, Literal, TypeVar
 import tyro
 
 from nvsim.cli.help_table import COMMON, EXAMPLES, LIMIT, WITHOUT
+from nvsim.cli.mistakes import OptionError, mistake_in
 from nvsim.cli.options import Command, Option, options
-from nvsim.cli.terminal import print_lines, unguarded_streams
+from nvsim.cli.terminal import print_lines
 from nvsim.errors import InputError
 
 T = TypeVar("T")
@@ -49,7 +51,7 @@ def lines(command: type[Command], verb: str, argv: list[str], everything: bool) 
     common = COMMON.get(verb, {}) if len(flags) > LIMIT else {}
     groups = _all_groups(flags) if everything or not common else _common_groups(flags, common)
 
-    text = [_usage(verb, found), ""]
+    text = [f"usage: {_usage(verb, found)}", ""]
     purpose = (command.__doc__ or "").split("\n\n")[0]
     text += [*textwrap.wrap(" ".join(purpose.split()), width), ""]
     if positional:
@@ -64,7 +66,7 @@ def lines(command: type[Command], verb: str, argv: list[str], everything: bool) 
 
 
 def _usage(verb: str, found: Iterable[Option]) -> str:
-    words = [f"usage: nvsim {verb}"]
+    words = [f"nvsim {verb}"]
     words += [invocation(o) if o.required else f"[{invocation(o)}]" for o in found if not o.flag]
     words += [invocation(o) for o in found if o.flag and o.required]
     return " ".join([*words, "[options]"])
@@ -190,8 +192,8 @@ def _number(info: tyro.constructors.PrimitiveTypeInfo) -> tyro.constructors.Prim
 
 
 def parse(command: type[Command], argv: list[str], verb: str) -> Any:
-    """Parses `argv` into the command. Prints the help if `argv` asks for it, and exits with code 0. Prints usage and
-    exits with code 2 on a wrong option."""
+    """Parses `argv` into the command. Prints the help if `argv` asks for it, and exits with code 0. Raises OptionError
+    if an option or a value is wrong or missing."""
     argv = _with_current_flags(argv)
     if asked := requested_help(argv):
         print_lines(*lines(command, verb, argv, everything=asked == "all"))
@@ -200,8 +202,9 @@ def parse(command: type[Command], argv: list[str], verb: str) -> Any:
     given_defaults: dict[str, Any] = {}
     if hasattr(command, "defaults"):
         given_defaults["default"] = command.defaults(argv)
+    report = io.StringIO()
     try:
-        with unguarded_streams(argv):
+        with contextlib.redirect_stderr(report):
             return tyro.cli(
                 command,
                 args=argv,
@@ -212,12 +215,11 @@ def parse(command: type[Command], argv: list[str], verb: str) -> Any:
                 **given_defaults,
             )
     except SystemExit as stop:
-        # Keep argparse's convention for any version of tyro: 0 for help, 2 for a wrong option.
         if stop.code in (0, None):
             sys.exit(0)
-        for hint in (*_hints_on_lists(command, argv), *_hint_on_program(command, verb, argv)):
-            print_lines(hint, error=True)
-        sys.exit(2)
+        found = options(command, given_defaults.get("default"))
+        sentence = mistake_in(verb, found, argv, _usage(verb, found))
+        raise OptionError(sentence or " ".join(re.sub(r"[─-╿]", " ", report.getvalue()).split())) from None
 
 
 def _with_current_flags(argv: list[str]) -> list[str]:
@@ -229,26 +231,6 @@ def _with_current_flags(argv: list[str]) -> list[str]:
 def _current_flag(flag: str) -> str:
     name = _EARLIER_NAMES.get(flag.removeprefix("--"))
     return f"--{name}" if name and flag.startswith("--") else flag
-
-
-def _hints_on_lists(command: type[Command], argv: list[str]) -> list[str]:
-    """A sentence for each list in `argv` whose values are separated by spaces where the option expects commas."""
-    hints = []
-    for option in options(command, command.defaults(argv) if hasattr(command, "defaults") else None):
-        if option.flag in argv and "separated by commas" in option.help:
-            after = argv[argv.index(option.flag) + 1 :]
-            words = list(itertools.takewhile(lambda word: not word.startswith("-"), after))
-            if len(words) > 1:
-                hints.append(f"If these are values of {option.flag}, separate them by commas: {','.join(words)}")
-    return hints
-
-
-def _hint_on_program(command: type[Command], verb: str, argv: list[str]) -> list[str]:
-    """A sentence if a program of the user, which belongs after `--`, is given without these hyphens."""
-    if "--" in argv or not any("after `--`" in option.help for option in options(command)):
-        return []
-    words = shlex.join(itertools.dropwhile(lambda word: word.startswith("-"), argv))
-    return [f"If these are options of a program, write it after two hyphens: nvsim {verb} -- {words}"] if words else []
 
 
 def value_of_flag(argv: list[str], flag: str, default: str) -> str:

@@ -31,6 +31,7 @@ class CommandStopped(BaseException):
 def run_guarded(verb: str, command: type[Command], argv: list[str]) -> int:
     """Parses `argv` into the command and runs it; returns the exit code."""
     from nvsim.cli.arguments import parse
+    from nvsim.cli.mistakes import OptionError
 
     signal.signal(signal.SIGTERM, _stop)
     signal.signal(signal.SIGINT, _stop)
@@ -40,6 +41,8 @@ def run_guarded(verb: str, command: type[Command], argv: list[str]) -> int:
         code = parse(command, argv, verb).run()
         sys.stdout.flush()
         return int(code or 0)
+    except OptionError as error:
+        return _fail(verb, str(error), 2, as_json, rename=False)
     except InputError as error:
         return _fail(verb, str(error), 2, as_json)
     except CommandStopped:
@@ -62,8 +65,9 @@ def _stop(number: int, frame: FrameType | None) -> None:
     raise CommandStopped
 
 
-def _fail(verb: str, sentence: str, code: int, as_json: bool) -> int:
-    sentence = with_command_options(sentence)
+def _fail(verb: str, sentence: str, code: int, as_json: bool, rename: bool = True) -> int:
+    if rename:
+        sentence = with_command_options(sentence)
     report_failure(Failed(verb.split()[0], sentence, code), as_json)
     print_lines(f"nvsim {verb}: {sentence}", error=True)
     return code

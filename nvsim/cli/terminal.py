@@ -1,7 +1,7 @@
 """Print results as a JSON object or a small table, without control characters that come from files.
 
 `print_lines` prints messages, one line each. `guarded_terminal` guards the standard streams, so that text of other
-origins (argparse, warnings, a library) is also safe.
+origins (warnings, a library) is also safe.
 """
 
 from __future__ import annotations
@@ -54,19 +54,6 @@ def unguarded_stream(stream: Any) -> Any:
     """The stream behind a guard. It is for a library that moves the cursor with control characters and receives no
     control characters from outside."""
     return stream.behind if isinstance(stream, _ScreenedStream) else stream
-
-
-@contextmanager
-def unguarded_streams(words: Iterable[str]) -> Iterator[None]:
-    """Removes the guards of the streams for a parser that colors its help and quotes only `words`. The guards stay if
-    `words` contain control characters."""
-    former = sys.stdout, sys.stderr
-    if all(word.isprintable() for word in words):
-        sys.stdout, sys.stderr = unguarded_stream(sys.stdout), unguarded_stream(sys.stderr)
-    try:
-        yield
-    finally:
-        sys.stdout, sys.stderr = former
 
 
 class _ScreenedStream:

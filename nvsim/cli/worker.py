@@ -36,6 +36,7 @@ def check_order(root: Path, order: JobCommand, confined: bool = False) -> None:
     options. With `confined` also if an option names another machine, an endpoint, or a path outside the project; a
     project from another person may contain such jobs."""
     from nvsim.cli.arguments import parse
+    from nvsim.cli.mistakes import OptionError
     from nvsim.cli.options import command_of
 
     verb = order.verb
@@ -45,14 +46,13 @@ def check_order(root: Path, order: JobCommand, confined: bool = False) -> None:
     own = [word for word in order.arguments if word.replace("_", "-").startswith("--tyro-")]
     if own:
         raise InputError(f"`nvsim {verb}` has no option {own[0]}; start the job again.")
-    said = io.StringIO()
     try:
-        with contextlib.redirect_stderr(said), contextlib.redirect_stdout(said):
+        with contextlib.redirect_stdout(io.StringIO()):
             parsed = parse(command_of(verb), list(order.arguments), verb)
-    except SystemExit as stop:
-        if not confined:  # the log of the job has the complete report of the parser
-            print_lines(said.getvalue(), error=True)
-        raise InputError(_invalid_option_message(order, said.getvalue())) from stop
+    except (OptionError, SystemExit) as mistake:
+        if not confined:  # the log of the job has the complete sentence
+            print_lines(mistake, error=True)
+        raise InputError(_invalid_option_message(order, str(mistake))) from mistake
     if parsed.project.expanduser().resolve() != root.resolve():
         raise InputError(f"The job is for another project, {parsed.project}; start it there.")
     cluster = getattr(parsed, "cluster", None)
@@ -76,8 +76,8 @@ def check_order(root: Path, order: JobCommand, confined: bool = False) -> None:
 
 
 def _invalid_option_message(order: JobCommand, report: str) -> str:
-    """One sentence about an option that this version does not accept. `report` is the text of the parser, which names
-    the option first. Jobs that an earlier version stored may contain options that were renamed or removed."""
+    """One sentence about an option that this version does not accept. `report` is the sentence about it, which
+    names the option first. Jobs that an earlier version stored may contain options that were renamed or removed."""
     found = re.search(r"--[A-Za-z][\w.-]*", report)
     option = f"its option {found[0]}" if found else "one of its options"
     return (
@@ -162,10 +162,6 @@ def _run(jobs: JobList, job: Job) -> tuple[int, str]:
     except OSError as error:  # the folder of the order is gone
         code = 2
         hear(Failed(job.order.verb, str(as_input_error(Path(job.order.folder), error)), code))
-    except SystemExit as stop:  # an invalid option, which the parser reported on stderr
-        code = stop.code if isinstance(stop.code, int) else 2
-        if code:
-            hear(Failed(job.order.verb, "An option is invalid; see the log.", code))
     message = hear.message
     return code, message or (_last_words(job.output) if code == 0 else "")
 

@@ -13,7 +13,7 @@ import shutil
 import string
 from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
@@ -24,11 +24,11 @@ from nvsim.dataset.word_pieces import Vocabulary
 from nvsim.errors import InputError
 from nvsim.files import atomic
 from nvsim.files.atomic import as_input_error
-from nvsim.files.opening import read_bytes, read_json
+from nvsim.files.opening import parse_json, read_bytes, read_json, read_text
 from nvsim.graph.connectivity import SUFFIX, scan_files
 from nvsim.r2r.features.layouts import LAYOUTS
 from nvsim.r2r.features.layouts import Name as LayoutName
-from nvsim.r2r.tasks.exporting import SURROUNDINGS
+from nvsim.r2r.tasks.exporting import BOXES, GOALS, SURROUNDINGS, reverie_file, soon_file
 from nvsim.r2r.tasks.splitting import SPLITS
 from nvsim.r2r.tasks.task import Task, read_tasks, write_tasks
 
@@ -53,6 +53,7 @@ SCENES = "scenes"
 """Folders in a dataset."""
 SEEN_IN_TRAINING = 50
 """Number of paths of train that agents also evaluate, as val_train_seen. VLN-DUET reads at most this number."""
+_GOAL_FILE = "a file of goals", "export the dataset again"
 _LEAST_USES = 5
 """Number of uses from which a word is in EnvDrop's vocabulary."""
 
@@ -64,11 +65,13 @@ class DatasetParts:
     root        contains scans/ with connectivity/, tasks/, and the features, frames, and scenes of the agent
     scans       ids of the scans, without the stub
     vocabulary  word pieces of the agent's BERT, None if none was named
+    goals       whether tasks/ contains goals without language
     """
 
     root: Path
     scans: tuple[str, ...]
     vocabulary: Vocabulary | None = None
+    goals: bool = False
 
     @cached_property
     def splits(self) -> dict[str, list[Task]]:
@@ -113,6 +116,8 @@ class Agent:
     look_down   whether frames that look down belong to them
     scenes      whether `files` contain scenes for Habitat and the VLN-CE episodes in them
     notes       sentences for the user
+    goals       files for remote objects, which a dataset with goals adds
+    goal_notes  sentences about these files
     """
 
     title: str
@@ -129,6 +134,14 @@ class Agent:
     look_down: bool = False
     scenes: bool = False
     notes: tuple[str, ...] = ()
+    goals: Mapping[str, Writer] = field(default_factory=dict)
+    goal_notes: tuple[str, ...] = ()
+
+    def with_goals(self, goals: bool) -> Agent:
+        """The agent with the files for remote objects among its files if `goals` is true."""
+        if not goals:
+            return self
+        return replace(self, files={**self.files, **self.goals}, notes=(*self.notes, *self.goal_notes))
 
 
 def link_writer(source: str) -> Writer:
@@ -188,6 +201,32 @@ def _write_encoded(parts: DatasetParts, path: Path, split: str) -> None:
 
 def _flat(parts: DatasetParts, path: Path, split: str) -> None:
     atomic.write_text(path, json.dumps(list(_single(parts, split))) + "\n")
+
+
+def _write_remote(parts: DatasetParts, path: Path, split: str) -> None:
+    """The items of REVERIE, with `instr_encodings`."""
+    assert parts.vocabulary is not None
+    source = parts.root / TASKS / GOALS / reverie_file("train" if split == "val_train_seen" else split)
+    included = {task.path_id for task in parts.splits[split]}
+    items = [item for item in read_json(source, *_GOAL_FILE) if item["path_id"] in included]
+    for item in items:
+        item["instr_encodings"] = [parts.vocabulary.encode(text) for text in item["instructions"]]
+    atomic.write_text(path, json.dumps(items) + "\n")
+
+
+def _outlined(split: str) -> Writer:
+    """A writer of the items of SOON of a split, with `instr_encodings`."""
+
+    def write(parts: DatasetParts, path: Path, of: str) -> None:
+        assert parts.vocabulary is not None
+        encode = parts.vocabulary.encode
+        source = parts.root / TASKS / GOALS / soon_file(split)
+        items = [parse_json(source, line, *_GOAL_FILE) for line in read_text(source, *_GOAL_FILE).splitlines()]
+        for item in items:
+            item["instr_encodings"] = [{k: encode(text) for k, text in one.items()} for one in item["instructions"]]
+        atomic.write_text(path, "".join(json.dumps(item) + "\n" for item in items))
+
+    return write
 
 
 def _pretraining(parts: DatasetParts, path: Path, split: str) -> None:
@@ -265,6 +304,19 @@ _ANNOTATIONS = {
     "R2R/connectivity": _connectivity,
     "R2R/annotations/R2R_{split}_enc.json": _write_encoded,
 }
+_REVERIE = {
+    "REVERIE/annotations/REVERIE_{split}_enc.json": _write_remote,
+    "REVERIE/annotations/BBoxes.json": link_writer(f"{TASKS}/{GOALS}/{BOXES}"),
+}
+_SOON = {
+    f"SOON/annotations/bert_enc/{name}_enc.jsonl": _outlined(split)
+    for name, split in (
+        ("train", "train"),
+        ("val_train", "train"),
+        ("val_unseen_instrs", "val_seen"),
+        ("val_unseen_house", "val_unseen"),
+    )
+}
 _TEST = 'cp "$FOLDER/R2R/annotations/R2R_{val}_enc.json" "$FOLDER/R2R/annotations/R2R_test_enc.json"'
 _SCRIPT = (
     'cd "$CHECKOUT/map_nav_src"',
@@ -297,6 +349,19 @@ AGENTS: dict[AgentName, Agent] = {
             "(--resume_file); name that of your training, ckpts/best_val_unseen in its output folder.",
             "The pre-training also names R2R_prevalent_aug_train_enc.jsonl; remove it from its configuration.",
         ),
+        goals={
+            **_REVERIE,
+            "REVERIE/features/obj.avg.top3.min80_vit_base_patch16_224_imagenet.hdf5": link_writer(
+                f"{FEATURES}/objects.hdf5"
+            ),
+            **_SOON,
+            "SOON/features/filtered_butd_bboxes.hdf5": link_writer(f"{FEATURES}/objects_corners.hdf5"),
+        },
+        goal_notes=(
+            "REVERIE and SOON run in the same way with scripts/run_reverie.sh and scripts/run_soon.sh. In the second "
+            "script, set obj_ft_dim=768. To write trajectories, both need annotations of a split `test`, and SOON also "
+            "of `test_v2`. 20 steps of their training and their evaluation ran, too.",
+        ),
     ),
     "hamt": Agent(
         "VLN-HAMT",
@@ -317,6 +382,16 @@ AGENTS: dict[AgentName, Agent] = {
             "--bert_ckpt_file names the pre-trained model.",
             "To write the trajectories, run the command again with --test --submit, and with "
             '--resume_file "$OUT/ckpts/best_val_unseen" in place of --bert_ckpt_file.',
+        ),
+        goals={
+            **_REVERIE,
+            "REVERIE/features/obj_pth_vit_base_patch16_224_imagenet_r2r.e2e.ft.22k.hdf5": link_writer(
+                f"{FEATURES}/objects.hdf5"
+            ),
+        },
+        goal_notes=(
+            "REVERIE runs in the same way with reverie/main_navref.py, and with the options of scripts/run_reverie.sh "
+            "except --features vitbase. 20 steps of its training and its evaluation ran, too.",
         ),
     ),
     "recurrent-vln-bert": Agent(
@@ -529,7 +604,7 @@ def write_agent(parts: DatasetParts, name: AgentName, folder: Path) -> list[Path
     Raises InputError if a part of the dataset is missing, if instructions cannot be encoded because there is no
     vocabulary, or if writing fails.
     """
-    agent = AGENTS[name]
+    agent = AGENTS[name].with_goals(parts.goals)
     if agent.encoded and parts.vocabulary is None:
         raise InputError(f"{agent.title} reads instructions as word pieces; name a vocabulary.")
     written = []
@@ -546,10 +621,10 @@ def write_agent(parts: DatasetParts, name: AgentName, folder: Path) -> list[Path
     return [*written, folder / "README.md"]
 
 
-def count_files(name: AgentName, scans: Sequence[str]) -> int:
+def count_files(name: AgentName, scans: Sequence[str], goals: bool) -> int:
     """Number of entries that `write_agent` returns."""
-    parts = DatasetParts(Path(), tuple(scans))
-    return 1 + sum(len(_values(pattern, parts)) for pattern in AGENTS[name].files)
+    parts = DatasetParts(Path(), tuple(scans), goals=goals)
+    return 1 + sum(len(_values(pattern, parts)) for pattern in AGENTS[name].with_goals(goals).files)
 
 
 def _values(pattern: str, parts: DatasetParts) -> tuple[str, ...]:

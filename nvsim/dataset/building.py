@@ -54,6 +54,7 @@ from nvsim.r2r.metrics.submission import write_submission
 from nvsim.r2r.observations.export import PreparedExport, export_scan
 from nvsim.r2r.observations.layout import ScanPlaces, ScanSettings
 from nvsim.r2r.observations.record import key_of
+from nvsim.r2r.tasks.exporting import BOXES, GOALS
 from nvsim.r2r.tasks.splitting import SPLITS, sample_tasks
 from nvsim.render.backends import Backend
 
@@ -117,6 +118,11 @@ class DatasetOptions:
     def scenes(self) -> bool:
         """Whether an agent opens scenes for Habitat."""
         return any(AGENTS[name].scenes for name in self.agents)
+
+    @property
+    def objects(self) -> bool:
+        """Whether an agent reads features of objects."""
+        return self.tasks.goals and any(AGENTS[name].goals for name in self.agents)
 
     @property
     def images(self) -> ScanSettings:
@@ -186,7 +192,7 @@ def _export(
     about: dict[str, Any] = {"format": FORMAT, "made_by": f"nvsim {__version__}", "finished": False}
     before = _record(out)
     about["features"] = before.get("features", [])
-    about |= {key: before[key] for key in ("scenes_made_from",) if key in before}
+    about |= {key: before[key] for key in ("scenes_made_from", "objects_made_from") if key in before}
     atomic.write_text(out / RECORD, json.dumps(about, indent=1) + "\n")
     o, places, clouds = options, [], {}
     for project, source in sources:
@@ -206,12 +212,14 @@ def _export(
         write_frames(models, made.walks, out / FRAMES, listen, o.look_down)
     if o.scenes:
         about["scenes_made_from"] = _scenes(out, [graph.scan for graph in graphs], clouds, listen)
+    if o.objects:
+        about["objects_made_from"] = _object_features(out, [graph.scan for graph in graphs], o, listen)
     _folders_of_agents(out, [graph.scan for graph in graphs], o, listen)
     write_tables(out, SCANS, graphs, made.instructed.dataset.splits)
     figures = _baselines(out, made, o.tasks.amounts.seed, listen)
     about |= {"finished": True, "scans": _scans(graphs, places), "features": features, "tasks": _tasks(made)}
     about |= {"agents": list(o.agents), "candidates": any(AGENTS[name].candidates for name in o.agents)}
-    about |= {"frames": o.frames, "scenes": o.scenes}
+    about |= {"frames": o.frames, "scenes": o.scenes, "objects": o.objects}
     about |= {"baselines": figures, "options": json.loads(json.dumps(asdict(o), default=str))}
     atomic.write_text(out / CARD, card_of(about))
     atomic.write_text(out / RECORD, json.dumps(_finite(about), indent=1) + "\n")
@@ -223,7 +231,7 @@ def _scenes(out: Path, scans: Sequence[str], clouds: Mapping[str, NDArray[np.flo
     """Writes the scenes for Habitat, unless they were made from equal images and clouds; returns their key."""
     from nvsim.dataset.habitat.scene import CONFIG, write_scenes
 
-    images = {scan: _digest(ScanPlaces(out / SCANS, scan).manifest) for scan in scans}
+    images = _images(out, scans)
     points = {scan: hashlib.sha256(np.ascontiguousarray(cloud).tobytes()).hexdigest() for scan, cloud in clouds.items()}
     key = key_of(images, points, __version__)
     files = [out / SCENES / CONFIG, *(out / SCENES / scene_id(scan) for scan in scans)]
@@ -234,7 +242,7 @@ def _scenes(out: Path, scans: Sequence[str], clouds: Mapping[str, NDArray[np.flo
 
 def _folders_of_agents(out: Path, scans: Sequence[str], options: DatasetOptions, listen: Listener) -> None:
     vocabulary = check_agents(options.agents, options.vocabulary, options.tasks.instructions)
-    parts = DatasetParts(out, tuple(scans), vocabulary)
+    parts = DatasetParts(out, tuple(scans), vocabulary, options.tasks.goals)
     if any(AGENTS[name].candidates for name in options.agents):
         parts.write_candidates()
     for name in options.agents:
@@ -253,7 +261,7 @@ def _features(out: Path, scans: Sequence[str], options: DatasetOptions, listen: 
 
     before = {one["layout"]: one for one in _record(out).get("features", [])}
     exported = read_exported_scans(out / SCANS, scans)
-    images = {scan: _digest(ScanPlaces(out / SCANS, scan).manifest) for scan in scans}
+    images = _images(out, scans)
     found, outdated = dict[str, dict[str, str]](), []
     for name in options.all_layouts:
         layout = LAYOUTS[name]
@@ -272,6 +280,28 @@ def _features(out: Path, scans: Sequence[str], options: DatasetOptions, listen: 
         about = {**_record(out), "features": list(before.values())}
         atomic.write_text(out / RECORD, json.dumps(about, indent=1) + "\n")
     return [before[name] for name in found]
+
+
+def _object_features(out: Path, scans: Sequence[str], options: DatasetOptions, listen: Listener) -> str:
+    """Computes the features of the objects of goals, unless they were made from equal images and boxes; returns their
+    key."""
+    from nvsim.r2r.features.exported_scan import read_exported_scans
+    from nvsim.r2r.features.network import choose_backbone
+    from nvsim.r2r.features.objects import FILES, write_object_features
+
+    layout, boxes = LAYOUTS["vit-b16"], out / TASKS / GOALS / BOXES
+    backbone, _ = choose_backbone(layout, None, 12, "auto", options.projection)
+    key = key_of(str(backbone.digest), _images(out, scans), _digest(boxes), __version__)
+    if _record(out).get("objects_made_from") != key or not all((out / FEATURES / name).is_file() for name in FILES):
+        found = read_json(boxes, "boxes of objects", "export the dataset again")
+        exported = read_exported_scans(out / SCANS, scans)
+        write_object_features(exported, found, backbone, layout.width, out / FEATURES, listen)
+    return key
+
+
+def _images(out: Path, scans: Sequence[str]) -> dict[str, str]:
+    """The hash of the images of each scan."""
+    return {scan: _digest(ScanPlaces(out / SCANS, scan).manifest) for scan in scans}
 
 
 def _features_file(out: Path, layout: Layout) -> Path:

@@ -9,8 +9,10 @@ from typing import Any
 from nvsim.dataset.agent_files import FEATURES, FRAMES, SCANS, SCENES, TASKS, count_files
 from nvsim.dataset.building import FOR_AGENTS, RESULTS, DatasetOptions
 from nvsim.dataset.tables import DATA
+from nvsim.geometry.directions import VIEWS
 from nvsim.project.project import Project
 from nvsim.r2r.features.layouts import LAYOUTS
+from nvsim.r2r.features.objects import FILES
 from nvsim.r2r.observations.estimate import duration_text, shortage
 from nvsim.r2r.observations.export import PreparedExport
 from nvsim.r2r.tasks.splitting import sample_tasks
@@ -21,6 +23,7 @@ _TRUNK, _PROJECTION = 1.3, 0.25
 _LOOK, _TELL, _EPISODE, _WALK = 0.15, 0.03, 0.15, 0.01
 _INSTRUCTION, _EPISODE_BYTES, _TRAJECTORY, _POSE_TRACE, _BOXES = 250, 1500, 1200, 8000, 2500  # bytes
 _ROW, _VIEWPOINT = 500, 600  # bytes
+_OBJECTS = 3  # objects at a viewpoint, each with three boxes
 _FRAMES, _FRAME, _FRAME_BYTES = 6.0, 0.05, 53_000  # frames of an episode per meter; CPU seconds and bytes of a frame
 _DOWN, _DOWN_BYTES = 0.08, 130_000  # the same of a frame that looks down, with its depth
 _SCENE, _SCENE_BYTES = 0.25, 220_000  # CPU seconds and bytes of a scene per viewpoint
@@ -68,7 +71,10 @@ def estimate_dataset(sources: Sequence[tuple[Project, PreparedExport]], options:
         beside.append({"what": "RxR", "folder": TASKS, "files": files, "bytes": count * each * _POSE_TRACE})
     if o.tasks.goals:
         size = 2 * count * _EPISODE_BYTES + drawn * _BOXES
-        beside.append({"what": "goals", "folder": TASKS, "files": 13 + drawn, "bytes": size})
+        beside.append({"what": "goals", "folder": TASKS, "files": 16 + drawn, "bytes": size})
+    if o.objects:
+        size = len(FILES) * drawn * _OBJECTS * 4 * LAYOUTS["vit-b16"].width
+        beside.append({"what": "features of objects", "folder": FEATURES, "files": len(FILES), "bytes": size})
     frames = 0
     if o.frames:
         frames = round(_FRAMES * sum(task.distance or 0.0 for split in tasks.splits.values() for task in split))
@@ -83,7 +89,7 @@ def estimate_dataset(sources: Sequence[tuple[Project, PreparedExport]], options:
         )
     if o.agents:
         scans = [source.graph.scan for _, source in sources]
-        files = sum(count_files(name, scans) for name in o.agents)
+        files = sum(count_files(name, scans, o.tasks.goals) for name in o.agents)
         size = len(o.agents) * instruction_bytes
         beside.append({"what": "agents", "folder": FOR_AGENTS, "files": files, "bytes": size})
     walks = 3 * count * max(1, each)
@@ -97,7 +103,7 @@ def estimate_dataset(sources: Sequence[tuple[Project, PreparedExport]], options:
     )
     missing = sum(found.missing for found in founds) + sum(int(kind["bytes"]) for kind in beside)
     seconds = [found.seconds for found in founds]
-    rest = drawn * len(o.all_layouts) * (_PROJECTION if o.projection else _TRUNK)
+    rest = drawn * (len(o.all_layouts) + 3 * _OBJECTS / VIEWS * o.objects) * (_PROJECTION if o.projection else _TRUNK)
     rest += drawn * _LOOK * (o.tasks.landmarks or o.tasks.goals) + count * (
         each * _TELL + walks / max(1, count) * _WALK
     )

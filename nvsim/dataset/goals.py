@@ -1,10 +1,11 @@
-"""Write tasks as goals: points and objects for Habitat, images of objects, and REVERIE's remote objects.
+"""Write tasks as goals: points and objects for Habitat, images of objects, and remote objects of REVERIE and SOON.
 
 Starts, headings, and point goals are those of the tasks. An object is a goal of a task if the last viewpoint of its
 path sees it within 3 m. Positions are in Habitat's frame, see `nvsim.r2r.episodes.episode`.
 
 Sources: habitat-lab, habitat/datasets (PointNav-v1, ObjectNav-v1, InstanceImageNav-v1) and habitat/tasks/nav; REVERIE,
-README and tasks/REVERIE/eval_release.py; VLN-DUET, map_nav_src/reverie/data_utils.py.
+README and tasks/REVERIE/eval_release.py; VLN-DUET, map_nav_src/reverie/data_utils.py, and data_utils.py and env.py of
+map_nav_src/soon.
 """
 
 from __future__ import annotations
@@ -24,9 +25,10 @@ from nvsim.files import atomic
 from nvsim.graph.paths import PathGraph
 from nvsim.graph.types import NavGraph
 from nvsim.r2r.episodes.episode import gzip_bytes, in_habitat, rotation_of, scene_id
-from nvsim.r2r.episodes.targets import HEIGHT, HFOV, WIDTH, Targets, box_in, camera_at
+from nvsim.r2r.episodes.targets import HEIGHT, HFOV, WIDTH, Targets, angles_of, box_in, camera_at
 from nvsim.r2r.instructions.phrases import plain_name
 from nvsim.r2r.surroundings.naming import Shape
+from nvsim.r2r.tasks.exporting import BOXES, reverie_file, soon_file
 from nvsim.r2r.tasks.task import Task
 
 CATEGORIES: tuple[Shape, ...] = (
@@ -81,13 +83,16 @@ def write_goals(splits: Mapping[str, Sequence[Task]], scenes: Mapping[str, GoalS
         for name, content in data.items():
             written.append(folder / name / split / f"{split}.json.gz")
             atomic.write_bytes(written[-1], gzip_bytes(content))
-        written.append(folder / "reverie" / f"REVERIE_{split}.json")
-        atomic.write_text(written[-1], json.dumps(list(remote_objects(tasks, scenes)), indent=1) + "\n")
+        remote = list(remote_objects(tasks, scenes))
+        written.append(folder / reverie_file(split))
+        atomic.write_text(written[-1], json.dumps(remote, indent=1) + "\n")
+        written.append(folder / soon_file(split))
+        atomic.write_text(written[-1], "".join(json.dumps(outlined(item, scenes)) + "\n" for item in remote))
     boxes, single = boxes_of(scenes), folder / "reverie" / "BBox"
     atomic.make_folder(single)
     names = {f"{key}.json" for key in boxes}
     atomic.remove_others(single, names, lambda one: one.suffix == ".json" and one.name.partition("_")[0] in scenes)
-    written.append(folder / "reverie" / "BBoxes.json")
+    written.append(folder / BOXES)
     atomic.write_text(written[-1], json.dumps(boxes) + "\n")
     for key, found in boxes.items():
         id = key.partition("_")[2]
@@ -265,6 +270,44 @@ def remote_objects(tasks: Sequence[Task], scenes: Mapping[str, GoalScene]) -> It
                     "instructions_l": list(task.instructions),
                 }
                 break
+
+
+def outlined(item: Mapping[str, Any], scenes: Mapping[str, GoalScene]) -> dict[str, Any]:
+    """Returns an item of REVERIE as one of SOON: the outline of the object from each viewpoint that sees it, radians.
+
+    The path id is a text, because VLN-DUET reads it from the id of an instruction. `pseudo_label` has the place of the
+    object among those of the viewpoint in BBoxes.json.
+    """
+    scene, thing = scenes[item["scan"]], item["objId"]
+    seen = {id: list(objects).index(thing) for id, objects in scene.targets.boxes.items() if thing in objects}
+    return {
+        "scan": item["scan"],
+        "path_id": str(item["path_id"]),
+        "path": item["path"],
+        "instructions": [{"full": text} for text in item["instructions"]],
+        "bboxes": [
+            {
+                "image_id": id,
+                "target": _outline_from(scene, id, thing),
+                "pseudo_label": {"idx": i, "obj_id": str(thing)},
+            }
+            for id, i in seen.items()
+        ],
+    }
+
+
+def _outline_from(scene: GoalScene, id: str, thing: int) -> dict[str, dict[str, float]]:
+    """Returns the center and the corners of an object from a viewpoint, as headings and elevations."""
+    one, bottom = scene.targets.things[thing], scene.targets.bottoms[thing]
+    left, right, low, high = angles_of(scene.graph.viewpoints[id].position, one, bottom)
+    places = {
+        "center": ((left + right) / 2, (low + high) / 2),
+        "left_top": (left, high),
+        "right_top": (right, high),
+        "left_bottom": (left, low),
+        "right_bottom": (right, low),
+    }
+    return {name: {"heading": round(h, 4), "elevation": round(e, 4)} for name, (h, e) in places.items()}
 
 
 def boxes_of(scenes: Mapping[str, GoalScene]) -> dict[str, dict[str, dict[str, Any]]]:

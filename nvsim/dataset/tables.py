@@ -172,6 +172,8 @@ def card_of(about: Mapping[str, Any]) -> str:
             lines.append(f"- `{name}/`: {words}.")
         if name == "features":
             lines += [f"  - `features/{f['file']}`: by {f['backbone']}, for {f['read_by']}" for f in features]
+            if about.get("objects"):
+                lines.append("  - `features/objects.hdf5` and `features/objects_corners.hdf5`: of the objects of goals")
     if tasks["episodes"]:
         count = sum(tasks["episodes"].values())
         lines.append(
@@ -181,9 +183,8 @@ def card_of(about: Mapping[str, Any]) -> str:
     if about["options"]["tasks"].get("rxr"):
         lines.append("- `tasks/rxr/`: the instructions as guide annotations of RxR, with pose traces.")
     if about["options"]["tasks"].get("goals"):
-        lines.append(
-            "- `tasks/goals/`: PointNav, ObjectNav, and image goals for Habitat, and REVERIE's remote objects."
-        )
+        goals = "PointNav, ObjectNav, and image goals for Habitat, and remote objects of REVERIE and SOON"
+        lines.append(f"- `tasks/goals/`: {goals}.")
     lines += ["", "## Baselines", ""]
     for split, agents in about["baselines"].items():
         lines += [f"{split}:", "", "```", text_of(agents).rstrip(), "```", ""]

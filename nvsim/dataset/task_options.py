@@ -30,8 +30,8 @@ class TaskOptions:
     """Also write the tasks as RxR guide annotations with pose traces, and with --vlnce as RxR-VLN-CE episodes. Use it
     with --register rxr."""
     goals: bool = False
-    """Also write goals without language: PointNav, ObjectNav, and image goals for Habitat, and remote objects with
-    boxes for REVERIE. Needs strips with depth."""
+    """Also write goals without language: PointNav, ObjectNav, and image goals for Habitat, and remote objects
+    for REVERIE and SOON. Needs strips with depth."""
     amounts: PathCounts = field(default_factory=PathCounts)
     bounds: PathBounds = field(default_factory=PathBounds)
 

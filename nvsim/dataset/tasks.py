@@ -24,6 +24,7 @@ from nvsim.r2r.surroundings.layers import layers_of
 from nvsim.r2r.surroundings.survey import surroundings_of
 from nvsim.r2r.surroundings.visibility import has_depth, views_from_viewpoints
 from nvsim.r2r.tasks.exporting import (
+    GOALS,
     RECORD,
     SURROUNDINGS,
     export_tasks,
@@ -131,7 +132,7 @@ def make_tasks(
     if o.goals:
         from nvsim.dataset.goals import write_goals
 
-        written += write_goals(instructed.dataset.splits, targets, out / "goals")
+        written += write_goals(instructed.dataset.splits, targets, out / GOALS)
     if o.rxr:
         from nvsim.dataset import rxr
         from nvsim.r2r.episodes.episode import episodes_of

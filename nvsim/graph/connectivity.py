@@ -9,7 +9,7 @@ from __future__ import annotations
 import json
 import math
 import os
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
 from typing import Any, TypeGuard
 
@@ -20,6 +20,8 @@ from nvsim.files.opening import is_number, read_json, read_text
 from nvsim.graph.types import Edge, NavGraph, Viewpoint, edge
 
 SUFFIX = "_connectivity.json"
+STUB = "ZMojNkEp431"
+"""The scan that an export adds for agents, see `nvsim.r2r.observations.stub`."""
 LARGEST_LIST = 1 << 24
 """Maximum size of a scans.txt in bytes."""
 LONGEST_ID = 1000
@@ -155,19 +157,24 @@ def scan_files(root: Path, names: Sequence[str] = ()) -> dict[str, Path]:
     """
     folder = root / "connectivity" if (root / "connectivity").is_dir() else root
     listed = read_scans(folder / "scans.txt")
-    for name in names:
-        if name not in listed:
-            raise InputError(
-                f"The scan {value_text(name)} is not listed in {folder / 'scans.txt'}; choose one of "
-                f"{', '.join(map(value_text, listed[:5]))}{' ...' if len(listed) > 5 else ''}."
-            )
-    if not listed:
+    missing, choices = [name for name in names if name not in listed], scan_choices(listed)
+    if missing and choices:
+        raise InputError(
+            f"The scan {value_text(missing[0])} is not listed in {folder / 'scans.txt'}; choose one of {choices}."
+        )
+    if missing or not listed:
         raise InputError(f"{folder / 'scans.txt'} lists no scan; export one into the folder.")
     found = {}
     for name in names or listed:
         check_scan_id(name)
         found[name] = folder / f"{name}{SUFFIX}"
     return found
+
+
+def scan_choices(listed: Iterable[str]) -> str:
+    """Return the first five scans for a message, without the stub; "" if there are none."""
+    scans = [value_text(name) for name in listed if name != STUB]
+    return f"{', '.join(scans[:5])}{' ...' if len(scans) > 5 else ''}"
 
 
 def scan_of(path: Path) -> str:

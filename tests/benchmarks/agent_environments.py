@@ -12,10 +12,10 @@ agent's code:
 - packages that the script imports but does not call may be missing
 
 The agents need torch, transformers (4.30), pytorch_transformers (1.0.0), tensorboardX, jsonlines, easydict,
-progressbar2, and networkx; MapGPT openai 1.3 and tenacity; NavGPT openai 0.28 and langchain 0.0.246; NavGPT-2
-omegaconf, iopath, timm 0.4.12, einops, and sentencepiece. The loaders need attrs, fastdtw, and numpy-quaternion, those
-of StreamVLN and InternNav also transformers 4.45, pyarrow, and pandas. `--paths` names folders with packages of one
-agent: `mapgpt=FOLDER`.
+progressbar2, and networkx; VLN-DUET on SOON shapely; MapGPT openai 1.3 and tenacity; NavGPT openai 0.28 and langchain
+0.0.246; NavGPT-2 omegaconf, iopath, timm 0.4.12, einops, and sentencepiece. The loaders need attrs, fastdtw, and
+numpy-quaternion, those of StreamVLN and InternNav also transformers 4.45, pyarrow, and pandas. `--paths` names folders
+with packages of one agent: `mapgpt=FOLDER`.
 """
 
 from __future__ import annotations
@@ -57,6 +57,7 @@ class Run:
                 the number of steps
     counted     what counts as a step
     missing     packages that may be missing
+    exported    the folder in DATASET/agents, or "" if it has the name of the run
     """
 
     repository: str
@@ -65,6 +66,7 @@ class Run:
     options: str
     counted: str = "training steps"
     missing: tuple[str, ...] = ()
+    exported: str = ""
 
 
 _SMALL = "--num_l_layers 1 --num_x_layers 1 --batch_size 2 --lr 1e-5 --optim adamW --ml_weight 0.2 --angle_feat_size 4 "
@@ -83,6 +85,11 @@ _UNUSED = (
 _UNUSED += ("trl", "flash_attn", "torchcodec", "gym", "habitat_sim", "magnum", "hydra", "omegaconf", "dtw", "yacs")
 _UNUSED += ("habitat.config", "habitat.utils.visualizations", "habitat.sims")
 _TRAINED = "--iters {steps} --log_every {steps} --max_action_len 15 --feat_dropout 0.4 --dropout 0.5 --world_size 1 "
+_OBJECTS = (
+    "--root_dir {data} --output_dir {out} --seed 0 --tokenizer bert --enc_full_graph --graph_sprels --fusion dynamic "
+    "--multi_endpoints --dagger_sample sample --train_alg dagger --num_pano_layers 1 --max_instr_len 200 "
+    "--max_objects 20 --features vitbase --image_feat_size 768 --obj_feat_size 768 --gamma 0. --eval_first "
+)
 RUNS = {
     "duet": Run(
         "VLN-DUET",
@@ -100,6 +107,31 @@ RUNS = {
         "--root_dir {data} --output_dir {out} --dataset r2r --ob_type pano --seed 0 --hist_enc_pano "
         "--hist_pano_num_layers 1 --fix_lang_embedding --fix_hist_embedding --features vitbase --feedback sample "
         "--max_instr_len 60 --image_feat_size 768 --eval_first " + _SMALL + _TRAINED,
+    ),
+    "duet-reverie": Run(
+        "VLN-DUET",
+        "map_nav_src",
+        "map_nav_src/reverie/main_nav_obj.py",
+        "--dataset reverie --obj_features vitbase " + _OBJECTS + _SMALL + _TRAINED,
+        missing=("line_profiler",),
+        exported="duet",
+    ),
+    "duet-soon": Run(
+        "VLN-DUET",
+        "map_nav_src",
+        "map_nav_src/soon/main.py",
+        "--dataset soon --obj_features butd " + _OBJECTS + _SMALL + _TRAINED,
+        missing=("line_profiler",),
+        exported="duet",
+    ),
+    "hamt-reverie": Run(
+        "VLN-HAMT",
+        "finetune_src",
+        "finetune_src/reverie/main_navref.py",
+        "--root_dir {data} --output_dir {out} --dataset reverie --multi_endpoints --ob_type pano --seed 0 "
+        "--hist_enc_pano --hist_pano_num_layers 1 --no_lang_ca --features vitbase --feedback sample --max_instr_len 60 "
+        "--image_feat_size 768 --obj_feat_size 768 --eval_first " + _SMALL + _TRAINED,
+        exported="hamt",
     ),
     "recurrent-vln-bert": Run(
         "Recurrent-VLN-BERT",
@@ -176,7 +208,7 @@ def _try(name: str, given: Arguments, more: str | None) -> tuple[int, str]:
         work = Path(made)
         copy, data, out = work / run.repository, work / "data", work / "out"
         shutil.copytree(given.checkouts / run.repository, copy, symlinks=True)
-        shutil.copytree(given.dataset / "agents" / name, data)
+        shutil.copytree(given.dataset / "agents" / (run.exported or name), data)
         out.mkdir()
         folder = copy / run.folder if run.folder else data
         for one in () if run.folder else ("logs", "snap/first", "snap/agent"):  # as in the README of the export

@@ -75,7 +75,7 @@ def test_a_stored_job_with_a_removed_option_names_itself_and_the_option_and_late
         "The job “Old job” cannot run because its option --colour is not valid in this version of NVSim; remove the "
         "job and add it again from the Jobs menu."
     )
-    assert "Unrecognized options: --colour" in old.job.messages.read_text() and old.job.status.code == 2
+    assert "There is no option --colour; " in old.job.messages.read_text() and old.job.status.code == 2
     assert queue.why_not_resume(later) == ""
     queue.resume(later)
     until(qtbot, later, "done", "failed")

@@ -71,7 +71,7 @@ def dataset(tmp_path_factory: pytest.TempPathFactory) -> Path:
     (folder / "vocab.txt").write_text("\n".join(PIECES) + "\n")
     out = folder / "out"
     command = ["export", "dataset", "--project", str(root), "--out", str(out), "--size", "64", "--projection", *FEW]
-    assert main([*command, "--for", *ON_GRAPHS, "--vocabulary", str(folder / "vocab.txt")]) == 0
+    assert main([*command, "--goals", "--for", *ON_GRAPHS, "--vocabulary", str(folder / "vocab.txt")]) == 0
     return out
 
 
@@ -149,6 +149,25 @@ def test_duet_and_hamt_construct_their_instructions_and_find_their_features(data
         for viewpoint in graphs["hall"]:
             feature = file[f"hall_{viewpoint}"][...][:, :768].astype(np.float32)
             assert feature.shape == (36, 768) and feature.std() > 0
+
+
+def test_duet_and_hamt_open_their_files_for_remote_objects(dataset: Path) -> None:
+    reverie = "obj.avg.top3.min80_vit_base_patch16_224_imagenet.hdf5"
+    fine_tuned = "obj_pth_vit_base_patch16_224_imagenet_r2r.e2e.ft.22k.hdf5"
+    for name, file in (("duet", reverie), ("hamt", fine_tuned)):
+        folder = dataset / "agents" / name
+        assert "REVERIE/annotations/REVERIE_SPLIT_enc.json`" in (folder / "README.md").read_text()
+        boxes = load(folder / "REVERIE/annotations/BBoxes.json")
+        with h5py.File(folder / "REVERIE/features" / file) as features:
+            assert set(features) == {key for key, found in boxes.items() if found}
+        for split in SPLITS:
+            for item in load(folder / "REVERIE/annotations" / f"REVERIE_{split}_enc.json"):
+                assert len(item["instructions"]) == len(item["instr_encodings"])
+    soon = dataset / "agents/duet/SOON"
+    with h5py.File(soon / "features/filtered_butd_bboxes.hdf5") as features:
+        assert len(features) == 6 and all(len(features[key].attrs["obj_ids"]) == len(features[key]) for key in features)
+    for split in ("train", "val_train", "val_unseen_instrs", "val_unseen_house"):
+        assert (soon / "annotations/bert_enc" / f"{split}_enc.jsonl").is_file()
 
 
 def test_duets_pre_training_finds_its_trajectories_and_candidates(dataset: Path) -> None:

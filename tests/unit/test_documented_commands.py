@@ -11,6 +11,7 @@ import pytest
 
 from nvsim.cli.arguments import parse
 from nvsim.cli.options import command_of
+from nvsim.errors import InputError
 
 ROOT = Path(__file__).parents[2]
 DOCS = ROOT / "resources" / "docs"
@@ -46,8 +47,8 @@ def test_every_command_of_a_tutorial_parses(quoted: ModuleType, page: Path) -> N
         assert verb is not None, line
         try:
             parse(command_of(verb), words[1 + len(verb.split()) :], verb)
-        except SystemExit:
-            pytest.fail(f"{page.name}: `{line}` does not parse")
+        except (InputError, SystemExit) as error:
+            pytest.fail(f"{page.name}: `{line}` does not parse: {error}")
 
 
 @pytest.mark.parametrize(

@@ -16,6 +16,7 @@ from nvsim.graph.connectivity import write_connectivity
 from nvsim.graph.types import NavGraph, Viewpoint, edge
 from nvsim.r2r.features.candidates import Candidates, candidates_of
 from nvsim.r2r.features.exported_scan import read_exported_scans
+from nvsim.r2r.observations.stub import write_stub_graph
 
 
 def navigable(here: np.ndarray, others: dict[str, np.ndarray], heading: float, elevation: float) -> list[tuple]:
@@ -168,9 +169,17 @@ def test_scans_share_the_files_that_are_not_of_one_scan(tmp_path: Path) -> None:
 
 def test_a_scan_that_is_not_listed_is_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     write_connectivity(random_graph("Hall", 5), tmp_path)
+    write_stub_graph(tmp_path)
     assert main(["export", "candidates", str(tmp_path), "--scans", "Barn"]) == 2
-    assert "The scan Barn is not listed in" in capsys.readouterr().err
+    sentence = f"The scan Barn is not listed in {tmp_path / 'scans.txt'}; choose one of Hall."
+    assert capsys.readouterr().err == f"nvsim export candidates: {sentence}\n"
     assert not (tmp_path / "candidates").exists()
+
+
+def test_no_scan_is_offered_if_only_the_stub_is_listed(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    write_stub_graph(tmp_path)
+    assert main(["export", "candidates", str(tmp_path), "--scans", "Barn"]) == 2
+    assert "lists no scan; export one into the folder." in capsys.readouterr().err
 
 
 def test_viewpoints_whose_ids_are_paths_are_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

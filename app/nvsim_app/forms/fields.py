@@ -4,7 +4,6 @@ Does not use Qt."""
 from __future__ import annotations
 
 import contextlib
-import io
 import json
 import re
 import shlex
@@ -270,13 +269,8 @@ def _fitting(field: Field, value: Any) -> object:  # Any: unchecked JSON
 
 def validate(verb: str, project: Path, arguments: Sequence[str]) -> str:
     """One sentence if the command rejects these arguments, else ""."""
-    said = io.StringIO()
     try:
-        with contextlib.redirect_stderr(said), contextlib.redirect_stdout(said):
-            parse(command_of(verb), ["--project", str(project), *arguments], verb)
+        parse(command_of(verb), ["--project", str(project), *arguments], verb)
     except InputError as error:
         return str(error)
-    except SystemExit:
-        lines = [line.strip("│╭╰─ ") for line in said.getvalue().splitlines()]
-        return " ".join(line for line in lines if line) or "An option is wrong."
     return ""

@@ -14,7 +14,7 @@ from nvsim.dataset.task_options import TaskOptions
 from nvsim.endpoint.options import AskingOptions, OneEndpoint
 from nvsim.endpoint.request import StoredAnswers
 from nvsim.errors import InputError, value_text
-from nvsim.graph.connectivity import read_connectivity, scan_files
+from nvsim.graph.connectivity import read_connectivity, scan_choices, scan_files
 from nvsim.r2r.prompted.options import ImageOptions
 from nvsim.r2r.tasks.shortest import PathBounds
 from nvsim.r2r.tasks.splitting import PathCounts, replace_instructions
@@ -159,17 +159,16 @@ def _graphs(arguments: ExportTasks) -> tuple[list[NavGraph], dict[str, NDArray[n
         raise InputError("--only selects scans of --scans; a project is one scan.")
     from nvsim.dataset.clouds import dense_point_cloud
     from nvsim.project.project import Project
-    from nvsim.r2r.observations.stub import SCAN
 
     with Project.open(a.project) as project:
         if a.scans is None:
             return [replace(project.need_graph(), scan=project.scan_name)], {}
         names = a.only or (project.scan_name,)
-        listed = [name for name in scan_files(a.scans) if name != SCAN]
+        listed = scan_files(a.scans)
         if not a.only and project.scan_name not in listed:
             raise InputError(
                 f"{a.scans} does not list the scan {value_text(project.scan_name)} of {a.project}. If the project was "
-                f"exported under another id, name it with --only: {', '.join(map(value_text, listed[:5]))}."
+                f"exported under another id, name it with --only: {scan_choices(listed)}."
             )
         graphs = [read_connectivity(path) for path in scan_files(a.scans, names).values()]
         cloud = dense_point_cloud(project) if a.options.strips else None

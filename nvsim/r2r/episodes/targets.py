@@ -76,10 +76,7 @@ def targets_of(
 def box_in(camera: Camera, thing: FloorObject, bottom: float) -> tuple[Box, float] | None:
     """Returns the box of an object in an image, and the share of the object inside the image; None if it is behind the
     camera. `bottom` is the world z of the floor under it. Occlusion is ignored."""
-    corners = thing.cells[:, None] + np.array([[-0.5, -0.5], [-0.5, 0.5], [0.5, -0.5], [0.5, 0.5]]) * CELL
-    xy = np.tile(corners.reshape(-1, 2), (3, 1))
-    z = np.repeat([bottom, bottom + thing.top / 2, bottom + thing.top], len(xy) // 3)
-    pixels, depth = camera.project(np.column_stack([xy, z]))
+    pixels, depth = camera.project(_outline(thing, bottom))
     front = depth > _NEAREST
     if not front.any():
         return None
@@ -89,6 +86,29 @@ def box_in(camera: Camera, thing: FloorObject, bottom: float) -> tuple[Box, floa
     low, high = pixels[front].min(axis=0).clip(0, size), pixels[front].max(axis=0).clip(0, size)
     (x, y), (right, below) = np.floor(low).astype(int).tolist(), np.ceil(high).astype(int).tolist()
     return (x, y, right - x, below - y), float(inside.mean())
+
+
+def angles_of(position: Sequence[float], thing: FloorObject, bottom: float) -> tuple[float, float, float, float]:
+    """Returns the smallest and largest heading and elevation of an object from `position`, radians as in MatterSim.
+
+    The middle of the headings is in [0, 2 pi), so an object ahead has a negative heading on its left. `position` is in
+    meters, world, and `bottom` is the world z of the floor under the object.
+    """
+    away = _outline(thing, bottom) - np.array(position)
+    elevation = np.arctan2(away[:, 2], np.hypot(away[:, 0], away[:, 1]))
+    middle = math.atan2(*(thing.middle - np.array(position[:2])))
+    beside = (np.arctan2(away[:, 0], away[:, 1]) - middle + math.pi) % (2 * math.pi) - math.pi
+    left, right = middle + float(beside.min()), middle + float(beside.max())
+    turn = (left + right) / 2 // (2 * math.pi) * 2 * math.pi
+    return left - turn, right - turn, float(elevation.min()), float(elevation.max())
+
+
+def _outline(thing: FloorObject, bottom: float) -> NDArray[np.float64]:
+    """Returns (N, 3) the corners of the cells of an object at its bottom, middle, and top, meters, world."""
+    corners = thing.cells[:, None] + np.array([[-0.5, -0.5], [-0.5, 0.5], [0.5, -0.5], [0.5, 0.5]]) * CELL
+    xy = np.tile(corners.reshape(-1, 2), (3, 1))
+    z = np.repeat([bottom, bottom + thing.top / 2, bottom + thing.top], len(xy) // 3)
+    return np.column_stack([xy, z])
 
 
 def camera_at(position: Sequence[float], heading: float, elevation: float = 0.0) -> Camera:

@@ -12,13 +12,13 @@ from numpy.typing import NDArray
 
 from nvsim.files import atomic
 from nvsim.geometry.directions import sweep
-from nvsim.graph.connectivity import SUFFIX, list_scan, write_connectivity
+from nvsim.graph.connectivity import STUB, SUFFIX, list_scan, write_connectivity
 from nvsim.graph.skybox_files import SkyboxFiles
 from nvsim.graph.types import NavGraph, Viewpoint
 from nvsim.r2r.observations.layout import ScanPlaces, jpeg, png
 from nvsim.r2r.observations.skybox import as_bytes, as_units, face_cameras
 
-SCAN = "ZMojNkEp431"
+SCAN = STUB
 VIEWPOINT = "2f4d90acd4024c269fb0efe49a8ac540"
 WHY = (
     f"The folder also has a stub scan, {SCAN}, an empty room: VLN-DUET and Recurrent-VLN-BERT open a scan of this name "

@@ -19,6 +19,8 @@ from nvsim.r2r.tasks.task import write_tasks
 
 RECORD = "tasks.json"
 SURROUNDINGS = "surroundings.json"
+GOALS = "goals"
+BOXES = "reverie/BBoxes.json"
 FORMAT = 1
 
 
@@ -42,8 +44,19 @@ def rxr_files(episodes: bool = True) -> list[str]:
 def goal_files() -> list[str]:
     """Returns the paths of the files of goals below the tasks folder, without those of single viewpoints."""
     kinds = ("pointnav", "objectnav", "instance_imagenav")
-    found = [f"goals/{kind}/{name}/{name}.json.gz" for kind in kinds for name in SPLITS]
-    return [*found, *(f"goals/reverie/REVERIE_{name}.json" for name in SPLITS), "goals/reverie/BBoxes.json"]
+    found = [f"{GOALS}/{kind}/{name}/{name}.json.gz" for kind in kinds for name in SPLITS]
+    found += [f"{GOALS}/{remote}" for name in SPLITS for remote in (reverie_file(name), soon_file(name))]
+    return [*found, f"{GOALS}/{BOXES}"]
+
+
+def reverie_file(split: str) -> str:
+    """Returns the path of the remote objects of REVERIE below the folder of goals."""
+    return f"reverie/REVERIE_{split}.json"
+
+
+def soon_file(split: str) -> str:
+    """Returns the path of the remote objects of SOON below the folder of goals."""
+    return f"soon/SOON_{split}.jsonl"
 
 
 def export_tasks(

@@ -20,6 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from nvsim.errors import InputError
+from nvsim.graph.connectivity import scan_choices
 from nvsim.graph.paths import PathGraph
 from nvsim.graph.types import EdgeKey, NavGraph
 from nvsim.r2r.observations.parts import LEAST, split
@@ -154,7 +155,7 @@ def sample_tasks(
     graphs = list(graphs)
     for name in unseen:
         if name not in (graph.scan for graph in graphs):
-            known = ", ".join(graph.scan for graph in graphs[:5])
+            known = scan_choices(graph.scan for graph in graphs)
             raise InputError(f"--unseen {name!r} is not one of the scans; choose from {known}.")
     random = Random(amounts.seed)
     scans = [_scan(graph, unseen, bounds, amounts, impassable.get(graph.scan)) for graph in graphs]
