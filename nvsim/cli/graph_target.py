@@ -76,11 +76,9 @@ def sources(
     if is_project(path):
         from nvsim.mapping.explanation.explain import smallest_margin
         from nvsim.project.graph import context_of, thresholds_of
-        from nvsim.project.outdated import outdated_sentences
         from nvsim.project.project import Project
 
         with Project.open(path) as project:
-            terminal.print_notes(outdated_sentences(project))
             context = context_of(project, limits, map)
             yield GraphWithContext(
                 path, project.scan_name, project.need_graph(), context, smallest_margin(thresholds_of(project))

@@ -32,13 +32,16 @@ def run_guarded(verb: str, command: type[Command], argv: list[str]) -> int:
     """Parses `argv` into the command and runs it; returns the exit code."""
     from nvsim.cli.arguments import parse
     from nvsim.cli.mistakes import OptionError
+    from nvsim.cli.session import warn_of_outdated_results
 
     signal.signal(signal.SIGTERM, _stop)
     signal.signal(signal.SIGINT, _stop)
     as_json = "--json" in argv
     advise(verb, argv)
     try:
-        code = parse(command, argv, verb).run()
+        given = parse(command, argv, verb)
+        warn_of_outdated_results(verb, given)
+        code = given.run()
         sys.stdout.flush()
         return int(code or 0)
     except OptionError as error:

@@ -19,6 +19,7 @@ import threading
 import typing
 from collections.abc import Iterator
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any, Protocol
 
 from nvsim.cli.command_table import COMMANDS
@@ -65,6 +66,18 @@ def command_of(verb: str) -> type[Command]:
     module = importlib.import_module(f"nvsim.cli.commands.{COMMANDS[verb][0]}")
     command: type[Command] = getattr(module, verb.replace("-", " ").title().replace(" ", ""))
     return command
+
+
+def path_values(given: Any) -> Iterator[tuple[str, Path]]:
+    """Names and values of all arguments of a parsed command that are paths, including defaults."""
+    for field in dataclasses.fields(given):
+        value = getattr(given, field.name)
+        if isinstance(value, Path):
+            yield field.name, value
+        elif isinstance(value, tuple):
+            yield from ((field.name, item) for item in value if isinstance(item, Path))
+        elif dataclasses.is_dataclass(value):
+            yield from path_values(value)
 
 
 def options(cls: type, default: object = None) -> list[Option]:

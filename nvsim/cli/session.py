@@ -11,11 +11,15 @@ from typing import TYPE_CHECKING
 
 from nvsim.cli import console
 from nvsim.errors import InputError
-from nvsim.events import Event, Listener, Log
+from nvsim.events import Event, Listener, Log, Warning
 from nvsim.files.atomic import as_input_error
 
 if TYPE_CHECKING:
+    from nvsim.cli.options import Command
     from nvsim.project.project import Project
+
+_READING = ("evaluate ", "export ", "graph check", "graph compare", "graph propose", "graph review")
+"""The first words of the commands that measure or write the results of a project."""
 
 
 @contextmanager
@@ -73,6 +77,29 @@ def _recorded(project: Project, verb: str, listen: Listener) -> Iterator[Listene
             jobs.finish(job, 130, "")
             raise
         jobs.finish(job, 0, record.message)
+
+
+def warn_of_outdated_results(verb: str, given: Command) -> None:
+    """Warns if a command reads results that were computed before the capture or the splat of their project changed. It
+    covers every project among the arguments. Stages that the command does not need are skipped. Raises InputError if a
+    project is damaged."""
+    if not verb.startswith(_READING):
+        return
+    from nvsim.cli.options import path_values
+    from nvsim.project.outdated import outdated_sentences
+    from nvsim.project.path_kind import path_kind
+    from nvsim.project.project import Project
+    from nvsim.project.work import STAGES, WORK
+
+    needed = WORK[verb].needs if verb in WORK else None
+    paths = dict.fromkeys(path for _, path in path_values(given))
+    projects = [path for path in paths if path_kind(path) == "project"]
+    for path in projects:
+        with Project.open(path) as project:
+            found = " ".join(outdated_sentences(project, needed or STAGES[-1]))
+        if found:
+            with console.event_listener(False) as listen:
+                listen(Warning(f"{path}: {found}" if len(projects) > 1 else found, verb))
 
 
 def _refuse_without_images(project: Project, verb: str) -> None:

@@ -9,16 +9,13 @@ Its events are appended to a file in the job's folder.
 from __future__ import annotations
 
 import contextlib
-import dataclasses
 import io
 import os
 import re
 import signal
 import subprocess
 import sys
-from collections.abc import Iterator
 from pathlib import Path
-from typing import Any
 
 from nvsim.cli.terminal import print_lines
 from nvsim.errors import InputError, value_text
@@ -37,7 +34,7 @@ def check_order(root: Path, order: JobCommand, confined: bool = False) -> None:
     project from another person may contain such jobs."""
     from nvsim.cli.arguments import parse
     from nvsim.cli.mistakes import OptionError
-    from nvsim.cli.options import command_of
+    from nvsim.cli.options import command_of, path_values
 
     verb = order.verb
     if verb not in WORK:
@@ -67,7 +64,7 @@ def check_order(root: Path, order: JobCommand, confined: bool = False) -> None:
             f"This job would send data to {value_text(asked.endpoint or 'an endpoint')}, which another person chose; "
             "start the job again from the Jobs menu."
         )
-    for name, path in _paths(parsed) if confined else ():
+    for name, path in path_values(parsed) if confined else ():
         if not path.expanduser().resolve().is_relative_to(root.resolve()):
             raise InputError(
                 f"The option {name} of this job is {path}, outside of the project, which another person chose; start "
@@ -84,18 +81,6 @@ def _invalid_option_message(order: JobCommand, report: str) -> str:
         f"The job “{order.title}” cannot run because {option} is not valid in this version of NVSim; remove the job "
         "and add it again from the Jobs menu."
     )
-
-
-def _paths(options: Any) -> Iterator[tuple[str, Path]]:
-    """Names and values of all options that are paths, including defaults."""
-    for field in dataclasses.fields(options):
-        value = getattr(options, field.name)
-        if isinstance(value, Path):
-            yield field.name, value
-        elif isinstance(value, tuple):
-            yield from ((field.name, item) for item in value if isinstance(item, Path))
-        elif dataclasses.is_dataclass(value):
-            yield from _paths(value)
 
 
 NICE = 15  # the render process has 5, and must answer while a submap trains

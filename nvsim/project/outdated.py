@@ -20,11 +20,11 @@ def outdated_stages(project: Project) -> frozenset[StageName]:
     return found.outdated(content)
 
 
-def outdated_sentences(project: Project, before: StageName | None = None) -> tuple[str, ...]:
-    """Sentences about the outdated results, and the commands that compute them again; empty if there are none. With
-    `before`, only about the stages before that one. Raises InputError if files are damaged."""
-    inputs, capture = STAGES if before is None else STAGES[: STAGES.index(before)], project.capture()
-    outdated = outdated_stages(project) & frozenset(inputs)
+def outdated_sentences(project: Project, until: StageName = STAGES[-1]) -> tuple[str, ...]:
+    """Sentences about the outdated results of the stages up to `until`, and the commands that compute them again; empty
+    if there are none. Raises InputError if files are damaged."""
+    capture = project.capture()
+    outdated = outdated_stages(project) & frozenset(STAGES[: STAGES.index(until) + 1])
     content = "capture" if capture is None or capture.has_images else "splat"
     first = first_outdated_stage(outdated, frozenset(), content)
     if first is None:

@@ -12,7 +12,7 @@ import demo_project
 import psutil
 import pytest
 from PySide6.QtCore import QCoreApplication, QEvent, QObject, QSettings, QTimer
-from PySide6.QtWidgets import QApplication
+from PySide6.QtWidgets import QApplication, QTabBar
 from pytestqt.qtbot import QtBot
 
 from nvsim.capture.types import Capture
@@ -66,6 +66,28 @@ def test_opening_and_closing_leaves_no_widgets_timers_threads_processes_or_files
         open_and_close()
     # A journal's thread, for one, ends a moment later.
     qtbot.waitUntil(lambda: not _census(session) - before, timeout=PATIENCE)
+
+
+def test_switching_workspaces_keeps_no_tab_bar_that_qt_has_deleted(
+    tmp_path: Path, session: Session, qtbot: QtBot
+) -> None:
+    session.window.show()
+    session.open(demo_project.write_project(tmp_path / "demo.nvsim", models=0))
+    qtbot.waitUntil(lambda: session.document.graph is not None, timeout=PATIENCE)
+    names = [f"workspace_{name}" for name in ("explore", "train", "edit", "compare")]
+
+    def count_after_switches() -> int:
+        for name in names:
+            session.window.actions_table[name].trigger()
+            qtbot.wait(1)
+        _let_go(qtbot)
+        gc.collect()
+        return sum(isinstance(found, QTabBar) for found in gc.get_objects())
+
+    count_after_switches()  # what is made once stays
+    before = count_after_switches()
+    count_after_switches()
+    assert count_after_switches() <= before
 
 
 def test_a_closed_project_is_forgotten_though_the_collector_does_not_run_by_itself(

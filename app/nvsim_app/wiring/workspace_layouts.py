@@ -249,8 +249,9 @@ class WorkspacePart(Part):
         """Restores a layout; returns whether `state` was valid. Qt creates new tab bars and would leave the old ones
         visible, so these are hidden first."""
         window = self.context.window
-        for bar in window.findChildren(QTabBar, options=Qt.FindChildOption.FindDirectChildrenOnly):
-            bar.hide()
+        for bar in window.children():  # `findChildren` would keep the Python objects of deleted tab bars
+            if isinstance(bar, QTabBar):
+                bar.hide()
         return window.restoreState(state, LAYOUT_VERSION)
 
     # Which panels apply -------------------------------------------------------------------------------------------

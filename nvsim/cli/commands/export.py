@@ -38,14 +38,12 @@ class ExportR2R(ProjectArguments):
     """Also write graphs that R2R agents cannot handle."""
 
     def run(self) -> int:
-        from nvsim.project.outdated import outdated_sentences
         from nvsim.project.project import Project
         from nvsim.project.stages.exported import export_r2r
         from nvsim.r2r.observations.stub import write_stub_graph
 
         with Project.open(self.project) as project:
             written = export_r2r(project, self.out, self.scan, self.frame, self.force)
-            terminal.print_notes(outdated_sentences(project))
         if self.stub:
             write_stub_graph(self.out)
         print_lines(as_json({"written": str(written)}) if self.json else f"Wrote {written}")

@@ -173,7 +173,7 @@ class Map(ProjectArguments):
         with project_job(self.project, "map", self.json) as (project, listen):
             if self.preset == "paper":
                 report_network_fallback(config, self.normal_source, listen)
-            if old := outdated_sentences(project, before=mapped.STAGE):
+            if old := outdated_sentences(project, until="train"):
                 listen(Warning(" ".join(old), mapped.STAGE))
             mapped.run(project, config, listen, self.reapply, budget, self.backend)
         return 0

@@ -24,7 +24,6 @@ from nvsim.files.locking import WriterLock
 from nvsim.graph.connectivity import check_scan_id, write_connectivity
 from nvsim.graph.exports import check_exportable
 from nvsim.graph.types import NavGraph, Viewpoint
-from nvsim.project.outdated import outdated_sentences
 from nvsim.project.project import Project
 from nvsim.r2r.observations import stub
 from nvsim.r2r.observations.drawing import MADE, STAGE, ScanModels, draw_viewpoints, drawn_of, missing, write_unseen
@@ -151,8 +150,6 @@ def export_scan(
     graph, parts, places = prepared.graph, prepared.parts, prepared.places
     estimated = prepared.estimate(settings, with_stub, backend)
     listen(Log(estimated.sentence, STAGE))
-    if old := outdated_sentences(project):
-        listen(Warning(" ".join(old), STAGE))
     if short := prepared.shortage(estimated):
         listen(Warning(short, STAGE))
     for part, scan_places in zip(parts, places, strict=True):
