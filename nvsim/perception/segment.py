@@ -159,7 +159,8 @@ def learnt_floor(
     depth_of: Callable[[int], Float32] | None = None,
 ) -> tuple[GeometricFloor, Surroundings]:
     """The provider for the frames `members`, which share a floor surface, and their surroundings. The provider has
-    learned the color of the floor. Raises InputError for an image that cannot be read."""
+    learned the color of the floor. `depth_of` gives the depth (h, w) of a frame, meters. Raises InputError for an image
+    that cannot be read."""
     near = _frames_near_submap(capture.positions, members, surface)
 
     def view(index: int) -> View:
