@@ -31,6 +31,8 @@ from nvsim.r2r.tasks.splitting import SPLITS
 from nvsim.r2r.tasks.task import read_tasks
 from nvsim.splats.formats.glb import write_colored_glb
 
+_MARGIN = 3.0  # meters around the map
+
 
 @dataclass(frozen=True)
 class Arguments:
@@ -63,6 +65,9 @@ def main() -> None:
     true = read_map(a.map)
     places = in_habitat(np.column_stack([true.centers().reshape(-1, 2), np.zeros(true.cells.size)]))
     scene = (a.scenes / scene_id(a.scan)).with_name(f"{a.scan}_collision.glb").absolute()
+    # Recast's cells begin at the bounds. With other bounds, the true map has an IoU of 0.95 to 0.98 with itself.
+    beyond = np.array([[-_MARGIN] * 3, [_MARGIN] * 3])
+    bounds = (np.array([np.min(places, axis=0), np.max(places, axis=0)]) + beyond).tolist()
     rows = []
     with tempfile.TemporaryDirectory() as folder:
         truth = Path(folder) / "truth.glb"
@@ -70,7 +75,9 @@ def main() -> None:
         for radius in a.radii:
             found = {}
             for glb in (truth, scene):
-                request: dict[str, Any] = {"glb": str(glb), "radius": radius, "places": places, "paths": paths}
+                request: dict[str, Any] = {
+                    "glb": str(glb), "bounds": bounds, "radius": radius, "places": places, "paths": paths
+                }  # fmt: skip
                 script = Path(__file__).with_name("navmesh.mjs")
                 done = subprocess.run(
                     ["node", str(script)],

@@ -1,6 +1,7 @@
 // Build a navmesh of a GLB file with Recast, and test places and paths on it. Reads a JSON request on the standard input:
-// {glb, radius, places: [[x, y, z], ...], paths: [[[x, y, z], ...], ...]} in glTF's frame, meters. Writes
-// {walkable: [0 or 1, ...], reached: [0 or 1, ...]}. Packages: @recast-navigation/core, @recast-navigation/generators.
+// {glb, bounds: [[x, y, z], [x, y, z]], radius, places: [[x, y, z], ...], paths: [[[x, y, z], ...], ...]} in glTF's
+// frame, meters. Writes {walkable: [0 or 1, ...], reached: [0 or 1, ...]}. Packages: @recast-navigation/core and
+// @recast-navigation/generators.
 import fs from 'node:fs';
 import { createRequire } from 'node:module';
 import { pathToFileURL } from 'node:url';
@@ -26,7 +27,7 @@ const triangles = array(primitive.indices, Uint32Array, 1);
 
 const cell = 0.05;
 const built = generateSoloNavMesh(places, triangles, {
-  cs: cell, ch: cell, walkableRadius: Math.ceil(request.radius / cell - 1e-9), walkableHeight: Math.ceil(1.5 / cell),
+  bounds: request.bounds, cs: cell, ch: cell, walkableRadius: Math.ceil(request.radius / cell - 1e-9), walkableHeight: Math.ceil(1.5 / cell),
   walkableClimb: 4, walkableSlopeAngle: 45, minRegionArea: 20, mergeRegionArea: 20, maxEdgeLen: 240,
   maxSimplificationError: 1.3, maxVertsPerPoly: 6, detailSampleDist: 6, detailSampleMaxError: 1,
 });

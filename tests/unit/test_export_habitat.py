@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from nvsim.cli.main import main
 from nvsim.dataset.habitat import surface
-from nvsim.dataset.habitat.scene import HEIGHT, rectangles
+from nvsim.dataset.habitat.scene import HEIGHT, _joined_obstacles, rectangles
 from nvsim.events import ignore_event
 from nvsim.graph.types import NavGraph
 from nvsim.r2r.episodes.episode import scene_id
@@ -99,21 +99,30 @@ def test_slabs_do_not_change_the_surface(
     assert (uses == 1).mean() < 0.1  # no seams between slabs: few edges are borders
 
 
+def standing(blocks: list[Block]) -> list[Block]:
+    return [block for block in blocks if block.hi[2] > 0.1 and block.lo[2] < 1.5]
+
+
+def found_and_true_floor(corners: NDArray[np.float64], blocks: list[Block]) -> tuple[NDArray[np.bool_], ...]:
+    """The floor triangles (M, 3, 3), and the true free floor, on cells of 2.5 cm."""
+    x, y = np.meshgrid(np.arange(0.0125, 15, 0.025), np.arange(0.0125, 5, 0.025))
+    cells = np.stack([x, y], axis=-1)
+    got = np.zeros(x.shape, bool)
+    for one in corners:
+        low, high = one.min(axis=0), one.max(axis=0)
+        got |= ((cells >= low[:2]) & (cells < high[:2])).all(axis=-1)
+    flat = cells.reshape(-1, 2)
+    true = ~np.any([(block.meters_to(flat) == 0).reshape(x.shape) for block in standing(blocks)], axis=0)
+    return got, true & ((x < 5.1) | (y < 1.6))
+
+
 def test_robots_stand_where_the_true_floor_is_free(made: tuple[Path, list[Block], NavGraph]) -> None:
     folder, blocks, graph = made
     vertices, triangles, _ = opened(folder / "nvsim/boxes/boxes_collision.glb")
     corners = vertices[triangles]
     flat = np.ptp(corners[..., 2], axis=1) < 1e-6
     assert (np.cross(*(corners[flat][:, i] - corners[flat][:, 0] for i in (1, 2)))[:, 2] > 0).all()
-    x, y = np.meshgrid(np.arange(0.0125, 15, 0.025), np.arange(0.0125, 5, 0.025))
-    cells = np.stack([x, y], axis=-1)
-    got = np.zeros(x.shape, bool)
-    for one in corners[flat]:
-        low, high = one.min(axis=0), one.max(axis=0)
-        got |= ((cells >= low[:2]) & (cells < high[:2])).all(axis=-1)
-    standing = [block for block in blocks if block.hi[2] > 0.1 and block.lo[2] < 1.5]
-    true = ~np.any([(block.meters_to(cells.reshape(-1, 2)) == 0).reshape(x.shape) for block in standing], axis=0)
-    true &= (x < 5.1) | (y < 1.6)
+    got, true = found_and_true_floor(corners[flat], blocks)
     assert (got & true).sum() / (got | true).sum() > 0.95
     for a, b in graph.edges:
         ends = [np.array(graph.viewpoints[id].position[:2]) for id in (a, b)]
@@ -122,7 +131,17 @@ def test_robots_stand_where_the_true_floor_is_free(made: tuple[Path, list[Block]
         assert got[at[:, 1], at[:, 0]].all(), (a, b)
     walls = corners[~flat]
     assert len(walls) and walls[..., 2].max() == pytest.approx(HEIGHT, abs=0.02)
-    assert np.quantile(off_the_faces(standing, walls.reshape(-1, 3)), 0.9) < 0.12
+    assert np.quantile(off_the_faces(standing(blocks), walls.reshape(-1, 3)), 0.9) < 0.12
+
+
+def test_the_surface_adds_only_obstacles_that_the_cloud_lacks() -> None:
+    scanned, fused = np.zeros((2, 20, 40), bool)
+    scanned[:, 10] = True
+    fused[:, 9:12] = True  # the same wall, too thick
+    fused[4:8, 30:34] = True
+    assert np.array_equal(
+        np.argwhere(_joined_obstacles(scanned, fused, VOXEL).any(axis=0)).ravel(), [10, *range(30, 34)]
+    )
 
 
 def test_stairs_become_ramps() -> None:

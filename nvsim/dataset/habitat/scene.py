@@ -45,6 +45,7 @@ _GRAY = 160
 HEIGHT = 1.8
 """Meters of the sides of obstacles above the floor."""
 _FROM, _TO = 0.1, 1.5  # meters above the floor between which surfaces are obstacles; agents of VLN-CE are 1.5 m high
+_APART = 0.075  # meters from obstacles of the cloud beyond which the fused surface shows others
 _RAMP = 0.4  # half the width of a ramp in meters
 _VERTICAL = 0.05  # meters between the ends seen from above; such an edge has no ramp
 Rectangle = tuple[int, int, int, int]
@@ -135,7 +136,7 @@ def collision_mesh(
         level |= {one.viewpoint.id for one in layers.seen}
         places, blocked = grid.places(), grid.solid
         if cloud is not None:
-            blocked = blocked | layers.values_at(scanned_obstacles(layers, cloud), places)
+            blocked = _joined_obstacles(layers.values_at(scanned_obstacles(layers, cloud), places), blocked, grid.voxel)
         floor = _parts_with_viewpoint(layers.values_at(visible_floor(layers), places) & ~blocked, layers, grid)
         quads += [_flat(grid, one, layers.floor) for one in rectangles(floor)]
         for one in rectangles(_obstacles_beside_floor(blocked, floor)):
@@ -184,6 +185,15 @@ def _parts_with_viewpoint(floor: NDArray[np.bool_], layers: Layers, grid: SolidC
 def _obstacles_beside_floor(blocked: NDArray[np.bool_], floor: NDArray[np.bool_]) -> NDArray[np.bool_]:
     """Returns the obstacles that touch the floor; robots do not reach the others."""
     return blocked & cv2.dilate(floor.astype(np.uint8), np.ones((5, 5), np.uint8)).astype(bool)
+
+
+def _joined_obstacles(scanned: NDArray[np.bool_], fused: NDArray[np.bool_], voxel: float) -> NDArray[np.bool_]:
+    """Returns the obstacles of the cloud, and those of the fused surface that the cloud lacks.
+
+    Beside an obstacle of the cloud, the surface is ignored: both estimates of one edge together would make every
+    obstacle thicker."""
+    apart = cv2.distanceTransform((~scanned).astype(np.uint8), cv2.DIST_L2, 5) * voxel > _APART
+    return np.asarray(scanned | (fused & apart))
 
 
 def _corners(grid: SolidColumns, one: Rectangle) -> NDArray[np.float64]:
