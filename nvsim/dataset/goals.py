@@ -27,14 +27,14 @@ from nvsim.graph.types import NavGraph
 from nvsim.r2r.episodes.episode import gzip_bytes, in_habitat, rotation_of, scene_id
 from nvsim.r2r.episodes.targets import HEIGHT, HFOV, WIDTH, Targets, angles_of, box_in, camera_at
 from nvsim.r2r.instructions.phrases import plain_name
-from nvsim.r2r.surroundings.naming import Shape
+from nvsim.r2r.surroundings.naming import VAGUE, Shape
 from nvsim.r2r.tasks.exporting import BOXES, reverie_file, soon_file
 from nvsim.r2r.tasks.task import Task
 
 CATEGORIES: tuple[Shape, ...] = (
     "chair", "plant", "sofa", "desk", "table", "low table", "bookshelf", "cabinet", "box", "platform",
 )  # fmt: skip
-"""Categories of object goals. The number of a category is its index."""
+"""Categories of object goals. The number of a category is its index. The names of a network follow."""
 _WHOLE = 0.5  # smallest share of an object that its image contains
 
 
@@ -131,7 +131,7 @@ def _goal_tasks(tasks: Sequence[Task], scenes: Mapping[str, GoalScene]) -> Itera
     for task in tasks:
         scene = scenes[task.scan]
         for thing in scene.objects_at(task.path[-1]):
-            if thing in scene.targets.places and scene.targets.things[thing].shape in CATEGORIES:
+            if thing in scene.targets.places and scene.targets.things[thing].shape not in VAGUE:
                 yield task, scene, thing
                 break
 
@@ -175,7 +175,8 @@ def objects_of(tasks: Sequence[Task], scenes: Mapping[str, GoalScene]) -> dict[s
             "closest_goal_object_id": nearest,
         }
         episodes.append({**_start(task, i, scene), "info": info, "goals": [], "object_category": shape})
-    numbers: dict[str, int] = {shape: i for i, shape in enumerate(CATEGORIES)}
+    named = {thing.shape for scene in scenes.values() for thing in scene.targets.things} - {*CATEGORIES, *VAGUE}
+    numbers: dict[str, int] = {shape: i for i, shape in enumerate((*CATEGORIES, *sorted(named)))}
     return {
         "episodes": episodes,
         "goals_by_category": goals,

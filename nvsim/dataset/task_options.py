@@ -19,6 +19,9 @@ class TaskOptions:
     """Number of instructions per path, generated from turns, distances, slopes and visible objects; 0 for none."""
     landmarks: bool = True
     """Name doorways, corridors, objects and the floor too, if the scans have strips with depth."""
+    objects: str = ""
+    """Installed semantic network that names objects by their looks (see nvsim models), such as segformer-b4-ade20k.
+    Default: names by color, size, and form."""
     register: Register = "short"
     """Style of the instructions. short: about 25 words without meters, as in R2R. detailed: every fact in a clause of
     its own. rxr: long descriptions with meters, as in RxR."""

@@ -37,6 +37,7 @@ from nvsim.r2r.tasks.exporting import (
 from nvsim.r2r.tasks.splitting import SPLITS, Dataset, Impassable, sample_tasks
 
 if TYPE_CHECKING:
+    from nvsim.networks.installed import InstalledModel
     from nvsim.r2r.episodes.episode import Episode, Scene
 
 MOST_INSTRUCTIONS = 100
@@ -67,12 +68,36 @@ class WrittenTasks:
 
 
 def check_options(options: TaskOptions) -> None:
-    """Raises InputError if the number of instructions is out of range, or if RxR has no instructions."""
+    """Raises InputError if the number of instructions is out of range, RxR has no instructions, or the network that
+    names objects is missing, unsuitable, or needed for nothing."""
     o = options
     if not 0 <= o.instructions <= MOST_INSTRUCTIONS:
         raise InputError(f"{o.instructions} instructions per path are not possible; give --instructions from 0 to 100.")
     if o.rxr and not o.instructions:
         raise InputError("RxR annotates instructions; give --instructions 1 or more, or drop --rxr.")
+    if o.objects:
+        _network_of_objects(o.objects)
+        if not o.goals and not (o.landmarks and o.instructions):
+            raise InputError("--objects names landmarks and goals, but neither is requested; leave it out.")
+
+
+def _network_of_objects(name: str) -> InstalledModel:
+    """The installed network that names objects. Raises InputError if it is missing or names none."""
+    from nvsim.networks.description import FloorResult
+    from nvsim.networks.installed import find_model, models_of
+
+    def names_objects(model: InstalledModel | None) -> bool:
+        result = None if model is None or model.description is None else model.description.result
+        return isinstance(result, FloorResult) and bool(result.objects)
+
+    suitable = [model for model in models_of("semantic") if names_objects(model)]
+    model = find_model("semantic", name, "names of objects", suitable)
+    if model is None or not names_objects(model):
+        raise InputError(
+            f"{name} names no objects; use a network with classes of furniture, such as segformer-b4-ade20k, or list "
+            "the classes in its description ([result.objects])."
+        )
+    return model
 
 
 def make_tasks(
@@ -109,6 +134,7 @@ def make_tasks(
     instructed = instruct(dataset, graphs, o.instructions, o.amounts.seed, seen, listen, o.register)
     about: dict[str, Any] = {"each": o.instructions, "paths": instructed.paths, "found_again": len(instructed.found)}
     about |= {"register": o.register, "landmarks_in": sorted(seen)}
+    about |= {"objects": o.objects} if o.objects else {}
     if retell is not None:
         rewritten, about["endpoint"] = retell(instructed.dataset, graphs)
         instructed = replace(instructed, dataset=rewritten, places={})
@@ -163,6 +189,11 @@ def _looked_at(
     from nvsim.r2r.episodes.targets import targets_of
 
     wants_words = options.landmarks and options.instructions > 0
+    network = None
+    if options.objects:
+        from nvsim.perception.semantic_network import SemanticNetwork
+
+        network = SemanticNetwork(_network_of_objects(options.objects).open())
     seen: dict[str, Any] = {}
     scenes: dict[str, Any] = {}
     targets: dict[str, Any] = {}
@@ -178,12 +209,12 @@ def _looked_at(
             continue
         count = sum(v.included for v in graph.viewpoints.values())
         views = []
-        for one in views_from_viewpoints(scans, graph):
+        for one in views_from_viewpoints(scans, graph, None if network is None else network.objects):
             views.append(one)
             listen(Progress("surroundings", len(views), count, graph.scan))
         storeys = list(layers_of(views, graph))
         if wants_words or options.goals:
-            around = surroundings_of(graph, storeys)
+            around = surroundings_of(graph, storeys, () if network is None else network.object_names)
             if wants_words:
                 seen[graph.scan] = around
             if options.goals:

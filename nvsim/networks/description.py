@@ -144,6 +144,7 @@ class FloorResult:
               channel, the first is the background
     floor     indices of the classes that are floor
     people    indices of the classes that are people, empty if there are none
+    objects   names of objects, and the indices of the classes with each name
     scores    the value with the quality of each of several floor masks, of which the best is used; "" for a single mask
     """
 
@@ -155,6 +156,7 @@ class FloorResult:
     floor: tuple[int, ...] = (0,)
     scores: str = ""
     people: tuple[int, ...] = ()
+    objects: tuple[tuple[str, tuple[int, ...]], ...] = ()
 
 
 @dataclass(frozen=True)
@@ -244,7 +246,8 @@ ROLE_WORDS: dict[Role, str] = {
     "features": "keypoints and their matches",
 }
 IMPROVES: dict[Role, str] = {
-    "semantic": "floor masks: holes of a LiDAR scan, and captures without one (`nvsim floors --provider auto`)",
+    "semantic": "floor masks: holes of a LiDAR scan, and captures without one (`nvsim floors --provider auto`); "
+    "names of objects in instructions, if it knows any (`nvsim export tasks --objects NAME`)",
     "normals": "the paper's normals of the map (`nvsim map --normal-source network`), and hybrid floor masks",
     "prompted": "corrections of masks by points, and the last step of hybrid floor masks",
     "features": "camera poses of videos and photographs (`nvsim poses --features NAME`)",

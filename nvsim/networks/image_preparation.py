@@ -50,13 +50,23 @@ class Placement:
     def to_image_size(self, values: NDArray[Any]) -> NDArray[np.float32]:
         """(..., height, width) float32 from `values` (..., h, w) that cover the network's image. Padding is cut off,
         and values are interpolated linearly."""
-        h, w = values.shape[-2:]
+        y, x = self._cells(*values.shape[-2:])
+        return _interpolate_axis(_interpolate_axis(np.asarray(values, np.float32), y, -2), x, -1)
+
+    def nearest_at_image_size(self, values: NDArray[Any]) -> NDArray[Any]:
+        """(height, width) entries of `values` (h, w), which cover the network's image. Padding is cut off."""
+        y, x = (np.rint(at).astype(int).clip(0, n - 1) for at, n in zip(self._cells(*values.shape), values.shape))
+        return values[np.ix_(y, x)]
+
+    def _cells(self, h: int, w: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Rows (height,) and columns (width,) of the image's pixels in an array (h, w) that covers the network's
+        image."""
         y = (self.top + (np.arange(self.height) + 0.5) * self.high / self.height) * h / self.rows - 0.5
         x = (self.left + (np.arange(self.width) + 0.5) * self.wide / self.width) * w / self.columns - 0.5
         # The outer half pixel of the network's image belongs to the padding, not to the image.
         y = _clip_cells(y, self.top * h / self.rows, (self.top + self.high) * h / self.rows)
         x = _clip_cells(x, self.left * w / self.columns, (self.left + self.wide) * w / self.columns)
-        return _interpolate_axis(_interpolate_axis(np.asarray(values, np.float32), y, -2), x, -1)
+        return y, x
 
 
 def _clip_cells(at: NDArray[np.float64], first: float, last: float) -> NDArray[np.float64]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any, TypeVar, get_args
@@ -33,6 +34,7 @@ from nvsim.networks.toml_table import TomlTable
 
 _PERPENDICULAR = ({"right", "left"}, {"down", "up"}, {"forward", "backward"})
 _MOST_SIDE = 1 << 16
+_OBJECT, _MOST_OBJECTS = re.compile(r"[a-z]+([ -][a-z]+)*"), 200
 _LONGEST_NAME = 255  # bytes; the limit of common file systems for a file name
 T = TypeVar("T")
 
@@ -172,9 +174,21 @@ def _result(table: TomlTable, role: Role) -> Result:
         result = FloorResult(
             value, image, table.one_of("meaning", get_args(Meaning)), _channels_last(table), classes, floor,
             table.word("scores", ""), table.integers("people", classes - 1, ()),
+            _objects(table.table("objects"), classes),
         )  # fmt: skip
     table.refuse_others()
     return result
+
+
+def _objects(table: TomlTable, classes: int) -> tuple[tuple[str, tuple[int, ...]], ...]:
+    """The names of objects and their classes. Raises InputError if there are too many, or a name is not plain words."""
+    names = table.keys()
+    for name in names:
+        if not _OBJECT.fullmatch(name):
+            raise table.error(name, "below a name of lower-case English words")
+    if len(names) > _MOST_OBJECTS:
+        raise table.error(names[_MOST_OBJECTS], f"left out, because a network names at most {_MOST_OBJECTS} objects")
+    return tuple((name, table.integers(name, classes - 1)) for name in names)
 
 
 def _channels_last(table: TomlTable) -> bool:

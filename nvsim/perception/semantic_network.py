@@ -1,4 +1,5 @@
-"""The semantic role, filled by a network that the user adds: floor, and people if its classes include them."""
+"""The semantic role, filled by a network that the user adds: floor, and people and objects if its classes include
+them."""
 
 from __future__ import annotations
 
@@ -59,6 +60,35 @@ class SemanticNetwork:
         # Unlike that of floor, the softmax is enlarged: it takes a tenth of the time, and the mask is dilated anyway.
         likely = np.exp(planes - planes.max(axis=0))
         return place.to_image_size(likely[people].sum(axis=0) / likely.sum(axis=0)) > 0.5
+
+    @property
+    def object_names(self) -> tuple[str, ...]:
+        """The names of the objects that the network knows."""
+        return tuple(name for name, _ in self._result.objects)
+
+    def objects(self, image: Image) -> NDArray[np.uint8]:
+        """(H, W) uint8 for an image (H, W, 3) uint8 RGB: 1 and more is the object `object_names[value - 1]`, 0 is
+        something else.
+
+        Raises InputError if the description lists no objects, or if the model needs the camera of the image."""
+        if not self._result.objects:
+            raise InputError(
+                f"{self._chain.description.title} names no objects; use another network, or list its classes of "
+                "objects in its description ([result.objects])."
+            )
+        shown = self._chain.show(image)
+        found = self._chain.value(shown.values, self._result.value)
+        if self._result.meaning == "labels":
+            labels, background = np.rint(self._planes(found, 1, shown.values)[0]).astype(np.int64), 0
+        else:
+            planes = self._planes(found, self._result.classes, shown.values)
+            labels, background = planes.argmax(axis=0), len(planes) - self._result.classes
+        numbers = np.zeros(self._result.classes + background, np.uint8)
+        for number, (_, classes) in enumerate(self._result.objects, 1):
+            numbers[list(_shift_classes(classes, background))] = number
+        known = (labels >= 0) & (labels < len(numbers))
+        named = np.where(known, numbers[np.where(known, labels, 0)], 0).astype(np.uint8)
+        return np.asarray(shown.placements[self._result.image].nearest_at_image_size(named))
 
     def _planes(self, found: NDArray[np.float32], classes: int, values: Values) -> NDArray[np.float32]:
         """(C, h, w) with the described number of classes, or one more. Raises InputError for another number."""

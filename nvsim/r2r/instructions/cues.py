@@ -53,9 +53,9 @@ class Cue:
                   or across a room, "towards" an object that is ahead and not reached, "past" an object, "by" an object
                   where the leg ends, "floor" that changes once, "rug" along the way, "stairs" that end at the end of
                   the leg, "to stairs" that begin there
-    subject       number of doorways; room or corridor; "COLOUR SHAPE" of an object; "FLOOR to FLOOR"; "onto", "off" or
-                  "across" and the name of a rug; "top" or "bottom" of stairs; "up" or "down" for the direction of
-                  stairs
+    subject       number of doorways; room or corridor; "COLOUR SHAPE" of an object, whose color can be empty; "FLOOR to
+                  FLOOR"; "onto", "off" or "across" and the name of a rug; "top" or "bottom" of stairs; "up" or "down"
+                  for the direction of stairs
     side          of an object, seen in the direction of movement; "" for an object on any side
     distance      meters from the begin of the leg
     object_index  index of the object in the surroundings, -1 if it is none; equal words of one text mean one object
@@ -113,7 +113,7 @@ def _doors_of(steps: Sequence[Pair], seen: Surroundings) -> Iterator[float]:
 def _is_unique(look: str, i: int, ids: Sequence[str], seen: Surroundings, meters: float = NEAR) -> bool:
     """Whether no other object of this look is visible within so many meters of the viewpoints."""
     others = {j for id in ids for j, _, far in seen.visible.get(id, ()) if far <= meters}
-    return not any(_color_and_shape(seen, j) == look for j in others - {i})
+    return not any(_can_be(seen, j, look) for j in others - {i})
 
 
 def _passed_objects(ids: Sequence[str], steps: Sequence[Pair], seen: Surroundings) -> Iterator[Cue]:
@@ -125,7 +125,7 @@ def _passed_objects(ids: Sequence[str], steps: Sequence[Pair], seen: Surrounding
         walked += seen.meters[step]
     for i, places in passed.items():
         look = _color_and_shape(seen, i)
-        if not _is_unique(look, i, ids, seen) or any(_color_and_shape(seen, j) == look for j in passed if j != i):
+        if not _is_unique(look, i, ids, seen) or any(_can_be(seen, j, look) for j in passed if j != i):
             continue
         side, at = places[-1]
         if all(other == side for other, _ in places):
@@ -215,6 +215,13 @@ def _runs(named: Sequence[tuple[str, float]]) -> list[_FloorStretch]:
 
 def _color_and_shape(seen: Surroundings, i: int) -> str:
     return " ".join(seen.things[i].color_and_shape)
+
+
+def _can_be(seen: Surroundings, i: int, look: str) -> bool:
+    """Whether words for `look`, "COLOUR SHAPE", can mean an object; without a color, they mean every color."""
+    color, _, shape = look.partition(" ")
+    own, name = seen.things[i].color_and_shape
+    return name == shape and (own == color or "" in (own, color))
 
 
 def stair_cues(slopes: Sequence[Sequence[Slope]], leg: Slope) -> Iterator[Cue]:

@@ -39,7 +39,7 @@ THINGS: dict[str, str] = {
     "low": "low {} [piece of furniture|unit]",
     "object": "{} [object|thing]",
 }
-"""Shape -> pattern for an object of a color."""
+"""Shape -> pattern for an object of a color. Other names stand behind the color."""
 CORRIDOR = "[corridor|corridor|hallway|hallway|hall|passage|passageway|walkway|hall]"
 DOOR = "[doorway|doorway|door|door|open door|door frame|entryway|opening|entrance]"
 FLOOR_OF = {"wooden": "wood", "tiled": "tiles"}
@@ -102,10 +102,13 @@ def _choose_alternatives(pattern: str, random: Random) -> str:
 
 
 def plain_name(shape: str, color: str) -> str:
-    """Returns the first name of an object of this shape and color, without an article. Raises KeyError if the shape is
-    unknown."""
-    pattern = _ALTERNATIVES.sub(lambda found: found[1].split("|")[0], THINGS[shape])
+    """Returns the first name of an object of this shape and color ("" for none), without an article."""
+    pattern = _ALTERNATIVES.sub(lambda found: found[1].split("|")[0], _pattern_of(shape))
     return " ".join(pattern.format(color).split())
+
+
+def _pattern_of(shape: str) -> str:
+    return THINGS.get(shape, f"{{}} {shape}")
 
 
 def _one(phrases: Sequence[str], random: Random) -> str:
@@ -136,8 +139,8 @@ class WordChoice:
         chosen = self.choose(phrases)
         color, _, shape = cue.subject.partition(" ")
         if cue.subject not in self._nouns:
-            self._nouns[cue.subject] = _choose_alternatives(THINGS[shape], self.random)
-        return chosen.format(self._nouns[cue.subject].format(color))
+            self._nouns[cue.subject] = _choose_alternatives(_pattern_of(shape), self.random)
+        return chosen.format(" ".join(self._nouns[cue.subject].format(color).split()))
 
 
 def turn_words(

@@ -1,14 +1,16 @@
-"""Detects objects on the floor: patches of one color, with a size and shape that can be named, seen by most views."""
+"""Detects objects on the floor, seen by most views: parts that a network names, and patches of one color with a size
+and shape that can be named."""
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
-from nvsim.r2r.surroundings.layers import CELL, Layers
-from nvsim.r2r.surroundings.naming import COLORS, NAMELESS, Outline, Shape, lab_of, names_of, shape_of
+from nvsim.r2r.surroundings.layers import CELL, Layers, labels_of_voxels
+from nvsim.r2r.surroundings.naming import COLORS, NAMELESS, Outline, lab_of, names_of, shape_of
 
 _FROM = 0.11  # meters above the floor; lower voxels belong to the floor
 _TALLEST = 2.15
@@ -25,6 +27,8 @@ _FIRM = 0.75  # smallest share of views that end at its voxels and do not pass t
 _NEAR_TOP, _AT_TOP = 0.3, 0.1  # meters below the top; smallest share of cells whose own color reaches that height
 _ONE_COLOR = 0.6  # smallest share of its color among its voxels with a color name, except for a bookshelf
 _LEAST_OF_ITS_COLOR = 0.25  # smallest share of its color among all its voxels
+_HANGS = 0.9  # meters above the floor; an object that begins higher hangs
+_COVERED = 0.3  # share of its cells from which on an object is a part of one that a network names
 _ALONE = 0.3  # largest share of surrounding cells with another object; otherwise it is a part of that object
 
 
@@ -32,8 +36,8 @@ _ALONE = 0.3  # largest share of surrounding cells with another object; otherwis
 class FloorObject:
     """An object on the floor.
 
-    color    a name in COLORS
-    shape    its appearance by size and outline
+    color    a name in COLORS, "" if it has several or the name is disputable
+    shape    a Shape by its size and outline, or the name that a network gives it
     cells    (n, 2) meters, world x, y of the centers of its cells
     points   (m, 3) points on it, meters, world
     top      meters above the floor
@@ -41,7 +45,7 @@ class FloorObject:
     """
 
     color: str
-    shape: Shape
+    shape: str
     cells: NDArray[np.float64]
     points: NDArray[np.float64]
     top: float
@@ -53,7 +57,7 @@ class FloorObject:
         return np.asarray(self.cells.mean(axis=0))
 
     @property
-    def color_and_shape(self) -> tuple[str, Shape]:
+    def color_and_shape(self) -> tuple[str, str]:
         return self.color, self.shape
 
 
@@ -62,8 +66,9 @@ def walls_of(layers: Layers) -> NDArray[np.bool_]:
     return layers.count_between(*layers.high) >= _WALL
 
 
-def find_floor_objects(layers: Layers) -> list[FloorObject]:
-    """Returns the objects of a storey that have a name, the largest first."""
+def find_floor_objects(layers: Layers, known: Sequence[str] = ()) -> list[FloorObject]:
+    """Returns the objects of a storey that have a name, the largest first. `known` are the names that belong to the
+    labels of the views; such a part is not named by its color and shape too."""
     import cv2
 
     tallest = min(_TALLEST, layers.high[0])
@@ -79,7 +84,10 @@ def find_floor_objects(layers: Layers) -> list[FloorObject]:
     taken = np.zeros(layers.shape[0] * layers.shape[1], np.uint8)
     taken[flat] = 1
     taken = taken.reshape(layers.shape)
-    found = []
+    found = list(_labeled_objects(layers, rows, names, known)) if known else []
+    labeled = np.zeros(layers.shape, bool)
+    for one in found:
+        labeled[tuple(layers.cells_of(one.cells).T)] = True
     for color in _NAMED:
         i = COLORS.index(color)
         mine = names == i
@@ -94,9 +102,55 @@ def find_floor_objects(layers: Layers) -> list[FloorObject]:
             ):
                 continue
             thing = _named_object(layers, rows[label == k], names[label == k] == i, names[label == k], color)
-            if thing is not None:
+            if thing is not None and labeled[tuple(layers.cells_of(thing.cells).T)].mean() < _COVERED:
                 found.append(thing)
     return sorted(found, key=lambda thing: -len(thing.cells))
+
+
+def _labeled_objects(
+    layers: Layers, rows: NDArray[np.int64], colors: NDArray[np.int64], known: Sequence[str]
+) -> Iterator[FloorObject]:
+    """Yields the connected parts of the voxels `rows` (n,) with one label. `colors` (n,) are their color names."""
+    import cv2
+
+    labels = labels_of_voxels(layers)[rows]
+    cells = layers.voxels[rows, 1], layers.voxels[rows, 0]
+    for number, name in enumerate(known, 1):
+        mine = labels == number
+        if not mine.any():
+            continue
+        mask = np.zeros(layers.shape, np.uint8)
+        mask[cells[0][mine], cells[1][mine]] = 1
+        closed = cv2.morphologyEx(mask, cv2.MORPH_CLOSE, np.ones((3, 3), np.uint8))
+        count, parts, sizes, _ = cv2.connectedComponentsWithStats(closed, connectivity=4)
+        part = np.where(mine, parts[cells], 0)
+        for k in range(1, count):
+            if _LEAST_OF_A_FRONT <= sizes[k, cv2.CC_STAT_AREA] <= _MOST_CELLS:
+                thing = _labeled_object(layers, rows[part == k], colors[part == k], name)
+                if thing is not None:
+                    yield thing
+
+
+def _labeled_object(
+    layers: Layers, rows: NDArray[np.int64], colors: NDArray[np.int64], name: str
+) -> FloorObject | None:  # fmt: skip
+    """Returns the object made of the voxels `rows`, or None if it hangs, has no likely size, or is not seen by most
+    views."""
+    import cv2
+
+    cells = np.unique(layers.voxels[rows, :2], axis=0)
+    (_, sides, _) = cv2.minAreaRect(cells.astype(np.float32))
+    longer, shorter = (max(sides) + 1) * CELL, (min(sides) + 1) * CELL
+    heights, points = layers.height_above_floor[rows], layers.places_of(rows)
+    if heights.min() > _HANGS or not _SHORTEST <= longer <= _LONGEST or not _is_firm(layers, points):
+        return None
+    counts = np.bincount(colors[colors >= 0], minlength=len(COLORS))
+    color = COLORS[int(counts.argmax())]
+    is_clear = color in _NAMED and counts.max() >= _ONE_COLOR * len(colors)
+    middles = layers.centers_of(cells[:, ::-1])
+    return FloorObject(
+        color if is_clear else "", name, middles, points, float(np.quantile(heights, 0.95)), (longer, shorter)
+    )
 
 
 def _stands_alone(mine: NDArray[np.bool_], taken: NDArray[np.uint8]) -> bool:

@@ -20,6 +20,7 @@ CELL = 0.05
 FLOOR = 0.06
 """Points up to this many meters above or below the floor height belong to the floor."""
 _LOWEST, _HIGHEST = -0.3, 3.2  # meters above the floor
+_LEVELS = round((_HIGHEST - _LOWEST) / CELL)
 _APART = 0.4  # smallest distance in meters between the floors of two storeys
 _FEW = 3  # viewpoints; a smaller level part with stairs is a landing
 _LEAST = 2  # smallest number of points in a voxel
@@ -104,6 +105,31 @@ class Layers:
         return values[at[..., 0].clip(0, self.shape[0] - 1), at[..., 1].clip(0, self.shape[1] - 1)]
 
 
+def labels_of_voxels(layers: Layers) -> NDArray[np.uint8]:
+    """Returns (n,) the number of the object that most points in a voxel show, 0 for none."""
+    rows, columns = layers.shape
+    pairs, counts = [np.zeros(0, np.int64)], [np.zeros(0, np.int64)]
+    for one in layers.seen:
+        if one.labels is None:
+            continue
+        at = np.floor((one.points - (*layers.low, one.floor + _LOWEST)) / CELL).astype(np.int64)
+        inside = ((at >= 0) & (at < (columns, rows, _LEVELS))).all(axis=1)
+        key = ((at[inside, 2] * rows + at[inside, 1]) * columns + at[inside, 0]) << 8 | one.labels[inside]
+        found = np.unique(key, return_counts=True)
+        pairs.append(found[0])
+        counts.append(found[1])
+    every, back = np.unique(np.concatenate(pairs), return_inverse=True)
+    if not len(every):
+        return np.zeros(len(layers.voxels), np.uint8)
+    votes = np.bincount(back, np.concatenate(counts), len(every))
+    order = np.lexsort((votes, every >> 8))  # the most votes of a voxel are last
+    winners = every[order[np.flatnonzero(np.diff(every[order] >> 8, append=-1))]]
+    v = layers.voxels.astype(np.int64)
+    keys = (v[:, 2] * rows + v[:, 1]) * columns + v[:, 0]
+    at = winners[np.searchsorted(winners >> 8, keys).clip(0, len(winners) - 1)]
+    return np.where(at >> 8 == keys, at & 255, 0).astype(np.uint8)
+
+
 def layers_of(seen: Sequence[ViewFromViewpoint], graph: NavGraph) -> Iterator[Layers]:
     """Yields the storeys from the lowest: viewpoints joined by level edges, and parts of equal height.
 
@@ -146,13 +172,12 @@ def _layers(seen: tuple[ViewFromViewpoint, ...]) -> Layers:
     places = np.array([s.viewpoint.position[:2] for s in seen])
     low = np.floor((places.min(axis=0) - 8.0) / CELL) * CELL
     columns, rows = (np.ceil((places.max(axis=0) + 8.0 - low) / CELL)).astype(int).tolist()
-    levels = round((_HIGHEST - _LOWEST) / CELL)
     keys, sums, counts = np.zeros(0, np.int64), np.zeros((0, 3), np.float32), np.zeros(0, np.int64)
     for one in seen:
         at = np.empty(one.points.shape, np.int64)
         at[:, :2] = np.floor((one.points[:, :2] - low) / CELL)
         at[:, 2] = np.floor((one.points[:, 2] - one.floor - _LOWEST) / CELL)
-        inside = ((at >= 0) & (at < (columns, rows, levels))).all(axis=1)
+        inside = ((at >= 0) & (at < (columns, rows, _LEVELS))).all(axis=1)
         key = (at[inside, 2] * rows + at[inside, 1]) * columns + at[inside, 0]
         keys, sums, counts = _add_to_sums(keys, sums, counts, key, one.colors[inside])
     kept = counts >= _LEAST

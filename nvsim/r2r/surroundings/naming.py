@@ -60,6 +60,8 @@ Shape = Literal[
     "chair", "plant", "sofa", "desk", "table", "low table", "bookshelf", "cabinet", "box", "platform", "tall",
     "waist-high", "low", "object",
 ]  # fmt: skip
+VAGUE: tuple[Shape, ...] = ("tall", "waist-high", "low", "object")
+"""Shapes without a name of a thing."""
 TALL, WAIST, FLAT = 1.45, 0.66, 0.26
 """Heights of the top in meters: of a tall and of a waist-high piece of furniture, and the largest of a platform."""
 _FURNITURE = 1.3  # smallest longer side in meters of a piece of furniture without a better name

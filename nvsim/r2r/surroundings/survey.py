@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Literal
@@ -54,8 +54,9 @@ class Surroundings:
     floors: Mapping[Pair, tuple[str, ...]] = field(default_factory=dict)
 
 
-def surroundings_of(graph: NavGraph, storeys: list[Layers]) -> Surroundings:
-    """Computes the surroundings from the storeys of the scan. Steps on stairs have none."""
+def surroundings_of(graph: NavGraph, storeys: list[Layers], known: Sequence[str] = ()) -> Surroundings:
+    """Computes the surroundings from the storeys of the scan. Steps on stairs have none. `known` are the names of the
+    objects that the views label."""
     things: list[FloorObject] = []
     kinds: dict[str, Kind] = {}
     visible: dict[str, tuple[tuple[int, float, float], ...]] = {}
@@ -65,7 +66,7 @@ def surroundings_of(graph: NavGraph, storeys: list[Layers]) -> Surroundings:
     floors: dict[Pair, tuple[str, ...]] = {}
     for layers in storeys:
         at = {one.viewpoint.id: np.array(one.viewpoint.position) for one in layers.seen}
-        first, here = len(things), find_floor_objects(layers)
+        first, here = len(things), find_floor_objects(layers, known)
         things += here
         walls, standing = walls_of(layers), layers.count_between(0.4, 1.7) >= 4
         kinds_of_floor = floor_kinds(layers, walls)

@@ -5,7 +5,7 @@ Both are read from its strips.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
@@ -17,7 +17,7 @@ from nvsim.errors import InputError
 from nvsim.files.images import decode_pixels
 from nvsim.files.opening import read_bytes
 from nvsim.geometry.camera import camera_pose
-from nvsim.geometry.directions import face_rays
+from nvsim.geometry.directions import face_axes, face_rays
 from nvsim.graph.types import NavGraph, Viewpoint
 from nvsim.r2r.observations.layout import ScanPlaces
 from nvsim.r2r.observations.skybox import UNITS_A_METER, read_depth, strip_pixels
@@ -29,6 +29,8 @@ _OFF, _SLANTED = 0.06, 0.02  # tolerance of the floor depth: meters, and meters 
 SIDE = 128
 """Pixels of a face after downscaling."""
 _REACH = 8.0  # meters; farther points are too coarse
+Labeler = Callable[[NDArray[np.uint8]], NDArray[np.uint8]]
+"""Gives (S, S) numbers of objects, 0 for none, for a face (S, S, 3) uint8 RGB."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -69,6 +71,7 @@ class ViewFromViewpoint:
     points  (n, 3) float32, meters, world, of the pixels within 8 m
     colors (n, 3) uint8, RGB
     underfoot  the floor around the viewpoint
+    labels  (n,) uint8 numbers of objects, 0 for none, or None if no network names objects
     """
 
     viewpoint: Viewpoint
@@ -76,6 +79,7 @@ class ViewFromViewpoint:
     points: NDArray[np.float32]
     colors: NDArray[np.uint8]
     underfoot: FloorPatch
+    labels: NDArray[np.uint8] | None = None
 
     @property
     def floor(self) -> float:
@@ -103,8 +107,9 @@ def has_depth(places: ScanPlaces, graph: NavGraph) -> bool:
     )
 
 
-def views_from_viewpoints(root: Path, graph: NavGraph) -> Iterator[ViewFromViewpoint]:
-    """Yields the view from each included viewpoint of the scan in the export folder `root`.
+def views_from_viewpoints(root: Path, graph: NavGraph, labeler: Labeler | None = None) -> Iterator[ViewFromViewpoint]:
+    """Yields the view from each included viewpoint of the scan in the export folder `root`. `labeler` numbers objects
+    in the four level faces.
 
     Poses must be level and face +y, as `nvsim export scan` writes them. Raises InputError if a strip is missing or
     damaged.
@@ -112,10 +117,10 @@ def views_from_viewpoints(root: Path, graph: NavGraph) -> Iterator[ViewFromViewp
     places = ScanPlaces(root, graph.scan)
     for viewpoint in graph.viewpoints.values():
         if viewpoint.included:
-            yield _view_from(places, viewpoint)
+            yield _view_from(places, viewpoint, labeler)
 
 
-def _view_from(places: ScanPlaces, viewpoint: Viewpoint) -> ViewFromViewpoint:
+def _view_from(places: ScanPlaces, viewpoint: Viewpoint, labeler: Labeler | None) -> ViewFromViewpoint:
     import cv2
 
     depth, path = read_depth(places, viewpoint.id), places.skyboxes.strip(viewpoint.id)
@@ -133,7 +138,19 @@ def _view_from(places: ScanPlaces, viewpoint: Viewpoint) -> ViewFromViewpoint:
     kept = (meters > 0.2) & (meters < _REACH)
     points = np.array(viewpoint.position, np.float32) + _directions(side)[kept] * meters[kept][:, None]
     underfoot = floor_patch(viewpoint, strip, depth / np.float32(UNITS_A_METER))
-    return ViewFromViewpoint(viewpoint, meters, points.astype(np.float32), color[kept], underfoot)
+    labels = None if labeler is None else _labels(strip, labeler)[rows][:, columns][kept]
+    return ViewFromViewpoint(viewpoint, meters, points.astype(np.float32), color[kept], underfoot, labels)
+
+
+def _labels(strip: NDArray[np.uint8], labeler: Labeler) -> NDArray[np.uint8]:
+    """Returns (S, 6 S) numbers of objects of a strip (S, 6 S, 3), 0 in the faces that look up or down."""
+    side = strip.shape[0]
+    found = np.zeros(strip.shape[:2], np.uint8)
+    for face, axes in enumerate(face_axes()):
+        if abs(axes[1, 2]) < 0.5:  # the forward direction of the face is level
+            part = np.s_[:, face * side : (face + 1) * side]
+            found[part] = labeler(np.ascontiguousarray(strip[part]))
+    return found
 
 
 @cache
