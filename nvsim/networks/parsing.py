@@ -185,7 +185,7 @@ def _objects(table: TomlTable, classes: int) -> tuple[tuple[str, tuple[int, ...]
     names = table.keys()
     for name in names:
         if not _OBJECT.fullmatch(name):
-            raise table.error(name, "below a name of lower-case English words")
+            raise table.error(name, "named with lower-case English words")
     if len(names) > _MOST_OBJECTS:
         raise table.error(names[_MOST_OBJECTS], f"left out, because a network names at most {_MOST_OBJECTS} objects")
     return tuple((name, table.integers(name, classes - 1)) for name in names)

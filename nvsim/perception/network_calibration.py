@@ -18,7 +18,7 @@ from scipy.optimize import minimize_scalar
 from nvsim.geometry.camera import Camera
 from nvsim.geometry.sampling import evenly_spaced
 from nvsim.perception.geometric import GeometricFloor
-from nvsim.perception.roles import Float32, Image, SemanticFloor
+from nvsim.perception.roles import Float32, Image, Mask, SemanticFloor
 
 _GLIMPSES = 24  # views from which a network is measured
 _FEWEST = 500  # pixels of floor, and of other surfaces, needed
@@ -27,11 +27,12 @@ _RANGE = (0.25, 10.0)  # temperatures
 
 
 class View(NamedTuple):
-    """A frame: its camera, and functions that read its image (H, W, 3) uint8 RGB of the camera's size and, if it has
-    one, its own depth (h, w) in meters."""
+    """A frame: its camera, and functions that read its image (H, W, 3) uint8 RGB of the camera's size, its valid pixels
+    (H, W) bool (None for all) and, if it has one, its own depth (h, w) in meters."""
 
     camera: Camera
     image: Callable[[], Image]
+    usable: Callable[[], Mask | None]
     depth: Callable[[], Float32] | None
 
 
@@ -57,13 +58,15 @@ def calibrate(
     def measured(index: int) -> tuple[Float32, NDArray[np.bool_]]:
         import cv2
 
-        camera, read, depth = views[index]
+        camera, read, usable_of, depth = views[index]
         level, high = floor.certain(camera, None if depth is None else depth())
         if not (level.any() or high.any()):
             return np.zeros(0, np.float32), np.zeros(0, bool)
         found = network.floor_probability(read(), camera)
         small = cv2.resize(found, (level.shape[1], level.shape[0]), interpolation=cv2.INTER_AREA)
-        known = level | high
+        known, usable = level | high, usable_of()
+        if usable is not None:
+            known &= cv2.resize(usable.astype(np.uint8), known.shape[::-1], interpolation=cv2.INTER_NEAREST) > 0
         return log_odds(np.asarray(small[known], np.float32)), level[known]
 
     with ThreadPoolExecutor(threads) as pool:

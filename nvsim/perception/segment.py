@@ -167,7 +167,8 @@ def learnt_floor(
         frame = capture.frames[index]
         size = frame.intrinsics.limited_to(config.longest_side)
         depth = None if depth_of is None else partial(depth_of, index)
-        return View(frame.camera.scaled(size.width, size.height), partial(read_image, frame, size), depth)
+        camera = frame.camera.scaled(size.width, size.height)
+        return View(camera, partial(read_image, frame, size), partial(usable_pixels, frame, size), depth)
 
     def read_small(k: int) -> Image:
         frame = capture.frames[near[k]]

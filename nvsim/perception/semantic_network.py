@@ -48,12 +48,9 @@ class SemanticNetwork:
                 f"{self._chain.description.title} has no class of people; use another network, or list its classes of "
                 "people in its description (people = [...])."
             )
-        shown = self._chain.show(image)
-        found = self._chain.value(shown.values, self._result.value)
-        place = shown.placements[self._result.image]
+        planes, place = self._seen_without_camera(image)
         if self._result.meaning == "labels":
-            return _floor_share(self._planes(found, 1, shown.values)[0], self._result.people, place) > 0.5
-        planes = self._planes(found, self._result.classes, shown.values)
+            return _floor_share(planes[0], self._result.people, place) > 0.5
         people = list(_shift_classes(self._result.people, len(planes) - self._result.classes))
         if self._result.meaning == "probabilities":
             return place.to_image_size(planes[people].sum(axis=0)) > 0.5
@@ -76,19 +73,24 @@ class SemanticNetwork:
                 f"{self._chain.description.title} names no objects; use another network, or list its classes of "
                 "objects in its description ([result.objects])."
             )
-        shown = self._chain.show(image)
-        found = self._chain.value(shown.values, self._result.value)
+        planes, place = self._seen_without_camera(image)
         if self._result.meaning == "labels":
-            labels, background = np.rint(self._planes(found, 1, shown.values)[0]).astype(np.int64), 0
+            labels, background = np.rint(planes[0]).astype(np.int64), 0
         else:
-            planes = self._planes(found, self._result.classes, shown.values)
             labels, background = planes.argmax(axis=0), len(planes) - self._result.classes
         numbers = np.zeros(self._result.classes + background, np.uint8)
         for number, (_, classes) in enumerate(self._result.objects, 1):
             numbers[list(_shift_classes(classes, background))] = number
         known = (labels >= 0) & (labels < len(numbers))
         named = np.where(known, numbers[np.where(known, labels, 0)], 0).astype(np.uint8)
-        return np.asarray(shown.placements[self._result.image].nearest_at_image_size(named))
+        return np.asarray(place.nearest_at_image_size(named))
+
+    def _seen_without_camera(self, image: Image) -> tuple[NDArray[np.float32], Placement]:
+        """The planes of classes (C, h, w), or one plane of labels, and the position of the image in them."""
+        shown = self._chain.show(image)
+        found = self._chain.value(shown.values, self._result.value)
+        classes = 1 if self._result.meaning == "labels" else self._result.classes
+        return self._planes(found, classes, shown.values), shown.placements[self._result.image]
 
     def _planes(self, found: NDArray[np.float32], classes: int, values: Values) -> NDArray[np.float32]:
         """(C, h, w) with the described number of classes, or one more. Raises InputError for another number."""

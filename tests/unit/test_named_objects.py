@@ -16,7 +16,9 @@ from nvsim.cli.main import main
 from nvsim.errors import InputError
 from nvsim.networks.folder import VARIABLE
 from nvsim.perception.semantic_network import SemanticNetwork
-from nvsim.r2r.instructions.cues import cues_along
+from nvsim.r2r.instructions.cues import Cue, cues_along
+from nvsim.r2r.instructions.generating import with_one_name_each
+from nvsim.r2r.instructions.ground import Leg
 from nvsim.r2r.instructions.phrases import plain_name
 from nvsim.r2r.surroundings.layers import layers_of
 from nvsim.r2r.surroundings.survey import surroundings_of
@@ -87,6 +89,22 @@ def test_an_object_without_a_color_may_not_be_confused_with_one_that_has_one(tmp
     things = list(seen.things)
     things[sofa] = replace(things[sofa], shape="bed")  # blue: "the bed" would mean either
     assert not any(cue.object_index == bed for cue in cues_along("ad", 0.0, replace(seen, things=tuple(things))))
+
+
+def test_a_text_does_not_say_the_bed_and_the_blue_bed_of_two() -> None:
+    legs = [
+        Leg(0.0, 2.0, "level", frozenset({Cue("by", look, "", 0.0, i)})) for i, look in enumerate((" bed", "blue bed"))
+    ]
+    assert [len(leg.cues) for leg in with_one_name_each(legs)] == [1, 0]
+
+
+def test_names_in_a_description_are_plain_words(tmp_path: Path) -> None:
+    result = (
+        '[result]\nvalue = "labels_of_pixels"\nimage = "photo"\nmeaning = "labels"\nclasses = 150\nfloor = [3]\n'
+        "[result.objects]\nSofa = [23]"
+    )
+    with pytest.raises(InputError, match=r"objects.Sofa is \[23\]; it must be named with lower-case English words"):
+        described("mmseg-ade20k", mmseg(tmp_path / "n.onnx"), more=result)
 
 
 def test_names_of_networks_become_words() -> None:

@@ -11,7 +11,7 @@ from nvsim.perception.network_calibration import CalibratedFloor, View, calibrat
 from tests.benchmarks.floor_fusion import Reliability
 from tests.unit.test_perception_geometric import EYES, FLAT, camera, scan, truth
 
-VIEWS = [View(camera(k), lambda k=k: truth(camera(k))[1], None) for k in range(len(EYES))]
+VIEWS = [View(camera(k), lambda k=k: truth(camera(k))[1], lambda: None, None) for k in range(len(EYES))]
 
 
 class Network:
@@ -61,6 +61,22 @@ def test_a_network_that_is_too_certain_is_corrected_by_the_capture_itself() -> N
 def test_a_network_that_is_right_keeps_its_certainty_and_few_pixels_change_nothing() -> None:
     assert calibrate(Network(0.95), geometry(), VIEWS).temperature < 1
     assert calibrate(Network(0.95, wrong=0.3), GeometricFloor(None, FLAT), VIEWS).temperature == 1
+
+
+def test_ignored_pixels_do_not_count() -> None:
+    def left(view: View) -> np.ndarray:
+        return np.arange(view.camera.intrinsics.width)[None] < 120
+
+    class Wrong(Network):
+        """Wrong on the left."""
+
+        def floor_probability(self, image, view):
+            right = super().floor_probability(image, view)
+            return np.where(np.arange(right.shape[1])[None] < 120, 1 - right, right)
+
+    floor, wrong = geometry(), Wrong(0.95)
+    seen = [v._replace(usable=lambda v=v: ~np.broadcast_to(left(v), v.image().shape[:2])) for v in VIEWS]
+    assert calibrate(wrong, floor, VIEWS).temperature > 2 and calibrate(wrong, floor, seen).temperature < 1
 
 
 def test_probabilities_keep_their_order_and_one_half_stays() -> None:

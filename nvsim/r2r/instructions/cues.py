@@ -113,7 +113,7 @@ def _doors_of(steps: Sequence[Pair], seen: Surroundings) -> Iterator[float]:
 def _is_unique(look: str, i: int, ids: Sequence[str], seen: Surroundings, meters: float = NEAR) -> bool:
     """Whether no other object of this look is visible within so many meters of the viewpoints."""
     others = {j for id in ids for j, _, far in seen.visible.get(id, ()) if far <= meters}
-    return not any(_can_be(seen, j, look) for j in others - {i})
+    return not any(may_mean_the_same(_color_and_shape(seen, j), look) for j in others - {i})
 
 
 def _passed_objects(ids: Sequence[str], steps: Sequence[Pair], seen: Surroundings) -> Iterator[Cue]:
@@ -125,7 +125,9 @@ def _passed_objects(ids: Sequence[str], steps: Sequence[Pair], seen: Surrounding
         walked += seen.meters[step]
     for i, places in passed.items():
         look = _color_and_shape(seen, i)
-        if not _is_unique(look, i, ids, seen) or any(_can_be(seen, j, look) for j in passed if j != i):
+        if not _is_unique(look, i, ids, seen) or any(
+            may_mean_the_same(_color_and_shape(seen, j), look) for j in passed if j != i
+        ):
             continue
         side, at = places[-1]
         if all(other == side for other, _ in places):
@@ -217,11 +219,11 @@ def _color_and_shape(seen: Surroundings, i: int) -> str:
     return " ".join(seen.things[i].color_and_shape)
 
 
-def _can_be(seen: Surroundings, i: int, look: str) -> bool:
-    """Whether words for `look`, "COLOUR SHAPE", can mean an object; without a color, they mean every color."""
+def may_mean_the_same(look: str, other: str) -> bool:
+    """Whether two "COLOUR SHAPE" may be names of one object: a name without a color fits every color."""
     color, _, shape = look.partition(" ")
-    own, name = seen.things[i].color_and_shape
-    return name == shape and (own == color or "" in (own, color))
+    other_color, _, other_shape = other.partition(" ")
+    return shape == other_shape and (color == other_color or "" in (color, other_color))
 
 
 def stair_cues(slopes: Sequence[Sequence[Slope]], leg: Slope) -> Iterator[Cue]:

@@ -13,7 +13,7 @@ from random import Random
 from nvsim.events import Listener, Progress, ignore_event
 from nvsim.graph.paths import PathGraph
 from nvsim.graph.types import NavGraph
-from nvsim.r2r.instructions.cues import ENDS, choose_cues, choose_few_cues, drop_redundant_cues
+from nvsim.r2r.instructions.cues import ENDS, choose_cues, choose_few_cues, drop_redundant_cues, may_mean_the_same
 from nvsim.r2r.instructions.ground import (
     DETAILS,
     Detail,
@@ -260,11 +260,13 @@ def with_one_name_each(legs: Sequence[Leg]) -> list[Leg]:
     named: dict[str, int] = {}
     kept = []
     for leg in legs:
-        cues = [
-            c
-            for c in sorted(leg.cues, key=lambda c: (c.distance, c))
-            if named.setdefault(c.subject, c.object_index) == c.object_index
-        ]
+        cues = []
+        for cue in sorted(leg.cues, key=lambda c: (c.distance, c)):
+            if cue.object_index >= 0:
+                if any(i != cue.object_index and may_mean_the_same(name, cue.subject) for name, i in named.items()):
+                    continue
+                named[cue.subject] = cue.object_index
+            cues.append(cue)
         kept.append(replace(leg, cues=frozenset(cues)))
     return kept
 

@@ -133,7 +133,7 @@ def _labeled_objects(
 
 def _labeled_object(
     layers: Layers, rows: NDArray[np.int64], colors: NDArray[np.int64], name: str
-) -> FloorObject | None:  # fmt: skip
+) -> FloorObject | None:
     """Returns the object made of the voxels `rows`, or None if it hangs, has no likely size, or is not seen by most
     views."""
     import cv2
