@@ -60,7 +60,7 @@ def test_floor_under_furniture_and_walls_is_not_known_floor(project: Path) -> No
     assert known.tolist() == [False, False, False, True, True]  # table, wall, bed; doorway, floor
 
 
-def test_viewpoints_on_a_stair_are_joined(tmp_path: Path) -> None:
+def test_viewpoints_on_a_stair_and_around_a_corner_are_joined(tmp_path: Path) -> None:
     write_splats(tmp_path / "house.ply", stair_house(), False, "ply")
     house = tmp_path / "house.nvsim"
     assert main(["run", str(tmp_path / "house.ply"), "--project", str(house), "--scale", "1"]) == 0
@@ -69,6 +69,9 @@ def test_viewpoints_on_a_stair_are_joined(tmp_path: Path) -> None:
     heights = {id: v.position[2] for id, v in graph.viewpoints.items()}
     assert any(abs(z - 1.5) < 0.05 for z in heights.values()) and any(abs(z - 4.5) < 0.05 for z in heights.values())
     assert max(abs(heights[a] - heights[b]) for a, b in graph.edges) > 1.0
+    # A viewpoint beside the bed joins the rest of its room with the foot of the stair.
+    lower_room = [id for id, v in graph.viewpoints.items() if v.position[0] > 5.5 and heights[id] < 2]
+    assert any({*lower_room} <= {*part} for part in components(graph))
 
 
 def test_a_second_run_finds_everything_up_to_date(project: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -197,4 +197,5 @@ def test_of_two_near_viewpoints_the_one_that_nobody_reaches_goes() -> None:
     found.add(places)
     found.join("a", "b")
     found.join("b", "c")
-    assert found.parts() == {"a": 3, "b": 3, "c": 3, "alone": 1}
+    together = {"a", "b", "c"}
+    assert found.parts() == {"a": together, "b": together, "c": together, "alone": {"alone"}}

@@ -94,13 +94,13 @@ class DraftGraph:
                 heappush(heap, (far, other))
         return found
 
-    def parts(self) -> dict[str, int]:
-        """Return id -> number of viewpoints that are connected with it, including itself."""
-        found: dict[str, int] = {}
+    def parts(self) -> dict[str, frozenset[str]]:
+        """Return id -> the viewpoints that are connected with it, including itself."""
+        found: dict[str, frozenset[str]] = {}
         for id in self._joined:
             if id not in found:
-                part = self.path_lengths_from(id, math.inf)
-                found.update(dict.fromkeys(part, len(part)))
+                part = frozenset(self.path_lengths_from(id, math.inf))
+                found.update(dict.fromkeys(part, part))
         return found
 
     def is_redundant(self, id: str) -> bool:

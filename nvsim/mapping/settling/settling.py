@@ -8,6 +8,7 @@ paths of equal length. Settling uses the criteria of the search and does the fol
   greedy spanner, Althoefer et al. 1993, On Sparse Spanners of Weighted Graphs).
 - Restore: viewpoints that were connected stay connected, without long detours.
 - Fill: positions without a viewpoint nearby get one, at the end of a shorter step.
+- Bridge: a position that sees two parts of the graph gets a viewpoint if edges from it join them.
 """
 
 from __future__ import annotations
@@ -15,6 +16,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import replace
+from itertools import combinations
 
 import numpy as np
 from numpy.typing import NDArray
@@ -31,6 +33,8 @@ _LINKS = 6  # maximum viewpoints, the nearest first, to which a new one is joine
 _SPACING = 0.3  # meters between the positions that are tried
 _NEAREST = 4  # number of nearest viewpoints that may cover a position, tested for all positions at once
 _HALFWAY = 3  # maximum positions on the way to a position that no step reaches
+_BRIDGES = 6  # maximum positions that are tried between two parts
+_LOOKS = 16  # places on a line at which its room is measured
 
 
 class GapFiller:
@@ -72,6 +76,37 @@ class GapFiller:
                     tries += 1
                     yield from self._add_viewpoint(halfway, seen)
                     covered = self._is_covered(place)
+
+    def fill_between(self, ways: DraftGraph) -> Iterator[tuple[Viewpoint, list[Viewpoint]]]:
+        """Yield, as `fill_gaps`, viewpoints at positions that see viewpoints of several parts of the graph `ways`. For
+        each pair of parts, they are those with the most room on the way, until one joins the parts."""
+        ids, part_of = list(self._draft.viewpoints), ways.parts()
+        beside = self._walk.positions_beside(self._config.half_width, _SPACING)
+        if not len(beside) or len(set(part_of.values())) < 2:
+            return
+        between: dict[tuple[str, str], list[tuple[float, int]]] = {}
+        seen: dict[int, list[Viewpoint]] = {}
+        stand = cKDTree([self._draft.viewpoints[id].position[:2] for id in ids])
+        for k, near in enumerate(stand.query_ball_point(beside[:, :2], self._config.tau_dist)):
+            if len({part_of[ids[i]] for i in near}) < 2:
+                continue
+            seen[k] = self._visible_viewpoints(beside[k])
+            nearest: dict[frozenset[str], Viewpoint] = {}
+            for viewpoint in seen[k]:
+                nearest.setdefault(part_of[viewpoint.id], viewpoint)
+            ends = sorted((min(part), self._room_on_line(beside[k], v)) for part, v in nearest.items())
+            for (a, one), (b, other) in combinations(ends, 2):
+                between.setdefault((a, b), []).append((-min(one, other), k))
+        for (a, b), tries in between.items():
+            for _, k in sorted(tries)[:_BRIDGES]:
+                if not math.isinf(ways.meters(a, b)):
+                    break
+                yield from self._add_viewpoint(beside[k], seen[k])
+
+    def _room_on_line(self, place: NDArray[np.float64], viewpoint: Viewpoint) -> float:
+        """The least distance to unknown floor on the line to a viewpoint, in meters."""
+        line = place + np.linspace(0, 1, _LOOKS)[:, None] * (np.array(viewpoint.position) - place)
+        return float(self._walk.clearance_at(line).min())
 
     def _are_covered(self, places: NDArray[np.float64]) -> NDArray[np.bool_]:
         """(N,) bool: whether one of the nearest viewpoints is near and in line with each position (N, 3). All are
@@ -134,7 +169,7 @@ class Settling:
         self._in_line: dict[tuple[str, str], bool] = {}
 
     def run(self) -> None:
-        """Thin, join, restore connections, fill and shorten."""
+        """Thin, join, restore connections, fill, bridge, and shorten."""
         edges = self._draft.edges()
         stands_for = self._find_replacements()
         kept = [id for id, by in stands_for.items() if id == by]
@@ -144,6 +179,7 @@ class Settling:
         self._part()
         self._remove_unused()
         self._fill()
+        self._bridge()
         self._shorten()
         self._part()
         self._remove_unused()
@@ -208,13 +244,13 @@ class Settling:
         that fewer others reach, or else the one with less room, if the paths between its neighbors hardly grow.
         Otherwise, an agent beside its goal could not reach it."""
         near = []
-        hang_together = self._ways.parts()
+        parts = self._ways.parts()
         for id in self._ways:
             for other in self._near_over_floor(self._draft.viewpoints[id], NEAR):
                 if id < other.id and other.id in self._ways and self._ways.meters(id, other.id, 2 * NEAR) > 2 * NEAR:
                     near.append((id, other.id))
         for pair in near:
-            for id in sorted(pair, key=lambda id: (hang_together[id], self._room(id), id)):
+            for id in sorted(pair, key=lambda id: (len(parts[id]), self._room(id), id)):
                 if all(end in self._ways for end in pair) and self._ways.is_redundant(id):
                     self._ways.remove(id)
 
@@ -229,6 +265,17 @@ class Settling:
             self._join([viewpoint.id], self._ways)
             if len(self._draft.viewpoints) >= self._config.max_viewpoints:
                 return
+
+    def _bridge(self) -> None:
+        for viewpoint, seen in GapFiller(self._survey).fill_between(self._ways):
+            self._progress()
+            parts = self._ways.parts()
+            ends = [other for other in seen if self._is_open(viewpoint, other)]
+            if len({parts[end.id] for end in ends}) < 2 or len(self._draft.viewpoints) > self._config.max_viewpoints:
+                self._draft.remove(viewpoint.id)
+                continue
+            self._ways.add([viewpoint.id])
+            self._join([viewpoint.id], self._ways)
 
     def _shorten(self) -> None:
         def join(new: list[str]) -> None:
