@@ -61,7 +61,7 @@ def restore(project: Project, stage: str) -> str:
     if now is not None and stage == "map":
         now = StageResult(now.parts, graph_in_file(project))
     cut, graph = before.files.get("cut/submaps"), before.files.get("graph")
-    submaps = None if cut is None else load_cut(root / cut)
+    submaps = None if cut is None else project.with_frames_of_capture(load_cut(root / cut))
     restored = None if graph is None else decode_graph(read_bytes(root / graph))
     found = project.stage_results().with_result_in_use(stage, before).with_result("previous", stage, now)
     with project.transaction() as c:

@@ -53,7 +53,7 @@ class Project:
         self._lock = lock
         self._capture: tuple[tuple[Path, int], Capture] | None = None
         self._scan: tuple[Hashable, Cloud | None] | None = None
-        self._cut: tuple[Path, tuple[Submap, ...]] | None = None
+        self._cut: tuple[Path, cuts.Cut] | None = None
         self._fresh = False
         self._stamp = stamp(layout.database)
         self._instead: dict[str, str] = {}  # name of a result -> place, see `making`
@@ -231,8 +231,9 @@ class Project:
         return None if cloud is None else flatten_floor(cloud, floor)
 
     def submaps(self, of: Cut = "submaps") -> tuple[Submap, ...]:
-        """The newest cut of the trajectory, or that of the floors or the models in use. Empty if it is not cut yet.
-        Raises InputError if the stored cut is damaged."""
+        """The newest cut of the trajectory, or that of the floors or the models in use. Empty if it is not cut yet. A
+        cut of an earlier capture has those of its frames that the capture still has. Raises InputError if the stored
+        cut is damaged."""
         places = dict(self.layout.places)
         place = places.get(f"cut/{of}", places.get("cut/submaps"))
         if place is None:
@@ -240,7 +241,17 @@ class Project:
         path = self.root / place
         if self._cut is None or self._cut[0] != path:
             self._cut = path, cuts.load_cut(path)
-        return self._cut[1]
+        return self.with_frames_of_capture(self._cut[1])
+
+    def with_frames_of_capture(self, cut: cuts.Cut) -> tuple[Submap, ...]:
+        """The submaps of a stored cut, with the frame numbers of the present capture if there is one."""
+        names = self._frame_names()
+        return cut.of_frames(names) if names else cut.submaps
+
+    def has_cut_of_capture(self) -> bool:
+        """Whether the frames of the newest cut are all frames of the capture."""
+        self.submaps()
+        return self._cut is None or self._cut[1].names in ((), tuple(self._frame_names()))
 
     def _submaps_in_rows(self) -> tuple[Submap, ...]:
         return cuts.read_rows(self.connection, self._database, lambda: self.need_capture().positions)
@@ -367,8 +378,12 @@ class Project:
         if place is not None and cuts.same_cut(self.submaps(), submaps):
             return place
         place = f"cuts/{self.new_number()}.npz"
-        cuts.save_cut(self.root / place, submaps)
+        cuts.save_cut(self.root / place, submaps, self._frame_names())
         return place
+
+    def _frame_names(self) -> list[str]:
+        capture = self.capture()
+        return [] if capture is None else [frame.name for frame in capture.frames]
 
     def fix_cut(self) -> None:
         """Records the cut of the floors and models, in use and kept, before the newest cut changes."""
@@ -378,7 +393,10 @@ class Project:
             if not submaps:
                 return
             newest = f"cuts/{self.new_number()}.npz"
-            cuts.save_cut(self.root / newest, submaps)
+            cuts.save_cut(self.root / newest, submaps, self._frame_names())
+        elif (submaps := self.submaps()) and self._cut is not None and not self._cut[1].names:
+            cuts.save_cut(self.root / newest, submaps, self._frame_names())  # of an earlier version
+            self._cut = None
         found = self.stage_results().completed("in use", "submaps", {"cut/submaps": newest})
         for stage in FROM_A_CUT:
             if found.in_use(stage, self.root) is not None:

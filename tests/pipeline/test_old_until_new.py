@@ -160,6 +160,23 @@ def test_an_import_that_is_refused_or_cut_off_leaves_the_capture(project: Projec
     trained.run(project, FEW, ignore_event)  # nothing is outdated any more
 
 
+def test_the_models_keep_their_frames_when_the_capture_loses_some(project: Project) -> None:
+    names = [frame.name for frame in project.need_capture().frames]
+    before = {s.index: {names[f] for f in s.frames} for s in project.submaps("train")}
+    config = CaptureConfig(leave_out=",".join(names[3:6]))
+    imported.run(project, project.need_capture().source, config, ignore_event)
+    left = [frame.name for frame in project.need_capture().frames]
+    assert left == names[:3] + names[6:]
+    found = project.submaps("train")
+    assert {s.index: {left[f] for f in s.frames} for s in found} == {i: b - {*names[3:6]} for i, b in before.items()}
+    positions = project.need_capture().positions
+    assert all((positions[list(s.core)] == s.positions).all() for s in found)
+    with pytest.raises(InputError, match="another capture.*nvsim submaps"):
+        floors.run(project, ignore_event)
+    restore(project, "import")
+    assert {s.index: {names[f] for f in s.frames} for s in project.submaps("train")} == before
+
+
 def test_a_restored_stage_is_current_for_its_old_settings(project: Project) -> None:
     trained.run(project, MORE, ignore_event, at_once=1)
     assert "16 steps" in replaced_result_sentence(project, "train")

@@ -65,7 +65,7 @@ def test_a_deeply_nested_line_of_a_journal_is_no_line(tmp_path: Path) -> None:
 
 def test_a_cut_at_an_absurd_place_is_refused(tmp_path: Path) -> None:
     path = tmp_path / "1.npz"
-    save_cut(path, [Submap(0, (0, 1), (0, 1), np.array([[0.0, 0, 0], [0, 0, 1e300]]))])
+    save_cut(path, [Submap(0, (0, 1), (0, 1), np.array([[0.0, 0, 0], [0, 0, 1e300]]))], ["a", "b"])
     with pytest.raises(InputError, match="its rows and positions do not match"):
         load_cut(path)
 

@@ -11,6 +11,7 @@ import pytest
 from nvsim.project import ledger
 from nvsim.project.earlier_results import discard, kept_results, replaced_result_sentence, restore
 from nvsim.project.project import Project
+from nvsim.project.state.cuts import Cut, load_cut, save_cut
 from nvsim.submaps.split import Submap
 
 
@@ -101,3 +102,18 @@ def test_a_part_is_stored_with_the_version_that_made_it(project: Project) -> Non
 
     part = project.stage_results().part("train", 1)
     assert part is not None and part.version == __version__ and part.summary == {"steps": 12}
+
+
+def test_a_cut_follows_its_frames_into_another_capture(tmp_path: Path) -> None:
+    positions = np.arange(12.0).reshape(4, 3)
+    parts = (Submap(0, (0, 1), (0, 1, 2), positions[:2]), Submap(1, (2, 3), (1, 2, 3), positions[2:]))
+    save_cut(tmp_path / "1.npz", parts, ["a", "b", "c", "d"])
+    stored = load_cut(tmp_path / "1.npz")
+    assert stored.of_frames(["a", "b", "c", "d"]) == stored.submaps
+    one, two = stored.of_frames(["new", "d", "c", "a"])
+    assert (one.core, one.frames, two.core, two.frames) == ((3,), (2, 3), (1, 2), (1, 2))
+    np.testing.assert_array_equal(one.positions, positions[:1])
+    np.testing.assert_array_equal(two.positions, positions[[3, 2]])
+    assert [s.index for s in stored.of_frames(["c", "new"])] == [1]
+    # A file of an earlier version has no names: frames beyond the end of the capture are omitted.
+    assert [s.core for s in Cut(parts, ()).of_frames(["a", "b", "c"])] == [(0, 1), (2,)]

@@ -174,7 +174,8 @@ class TrajectoryArrays:
             return TrajectoryArrays()
         owner = np.full(len(capture.frames), -1, np.int64)
         for submap in submaps:
-            owner[list(submap.core)] = submap.index
+            core = np.array(submap.core)
+            owner[core[core < len(owner)]] = submap.index  # of a capture that was read before these submaps
         positions = capture.positions
         segments = []
         for frames in trajectories(capture):

@@ -56,7 +56,7 @@ def submaps_of_capture(project: Project) -> tuple[Submap, ...]:
     submaps, positions = project.need_submaps(), project.need_capture().positions
     for submap in submaps:
         core = np.array(submap.core)
-        if core.max(initial=-1) >= len(positions) or not np.allclose(positions[core], submap.positions, atol=1e-6):
+        if not project.has_cut_of_capture() or not np.allclose(positions[core], submap.positions, atol=1e-6):
             raise InputError(
                 f"{project.layout.root} has another capture than the one that was cut into submaps; run "
                 "`nvsim submaps --project` first."

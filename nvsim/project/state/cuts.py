@@ -1,12 +1,14 @@
 """Stores a cut of the trajectory into submaps as rows and in a file.
 
-Floors and models keep their own cut when a newer one is made."""
+Floors and models keep their own cut when a newer one is made. The file contains the names of the frames, because the
+same frame has another number in another capture."""
 
 from __future__ import annotations
 
 import sqlite3
 from collections.abc import Callable, Sequence
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,18 +24,45 @@ _MOST = 1 << 24  # frames and submaps
 _FARTHEST = 1e9  # meters
 
 
-def save_cut(path: Path, submaps: Sequence[Submap]) -> None:
-    """Writes a cut to `path`. Raises InputError if the disk reports an error."""
+def save_cut(path: Path, submaps: Sequence[Submap], names: Sequence[str]) -> None:
+    """Writes a cut of a capture whose frames have `names` to `path`. Raises InputError if the disk reports an error."""
     rows = [(s.index, f, f in core) for s in submaps for core in [set(s.core)] for f in s.frames]
     table = np.array(rows, np.int64).reshape(-1, 3)
     positions = np.concatenate([s.positions for s in submaps]) if submaps else np.zeros((0, 3))
-    write_arrays(path, {"rows": table, "positions": positions})
+    words = np.frombuffer("\n".join(names).encode(), np.uint8)
+    write_arrays(path, {"rows": table, "positions": positions, "names": words})
 
 
-def load_cut(path: Path) -> tuple[Submap, ...]:
+class Cut(NamedTuple):
+    """Submaps of a capture whose frames have `names`; without names, the cut is of an earlier version of NVSim."""
+
+    submaps: tuple[Submap, ...]
+    names: tuple[str, ...]
+
+    def of_frames(self, names: Sequence[str]) -> tuple[Submap, ...]:
+        """The submaps with the frame numbers of a capture whose frames have `names`, without frames that this capture
+        does not have. Submaps without such a frame in their core are omitted."""
+        own = self.names or tuple(names)
+        if own == tuple(names) and all(max(s.frames, default=-1) < len(own) for s in self.submaps):
+            return self.submaps
+        number = {name: k for k, name in enumerate(names)}
+        new = [number.get(name) for name in own]
+        new += [None] * (1 + max((max(s.frames, default=-1) for s in self.submaps), default=-1) - len(new))
+        result = []
+        for s in self.submaps:
+            core = sorted((k, row) for row, f in enumerate(s.core) if (k := new[f]) is not None)
+            frames = sorted(k for f in s.frames if (k := new[f]) is not None)
+            if core:
+                positions = s.positions[[row for _, row in core]]
+                result.append(Submap(s.index, tuple(k for k, _ in core), tuple(frames), positions))
+        return tuple(result)
+
+
+def load_cut(path: Path) -> Cut:
     """Reads a cut that `save_cut` wrote. Raises InputError if it is missing or damaged."""
     what, then = "a cut into submaps", "run `nvsim submaps` again"
-    data = read_arrays(path, what, {"rows": ("iu", 2), "positions": ("f", 2)}, then)
+    wanted = {"rows": ("iu", 2), "positions": ("f", 2), "names": ("u", 1)}
+    data = read_arrays(path, what, wanted, then, frozenset(("names",)))
     with reading(path, what, then):
         rows, positions = data["rows"].astype(np.int64), data["positions"].astype(np.float64)
         if (
@@ -51,7 +80,8 @@ def load_cut(path: Path) -> tuple[Submap, ...]:
             core = tuple(own[own[:, 2] == 1, 1].tolist())
             result.append(Submap(int(index), core, tuple(own[:, 1].tolist()), positions[at : at + len(core)]))
             at += len(core)
-        return tuple(result)
+        words = data["names"].astype(np.uint8).tobytes().decode() if "names" in data else ""
+        return Cut(tuple(result), tuple(words.split("\n")) if words else ())
 
 
 def same_cut(a: Sequence[Submap], b: Sequence[Submap]) -> bool:
