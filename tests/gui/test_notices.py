@@ -6,6 +6,7 @@ import sys
 import threading
 
 import pytest
+from PySide6.QtGui import QImage, QPainter
 from PySide6.QtWidgets import QToolButton, QWidget
 from pytestqt.qtbot import QtBot
 
@@ -95,6 +96,26 @@ def test_uncaught_errors_become_notices_and_the_hooks_go_back(qapp, capsys) -> N
     assert heard[1].text == "The file is missing; choose another."
     assert "division" in heard[2].text
     assert "ZeroDivisionError" in capsys.readouterr().err
+
+
+def test_an_error_while_painting_ends_the_painting(qapp) -> None:
+    image = QImage(4, 4, QImage.Format.Format_RGB32)
+
+    def paint() -> None:
+        painter = QPainter(image)
+        painter.drawPoint(0, 0)
+        raise ValueError("odd")
+
+    restore = install_excepthook(Notices())
+    try:
+        try:
+            paint()
+        except ValueError as error:
+            assert image.paintingActive()
+            sys.excepthook(ValueError, error, error.__traceback__)
+    finally:
+        restore()
+    assert not image.paintingActive()
 
 
 def test_an_error_expires_and_its_success_replaces_it(area: NoticeArea, qtbot: QtBot, monkeypatch) -> None:

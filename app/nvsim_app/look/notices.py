@@ -217,6 +217,8 @@ def install_excepthook(notices: Notices) -> Callable[[], None]:
             former(kind, error, trace)
             return
         text = "".join(traceback.format_exception(kind, error, trace))
+        # A painter among the variables of a paint event would still be active when Qt ends the painting, and crash it.
+        traceback.clear_frames(trace)
         if isinstance(error, InputError):
             notices.error(str(error))
             return
