@@ -6,7 +6,7 @@ DEMO comes from `nvsim demo`; it is copied. The events click, drag, scroll, and 
 dialogs. They edit, undo, save, reopen, change themes and workspaces, resize the window, and start jobs, which are
 canceled after half a minute. In between, the benchmark tests:
 
-- no exception, and no warning of Qt;
+- no exception, no warning of Qt, and no jump of memory;
 - the findings are those of the graph on screen; the validation panel shows their numbers;
 - title, status bar, undo, selection, and proposals agree with the document;
 - no notice contradicts the document or stays longer than its time; no frame with a mask is listed without one.
@@ -85,6 +85,7 @@ JOB = 30.0  # seconds until a job is canceled
 REOPEN = 20  # tests between two opened files
 KEPT = 40  # actions that are printed after a fault
 FAULTS = 20  # faults after which the soak ends
+JUMP = 1024  # MiB that the window may use more than at the test before
 
 
 @dataclass(frozen=True)
@@ -108,6 +109,7 @@ class Soak:
         self.counts: Counter[str] = Counter()
         self.faults: list[str] = []
         self.memory: list[tuple[float, float]] = []
+        self.peak, self._usual = 0.0, np.inf  # MiB
         self.tests, self.events, self.depth = 0, 0, 0
         self._since_test = 0
         self._testing = False
@@ -141,6 +143,15 @@ class Soak:
             self._act()
         finally:
             self.depth -= 1
+        self._weigh()
+
+    def _weigh(self) -> None:
+        """A fault if the window uses much more memory than at the test before."""
+        memory = psutil.Process().memory_info().rss / 2**20
+        self.peak = max(self.peak, memory)
+        if memory > self._usual + JUMP:
+            self.fault(f"memory jumped from {self._usual:.0f} to {memory:.0f} MiB")
+            self._usual = memory
 
     def _act(self) -> None:
         popup, modal = QApplication.activePopupWidget(), QApplication.activeModalWidget()
@@ -313,7 +324,7 @@ class Soak:
 
     # The tests -------------------------------------------------------------------------------------------------------
 
-    def _fault(self, sentence: str) -> None:
+    def fault(self, sentence: str) -> None:
         self.faults.append(sentence)
         print(f"FAULT after {self.events} events: {sentence}", file=sys.stderr)
         print("   " + "\n   ".join(self.actions), file=sys.stderr, flush=True)
@@ -322,12 +333,12 @@ class Soak:
         editing = self.document.editing
         graph = editing.graph
         if notice.text.startswith("Unexpected error"):
-            self._fault(f"{notice.text}\n{notice.detail}")
+            self.fault(f"{notice.text}\n{notice.detail}")
         if notice.text == "No problems found." and (not editing.checking.complete or self._open_findings()):
-            self._fault("a notice says that there are no problems, but there are findings")
+            self.fault("a notice says that there are no problems, but there are findings")
         reviewed = graph is None or all(graph.edges[key].reviewed for key in reviewable_edges(graph))
         if notice.text == "Every edge between included viewpoints is reviewed." and not reviewed:
-            self._fault("a notice says that every edge is reviewed")
+            self.fault("a notice says that every edge is reviewed")
         if notice.severity == "error":
             self._note(f"error {notice.text}")
 
@@ -342,9 +353,10 @@ class Soak:
             for test in (self._findings, self._words, self._stale):
                 test()
         except Exception:
-            self._fault(traceback.format_exc())
+            self.fault(traceback.format_exc())
         self.tests += 1
-        self.memory.append((time.monotonic(), psutil.Process().memory_info().rss / 2**20))
+        self._usual = psutil.Process().memory_info().rss / 2**20
+        self.memory.append((time.monotonic(), self._usual))
         if self.tests % 10 == 0:
             jobs = ", ".join(f"{h.title} {h.state}" for h in self.window.jobs.handles[-3:])
             print(f"{self.events} events, {self.tests} tests, {self.memory[-1][1]:.0f} MiB, {jobs}", file=sys.stderr)
@@ -364,51 +376,51 @@ class Soak:
         known = checking._known if checking._file is None else checking._file.context(checking._known)
         expected = {f.key for f in check_graph(editing.graph, known)}
         if expected != set(editing.findings):
-            self._fault(f"findings differ: {expected ^ set(editing.findings)}")
+            self.fault(f"findings differ: {expected ^ set(editing.findings)}")
         panel = self.window.panels["validation"]
         seen = not panel.visibleRegion().isEmpty() and panel.clean.isVisible()
         if seen and panel.clean.text() == "No problems found." and self._open_findings():
-            self._fault("the panel says that there are no problems")
+            self.fault("the panel says that there are no problems")
 
     def _words(self) -> None:
         window, editing, document = self.window, self.document.editing, self.document
         graph = editing.graph
         if window.isWindowModified() != editing.dirty:
-            self._fault("the star in the title is wrong")
+            self.fault("the star in the title is wrong")
         name = document.contents.path.name if document.contents.path is not None else "NVSim"
         if not window.windowTitle().startswith(name):
-            self._fault(f"the title {window.windowTitle()} is not that of {name}")
+            self.fault(f"the title {window.windowTitle()} is not that of {name}")
         summary = window._summary.text()
         if graph is not None:
             for number, noun in ((len(graph.viewpoints), "viewpoint"), (len(graph.edges), "edge")):
                 if f"{number:,} {noun}" not in summary:
-                    self._fault(f"the status bar says {summary!r}, but there are {number} {noun}s")
+                    self.fault(f"the status bar says {summary!r}, but there are {number} {noun}s")
             chosen = editing.selection
             if chosen.viewpoints - graph.viewpoints.keys() or chosen.edges - graph.edges.keys():
-                self._fault("the selection has items that are not in the graph")
+                self.fault("the selection has items that are not in the graph")
             if set(editing.proposals.doubted) - graph.edges.keys():
-                self._fault("an edge that does not exist is doubted")
+                self.fault("an edge that does not exist is doubted")
         history = editing.history
         for id, text in (("undo", history and history.undo_text), ("redo", history and history.redo_text)):
             action = window.actions_table[id]
             usable = bool(text) and editing.writable and document.page_frame is None
             if action.isEnabled() and not text and not window.focusWidget():
-                self._fault(f"{id} is enabled without a step")
+                self.fault(f"{id} is enabled without a step")
             if usable and len(action.text().replace("&", "")) <= len("Undo "):
-                self._fault(f"{id} does not name its step")
+                self.fault(f"{id} does not name its step")
 
     def _stale(self) -> None:
         for card in self.window.notice_area._cards:
             over = time.time() - card.notice.when
             if over > 3 * SECONDS[card.notice.severity] and not card.underMouse() and not card._timer.isActive():
-                self._fault(f"a notice stays for {over:.0f} s: {card.notice.text}")
+                self.fault(f"a notice stays for {over:.0f} s: {card.notice.text}")
         project, state = self.document.project, self.window.part(FramePart).state
         panel = self.window.panels["frames"]
         if project is not None and panel.isVisible() and state.coverage:
             capture = self.document.contents.capture
             bare = [] if capture is None else [i for i in range(len(capture.frames)) if i not in state.coverage]
             if bare and len(list((project / "masks").glob("*"))) >= len(capture.frames):
-                self._fault(f"{len(bare)} frames are listed without their mask")
+                self.fault(f"{len(bare)} frames are listed without their mask")
 
     def _end_jobs(self) -> None:
         """Cancels jobs that have run for half a minute, and removes old ones."""
@@ -434,6 +446,7 @@ class Soak:
             "memory_first_mib": round(self.memory[0][1]) if self.memory else 0,
             "memory_half_mib": round(late[0][1]) if late else 0,
             "memory_last_mib": round(late[-1][1]) if late else 0,
+            "memory_peak_mib": round(self.peak),
             "growth_mib_per_hour": round(growth, 1),
             "actions": dict(self.counts.most_common()),
         }
@@ -460,7 +473,7 @@ def main() -> int:
 
         def hear(kind: QtMsgType, _: object, text: str) -> None:
             if kind != QtMsgType.QtDebugMsg and "propagateSizeHints" not in text:
-                soak._fault(f"Qt: {text}")
+                soak.fault(f"Qt: {text}")
 
         def begin() -> None:
             if session.document.graph is None:
@@ -475,6 +488,8 @@ def main() -> int:
         qInstallMessageHandler(hear)
         QTimer.singleShot(0, begin)
         app.exec()
+        if time.monotonic() < soak.end and not soak.faults:
+            soak.fault("an action ended the program")
         qInstallMessageHandler(None)
         for handle in session.window.jobs.running:
             session.window.jobs.cancel(handle)
