@@ -87,7 +87,12 @@ class TaskPart(Part):
             self.read_submission(Path(name))
 
     def docks(self) -> tuple[Dock, ...]:
-        return (Dock("tasks", "Tasks", self.panel, "right", tab="details", needs=with_editing),)
+        return (Dock("tasks", "Tasks", self.panel, "bottom", tab="jobs", needs=with_editing),)
+
+    def show(self) -> None:
+        """Shows the tasks, and gives the keys to the list."""
+        self.context.window.show_dock("tasks")
+        self.panel.table.setFocus()
 
     def store(self, settings: object) -> None:
         self.panel.keep()
@@ -244,5 +249,5 @@ class TaskPart(Part):
 
     ACTIONS = (
         Action("&Graph", 2, "tasks", "&Tasks", "Review paths and instructions of the scan, and trajectories of agents",
-               lambda self: self.context.window.show_dock("tasks"), "Shift+F9", with_editing),
+               lambda self: self.show(), "Shift+F9", with_editing),
     )  # fmt: skip
