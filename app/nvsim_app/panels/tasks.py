@@ -107,8 +107,7 @@ def _is_ours(event: QKeyEvent) -> bool:
 
 
 class _Table(TableView):
-    """The list of tasks, with its own keys. Rows have two lines of the instruction if `_ROWS` of them fit, else one; the
-    editor shows all of it."""
+    """The list of tasks, with its own keys. Rows have two lines of the instruction if `_ROWS` of them fit, else one."""
 
     pressed_key = Signal(int)
     _heights = (0, 0)

@@ -27,6 +27,7 @@ from nvsim_app.processes.background import BackgroundWork
 from nvsim_app.state.reasons import with_editing
 from nvsim_app.views.graph_surface import GraphSurface
 from nvsim_app.wiring.part import Dock, Part, WindowContext
+from nvsim_app.wiring.selecting import SelectPart
 
 EXPORT = "export tasks"
 SETTLE = 250  # milliseconds after an edit until the tasks are checked
@@ -225,8 +226,7 @@ class TaskPart(Part):
         entry, document = self.panel.current, self.context.document
         if entry is not None:
             there = frozenset(id for id in entry.task.path if id in document.graph_arrays.index)
-            document.editing.select(GraphSelection(there))
-            self.context.scene.places.focus_on_selection()
+            self.context.part(SelectPart).show_selection(GraphSelection(there))
 
     def paint(self, painter: QPainter, surface: GraphSurface) -> None:
         entry = self.panel.current
