@@ -43,7 +43,9 @@ def _run(arguments: list[str]) -> int:
             return 0 if rest else 2
         verb, rest = f"{verb} {rest[0]}", rest[1:]
     if verb not in COMMANDS:
-        print_lines(f"nvsim: there is no command `{verb}`; `nvsim --help` lists them.", error=True)
+        from nvsim.cli.mistakes import unknown_command
+
+        print_lines(f"nvsim: {unknown_command(verb)}", error=True)
         return 2
     # With few cores, the thread pools of torch and numba block each other by busy waiting, so they wait passively. This
     # must be set before either is loaded.

@@ -24,6 +24,21 @@ class OptionError(InputError):
     """A word of the command line is wrong. The message names options as the user must write them."""
 
 
+def unknown_command(verb: str) -> str:
+    """The sentence about `nvsim VERB`, which is no command."""
+    groups = [name.split()[0] for name in COMMANDS]  # `nvsim GROUP` lists the commands of a group
+    known = {name: [name] for name in (*COMMANDS, *groups)}
+    for name in COMMANDS:
+        last = name.split()[-1]
+        if known.get(last) != [last]:
+            known.setdefault(last, []).append(name)
+    near = [name for word in difflib.get_close_matches(verb, known, 3, 0.8) for name in known[word]]
+    if near:
+        listed = " or ".join(f"`nvsim {name}`" for name in dict.fromkeys(near[:3]))
+        return f"There is no command `nvsim {verb}`; did you mean {listed}?"
+    return f"There is no command `nvsim {verb}`; `nvsim --help` lists the commands."
+
+
 def mistake_in(verb: str, found: Sequence[Option], argv: Sequence[str], usage: str) -> str:
     """The sentence about the first mistake in the arguments `argv` of `nvsim VERB`; "" if there is none. `found` are
     its options, and `usage` is the command with its required arguments."""

@@ -15,7 +15,8 @@ from pytestqt.qtbot import QtBot
 
 from nvsim.graph.selection import GraphSelection
 from nvsim.occupancy.types import FREE
-from nvsim_app.painting.cameras import overview
+from nvsim_app.drawing.cutaway import OUTSIDE
+from nvsim_app.painting.cameras import ViewPose, overview
 from nvsim_app.state.document import Document
 from nvsim_app.wiring.appearance import PalettePart
 from nvsim_app.wiring.new_project import NewProjectPart
@@ -62,7 +63,7 @@ def test_a_double_click_in_the_3d_view_centers_the_floor_under_it(ready: MainWin
     QTest.mouseDClick(scene, Qt.MouseButton.LeftButton, pos=pixel)
     goal = scene.navigation.goal
     assert np.allclose(goal.position + goal.reach * goal.axes[:, 2], floor, atol=1e-6)
-    assert goal.reach <= 3.0
+    assert goal.reach <= 3.0 and floor[2] + 0.5 < goal.position[2] < floor[2] + 2.0
 
 
 def test_a_point_beside_an_outer_wall_is_centered_from_inside(ready: MainWindow, document: Document) -> None:
@@ -77,6 +78,27 @@ def test_a_point_beside_an_outer_wall_is_centered_from_inside(ready: MainWindow,
     goal = scene.navigation.goal
     assert np.allclose(goal.pivot, spot, atol=0.1) and goal.reach >= 0.8
     assert occupancy.states_at(np.array(goal.position[:2])) == FREE
+
+
+def test_no_wall_hides_a_viewpoint_that_f_frames(ready: MainWindow, document: Document) -> None:
+    arrays, occupancy = document.graph_arrays, document.contents.occupancy
+    assert occupancy is not None
+    for start in (overview(document.extent), ViewPose((2.0, 2.0, 1.5), 0.5)):
+        for row in range(0, len(arrays.ids), 2):
+            ready.scene.navigation.set_pose(start)
+            document.editing.select(GraphSelection(frozenset([arrays.ids[row]])))
+            QTest.keyClick(ready.scene, Qt.Key.Key_F)
+            goal = ready.scene.navigation.goal
+            line = np.linspace(goal.position, arrays.feet[row] + [0, 0, 0.6], 100)
+            assert (occupancy.states_at(line[:, :2]) == FREE).all(), arrays.ids[row]
+            assert 1.0 < goal.position[2] < 2.0, "below the ceiling, and not on the floor"
+
+
+def test_f_shows_several_viewpoints_over_the_walls(ready: MainWindow, document: Document) -> None:
+    ready.scene.navigation.set_pose(ViewPose((2.0, 2.0, 1.5)))
+    document.editing.select(GraphSelection(frozenset(document.graph_arrays.ids[:5])))
+    QTest.keyClick(ready.scene, Qt.Key.Key_F)
+    assert ready.scene.navigation.goal.position[2] > OUTSIDE
 
 
 def test_a_dragged_file_highlights_the_window(ready: MainWindow, tmp_path: Path, qtbot: QtBot) -> None:

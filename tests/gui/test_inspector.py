@@ -273,6 +273,14 @@ def test_at_720_pixels_the_whole_inspector_is_shown(window: MainWindow, document
     assert panel.bars.mapTo(panel, panel.bars.rect().bottomLeft()).y() <= panel.height()
 
 
+def test_directions_are_complete_in_a_narrow_panel(part: InspectorPart, qtbot: QtBot) -> None:
+    panel = part.panel
+    qtbot.waitUntil(lambda: len(panel.model.rows) == 8)
+    for width in (205, 230, 260):
+        panel.list.resize(width, 150)
+        assert panel.list.columnWidth(0) >= panel.list.sizeHintForColumn(0)
+
+
 def test_the_texts_of_the_bars_do_not_overlap(window: MainWindow, document: Document, qtbot: QtBot) -> None:
     """Two columns are used only where the texts of both fit."""
     window.resize(1280, 720)

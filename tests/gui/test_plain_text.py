@@ -20,7 +20,7 @@ from nvsim.events import Failed, Log, Progress
 from nvsim.graph.selection import GraphSelection
 from nvsim.project.jobs.joblist import JobList, JobStatus
 from nvsim.project.project import Project
-from nvsim_app.look.labels import Label, MarkedLabel
+from nvsim_app.look.labels import Label, MarkedLabel, Value
 from nvsim_app.look.plain_text import caption, escape_html, in_window, lines, plain, title, tooltip_text
 from nvsim_app.modes.mode import Pointer
 from nvsim_app.panels.help import HelpWindow
@@ -268,3 +268,17 @@ def test_a_tool_tip_that_is_really_shown_reads_nothing(fifo: Path, qtbot: QtBot)
     assert "EVIL0" in label.text() and label.width() < 1500
     QToolTip.hideText()
     qtbot.waitUntil(lambda: not any(w.isVisible() for w in _labels()), timeout=20_000)
+
+
+def test_a_value_wider_than_its_field_ends_in_an_ellipsis(qtbot: QtBot) -> None:
+    long, field = "304ddcc1ce6477d8cdaeb08220bacf3c" * 2, Value()
+    qtbot.addWidget(field)
+    field.show_value(long)
+    field.resize(120, 20)
+    field.show()
+
+    def last_columns() -> set[int]:
+        image = field.grab().toImage()
+        return {image.pixel(x, y) for x in range(image.width() - 3, image.width()) for y in range(image.height())}
+
+    assert len(last_columns()) == 1 and field.text() == long

@@ -10,7 +10,7 @@ from editing_room import Hand
 from PySide6.QtCore import QPointF, QSettings, Qt
 from PySide6.QtGui import QKeySequence
 from PySide6.QtTest import QTest
-from PySide6.QtWidgets import QApplication, QDoubleSpinBox
+from PySide6.QtWidgets import QApplication, QDoubleSpinBox, QPushButton
 
 from nvsim import kernel_threads
 from nvsim_app.look import lengths, theme
@@ -177,8 +177,12 @@ def test_the_dialog_shows_the_values_sets_them_and_finds_them(window: MainWindow
     dialog.search.setText("component")
     assert dialog.tabs.currentWidget() is dialog.keys and not dialog.nothing.isHidden()
     dialog.search.setText("")
-    (defaults,) = (b for b in dialog.buttons.buttons() if "Restore" in b.text())
-    defaults.click()
+    bar = dialog.tabs.tabBar()
+    for page in (1, 0):
+        QTest.mouseClick(bar, Qt.MouseButton.LeftButton, pos=bar.tabRect(page).center())
+        buttons = [b for b in dialog.findChildren(QPushButton) if b.text() == "Reset to defaults" and b.isVisible()]
+        assert len(buttons) == 1 and buttons[0] in (dialog.keys.reset_all, *dialog.buttons.buttons())
+    QTest.mouseClick(buttons[0], Qt.MouseButton.LeftButton)
     assert window.scene.navigation.speed == editor.value() == 2.0
     assert dialog.minimumSizeHint().height() < 500 and dialog.minimumSizeHint().width() < 900
     dialog.close()

@@ -6,7 +6,9 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
+from cut_texts import cut_texts
 from PySide6.QtCore import Qt
+from PySide6.QtWidgets import QScrollArea
 from pytestqt.qtbot import QtBot
 
 from nvsim.project.jobs.files import JobCommand
@@ -84,10 +86,10 @@ def test_any_instructions_trajectory_is_walked_by_keys(window: MainWindow, qtbot
     qtbot.keyClick(panel.table, Qt.Key.Key_Space)
     assert panel.walk.isChecked()
     qtbot.waitUntil(lambda: panel.slider.value() == 1 and not panel.walk.isChecked())
-    panel.state.setCurrentText("unread")
+    panel.state.setCurrentText("Unread")
     qtbot.keyClick(panel.table, Qt.Key.Key_R)
     assert [entry.task.path_id for entry in panel.model.rows] == [1]
-    panel.state.setCurrentText("rejected")
+    panel.state.setCurrentText("Rejected")
     panel.text.setText("WALK")
     assert [entry.task.path_id for entry in panel.model.rows] == [0]
 
@@ -111,10 +113,13 @@ def test_exported_tasks_open_with_their_path_on_the_map(window: MainWindow, qtbo
     panel = part.panel
     qtbot.waitUntil(lambda: panel.isVisible() and panel.model.rowCount() == 3)
     assert panel.current is not None and canvas.grab().toImage() != plain_map
+    window.docks["tasks"].hide()
+    qtbot.waitUntil(lambda: canvas.grab().toImage() == plain_map)
+    window.activateWindow()
+    qtbot.keyClick(canvas, Qt.Key.Key_F9, Qt.KeyboardModifier.ShiftModifier)
+    qtbot.waitUntil(lambda: panel.table.hasFocus() and canvas.grab().toImage() != plain_map)
     table, last = panel.table, panel.model.columnCount() - 1
-    assert table.columnWidth(last) >= 150 and table.horizontalScrollBar().maximum() == 0
     assert panel.model.index(0, last).data() == LONG
-    window.resize(1280, 1100)  # rows have two lines if there is room
     qtbot.waitUntil(lambda: table.rowHeight(0) >= 2 * table.fontMetrics().lineSpacing())
     assert table.wordWrap()
     step = len(panel.current.task.path) - 1
@@ -124,28 +129,34 @@ def test_exported_tasks_open_with_their_path_on_the_map(window: MainWindow, qtbo
 
 
 @pytest.mark.parametrize("workspace", [layout.id for layout in WORKSPACE_LAYOUTS])
-def test_five_tasks_are_in_sight_while_jobs_are_open(
+def test_tasks_are_readable_while_jobs_are_open(
     window: MainWindow, qtbot: QtBot, tmp_path: Path, workspace: str
 ) -> None:
     part = window.part(TaskPart)
     graph = part.context.document.graph
     assert graph is not None
-    tasks = [Task(i, graph.scan, list(graph.edges)[0], 0.5, (LONG,)) for i in range(9)]
+    tasks = [Task(i, graph.scan, list(graph.edges)[0], 0.5, (LONG,) * 3) for i in range(9)]
     write_tasks(tmp_path / "R2R_train.json", tasks)
-    window.resize(1280, 720)
-    window.actions_table[f"workspace_{workspace}"].trigger()
-    window.actions_table["reset_layout"].trigger()
-    for name in ("tasks", "jobs"):
-        window.show_dock(name)
-    part.open(tmp_path)
-    table = part.panel.table
-    qtbot.waitUntil(lambda: part.panel.model.rowCount() == 9 and table.visibleRegion().boundingRect().height() > 50)
-    qtbot.wait(100)
-    for row in range(5):
-        cell = table.visualRect(part.panel.model.index(row, 1))
-        assert table.viewport().visibleRegion().contains(cell), f"row {row} is not in sight"
-        qtbot.mouseClick(table.viewport(), Qt.MouseButton.LeftButton, pos=cell.center())
-        assert part.panel.current == part.panel.entries[row]
+    panel, table = part.panel, part.panel.table
+    for (width, height), rows in {(1280, 720): 3, (960, 540): 2}.items():
+        window.resize(width, height)
+        window.actions_table[f"workspace_{workspace}"].trigger()
+        window.actions_table["reset_layout"].trigger()
+        for name in ("jobs", "tasks"):
+            window.show_dock(name)
+        part.open(tmp_path)
+        qtbot.waitUntil(lambda: panel.model.rowCount() == 9 and table.visibleRegion().boundingRect().height() > 50)
+        qtbot.wait(100)
+        table.scrollToTop()
+        dock = window.docks["tasks"].widget()
+        assert isinstance(dock, QScrollArea) and dock.verticalScrollBar().maximum() == 0
+        assert table.columnWidth(panel.model.columnCount() - 1) >= 280 and table.horizontalScrollBar().maximum() == 0
+        assert not list(cut_texts(panel))
+        for row in range(rows):
+            cell = table.visualRect(panel.model.index(row, 1))
+            assert table.viewport().visibleRegion().contains(cell), f"row {row} is not in sight"
+            qtbot.mouseClick(table.viewport(), Qt.MouseButton.LeftButton, pos=cell.center())
+            assert panel.current == panel.entries[row]
 
 
 def test_tasks_of_a_renamed_project_are_shown(window: MainWindow, qtbot: QtBot, tmp_path: Path) -> None:

@@ -254,11 +254,11 @@ def test_tabs_without_room_for_their_titles_scroll(window: MainWindow, qtbot: Qt
     themes.apply(QApplication.instance(), theme)
     window.resize(960, 540)
     enter(window, "edit")
-    for name in ("agent", "tasks"):
+    for name in ("agent", "clean"):
         window.show_dock(name)
     qtbot.wait(100)
     bars = [b for b in window.findChildren(QTabBar, options=Qt.FindChildOption.FindDirectChildrenOnly)]
-    (bar,) = [b for b in bars if b.isVisible() and "Tasks" in [b.tabText(i) for i in range(b.count())]]
+    (bar,) = [b for b in bars if b.isVisible() and "Agent" in [b.tabText(i) for i in range(b.count())]]
     needed = [bar.fontMetrics().horizontalAdvance(bar.tabText(tab)) for tab in range(bar.count())]
     assert sum(needed) > 0.8 * bar.width() and not [text for text in cut_titles(bar)]
     assert bar.rect().contains(bar.tabRect(bar.currentIndex()).center())

@@ -73,6 +73,24 @@ def test_a_mistake_is_one_sentence(words: str, sentence: str, capsys: pytest.Cap
     assert capsys.readouterr().err == f"nvsim {verb}: {sentence}\n"
 
 
+@pytest.mark.parametrize(
+    ("words", "fix"),
+    [
+        ("trian --project a", "did you mean `nvsim train`?"),
+        ("grph", "did you mean `nvsim graph`?"),
+        ("graph chek a.nvsim", "did you mean `nvsim graph check`?"),
+        ("clean a.nvsim", "did you mean `nvsim splat clean`?"),
+        ("nonsense", "`nvsim --help` lists the commands."),
+    ],
+)
+def test_an_unknown_command_is_one_sentence_with_similar_names(
+    words: str, fix: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(words.split()) == 2
+    err = capsys.readouterr().err
+    assert err.startswith("nvsim: There is no command `nvsim ") and err.endswith(f"`; {fix}\n")
+
+
 def test_a_mistake_is_an_event_too(capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["train", "--project", "a", "--json", "--stepz", "5"]) == 2
     out, err = capsys.readouterr()

@@ -133,7 +133,8 @@ _COLUMNS: tuple[Column[Direction], ...] = (
            icon=lambda direction: swatch(colors.OPEN if direction.open else colors.BLOCKED)),
     Column("Decision", lambda direction: direction.outcome_label, ink=_decision_color),
     Column("Leads to", lambda direction: direction.name if direction.neighbor else "",
-           about=lambda direction: f"Double-click to go to {direction.neighbor}" if direction.neighbor else ""),
+           about=lambda direction: f"Double-click to go to {direction.neighbor}" if direction.neighbor else "",
+           optional=True),
 )  # fmt: skip
 CHANNELS = {"rgb": "Color", "alpha": "Alpha", "normal": "Normals"}
 _LIST_ROWS = 5  # minimum height of the list, in rows with its header

@@ -17,6 +17,7 @@ from nvsim.geometry.camera import Camera, Intrinsics, camera_pose
 RADIANS_PER_PIXEL = 0.005
 REACH = 3.0  # default distance to the pivot, meters
 NEAREST_PIVOT = 0.3  # meters
+OVER_WALLS = radians(-50)  # elevation at which a camera above the building looks over walls into its rooms
 STEEPEST = 40.0  # maximum angle below the horizon in degrees for a view along an edge
 FARTHEST_PIVOT = 500.0  # meters
 

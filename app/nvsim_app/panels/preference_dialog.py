@@ -54,8 +54,9 @@ class PreferenceDialog(Dialog):
         self.tabs.addTab(self._settings_page(), "Settings")
         self.tabs.addTab(self.keys, "Keys")
         self.buttons = DialogButtons(QDialogButtonBox.StandardButton.Close, self)
-        defaults = self.buttons.addButton("Restore all settings", QDialogButtonBox.ButtonRole.ResetRole)
-        defaults.setToolTip("Restore the defaults of all settings; the keys have a separate button")
+        defaults = self.buttons.addButton("Reset to defaults", QDialogButtonBox.ButtonRole.ResetRole)
+        defaults.setToolTip("Restore the defaults of all settings")
+        self.tabs.currentChanged.connect(lambda page: defaults.setVisible(page == 0))  # the keys have their own
         defaults.clicked.connect(preferences.reset)
         defaults.setAutoDefault(False)
         self.buttons.rejected.connect(self.close)

@@ -5,8 +5,19 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 from PySide6.QtCore import QEvent, QSignalBlocker, Qt, QTimer, Signal
-from PySide6.QtGui import QKeyEvent, QResizeEvent
-from PySide6.QtWidgets import QComboBox, QLineEdit, QMenu, QPlainTextEdit, QPushButton, QSlider, QToolButton, QWidget
+from PySide6.QtGui import QHideEvent, QKeyEvent, QResizeEvent, QShowEvent
+from PySide6.QtWidgets import (
+    QBoxLayout,
+    QComboBox,
+    QLineEdit,
+    QMenu,
+    QPlainTextEdit,
+    QPushButton,
+    QSizePolicy,
+    QSlider,
+    QToolButton,
+    QWidget,
+)
 
 from nvsim.r2r.reviewing import Episode, Key, Review, TaskEntry
 from nvsim_app.look import colors, lengths
@@ -20,8 +31,10 @@ from nvsim_app.look.widgets import named, tool_button
 _KEYS = {Qt.Key.Key_A: "accepted", Qt.Key.Key_R: "rejected"}
 _WALK = 600  # milliseconds per step while the path is walked
 _PAUSE = 1500  # milliseconds without a key press until typed text is stored
-_ROWS = 5  # rows that the smallest list shows
-_READABLE = 160  # minimum width of the column of instructions, pixels
+_ROWS = 3  # rows that are visible before they get two lines
+_FEWEST = 2  # rows that the smallest list shows
+_READABLE = 400  # width of an instruction before optional columns are shown, pixels
+_WIDE = 600  # width from which the editor is beside the list, pixels
 _EPISODE = (5, 6)  # columns of the results of an agent
 _DIGITS = range(Qt.Key.Key_0, Qt.Key.Key_9 + 1)
 _TAKEN = {*_KEYS, *_DIGITS, *(getattr(Qt.Key, f"Key_{name}") for name in ("E", "Return", "Left", "Right", "Space"))}
@@ -94,8 +107,7 @@ def _is_ours(event: QKeyEvent) -> bool:
 
 
 class _Table(TableView):
-    """The list of tasks, with its own keys. At least `_ROWS` rows are in sight. They have two lines of the instruction
-    if there is room, else one; the editor shows all of it."""
+    """The list of tasks, with its own keys. Rows have two lines of the instruction if `_ROWS` of them fit, else one."""
 
     pressed_key = Signal(int)
     _heights = (0, 0)
@@ -103,7 +115,7 @@ class _Table(TableView):
     def set_line_heights(self, one: int, two: int) -> None:
         """Sets the heights of a row with one and with two lines of text, pixels."""
         self._heights = one, two
-        self.setMinimumHeight(_ROWS * one + self.horizontalHeader().sizeHint().height() + 2 * self.frameWidth())
+        self.setMinimumHeight(_FEWEST * one + self.horizontalHeader().sizeHint().height() + 2 * self.frameWidth())
 
     def resizeEvent(self, event: QResizeEvent) -> None:
         one, two = self._heights
@@ -149,22 +161,22 @@ class TaskPanel(QWidget):
         self.which.setToolTip(
             tooltip_text("Instruction whose trajectory is drawn and walked; 0 to 9 in the list select it")
         )
-        self.state.addItems(["every state", "unread", "accepted", "rejected", "edited", "broken"])
-        self.order.addItems(["in file order", "worst first"])
-        self.split.addItem("every split")
+        self.state.addItems(["Any state", "Unread", "Accepted", "Rejected", "Edited", "Broken"])
+        self.order.addItems(["In order", "Worst first"])
+        self.split.addItem("All splits")
         self.table = _Table()
         self.table.setModel(self.model)
         style_table(self.table, "Tasks")
+        self.table.setColumnWidth(self.model.columnCount() - 1, 0)  # the last column takes the rest
         self.table.setWordWrap(True)
         self.table.set_line_heights(
             self.table.verticalHeader().defaultSectionSize(), 2 * self.table.fontMetrics().lineSpacing() + GRID
         )
-        for column in _EPISODE:
-            self.table.hideColumn(column)
         self.words = Label("Open a folder of task files, such as R2R_train.json.", wordWrap=True)
         self.editor = QPlainTextEdit(tabChangesFocus=True, placeholderText="One instruction per line")
         self.editor.setAccessibleName("Instructions of the task")
-        self.editor.setFixedHeight(48)
+        self.editor.setMinimumHeight(32)
+        self.editor.setSizePolicy(QSizePolicy.Policy.Expanding, QSizePolicy.Policy.Ignored)
         self.slider = named(QSlider(Qt.Orientation.Horizontal), "Position on the path")
         self.slider.setMinimumWidth(40)
         tip = "Open tasks or trajectories, export the accepted tasks, undo the last verdict"
@@ -177,16 +189,21 @@ class TaskPanel(QWidget):
         self.files.setMenu(menu)
         for choice in (self.split, self.state, self.order, self.which):
             choice.setSizeAdjustPolicy(QComboBox.SizeAdjustPolicy.AdjustToMinimumContentsLengthWithIcon)
-            choice.setMinimumContentsLength(3)
+            choice.setMinimumContentsLength(7)
         self.walk = QPushButton("Walk")
         self.walk.setCheckable(True)
         self.walk.setToolTip(
             tooltip_text("Walk the path, or the trajectory, one viewpoint at a time (Space in the list)")
         )
-        first = hbox(self.files, (self.text, 1), spacing=GRID)
-        choices = hbox((self.split, 1), (self.state, 1), (self.order, 1), spacing=GRID)
-        last = hbox(self.walk, (self.slider, 1), (self.which, 1), spacing=GRID)
-        vbox(first, choices, (self.table, 1), self.words, self.editor, last, on=self, margins=8)
+        self._filters = hbox(
+            (hbox(self.files, (self.text, 1), spacing=GRID), 1),
+            hbox((self.split, 1), (self.state, 1), (self.order, 1), spacing=GRID),
+            spacing=GRID,
+        )
+        listed = vbox(self._filters, (self.table, 1), spacing=GRID)
+        walking = hbox(self.walk, (self.slider, 1), self.which, spacing=GRID)
+        selected = vbox(self.words, (self.editor, 1), walking, spacing=GRID)
+        self._parts = hbox((listed, 2), (selected, 1), on=self, margins=(GRID, 4, GRID, 4), spacing=GRID)
         self.text.textChanged.connect(self.refilter)
         for choice in (self.split, self.state, self.order):
             choice.currentIndexChanged.connect(self.refilter)
@@ -197,9 +214,26 @@ class TaskPanel(QWidget):
         self._pace.timeout.connect(self._go_on)
         self.walk.toggled.connect(self._set_walking)
         self.which.currentIndexChanged.connect(self._on_which)
+        self._show_controls_of_trajectories()
         self._typed = QTimer(self, singleShot=True, interval=_PAUSE)
         self._typed.timeout.connect(self.keep)
         self.editor.textChanged.connect(self._typed.start)
+
+    def resizeEvent(self, event: QResizeEvent) -> None:
+        """Puts the editor beside the list if there is room, else below it."""
+        across, down = QBoxLayout.Direction.LeftToRight, QBoxLayout.Direction.TopToBottom
+        for box in (self._parts, self._filters):
+            box.setDirection(across if self.width() >= _WIDE else down)
+        super().resizeEvent(event)
+
+    def showEvent(self, event: QShowEvent) -> None:
+        """The views show the path while the panel is visible."""
+        super().showEvent(event)
+        self.chosen.emit()
+
+    def hideEvent(self, event: QHideEvent) -> None:
+        super().hideEvent(event)
+        self.chosen.emit()
 
     @property
     def current(self) -> TaskEntry | None:
@@ -217,16 +251,15 @@ class TaskPanel(QWidget):
         self._lower = {e.key: "\n".join(e.task.instructions).lower() for e in entries}
         with QSignalBlocker(self.split):
             self.split.clear()
-            self.split.addItems(["every split", *sorted({e.split for e in entries})])
+            self.split.addItems(["All splits", *sorted({e.split for e in entries})])
         self.refilter()
 
     def refilter(self, _: object = None) -> None:
         """Lists the tasks that pass the filters. Keeps the selected task if it is among them."""
         before, model = self.current, self.model
-        for column in _EPISODE:
-            self.table.setColumnHidden(column, not model.episodes)
+        self._show_controls_of_trajectories()
         self.table.fit()
-        words, split, wanted = self.text.text().lower(), self.split.currentText(), self.state.currentText()
+        words, split, wanted = self.text.text().lower(), self.split.currentText(), self.state.currentText().lower()
         split = split if self.split.currentIndex() > 0 else ""
         rows = [e for e in self.entries if self._passes_filters(e, words, split, wanted)]
         if self.order.currentIndex() == 1:
@@ -243,6 +276,12 @@ class TaskPanel(QWidget):
         else:
             self._on_row()
 
+    def _show_controls_of_trajectories(self) -> None:
+        for column in _EPISODE:
+            self.table.setColumnHidden(column, not self.model.episodes)
+        self.order.setVisible(bool(self.model.episodes))
+        self.which.setVisible(bool(self.model.episodes))
+
     def refresh(self) -> None:
         """Updates the list after states, faults, or episodes changed."""
         if self.state.currentIndex() or self.order.currentIndex():
@@ -255,7 +294,7 @@ class TaskPanel(QWidget):
         if split and entry.split != split:
             return False
         verdict = self.model.review[entry.key]
-        states = {"every state": True, "unread": not verdict.state, "edited": verdict.instructions is not None}
+        states = {"any state": True, "unread": not verdict.state, "edited": verdict.instructions is not None}
         if wanted == "broken":
             states[wanted] = bool(self.model.faults.get(entry.key))
         if not states.get(wanted, wanted == verdict.state):
@@ -297,7 +336,7 @@ class TaskPanel(QWidget):
         before = self.which.currentIndex()
         with QSignalBlocker(self.which):
             self.which.clear()
-            self.which.addItems(["worst instruction", *(f"instruction {k + 1}" for k in range(count))])
+            self.which.addItems(["Worst instruction", *(f"Instruction {k + 1}" for k in range(count))])
             self.which.setCurrentIndex(before if 0 <= before <= count else 0)
 
     def _on_which(self) -> None:

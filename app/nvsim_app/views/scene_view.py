@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
+from math import asin, radians, sin
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,7 +18,7 @@ from PySide6.QtGui import QFocusEvent, QKeyEvent, QMouseEvent, QPainter, QPaintE
 from PySide6.QtWidgets import QSizePolicy, QWidget
 
 from nvsim.geometry.camera import Camera
-from nvsim.occupancy.types import UNKNOWN
+from nvsim.occupancy.types import FREE, OCCUPIED, UNKNOWN
 from nvsim_app.drawing.picture_feed import PictureFeed
 from nvsim_app.drawing.render_child import Picture
 from nvsim_app.look.theme import GRID
@@ -33,9 +34,14 @@ from nvsim_app.views.navigation import Navigation, WalkLimits
 from nvsim_app.views.overlays import Overlays, paint_ground, paint_status
 
 EYE = 1.5  # default camera height above the floor in meters, if there are no viewpoints
-_NEAR = 1.0  # meters: the least distance from a point that is centered
+_NEAR = 0.8  # meters: the least distance from a point that is centered
+_ENOUGH = 2.0  # meters from which a point is centered without turning
 _STEP = 0.05  # meters between tested places behind a point that is centered
-_WALL = 0.4  # meters from the camera to the outer side of a wall behind it
+_WALL = 0.3  # meters from the camera to a wall behind it
+_WALLS = 1.9  # meters above the floor: the height of walls that are seen from above, and of a camera below the ceiling
+_DOWN = radians(20)  # the camera looks down at least so much at a point that is centered
+_FROM_ABOVE = radians(-60)  # a steeper camera remains above the building
+_TURNS = [sign * radians(angle) for angle in range(0, 181, 20) for sign in (1, -1)]
 _IN_ROOM = 1.0  # maximum height difference in meters to the eye level at which the camera is inside a room
 
 
@@ -290,22 +296,32 @@ class Places:
 
     def focus_on_point(self, point: NDArray[np.float64], reach: float | None = None) -> None:
         """Centers `point` (3,), meters, world, from at most `reach` meters: by default the distance now, and at most
-        the default distance. Later turns are around it. Between the point and the camera, the floor is known, because
-        a wall would hide a point that is seen from outside its room."""
+        the default distance. Later turns are around it. The camera looks down from inside the room, or from above the
+        building. If a wall would hide the point, the camera comes nearer or turns around the point."""
         pose = self._navigation.pose
         if reach is None:
             reach = min(float(np.linalg.norm(point - pose.position)), cameras.REACH)
-        if self._is_known(point):
-            while reach > _NEAR and not self._is_known(
-                point - np.arange(_NEAR, reach + _WALL, _STEP)[:, None] * pose.axes[:, 2]
-            ):
-                reach *= 0.9
-        self._navigation.go_to(cameras.focused(pose, point, reach))
+        if pose.elevation > _FROM_ABOVE:
+            above = point[2] - floor_height(self._document, point[0], point[1], near=point[2])
+            steepest = asin(min(max((_WALLS - above) / reach, sin(_DOWN)), 1.0))
+            pose = replace(pose, elevation=min(max(pose.elevation, -steepest), -_DOWN))
+        clear = [self._clear_reach(point, -replace(pose, heading=pose.heading + t).axes[:, 2], reach) for t in _TURNS]
+        best = next((i for i, r in enumerate(clear) if r >= min(reach, _ENOUGH)), int(np.argmax(clear)))
+        turned = cameras.turn_pose(pose, _TURNS[best], 0.0)
+        self._navigation.go_to(cameras.focused(turned, point, clear[best]))
 
-    def _is_known(self, points: NDArray[np.float64]) -> bool:
-        """Whether the map knows all `points` (..., 3)."""
+    def _clear_reach(self, point: NDArray[np.float64], back: NDArray[np.float64], reach: float) -> float:
+        """The largest distance up to `reach`, meters, from which a camera in the direction `back` (3,) sees `point`
+        (3,): no wall is between them, and the floor behind the camera is known."""
         occupancy = self._document.contents.occupancy
-        return occupancy is not None and bool((occupancy.states_at(points[..., :2]) != UNKNOWN).all())
+        if occupancy is None or occupancy.states_at(point[:2]) == UNKNOWN:
+            return reach
+        distances = np.arange(0.0, reach + _WALL, _STEP)
+        states = occupancy.states_at(point[:2] + distances[:, None] * back[:2])
+        low = distances * back[2] < _WALLS
+        seen = np.cumsum(states == FREE) > 0  # an object at the point does not hide it
+        blocked = np.flatnonzero((states == UNKNOWN) | ((states == OCCUPIED) & low & seen))
+        return min(reach, max(float(distances[blocked[0]]) - _WALL, _NEAR)) if len(blocked) else reach
 
     def snap_to_frame(self, index: int) -> None:
         capture = self._document.contents.capture

@@ -73,7 +73,7 @@ class JobsPart(Part):
         w.jobs.found.connect(self._on_found)
         w.jobs.foundForeign.connect(self._on_foreign)
         return (
-            Dock("jobs", "Jobs", self.panel, "bottom", height=215, needs=with_project_folder, workspaces=("train",)),
+            Dock("jobs", "Jobs", self.panel, "bottom", height=224, needs=with_project_folder, workspaces=("train",)),
         )
 
     def restore(self, settings: QSettings) -> None:

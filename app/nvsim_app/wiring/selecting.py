@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 
@@ -12,7 +13,7 @@ from nvsim.graph.offers import SelectionNeeds
 from nvsim.graph.selection import GraphSelection
 from nvsim.graph.types import NavGraph
 from nvsim_app.actions import Action
-from nvsim_app.painting.cameras import REACH, focused, view_along_edge
+from nvsim_app.painting.cameras import OVER_WALLS, REACH, focused, view_along_edge
 from nvsim_app.panels.histogram import HistogramPanel
 from nvsim_app.panels.history import HistoryPanel
 from nvsim_app.panels.tables import TablePanel
@@ -98,7 +99,8 @@ class SelectPart(Part):
         elif len(rows) == 1:
             scene.places.focus_on_point(center, REACH)
         else:
-            scene.navigation.go_to(focused(scene.pose, center, max(REACH, 1.4 * size)))
+            above = replace(scene.pose, elevation=min(scene.pose.elevation, OVER_WALLS))
+            scene.navigation.go_to(focused(above, center, max(REACH + 0.5, 1.4 * size)))
         plan = self.context.part(MapPart).view
         plan.center_on(float(middle[0]), float(middle[1]), max(4.0, 1.3 * size))
 

@@ -27,6 +27,7 @@ from nvsim_app.processes.background import BackgroundWork
 from nvsim_app.state.reasons import with_editing
 from nvsim_app.views.graph_surface import GraphSurface
 from nvsim_app.wiring.part import Dock, Part, WindowContext
+from nvsim_app.wiring.selecting import SelectPart
 
 EXPORT = "export tasks"
 SETTLE = 250  # milliseconds after an edit until the tasks are checked
@@ -87,7 +88,12 @@ class TaskPart(Part):
             self.read_submission(Path(name))
 
     def docks(self) -> tuple[Dock, ...]:
-        return (Dock("tasks", "Tasks", self.panel, "right", tab="details", needs=with_editing),)
+        return (Dock("tasks", "Tasks", self.panel, "bottom", tab="jobs", needs=with_editing),)
+
+    def show(self) -> None:
+        """Shows the tasks, and gives the keys to the list."""
+        self.context.window.show_dock("tasks")
+        self.panel.table.setFocus()
 
     def store(self, settings: object) -> None:
         self.panel.keep()
@@ -220,8 +226,7 @@ class TaskPart(Part):
         entry, document = self.panel.current, self.context.document
         if entry is not None:
             there = frozenset(id for id in entry.task.path if id in document.graph_arrays.index)
-            document.editing.select(GraphSelection(there))
-            self.context.scene.places.focus_on_selection()
+            self.context.part(SelectPart).show_selection(GraphSelection(there))
 
     def paint(self, painter: QPainter, surface: GraphSurface) -> None:
         entry = self.panel.current
@@ -244,5 +249,5 @@ class TaskPart(Part):
 
     ACTIONS = (
         Action("&Graph", 2, "tasks", "&Tasks", "Review paths and instructions of the scan, and trajectories of agents",
-               lambda self: self.context.window.show_dock("tasks"), "Shift+F9", with_editing),
+               lambda self: self.show(), "Shift+F9", with_editing),
     )  # fmt: skip

@@ -23,7 +23,7 @@ from nvsim_app.state.reasons import with_project
 from nvsim_app.wiring.part import Part, WindowContext
 
 OpenKind = Literal["nothing", "project", "graph", "splats"]
-LAYOUT_VERSION = 5  # increased when docks or toolbars change, so that older stored layouts are ignored
+LAYOUT_VERSION = 6  # increased when docks or toolbars change, so that older stored layouts are ignored
 _BARS = 100  # height of the menu, tools, and status bar, pixels
 _SIDE = 380  # width of the column beside the main view, pixels
 _MAIN = 0.65  # share of the rest for the main view
