@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from nvsim.errors import InputError
+from nvsim.files.frame_numbers import number_in
 from nvsim.files.opening import read_bytes
 from nvsim.project.project import Project
 from nvsim.project.work import missing_result_error
@@ -56,7 +57,11 @@ def evaluate_project_depth(project: Project, truth: Path | None) -> dict[str, An
         raise missing_result_error(project.layout.root, "depth")
     own = project.layout.depth
     frames = project.need_capture().frames
-    found = {i: path for i, f in enumerate(frames) if (path := _true_depth(folder, i, f.name)) is not None}
+    found = {
+        number_in(own, f.name, i): path
+        for i, f in enumerate(frames)
+        if (path := _true_depth(folder, i, f.name)) is not None
+    }
     if not found:
         raise InputError(f"{folder} has no depth map for any frame (looked for 000000.png and names of images).")
     missing = next((i for i in found if not depth_path(own, i).is_file()), None)

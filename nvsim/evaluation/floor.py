@@ -94,13 +94,14 @@ def evaluate_project_floor(
     combined, and iou_masks of the project's masks. Raises InputError if masks, networks or ground truth are missing.
     """
     known = frame_truth(project, truth, from_scan)
-    masks = {i: project.layout.mask(i) for i in known.frames}
+    frames = project.need_capture().frames
+    masks = {i: project.layout.mask_of(frames[i].name, i) for i in known.frames}
     missing = next((path for path in masks.values() if not path.is_file()), None)
     if missing is not None:
         raise InputError(f"{missing} is missing; run `nvsim floors --project` first.")
 
     def mask_with_truth(index: int) -> MaskWithTruth:
-        name, (width, height) = project.need_capture().frames[index].name, known.size(index)
+        name, (width, height) = frames[index].name, known.size(index)
         return MaskWithTruth(
             f"{PurePosixPath(name).stem}.png",
             read_mask(masks[index], width, height),

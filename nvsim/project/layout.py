@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from urllib.parse import quote
 
+from nvsim.files.frame_numbers import number_in
 from nvsim.files.opening import PROJECT_DATABASE
 
 CLOUD = "cloud.ply"
@@ -149,8 +150,12 @@ class Layout:
         """Evidence of an interrupted map build."""
         return self.checkpoints / "map.partial"
 
-    def mask(self, frame: int) -> Path:
-        return self.masks / f"{frame:06d}.png"
+    def mask(self, number: int) -> Path:
+        return self.masks / f"{number:06d}.png"
+
+    def mask_of(self, frame_name: str, frame: int) -> Path:
+        """NVSim's mask of a frame of the present capture. It does not exist if the masks are of other frames."""
+        return self.mask(number_in(self.masks, frame_name, frame))
 
     def correction(self, frame_name: str) -> Path:
         """Slashes in the name are written as %2F, so that each correction is one file."""
@@ -159,7 +164,7 @@ class Layout:
     def mask_in_use(self, frame_name: str, frame: int) -> Path:
         """The user's correction of the floor mask of a frame if there is one, else NVSim's mask."""
         correction = self.correction(frame_name)
-        return correction if correction.is_file() else self.mask(frame)
+        return correction if correction.is_file() else self.mask_of(frame_name, frame)
 
     def surface(self, submap: int) -> Path:
         return self.floor / f"surface_{submap:03d}.npz"

@@ -15,6 +15,7 @@ from nvsim.capture.sweeps import Sweep, depth_sweeps, scan_sweeps, scans_with_pl
 from nvsim.capture.types import Capture
 from nvsim.errors import InputError
 from nvsim.events import Listener, Warning
+from nvsim.files.frame_numbers import number_in
 from nvsim.geometry.camera import Camera
 from nvsim.occupancy.ros import Source
 from nvsim.project.project import Project
@@ -134,9 +135,11 @@ def _of_images(capture: Capture, project: Project) -> MeasuredRays | None:
         return None
     from nvsim.depth.files import read_depth
 
+    folder = project.layout.depth
+
     def sweeps(_: FloorSurface) -> Iterator[Sweep]:
         for index, frame in enumerate(capture.frames):
-            depth = read_depth(project.layout.depth, index)
+            depth = read_depth(folder, number_in(folder, frame.name, index))
             yield sweep_of_depth(frame.camera.scaled(depth.shape[1], depth.shape[0]), depth)
 
     note = f"Depth that was estimated from {len(capture.frames)} images, which is noisier than a LiDAR scan."

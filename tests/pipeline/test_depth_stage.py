@@ -92,7 +92,7 @@ class Killed(BaseException):
 def test_every_frame_has_depth_and_the_floors_are_found_with_what_it_shows(project: Project) -> None:
     layout, count = project.layout, len(project.need_capture().frames)
     assert sorted(p.name for p in layout.depth.iterdir() if p.is_file()) == sorted(
-        ["cloud.ply", *(f"{i:06d}{end}.png" for i in range(count) for end in ("", "_confidence"))]
+        ["cloud.ply", "frames.json", *(f"{i:06d}{end}.png" for i in range(count) for end in ("", "_confidence"))]
     )
     scan = project.scan()
     assert project.need_capture().cloud is None

@@ -163,6 +163,7 @@ def test_an_import_that_is_refused_or_cut_off_leaves_the_capture(project: Projec
 def test_the_models_keep_their_frames_when_the_capture_loses_some(project: Project) -> None:
     names = [frame.name for frame in project.need_capture().frames]
     before = {s.index: {names[f] for f in s.frames} for s in project.submaps("train")}
+    mask = project.mask_path(9)
     config = CaptureConfig(leave_out=",".join(names[3:6]))
     imported.run(project, project.need_capture().source, config, ignore_event)
     left = [frame.name for frame in project.need_capture().frames]
@@ -171,6 +172,7 @@ def test_the_models_keep_their_frames_when_the_capture_loses_some(project: Proje
     assert {s.index: {left[f] for f in s.frames} for s in found} == {i: b - {*names[3:6]} for i, b in before.items()}
     positions = project.need_capture().positions
     assert all((positions[list(s.core)] == s.positions).all() for s in found)
+    assert project.mask_path(6) == mask and mask.is_file()
     with pytest.raises(InputError, match="another capture.*nvsim submaps"):
         floors.run(project, ignore_event)
     restore(project, "import")

@@ -19,6 +19,7 @@ from PySide6.QtCore import QObject, QTimer, Signal
 
 from nvsim.capture.types import Frame
 from nvsim.errors import InputError
+from nvsim.files.frame_numbers import number_in
 from nvsim.geometry.camera import Intrinsics
 from nvsim.perception.hybrid import HybridSteps
 from nvsim.perception.roles import Failure as MaskFailure
@@ -75,10 +76,12 @@ def read_frame_data(layout: Layout, frame: Frame, index: int) -> FrameData:
     path = layout.mask_in_use(frame.name, index)
     if path.is_file():
         mask = read_mask(path, size.width, size.height)
-    if layout.mask(index).is_file():
-        machine = read_mask(layout.mask(index), size.width, size.height)
-    failure = read_failures(layout.masks).get(index, "") if machine is not None else ""
-    depth, views = _depth(layout.depth, index)
+    own = layout.mask_of(frame.name, index)
+    if own.is_file():
+        machine = read_mask(own, size.width, size.height)
+    number = number_in(layout.masks, frame.name, index)
+    failure = read_failures(layout.masks).get(number, "") if machine is not None else ""
+    depth, views = _depth(layout.depth, number_in(layout.depth, frame.name, index))
     return FrameData(index, frame, image, mask, machine, depth, views, failure, _ignored(frame, size))
 
 

@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 
 from PySide6.QtCore import QObject, Signal
 
+from nvsim.files.frame_numbers import number_in
 from nvsim.perception.failures import read_failures
 from nvsim.project.corrections import corrected_frames
 from nvsim.project.project import layout_of
@@ -135,7 +136,8 @@ class FrameState(QObject):
             self.coverage = {}
         layout = layout_of(path)
         self.corrected = frozenset() if capture is None else corrected_frames(layout, capture.frames)
-        self._failed = frozenset(read_failures(layout.masks))
+        failed, frames = read_failures(layout.masks), () if capture is None else capture.frames
+        self._failed = frozenset(i for i, f in enumerate(frames) if number_in(layout.masks, f.name, i) in failed)
         self.reading = capture is not None and layout.masks.is_dir()
         if self.reading:
             self._link.ask_coverage()

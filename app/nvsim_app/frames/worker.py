@@ -176,7 +176,7 @@ class Worker:
         kept = _read_cache(layout.cache / COVERAGE)
         shares: dict[int, float] = {}
         for index, frame in enumerate(frames):
-            path = layout.correction(frame.name) if index in corrected else layout.mask(index)
+            path = layout.correction(frame.name) if index in corrected else layout.mask_of(frame.name, index)
             key = str(path.relative_to(layout.root))
             with contextlib.suppress(OSError, InputError):
                 stamp = path.stat().st_mtime_ns

@@ -7,6 +7,7 @@ import shutil
 import time
 from collections.abc import Callable
 from functools import partial
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -16,6 +17,7 @@ from nvsim.cluster.piece import Executor
 from nvsim.depth.config import DepthConfig
 from nvsim.errors import InputError
 from nvsim.events import Done, Listener, Log, Progress, Warning, ignore_event
+from nvsim.files.frame_numbers import number_in, write_frame_names
 from nvsim.project import ledger
 from nvsim.project.config import DepthUse
 from nvsim.project.earlier_results import report_replaced_result
@@ -88,6 +90,7 @@ def run(
         summary["added"] = len(added.points)
         write_cloud(folder / ADDED, added)
     write_cloud(folder / CLOUD, cloud)
+    write_frame_names(folder, [frame.name for frame in capture.frames])
     ledger.finish(project, STAGE, time.monotonic() - started, summary)
     if not len(cloud.points):
         why = "the images share no visible surfaces, so obstacles on the floor are unknown without a LiDAR scan"
@@ -122,9 +125,13 @@ def depth_maps(project: Project) -> Callable[[int], NDArray[np.float32]] | None:
     if there is no estimated depth, or if measured surfaces are available, which are more accurate."""
     if project.stage_results().depth is None or project.need_capture().is_measured:
         return None
+    return partial(_depth_of, project.layout.depth, [frame.name for frame in project.need_capture().frames])
+
+
+def _depth_of(folder: Path, names: list[str], index: int) -> NDArray[np.float32]:
     from nvsim.depth.files import read_depth
 
-    return partial(read_depth, project.layout.depth)
+    return read_depth(folder, number_in(folder, names[index], index))
 
 
 def _skip(project: Project, key: str, summary: dict[str, object], listen: Listener) -> None:

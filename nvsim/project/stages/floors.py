@@ -17,6 +17,7 @@ from nvsim.capture.masks import usable_pixels, usable_pixels_of_frames
 from nvsim.cluster.piece import Executor
 from nvsim.errors import InputError
 from nvsim.events import Done, Listener, Log, Progress, Warning, ignore_event
+from nvsim.files.frame_numbers import write_frame_names
 from nvsim.files.stored_arrays import read_arrays, write_arrays
 from nvsim.geometry.floor_surface import FloorSurface, StackedFloor
 from nvsim.perception.roles import FAILURE_WORDS
@@ -195,6 +196,7 @@ def run(
         "frames": len(capture.frames), "supported_m2": round(coverage, 1), **provider.summary,
         **({"failures": {word: n for word, n in counts.items() if n}} if failures else {}),
     }  # fmt: skip
+    write_frame_names(layout.masks, [frame.name for frame in capture.frames])
     ledger.finish(project, STAGE, time.monotonic() - started, summary, also={_SUPPORT: support_key})
     corrected = len(corrected_frames(layout, capture.frames))
     words = f"floor masks of {len(capture.frames)} frames" + (f", {corrected} of them corrected" if corrected else "")
