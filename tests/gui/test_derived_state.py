@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import demo_room
@@ -47,6 +48,16 @@ def test_a_doubtful_edge_is_forgotten_when_the_move_is_undone(window: MainWindow
     assert part.proposals.doubted == (key,)
     document.editing.undo()
     assert not part.proposals.doubted
+
+
+def test_a_doubtful_edge_is_forgotten_when_a_job_replaces_the_graph(window: MainWindow, document: Document) -> None:
+    part = window.part(ProposePart)
+    graph, key = document.graph, next(iter(document.graph.edges))
+    part.proposals.add(graph, (), (key,))
+    without = replace(graph, edges={k: edge for k, edge in graph.edges.items() if k != key})
+    document.editing.locked = "A job builds the map."  # then the graph is opened anew
+    document.set_contents(replace(document.contents, graph=without))
+    assert document.graph.edges.keys() == without.edges.keys() and not part.proposals.doubted
 
 
 def test_a_label_at_the_mouse_pointer_ends_with_its_file(hand: Hand) -> None:

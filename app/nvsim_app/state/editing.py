@@ -104,6 +104,7 @@ class Editing(QObject):
             self.history, self.locked = self._keeping.open(graph, file)
             self.history.listen(self._on_change)
             self.checking.schedule_validation(self.history.graph, file)  # with the restored edits
+        self.proposals.prune(self.graph)
         self.selectionChanged.emit()
         self.stepsChanged.emit()
 
