@@ -104,7 +104,8 @@ class Soak:
     def __init__(self, session: Session, files: list[Path], minutes: float, seed: int) -> None:
         self.session, self.window, self.document = session, session.window, session.document
         self.files, self.random = files, random.Random(seed)
-        self.end = time.monotonic() + 60 * minutes
+        self.begun = time.monotonic()
+        self.end = self.begun + 60 * minutes
         self.actions: deque[str] = deque(maxlen=KEPT)
         self.counts: Counter[str] = Counter()
         self.faults: list[str] = []
@@ -318,8 +319,8 @@ class Soak:
         project = self.document.project
         if project is None or self.window.jobs.busy:
             return ""
-        words = ["--project", str(project), "--submaps", "1", "--steps", "40", "--image-size", "120"]
-        self.window.jobs.start("train", words, project, "Train submap 1")
+        words = ["--project", str(project), "--submaps", "0", "--steps", "40", "--image-size", "120"]
+        self.window.jobs.start("train", words, project, "Train submap 0")
         return "job train"
 
     # The tests -------------------------------------------------------------------------------------------------------
@@ -440,6 +441,7 @@ class Soak:
             t, m = np.array(late).T
             growth = 3600 * float(np.polyfit(t - t[0], m, 1)[0])
         return {
+            "minutes": round((time.monotonic() - self.begun) / 60, 1),
             "events": self.events,
             "tests": self.tests,
             "faults": len(self.faults),
@@ -500,7 +502,7 @@ def main() -> int:
         session.close()
         collecting.stop()
         restore()
-    report({"minutes": given.minutes, "seed": given.seed, **soak.figures()}, given.json)
+    report({"seed": given.seed, **soak.figures()}, given.json)
     for fault in soak.faults:
         print(fault)
     return 1 if soak.faults else 0
