@@ -53,7 +53,7 @@ class Project:
         self._lock = lock
         self._capture: tuple[tuple[Path, int], Capture] | None = None
         self._scan: tuple[Hashable, Cloud | None] | None = None
-        self._cut: tuple[Path, cuts.Cut] | None = None
+        self._cut: tuple[Path, cuts.StoredCut] | None = None
         self._fresh = False
         self._stamp = stamp(layout.database)
         self._instead: dict[str, str] = {}  # name of a result -> place, see `making`
@@ -234,24 +234,28 @@ class Project:
         """The newest cut of the trajectory, or that of the floors or the models in use. Empty if it is not cut yet. A
         cut of an earlier capture has those of its frames that the capture still has. Raises InputError if the stored
         cut is damaged."""
+        cut = self._stored_cut(of)
+        return self._submaps_in_rows() if cut is None else self.with_frames_of_capture(cut)
+
+    def _stored_cut(self, of: Cut = "submaps") -> cuts.StoredCut | None:
         places = dict(self.layout.places)
         place = places.get(f"cut/{of}", places.get("cut/submaps"))
         if place is None:
-            return self._submaps_in_rows()
+            return None
         path = self.root / place
         if self._cut is None or self._cut[0] != path:
             self._cut = path, cuts.load_cut(path)
-        return self.with_frames_of_capture(self._cut[1])
+        return self._cut[1]
 
-    def with_frames_of_capture(self, cut: cuts.Cut) -> tuple[Submap, ...]:
+    def with_frames_of_capture(self, cut: cuts.StoredCut) -> tuple[Submap, ...]:
         """The submaps of a stored cut, with the frame numbers of the present capture if there is one."""
         names = self._frame_names()
         return cut.of_frames(names) if names else cut.submaps
 
     def has_cut_of_capture(self) -> bool:
-        """Whether the frames of the newest cut are all frames of the capture."""
-        self.submaps()
-        return self._cut is None or self._cut[1].names in ((), tuple(self._frame_names()))
+        """Whether the newest cut was made from the frames and poses of the present capture."""
+        cut = self._stored_cut()  # rows of the database are read with the positions of the capture
+        return cut is None or cut.was_made_from(self._frame_names(), self.need_capture().positions)
 
     def _submaps_in_rows(self) -> tuple[Submap, ...]:
         return cuts.read_rows(self.connection, self._database, lambda: self.need_capture().positions)
@@ -394,8 +398,8 @@ class Project:
                 return
             newest = f"cuts/{self.new_number()}.npz"
             cuts.save_cut(self.root / newest, submaps, self._frame_names())
-        elif (submaps := self.submaps()) and self._cut is not None and not self._cut[1].names:
-            cuts.save_cut(self.root / newest, submaps, self._frame_names())  # of an earlier version
+        elif (cut := self._stored_cut()) and not cut.names and self.capture() and self.has_cut_of_capture():
+            cuts.save_cut(self.root / newest, cut.submaps, self._frame_names())  # an earlier version stored no names
             self._cut = None
         found = self.stage_results().completed("in use", "submaps", {"cut/submaps": newest})
         for stage in FROM_A_CUT:

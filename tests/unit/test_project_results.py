@@ -11,7 +11,7 @@ import pytest
 from nvsim.project import ledger
 from nvsim.project.earlier_results import discard, kept_results, replaced_result_sentence, restore
 from nvsim.project.project import Project
-from nvsim.project.state.cuts import Cut, load_cut, save_cut
+from nvsim.project.state.cuts import StoredCut, load_cut, save_cut
 from nvsim.submaps.split import Submap
 
 
@@ -116,4 +116,4 @@ def test_a_cut_follows_its_frames_into_another_capture(tmp_path: Path) -> None:
     np.testing.assert_array_equal(two.positions, positions[[3, 2]])
     assert [s.index for s in stored.of_frames(["c", "new"])] == [1]
     # A file of an earlier version has no names: frames beyond the end of the capture are omitted.
-    assert [s.core for s in Cut(parts, ()).of_frames(["a", "b", "c"])] == [(0, 1), (2,)]
+    assert [s.core for s in StoredCut(parts, ()).of_frames(["a", "b", "c"])] == [(0, 1), (2,)]

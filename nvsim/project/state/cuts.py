@@ -33,11 +33,18 @@ def save_cut(path: Path, submaps: Sequence[Submap], names: Sequence[str]) -> Non
     write_arrays(path, {"rows": table, "positions": positions, "names": words})
 
 
-class Cut(NamedTuple):
+class StoredCut(NamedTuple):
     """Submaps of a capture whose frames have `names`; without names, the cut is of an earlier version of NVSim."""
 
     submaps: tuple[Submap, ...]
     names: tuple[str, ...]
+
+    def was_made_from(self, names: Sequence[str], positions: NDArray[np.float64]) -> bool:
+        """Whether a capture with these frame `names` and camera `positions` (N, 3), meters, was cut."""
+        return self.names in ((), tuple(names)) and all(
+            max(s.core, default=-1) < len(positions) and np.allclose(positions[list(s.core)], s.positions, atol=1e-6)
+            for s in self.submaps
+        )
 
     def of_frames(self, names: Sequence[str]) -> tuple[Submap, ...]:
         """The submaps with the frame numbers of a capture whose frames have `names`, without frames that this capture
@@ -58,7 +65,7 @@ class Cut(NamedTuple):
         return tuple(result)
 
 
-def load_cut(path: Path) -> Cut:
+def load_cut(path: Path) -> StoredCut:
     """Reads a cut that `save_cut` wrote. Raises InputError if it is missing or damaged."""
     what, then = "a cut into submaps", "run `nvsim submaps` again"
     wanted = {"rows": ("iu", 2), "positions": ("f", 2), "names": ("u", 1)}
@@ -81,7 +88,7 @@ def load_cut(path: Path) -> Cut:
             result.append(Submap(int(index), core, tuple(own[:, 1].tolist()), positions[at : at + len(core)]))
             at += len(core)
         words = data["names"].astype(np.uint8).tobytes().decode() if "names" in data else ""
-        return Cut(tuple(result), tuple(words.split("\n")) if words else ())
+        return StoredCut(tuple(result), tuple(words.split("\n")) if words else ())
 
 
 def same_cut(a: Sequence[Submap], b: Sequence[Submap]) -> bool:
