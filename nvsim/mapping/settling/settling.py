@@ -269,8 +269,9 @@ class Settling:
     def _bridge(self) -> None:
         for viewpoint, seen in GapFiller(self._survey).fill_between(self._ways):
             self._progress()
-            parts = self._ways.parts()
-            ends = [other for other in seen if self._is_open(viewpoint, other)]
+            parts, reach = self._ways.parts(), self._config.reach
+            near = [other for other in seen if level_distance(other, viewpoint.position) <= reach]
+            ends = [other for other in near if self._is_open(viewpoint, other)]
             if len({parts[end.id] for end in ends}) < 2 or len(self._draft.viewpoints) > self._config.max_viewpoints:
                 self._draft.remove(viewpoint.id)
                 continue
