@@ -270,7 +270,7 @@ class Settling:
         for viewpoint, seen in GapFiller(self._survey).fill_between(self._ways):
             self._progress()
             parts, reach = self._ways.parts(), self._config.reach
-            near = [other for other in seen if level_distance(other, viewpoint.position) <= reach]
+            near = [other for other in seen if level_distance(other, viewpoint.position[:2]) <= reach]
             ends = [other for other in near if self._is_open(viewpoint, other)]
             if len({parts[end.id] for end in ends}) < 2 or len(self._draft.viewpoints) > self._config.max_viewpoints:
                 self._draft.remove(viewpoint.id)
