@@ -28,17 +28,18 @@ class FloorSource(Protocol):
 
     def need_capture(self) -> Capture: ...
     def submaps(self, of: Literal["floors"]) -> tuple[Submap, ...]: ...
+    def submaps_as_cut(self, of: Literal["floors"]) -> tuple[Submap, ...]: ...
     def surface(self, submap: int) -> FloorSurface | None: ...
 
 
 def floor_of(project: FloorSource) -> Floor:
     """One surface around the trajectory; flat at z = 0 while no floor is estimated. If storeys overlap, one surface per
     storey."""
-    surfaces = {s.index: project.surface(s.index) for s in project.submaps("floors")}
+    surfaces = {s.index: project.surface(s.index) for s in project.submaps_as_cut("floors")}
     known = {index: s for index, s in surfaces.items() if s is not None}
     if not known:
         return FloorSurface.flat(0.0)
-    submaps = [s for s in project.submaps("floors") if s.index in known]
+    submaps = [s for s in project.submaps_as_cut("floors") if s.index in known]
     positions = np.concatenate([s.positions for s in submaps])
     owners = np.concatenate([np.full(len(s.positions), s.index) for s in submaps])
     storeys = storeys_of(positions)
@@ -146,13 +147,13 @@ def floor_beneath(project: FloorSource) -> Callable[[float, float, float], float
     """Function (x, y, z) -> height of the floor under this point, all in meters, world. The floor is that of the submap
     with the nearest camera, so that storeys stay separate. NaN more than 8 m from all cameras. Returns None while no
     floor is estimated."""
-    surfaces = {s.index: project.surface(s.index) for s in project.submaps("floors")}
+    surfaces = {s.index: project.surface(s.index) for s in project.submaps_as_cut("floors")}
     known = {index: s for index, s in surfaces.items() if s is not None}
     if not known:
         return None
     from scipy.spatial import cKDTree
 
-    submaps = [s for s in project.submaps("floors") if s.index in known]
+    submaps = [s for s in project.submaps_as_cut("floors") if s.index in known]
     tree = cKDTree(np.concatenate([s.positions for s in submaps]))
     owners = np.concatenate([np.full(len(s.positions), s.index) for s in submaps])
 

@@ -113,6 +113,6 @@ def seen_floor(project: Project) -> SeenFloor | None:
 
 def submaps_without_model(project: Project) -> frozenset[int]:
     """Submaps without a model; -1 means that no submap has a model. Empty if the trajectory is not divided yet."""
-    submaps = [submap.index for submap in project.submaps("train")]
+    submaps = [submap.index for submap in project.submaps_as_cut("train")]
     missing = frozenset(i for i in submaps if not (project.layout.model(i) / "model.json").is_file())
     return missing | {-1} if submaps and len(missing) == len(submaps) else missing

@@ -155,7 +155,8 @@ class Layout:
 
     def mask_of(self, frame_name: str, frame: int) -> Path:
         """NVSim's mask of a frame of the present capture. It does not exist if the masks are of other frames."""
-        return self.mask(number_in(self.masks, frame_name, frame))
+        number = number_in(self.masks, frame_name, frame)
+        return self.mask(number) if number >= 0 else self.masks / self.correction(frame_name).name
 
     def correction(self, frame_name: str) -> Path:
         """Slashes in the name are written as %2F, so that each correction is one file."""

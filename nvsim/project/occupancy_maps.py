@@ -218,7 +218,7 @@ def _floor(capture: Capture, project: Project | None, rays: MeasuredRays, camera
     """The floor of the project if it was found, else an estimate from the measured points."""
     cloud = capture.cloud
     if project is not None:
-        if any(project.surface(s.index) is not None for s in project.submaps("floors")):
+        if any(project.surface(s.index) is not None for s in project.submaps_as_cut("floors")):
             floor = floor_of(project)
             if isinstance(floor, StackedFloor):
                 raise InputError(

@@ -34,7 +34,7 @@ class PhotographedDirections:
         submap = self._scene.nearest(position)
         model = self._scene.model(submap)
         if self._images[0] != submap:
-            cameras = [self._frames[i].camera for i in self._trained[submap]] if self._frames else []
+            cameras = [self._frames[i].camera for i in self._trained.get(submap, ())] if self._frames else []
             self._images = submap, training_images(model, cameras, self._backend) if cameras else None
         return photographed_directions(model, position, self._images[1], self._backend)
 

@@ -237,6 +237,12 @@ class Project:
         cut = self._stored_cut(of)
         return self._submaps_in_rows() if cut is None else self.with_frames_of_capture(cut)
 
+    def submaps_as_cut(self, of: Cut) -> tuple[Submap, ...]:
+        """As `submaps`, with all frames and the frame numbers of the capture that was cut. Models and floors that were
+        made from it need only the positions."""
+        cut = self._stored_cut(of)
+        return self._submaps_in_rows() if cut is None else cut.submaps
+
     def _stored_cut(self, of: Cut = "submaps") -> cuts.StoredCut | None:
         places = dict(self.layout.places)
         place = places.get(f"cut/{of}", places.get("cut/submaps"))
@@ -306,7 +312,7 @@ class Project:
         live           use models in training for submaps without a finished model, if all belong to one cut
         colors         False loads gray models, which need less memory
         """
-        submaps, layout = self.submaps("train"), self.layout
+        submaps, layout = self.submaps_as_cut("train"), self.layout
         live = live and not self.uses_previous_submaps("train")
         places = [[layout.model(s.index), *([layout.live_model(s.index)] if live else [])] for s in submaps]
         found = [next((f for f in folders if (f / "model.json").is_file()), None) for folders in places]

@@ -175,7 +175,12 @@ def test_the_models_keep_their_frames_when_the_capture_loses_some(project: Proje
     assert project.mask_path(6) == mask and mask.is_file()
     with pytest.raises(InputError, match="another capture.*nvsim submaps"):
         floors.run(project, ignore_event)
+    imported.run(project, project.need_capture().source, CaptureConfig(leave_out=",".join(names[1:])), ignore_event)
+    scene = project.scene()
+    assert scene is not None and scene.indices == (0, 1), "models need no frame of the capture"
+    imported.run(project, project.need_capture().source, config, ignore_event)
     restore(project, "import")
+    imported.run(project, project.need_capture().source, CaptureConfig(), ignore_event)
     assert {s.index: {names[f] for f in s.frames} for s in project.submaps("train")} == before
 
 

@@ -103,7 +103,7 @@ class ProjectModels:
 
         with Project.open(self._source.path) as project:
             scene = project.scene(self._source.memory_budget, live=True)
-            submaps, support = project.submaps("train"), project.support()
+            submaps, support = project.submaps_as_cut("train"), project.support()
         if scene is None:
             raise InputError(f"{self._source.path} has no trained model.")
         self._scene = scene

@@ -85,7 +85,9 @@ def export_splats(
     missing = sorted(set(only) - set(scene.indices))
     if missing:
         raise InputError(f"Submap {missing[0]} is not trained; trained are {', '.join(map(str, scene.indices))}.")
-    chosen = [s for s in project.submaps("train") if s.index in (only or scene.indices) and s.index in scene.indices]
+    chosen = [
+        s for s in project.submaps_as_cut("train") if s.index in (only or scene.indices) and s.index in scene.indices
+    ]
     atomic.make_folder(out)
     alignment = capture.alignment
     back, shrink = alignment.rotation.T, 1 / alignment.scale
@@ -96,7 +98,7 @@ def export_splats(
         listen(Progress(STAGE, done, len(chosen)))
         model = scene.model(submap.index)
         # The frame numbers of a previous cut may not match those of the present capture.
-        former = project.uses_previous_submaps("train")
+        former = project.uses_previous_submaps("train") or not project.has_cut_of_capture()
         places = submap.positions if former else capture.positions[list(submap.frames)]
         middle = np.mean(places, axis=0)
         gaussians, mesh = model.gaussians_at(middle), None

@@ -82,7 +82,7 @@ class ScanModels:
         scene = project.scene(memory_budget=0)  # without a budget, only one model stays in memory
         if scene is None:
             raise missing_result_error(project.layout.root, "train")
-        submaps = project.submaps("train")
+        submaps = project.submaps_as_cut("train")
         trained = tuple(s for s in submaps if s.index in scene.indices)
         if len(trained) < len(submaps):
             for v in graph.viewpoints.values():
