@@ -106,7 +106,7 @@ def test_continue_continues_the_paused_job_and_not_the_first_of_the_queue(pipeli
     assert pipeline.visible(1) == {"pause", "cancel"}
     pipeline.click(qtbot, 1, "pause")
     assert (train.job.folder / WISH).read_text() == "pause"
-    assert pipeline.visible(1) == {"cancel"}
+    assert pipeline.visible(1) == {"pause", "cancel"}  # nothing moves to the place of the button that was clicked
     pipeline.set(1, "paused")
     assert pipeline.panel.handle is train  # the curves stay
     assert pipeline.visible(2) == pipeline.visible(3) == {"pause", "cancel"}  # they need the paused job
@@ -115,6 +115,26 @@ def test_continue_continues_the_paused_job_and_not_the_first_of_the_queue(pipeli
     pipeline.click(qtbot, 1, "resume")
     assert pipeline.started == [1]
     assert [handle.state for handle in pipeline.queue.handles] == ["queued"] * 3
+
+
+def test_a_second_click_at_the_same_place_never_cancels(pipeline: Pipeline, qtbot: QtBot) -> None:
+    panel = pipeline.panel
+    panel.resize(1000, 240)  # some columns have no room, and come and go with the time that is left
+    buttons = panel.buttons_of[pipeline.handle(1)].buttons
+    place = buttons["pause"].mapTo(panel, buttons["pause"].rect().center())
+
+    def click() -> None:
+        qtbot.wait(50)  # until the buttons have moved
+        target = panel.childAt(place)
+        qtbot.mouseClick(target, Qt.MouseButton.LeftButton, pos=target.mapFrom(panel, place))
+
+    click()
+    click()  # while the job pauses
+    assert (pipeline.handle(1).job.folder / WISH).read_text() == "pause"
+    pipeline.set(1, "paused")
+    qtbot.waitUntil(lambda: panel.childAt(place) is buttons["resume"], timeout=5000)
+    click()
+    assert pipeline.started == [1]
 
 
 def test_a_waiting_job_is_continued_when_nothing_comes_before_it(pipeline: Pipeline, qtbot: QtBot) -> None:

@@ -109,9 +109,9 @@ COLUMNS: tuple[Column[JobRow], ...] = (
     Column("State", lambda row: row.state, lambda state: STATE_WORDS.get(state, state), width=84, optional=True,
            ink=lambda row: colors.text(_STATE_TEXTS.get(row.state, "quiet"))),
     Column("Progress", lambda row: row.share, lambda share: f"{100 * share:.0f} %", width=78),
+    Column("", lambda row: "", width=96),  # the buttons of the job, before the columns that come and go
     Column("Time left", lambda row: row.left, lambda left: "" if left is None else duration(left), number=True,
-           width=70, optional=True),
-    Column("", lambda row: "", width=96),  # the buttons of the job
+           width=84, optional=True),
     Column("Rate", lambda row: row.rate, _rate, number=True, width=56, optional=True),
     Column("Duration", lambda row: row.took, lambda took: "–" if took is None else duration(took), number=True,
            width=84, optional=True),
@@ -119,7 +119,7 @@ COLUMNS: tuple[Column[JobRow], ...] = (
            about=lambda row: time_of_day(row.started)),
     Column("Note", lambda row: row.note, width=120, optional=True),
 )  # fmt: skip
-STATE, PROGRESS, BUTTONS = 1, 2, 4
+TITLE, STATE, PROGRESS, BUTTONS = range(4)
 
 
 class JobModel(TableModel[JobRow]):

@@ -9,7 +9,7 @@ from functools import partial
 
 from PySide6.QtCore import QEvent, QObject, Qt, QUrl, Signal
 from PySide6.QtGui import QAction, QDesktopServices, QGuiApplication, QPalette
-from PySide6.QtWidgets import QHBoxLayout, QHeaderView, QMenu, QSplitter, QTabWidget, QToolButton, QWidget
+from PySide6.QtWidgets import QHBoxLayout, QMenu, QSplitter, QTabWidget, QToolButton, QWidget
 
 from nvsim_app.forms.fields import command_line
 from nvsim_app.jobs.history import folder_of
@@ -20,12 +20,22 @@ from nvsim_app.look.plain_text import plain, tooltip_text
 from nvsim_app.look.table import table
 from nvsim_app.look.widgets import push_button, tool_button
 from nvsim_app.panels.job_plots import JobPlots
-from nvsim_app.panels.job_table import BUTTONS, PROGRESS, ImportedJobDialog, JobModel, JobWorkers, ProgressBar, duration
+from nvsim_app.panels.job_table import (
+    BUTTONS,
+    PROGRESS,
+    TITLE,
+    ImportedJobDialog,
+    JobModel,
+    JobWorkers,
+    ProgressBar,
+    duration,
+)
 from nvsim_app.panels.log import JobLog
 from nvsim_app.panels.training_images import JobPreview
 from nvsim_app.state.reasons import TRAININGS
 
 __all__ = ["JobModel", "JobPanel", "duration"]
+TITLES = 200  # greatest width of the titles of jobs, pixels
 
 
 @dataclass(frozen=True)
@@ -122,14 +132,15 @@ class JobButtons(QWidget):
         row.addWidget(self.more)
         row.addStretch(1)
 
-    def show_reasons(self, reasons: Mapping[str, str]) -> None:
-        """Enables the commands. `reasons` says for each one why it is unavailable, "" if it is available."""
+    def show_reasons(self, reasons: Mapping[str, str], in_place: bool) -> None:
+        """Enables the commands. `reasons` says for each one why it is unavailable, "" if it is available. in_place:
+        whether unavailable buttons stay visible, so that none moves to the place of one that was just clicked."""
         for name, action in self.commands.items():
             reason = reasons[name]
             action.setEnabled(not reason)
             action.setToolTip(tooltip_text(COMMANDS[name].tip + (f"\nUnavailable: {reason}." if reason else "")))
         for name, button in self.buttons.items():
-            button.setVisible(not reasons[name])
+            button.setVisible(not reasons[name] or in_place and not button.isHidden())
 
     def take_focus(self, wanted: bool) -> None:
         """Lets Tab reach the buttons; only those of the selected row, so that Tab leaves the table soon."""
@@ -209,9 +220,6 @@ class JobPanel(QWidget):
         self.table.setTextElideMode(Qt.TextElideMode.ElideRight)
         self.table.setWordWrap(False)
         self.table.setMinimumWidth(260)
-        header = self.table.horizontalHeader()
-        header.setStretchLastSection(False)
-        header.setSectionResizeMode(0, QHeaderView.ResizeMode.Stretch)  # the titles take the room that is left
 
     # Selected job -----------------------------------------------------------------------------------------------
 
@@ -263,6 +271,7 @@ class JobPanel(QWidget):
                 buttons.done.connect(partial(self._do, row.handle.number))
                 self.table.setIndexWidget(self.model.index(place, BUTTONS), buttons)
             self.buttons_of[row.handle] = buttons
+        self.table.set_widgets_width(TITLE, min(self.table.sizeHintForColumn(TITLE), TITLES))
         self._select_running()
         self._show_buttons()
 
@@ -303,7 +312,8 @@ class JobPanel(QWidget):
     def _show_buttons(self) -> None:
         self._fit_tabs()
         for key, buttons in self.buttons_of.items():
-            buttons.show_reasons({name: command.reason(self, key) for name, command in COMMANDS.items()})
+            reasons = {name: command.reason(self, key) for name, command in COMMANDS.items()}
+            buttons.show_reasons(reasons, in_place=key.running and key.wish is not None)
             buttons.take_focus(key == self._chosen)
         widths = [buttons.sizeHint().width() for buttons in self.buttons_of.values()]
         self.table.set_widgets_width(BUTTONS, max(widths, default=0))

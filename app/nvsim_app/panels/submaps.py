@@ -39,7 +39,8 @@ COLUMNS: tuple[Column[SubmapTableRow], ...] = (
     Column("Gaussians", lambda row: row.gaussians,
            lambda count: f"{count / 1000:,.0f} k" if isinstance(count, int) else "–",
            "Number of Gaussians in the trained model", number=True, optional=True),
-    Column("Model", lambda row: row.model, tip="The displayed model, and the state of its training"),
+    Column("Model", lambda row: row.model, lambda words: words.rpartition(" · ")[2],
+           "The displayed model, or the state of its training", about=lambda row: row.model),
 )  # fmt: skip
 
 
