@@ -104,8 +104,9 @@ def _rate(rate: float | None) -> str:
     return "" if rate is None else f"{rate:.{1 if rate < 100 else 0}f} /s"
 
 
+TITLE_WIDTHS = 118, 200  # least and greatest width of the titles of jobs, pixels
 COLUMNS: tuple[Column[JobRow], ...] = (
-    Column("Job", lambda row: row.title, width=118),
+    Column("Job", lambda row: row.title, width=TITLE_WIDTHS[0]),
     Column("State", lambda row: row.state, lambda state: STATE_WORDS.get(state, state), width=84, optional=True,
            ink=lambda row: colors.text(_STATE_TEXTS.get(row.state, "quiet"))),
     Column("Progress", lambda row: row.share, lambda share: f"{100 * share:.0f} %", width=78),

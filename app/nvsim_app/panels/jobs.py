@@ -24,6 +24,7 @@ from nvsim_app.panels.job_table import (
     BUTTONS,
     PROGRESS,
     TITLE,
+    TITLE_WIDTHS,
     ImportedJobDialog,
     JobModel,
     JobWorkers,
@@ -35,7 +36,6 @@ from nvsim_app.panels.training_images import JobPreview
 from nvsim_app.state.reasons import TRAININGS
 
 __all__ = ["JobModel", "JobPanel", "duration"]
-TITLES = 200  # greatest width of the titles of jobs, pixels
 
 
 @dataclass(frozen=True)
@@ -271,7 +271,8 @@ class JobPanel(QWidget):
                 buttons.done.connect(partial(self._do, row.handle.number))
                 self.table.setIndexWidget(self.model.index(place, BUTTONS), buttons)
             self.buttons_of[row.handle] = buttons
-        self.table.set_widgets_width(TITLE, min(self.table.sizeHintForColumn(TITLE), TITLES))
+        least, most = TITLE_WIDTHS
+        self.table.set_widgets_width(TITLE, min(max(self.table.sizeHintForColumn(TITLE), least), most))
         self._select_running()
         self._show_buttons()
 
