@@ -36,6 +36,7 @@ from nvsim_app.panels.training_images import JobPreview
 from nvsim_app.state.reasons import TRAININGS
 
 __all__ = ["JobModel", "JobPanel", "duration"]
+GAP = 8  # between the title of a job and its state, pixels
 
 
 @dataclass(frozen=True)
@@ -272,7 +273,7 @@ class JobPanel(QWidget):
                 self.table.setIndexWidget(self.model.index(place, BUTTONS), buttons)
             self.buttons_of[row.handle] = buttons
         least, most = TITLE_WIDTHS
-        self.table.set_widgets_width(TITLE, min(max(self.table.sizeHintForColumn(TITLE), least), most))
+        self.table.set_widgets_width(TITLE, min(max(self.table.sizeHintForColumn(TITLE) + GAP, least), most))
         self._select_running()
         self._show_buttons()
 
