@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass
 from pathlib import Path
@@ -23,6 +24,7 @@ SETTINGS = 11
 _LEAST = 8  # frames of a piece that has a model
 _FEWEST = 0.5  # share of the chosen frames that must have a pose
 _LARGEST = 1 << 24  # bytes of a report, at most
+_BEGINNING, _LONGEST = re.compile(rb'\s*\{\s*"source"\s*:'), 100  # of a report, and bytes in which it is searched
 _CONTRADICTION = 0.1  # relative difference of a given and a measured scale that is reported
 _SHOWN = 8  # weak places that are described
 _ABOVE = 3  # parent folders of a model in which its report is searched
@@ -233,7 +235,7 @@ def write_report(report: PosesReport, folder: Path) -> None:
 def read_report(folder: Path) -> PosesReport | None:
     """The report in `folder`, None if there is none. Raises InputError if it is damaged."""
     path = folder / REPORT
-    if not is_regular(path):
+    if not _is_report(path):
         return None
     data = read_json(path, "a report about poses", "remove it and compute the poses again", _LARGEST)
     with reading(path, "a report about poses", "remove it and compute the poses again"):
@@ -249,7 +251,15 @@ def report_beside(source: Path) -> PosesReport | None:
 
 def folder_of_report(source: Path) -> Path | None:
     """The folder of the report on the capture at `source`. None if there is none."""
-    return next((f for f in (source, *source.parents[:_ABOVE]) if is_regular(f / REPORT)), None)
+    return next((f for f in (source, *source.parents[:_ABOVE]) if _is_report(f / REPORT)), None)
+
+
+def _is_report(path: Path) -> bool:
+    """Whether the file at `path` begins as `write_report` begins. Other programs write files of this name too."""
+    if not is_regular(path):
+        return False
+    with reading(path, "a report about poses"), path.open("rb") as file:
+        return _BEGINNING.match(file.read(_LONGEST)) is not None
 
 
 def rows(report: PosesReport) -> dict[str, str]:

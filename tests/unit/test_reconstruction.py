@@ -444,3 +444,12 @@ def test_poses_in_camera_heights_tell_the_scale(tmp_path: Path) -> None:
     write_report(report, tmp_path)
     again = read_report(tmp_path)
     assert again is not None and again.upright == (True, False)
+
+
+@pytest.mark.parametrize(
+    "text", ['{"0": [[1, 0], [0, 1]]}', "[]", "", "0 1 0 0", '{"sources": 1}', '{"a": {"source": 1}}']
+)
+def test_poses_of_another_program_are_no_report(text: str, tmp_path: Path) -> None:
+    (tmp_path / "poses.json").write_text(text)
+    assert report_beside(tmp_path) is None
+    assert report_beside(tmp_path / "colmap" / "sparse" / "0") is None
