@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from nvsim.capture.alignment import align, apply
 from nvsim.capture.axes import Axes, with_axes
+from nvsim.capture.colmap_layout import model_extension
 from nvsim.capture.excluded_frames import without_frames
 from nvsim.capture.findings import IMAGE_AMBIGUOUS, IMAGE_MISSING, Findings
 from nvsim.capture.formats import read_raw
@@ -98,6 +99,8 @@ def _shifted_cloud(cloud: Cloud | None, origin: NDArray[np.float64]) -> Cloud | 
     return replace(cloud, points=(cloud.points.astype(np.float64) - origin).astype(np.float32))
 
 
+_FEW = 3  # sizes that are listed one by one
+_ABOVE = 3  # folders above an image in which another model is searched
 _ALIKE = (0.9, 1.1)  # ratios of images that undistortion cropped or padded rather than scaled
 
 
@@ -106,8 +109,11 @@ def fit_lenses(raw: RawCapture, findings: Findings) -> RawCapture:
 
     A lens is scaled if its aspect ratio equals that of the image within a pixel (images_2, images_4). Notes list the
     scaled sizes, and the number of images that their orientation tag rotates when they are read. Other sizes are kept;
-    the image decoder rejects them."""
+    the image decoder rejects them. Images of another size in the folder of another COLMAP model are an error: programs
+    write such a model with undistorted images, whose lenses differ."""
     scaled: Counter[tuple[Lens, Lens]] = Counter()
+    models: dict[Path, Path | None] = {}  # of the images in a folder, if it is another model
+    of_other_models: Counter[Path] = Counter()
     turned = 0
     frames = []
     for frame in raw.frames:
@@ -117,6 +123,13 @@ def fit_lenses(raw: RawCapture, findings: Findings) -> RawCapture:
             continue
         width, height, orientation = header
         lens = frame.lens
+        if sorted((width, height)) != sorted((lens.width, lens.height)):
+            place = frame.image_path.parent
+            other = models[place] = models[place] if place in models else _other_model(place, raw)
+            if other is not None:
+                of_other_models[other] += 1
+                frames.append(frame)
+                continue
         for size in ((width, height), (height, width)):
             if size == (width, height) or is_turned((width, height), orientation, size):
                 fitting = lens if size == (lens.width, lens.height) else _resize_lens(lens, *size)
@@ -127,14 +140,13 @@ def fit_lenses(raw: RawCapture, findings: Findings) -> RawCapture:
                     lens = fitting
                     break
         frames.append(frame if lens is frame.lens else replace(frame, lens=lens))
-    sizes: Counter[tuple[int, int, int, int]] = Counter()
-    for (lens, other), count in scaled.items():
-        sizes[lens.width, lens.height, other.width, other.height] += count
-    for (width, height, new_width, new_height), count in sizes.items():
-        findings.note(
-            f"{count} images are {new_width}x{new_height} pixels and their camera is {width}x{height}",
-            raw.source.name,
-            f"the camera is scaled to the images, by {new_width / width:.4g}",
+    _report_scaled(scaled, raw.source.name, findings)
+    for folder, count in of_other_models.items():
+        has = "1 image has" if count == 1 else f"{count} images have"
+        findings.error(
+            f"{has} another size than the camera, and another COLMAP model",
+            value_text(folder),
+            f"this model was probably written with the undistorted images; import {value_text(folder)} instead",
         )
     if turned:
         findings.note(
@@ -143,6 +155,38 @@ def fit_lenses(raw: RawCapture, findings: Findings) -> RawCapture:
             "they are rotated when they are read; other orientation tags are ignored",
         )
     return replace(raw, frames=tuple(frames))
+
+
+def _report_scaled(scaled: Counter[tuple[Lens, Lens]], where: str, findings: Findings) -> None:
+    """Notes the sizes of scaled images, those of one camera in one note if there are many. `scaled`: the lenses of the
+    camera and of the images -> number of images."""
+    sizes: dict[tuple[int, int], Counter[tuple[int, int]]] = {}
+    for (lens, fitting), count in scaled.items():
+        sizes.setdefault((lens.width, lens.height), Counter())[fitting.width, fitting.height] += count
+    for (width, height), counts in sizes.items():
+        shares = sorted(w / width for w, _ in counts)
+        by, camera = f"by {shares[0]:.4g}", f"the camera is {width}x{height}"
+        if len(counts) > _FEW:
+            count, by = sum(counts.values()), f"{by} to {shares[-1]:.4g}"
+            findings.note(
+                f"{count} images have {len(counts)} sizes and {camera}",
+                where,
+                f"the camera is scaled to each image, {by}",
+            )
+            continue
+        for (w, h), count in counts.items():
+            are = "1 image is" if count == 1 else f"{count} images are"
+            by = f"by {w / width:.4g}"
+            findings.note(f"{are} {w}x{h} pixels and {camera}", where, f"the camera is scaled to the images, {by}")
+
+
+def _other_model(folder: Path, raw: RawCapture) -> Path | None:
+    """The folder with the COLMAP model of the images in `folder`, if that is not the model of `raw`. None otherwise."""
+    source = raw.source.resolve()
+    for above in folder.resolve().parents[:_ABOVE]:
+        if any(model_extension(above / name) for name in ("sparse", "sparse/0")):
+            return None if source.is_relative_to(above) else above
+    return None
 
 
 def _resize_lens(lens: Lens, width: int, height: int) -> Lens | None:

@@ -202,9 +202,8 @@ def _report_build(
         )
     if report["decisions"].get("distance"):
         count = report["decisions"]["distance"]
-        listen(
-            Log(f"{count} free steps would have led farther than {config.max_distance} m from the trajectory.", STAGE)
-        )
+        steps = "1 free step" if count == 1 else f"{count} free steps"
+        listen(Log(f"{steps} would have led farther than {config.max_distance} m from the trajectory.", STAGE))
     if report["decisions"].get("disputed"):
         count = report["decisions"]["disputed"]
         listen(Log(f"{count} corridors have no edge because two submap models disagree about them.", STAGE))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import shutil
 from pathlib import Path
 
 import capture_samples as sample
@@ -162,8 +163,32 @@ def test_a_lens_is_scaled_to_images_of_the_same_proportions(tmp_path: Path, size
     across, down = size[0] / sample.WIDTH, size[1] / sample.HEIGHT
     assert (lens.width, lens.height) == size and lens.distortion[0] == 0.1
     np.testing.assert_allclose(lens.params[:4], (40 * across, 40 * down, 30 * across, 24 * down))
-    (note,) = [f.message for f in check(path).findings if "their camera is" in f.message]
-    assert note == f"12 images are {size[0]}x{size[1]} pixels and their camera is 64x48"
+    (note,) = [f.message for f in check(path).findings if "the camera is" in f.message]
+    assert note == f"12 images are {size[0]}x{size[1]} pixels and the camera is 64x48"
+
+
+def test_many_sizes_of_one_camera_are_one_note(tmp_path: Path) -> None:
+    path = sample.write_nerfstudio(tmp_path, sample.walk(), sample.room())
+    for i, size in enumerate(((32, 24), (16, 12), (48, 36), (128, 96))):
+        cv2.imwrite(str(tmp_path / "images" / f"{i:03d}.png"), np.full((*size[::-1], 3), 90, np.uint8))
+    (note,) = [f for f in check(path).findings if "the camera is" in f.message]
+    assert note.message == "4 images have 4 sizes and the camera is 64x48" and note.consequence.endswith("by 0.25 to 2")
+
+
+def test_undistorted_images_do_not_replace_the_original_ones(tmp_path: Path) -> None:
+    sample.write_colmap(tmp_path, sample.walk(), sample.room(), binary=False)
+    undistorted = tmp_path / "dense" / "0"
+    sample.write_colmap(undistorted, sample.walk(), sample.room(), binary=False)
+    assert not check(tmp_path).refused
+    shutil.rmtree(tmp_path / "images")  # published without the original images
+    assert not check(tmp_path).refused  # the same images
+    sample.write_images(undistorted / "images", 12, 32, 24)
+    for source in (tmp_path, tmp_path / "sparse" / "0"):
+        (found,) = [f for f in check(source).findings if "another COLMAP model" in f.message]
+        assert found.message.startswith("12 images have") and f"import {undistorted} instead" in found.consequence
+        with pytest.raises(InputError, match="another COLMAP model"):
+            read(source)
+    assert not check(undistorted).refused  # scaled, with a note
 
 
 def test_a_lens_without_a_size_is_scaled_by_its_principal_point(tmp_path: Path) -> None:
