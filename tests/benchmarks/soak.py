@@ -17,6 +17,7 @@ fails, the exit code is 1, and the actions before are printed. `--seed` repeats 
 
 from __future__ import annotations
 
+import ctypes
 import random
 import shutil
 import sys
@@ -96,6 +97,18 @@ class Arguments:
     minutes: float = 120.0
     seed: int = 0
     json: bool = False
+
+
+class _Heap(ctypes.Structure):
+    _fields_ = [(name, ctypes.c_size_t) for name in ["arena", "a", "b", "c", "mapped", "d", "e", "used", "free", "f"]]
+
+
+def heap_mib() -> float:
+    """MiB that the program has allocated from the C library, without what it has freed and the library keeps."""
+    read = ctypes.CDLL("libc.so.6").mallinfo2
+    read.restype = _Heap
+    heap = read()
+    return (heap.used + heap.mapped) / 2**20
 
 
 class Soak:
@@ -360,7 +373,8 @@ class Soak:
         self.memory.append((time.monotonic(), self._usual))
         if self.tests % 10 == 0:
             jobs = ", ".join(f"{h.title} {h.state}" for h in self.window.jobs.handles[-3:])
-            print(f"{self.events} events, {self.tests} tests, {self.memory[-1][1]:.0f} MiB, {jobs}", file=sys.stderr)
+            memory = f"{self._usual:.0f} MiB, {heap_mib():.0f} of them allocated"
+            print(f"{self.events} events, {self.tests} tests, {memory}, {jobs}", file=sys.stderr)
         self._end_jobs()
         if self.tests % REOPEN == 0 or self.document.path is None:
             file = self.random.choice(self.files)
@@ -449,6 +463,7 @@ class Soak:
             "memory_half_mib": round(late[0][1]) if late else 0,
             "memory_last_mib": round(late[-1][1]) if late else 0,
             "memory_peak_mib": round(self.peak),
+            "allocated_mib": round(heap_mib()),
             "growth_mib_per_hour": round(growth, 1),
             "actions": dict(self.counts.most_common()),
         }
