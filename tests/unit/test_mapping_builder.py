@@ -141,6 +141,20 @@ def test_what_stays_separate_is_reported_with_what_keeps_it_apart(between: int, 
     assert len(said) == 1 and re.search(why, said[0]) and said[0].count("nearest to another part at x") == 1
 
 
+@pytest.mark.parametrize("seed", [0, 11])
+def test_rooms_behind_gaps_that_are_too_narrow_stay_separate(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    occupancy = room(12, 8)
+    for x in (3, 6, 9):
+        wall = UNKNOWN if rng.random() < 0.3 else OCCUPIED
+        occupancy = fill(occupancy, x - 0.05, 0, x + 0.05, 8, wall)
+        y = rng.uniform(1, 6.5)
+        occupancy = fill(occupancy, x - 0.1, y, x + 0.1, y + rng.choice([0.35, 0.45, 0.55]), FREE)
+    result = build(occupancy, np.concatenate([walk((x, 1), (x, 7)) for x in (1.5, 4.5, 7.5, 10.5)]))
+    assert_valid(result.graph, occupancy)
+    assert result.report["components"] >= 3
+
+
 def test_search_stops_at_the_cap_and_far_from_the_walk_and_says_so() -> None:
     occupancy = room(14, 6)
     capped = build(occupancy, walk((1, 3), (3, 3)), replace(SMALL, max_viewpoints=4))

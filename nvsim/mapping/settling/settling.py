@@ -143,8 +143,8 @@ class GapFiller:
             return
         viewpoint = self._survey.viewpoint(place, "step")
         seen = [v for v in seen if self._survey.knows_floor(viewpoint, v)][:_LINKS]
-        if not seen or viewpoint.id in self._tried:
-            return
+        if not seen or viewpoint.id in self._tried or viewpoint.id in self._draft.viewpoints:
+            return  # also positions that another filler has tried have a viewpoint
         self._tried.add(viewpoint.id)
         self._survey.lattice.begin(viewpoint.id, viewpoint.position[:2])
         around = self._survey.around(viewpoint)
