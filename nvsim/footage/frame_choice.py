@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -73,6 +73,14 @@ def choose_frames(
             looked_at(done + frame.number + 1, total)
         yield from chooser.choose_last()
         done, next_id = done + facts[clip].frames, chooser.next_id
+
+
+def choose_images(images: Iterable[VideoFrame]) -> Iterator[ChosenFrame]:
+    """Yields the chosen frames of `images`, the frames of one video in order."""
+    chooser = _Chooser(0, 0)
+    for image in images:
+        yield from chooser.looked_at(image)
+    yield from chooser.choose_last()
 
 
 class _Chooser:

@@ -24,7 +24,16 @@ from nvsim.footage.cut_options import MASKS, CutOptions, refuse_mask_in_output, 
 from nvsim.footage.sources import Footage, Stamp, is_panoramic, need_footage
 from nvsim.processes.child import Child
 from nvsim.reconstruction.pose_networks import SAME_NETWORKS, Digest, PoseNetworks
-from nvsim.reconstruction.report import REPORT, SETTINGS, PosesReport, WeakPlace, read_report, stamp_of, write_report
+from nvsim.reconstruction.report import (
+    FRAMES,
+    REPORT,
+    SETTINGS,
+    PosesReport,
+    WeakPlace,
+    read_report,
+    stamp_of,
+    write_report,
+)
 
 if TYPE_CHECKING:
     import pycolmap
@@ -296,7 +305,7 @@ def _compute(request: _Request, tell: Callable[[Progress | Log | Warning], None]
         bridges = [name for model in found.models for name in without_bridges(model, blurred)]
     report = PosesReport(
         source=str(footage.source.absolute()),
-        footage=footage.description,
+        footage=FRAMES if stored.frames is not None and footage.kind == "photographs" else footage.description,
         stamp=request.stamp,
         settings=SETTINGS,
         looked_at=stored.looked_at,

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from nvsim.events import Log, Warning
 from nvsim.footage.extraction import ExtractedFrames, extract_frames, rectify_files
 from nvsim.footage.fisheye import PAIRS, Fisheye, find_fisheye
+from nvsim.footage.sequences import choose_in_order, is_sequence
 from nvsim.footage.sources import Footage
 from nvsim.poses.features import NOTHING, Features, find_features, match_features
 from nvsim.poses.image_set import ImageSet, UnknownCamera, times_of
@@ -31,7 +32,7 @@ class StoredImages:
     looked_at   number of decoded frames; for photos, their number
     blurred     number of images that are much less sharp than their neighbors
     unreadable  names of photos that cannot be decoded
-    frames      the frames of a video, None for photos
+    frames      the frames of a video, or of photos that are frames of a video; None for other photos
     fisheye     degrees along the longer side of the fisheye lenses whose images are stored as pinhole images
     """
 
@@ -60,17 +61,21 @@ def _frames(
     blurred = int(np.count_nonzero(frames.blurred))
     tell(Log(f"{len(frames.names)} of {frames.looked_at} frames are used; {blurred} of them are blurred.", STAGE))
     lens = frames.fisheye
-    images = ImageSet(
+    camera = UnknownCamera(frames.width, frames.height, None if lens is None else lens.pinhole.fx)
+    fisheye = _report_lenses([lens], tell)
+    return StoredImages(_in_order(frames, camera), frames.looked_at, blurred, frames=frames, fisheye=fisheye)
+
+
+def _in_order(frames: ExtractedFrames, camera: UnknownCamera) -> ImageSet:
+    return ImageSet(
         frames.folder,
         frames.names,
-        (UnknownCamera(frames.width, frames.height, None if lens is None else lens.pinhole.fx),),
+        (camera,),
         np.zeros(len(frames.names), np.int64),
         frames.clips,
         times_of(frames.seconds, frames.clips),
         Tracks(np.unique(frames.point, return_inverse=True)[1].astype(np.int64), frames.frame, frames.places),
     )
-    fisheye = _report_lenses([lens], tell)
-    return StoredImages(images, frames.looked_at, blurred, frames=frames, fisheye=fisheye)
 
 
 def _photographs(
@@ -92,6 +97,15 @@ def _photographs(
             lenses.append(lens)
             cameras[k] = replace(camera, focal=lens.pinhole.fx)
     fisheye = _report_lenses(lenses, tell)
+    if len(cameras) == 1 and is_sequence([folder / name for name in stored.names]):
+        frames = choose_in_order(folder, stored.names)
+        for name in set(stored.names) - set(frames.names):
+            (folder / name).unlink(missing_ok=True)
+        blurred = int(np.count_nonzero(frames.blurred))
+        used = f"{len(frames.names)} of them are used, in their order."
+        tell(Log(f"The photographs are consecutive frames of a video. {used}", STAGE))
+        images = _in_order(frames, cameras[0])
+        return StoredImages(images, len(footage.files), blurred, stored.unreadable, frames, fisheye)
     none = np.zeros(len(stored.names), np.int64)
     images = ImageSet(stored.folder, stored.names, tuple(cameras), stored.camera, none, np.zeros(0))
     return StoredImages(images, len(footage.files), 0, stored.unreadable, fisheye=fisheye)

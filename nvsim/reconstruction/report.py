@@ -19,6 +19,8 @@ from nvsim.geometry.rotation import smallest_rotation
 from nvsim.poses.feature_comparison import FeatureComparison
 
 REPORT = "poses.json"
+FRAMES = "frames of a video"
+"""`PosesReport.footage` of photographs that are consecutive frames of a video, whose times are unknown."""
 SETTINGS = 11
 """Version of the settings. A change that alters frames or poses increases it, so that older results are recomputed."""
 _LEAST = 8  # frames of a piece that has a model
@@ -310,7 +312,9 @@ def rows(report: PosesReport) -> dict[str, str]:
         upright = number < len(report.upright) and report.upright[number]
         found[f"Measured scale of piece {number}" if number else "Measured scale"] = measured.words(upright)
     for number, place in enumerate(report.weak[:_SHOWN], start=1):
-        where = f"{_clock(place.seconds[0])} to {_clock(place.seconds[1])} ({place.first} to {place.last})"
+        where = f"{place.first} to {place.last}"
+        if report.footage != FRAMES:
+            where = f"{_clock(place.seconds[0])} to {_clock(place.seconds[1])} ({where})"
         found[f"Weak place {number}"] = f"{where}: {place.cause}. When you film again: {place.advice}."
     if len(report.weak) > _SHOWN:
         found["More weak places"] = f"{len(report.weak) - _SHOWN:,}; poses.json lists them"
