@@ -188,7 +188,7 @@ def _scale(
     if height is None or height <= 1e-6 * camera_height:
         raise InputError(
             f"{raw.source} shows no floor below the cameras, so the camera height cannot be measured; "
-            "give the meters per unit with --scale instead."
+            "give the distance between two cameras with --known-length, or the meters per unit with --scale."
         )
     return camera_height / height, True
 
