@@ -44,11 +44,10 @@ def compare_features(
     pose of cameras with the focal length that SIFT gives."""
     # These import pycolmap, which the reader of a report does not need.
     from nvsim.poses.features import match_features
-    from nvsim.poses.focal_length import estimate_focal_length
     from nvsim.poses.image_pairs import similar_pairs
     from nvsim.poses.match_database import camera_of
     from nvsim.poses.threads import thread_pool
-    from nvsim.poses.two_views import relative_pose
+    from nvsim.poses.two_views import estimate_focal_length, relative_pose
 
     count = len(images.names)
     near = [(i, i + _BESIDE) for i in range(count - _BESIDE) if images.clips[i] == images.clips[i + _BESIDE]]

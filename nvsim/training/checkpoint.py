@@ -1,5 +1,5 @@
 """Checkpoints of interrupted trainings: every array that a step changes, and a fingerprint of the inputs. One file,
-written completely or not at all."""
+written completely or not at all. A `RateLimiter` decides how often a training writes files."""
 
 from __future__ import annotations
 
@@ -146,3 +146,21 @@ def _array(archive: zipfile.ZipFile, stored: Mapping[str, NDArray[Any]], name: s
     if dtype.hasobject or math.prod(shape) * dtype.itemsize > entry.file_size:
         raise ValueError(f"array {name} of shape {shape} does not fit in {entry.file_size} bytes")
     return stored[name]
+
+
+class RateLimiter:
+    """The pace of a repeated task: never within `least` seconds of the last time, at most `share` of the time, but at
+    the latest after `most` seconds. Times are seconds of one clock."""
+
+    def __init__(self, now: float, least: float, share: float = 1.0, most: float = math.inf) -> None:
+        self._least, self._share, self._most = least, share, most
+        self._last, self._pause = now, min(least, most)
+
+    def is_due(self, now: float) -> bool:
+        """Whether the task is due at the time `now`, seconds."""
+        return now - self._last >= self._pause
+
+    def record_run(self, began: float, ended: float) -> None:
+        """Records that the task ran from `began` to `ended`, seconds."""
+        self._last = ended
+        self._pause = min(self._most, max(self._least, (ended - began) / self._share))
