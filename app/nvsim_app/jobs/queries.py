@@ -29,8 +29,7 @@ from nvsim.errors import value_text
 from nvsim.events import Failed, from_json
 from nvsim.reconstruction.footage_check import VideoFile
 from nvsim_app.processes.child import ChildProgram
-from nvsim_app.processes.command import CommandOutput, run_command
-from nvsim_app.processes.serving import EndMessage
+from nvsim_app.processes.serving import CommandOutput, EndMessage, run_command
 from nvsim_app.processes.side_process import SideProcess
 
 
