@@ -8,6 +8,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from nvsim.files.records import Count, Figure
+
 if TYPE_CHECKING:
     from nvsim.poses.features import FeatureFinder, Features
     from nvsim.poses.image_set import ImageSet
@@ -25,9 +27,9 @@ class FeatureComparison:
     """
 
     network: str
-    pairs: int
-    matches: tuple[float, float]
-    verified: tuple[float, float]
+    pairs: Count
+    matches: tuple[Figure, Figure]
+    verified: tuple[Figure, Figure]
 
     @property
     def is_network_used(self) -> bool:
