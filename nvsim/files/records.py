@@ -60,9 +60,10 @@ def _value(kind: Any, data: Any) -> Any:
         each = [inner[0]] * len(data) if inner[-1] is Ellipsis else inner
         if len(each) == len(data):
             return tuple(_value(one, value) for one, value in zip(each, data, strict=True))
-    if kind is float and type(data) in (int, float) and abs(data) < _LARGEST:
-        return float(data)
-    if type(data) is kind and (kind is not int or abs(data) < 1 << 63):
+    if kind is float:
+        if type(data) in (int, float) and abs(data) < _LARGEST:
+            return float(data)
+    elif type(data) is kind and (kind is not int or abs(data) < 1 << 63):
         return data
     if origin is Literal and data in inner:
         return data
