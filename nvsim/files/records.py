@@ -27,7 +27,7 @@ def record_of(kind: type[T], data: object) -> T:
     if not isinstance(data, Mapping):
         raise ValueError(f"{value_text(data, 40)} is not an object")
     given = {}
-    for name, (hint, required) in _fields(kind).items():
+    for name, (hint, required) in _fields(kind).items():  # type: ignore[arg-type]
         if name in data:
             given[name] = _value(hint, data[name])
         elif required:

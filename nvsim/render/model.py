@@ -139,7 +139,7 @@ def _render_gaussians(
     workspace: RenderBuffers,
 ) -> tuple[RenderOutput, Float32]:
     g, k = gaussians, camera.intrinsics
-    arrays = Gaussians(*(as_kernel_array(a) for a in (g.means, g.log_scales, g.quats, g.opacity_logits, g.sh)))
+    arrays = Gaussians(*map(as_kernel_array, g.arrays))
     workspace.project(arrays, camera, antialiased, tiles=tiles)
     workspace.bin()
     rgb, transmittance, depth, normal = workspace.draw(k.height, k.width, bool(channels & {"depth", "normal"}))

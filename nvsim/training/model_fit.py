@@ -258,8 +258,7 @@ class ModelFit:
 
     def model(self, info: dict[str, object]) -> SubmapModel:
         """A copy of the trained model."""
-        g = self.held.gaussians
-        gaussians = Gaussians(*(a.copy() for a in (g.means, g.log_scales, g.quats, g.opacity_logits, g.sh)))
+        gaussians = Gaussians(*(array.copy() for array in self.held.gaussians.arrays))
         background = appearance = None
         if self.networks is not None:
             background = self.networks.exported_background()
