@@ -5,8 +5,10 @@ Qt gives these keys to every text field, also to one without a change.
 
 from __future__ import annotations
 
+from typing import Protocol
+
 from PySide6.QtCore import QEvent, QObject
-from PySide6.QtGui import QAction, QKeyEvent, QKeySequence, QTextDocument
+from PySide6.QtGui import QAction, QKeyEvent, QKeySequence
 from PySide6.QtWidgets import QAbstractSpinBox, QApplication, QComboBox, QLineEdit, QMainWindow, QPlainTextEdit, QWidget
 from shiboken6 import isValid
 
@@ -57,7 +59,15 @@ class TextUndo(QObject):
         return text is not None
 
 
-def _text_of(widget: QWidget) -> QLineEdit | QTextDocument | None:
+class _Text(Protocol):
+    """A text with an undo history."""
+
+    def isUndoAvailable(self) -> bool: ...
+
+    def isRedoAvailable(self) -> bool: ...
+
+
+def _text_of(widget: QWidget) -> _Text | None:
     """The text with an undo history of a widget; None if it has none."""
     if isinstance(widget, QAbstractSpinBox | QComboBox):
         return widget.lineEdit()
