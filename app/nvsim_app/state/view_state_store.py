@@ -45,6 +45,8 @@ def decode(text: str) -> StoredViewState | None:
     """Parses the output of `encode`; None for any other text."""
     try:
         kept = json.loads(text)
+        if not kept.keys() >= {"pose", "channel", "selection"}:
+            return None
         left = record_of(StoredViewState, {**kept, "keys": kept.get("keys", [])[:MOST_KEYS]})
     except (ValueError, TypeError, AttributeError, RecursionError):
         return None
