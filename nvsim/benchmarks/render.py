@@ -83,8 +83,8 @@ def measure(gaussians: Gaussians, camera: Camera, antialiased: bool = True, roun
     gigaflops, peak_gigaflops, share multiply-adds per second of the forward raster loop, the machine's, and their ratio
     """
     g = gaussians
-    arrays = Gaussians(*(as_kernel_array(a) for a in (g.means, g.log_scales, g.quats, g.opacity_logits, g.sh)))
-    gradients = Gaussians(*(np.empty_like(a) for a in (g.means, g.log_scales, g.quats, g.opacity_logits, g.sh)))
+    arrays = Gaussians(*map(as_kernel_array, g.arrays))
+    gradients = Gaussians(*map(np.empty_like, g.arrays))
     size = camera.intrinsics
     height, width = size.height, size.width
     rng = np.random.default_rng(0)

@@ -1,19 +1,50 @@
-"""Measures gsplat rendering of many Gaussians on a GPU, and compares its images with those of the CPU kernels."""
+"""Measures gsplat rendering of many Gaussians on a GPU, and compares its images with those of the CPU kernels. Times
+work on a GPU."""
 
 from __future__ import annotations
 
+import statistics
+import time
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
 import torch
 
-from nvsim.benchmarks.card import milliseconds, name_of
 from nvsim.benchmarks.render import turn_camera_stepwise
 from nvsim.geometry.camera import Camera
 from nvsim.render import gsplat_backend
 from nvsim.render.gsplat_backend import rasterize
 from nvsim.render.model import render_gaussians
 from nvsim.splats.types import Gaussians
+
+
+def name_of(device: str) -> str:
+    """The name of the GPU, or "cpu"."""
+    return torch.cuda.get_device_name(device) if device != "cpu" else "cpu"
+
+
+_WARM_UP = 3  # calls that are not counted
+
+
+def settle(device: str) -> None:
+    """Waits until the device has finished all submitted work."""
+    if device != "cpu":
+        torch.cuda.synchronize(device)
+
+
+def milliseconds(work: Callable[[], object], device: str, rounds: int) -> float:
+    """Median time of `work` over `rounds` calls in milliseconds, including its work on the GPU."""
+    times = []
+    for k in range(_WARM_UP + rounds):
+        settle(device)
+        started = time.perf_counter()
+        work()
+        settle(device)
+        if k >= _WARM_UP:
+            times.append(1e3 * (time.perf_counter() - started))
+    return statistics.median(times)
+
 
 CHANNELS = frozenset({"rgb", "alpha", "depth", "normal"})
 _FIELDS = ("means", "log_scales", "quats", "opacity_logits", "sh")

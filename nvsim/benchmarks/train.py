@@ -18,7 +18,7 @@ import numpy as np
 import torch
 from numpy.typing import NDArray
 
-from nvsim.benchmarks.card import milliseconds, name_of
+from nvsim.benchmarks.render_card import milliseconds, name_of
 from nvsim.geometry.camera import Camera, Intrinsics, camera_pose
 from nvsim.geometry.floor_surface import FloorSurface
 from nvsim.render.gsplat_backend import rasterize

@@ -10,9 +10,8 @@ from scipy import ndimage
 from nvsim.building.raycast import normal
 from nvsim.building.rendering import View
 from nvsim.building.scene import Scene
-from nvsim.occupancy.heights import Heights
 from nvsim.occupancy.storeys import Stair, StoreyMap, StoreyMaps
-from nvsim.occupancy.types import FREE, OCCUPIED, UNKNOWN, OccupancyMap
+from nvsim.occupancy.types import FREE, OCCUPIED, UNKNOWN, Heights, OccupancyMap
 
 RESOLUTION = 0.05  # meters per cell
 LOW, HIGH = Heights().from_height, Heights().to_height  # meters above the floor between which solids are obstacles

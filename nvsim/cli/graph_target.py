@@ -18,16 +18,13 @@ from nvsim.graph.journal import Journal, sidecar
 from nvsim.graph.operations import EditContext
 from nvsim.graph.quantities import QuantityInputs
 from nvsim.graph.types import NavGraph
-from nvsim.occupancy.heights import Heights
-from nvsim.occupancy.types import OccupancyMap
+from nvsim.occupancy.types import Heights, OccupancyMap
 
 if TYPE_CHECKING:
     from nvsim.graph.edits import Visible
     from nvsim.graph.findings import Context, Limits
     from nvsim.graph.foreign import ForeignFile
-    from nvsim.graph.types import EdgeKey, NavGraph
-    from nvsim.occupancy.heights import Heights
-    from nvsim.occupancy.types import OccupancyMap
+    from nvsim.graph.types import EdgeKey
 
 
 @dataclass(frozen=True, eq=False)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 
-from nvsim.r2r.instructions.registers import Register
+from nvsim.r2r.instructions import Register
 from nvsim.r2r.tasks.shortest import PathBounds
 from nvsim.r2r.tasks.splitting import PathCounts
 

@@ -7,7 +7,7 @@ import base64
 import hashlib
 import json
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass, fields, replace
+from dataclasses import asdict, dataclass, replace
 from functools import cached_property
 from pathlib import Path
 from typing import Any, Literal
@@ -15,6 +15,7 @@ from typing import Any, Literal
 from nvsim.errors import InputError
 from nvsim.files import atomic
 from nvsim.files.opening import is_regular, read_json
+from nvsim.files.records import record_of
 
 Detail = Literal["low", "high", "auto"]
 Role = Literal["system", "user", "assistant"]
@@ -177,10 +178,8 @@ def _record(path: Path) -> dict[str, Any]:
 
 
 def _answer(found: Any) -> Answer | None:
-    if not isinstance(found, dict) or found.keys() != {field.name for field in fields(Answer)}:
+    try:
+        answer = record_of(Answer, found)
+    except ValueError:
         return None
-    kinds = {"text": str, "refusal": str, "cut_off": bool, "tokens_in": int, "tokens_out": int, "counted": bool}
-    if any(type(found[name]) is not kind for name, kind in kinds.items()):
-        return None
-    answer = Answer(**found)
     return answer if all(0 <= n < MOST_TOKENS for n in (answer.tokens_in, answer.tokens_out)) else None

@@ -10,9 +10,8 @@ from numpy.typing import NDArray
 
 from nvsim.capture.types import Capture
 from nvsim.errors import InputError
-from nvsim.occupancy.heights import Heights
 from nvsim.occupancy.storeys import StoreyMap, StoreyMaps, is_storeys, read_storeys
-from nvsim.occupancy.types import OccupancyMap, transformed_map
+from nvsim.occupancy.types import Heights, OccupancyMap, transformed_map
 from nvsim.project.occupancy_maps import refuse_own_depth, true_map
 from nvsim.project.project import Project
 

@@ -62,7 +62,7 @@ def read_arrays(
                 left -= entry.file_size
                 if left < 0 or entry.compress_type not in (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED):
                     raise InputError(f"{path} unpacks to far more than its {length} bytes; {then}.")
-                result[name] = _array(archive, entry, *wanted[name])
+                result[name] = array_in(archive, entry.filename, *wanted[name])
     return result
 
 
@@ -93,12 +93,14 @@ def _header(file: IO[bytes], name: str) -> tuple[tuple[int, ...], np.dtype[Any]]
     return shape, dtype
 
 
-def _array(archive: zipfile.ZipFile, entry: zipfile.ZipInfo, kinds: str, dimensions: int) -> NDArray[Any]:
+def array_in(archive: zipfile.ZipFile, entry: str, kinds: str = "bfiu", dimensions: int | None = None) -> NDArray[Any]:
+    """The array of a .npz file in the entry NAME.npy. Raises ValueError if it has none of the `kinds` of types, another
+    number of dimensions, or another size than its header claims."""
     with archive.open(entry) as file:
-        shape, dtype = _header(file, entry.filename)
-        if dtype.kind not in kinds or len(shape) != dimensions:
-            raise ValueError(f"array {entry.filename!r} is {dtype} of shape {shape}")
-        if math.prod(shape) * dtype.itemsize != entry.file_size - file.tell():
-            raise ValueError(f"array {entry.filename!r} does not have the size that its shape {shape} needs")
+        shape, dtype = _header(file, entry)
+        if dtype.kind not in kinds or dimensions not in (None, len(shape)):
+            raise ValueError(f"array {entry!r} is {dtype} of shape {shape}")
+        if math.prod(shape) * dtype.itemsize != archive.getinfo(entry).file_size - file.tell():
+            raise ValueError(f"array {entry!r} does not have the size that its shape {shape} needs")
     with archive.open(entry) as file:
         return np.lib.format.read_array(file, allow_pickle=False, max_header_size=_HEADER)

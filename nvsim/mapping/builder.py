@@ -25,10 +25,9 @@ from nvsim.mapping.explanation.poor_graph import (
     explain_no_viewpoint,
     explain_small_graph,
 )
-from nvsim.mapping.explanation.possible_glass import PossibleGlass
 from nvsim.mapping.explanation.seen_floor import SeenFloor
 from nvsim.mapping.explanation.trajectory_detour import TrajectoryDetour
-from nvsim.mapping.explanation.wall_openings import WallOpenings
+from nvsim.mapping.explanation.wall_openings import PossibleGlass, WallOpenings
 from nvsim.mapping.search.breadth_first import BreadthFirstSearch
 from nvsim.mapping.search.graph_builder import GraphBuilder, keep_edits
 from nvsim.mapping.search.survey import Survey

@@ -20,8 +20,7 @@ from nvsim.errors import InputError
 from nvsim.files.opening import read_bytes
 from nvsim.files.reading import reading
 from nvsim.kernels import njit
-from nvsim.occupancy.heights import Heights
-from nvsim.occupancy.types import FREE, OCCUPIED, UNKNOWN, OccupancyMap
+from nvsim.occupancy.types import FREE, OCCUPIED, UNKNOWN, Heights, OccupancyMap
 
 DEPTH = 16
 _BINARY, _FULL = b"# Octomap OcTree binary file", b"# Octomap OcTree file"

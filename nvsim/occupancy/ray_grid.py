@@ -18,8 +18,7 @@ from nvsim.errors import InputError
 from nvsim.geometry.cells import grid_size
 from nvsim.geometry.floor_surface import FloorSurface
 from nvsim.occupancy import ray_kernels
-from nvsim.occupancy.heights import Heights
-from nvsim.occupancy.types import FREE, OCCUPIED, UNKNOWN, OccupancyMap
+from nvsim.occupancy.types import FREE, OCCUPIED, UNKNOWN, Heights, OccupancyMap
 
 Float64 = NDArray[np.float64]
 _MOST_VOXELS = 400_000_000  # 2 GB if all are touched; untouched voxels use no memory

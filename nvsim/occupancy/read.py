@@ -8,8 +8,7 @@ from typing import TYPE_CHECKING
 from nvsim.errors import InputError
 
 if TYPE_CHECKING:
-    from nvsim.occupancy.heights import Heights
-    from nvsim.occupancy.types import OccupancyMap
+    from nvsim.occupancy.types import Heights, OccupancyMap
 
 ROS, OCTOMAP = (".yaml", ".yml"), (".bt", ".ot")
 """Suffixes of the files that can be read."""

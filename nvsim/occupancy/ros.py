@@ -9,7 +9,7 @@ import json
 import math
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import Any, Literal, get_args
+from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,6 +19,7 @@ from nvsim.files import atomic
 from nvsim.files.images import decode_pixels
 from nvsim.files.opening import parse_json, read_bytes
 from nvsim.files.reading import reading
+from nvsim.files.records import record_of
 from nvsim.occupancy.ros_description import (
     FREE_THRESHOLD,
     OCCUPIED_THRESHOLD,
@@ -61,13 +62,10 @@ def provenance_in(path: Path, text: str) -> Provenance | None:
     if not remarks:
         return None
     then = f"delete the line that begins with {MARK!r}, or build the map again"
-    found: Any = parse_json(path, remarks[0].removeprefix(MARK), "a map with a valid provenance", then)
+    found = parse_json(path, remarks[0].removeprefix(MARK), "a map with a valid provenance", then)
     try:
-        low, high, makers = float(found["from_height"]), float(found["to_height"]), found["makers"]
-        if found["source"] not in get_args(Source) or not isinstance(makers, list):
-            raise ValueError("another form")
-        return Provenance(found["source"], str(found["note"]), low, high, tuple(map(str, makers)))
-    except (KeyError, TypeError, ValueError, OverflowError) as error:
+        return record_of(Provenance, found)
+    except ValueError as error:
         raise InputError(f"{path} has a provenance in an invalid form; {then}.") from error
 
 

@@ -23,9 +23,8 @@ from nvsim.errors import InputError, value_text
 from nvsim.files import atomic
 from nvsim.files.opening import read_json
 from nvsim.files.reading import reading
-from nvsim.occupancy.heights import Heights
 from nvsim.occupancy.ros import write_ros_map
-from nvsim.occupancy.types import OccupancyMap
+from nvsim.occupancy.types import Heights, OccupancyMap
 
 NAME = "storeys.json"
 _AGAIN = "write it as `nvsim demo --storeys 2` does"

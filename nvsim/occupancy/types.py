@@ -1,5 +1,5 @@
-"""An occupancy map: free, occupied, and unknown cells on a regular grid over the ground; its frame, and its
-comparison.
+"""An occupancy map: free, occupied, and unknown cells on a regular grid over the ground; its frame, its comparison, and
+the height band in which objects are obstacles.
 """
 
 from __future__ import annotations
@@ -10,6 +10,8 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+
+from nvsim.errors import InputError
 
 FREE, OCCUPIED, UNKNOWN = np.uint8(0), np.uint8(1), np.uint8(2)
 
@@ -126,3 +128,21 @@ def compare_maps(found: OccupancyMap, true: OccupancyMap) -> dict[str, Any]:
     beside = (found.cells == FREE) & (true.states_at(found.centers()) == UNKNOWN)
     figures["beside_m2"] = round(float(np.count_nonzero(beside)) * found.resolution**2, 2)
     return figures
+
+
+@dataclass(frozen=True)
+class Heights:
+    """Heights over the floor between which objects are obstacles. Raises InputError if the band is empty or too
+    large."""
+
+    from_height: float = 0.1
+    """Meters over the floor, for a map from 3D data: lower objects can be stepped over."""
+    to_height: float = 1.5
+    """Meters over the floor: higher objects can be walked under."""
+
+    def __post_init__(self) -> None:
+        if not -1e3 < self.from_height < self.to_height < 1e3:
+            raise InputError(
+                f"The band from {self.from_height:g} to {self.to_height:g} m over the floor is empty or too large; "
+                "give --from-height a smaller number of meters than --to-height."
+            )

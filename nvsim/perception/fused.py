@@ -1,15 +1,98 @@
 """The geometric provider combined with networks where geometry is undecided. The cloud is best at objects on the floor.
-A network is best at floor in holes of the LiDAR scan, and at vertical surfaces for which the images give no depth."""
+A network is best at floor in holes of the LiDAR scan, and at vertical surfaces for which the images give no depth.
+
+In rooms unlike those of its training, a network is more certain than it should be. Its floor probability is therefore
+calibrated on the capture itself: where geometry is certain, it shows how often the network is right. Temperature
+scaling (Guo et al. 2017) divides the log odds of the network by one number, here per floor surface."""
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import minimize_scalar
 
 from nvsim.geometry.camera import Camera
+from nvsim.geometry.sampling import evenly_spaced
 from nvsim.perception.geometric import GeometricFloor
-from nvsim.perception.roles import Float32, FloorMask, Image, SemanticFloor, SurfaceNormals
+from nvsim.perception.roles import Float32, FloorMask, Image, Mask, SemanticFloor, SurfaceNormals
+
+_GLIMPSES = 24  # views from which a network is measured
+_FEWEST = 500  # pixels of floor, and of other surfaces, needed
+_LEAST = 1e-7  # probability that counts as 0, and its distance from 1
+_RANGE = (0.25, 10.0)  # temperatures
+
+
+class View(NamedTuple):
+    """A frame: its camera, and functions that read its image (H, W, 3) uint8 RGB of the camera's size, its valid pixels
+    (H, W) bool (None for all) and, if it has one, its own depth (h, w) in meters."""
+
+    camera: Camera
+    image: Callable[[], Image]
+    usable: Callable[[], Mask | None]
+    depth: Callable[[], Float32] | None
+
+
+@dataclass(frozen=True)
+class CalibratedFloor:
+    """A SemanticFloor whose log odds are divided by a temperature: above 1, it is less certain than the network."""
+
+    network: SemanticFloor
+    temperature: float
+
+    def floor_probability(self, image: Image, camera: Camera) -> Float32:
+        """(H, W) float32, 0 to 1, see SemanticFloor."""
+        said = log_odds(self.network.floor_probability(image, camera))
+        return np.asarray(1 / (1 + np.exp(-said / np.float32(self.temperature))), np.float32)
+
+
+def calibrate(
+    network: SemanticFloor, floor: GeometricFloor, views: Sequence[View], threads: int = 1
+) -> CalibratedFloor:
+    """The network with the temperature that fits the pixels of which `floor` is certain, in views evenly selected from
+    `views`. The temperature is 1 if there are too few such pixels."""
+
+    def measured(index: int) -> tuple[Float32, NDArray[np.bool_]]:
+        import cv2
+
+        camera, read, usable_of, depth = views[index]
+        level, high = floor.certain(camera, None if depth is None else depth())
+        if not (level.any() or high.any()):
+            return np.zeros(0, np.float32), np.zeros(0, bool)
+        found = network.floor_probability(read(), camera)
+        small = cv2.resize(found, (level.shape[1], level.shape[0]), interpolation=cv2.INTER_AREA)
+        known, usable = level | high, usable_of()
+        if usable is not None:
+            known &= cv2.resize(usable.astype(np.uint8), known.shape[::-1], interpolation=cv2.INTER_NEAREST) > 0
+        return log_odds(np.asarray(small[known], np.float32)), level[known]
+
+    with ThreadPoolExecutor(threads) as pool:
+        parts = list(pool.map(measured, evenly_spaced(len(views), _GLIMPSES)))
+    odds, is_floor = (np.concatenate(values) for values in zip(*parts, strict=True))
+    if min(is_floor.sum(), (~is_floor).sum()) < _FEWEST:
+        return CalibratedFloor(network, 1.0)
+    return CalibratedFloor(network, fitting_temperature(odds, is_floor))
+
+
+def fitting_temperature(odds: Float32, is_floor: NDArray[np.bool_]) -> float:
+    """The temperature with the least cross entropy for pixels with these log odds (N,) that are floor or not (N,)."""
+    wrong = np.where(is_floor, -odds, odds).astype(np.float64)
+
+    def entropy(sharpness: float) -> float:
+        return float(np.logaddexp(0, sharpness * wrong).mean())
+
+    found = minimize_scalar(entropy, bounds=(1 / _RANGE[1], 1 / _RANGE[0]), method="bounded")
+    return float(1 / found.x)
+
+
+def log_odds(probability: Float32) -> Float32:
+    """Natural logarithm of p / (1 - p), for probabilities of any shape."""
+    kept = np.clip(probability, _LEAST, 1 - _LEAST)
+    return np.asarray(np.log(kept / (1 - kept)), np.float32)
 
 
 @dataclass(frozen=True)

@@ -25,8 +25,8 @@ from nvsim.files.opening import read_bytes
 from nvsim.geometry.camera import Camera, Intrinsics
 from nvsim.geometry.floor_surface import FloorSurface
 from nvsim.perception.failures import Failures
+from nvsim.perception.fused import View
 from nvsim.perception.geometric import GeometricConfig, GeometricFloor
-from nvsim.perception.network_calibration import View
 from nvsim.perception.obstacles import BuildingObstacles
 from nvsim.perception.roles import Failure, Float32, FloorSegmenter, Image, Mask
 

@@ -8,6 +8,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from nvsim.files.records import Count, Figure
+
 if TYPE_CHECKING:
     from nvsim.poses.features import FeatureFinder, Features
     from nvsim.poses.image_set import ImageSet
@@ -25,9 +27,9 @@ class FeatureComparison:
     """
 
     network: str
-    pairs: int
-    matches: tuple[float, float]
-    verified: tuple[float, float]
+    pairs: Count
+    matches: tuple[Figure, Figure]
+    verified: tuple[Figure, Figure]
 
     @property
     def is_network_used(self) -> bool:
@@ -44,11 +46,10 @@ def compare_features(
     pose of cameras with the focal length that SIFT gives."""
     # These import pycolmap, which the reader of a report does not need.
     from nvsim.poses.features import match_features
-    from nvsim.poses.focal_length import estimate_focal_length
     from nvsim.poses.image_pairs import similar_pairs
     from nvsim.poses.match_database import camera_of
     from nvsim.poses.threads import thread_pool
-    from nvsim.poses.two_views import relative_pose
+    from nvsim.poses.two_views import estimate_focal_length, relative_pose
 
     count = len(images.names)
     near = [(i, i + _BESIDE) for i in range(count - _BESIDE) if images.clips[i] == images.clips[i + _BESIDE]]

@@ -18,12 +18,9 @@ from numpy.typing import NDArray
 from nvsim.errors import InputError
 from nvsim.poses.feature_comparison import FeatureComparison, compare_features
 from nvsim.poses.features import NOTHING, FeatureFinder, Features, find_features
-from nvsim.poses.focal_length import estimate_focal_length
-from nvsim.poses.guided_matching import guided_pairs
 from nvsim.poses.image_pairs import ALIKE, neighbor_pairs, similar_pairs
 from nvsim.poses.image_set import ImageSet
 from nvsim.poses.joining import PosePiece, join, piece_of
-from nvsim.poses.loops import close_loops
 from nvsim.poses.mapping import (
     adjust_all,
     agreement_with,
@@ -60,6 +57,7 @@ from nvsim.poses.pieces import (
 )
 from nvsim.poses.pose_graph import PartAnchors, keeps_shape, median_depth, without_drift
 from nvsim.poses.positioning import reconstruct_video
+from nvsim.poses.predicted_pairs import close_loops, guided_pairs
 from nvsim.poses.straightening import (
     anchors_of,
     contradicts_floor,
@@ -69,7 +67,7 @@ from nvsim.poses.straightening import (
     straighten_video,
 )
 from nvsim.poses.threads import thread_pool
-from nvsim.poses.two_views import TwoViews, from_matches, relative_pose
+from nvsim.poses.two_views import TwoViews, estimate_focal_length, from_matches, relative_pose
 
 _FEATURES, _CONTRAST = 1500, 0.005  # features of a frame of a video; SIFT contrast threshold for plain walls
 _FEATURES_OF_PHOTOGRAPH = 8000  # at most: photographs from a few places differ much, so that few of many features match

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
-from typing import TYPE_CHECKING, Literal, Protocol
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,8 +14,7 @@ from nvsim.geometry.floor_surface import Floor, FloorSurface, StackedFloor
 from nvsim.submaps.split import TrajectoryStoreys, storeys_of
 
 if TYPE_CHECKING:
-    from nvsim.capture.types import Capture
-    from nvsim.submaps.split import Submap
+    from nvsim.project.project import Project
 
 _SPACING = 0.5  # meters
 _FINE = 0.1  # meters, if storeys overlap: only a wall separates the floor beside a stair from its steps
@@ -23,16 +22,7 @@ _STAIR = 0.6  # meters from the cameras on a stair to its sides
 _MARGIN = 8.0  # meters around the cameras
 
 
-class FloorSource(Protocol):
-    """The part of a project that has the floors of its submaps."""
-
-    def need_capture(self) -> Capture: ...
-    def submaps(self, of: Literal["floors"]) -> tuple[Submap, ...]: ...
-    def submaps_as_cut(self, of: Literal["floors"]) -> tuple[Submap, ...]: ...
-    def surface(self, submap: int) -> FloorSurface | None: ...
-
-
-def floor_of(project: FloorSource) -> Floor:
+def floor_of(project: Project) -> Floor:
     """One surface around the trajectory; flat at z = 0 while no floor is estimated. If storeys overlap, one surface per
     storey."""
     surfaces = {s.index: project.surface(s.index) for s in project.submaps_as_cut("floors")}
@@ -50,7 +40,7 @@ def floor_of(project: FloorSource) -> Floor:
     return _surface_around(positions[:, :2], positions[:, :2], owners, known, _SPACING)
 
 
-def floors_seen(project: FloorSource) -> dict[int, FloorSurface]:
+def floors_seen(project: Project) -> dict[int, FloorSurface]:
     """Frame index -> floor surface around the frame, one shared object for all frames that are segmented together.
 
     The surface is that of the submap with the frame in its core. If storeys overlap, it is that of the camera's storey
@@ -143,7 +133,7 @@ def _surface_around(
     return FloorSurface(heights, (float(low[0]), float(low[1])), spacing)
 
 
-def floor_beneath(project: FloorSource) -> Callable[[float, float, float], float] | None:
+def floor_beneath(project: Project) -> Callable[[float, float, float], float] | None:
     """Function (x, y, z) -> height of the floor under this point, all in meters, world. The floor is that of the submap
     with the nearest camera, so that storeys stay separate. NaN more than 8 m from all cameras. Returns None while no
     floor is estimated."""

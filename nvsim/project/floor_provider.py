@@ -139,8 +139,7 @@ class HybridProvider:
     def fused(self, floor: GeometricFloor, around: Surroundings) -> FusedFloor:
         """Geometry fused with the semantic network, calibrated in its surroundings, and, if available, the normals
         network."""
-        from nvsim.perception.fused import FusedFloor
-        from nvsim.perception.network_calibration import calibrate
+        from nvsim.perception.fused import FusedFloor, calibrate
 
         assert self.semantic is not None
         looks = calibrate(self.semantic, floor, around.views, around.threads)

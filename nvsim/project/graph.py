@@ -83,9 +83,8 @@ def context_on(occupancy: OccupancyMap | None, project: Project, limits: Limits 
 def _possible_glass(project: Project) -> Callable[[Camera, Camera], str] | None:
     """None if the trajectory is no evidence (with a LiDAR scan, which shows glass), or no floor is known yet. Without
     the walls of the last map, or if they cannot be read, only detours count."""
-    from nvsim.mapping.explanation.possible_glass import PossibleGlass
     from nvsim.mapping.explanation.trajectory_detour import TrajectoryDetour
-    from nvsim.mapping.explanation.wall_openings import WallOpenings, read_walls
+    from nvsim.mapping.explanation.wall_openings import PossibleGlass, WallOpenings, read_walls
     from nvsim.mapping.search.trajectory import Walk
 
     capture, support = project.capture(), project.support()

@@ -18,9 +18,8 @@ from nvsim.events import Listener, Progress, ignore_event
 from nvsim.geometry.cells import grid_size
 from nvsim.geometry.floor_surface import FloorSurface, StackedFloor
 from nvsim.geometry.sampling import STRIDE, places_between
-from nvsim.occupancy.heights import Heights
 from nvsim.occupancy.ros import Provenance, read_provenance
-from nvsim.occupancy.types import FREE, OCCUPIED, UNKNOWN, OccupancyMap
+from nvsim.occupancy.types import FREE, OCCUPIED, UNKNOWN, Heights, OccupancyMap
 from nvsim.perception.floor_height import estimate_floor
 from nvsim.perception.support import FloorSupport
 from nvsim.perception.support import positions_at_common_heights as carried_as_usual

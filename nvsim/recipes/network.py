@@ -25,7 +25,7 @@ from nvsim.errors import InputError
 from nvsim.files.atomic import make_folder, write_bytes, write_text
 from nvsim.files.reading import reading
 from nvsim.r2r.features.trunk import Layer, fold_batch_norms, need_weights, padding, read_weights
-from nvsim.recipes.batches import MEAN, STD
+from nvsim.recipes.examples import MEAN, STD
 
 MULTIPLE = 32
 FROZEN = 5

@@ -17,9 +17,8 @@ from nvsim.errors import InputError
 from nvsim.events import Listener, Metric, Progress, ignore_event
 from nvsim.files.atomic import replacement_file
 from nvsim.files.reading import reading
-from nvsim.recipes.batches import batch
 from nvsim.recipes.config import RecipeConfig
-from nvsim.recipes.examples import Shards
+from nvsim.recipes.examples import Shards, batch
 from nvsim.recipes.network import InteriorNetwork, exported_weights, prediction_loss
 
 CHECKPOINT = "training.safetensors"

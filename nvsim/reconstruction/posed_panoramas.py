@@ -25,6 +25,7 @@ from nvsim.files import atomic
 from nvsim.files.images import decode_pixels
 from nvsim.files.opening import is_regular, read_bytes, read_json
 from nvsim.files.reading import reading
+from nvsim.files.records import record_of
 from nvsim.footage.cut_options import MASKS, VIEWS, WHOLE, CutOptions, refuse_mask_in_output
 from nvsim.footage.sources import Stamp, is_equirectangular
 
@@ -82,8 +83,8 @@ class _PanoramaRecord:
 
     files: Stamp
     whole: bool
-    views: int
-    mask: Stamp
+    views: int = VIEWS
+    mask: Stamp = ()
 
     def agrees(self, options: CutOptions | None) -> bool:
         return options is None or options.agrees(self.views, self.mask)
@@ -94,8 +95,7 @@ def _mark(folder: Path) -> _PanoramaRecord | None:
         return None
     data = read_json(folder / _MARK, "a record of panoramas", "remove the folder")
     with reading(folder / _MARK, "a record of panoramas", "remove the folder"):
-        files, mask = (tuple((str(p), int(n), int(t)) for p, n, t in data.get(key, ())) for key in ("files", "mask"))
-        return _PanoramaRecord(files, bool(data["whole"]), int(data.get("views", VIEWS)), mask)
+        return record_of(_PanoramaRecord, data)
 
 
 def _write_mark(mark: _PanoramaRecord, folder: Path) -> None:

@@ -4,16 +4,14 @@ from __future__ import annotations
 
 import json
 import re
-from collections.abc import Mapping
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import Any
 
 from nvsim.capture.types import Alignment
-from nvsim.errors import value_text
 from nvsim.files import atomic
-from nvsim.files.opening import is_number, is_regular, read_json
+from nvsim.files.opening import is_regular, read_json
 from nvsim.files.reading import reading
+from nvsim.files.records import Count, Figure, record_of
 from nvsim.footage.sources import Footage, Stamp
 from nvsim.geometry.rotation import smallest_rotation
 from nvsim.poses.feature_comparison import FeatureComparison
@@ -42,7 +40,7 @@ class WeakPlace:
 
     first: str
     last: str
-    seconds: tuple[float, float]
+    seconds: tuple[Figure, Figure]
     cause: str
     advice: str
 
@@ -62,11 +60,11 @@ class MeasuredScale:
 
     source: str
     refused: str
-    scale: float = 0.0
-    uncertainty: float = 0.0
-    positions: int = 0
-    agreeing: int = 0
-    residual_m: float = 0.0
+    scale: Figure = 0.0
+    uncertainty: Figure = 0.0
+    positions: Count = 0
+    agreeing: Count = 0
+    residual_m: Figure = 0.0
     up: tuple[float, ...] = ()
 
     def words(self, upright: bool) -> str:
@@ -114,28 +112,28 @@ class PosesReport:
     source: str
     footage: str
     stamp: Stamp
-    settings: int
-    looked_at: int
-    frames: int
-    blurred: int
-    with_pose: int
-    pieces: tuple[int, ...]
-    focal_px: tuple[float, ...]
-    size_px: tuple[int, int]
-    residual_px: float
-    loops: int
+    settings: Count
+    looked_at: Count
+    frames: Count
+    blurred: Count
+    with_pose: Count
+    pieces: tuple[Count, ...]
+    focal_px: tuple[Figure, ...]
+    size_px: tuple[Count, Count]
+    residual_px: Figure
+    loops: Count
     left_out: tuple[str, ...]
-    seconds: float
-    views: int = 1
+    seconds: Figure
+    views: Count = 1
     members: tuple[tuple[str, ...], ...] = ()
     weak: tuple[WeakPlace, ...] = ()
     upright: tuple[bool, ...] = ()
     measured: tuple[MeasuredScale, ...] = ()
     position_logs: Stamp | None = None
-    masked: float = 0.0
+    masked: Figure = 0.0
     mask: Stamp = ()
-    bridges: int = 0
-    fisheye: tuple[float, ...] = ()
+    bridges: Count = 0
+    fisheye: tuple[Figure, ...] = ()
     networks: tuple[tuple[str, str, str], ...] = ()
     compared: FeatureComparison | None = None
 
@@ -241,7 +239,14 @@ def read_report(folder: Path) -> PosesReport | None:
         return None
     data = read_json(path, "a report about poses", "remove it and compute the poses again", _LARGEST)
     with reading(path, "a report about poses", "remove it and compute the poses again"):
-        return _parse(data)
+        report = record_of(PosesReport, data)
+        if any(one.up and not _is_direction(one.up) or not (one.refused or one.scale > 0) for one in report.measured):
+            raise ValueError("a measured scale is 0, or its up is not a direction")
+        return report
+
+
+def _is_direction(up: tuple[float, ...]) -> bool:
+    return len(up) == 3 and 0.9 < sum(value * value for value in up) < 1.1
 
 
 def report_beside(source: Path) -> PosesReport | None:
@@ -336,91 +341,3 @@ def _clock(seconds: float) -> str:
 
 
 _NO_LOOPS = "none: the video never returns to an earlier place, so errors can accumulate"
-
-
-# Any: JSON from a file that any program may have written.
-def _parse(data: Any) -> PosesReport:
-    """Converts JSON to a report. Raises ValueError, KeyError, or TypeError for other content."""
-    if not isinstance(data, Mapping):
-        raise ValueError("it is not an object")
-    width, height = (_count(n) for n in data["size_px"])
-    return PosesReport(
-        source=_text(data["source"]),
-        footage=_text(data["footage"]),
-        stamp=_stamp(data["stamp"]),
-        settings=_count(data["settings"]),
-        looked_at=_count(data["looked_at"]),
-        frames=_count(data["frames"]),
-        blurred=_count(data["blurred"]),
-        with_pose=_count(data["with_pose"]),
-        pieces=tuple(_count(n) for n in data["pieces"]),
-        focal_px=tuple(_figure(f) for f in data["focal_px"]),
-        size_px=(width, height),
-        residual_px=_figure(data["residual_px"]),
-        loops=_count(data["loops"]),
-        left_out=tuple(_text(name) for name in data["left_out"]),
-        seconds=_figure(data["seconds"]),
-        views=_count(data.get("views", 1)),
-        members=tuple(tuple(_text(name) for name in names) for names in data.get("members", ())),
-        weak=tuple(_place(place) for place in data.get("weak", ())),
-        upright=tuple(value is True for value in data.get("upright", ())),
-        masked=_figure(data.get("masked", 0.0)),
-        mask=_stamp(data.get("mask", ())),
-        measured=tuple(_parse_scale(one) for one in data.get("measured", ())),
-        bridges=_count(data.get("bridges", 0)),
-        fisheye=tuple(_figure(angle) for angle in data.get("fisheye", ())),
-        networks=tuple((_text(use), _text(name), _text(digest)) for use, name, digest in data.get("networks", ())),
-        compared=None if data.get("compared") is None else _comparison(data["compared"]),
-        position_logs=None if data.get("position_logs") is None else _stamp(data["position_logs"]),
-    )
-
-
-def _stamp(data: Any) -> Stamp:
-    return tuple((_text(path), _count(size), _count(changed)) for path, size, changed in data)
-
-
-def _comparison(data: Any) -> FeatureComparison:
-    (network, sift), (verified, by_sift) = (map(_figure, data[key]) for key in ("matches", "verified"))
-    return FeatureComparison(_text(data["network"]), _count(data["pairs"]), (network, sift), (verified, by_sift))
-
-
-def _parse_scale(data: Any) -> MeasuredScale:
-    refused, scale, up = _text(data["refused"]), _figure(data["scale"]), tuple(data["up"])
-    if not refused and not scale > 0:
-        raise ValueError("a measured scale is 0")
-    if up and not (len(up) == 3 and all(is_number(value) for value in up) and 0.9 < sum(v * v for v in up) < 1.1):
-        raise ValueError("up is not a direction")
-    return MeasuredScale(
-        source=_text(data["source"]),
-        refused=refused,
-        scale=scale,
-        uncertainty=_figure(data["uncertainty"]),
-        positions=_count(data["positions"]),
-        agreeing=_count(data["agreeing"]),
-        residual_m=_figure(data["residual_m"]),
-        up=tuple(float(value) for value in up),
-    )
-
-
-def _place(data: Any) -> WeakPlace:
-    start, end = (_figure(s) for s in data["seconds"])
-    first, last, cause, advice = (_text(data[name]) for name in ("first", "last", "cause", "advice"))
-    return WeakPlace(first, last, (start, end), cause, advice)
-
-
-def _text(value: Any) -> str:
-    if not isinstance(value, str):
-        raise ValueError(f"{str(value)[:40]!r} is not text")
-    return value
-
-
-def _count(value: Any) -> int:
-    if type(value) is not int or not 0 <= value < 1 << 63:
-        raise ValueError(f"{value_text(value)} is not a count")
-    return value
-
-
-def _figure(value: Any) -> float:
-    if not is_number(value) or not 0 <= value < 1e15:
-        raise ValueError(f"{value_text(value)} is not a number in range")
-    return float(value)

@@ -143,13 +143,8 @@ class RenderBuffers:
             self._wanted = np.ascontiguousarray(tiles, np.bool_).reshape(-1)
             limit(self._view, tiles)
         self._degree = min(gaussians.sh_degree, 3 if sh_degree is None else sh_degree)
-        g = gaussians
         project(
-            g.means,
-            g.log_scales,
-            g.quats,
-            g.opacity_logits,
-            g.sh,
+            *gaussians.arrays,
             *tint,
             self._degree,
             self._view,
@@ -224,14 +219,9 @@ class RenderBuffers:
         """Computes the gradients of the Gaussians from those of the splats, and writes them to `gradients`. With a
         `tint`, the gradient of its features is written to `d_features` (N, F), and that of its matrix (3, F) is
         returned."""
-        g, d = gaussians, gradients
         d_matrix = np.empty((self.threads, *tint[1].shape), np.float32)
         project_gradient(
-            g.means,
-            g.log_scales,
-            g.quats,
-            g.opacity_logits,
-            g.sh,
+            *gaussians.arrays,
             *tint,
             self._degree,
             self._view,
@@ -240,11 +230,7 @@ class RenderBuffers:
             self._ids[: self.count],
             self._visible,
             self._gradients,
-            d.means,
-            d.log_scales,
-            d.quats,
-            d.opacity_logits,
-            d.sh,
+            *gradients.arrays,
             d_features,
             d_matrix,
             statistics,

@@ -31,7 +31,7 @@ from nvsim.files.stored_arrays import read_arrays, write_arrays
 from nvsim.geometry.floor_surface import FloorSurface
 from nvsim.splats.appearance import describe, read_appearance, tensors_of
 from nvsim.splats.ply import read_gaussians, write_ply
-from nvsim.splats.types import Background, FloorTexture, Gaussians, SubmapModel
+from nvsim.splats.types import Background, FloorTexture, SubmapModel, select_gaussians
 
 _MOST_OCTAVES = 64
 
@@ -59,8 +59,7 @@ def check_model(model: SubmapModel) -> None:
         _check_finite("appearance", *embedding.weights.values(), *model.appearance.weights.values())
         _check_finite("appearance", model.appearance.features, model.appearance.middle)
         if len(model.gaussians) and _has_embedding(embedding.weights):
-            g, first = model.gaussians, slice(0, 1)
-            one = Gaussians(*(a[first] for a in (g.means, g.log_scales, g.quats, g.opacity_logits, g.sh)))
+            one = select_gaussians(model.gaussians, np.array([0]))
             model.appearance.of_rows(np.array([0])).colored(one, model.appearance.middle)
 
 

@@ -11,7 +11,6 @@ from collections.abc import Iterator
 from io import FileIO
 from itertools import islice
 from pathlib import Path
-from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -30,22 +29,14 @@ _LONGEST_VALUE = 64
 _SHORTEST_VALUE = 2
 
 
-class GaussianAllocator(Protocol):
-    """Allocates so many Gaussians; returns them and, by property name, the array that stores the property."""
-
-    def __call__(
-        self, path: Path, n: int, properties: tuple[str, ...], /
-    ) -> tuple[Gaussians, dict[str, NDArray[np.float32]]]: ...
-
-
-def read_ascii(path: Path, file: FileIO, begin: bytes, prepared: GaussianAllocator) -> Gaussians:
+def read_ascii(path: Path, file: FileIO, begin: bytes) -> Gaussians:
     """Reads Gaussians from a file. `begin` contains its complete and valid header. Raises InputError naming the invalid
     line, or if the file ends early."""
     end, header, skipped, count, names = text_rows(path, begin)
     file.seek(0, io.SEEK_END)
     if (skipped + count * len(names)) * _SHORTEST_VALUE > file.tell() - end + _SHORTEST_VALUE:
         raise InputError(f"{path} is truncated: {count} Gaussians announced, but the file ends early; copy it again.")
-    gaussians, targets = prepared(path, count, names)
+    gaussians, targets = _prepare_arrays(path, count, names)
     file.seek(end)
     lines = _lines(path, io.BufferedReader(file), header + 1, len(names) * _LONGEST_VALUE)
     for _ in range(skipped):
@@ -142,7 +133,7 @@ def read_ply(path: Path) -> tuple[Gaussians, bool | None]:
             raise InputError(f"{path} does not begin like a PLY file; choose a PLY file of Gaussians.")
         rows = binary_rows(path, begin, size_of(file))
         if rows is None:
-            gaussians = read_ascii(path, file, begin, _prepare_arrays)
+            gaussians = read_ascii(path, file, begin)
         else:
             gaussians, targets = _prepare_arrays(path, rows.count, rows.layout.names or ())
             for _ in _blocks(path, file, rows, targets):

@@ -279,7 +279,7 @@ def memory_of(model: SubmapModel) -> int:
     """Bytes of the model's arrays. The floor texture counts twice, because the renderer makes a packed copy when it is
     first drawn. Colors that depend on the position also count twice, because the last set is cached."""
     g = model.gaussians
-    arrays = [g.means, g.log_scales, g.quats, g.opacity_logits, g.sh, model.floor.heights]
+    arrays = [*g.arrays, model.floor.heights]
     if model.background is not None:
         arrays += list(model.background.weights.values())
     if model.texture is not None:

@@ -9,7 +9,7 @@ training camera.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, fields, replace
+from dataclasses import dataclass, field, replace
 from typing import Protocol
 
 import numpy as np
@@ -86,6 +86,10 @@ class Gaussians:
         return len(self.means)
 
     @property
+    def arrays(self) -> tuple[Float32, Float32, Float32, Float32, Float32]:
+        return self.means, self.log_scales, self.quats, self.opacity_logits, self.sh
+
+    @property
     def sh_degree(self) -> int:
         return int(round(self.sh.shape[1] ** 0.5)) - 1
 
@@ -99,13 +103,12 @@ class Gaussians:
 
 def joined(*parts: Gaussians) -> Gaussians:
     """The Gaussians of all `parts`, one after the other. All parts have equally many coefficients of color."""
-    names = [one.name for one in fields(Gaussians)]
-    return Gaussians(*(np.concatenate([getattr(part, name) for part in parts]) for name in names))
+    return Gaussians(*map(np.concatenate, zip(*(part.arrays for part in parts), strict=True)))
 
 
 def select_gaussians(gaussians: Gaussians, rows: NDArray[np.generic]) -> Gaussians:
     """The Gaussians in `rows`: indices (M,) or a mask (N,) bool."""
-    return Gaussians(*(getattr(gaussians, one.name)[rows] for one in fields(Gaussians)))
+    return Gaussians(*(array[rows] for array in gaussians.arrays))
 
 
 @dataclass(eq=False)

@@ -1,5 +1,5 @@
 """Checkpoints of interrupted trainings: every array that a step changes, and a fingerprint of the inputs. One file,
-written completely or not at all."""
+written completely or not at all. A `RateLimiter` decides how often a training writes files."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from nvsim.capture.types import Cloud
 from nvsim.errors import InputError
 from nvsim.files.opening import opened
 from nvsim.files.reading import reading
-from nvsim.files.stored_arrays import write_arrays
+from nvsim.files.stored_arrays import array_in, write_arrays
 from nvsim.geometry.floor_surface import FloorSurface
 from nvsim.training.config import TrainingConfig
 from nvsim.training.views import TrainingView
@@ -124,25 +124,30 @@ def load(path: Path, key: str) -> Checkpoint | None:
     with opened(path) as file, reading(path, "a checkpoint", then), zipfile.ZipFile(file) as archive:
         if any(entry.compress_type != zipfile.ZIP_STORED for entry in archive.infolist()):
             raise InputError(f"{path} is a compressed archive, which is not a checkpoint of NVSim; {then}.")
-        file.seek(0)
-        with np.load(file, allow_pickle=False) as stored:
-            about = json.loads(_array(archive, stored, _ABOUT).tobytes())
-            if about["key"] != key:
-                return None
-            arrays = {name: _array(archive, stored, name) for name in stored.files if name != _ABOUT}
+        about = json.loads(array_in(archive, f"{_ABOUT}.npy").tobytes())
+        if about["key"] != key:
+            return None
+        names = [entry.removesuffix(".npy") for entry in archive.namelist()]
+        arrays = {name: array_in(archive, f"{name}.npy") for name in names if name != _ABOUT}
         step = about["step"]
         if type(step) is not int or step < 0 or not isinstance(about["progress"], dict):
             raise ValueError("it has no valid step or progress")
         return Checkpoint(step, arrays, about["progress"])
 
 
-def _array(archive: zipfile.ZipFile, stored: Mapping[str, NDArray[Any]], name: str) -> NDArray[Any]:
-    """One of the arrays. Raises ValueError if its header announces more bytes than its entry contains."""
-    entry = archive.getinfo(f"{name}.npy")
-    with archive.open(entry) as head:
-        version = np.lib.format.read_magic(head)
-        read = np.lib.format.read_array_header_1_0 if version == (1, 0) else np.lib.format.read_array_header_2_0
-        shape, _, dtype = read(head, max_header_size=10_000)
-    if dtype.hasobject or math.prod(shape) * dtype.itemsize > entry.file_size:
-        raise ValueError(f"array {name} of shape {shape} does not fit in {entry.file_size} bytes")
-    return stored[name]
+class RateLimiter:
+    """The pace of a repeated task: never within `least` seconds of the last time, at most `share` of the time, but at
+    the latest after `most` seconds. Times are seconds of one clock."""
+
+    def __init__(self, now: float, least: float, share: float = 1.0, most: float = math.inf) -> None:
+        self._least, self._share, self._most = least, share, most
+        self._last, self._pause = now, min(least, most)
+
+    def is_due(self, now: float) -> bool:
+        """Whether the task is due at the time `now`, seconds."""
+        return now - self._last >= self._pause
+
+    def record_run(self, began: float, ended: float) -> None:
+        """Records that the task ran from `began` to `ended`, seconds."""
+        self._last = ended
+        self._pause = min(self._most, max(self._least, (ended - began) / self._share))

@@ -26,7 +26,7 @@ from nvsim.render.sky import evaluate, evaluate_gradient, pack_camera
 from nvsim.render.workspace import LOCK
 from nvsim.splats.types import Gaussians, SubmapModel
 from nvsim.training.config import LossConfig, TrainingConfig
-from nvsim.training.devices.device_state import hold_on_device
+from nvsim.training.devices.choice import hold_on_device
 from nvsim.training.devices.types import FEATURES, Stopwatch
 from nvsim.training.floor_paint import LearnedTexture
 from nvsim.training.loss.alpha import alpha_loss
@@ -258,8 +258,7 @@ class ModelFit:
 
     def model(self, info: dict[str, object]) -> SubmapModel:
         """A copy of the trained model."""
-        g = self.held.gaussians
-        gaussians = Gaussians(*(a.copy() for a in (g.means, g.log_scales, g.quats, g.opacity_logits, g.sh)))
+        gaussians = Gaussians(*(array.copy() for array in self.held.gaussians.arrays))
         background = appearance = None
         if self.networks is not None:
             background = self.networks.exported_background()

@@ -31,12 +31,12 @@ from nvsim.render.workspace import LOCK
 from nvsim.splats.files import save_model
 from nvsim.splats.types import SubmapModel
 from nvsim.training import checkpoint as files
+from nvsim.training.checkpoint import RateLimiter
 from nvsim.training.config import TrainingConfig
 from nvsim.training.floor_paint import initial_floor_paint
 from nvsim.training.initialize import initial_gaussians
 from nvsim.training.loss.floor_aware import LossValues
 from nvsim.training.model_fit import ModelFit
-from nvsim.training.rate_limiter import RateLimiter
 from nvsim.training.robust import robust_mask
 from nvsim.training.strategies.choice import strategy_of
 from nvsim.training.views import TrainingView

@@ -27,10 +27,9 @@ from nvsim.cli import terminal
 from nvsim.errors import InputError
 from nvsim.evaluation.frame_truth import frame_truth
 from nvsim.geometry.floor_surface import FloorSurface
-from nvsim.perception.fused import FusedFloor
+from nvsim.perception.fused import FusedFloor, calibrate
 from nvsim.perception.geometric_roles import CloudNormals
 from nvsim.perception.hybrid import HybridFloor
-from nvsim.perception.network_calibration import calibrate
 from nvsim.perception.normals_network import NormalsNetwork, installed_normals
 from nvsim.perception.obstacles import BuildingObstacles
 from nvsim.perception.regions import RegionGrowing

@@ -24,8 +24,8 @@ from video import truth_of_folder
 
 from nvsim.evaluation.graph import evaluate_graph
 from nvsim.geometry.rotation import fitted_similarity
-from nvsim.occupancy.heights import Heights
 from nvsim.occupancy.read import read_map
+from nvsim.occupancy.types import Heights
 from nvsim.project.project import Project
 
 _SHOWN = (

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from nvsim.geometry.camera import Camera
-from nvsim.render.background import paint_background
+from nvsim.render.model import paint_background
 from nvsim.splats.types import SubmapModel
 
 

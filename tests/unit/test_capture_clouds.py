@@ -11,8 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from nvsim.capture.findings import Findings
-from nvsim.capture.pcd import lzf_decompress
-from nvsim.capture.pointcloud import merge, read_cloud
+from nvsim.capture.pointcloud import lzf_decompress, merge, read_cloud
 from nvsim.capture.types import Cloud
 from nvsim.errors import InputError
 

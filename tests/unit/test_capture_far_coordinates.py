@@ -14,8 +14,7 @@ from scipy.spatial.transform import Rotation
 from nvsim.capture.alignment import to_aligned_frame, to_capture_frame
 from nvsim.capture.check import check
 from nvsim.capture.findings import Findings
-from nvsim.capture.pcd import parse as parse_pcd
-from nvsim.capture.pointcloud import read_cloud
+from nvsim.capture.pointcloud import parse_pcd, read_cloud
 from nvsim.capture.read import read
 from nvsim.capture.store import fingerprint, load_capture, save_capture
 from nvsim.capture.types import Alignment

@@ -23,10 +23,9 @@ from nvsim.evaluation.picture import draw_graph
 from nvsim.evaluation.truth import maps_in_aligned_frame, true_maps
 from nvsim.evaluation.truth import true_occupancy as aligned_truth
 from nvsim.graph.types import NavGraph, Viewpoint, edge
-from nvsim.occupancy.heights import Heights
 from nvsim.occupancy.octomap import read_octomap
 from nvsim.occupancy.storeys import Stair, StoreyMap, StoreyMaps, read_storeys, write_storeys
-from nvsim.occupancy.types import OCCUPIED, UNKNOWN, OccupancyMap
+from nvsim.occupancy.types import OCCUPIED, UNKNOWN, Heights, OccupancyMap
 
 EYE = 1.2
 WALK = np.array([[1.0, 1.0, EYE], [11.0, 1.0, 3 + EYE]])

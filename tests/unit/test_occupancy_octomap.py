@@ -12,10 +12,9 @@ from hypothesis import strategies as st
 from octomap_samples import binary_tree, full_tree
 
 from nvsim.errors import InputError
-from nvsim.occupancy.heights import Heights
 from nvsim.occupancy.octomap import read_octomap, read_tree
 from nvsim.occupancy.read import read_map
-from nvsim.occupancy.types import FREE, OCCUPIED, UNKNOWN
+from nvsim.occupancy.types import FREE, OCCUPIED, UNKNOWN, Heights
 
 Voxel = tuple[int, int, int]
 

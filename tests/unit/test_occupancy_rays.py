@@ -14,9 +14,8 @@ from octomap_samples import REACH, RESOLUTION, full_tree, scans
 
 from nvsim.errors import InputError
 from nvsim.geometry.floor_surface import FloorSurface
-from nvsim.occupancy.heights import Heights
 from nvsim.occupancy.ray_grid import ODDS, RayGrid
-from nvsim.occupancy.types import FREE, OCCUPIED, UNKNOWN
+from nvsim.occupancy.types import FREE, OCCUPIED, UNKNOWN, Heights
 
 Voxel = tuple[int, int, int]
 

@@ -18,8 +18,7 @@ from nvsim.capture.read import read
 from nvsim.capture.sweeps import depth_sweeps, scan_sweeps, scans_with_places
 from nvsim.capture.types import Capture
 from nvsim.errors import InputError
-from nvsim.occupancy.heights import Heights
-from nvsim.occupancy.types import FREE, compare_maps
+from nvsim.occupancy.types import FREE, Heights, compare_maps
 from nvsim.project.occupancy_maps import BuiltMap, build_occupancy
 from nvsim.project.occupancy_sources import Wanted, find_rays
 

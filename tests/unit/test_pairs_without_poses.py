@@ -12,7 +12,6 @@ from known_reconstruction import angle_between, turned
 from numpy.typing import NDArray
 
 from nvsim.poses.features import NOTHING, Features
-from nvsim.poses.focal_length import USUAL, estimate_focal_length
 from nvsim.poses.image_pairs import image_descriptors, neighbor_pairs, similar_pairs
 from nvsim.poses.mapping import (
     center_of,
@@ -24,7 +23,7 @@ from nvsim.poses.mapping import (
 )
 from nvsim.poses.match_database import Pair
 from nvsim.poses.pieces import split_after
-from nvsim.poses.two_views import TwoViews, from_matches
+from nvsim.poses.two_views import USUAL, TwoViews, estimate_focal_length, from_matches
 
 WIDTH, HEIGHT = 1280, 720
 

@@ -5,9 +5,15 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from nvsim.perception.fused import FusedFloor
+from nvsim.perception.fused import (
+    CalibratedFloor,
+    FusedFloor,
+    View,
+    calibrate,
+    fitting_temperature,
+    log_odds,
+)
 from nvsim.perception.geometric import GeometricFloor
-from nvsim.perception.network_calibration import CalibratedFloor, View, calibrate, fitting_temperature, log_odds
 from tests.benchmarks.floor_fusion import Reliability
 from tests.unit.test_perception_geometric import EYES, FLAT, camera, scan, truth
 

@@ -7,8 +7,8 @@ import pycolmap
 import pytest
 
 from nvsim.poses.features import Features, match_descriptors
-from nvsim.poses.guided_matching import guided_pairs
 from nvsim.poses.match_database import Keypoints
+from nvsim.poses.predicted_pairs import guided_pairs
 
 WIDTH, HEIGHT, FOCAL, POINTS = 640, 480, 500.0, 400
 

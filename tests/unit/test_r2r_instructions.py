@@ -17,6 +17,7 @@ from nvsim.cli.main import main
 from nvsim.graph.paths import PathGraph
 from nvsim.graph.quantities import Slope
 from nvsim.graph.types import NavGraph, Viewpoint, edge
+from nvsim.r2r.instructions import Register
 from nvsim.r2r.instructions.cues import Cue
 from nvsim.r2r.instructions.generating import InstructedDataset, describe_path, find_described_path, instruct
 from nvsim.r2r.instructions.ground import (
@@ -33,7 +34,6 @@ from nvsim.r2r.instructions.ground import (
     turn_before_step,
     wrap_angle,
 )
-from nvsim.r2r.instructions.registers import Register
 from nvsim.r2r.instructions.short_wording import short_instruction
 from nvsim.r2r.instructions.statistics import statistics_of
 from nvsim.r2r.instructions.wording import (

@@ -27,10 +27,9 @@ from nvsim.networks.installed import model_at
 from nvsim.perception.cloud_labels import FLOOR, OTHER, UNKNOWN, CloudLabels
 from nvsim.perception.normals_network import NormalsNetwork
 from nvsim.perception.semantic_network import SemanticNetwork
-from nvsim.recipes import batches, interiors, patterns
-from nvsim.recipes.batches import batch
+from nvsim.recipes import examples, interiors, patterns
 from nvsim.recipes.config import RecipeConfig
-from nvsim.recipes.examples import Example, Shards, is_complete_shard, write_shard
+from nvsim.recipes.examples import Example, Shards, batch, is_complete_shard, write_shard
 from nvsim.recipes.interiors import interior
 from nvsim.recipes.making import _captured_shares
 from nvsim.recipes.network import export
@@ -42,7 +41,7 @@ CONFIG = RecipeConfig(steps=2, batch=1, save_every=1)
 @pytest.fixture(autouse=True)
 def _looks_at_little(monkeypatch: pytest.MonkeyPatch, request: pytest.FixtureRequest) -> None:
     if "train" in request.node.name or "kill" in request.node.name or "cut_off" in request.node.name:
-        monkeypatch.setattr(batches, "CUT", (64, 96))
+        monkeypatch.setattr(examples, "CUT", (64, 96))
 
 
 @pytest.fixture(scope="module")

@@ -23,7 +23,7 @@ WORDS = re.compile(rf"\b({'|'.join(name.rpartition('.')[2] for name in STARTERS 
 """Every module that starts a process has one of these words."""
 COMMANDS = {
     "nvsim/cli/commands/bench_window.py",
-    "nvsim/cli/window.py",
+    "nvsim/cli/commands/app.py",
     "nvsim/cli/worker.py",  # jobs, which outlive the window
     "nvsim/r2r/simulator/shim/__init__.py",
 }

@@ -10,9 +10,9 @@ from test_splats_formats import sog, wall
 
 from nvsim.errors import InputError
 from nvsim.project.path_kind import check_openable
-from nvsim.splats.formats import streamed_sog
+from nvsim.splats.formats import sog as sog_format
 from nvsim.splats.formats.choice import files_of, read_splats
-from nvsim.splats.formats.streamed_sog import level_to_read
+from nvsim.splats.formats.sog import level_to_read
 
 COUNTS = {"0_0": 40, "0_1": 30, "1_0": 20}
 
@@ -50,7 +50,7 @@ def test_the_finest_level_is_that_of_its_files(index: Path) -> None:
 def test_a_level_that_is_too_large_is_replaced_by_a_coarser_one(
     index: Path, most: int, level: int, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(streamed_sog, "_MOST", most)
+    monkeypatch.setattr(sog_format, "_MOST_GAUSSIANS", most)
     found = level_to_read(index)
     assert (found.number, found.levels, found.count, found.finest) == (level, 2, (70, 20)[level], 70)
     assert len(read_splats(index).gaussians) == (70, 20)[level]

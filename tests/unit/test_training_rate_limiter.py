@@ -12,8 +12,8 @@ import numpy as np
 import pytest
 
 from nvsim.training import trainer
+from nvsim.training.checkpoint import RateLimiter
 from nvsim.training.config import TrainingConfig
-from nvsim.training.rate_limiter import RateLimiter
 from nvsim.training.synthetic import synthetic_room
 from nvsim.training.trainer import train_submap
 

@@ -11,9 +11,8 @@ from scipy.spatial.transform import Rotation
 
 from nvsim.errors import InputError
 from nvsim.geometry.camera import Camera, Intrinsics, camera_pose
-from nvsim.mapping.explanation.possible_glass import PossibleGlass
 from nvsim.mapping.explanation.seen_floor import SeenFloor
-from nvsim.mapping.explanation.wall_openings import WallOpenings, find_walls, read_walls, write_walls
+from nvsim.mapping.explanation.wall_openings import PossibleGlass, WallOpenings, find_walls, read_walls, write_walls
 
 EYE = 1.4
 SHOP = ((0, 0, 16, 0), (0, 0, 0, 8), (16, 0, 16, 8), (0, 8, 16, 8), (8, 0, 8, 1), (8, 3, 8, 3.1), (8, 4.3, 8, 4.4),

@@ -7,7 +7,7 @@ import time
 import traceback
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from typing import Protocol
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,6 +22,9 @@ from nvsim_app.drawing.renderer_choice import AUTOMATIC, CPU, OPENGL, RendererCh
 from nvsim_app.look import colors
 from nvsim_app.painting.value_colors import CHANNELS, picture
 from nvsim_app.processes.serving import short_reason
+
+if TYPE_CHECKING:
+    from nvsim.render.opengl.renderer import OpenGLRenderer
 
 CELL = 0.2  # meters
 REACH = 15.0  # meters around the trajectory; positions farther away belong to no submap
@@ -126,16 +129,7 @@ class LogRemark:
     warning: bool = False
 
 
-class OpenGLDrawing(Protocol):
-    """The part of OpenGLRenderer that the painter uses."""
-
-    @property
-    def name(self) -> str: ...
-    def render_bgrx(self, model: SubmapModel, camera: Camera, backdrop: tuple[float, float, float]) -> Pixels: ...
-    def release(self) -> None: ...
-
-
-def _opengl() -> OpenGLDrawing:
+def _opengl() -> OpenGLRenderer:
     from nvsim.render.opengl.renderer import OpenGLRenderer
 
     return OpenGLRenderer()
@@ -147,10 +141,10 @@ class Painter:
     make   creates the OpenGL renderer when it is first needed; raises InputError if OpenGL is not available
     """
 
-    def __init__(self, opened: Models | Renderer, make: Callable[[], OpenGLDrawing] = _opengl) -> None:
+    def __init__(self, opened: Models | Renderer, make: Callable[[], OpenGLRenderer] = _opengl) -> None:
         self.remarks: list[LogRemark] = []
         self._opened, self._make = opened, make
-        self._card: OpenGLDrawing | None = None
+        self._card: OpenGLRenderer | None = None
         self._broken = self._hopeless = False
         self._choice = RendererChoice()
         self._budget = SplatBudget()
@@ -256,7 +250,7 @@ class Painter:
             self._card.release()
             self._card = None
 
-    def _ready(self, insisted: bool) -> OpenGLDrawing | None:
+    def _ready(self, insisted: bool) -> OpenGLRenderer | None:
         if self._card is None and not self._broken:
             try:
                 self._card = self._make()

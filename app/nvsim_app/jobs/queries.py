@@ -8,7 +8,6 @@ import sys
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 from PySide6.QtCore import QObject, Signal
 
@@ -19,18 +18,16 @@ from nvsim.capture.findings import (
     OTHER_MODELS,
     SCALE_ASSUMED,
     SCALE_UNKNOWN,
-    SEVERITIES,
     Finding,
     FindingGroup,
     grouped,
 )
 from nvsim.capture.summary import Summary
-from nvsim.errors import value_text
 from nvsim.events import Failed, from_json
+from nvsim.files.records import record_of
 from nvsim.reconstruction.footage_check import VideoFile
 from nvsim_app.processes.child import ChildProgram
-from nvsim_app.processes.command import CommandOutput, run_command
-from nvsim_app.processes.serving import EndMessage
+from nvsim_app.processes.serving import CommandOutput, EndMessage, run_command
 from nvsim_app.processes.side_process import SideProcess
 
 
@@ -174,46 +171,14 @@ def result_of(text: str) -> CheckResult:
     """Parses the output of `nvsim check --json`. Raises ValueError if it is not the result of a data check."""
     try:
         data = json.loads(text)
-        kinds = grouped([_finding(finding) for finding in data["findings"]])
+        kinds = grouped([record_of(Finding, finding) for finding in data["findings"]])
         summary = data.get("summary")
-        videos = tuple(_video(video) for video in data.get("videos", ()))
+        videos = tuple(record_of(VideoFile, video) for video in data.get("videos", ()))
         networks = not data.get("panoramic", True)
-        read = None if summary is None else _summary(summary)
+        read = None if summary is None else record_of(Summary, summary)
         return CheckResult(bool(data["refused"]), kinds, read, videos, networks)
     except (KeyError, TypeError, AttributeError, RecursionError, OverflowError) as error:
         raise ValueError(f"not a data check: {text[:80]!r}") from error
-
-
-# Any, here and below: unchecked JSON.
-def _finding(tree: Any) -> Finding:
-    if tree["severity"] not in SEVERITIES:
-        raise ValueError(f"not a finding of a data check: {value_text(tree)}")
-    frames = tuple(str(name) for name in tree.get("frames", ()))
-    message, where, consequence = (str(tree[key]) for key in ("message", "where", "consequence"))
-    return Finding(tree["severity"], message, where, consequence, frames, str(tree.get("fix", "")))
-
-
-def _video(tree: Any) -> VideoFile:
-    name, frames, seconds, rate = str(tree["name"]), int(tree["frames"]), float(tree["seconds"]), float(tree["rate"])
-    return VideoFile(name, frames, seconds, rate, int(tree["width"]), int(tree["height"]))
-
-
-def _summary(tree: Any) -> Summary:
-    return Summary(
-        int(tree["images"]),
-        int(tree["cameras"]),
-        tuple((int(width), int(height), int(count)) for width, height, count in tree["sizes"]),
-        bool(tree["scale_known"]),
-        float(tree["length"]),
-        float(tree["width"]),
-        float(tree["depth"]),
-        tuple(tuple((float(x), float(y)) for x, y in path) for path in tree["paths"]),
-        tuple((float(x), float(y)) for x, y in tree["faulty"]),
-        int(tree["points"]),
-        str(tree["cloud"]),
-        int(tree["depth_images"]),
-        int(tree["masks"]),
-    )
 
 
 class CaptureCheck(CommandQuery):

@@ -12,6 +12,7 @@ from PySide6.QtCore import QObject, QSize, Qt, Signal
 from PySide6.QtGui import QPalette
 from PySide6.QtWidgets import QFrame, QGridLayout, QVBoxLayout, QWidget
 
+from nvsim.files.records import record_of
 from nvsim.graph.history import count_text
 from nvsim.networks.folder import models_folder
 from nvsim.r2r.features.layouts import LAYOUTS, Layout, feature_maker, missing_package_error, network_name
@@ -64,20 +65,8 @@ class ScanEstimate:
 def estimate_of(text: str) -> ScanEstimate:
     """Parses the output of `--dry-run --json`. Raises ValueError if it is not an estimate."""
     try:
-        data = json.loads(text)
-        kinds = tuple(Kind(str(k["what"]), int(k["files"]), int(k["bytes"])) for k in data["kinds"])
-        return ScanEstimate(
-            tuple(str(scan) for scan in data["scans"]),
-            kinds,
-            int(data["files"]),
-            int(data["bytes"]),
-            int(data["drawn"]),
-            int(data["todo"]),
-            str(data["time"]),
-            int(data["free"]),
-            str(data["shortage"]),
-        )
-    except (KeyError, TypeError, AttributeError, RecursionError, OverflowError) as error:
+        return record_of(ScanEstimate, json.loads(text))
+    except (ValueError, RecursionError) as error:
         raise ValueError(f"not an estimate: {text[:80]!r}") from error
 
 

@@ -1,11 +1,14 @@
-"""The side process's end of its pipe: receives requests, answers them, and reports the end. Does not use Qt."""
+"""The side process's end of its pipe: receives requests, answers them, and reports the end. Runs commands of NVSim.
+Does not use Qt."""
 
 from __future__ import annotations
 
+import contextlib
+import io
 import os
 import threading
 import traceback
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from multiprocessing.connection import Connection
 from typing import Any
@@ -154,3 +157,21 @@ def short_reason(error: Exception) -> str:
     line = next(iter(str(error).strip().splitlines()), "").strip()
     words = "" if isinstance(error, KeyError) else value_text(line, _LONGEST).removesuffix(".")
     return f"unexpected error ({words or type(error).__name__})."
+
+
+@dataclass(frozen=True)
+class CommandOutput:
+    """The lines that a command prints: its result, and its messages."""
+
+    lines: tuple[str, ...]
+    messages: tuple[str, ...]
+
+
+def run_command(requests: Requests, words: Sequence[str]) -> CommandOutput:
+    """Runs `nvsim WORDS`."""
+    from nvsim.cli.main import main
+
+    result, messages = io.StringIO(), io.StringIO()
+    with contextlib.redirect_stdout(result), contextlib.redirect_stderr(messages), contextlib.suppress(SystemExit):
+        main(words)
+    return CommandOutput(tuple(result.getvalue().splitlines()), tuple(messages.getvalue().strip().splitlines()))

@@ -17,7 +17,7 @@ from pathlib import Path
 from typing import Literal
 
 from nvsim.cli import terminal
-from nvsim.cli.window import has_display, is_window_installed, measured_by_window
+from nvsim.cli.commands.app import has_display, is_window_installed, measured_by_window
 from nvsim.errors import InputError
 from nvsim.events import ignore_event
 

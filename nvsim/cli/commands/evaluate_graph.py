@@ -15,7 +15,7 @@ from nvsim.cli.terminal import print_lines
 from nvsim.events import Done
 from nvsim.files.atomic import refuse_unwritable_folder
 from nvsim.mapping.config import MappingConfig
-from nvsim.occupancy.heights import Heights
+from nvsim.occupancy.types import Heights
 
 
 @dataclass(frozen=True)

@@ -13,7 +13,7 @@ from nvsim.cli.terminal import as_json, print_lines
 from nvsim.cluster.config import ClusterConfig
 from nvsim.cluster.executor_choice import open_executor
 from nvsim.errors import InputError
-from nvsim.occupancy.heights import Heights
+from nvsim.occupancy.types import Heights
 
 if TYPE_CHECKING:
     from nvsim.cli.graph_target import GraphWithContext

@@ -16,7 +16,7 @@ from nvsim.errors import InputError
 from nvsim.graph.edits import EditError
 from nvsim.graph.findings import Limits, check_graph
 from nvsim.mapping.config import MappingConfig
-from nvsim.occupancy.heights import Heights
+from nvsim.occupancy.types import Heights
 
 if TYPE_CHECKING:
     from nvsim.events import Listener

@@ -15,7 +15,7 @@ from nvsim.cli.arguments import Inline, Positional
 from nvsim.cli.terminal import as_json, print_lines
 from nvsim.errors import InputError
 from nvsim.files.opening import parse_integer
-from nvsim.occupancy.heights import Heights
+from nvsim.occupancy.types import Heights
 
 if TYPE_CHECKING:
     from nvsim.cli.graph_target import GraphTarget

@@ -17,8 +17,8 @@ from nvsim.cli.session import project_job
 from nvsim.errors import InputError
 from nvsim.events import Done, Listener, Log
 from nvsim.files.atomic import refuse_unwritable_file
-from nvsim.occupancy.heights import Heights
 from nvsim.occupancy.read import ROS, read_map
+from nvsim.occupancy.types import Heights
 
 if TYPE_CHECKING:
     from nvsim.project.project import Project

@@ -11,8 +11,8 @@ from typing import TYPE_CHECKING, Any, Literal, cast
 import tyro
 
 from nvsim.building.config import Style
-from nvsim.cli import window
 from nvsim.cli.arguments import Inline, value_of_flag
+from nvsim.cli.commands import app
 from nvsim.cli.commands.capture import CapturePath
 from nvsim.cli.commands.stages import paper_map_config, report_network_fallback, with_normal_source
 from nvsim.cli.session import project_job
@@ -158,7 +158,7 @@ class Demo:
             project.set_result("graph", figures)
             end = [] if self.json else summary(project)
         print_lines(*end)
-        return window.open_if_wanted(self.project, wanted=not self.no_window)
+        return app.open_if_wanted(self.project, wanted=not self.no_window)
 
 
 def summary(project: Project) -> list[str]:
@@ -181,7 +181,7 @@ def summary(project: Project) -> list[str]:
         (str(layout.database), "navigation graph with its evidence, for NVSim"),
     ]
     steps = [
-        (window.command(root), "look at the graph and edit it"),
+        (app.command(root), "look at the graph and edit it"),
         (f"nvsim graph check {name}", "list problems of the graph"),
         *([] if figures else [(f"nvsim evaluate graph --project {name} --occupancy map.yaml", "measure validity")]),
         (f"nvsim export r2r --project {name} --out connectivity", "write the graph for agents"),

@@ -151,11 +151,7 @@ class Change:
             raise EditError(f"The edge from {a} to {b} is locked; unlock it first.")
         adjacency = self._own_adjacency()
         for end, other in ((a, b), (b, a)):
-            left = tuple(id for id in adjacency[end] if id != other)
-            if left:
-                adjacency[end] = left
-            else:
-                del adjacency[end]
+            _remove_from_index(adjacency, (), (end,), (other,))
         del self._own_edges()[found.key]
         self._touched_edges[found.key] = None
 
@@ -169,7 +165,7 @@ class Change:
             self.viewpoint(evidence.joins)
         before = self.evidence.get(evidence.key)
         if before is not None and before.joins != evidence.joins:
-            self._remove_from_index(before)
+            _remove_from_index(self._own_evidence_of(), (), _viewpoints_of_evidence(before), (before.key,))
             before = None
         if before is None:
             index = self._own_evidence_of()
@@ -177,15 +173,6 @@ class Change:
                 index[id] = (*index.get(id, ()), evidence.key)
         self._own_evidence()[evidence.key] = evidence
         self._touched_evidence[evidence.key] = None
-
-    def _remove_from_index(self, evidence: Evidence) -> None:
-        index = self._own_evidence_of()
-        for id in _viewpoints_of_evidence(evidence):
-            left = tuple(key for key in index[id] if key != evidence.key)
-            if left:
-                index[id] = left
-            else:
-                del index[id]
 
     def ignore(self, key: str, reason: str | None) -> None:
         """Store the reason why the finding `key` is ignored; None removes it."""

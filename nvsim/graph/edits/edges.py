@@ -83,12 +83,7 @@ def mark_reviewed(
     graph: NavGraph, viewpoints: Iterable[str] = (), edges: Iterable[EdgeKey] = (), reviewed: bool = True
 ) -> NavGraph:
     """Mark elements as checked by a user and correct, or remove this mark. Raises EditError if one does not exist."""
-    change = Change(graph)
-    for id in unique(viewpoints):
-        change.set_viewpoint(replace(change.viewpoint(id), reviewed=reviewed))
-    for pair in unique(edges):
-        change.set_edge(replace(change.edge(*pair), reviewed=reviewed))
-    return change.result()
+    return _with_mark(graph, viewpoints, edges, reviewed=reviewed)
 
 
 def set_locked(
@@ -96,11 +91,15 @@ def set_locked(
 ) -> NavGraph:
     """Lock or unlock elements. Edits refuse to move, change or remove a locked element. It can still be marked as
     reviewed, and a locked viewpoint can be joined. Raises EditError if an element does not exist."""
+    return _with_mark(graph, viewpoints, edges, locked=locked)
+
+
+def _with_mark(graph: NavGraph, viewpoints: Iterable[str], edges: Iterable[EdgeKey], **mark: bool) -> NavGraph:
     change = Change(graph)
     for id in unique(viewpoints):
-        change.set_viewpoint(replace(change.viewpoint(id), locked=locked))
+        change.set_viewpoint(replace(change.viewpoint(id), **mark))  # type: ignore[arg-type]
     for pair in unique(edges):
-        change.set_edge(replace(change.edge(*pair), locked=locked))
+        change.set_edge(replace(change.edge(*pair), **mark))  # type: ignore[arg-type]
     return change.result()
 
 

@@ -12,7 +12,6 @@ import errno
 import hashlib
 import hmac
 import json
-import math
 import os
 import secrets
 import stat
@@ -22,10 +21,11 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any, Literal
 
-from nvsim.errors import InputError, value_text
+from nvsim.errors import InputError
 from nvsim.events import Done, Event, Failed, Log, from_data, to_json
 from nvsim.files.atomic import as_input_error
 from nvsim.files.opening import open_own_file, open_regular, read_regular
+from nvsim.files.records import record_of
 from nvsim.files.user_folders import xdg_folder
 
 _SIZE = 32  # bytes of the secret
@@ -162,20 +162,7 @@ def _order(data: Any) -> JobCommand:
     fields = {"verb", "arguments", "title", "heavy", "ordered"}
     if not isinstance(data, Mapping) or set(data) - {"proof", "folder"} != fields:
         raise ValueError("it does not have the fields of an order")
-    verb, arguments, title, heavy = (data[name] for name in ("verb", "arguments", "title", "heavy"))
-    folder = data.get("folder", "")
-    if not isinstance(arguments, list) or not all(isinstance(text, str) for text in (verb, title, folder, *arguments)):
-        raise ValueError("a text field is not text")
-    if not isinstance(heavy, bool):
-        raise ValueError("heavy is neither true nor false")
-    return JobCommand(verb, tuple(arguments), title, heavy, finite_number(data["ordered"]), folder)
-
-
-def finite_number(value: Any) -> float:
-    """A finite number of a JSON file. Raises ValueError for all other values."""
-    if isinstance(value, bool) or not isinstance(value, int | float) or not abs(value) < 1e15 or math.isnan(value):
-        raise ValueError(f"{value_text(value, 40)} is not a valid number")
-    return float(value)
+    return record_of(JobCommand, data)
 
 
 # Status -------------------------------------------------------------------------------------------------------------
@@ -211,11 +198,7 @@ def read_status(folder: Path) -> JobStatus:
         data = json.loads(read_regular(folder / STATUS, _MOST_STATUS))
         if not isinstance(data, dict) or data.get("state") not in STATES:
             raise ValueError("no state")
-        code, pid, message = data.get("code"), data.get("pid", 0), data.get("message", "")
-        if not isinstance(message, str) or type(pid) is not int or not (code is None or type(code) is int):
-            raise ValueError("no status")
-        started, finished = (None if data.get(n) is None else finite_number(data[n]) for n in ("started", "finished"))
-        return JobStatus(data["state"], pid, started, finished, finite_number(data.get("worked", 0.0)), code, message)
+        return record_of(JobStatus, data)
     except FileNotFoundError:
         return JobStatus()
     except (OSError, ValueError, RecursionError, TypeError):

@@ -38,7 +38,6 @@ from nvsim.submaps.split import Submap, TrajectoryStoreys, storeys_of
 if TYPE_CHECKING:
     from nvsim.capture.types import Cloud
     from nvsim.geometry.camera import Camera
-    from nvsim.geometry.floor_surface import FloorSurface
     from nvsim.perception.support import FloorSupport
 
 

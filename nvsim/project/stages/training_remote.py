@@ -133,8 +133,8 @@ def train_elsewhere(
     caller: Caller, inputs: bytes, index: int, config: TrainingConfig, checkpoint: bytes | None
 ) -> ModelFiles:
     """Trains a submap from sent inputs in a temporary folder, and sends back the files."""
+    from nvsim.training.checkpoint import RateLimiter
     from nvsim.training.compilation import compile_ahead
-    from nvsim.training.rate_limiter import RateLimiter
 
     compile_ahead(caller.send_event)
     needed: TrainingInputs = pickle.loads(inputs)

@@ -13,6 +13,7 @@ from random import Random
 from nvsim.events import Listener, Progress, ignore_event
 from nvsim.graph.paths import PathGraph
 from nvsim.graph.types import NavGraph
+from nvsim.r2r.instructions import Register
 from nvsim.r2r.instructions.cues import ENDS, choose_cues, choose_few_cues, drop_redundant_cues, may_mean_the_same
 from nvsim.r2r.instructions.ground import (
     DETAILS,
@@ -28,7 +29,6 @@ from nvsim.r2r.instructions.ground import (
     turn_before_step,
     wrap_angle,
 )
-from nvsim.r2r.instructions.registers import Register
 from nvsim.r2r.instructions.short_wording import short_instruction
 from nvsim.r2r.instructions.wording import instruction_of, long_instruction
 from nvsim.r2r.surroundings.survey import Surroundings

@@ -19,6 +19,7 @@ from nvsim.errors import InputError
 from nvsim.files import atomic
 from nvsim.files.opening import read_bytes, read_json
 from nvsim.files.reading import reading
+from nvsim.files.records import record_of
 from nvsim.r2r.agents.benchmark import Benchmark
 from nvsim.r2r.features.feature_files import backbone_of_file
 from nvsim.r2r.metrics.submission import Pose
@@ -87,14 +88,9 @@ def read_agent_description(folder: Path) -> AgentDescription:
     with reading(path, "a trained agent", _THEN):
         if not isinstance(values, dict) or values.get("agent") != "recurrent" or values.get("format") != FORMAT:
             raise InputError(f"{path} is not a recurrent agent of this version; {_THEN}.")
-        known = {field.name: field.type for field in fields(ModelConfig)}
         stored = values["model"]
-        if set(stored) != set(known):
+        if not isinstance(stored, dict) or set(stored) != {field.name for field in fields(ModelConfig)}:
             raise ValueError("its model has other settings than this version")
-        for name, kind in known.items():
-            allowed = (float, int) if kind == "float" else {"int": int, "bool": bool}[str(kind)]
-            if not isinstance(stored[name], allowed) or (kind != "bool" and isinstance(stored[name], bool)):
-                raise ValueError(f"model.{name} is {str(stored[name])[:40]!r}")
         words = values["words"]
         if not isinstance(words, list) or not all(isinstance(w, str) for w in words) or tuple(words[:4]) != SPECIAL:
             raise ValueError("its words are not a vocabulary")
@@ -104,7 +100,7 @@ def read_agent_description(folder: Path) -> AgentDescription:
         if not isinstance(values["trained"], dict) or type(values["finished"]) is not bool:
             raise ValueError("it does not say how it was trained")
         return AgentDescription(
-            ModelConfig(**stored),
+            record_of(ModelConfig, stored),
             Vocabulary(tuple(words)),
             values["features"],
             str(values["backbone"]),

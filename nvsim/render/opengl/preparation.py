@@ -50,7 +50,7 @@ class Sorter:
         """Prepares a frame. Its quads are in `memory` (N, QUAD_WIDTH), or in new memory if that is too small."""
         begin = time.perf_counter()
         g = model.gaussians_at(camera.position)
-        arrays = Gaussians(*(as_kernel_array(a) for a in (g.means, g.log_scales, g.quats, g.opacity_logits, g.sh)))
+        arrays = Gaussians(*map(as_kernel_array, g.arrays))
         with LOCK:
             self._workspace.project(arrays, camera, model.antialiased)
             projected = time.perf_counter()

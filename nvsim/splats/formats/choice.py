@@ -11,9 +11,9 @@ from nvsim.errors import InputError
 from nvsim.files.opening import opened
 from nvsim.files.reading import reading
 from nvsim.splats.formats.cleaning import renderable_gaussians
+from nvsim.splats.formats.sog import INDEX, level_to_read
 from nvsim.splats.formats.sog_files import META
 from nvsim.splats.formats.splat_list import SUFFIX, is_list, join_splats, listed_splats
-from nvsim.splats.formats.streamed_sog import INDEX, level_to_read
 from nvsim.splats.ply import read_ply, write_ply
 from nvsim.splats.turning import Up, up_axis
 from nvsim.splats.types import Gaussians

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from nvsim.errors import InputError
-from nvsim.splats.types import Float32, Gaussians
+from nvsim.splats.types import Float32, Gaussians, select_gaussians
 
 FREE, RATIO = 32 << 20, 24
 """Bytes in memory allowed for any file, and additional bytes per byte of the file. Real SOG and SPZ files need 4 to 20
@@ -81,7 +81,7 @@ def renderable_gaussians(path: Path, gaussians: Gaussians) -> tuple[Gaussians, t
     why = ", ".join(f"{count} {what}" for count, what in words if count)
     if not keep.any():
         raise InputError(f"{path}: none of its {len(g)} Gaussians can be rendered ({why}); export it again.")
-    left = Gaussians(*(a[keep] for a in (g.means, g.log_scales, g.quats, g.opacity_logits, g.sh)))
+    left = select_gaussians(g, keep)
     return left, (f"{path}: {len(g) - len(left)} of {len(g)} Gaussians are skipped ({why}).",)
 
 

@@ -28,52 +28,16 @@ def write_glb(path: Path, mesh: FloorMesh, name: str) -> None:
         raise ValueError(f"an image of {mesh.image.shape} cannot be encoded")
     blobs = [mesh.vertices.astype("<f4").tobytes(), mesh.uvs.astype("<f4").tobytes()]
     blobs += [mesh.triangles.astype("<u4").tobytes(), png.tobytes()]
-    views, body = _buffer(blobs, (_VERTICES, _VERTICES, _INDICES, None))
     half = float(np.sqrt(0.5))
-    root = {
-        "asset": {"version": "2.0", "generator": "NVSim"},
-        "scene": 0,
-        "scenes": [{"nodes": [0]}],
-        "nodes": [{"name": name, "mesh": 0, "rotation": [-half, 0.0, 0.0, half]}],
-        "meshes": [
-            {
-                "name": name,
-                "primitives": [{"attributes": {"POSITION": 0, "TEXCOORD_0": 1}, "indices": 2, "material": 0}],
-            }
-        ],
-        "accessors": [
-            {
-                "bufferView": 0,
-                "componentType": _FLOAT,
-                "count": len(mesh.vertices),
-                "type": "VEC3",
-                "min": mesh.vertices.min(axis=0).tolist(),
-                "max": mesh.vertices.max(axis=0).tolist(),
-            },
-            {"bufferView": 1, "componentType": _FLOAT, "count": len(mesh.uvs), "type": "VEC2"},
-            {"bufferView": 2, "componentType": _UINT32, "count": mesh.triangles.size, "type": "SCALAR"},
-        ],
-        "materials": [
-            {
-                "name": "floor",
-                "pbrMetallicRoughness": {
-                    "baseColorTexture": {"index": 0},
-                    "metallicFactor": 0.0,
-                    "roughnessFactor": 1.0,
-                },
-                "alphaMode": "MASK",
-                "doubleSided": True,
-                "extensions": {"KHR_materials_unlit": {}},
-            }
-        ],
-        "textures": [{"source": 0, "sampler": 0}],
-        "samplers": [{"magFilter": 9729, "minFilter": 9987, "wrapS": 33071, "wrapT": 33071}],
-        "images": [{"bufferView": 3, "mimeType": "image/png"}],
-        "bufferViews": views,
-        "buffers": [{"byteLength": len(body)}],
-        "extensionsUsed": ["KHR_materials_unlit"],
-    }
-    _write(path, root, body)
+    uvs = {"componentType": _FLOAT, "count": len(mesh.uvs), "type": "VEC2"}
+    root = _scene(name, mesh.vertices, {"TEXCOORD_0": uvs}, mesh.triangles.size)
+    root["nodes"][0]["rotation"] = [-half, 0.0, 0.0, half]
+    root["materials"][0] |= {"name": "floor", "alphaMode": "MASK"}
+    root["materials"][0]["pbrMetallicRoughness"]["baseColorTexture"] = {"index": 0}
+    root["textures"] = [{"source": 0, "sampler": 0}]
+    root["samplers"] = [{"magFilter": 9729, "minFilter": 9987, "wrapS": 33071, "wrapT": 33071}]
+    root["images"] = [{"bufferView": 3, "mimeType": "image/png"}]
+    _write(path, root, blobs, (_VERTICES, _VERTICES, _INDICES, None))
 
 
 def write_colored_glb(
@@ -90,26 +54,29 @@ def write_colored_glb(
     places = np.asarray(vertices, "<f4")
     rgba = np.concatenate([colors, np.full((len(colors), 1), 255, np.uint8)], axis=1)
     blobs = [places.tobytes(), rgba.tobytes(), np.asarray(triangles, "<u4").tobytes()]
-    views, body = _buffer(blobs, (_VERTICES, _VERTICES, _INDICES))
-    attributes = {"POSITION": 0, "COLOR_0": 1}
-    root = {
+    color = {"componentType": _UINT8, "normalized": True, "count": len(rgba), "type": "VEC4"}
+    root = _scene(name, places, {"COLOR_0": color}, int(np.size(triangles)))
+    _write(path, root, blobs, (_VERTICES, _VERTICES, _INDICES))
+
+
+def _scene(
+    name: str, vertices: NDArray[np.floating], attribute: dict[str, dict[str, Any]], corners: int
+) -> dict[str, Any]:
+    """The root of one mesh without lighting: its vertices (N, 3), one further attribute, and the corners of its
+    triangles, each in the buffer view of the same number."""
+    (kind, accessor), corner = next(iter(attribute.items())), {"componentType": _UINT32, "count": corners}
+    low, high = vertices.min(axis=0).tolist(), vertices.max(axis=0).tolist()
+    place = {"componentType": _FLOAT, "count": len(vertices), "type": "VEC3", "min": low, "max": high}
+    accessors = (place, accessor, {**corner, "type": "SCALAR"})
+    return {
         "asset": {"version": "2.0", "generator": "NVSim"},
         "scene": 0,
         "scenes": [{"nodes": [0]}],
         "nodes": [{"name": name, "mesh": 0}],
-        "meshes": [{"name": name, "primitives": [{"attributes": attributes, "indices": 2, "material": 0}]}],
-        "accessors": [
-            {
-                "bufferView": 0,
-                "componentType": _FLOAT,
-                "count": len(places),
-                "type": "VEC3",
-                "min": places.min(axis=0).tolist(),
-                "max": places.max(axis=0).tolist(),
-            },
-            {"bufferView": 1, "componentType": _UINT8, "normalized": True, "count": len(rgba), "type": "VEC4"},
-            {"bufferView": 2, "componentType": _UINT32, "count": int(np.size(triangles)), "type": "SCALAR"},
+        "meshes": [
+            {"name": name, "primitives": [{"attributes": {"POSITION": 0, kind: 1}, "indices": 2, "material": 0}]}
         ],
+        "accessors": [{"bufferView": number, **one} for number, one in enumerate(accessors)],
         "materials": [
             {
                 "pbrMetallicRoughness": {"metallicFactor": 0.0, "roughnessFactor": 1.0},
@@ -117,11 +84,8 @@ def write_colored_glb(
                 "extensions": {"KHR_materials_unlit": {}},
             }
         ],
-        "bufferViews": views,
-        "buffers": [{"byteLength": len(body)}],
         "extensionsUsed": ["KHR_materials_unlit"],
     }
-    _write(path, root, body)
 
 
 def _buffer(blobs: Sequence[bytes], targets: Sequence[int | None]) -> tuple[list[dict[str, Any]], bytes]:
@@ -136,7 +100,9 @@ def _buffer(blobs: Sequence[bytes], targets: Sequence[int | None]) -> tuple[list
     return views, b"".join(parts)
 
 
-def _write(path: Path, root: dict[str, Any], body: bytes) -> None:
+def _write(path: Path, root: dict[str, Any], blobs: Sequence[bytes], targets: Sequence[int | None]) -> None:
+    views, body = _buffer(blobs, targets)
+    root |= {"bufferViews": views, "buffers": [{"byteLength": len(body)}]}
     text = json.dumps(root, separators=(",", ":")).encode()
     text += b" " * (-len(text) % 4)
     chunks = struct.pack("<I4s", len(text), _JSON) + text + struct.pack("<I4s", len(body), _BIN) + body

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from nvsim.errors import InputError
 from nvsim.files.opening import read_text
-from nvsim.splats.formats.streamed_sog import INDEX, level_to_read
+from nvsim.splats.formats.sog import INDEX, level_to_read
 from nvsim.splats.turning import transform_gaussians
 from nvsim.splats.types import Gaussians, joined
 

@@ -9,9 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from nvsim.geometry.floor_surface import FloorSurface
-from nvsim.splats.types import Gaussians, joined
+from nvsim.splats.types import Gaussians, joined, select_gaussians
 from nvsim.training.strategies.config import DensifyConfig
-from nvsim.training.strategies.division import copy_gaussians, divide, find_removable, logit, split
+from nvsim.training.strategies.division import divide, find_removable, logit, split
 from nvsim.training.strategies.types import Float32, GaussianModel, Refinement, mean_gradient
 
 
@@ -119,7 +119,7 @@ class Adaptive:
             cloned, halved = self._chosen(gaussians, sums, lost, on_screen)
         stays = ~lost
         stays[halved] = False
-        born = joined(copy_gaussians(gaussians, cloned), split(gaussians, halved, self._rng))
+        born = joined(select_gaussians(gaussians, cloned), split(gaussians, halved, self._rng))
         return Refinement(np.flatnonzero(stays), born, np.concatenate([cloned, halved, halved]))
 
     def _chosen(

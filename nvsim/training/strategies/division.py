@@ -8,19 +8,13 @@ from numpy.typing import NDArray
 
 from nvsim.geometry.floor_surface import FloorSurface
 from nvsim.geometry.rotation import matrix_from_quaternion
-from nvsim.splats.types import Gaussians, joined
+from nvsim.splats.types import Gaussians, joined, select_gaussians
 
 APART = 0.5
 """Distance of the halves of `divide` from the center, in standard deviations."""
 SHRINK = 1.6
 """Factor by which parts are smaller (Kerbl et al. 2023)."""
 Indices = NDArray[np.int64]
-
-
-def copy_gaussians(gaussians: Gaussians, chosen: Indices) -> Gaussians:
-    """Copies of the Gaussians `chosen` (D,)."""
-    g = gaussians
-    return Gaussians(g.means[chosen], g.log_scales[chosen], g.quats[chosen], g.opacity_logits[chosen], g.sh[chosen])
 
 
 def logit(opacity: NDArray[np.floating]) -> NDArray[np.float32]:
@@ -37,7 +31,7 @@ def opacities(gaussians: Gaussians) -> NDArray[np.float64]:
 def divide(gaussians: Gaussians, chosen: Indices) -> Gaussians:
     """Two halves (2 D) of each of `chosen` (D,) along its longest axis, with an equal total transmittance. All left
     halves come first, then all right ones."""
-    half = copy_gaussians(gaussians, chosen)
+    half = select_gaussians(gaussians, chosen)
     longest, rows = half.log_scales.argmax(axis=1), np.arange(len(chosen))
     axes = matrix_from_quaternion(half.quats)[rows, :, longest].reshape(-1, 3)
     offset = (axes * (APART * np.exp(half.log_scales[rows, longest]))[:, None]).astype(np.float32)
@@ -51,7 +45,7 @@ def divide(gaussians: Gaussians, chosen: Indices) -> Gaussians:
 def split(gaussians: Gaussians, chosen: Indices, rng: np.random.Generator) -> Gaussians:
     """Two parts (2 D) of each of `chosen` (D,) at random points of it, smaller on every axis, with its opacity (Kerbl
     et al. 2023)."""
-    part = copy_gaussians(gaussians, chosen)
+    part = select_gaussians(gaussians, chosen)
     both = joined(part, part)
     drawn = rng.standard_normal((len(both), 3)) * np.exp(both.log_scales)
     turned = np.einsum("nij,nj->ni", matrix_from_quaternion(both.quats).reshape(-1, 3, 3), drawn)

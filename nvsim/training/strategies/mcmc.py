@@ -13,9 +13,9 @@ from scipy.special import comb
 
 from nvsim.geometry.floor_surface import FloorSurface
 from nvsim.geometry.rotation import matrix_from_quaternion
-from nvsim.splats.types import Gaussians, joined
+from nvsim.splats.types import Gaussians, joined, select_gaussians
 from nvsim.training.strategies.config import DensifyConfig
-from nvsim.training.strategies.division import copy_gaussians, find_removable, logit, opacities
+from nvsim.training.strategies.division import find_removable, logit, opacities
 from nvsim.training.strategies.types import GaussianModel, Refinement
 
 GATE, STEEPNESS = 0.005, 100.0
@@ -68,19 +68,19 @@ class Mcmc:
         dead = find_removable(gaussians, c.mcmc.dead, c.largest, self._floor)
         alive = np.flatnonzero(~dead)
         if len(alive) == 0:
-            return Refinement(np.arange(len(gaussians)), copy_gaussians(gaussians, alive), alive)
+            return Refinement(np.arange(len(gaussians)), select_gaussians(gaussians, alive), alive)
         total = max(min(self._cap, int((1 + c.mcmc.growth) * len(gaussians))), len(gaussians))
         opacity = opacities(gaussians)[alive]
         drawn = self._rng.choice(len(alive), total - len(alive), p=opacity / opacity.sum())
         copies = np.bincount(drawn, minlength=len(alive))
         shared = np.flatnonzero(copies)
-        changed = copy_gaussians(gaussians, alive[shared])
+        changed = select_gaussians(gaussians, alive[shared])
         new_opacity, shrink = relocate_opacities(opacity[shared], copies[shared] + 1)
         changed.opacity_logits = logit(np.clip(new_opacity, c.mcmc.dead, 1 - 1e-6))
         changed.log_scales += np.log(shrink).astype(np.float32)[:, None]
         repeated = np.repeat(np.arange(len(shared)), copies[shared])
         parents = alive[np.concatenate([shared, shared[repeated]])]
-        return Refinement(alive[copies == 0], joined(changed, copy_gaussians(changed, repeated)), parents)
+        return Refinement(alive[copies == 0], joined(changed, select_gaussians(changed, repeated)), parents)
 
     def noise(self, gaussians: Gaussians, factor: float) -> NDArray[np.float32]:
         """(N, 3) meters: normal noise times the covariance, `factor`, and a gate that closes as opacity grows."""

@@ -1,9 +1,0 @@
-"""The registers of generated instructions."""
-
-from __future__ import annotations
-
-from typing import Literal
-
-Register = Literal["short", "detailed", "rxr"]
-"""Style of instructions. "short": about 25 words without meters, as in R2R. "detailed": every fact in a clause of its
-own. "rxr": long descriptions of views and movements with meters, as in RxR."""
