@@ -94,8 +94,8 @@ def _header(file: IO[bytes], name: str) -> tuple[tuple[int, ...], np.dtype[Any]]
 
 
 def array_in(archive: zipfile.ZipFile, entry: str, kinds: str = "bfiu", dimensions: int | None = None) -> NDArray[Any]:
-    """The array of a .npz file in the entry NAME.npy. Raises ValueError if it has none of the `kinds` of types, another
-    number of dimensions, or another size than its header claims."""
+    """The array (...,) of a .npz file in the entry NAME.npy. Raises ValueError if it has none of the `kinds` of types,
+    another number of dimensions, or another size than its header claims."""
     with archive.open(entry) as file:
         shape, dtype = _header(file, entry)
         if dtype.kind not in kinds or dimensions not in (None, len(shape)):

@@ -87,6 +87,7 @@ class Gaussians:
 
     @property
     def arrays(self) -> tuple[Float32, Float32, Float32, Float32, Float32]:
+        """The fields in their order, each (N, ...)."""
         return self.means, self.log_scales, self.quats, self.opacity_logits, self.sh
 
     @property
