@@ -1,5 +1,5 @@
 """Tests whether a graph stands on the floor: nothing is below a floor, but much is below a table or a bed. A camera is
-carried at an even height above the floor."""
+carried at an even height above the floor, and through the rooms."""
 
 from __future__ import annotations
 
@@ -14,6 +14,7 @@ _UNDER, _DEEPEST = 0.2, 1.6  # meters under the floor of a viewpoint; deeper poi
 _SHARE = 0.25  # of the cells around a viewpoint with points under its floor; up to 0.05 around floors
 _SAMPLE = 1_000_000  # points that are enough for any building
 _FEWEST = 12  # cells with points around a viewpoint
+_DIRECTIONS = 24  # in which the cameras are measured
 _EVEN = 0.35  # of the height of carried cameras: from the lowest tenth to the highest; up to 0.1 over a floor
 
 
@@ -46,3 +47,15 @@ def uneven_height_range(heights: NDArray[np.floating]) -> tuple[float, float] | 
         return None
     low, middle, high = np.percentile(heights, [10, 50, 90])
     return (float(low), float(high)) if high - low > _EVEN * middle else None
+
+
+def short_walk(positions: NDArray[np.floating], heights: NDArray[np.floating]) -> float | None:
+    """The greatest distance in meters between cameras at `positions` (N, 3), if it is less than their median height
+    above the floor, of `heights` (M,). Then the images may show a desk from one place. None for longer distances, and
+    without heights."""
+    if not len(heights):
+        return None
+    angles = np.linspace(0, np.pi, _DIRECTIONS, endpoint=False)
+    along = np.asarray(positions, np.float64)[:, :2] @ np.stack([np.cos(angles), np.sin(angles)])
+    longest = float(np.ptp(along, axis=0).max())
+    return longest if longest < float(np.median(heights)) else None

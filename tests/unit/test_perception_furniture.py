@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import numpy as np
+import pytest
 
 from nvsim.capture.types import Cloud
-from nvsim.perception.furniture import share_without_points_below, uneven_height_range
+from nvsim.perception.furniture import share_without_points_below, short_walk, uneven_height_range
 
 
 def room(rng: np.random.Generator) -> Cloud:
@@ -44,3 +45,10 @@ def test_a_carried_camera_has_an_even_height_and_cameras_around_a_table_do_not()
     assert uneven_height_range(np.zeros(0)) is None
     low, high = uneven_height_range(rng.uniform(0.77, 2.0, 50)) or (0, 0)
     assert 0.8 < low < 1.0 and 1.8 < high < 2.0
+
+
+def test_cameras_that_hardly_move_may_show_a_desk() -> None:
+    turned = np.array([(0.0, 0.0, 1.4), (0.6, 0.8, 1.5), (0.3, 0.4, 1.3)])  # a meter apart, in no axis
+    assert short_walk(turned, np.full(3, 1.4)) == pytest.approx(1.0, abs=0.01)
+    assert short_walk(1.5 * turned, np.full(3, 1.4)) is None
+    assert short_walk(turned, np.zeros(0)) is None

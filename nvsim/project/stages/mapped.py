@@ -21,7 +21,7 @@ from nvsim.graph.store import decode_graph, encode_graph
 from nvsim.graph.types import Evidence, NavGraph
 from nvsim.mapping.config import MappingConfig
 from nvsim.mapping.families import NETWORK_NORMAL
-from nvsim.perception.furniture import share_without_points_below, uneven_height_range
+from nvsim.perception.furniture import share_without_points_below, short_walk, uneven_height_range
 from nvsim.perception.normals_network import installed_normals, normals_model
 from nvsim.project import ledger
 from nvsim.project.corrections import corrections_key
@@ -170,8 +170,8 @@ def for_splats(config: MappingConfig) -> MappingConfig:
 
 
 def _check_floor(project: Project, graph: NavGraph, listen: Listener) -> None:
-    """Warns if most viewpoints have points under their floor, or the cameras have uneven heights above it. Then the
-    viewpoints probably stand on furniture."""
+    """Warns if most viewpoints have points under their floor, if the cameras have uneven heights above it, or if they
+    hardly moved. Then the viewpoints probably stand on furniture."""
     places = np.array([(*v.position[:2], v.position[2] - v.height) for v in graph.viewpoints.values()]).reshape(-1, 3)
     share = share_without_points_below(project.scan(), places)
     if share < _MOST:
@@ -183,7 +183,18 @@ def _check_floor(project: Project, graph: NavGraph, listen: Listener) -> None:
                 STAGE,
             )
         )
-    uneven = uneven_height_range(_camera_heights(project))
+    heights = _camera_heights(project)
+    meters = short_walk(project.need_capture().positions, heights)
+    if meters is not None:
+        listen(
+            Warning(
+                f"The cameras are at most {meters:.1f} m apart, less than their height above the floor that was found. "
+                "Images from one place often show a table or a desk instead of the floor. Compare this floor with the "
+                "images, and walk through the rooms.",
+                STAGE,
+            )
+        )
+    uneven = uneven_height_range(heights)
     if uneven is not None:
         listen(
             Warning(
