@@ -33,3 +33,8 @@ def _code(letter: str) -> str:
 def capitalized(words: str) -> str:
     """`words` with a capital first letter; the others stay as they are."""
     return words[:1].upper() + words[1:]
+
+
+def count_text(number: int, thing: str) -> str:
+    """A number with its noun: "1 edge", "3 edges"."""
+    return f"{number:,} {thing}" + ("" if number == 1 else "s")

@@ -13,12 +13,13 @@ from typing import TYPE_CHECKING
 from nvsim.cli import terminal
 from nvsim.errors import InputError
 from nvsim.graph.edits import EditError
-from nvsim.graph.history import History, count_text
+from nvsim.graph.history import History
 from nvsim.graph.journal import Journal, sidecar
 from nvsim.graph.operations import EditContext
 from nvsim.graph.quantities import QuantityInputs
 from nvsim.graph.types import NavGraph
 from nvsim.occupancy.types import Heights, OccupancyMap
+from nvsim.plain_text import count_text
 
 if TYPE_CHECKING:
     from nvsim.graph.edits import Visible

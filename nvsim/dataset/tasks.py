@@ -15,8 +15,8 @@ from nvsim.dataset.task_options import TaskOptions
 from nvsim.errors import InputError
 from nvsim.events import Listener, Log, Progress, Warning
 from nvsim.files.atomic import refuse_unwritable_folder
-from nvsim.graph.history import count_text
 from nvsim.graph.types import NavGraph
+from nvsim.plain_text import count_text
 from nvsim.r2r.instructions.generating import InstructedDataset, instruct
 from nvsim.r2r.instructions.statistics import statistics_of
 from nvsim.r2r.observations.layout import ScanPlaces

@@ -12,6 +12,7 @@ from nvsim.graph.graph_cache import GraphCache
 from nvsim.graph.selection import NOTHING, GraphSelection, existing_part
 from nvsim.graph.touched_elements import shorten_note
 from nvsim.graph.types import EdgeKey, NavGraph
+from nvsim.plain_text import count_text
 
 if TYPE_CHECKING:
     from nvsim.graph.journal import Journal
@@ -301,8 +302,3 @@ def name_or_count(things: Collection[str | EdgeKey], thing: str) -> str:
     (only,) = things
     ids = (only,) if isinstance(only, str) else only
     return f"{thing} {' – '.join(id[:SHOWN] for id in ids)}"
-
-
-def count_text(number: int, thing: str) -> str:
-    """Return a number with its noun: "1 edge", "3 edges"."""
-    return f"{number:,} {thing}" + ("" if number == 1 else "s")

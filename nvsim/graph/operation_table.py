@@ -12,10 +12,11 @@ from numpy.typing import NDArray
 from nvsim.graph import edits
 from nvsim.graph.arguments import Argument, check_arguments
 from nvsim.graph.edits import EditError, Visible
-from nvsim.graph.history import count_text, name_or_count
+from nvsim.graph.history import name_or_count
 from nvsim.graph.offers import ChoiceField, MenuEntry, NumberField, SelectionNeeds, selection_arguments
 from nvsim.graph.selection import selection
 from nvsim.graph.types import NavGraph
+from nvsim.plain_text import count_text
 
 
 @dataclass(frozen=True)

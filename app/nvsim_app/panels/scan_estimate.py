@@ -13,8 +13,8 @@ from PySide6.QtGui import QPalette
 from PySide6.QtWidgets import QFrame, QGridLayout, QVBoxLayout, QWidget
 
 from nvsim.files.records import record_of
-from nvsim.graph.history import count_text
 from nvsim.networks.folder import models_folder
+from nvsim.plain_text import count_text
 from nvsim.r2r.features.layouts import LAYOUTS, Layout, feature_maker, missing_package_error, network_name
 from nvsim.r2r.observations.estimate import size_words
 from nvsim_app.jobs.queries import CommandQuery

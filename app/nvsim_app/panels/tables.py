@@ -14,10 +14,10 @@ from nvsim.errors import InputError
 from nvsim.graph.clearness_cache import ClearnessCache
 from nvsim.graph.edits import EditError
 from nvsim.graph.expression import by_expression
-from nvsim.graph.history import count_text
 from nvsim.graph.quantities import QuantityInputs
 from nvsim.graph.selection import GraphSelection
 from nvsim.graph.types import EdgeKey, NavGraph
+from nvsim.plain_text import count_text
 from nvsim_app.layers.labels import short_id
 from nvsim_app.look import lengths
 from nvsim_app.look.boxes import hbox, vbox

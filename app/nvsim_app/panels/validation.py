@@ -14,9 +14,9 @@ from PySide6.QtGui import QColor
 from PySide6.QtWidgets import QCheckBox, QLineEdit, QMenu, QScrollArea, QToolButton, QTreeView, QWidget
 
 from nvsim.graph.findings import SEVERITIES, Finding, Fix
-from nvsim.graph.history import count_text
 from nvsim.graph.paths import count_cut_off
 from nvsim.graph.selection import GraphSelection
+from nvsim.plain_text import count_text
 from nvsim_app.layers.labels import short_ids
 from nvsim_app.look import colors
 from nvsim_app.look.boxes import hbox, vbox

@@ -6,8 +6,8 @@ from collections.abc import Iterable
 from typing import TYPE_CHECKING, Any
 
 from nvsim.graph.edits import new_id
-from nvsim.graph.history import count_text
 from nvsim.graph.selection import NOTHING, GraphSelection
+from nvsim.plain_text import count_text
 
 if TYPE_CHECKING:
     from nvsim_app.state.editing import Editing

@@ -6,7 +6,6 @@ from __future__ import annotations
 import math
 
 from nvsim.graph.findings.elements import slope
-from nvsim.graph.history import count_text
 from nvsim.graph.review import distance
 from nvsim.graph.selection import GraphSelection
 from nvsim.graph.types import Edge, EdgeKey, NavGraph, Viewpoint
@@ -14,6 +13,7 @@ from nvsim.mapping.config import MappingConfig
 from nvsim.mapping.criteria import CRITERIA
 from nvsim.mapping.explanation.explain import closed_edge_reason, smallest_margin
 from nvsim.mapping.explanation.path_explanation import DirectionExplanation, PathExplanation
+from nvsim.plain_text import count_text
 from nvsim_app.look import lengths
 
 MOST = 500  # maximum number of selected objects for which details are computed; else only the number is shown

@@ -7,9 +7,10 @@ import threading
 from PySide6.QtCore import QObject, QTimer, Signal
 
 from nvsim.errors import InputError
-from nvsim.graph.history import History, count_text
+from nvsim.graph.history import History
 from nvsim.graph.journal import Journal
 from nvsim.graph.types import NavGraph
+from nvsim.plain_text import count_text
 from nvsim_app.state.graph_files import GraphFile
 
 LOOK = 1200  # milliseconds after a step until the journal is checked for write errors

@@ -20,10 +20,10 @@ from nvsim.figures import DASHES, SHAPES
 from nvsim.files.opening import is_folder
 from nvsim.files.user_folders import home_folder
 from nvsim.graph.exports import ColorGroups, LegendRow, draw
-from nvsim.graph.history import count_text
 from nvsim.graph.offers import ChoiceField
 from nvsim.graph.types import NavGraph
 from nvsim.occupancy.types import OccupancyMap
+from nvsim.plain_text import count_text
 from nvsim.project.work import WORK, sentence
 from nvsim.r2r.features.layouts import LAYOUTS, missing_package_error
 from nvsim_app.actions import Action

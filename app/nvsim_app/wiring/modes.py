@@ -8,9 +8,9 @@ from functools import partial
 from PySide6.QtCore import QSettings
 from PySide6.QtWidgets import QMenu
 
-from nvsim.graph.history import count_text
 from nvsim.graph.selection import GraphSelection
 from nvsim.graph.types import Edge, Viewpoint
+from nvsim.plain_text import count_text
 from nvsim_app.actions import Action
 from nvsim_app.layers.labels import short_id
 from nvsim_app.look import lengths

@@ -11,12 +11,12 @@ from PySide6.QtCore import QSettings, Qt, QTimer
 from PySide6.QtGui import QPainter
 
 from nvsim.graph.difference import Difference
-from nvsim.graph.history import count_text
 from nvsim.graph.proposals import PlaceProposal, propose_edges, propose_viewpoints
 from nvsim.graph.selection import GraphSelection
 from nvsim.graph.types import EdgeKey
 from nvsim.mapping.evidence.new_viewpoints import NewViewpointEvidence, with_new_viewpoints
 from nvsim.mapping.explanation.explain import smallest_margin
+from nvsim.plain_text import count_text
 from nvsim.project.stages.measured import unmeasured_viewpoints
 from nvsim_app.actions import Action
 from nvsim_app.look import colors

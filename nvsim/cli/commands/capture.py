@@ -19,6 +19,7 @@ from nvsim.cli.session import project_job
 from nvsim.cli.terminal import as_json, print_lines
 from nvsim.errors import InputError
 from nvsim.events import Log
+from nvsim.plain_text import count_text
 from nvsim.project.config import CaptureConfig
 
 if TYPE_CHECKING:
@@ -208,18 +209,14 @@ def describe_capture(summary: Summary) -> str:
     sizes = ", ".join(f"{width} x {height}" for width, height, _ in summary.sizes[:3])
     more = f" and {len(summary.sizes) - 3} more" if len(summary.sizes) > 3 else ""
     unit = "m" if summary.scale_known else "units"
-    parts = [f"{_count_text(summary.images, 'image')} of {_count_text(summary.cameras, 'camera')}"]
+    parts = [f"{count_text(summary.images, 'image')} of {count_text(summary.cameras, 'camera')}"]
     parts += [f"{sizes}{more} pixels"] if sizes else []
     parts += [f"{summary.length:.4g} {unit} over {summary.width:.3g} x {summary.depth:.3g}"] if summary.paths else []
     cloud = [] if summary.depth_images else ["no point cloud"]
     cloud = [f"{summary.points} points {_WHERE_FROM[summary.cloud]}"] if summary.points else cloud
     more_files = [(summary.depth_images, "depth image"), (summary.masks, "mask")]
-    parts += [_count_text(count, what) for count, what in more_files if count]
+    parts += [count_text(count, what) for count, what in more_files if count]
     return f"{'; '.join([*parts, *cloud])}."
-
-
-def _count_text(count: int, what: str) -> str:
-    return f"{count} {what}{'' if count == 1 else 's'}"
 
 
 @dataclass(frozen=True)

@@ -165,7 +165,7 @@ def _report(
 
 
 def _sentence(change: Difference) -> str:
-    from nvsim.graph.history import count_text
+    from nvsim.plain_text import count_text
 
     parts = [
         f"{count_text(len(names), thing)} {word}"
@@ -230,9 +230,9 @@ class GraphReplay:
 
     def run(self) -> int:
         from nvsim.cli.graph_target import GraphTarget, edit_errors_as_input_errors
-        from nvsim.graph.history import count_text
         from nvsim.graph.operations import parse_line, perform_operation
         from nvsim.graph.scripts import script_lines
+        from nvsim.plain_text import count_text
 
         target = GraphTarget(self.graph, self.how.occupancy, self.how.heights)
         lines = script_lines(self.script)

@@ -16,6 +16,7 @@ from nvsim.mapping.config import MappingConfig
 from nvsim.mapping.corridor import SupportAt
 from nvsim.mapping.criteria import DECISIONS, OPEN, SPARED, standing_criteria
 from nvsim.mapping.search.survey import Survey
+from nvsim.plain_text import count_text
 
 _FEW = 3  # viewpoints
 _MOST_UNCOVERED = 0.3  # maximum share of the trajectory without a viewpoint nearby
@@ -31,7 +32,7 @@ def explain_small_graph(report: Mapping[str, Any], uncovered: NDArray[np.floatin
     few = report["viewpoints"] < _FEW or not report["edges"]
     if not few and len(uncovered) <= _MOST_UNCOVERED * places:
         return ""
-    found = f"{_count_text(report['viewpoints'], 'viewpoint')} and {_count_text(report['edges'], 'edge')}"
+    found = f"{count_text(report['viewpoints'], 'viewpoint')} and {count_text(report['edges'], 'edge')}"
     where = ""
     if len(uncovered):
         # The position with the most of them around it.
@@ -52,7 +53,7 @@ def explain_no_viewpoint(refusals: list[tuple[float, float]], config: MappingCon
     asked = standing_criteria(config)
     limit = next((c.limit(config) for c in asked if c.plane == "alpha"), float("inf"))
     blocked = [alpha for alpha, known in refusals if alpha >= limit or known >= config.support]
-    count = _count_text(len(refusals), "position")
+    count = count_text(len(refusals), "position")
     tried = f"No position has room for a viewpoint: {count} on the trajectory and beside it"
     if 2 * len(blocked) < len(refusals) or not refusals:
         return f"{tried} have too little known floor under them; {DECISIONS['unknown'].remedy}."
@@ -62,10 +63,6 @@ def explain_no_viewpoint(refusals: list[tuple[float, float]], config: MappingCon
         return f"{tried} were tried, {len(blocked)} with known floor, but {words.clause}; {words.remedy}."
     why = f"{len(filled)} have an obstacle on the floor (mean alpha at least {min(filled):.2f}, free below {limit:g})"
     return f"{tried} were tried and {why}; check the floor masks and heights there, and {DECISIONS['alpha'].remedy}."
-
-
-def _count_text(number: int, what: str) -> str:
-    return f"{number} {what}" if number == 1 else f"{number} {what}s"
 
 
 _MOST = 2  # maximum parts that are explained

@@ -23,6 +23,7 @@ from nvsim.mapping.config import MappingConfig
 from nvsim.mapping.families import NETWORK_NORMAL
 from nvsim.perception.furniture import share_without_points_below, short_walk, uneven_height_range
 from nvsim.perception.normals_network import installed_normals, normals_model
+from nvsim.plain_text import count_text
 from nvsim.project import ledger
 from nvsim.project.corrections import corrections_key
 from nvsim.project.earlier_results import graph_in_file, report_replaced_result
@@ -133,7 +134,13 @@ def run(
         write_walls(project.layout.walls, walls)
     unfinished.unlink(missing_ok=True)
     _check_floor(project, graph, listen)
-    listen(Done(STAGE, f"{len(graph.viewpoints)} viewpoints and {len(graph.edges)} edges", report))
+    listen(
+        Done(
+            STAGE,
+            f"{count_text(len(graph.viewpoints), 'viewpoint')} and {count_text(len(graph.edges), 'edge')}",
+            report,
+        )
+    )
 
 
 def _walls(project: Project, capture: Capture) -> tuple[WallGrid, ...] | None:
