@@ -9,9 +9,10 @@ import pytest
 
 from nvsim.cli.main import COMMANDS
 from nvsim.errors import InputError
+from nvsim.files.records import record_of
 from nvsim.project import pipeline
 from nvsim.project.config import CaptureConfig, RunConfig
-from nvsim.project.jobs.files import finite_number
+from nvsim.project.jobs.files import JobStatus
 from nvsim.project.jobs.joblist import JobList
 from nvsim.project.project import Project
 from nvsim.project.stages import depths, floors, imported, mapped, submaps, trained
@@ -113,5 +114,5 @@ def test_the_help_loads_nothing_heavy() -> None:
 
 def test_a_number_that_is_text_with_control_characters_is_named_in_one_printable_line() -> None:
     with pytest.raises(ValueError) as raised:
-        finite_number("\x00\x1b[31m\n" * 30)
+        record_of(JobStatus, {"state": "done", "worked": "\x00\x1b[31m\n" * 30})
     assert str(raised.value).isprintable() and len(str(raised.value)) < 100

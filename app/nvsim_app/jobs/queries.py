@@ -177,7 +177,7 @@ def result_of(text: str) -> CheckResult:
         networks = not data.get("panoramic", True)
         read = None if summary is None else record_of(Summary, summary)
         return CheckResult(bool(data["refused"]), kinds, read, videos, networks)
-    except (KeyError, TypeError, AttributeError, RecursionError, OverflowError) as error:
+    except (ValueError, KeyError, TypeError, AttributeError, RecursionError, OverflowError) as error:
         raise ValueError(f"not a data check: {text[:80]!r}") from error
 
 
