@@ -28,6 +28,7 @@ from nvsim.capture.types import Alignment, Capture, Cloud
 from nvsim.errors import value_text
 from nvsim.files.placeholders import why_missing
 from nvsim.geometry.lens import Lens
+from nvsim.plain_text import count_text
 
 _ROUND = 100.0  # source units; the origin is a multiple
 _TIMES = 3.0  # extents of the trajectory; a nearer origin occurs in large captures and in fine units
@@ -142,9 +143,9 @@ def fit_lenses(raw: RawCapture, findings: Findings) -> RawCapture:
         frames.append(frame if lens is frame.lens else replace(frame, lens=lens))
     _report_scaled(scaled, raw.source.name, findings)
     for folder, count in of_other_models.items():
-        has = "1 image has" if count == 1 else f"{count} images have"
+        has, lies = ("has", "lies") if count == 1 else ("have", "lie")
         findings.error(
-            f"{has} another size than the camera, and another COLMAP model",
+            f"{count_text(count, 'image')} {has} another size than the camera and {lies} beside another COLMAP model",
             value_text(folder),
             f"this model was probably written with the undistorted images; import {value_text(folder)} instead",
         )
@@ -164,20 +165,15 @@ def _report_scaled(scaled: Counter[tuple[Lens, Lens]], where: str, findings: Fin
     for (lens, fitting), count in scaled.items():
         sizes.setdefault((lens.width, lens.height), Counter())[fitting.width, fitting.height] += count
     for (width, height), counts in sizes.items():
-        shares = sorted(w / width for w, _ in counts)
-        by, camera = f"by {shares[0]:.4g}", f"the camera is {width}x{height}"
+        camera = f"the camera is {width}x{height}"
         if len(counts) > _FEW:
-            count, by = sum(counts.values()), f"{by} to {shares[-1]:.4g}"
-            findings.note(
-                f"{count} images have {len(counts)} sizes and {camera}",
-                where,
-                f"the camera is scaled to each image, {by}",
-            )
+            least, *_, most = sorted(w / width for w, _ in counts)
+            sizes_text = f"{count_text(sum(counts.values()), 'image')} have {len(counts)} sizes and {camera}"
+            findings.note(sizes_text, where, f"the camera is scaled to each image, by {least:.4g} to {most:.4g}")
             continue
         for (w, h), count in counts.items():
-            are = "1 image is" if count == 1 else f"{count} images are"
-            by = f"by {w / width:.4g}"
-            findings.note(f"{are} {w}x{h} pixels and {camera}", where, f"the camera is scaled to the images, {by}")
+            images = f"{count_text(count, 'image')} {'is' if count == 1 else 'are'} {w}x{h} pixels and {camera}"
+            findings.note(images, where, f"the camera is scaled to the images, by {w / width:.4g}")
 
 
 def _other_model(folder: Path, raw: RawCapture) -> Path | None:

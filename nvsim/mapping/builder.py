@@ -34,6 +34,7 @@ from nvsim.mapping.search.survey import Survey
 from nvsim.mapping.search.trajectory import CoveredPositions, Walk
 from nvsim.mapping.settling.settling import Settling
 from nvsim.mapping.views.view_sources import ViewSource
+from nvsim.plain_text import count_text
 
 STAGE = "map"
 _TRIES = 3  # positions on either side of a gap in the trajectory that are tried as a start
@@ -201,7 +202,7 @@ def _report_build(
         )
     if report["decisions"].get("distance"):
         count = report["decisions"]["distance"]
-        steps = "1 free step" if count == 1 else f"{count} free steps"
+        steps = count_text(count, "free step")
         listen(Log(f"{steps} would have led farther than {config.max_distance} m from the trajectory.", STAGE))
     if report["decisions"].get("disputed"):
         count = report["decisions"]["disputed"]

@@ -22,6 +22,7 @@ from nvsim.files.opening import is_regular, read_json
 from nvsim.files.reading import as_reading_error, reading
 from nvsim.footage.cut_options import MASKS, CutOptions, refuse_mask_in_output, refuse_unless_cut
 from nvsim.footage.sources import Footage, Stamp, is_panoramic, need_footage
+from nvsim.plain_text import count_text
 from nvsim.processes.child import Child
 from nvsim.reconstruction.pose_networks import SAME_NETWORKS, Digest, PoseNetworks
 from nvsim.reconstruction.report import (
@@ -177,7 +178,9 @@ def _report_end(report: PosesReport, listen: Listener) -> PosesReport:
     """Reports the end of the stage."""
     if report.left_out:
         names = ", ".join(report.left_out[:_NAMED]) + (", ..." if len(report.left_out) > _NAMED else "")
-        listen(Warning(f"{len(report.left_out)} {report.image_noun} have no pose: {names}.", STAGE))
+        count = len(report.left_out)
+        images = f"{count_text(count, report.image_noun.removesuffix('s'))} {'has' if count == 1 else 'have'}"
+        listen(Warning(f"{images} no pose: {names}.", STAGE))
     summary = (
         f"{report.with_pose} of {report.frames} {report.image_noun} have a pose "
         f"(residual {report.residual_px:.2f} pixels, {report.loops} loops)"
