@@ -65,6 +65,11 @@ def _values(file: DepthFile) -> NDArray[np.float64]:
     known = np.isfinite(found) & (found > 0)
     if stored.dtype.kind != "f":
         known &= found < _NOTHING
+    if file.confidence is not None:
+        confidence = decode_pixels(read_bytes(file.confidence), file.confidence, cv2.IMREAD_GRAYSCALE)
+        if confidence.shape != found.shape:
+            raise InputError(f"{file.confidence} does not have the size of {file.path.name}; copy both again.")
+        known &= confidence > 0
     return np.where(known, found, 0.0)
 
 

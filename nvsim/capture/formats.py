@@ -8,7 +8,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
-from nvsim.capture import colmap, kapture, multi_capture, nerfstudio
+from nvsim.capture import colmap, kapture, multi_capture, nerfstudio, pose_files
 from nvsim.capture.colmap_layout import child_folders, model_named
 from nvsim.capture.findings import Findings
 from nvsim.capture.image_folder import IMAGE_ENDINGS, find_moved_measurements
@@ -19,9 +19,6 @@ from nvsim.files.opening import PROJECT_DATABASE, is_regular
 from nvsim.files.reading import reading
 
 _OTHER_PROGRAMS = (
-    ("keyframes/cameras", "a raw Polycam export", "ns-process-data polycam"),
-    ("keyframes/corrected_cameras", "a raw Polycam export", "ns-process-data polycam"),
-    ("keyframes", "a raw Polycam export", "ns-process-data polycam"),
     ("rgbd", "a Record3D export", "ns-process-data record3d"),
     ("EXR_RGBD", "a Record3D export", "ns-process-data record3d"),
     ("meta_data.json", "a capture of SDFStudio", "SDFStudio's scripts, to a transforms.json"),
@@ -143,6 +140,19 @@ FORMATS: tuple[Format, ...] = (
         colmap.find,
         colmap.read,
         explain_missing=colmap.explain_missing,
+    ),
+    Format(
+        "a raw export of Polycam",
+        "a raw export of Polycam (keyframes/cameras)",
+        pose_files.find_polycam,
+        pose_files.read_polycam,
+        explain_missing=pose_files.explain_missing_polycam,
+    ),
+    Format(
+        "an RGB-D recording",
+        "an RGB-D recording with a text file for each pose, as of 7-Scenes or ScanNet",
+        pose_files.find_depth_recording,
+        pose_files.read_depth_recording,
     ),
 )
 """In the order of the search. The first format that matches is read."""

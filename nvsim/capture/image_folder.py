@@ -116,6 +116,8 @@ def _search_root(raw: RawCapture) -> Path:
     return root
 
 
+_MOST = 200_000  # files that are examined
+_NAMED = 3
 IMAGE_ENDINGS = frozenset({".jpg", ".jpeg", ".png", ".tif", ".tiff", ".bmp", ".webp"})
 _IMAGE_FOLDERS = frozenset({"images", "image", "imgs", "input", "rgb", "color", "frames", "photos", "records_data"})
 _ADDED = re.compile(
@@ -124,8 +126,11 @@ _ADDED = re.compile(
     re.IGNORECASE,
 )
 """Names of folders and files with other content than the images of frames, such as masks and smaller copies."""
-_MOST = 200_000  # files that are examined
-_NAMED = 3
+
+
+def has_other_content(name: str) -> bool:
+    """Whether the name of a folder, or of a file without its ending, is that of a mask, a depth image, or the like."""
+    return _ADDED.fullmatch(name) is not None
 
 
 def check_unused_images(raw: RawCapture, findings: Findings) -> None:
@@ -164,7 +169,7 @@ def _images_beside(raw: RawCapture, endings: set[str]) -> Iterator[Path]:
     count = 0
     for top, is_deep in tops.items():
         for at, children, files in os.walk(top):
-            children[:] = [c for c in children if is_deep and not c.startswith(".") and not _ADDED.fullmatch(c)]
+            children[:] = [c for c in children if is_deep and not c.startswith(".") and not has_other_content(c)]
             place = Path(at)
             if place in seen:
                 continue
@@ -175,5 +180,5 @@ def _images_beside(raw: RawCapture, endings: set[str]) -> Iterator[Path]:
                     return
                 stem, ending = os.path.splitext(name)
                 is_image = ending.lower() in endings and ending.lower() in IMAGE_ENDINGS
-                if is_image and not name.startswith(".") and not _ADDED.fullmatch(stem):
+                if is_image and not name.startswith(".") and not has_other_content(stem):
                     yield place / name

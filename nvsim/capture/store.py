@@ -75,6 +75,7 @@ def save_capture(capture: Capture, folder: Path) -> None:
                 "is_raw": d.is_raw,
                 "scale": d.scale,
                 "unit": d.unit,
+                **({} if d.confidence is None else {"confidence": str(d.confidence.absolute())}),
             }
             for d in capture.depths
         ],
@@ -151,7 +152,9 @@ def _depth(tree: dict[str, Any], lenses: list[Lens]) -> DepthFile:
     if not isinstance(frame, str) or scale <= 0 or unit <= 0:
         raise ValueError("a depth image without a frame or a scale")
     pose = _pose(tree["camera_to_world"])
-    return DepthFile(Path(_text(tree["file"])), lenses[tree["lens"]], pose, frame, bool(tree["is_raw"]), scale, unit)
+    confidence = Path(_text(tree["confidence"])) if "confidence" in tree else None
+    file, lens = Path(_text(tree["file"])), lenses[tree["lens"]]
+    return DepthFile(file, lens, pose, frame, bool(tree["is_raw"]), scale, unit, confidence)
 
 
 def _text(value: object) -> str:
@@ -216,7 +219,9 @@ def fingerprint(capture: Capture) -> str:
         state.update(_cloud_hash(capture.cloud).digest())
     for d in capture.depths:
         lens = [d.lens.model, d.lens.width, d.lens.height, d.lens.params]
-        state.update(json.dumps([str(d.path), d.frame, d.is_raw, d.scale, d.unit, *lens, _stamp(d.path)]).encode())
+        own = [] if d.confidence is None else [str(d.confidence), _stamp(d.confidence)]
+        words = [str(d.path), d.frame, d.is_raw, d.scale, d.unit, *lens, _stamp(d.path), *own]
+        state.update(json.dumps(words).encode())
         state.update(np.ascontiguousarray(d.camera_to_world).tobytes())
     return state.hexdigest()
 

@@ -139,6 +139,7 @@ class DepthFile:
     is_raw           see `path`
     scale            meters of the aligned frame per source unit
     unit             source units per value of the file: 0.001 for millimeters
+    confidence       8-bit image of the same size; depth where it is at its lowest value, 0, is ignored; None for none
     """
 
     path: Path
@@ -148,6 +149,7 @@ class DepthFile:
     is_raw: bool = False
     scale: float = 1.0
     unit: float = 1.0
+    confidence: Path | None = None
 
 
 @dataclass(frozen=True, eq=False)

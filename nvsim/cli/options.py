@@ -25,7 +25,8 @@ from typing import Any, Protocol
 from nvsim.cli.command_table import COMMANDS
 
 _OPTION = re.compile(r"(?<![\w-])--[a-z][a-z0-9-]*(?:\.[a-z0-9][a-z0-9-]*)*+(?!\w)")
-_WITH_NUMBER = re.compile(rf"({_OPTION.pattern})( \d+(?:\.\d+)?\b)?")
+_VALUE = r" (?:\d+(?:\.\d+)?|given|refined|always|never|auto)\b"
+_WITH_VALUE = re.compile(rf"({_OPTION.pattern})({_VALUE})?")
 _COMMAND = re.compile(r"(`nvsim [^`]*`)")  # options in a command belong to that command
 _PARSING = threading.Lock()  # Python 3.11 can fail to parse in two threads at the same time
 
@@ -186,24 +187,24 @@ def rename_options(verb: str, text: str, stage: str = "") -> str:
         return text
     parts = _COMMAND.split(text)
     parts[::2] = [
-        _WITH_NUMBER.sub(lambda found: _option_with_number(verb, found[1], stage, found[2] or ""), part)
+        _WITH_VALUE.sub(lambda found: _option_with_value(verb, found[1], stage, found[2] or ""), part)
         for part in parts[::2]
     ]
     return "".join(parts)
 
 
-def _option_with_number(verb: str, option: str, stage: str, number: str) -> str:
-    """The option with the `number` that follows it, or ""."""
+def _option_with_value(verb: str, option: str, stage: str, value: str) -> str:
+    """The option with the `value` that follows it, or ""."""
     mine, name = options_of(verb), option[2:]
     if option in mine:
-        return option + number
+        return option + value
     if f"--{stage}.{name}" in mine:
-        return f"--{stage}.{name}{number}"
+        return f"--{stage}.{name}{value}"
     if "." in name and f"--{name.split('.', 1)[1]}" in mine:
-        return f"--{name.split('.', 1)[1]}{number}"
+        return f"--{name.split('.', 1)[1]}{value}"
     found = sorted((o for o in mine if o.endswith(f".{name}")), key=lambda o: (o.count("."), o))
     nearest = [o for o in found if o.count(".") == found[0].count(".")]
     if nearest:
-        return " or ".join(nearest) + number
+        return " or ".join(nearest) + value
     others = (other for other in COMMANDS if option in options_of(other))
-    return next((f"`nvsim {other} {option}{number}`" for other in others), option + number)
+    return next((f"`nvsim {other} {option}{value}`" for other in others), option + value)

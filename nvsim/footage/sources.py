@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
 
+from nvsim.capture.image_folder import has_other_content
 from nvsim.capture.raw import natural_order
 from nvsim.errors import InputError
 from nvsim.files.images import ImageSize, image_size_of
@@ -29,11 +30,13 @@ class Footage:
     source  the file or folder that the user gave
     kind    "video": `files` are videos; "photographs": `files` are images
     files   in natural order of their names ("IMG_2" before "IMG_10")
+    others  images beside the photographs that are not used: their names are those of depth images, masks, and the like
     """
 
     source: Path
     kind: Literal["video", "photographs"]
     files: tuple[Path, ...]
+    others: tuple[Path, ...] = ()
 
     @property
     def sides(self) -> int:
@@ -70,8 +73,12 @@ def find_footage(path: Path) -> Footage | None:
     videos = tuple(f for f in files if f.suffix.lower() in VIDEO_SUFFIXES)
     if videos:
         return Footage(path, "video", videos)
-    photographs = tuple(f for f in files if f.suffix.lower() in PHOTOGRAPH_SUFFIXES)
-    return Footage(path, "photographs", photographs) if len(photographs) >= FEWEST_PHOTOGRAPHS else None
+    images = tuple(f for f in files if f.suffix.lower() in PHOTOGRAPH_SUFFIXES)
+    others = tuple(f for f in images if has_other_content(f.stem))
+    photographs = tuple(f for f in images if not has_other_content(f.stem))
+    if len(photographs) < FEWEST_PHOTOGRAPHS:  # the names mean something else
+        photographs, others = images, ()
+    return Footage(path, "photographs", photographs, others) if len(photographs) >= FEWEST_PHOTOGRAPHS else None
 
 
 def need_footage(path: Path) -> Footage:

@@ -10,6 +10,7 @@ from nvsim.capture.formats import is_capture, resembles_capture
 from nvsim.errors import InputError
 from nvsim.footage.position_logs import ODOMETRY, exif_positions, log_files, read_log
 from nvsim.footage.sources import Footage, find_footage, is_equirectangular, is_panoramic, says_spherical
+from nvsim.plain_text import count_text
 
 _LONGEST = 60.0  # seconds to open a video, at most
 _SHORT = 5.0  # seconds; a shorter video shows little of a building
@@ -161,6 +162,12 @@ def _judge_photographs(footage: Footage, findings: Findings) -> None:
     if is_capture(above):
         findings.note(
             "the folder above is a capture with camera poses", str(above), "give that folder instead to use its poses"
+        )
+    if footage.others:
+        findings.note(
+            "files whose names are those of depth images, masks, or the like are not used",
+            f"{name}: {count_text(len(footage.others), 'file')}, such as {footage.others[0].name}",
+            "rename them if they are photographs",
         )
     if len(footage.files) < _FEW:
         findings.warning("there are few photographs", f"{name}: {len(footage.files)}", "they show little of a building")

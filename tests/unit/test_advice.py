@@ -91,7 +91,7 @@ def test_every_command_names_options_that_it_has_or_whose_command_it_says(verb: 
         ("run", "give --steps 5", "", "give --depth.steps or --train.steps 5"),  # not those of scanless
         ("train", "give --steps 5", "train", "give --steps 5"),
         ("train", "(--train.gaussian-cap)", "", "(--gaussian-cap)"),
-        ("check", "--poses given keeps them", "", "`nvsim run --poses` given keeps them"),
+        ("check", "--poses given keeps them", "", "`nvsim run --poses given` keeps them"),
         ("run", "`nvsim map --reapply` does it", "", "`nvsim map --reapply` does it"),
         ("run", "a--steps and ---steps are none", "", "a--steps and ---steps are none"),
         ("run", "no option at all", "", "no option at all"),

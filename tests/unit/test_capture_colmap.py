@@ -344,7 +344,10 @@ def test_several_captures_one_folder_down_are_named(tmp_path: Path) -> None:
     [
         (("images/a.jpg", "images/b.jpg"), "2 images, but no poses"),
         (("walk.mp4",), "a video, but no poses"),
-        (("keyframes/corrected_cameras/1.json", "keyframes/images/1.jpg"), "a raw Polycam export"),
+        (("keyframes/images/1.jpg",), "lacks the folder cameras or images of a raw export of Polycam"),
+        (("keyframes/cameras/1.json", "keyframes/images/1.jpg"), "is not valid JSON"),
+        (("keyframes/cameras/1.txt", "keyframes/images/1.jpg"), "holds no poses"),
+        (("color/1.jpg", "depth/1.png", "pose/1.txt"), "is not an image"),
         (("reconstruction.json", "images/a.jpg"), "an OpenSfM reconstruction"),
         (("two.captures",), "name the file itself (two.captures)"),
     ],

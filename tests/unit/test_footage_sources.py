@@ -123,3 +123,19 @@ def test_a_truncated_video_gives_its_first_frames_or_one_sentence(tmp_path: Path
         assert share < 0.5 and str(error).endswith("try again.") and "\n" not in str(error)
     else:
         assert 1 <= len(found) < 30 and [f.number for f in found] == list(range(len(found)))
+
+
+def test_depth_images_and_masks_are_no_photographs(tmp_path: Path) -> None:
+    for i in range(4):
+        for name in (f"{i}.color.png", f"{i}.depth.png", f"mask_{i}.png"):
+            (tmp_path / name).write_bytes(b"x")
+    found = find_footage(tmp_path)
+    assert found is not None
+    assert [f.name for f in found.files] == [f"{i}.color.png" for i in range(4)]
+    assert len(found.others) == 8
+    only = tmp_path / "only"
+    only.mkdir()
+    for i in range(4):
+        (only / f"sky {i}.jpg").write_bytes(b"x")
+    again = find_footage(only)
+    assert again is not None and len(again.files) == 4 and not again.others
