@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from nvsim.capture.alignment import align, apply
 from nvsim.capture.axes import Axes, with_axes
+from nvsim.capture.dense_frames import report_near_duplicates
 from nvsim.capture.depth_images import check_depths, report_depths
 from nvsim.capture.findings import SCALE_UNKNOWN, Finding, Findings
 from nvsim.capture.geometry_check import (
@@ -232,6 +233,7 @@ def _check_geometry(
     where = {f.name: f.where for f in raw.frames}
     if not check_far_frames(capture, where, findings):
         return capture  # the far frames cause all further findings
+    report_near_duplicates(capture, findings)
     check_outliers(capture, where, findings)
     check_surroundings(capture, findings)
     if check_cloud_meets_cameras(capture, findings):

@@ -221,7 +221,7 @@ class NavGraph:
         return MappingProxyType({id: tuple(keys) for id, keys in found.items()})
 
     @cached_property
-    def _letters(self) -> int:
+    def short_length(self) -> int:
         """How many leading letters distinguish the ids of the viewpoints."""
         for letters in (6, 8):  # fast path for ids that are hashes
             if len({id[:letters] for id in self.viewpoints}) == len(self.viewpoints):
@@ -232,7 +232,7 @@ class NavGraph:
     def short(self, id: str, least: int = 8) -> str:
         """Return an id as messages show it: `least` or more leading letters, enough to distinguish the viewpoints of
         this graph. Ids from scripts, such as house_01_0001, differ only at their end."""
-        return id if len(id) <= least + 2 else id[: max(least, self._letters)]
+        return id if len(id) <= least + 2 else id[: max(least, self.short_length)]
 
     def neighbors(self, viewpoint: str) -> tuple[str, ...]:
         """Return the ids joined to `viewpoint` by an edge, in edge order."""

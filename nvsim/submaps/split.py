@@ -92,6 +92,8 @@ def nearest_submap(submaps: tuple[Submap, ...] | list[Submap], position: NDArray
 _MOST_CLUSTERED = 2000
 _THINNING = 0.25
 _CLIMBED = 3.5  # meters: least overlap for frames on a stair, as far as a corridor reaches
+_MOST_TRIED = 4  # times the number of submaps that frames without overlap need
+_NEARLY = 1.2  # times the smallest possible size of the largest submap
 _APART = 1e4  # meters of vertical offset that separate storeys and stairs into their own clusters
 
 
@@ -138,8 +140,8 @@ def split(positions: NDArray[np.floating], config: SubmapConfig | None = None) -
     never more submaps than distinct positions.
 
     If `count` is None, it is the smallest number whose largest submap fits the memory budget. If overlap makes that
-    impossible, it is four times the number for frames without overlap. Raises InputError if the count or the overlap is
-    invalid.
+    impossible, it is the smallest number whose largest submap is nearly the smallest possible. Raises InputError if the
+    count or the overlap is invalid.
     """
     config = config or SubmapConfig()
     if config.count is not None and config.count < 1:
@@ -160,13 +162,20 @@ def split(positions: NDArray[np.floating], config: SubmapConfig | None = None) -
     if config.count is not None:
         return _cut(points, merges, member, min(config.count, most), reach)
     needed = max(-(-len(points) // config.frames_per_submap), several)
-    count = min(needed, most)
-    while True:
-        submaps = _cut(points, merges, member, count, reach)
-        fits = max(len(s.frames) for s in submaps) <= config.frames_per_submap
-        if fits or count >= min(most, 4 * needed):
-            return submaps
-        count += max(1, count // 10)
+    tried: dict[int, tuple[Submap, ...]] = {}
+    count = min(several, most)
+    while count <= min(most, _MOST_TRIED * needed):
+        tried[count] = _cut(points, merges, member, count, reach)
+        if _largest(tried[count]) <= config.frames_per_submap:
+            return tried[count]
+        count = max(count + max(1, count // 10), min(needed, most))
+    enough = _NEARLY * min(map(_largest, tried.values()))
+    return next(submaps for submaps in tried.values() if _largest(submaps) <= enough)
+
+
+def _largest(submaps: tuple[Submap, ...]) -> int:
+    """The number of frames of the largest submap."""
+    return max(len(submap.frames) for submap in submaps)
 
 
 def describe(submaps: tuple[Submap, ...], positions: NDArray[np.floating]) -> tuple[SubmapRow, ...]:

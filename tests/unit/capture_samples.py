@@ -48,7 +48,7 @@ def write_images(folder: Path, count: int, width: int = WIDTH, height: int = HEI
     folder.mkdir(parents=True, exist_ok=True)
     names = [f"{i:03d}.png" for i in range(count)]
     for i, name in enumerate(names):
-        image = np.full((height, width, 3), 40 + i, np.uint8)
+        image = np.full((height, width, 3), 40 + i % 200, np.uint8)
         cv2.rectangle(image, (10, 10), (30, 30), (200, 100, 50), -1)
         assert cv2.imwrite(str(folder / name), image)
     return names

@@ -56,6 +56,7 @@ def assert_rules(graph: NavGraph) -> None:
     assert {k: set(v) for k, v in graph.adjacency.items()} == {k: set(v) for k, v in fresh.adjacency.items()}
     assert {k: set(v) for k, v in graph.evidence_of.items()} == {k: set(v) for k, v in fresh.evidence_of.items()}
     assert all(len(set(others)) == len(others) for others in graph.adjacency.values())
+    assert graph.short_length == fresh.short_length
 
 
 def random_arguments(name: str, graph: NavGraph, rng: random.Random) -> dict[str, object]:

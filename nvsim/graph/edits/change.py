@@ -192,6 +192,9 @@ class Change:
                 after.__dict__[name] = MappingProxyType(own)
             elif name in self.graph.__dict__:
                 after.__dict__[name] = self.graph.__dict__[name]
+        is_same = all((id in self.viewpoints) == (id in self.graph.viewpoints) for id in self._touched_viewpoints)
+        if is_same and "short_length" in self.graph.__dict__:
+            after.__dict__["short_length"] = self.graph.short_length
         touched = TouchedElements(
             tuple(self._touched_viewpoints), tuple(self._touched_edges), tuple(self._touched_evidence)
         )

@@ -47,6 +47,7 @@ def run(
     Raises InputError if the check refuses the capture, or the scale of a capture other than a video is unknown.
     """
     from nvsim.capture.check import check
+    from nvsim.capture.dense_frames import without_near_duplicates
     from nvsim.capture.excluded_frames import expand_list
     from nvsim.capture.read import read
     from nvsim.capture.store import fingerprint, save_capture
@@ -132,6 +133,11 @@ def run(
             f"{source} has no metric scale; give the height of the cameras above the floor (--camera-height METERS) or "
             "the length of a unit (--scale METERS)."
         )
+    dense = len(capture.frames)
+    capture = without_near_duplicates(capture)
+    if len(capture.frames) < dense:
+        text = f"{len(capture.frames)} of {dense} frames are used; the others are nearly equal to them and less sharp."
+        listen(Log(text, STAGE))
     capture, adjusted = _select_poses(capture, config, listen)
     report_replaced_result(project, STAGE, listen)
     with contextlib.suppress(InputError):  # an unreadable capture is imported again
