@@ -157,7 +157,7 @@ def find_pose_contradiction(capture: Capture) -> Finding | None:
     if not capture.alignment.scale_known or are_poses_good(missed := median_epipolar_error(capture.frames)):
         return None
     message = f"the poses miss matched features by {missed:.2f} pixels; exact poses miss them by 0.1 pixels"
-    if capture.is_measured:
+    if capture.is_scanned:
         consequence = "models become blurred; --poses refined adjusts the poses to the images"
         return Finding("warning", message, "the whole capture", consequence)
     consequence = "the poses are adjusted when it is imported; --poses given keeps them"

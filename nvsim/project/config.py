@@ -59,7 +59,7 @@ class CaptureConfig:
     one with the most images."""
     poses: PoseUse = "auto"
     """given: poses as in the files; refined: adjusted to matches between images if that reduces their error; auto:
-    refined if the capture has no LiDAR scan or depth and the images contradict the given poses."""
+    refined if the capture has no LiDAR scan and the images contradict the given poses."""
     views: int | None = None
     """Number of views per panorama of a 360 degree camera: 4 level views, 8 with four that look 45 degrees down, or 12
     with four more that look 45 degrees up. If left out, NVSim keeps the number of the last import, or uses 4."""

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 from pathlib import Path
 
+import cv2
 import numpy as np
 import pytest
 from numpy.typing import NDArray
@@ -86,6 +87,22 @@ def test_poses_beside_a_scan_are_left_alone_unless_it_is_asked(captures: dict[st
     assert "poses_before_px" in summary
 
 
+def test_depth_images_move_with_the_poses_of_their_frames(captures: dict[str, Path], tmp_path: Path) -> None:
+    tree = json.loads((captures["shaken"] / "transforms.json").read_text())
+    path = tmp_path / "depth.png"
+    assert cv2.imwrite(str(path), np.full((45, 60), 2000, np.uint16))
+    for frame in tree["frames"]:
+        frame["depth_file_path"] = str(path)
+    listed = captures["shaken"] / "with_depth.json"
+    listed.write_text(json.dumps(tree))
+    found, summary, said = brought(tmp_path / "found", listed)
+    assert "poses_before_px" in summary and "The poses were adjusted" in said
+    at = {f.name: f.camera_to_world for f in found.frames}
+    assert len(found.depths) == len(found.frames)
+    for depth in found.depths:
+        np.testing.assert_allclose(depth.camera_to_world, at[depth.frame], atol=1e-9)
+
+
 def test_the_check_says_that_poses_contradict_the_images(
     captures: dict[str, Path], capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -95,7 +112,7 @@ def test_the_check_says_that_poses_contradict_the_images(
         said[name] = capsys.readouterr().out
     assert "the poses miss" not in said["plain"] + said["scanned"]
     assert "note: the poses miss" in said["shaken"] and "adjusted when it is imported" in said["shaken"]
-    assert "warning: the poses miss" in said["beside"] and "`nvsim run --poses` refined" in said["beside"]
+    assert "warning: the poses miss" in said["beside"] and "`nvsim run --poses refined`" in said["beside"]
 
 
 def test_an_image_that_is_missing_is_no_matter_of_poses(

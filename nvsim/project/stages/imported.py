@@ -206,9 +206,10 @@ def _select_poses(capture: Capture, config: CaptureConfig, listen: Listener) -> 
     """The capture with the poses that `config` selects, and the figures of the adjustment for the summary."""
     from nvsim.poses.refinement import are_poses_good, median_epipolar_error, refine
 
-    measured = capture.is_measured or bool(capture.scans or capture.depths)
+    # A scan, and depth that belongs to no image, were measured with the given poses and would not move with them.
+    is_fixed = capture.is_scanned or bool(capture.scans) or any(not depth.frame for depth in capture.depths)
     if config.poses == "given" or (
-        config.poses == "auto" and (measured or are_poses_good(median_epipolar_error(capture.frames)))
+        config.poses == "auto" and (is_fixed or are_poses_good(median_epipolar_error(capture.frames)))
     ):
         return capture, {}
     found = refine(capture.frames, lambda done, of: listen(Progress(STAGE, done, of, "matches between images")))
