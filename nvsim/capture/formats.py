@@ -142,15 +142,15 @@ FORMATS: tuple[Format, ...] = (
         explain_missing=colmap.explain_missing,
     ),
     Format(
-        "a raw export of Polycam",
+        "Polycam",
         "a raw export of Polycam (keyframes/cameras)",
         pose_files.find_polycam,
         pose_files.read_polycam,
         explain_missing=pose_files.explain_missing_polycam,
     ),
     Format(
-        "an RGB-D recording",
-        "an RGB-D recording with a text file for each pose, as of 7-Scenes or ScanNet",
+        "RGB-D",
+        "an RGB-D recording with pose files (frame-000000.pose.txt, or pose/0.txt)",
         pose_files.find_depth_recording,
         pose_files.read_depth_recording,
     ),

@@ -77,7 +77,8 @@ def read_polycam(keyframes: Path, findings: Findings) -> RawCapture:
             "the poses of ARKit drift; process the scan again with loop closure, or use --poses refined",
         )
     files = _by_stem(images, _IMAGES)
-    frames, depths = [], []
+    frames: list[RawFrame] = []
+    depths: list[DepthFile] = []
     stems = _sorted_stems(cameras, ".json")
     for stem in stems:
         where = f"{cameras.name}/{stem}.json"
