@@ -3,7 +3,8 @@ A network is best at floor in holes of the LiDAR scan, and at vertical surfaces 
 
 In rooms unlike those of its training, a network is more certain than it should be. Its floor probability is therefore
 calibrated on the capture itself: where geometry is certain, it shows how often the network is right. Temperature
-scaling (Guo et al. 2017) divides the log odds of the network by one number, here per floor surface."""
+scaling (Guo et al. 2017) divides the log odds of the network by one number, here per floor surface. If the network is
+often wrong, the colors of certain floor count, too."""
 
 from __future__ import annotations
 
@@ -14,10 +15,11 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import minimize_scalar
+from scipy.optimize import minimize, minimize_scalar
 
 from nvsim.geometry.camera import Camera
 from nvsim.geometry.sampling import evenly_spaced
+from nvsim.perception.floor_colors import FloorColors
 from nvsim.perception.geometric import GeometricFloor
 from nvsim.perception.roles import Float32, FloorMask, Image, Mask, SemanticFloor, SurfaceNormals
 
@@ -25,6 +27,8 @@ _GLIMPSES = 24  # views from which a network is measured
 _FEWEST = 500  # pixels of floor, and of other surfaces, needed
 _LEAST = 1e-7  # probability that counts as 0, and its distance from 1
 _RANGE = (0.25, 10.0)  # temperatures
+_OFTEN_WRONG = 2.0  # temperature from which on colors count
+_SMOOTH = 80  # the color of a pixel is the mean over a square of this share of the image's width
 
 
 class View(NamedTuple):
@@ -37,45 +41,102 @@ class View(NamedTuple):
     depth: Callable[[], Float32] | None
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class CalibratedFloor:
-    """A SemanticFloor whose log odds are divided by a temperature: above 1, it is less certain than the network."""
+    """A SemanticFloor whose log odds are divided by a temperature: above 1, it is less certain than the network. With
+    `colors`, `weight` times their log odds are added."""
 
     network: SemanticFloor
     temperature: float
+    colors: FloorColors | None = None
+    weight: float = 0.0
 
     def floor_probability(self, image: Image, camera: Camera) -> Float32:
         """(H, W) float32, 0 to 1, see SemanticFloor."""
-        said = log_odds(self.network.floor_probability(image, camera))
-        return np.asarray(1 / (1 + np.exp(-said / np.float32(self.temperature))), np.float32)
+        said = log_odds(self.network.floor_probability(image, camera)) / np.float32(self.temperature)
+        if self.colors is not None:
+            said += np.float32(self.weight) * self.colors.log_odds(_smooth(image))
+        return np.asarray(1 / (1 + np.exp(-said)), np.float32)
+
+
+def _smooth(image: Image) -> Image:
+    import cv2
+
+    side = 2 * (image.shape[1] // (2 * _SMOOTH)) + 1
+    return np.asarray(cv2.blur(image, (side, side)), np.uint8)
+
+
+class _Certain(NamedTuple):
+    """Pixels of which geometry is certain: the log odds (N,) of the network, whether they are floor (N,), and their
+    colors (N, 3)."""
+
+    odds: Float32
+    is_floor: Mask
+    colors: Image
+
+    def is_enough(self) -> bool:
+        return min(int(self.is_floor.sum()), int((~self.is_floor).sum())) >= _FEWEST
+
+    @staticmethod
+    def joined(parts: Sequence[_Certain]) -> _Certain:
+        return _Certain(*(np.concatenate(values) for values in zip(*parts, strict=True)))
 
 
 def calibrate(
     network: SemanticFloor, floor: GeometricFloor, views: Sequence[View], threads: int = 1
 ) -> CalibratedFloor:
     """The network with the temperature that fits the pixels of which `floor` is certain, in views evenly selected from
-    `views`. The temperature is 1 if there are too few such pixels."""
+    `views`. The temperature is 1 if there are too few such pixels. Colors count if depth comes from the images and the
+    temperature is 2 or more."""
 
-    def measured(index: int) -> tuple[Float32, NDArray[np.bool_]]:
+    def measured(index: int) -> _Certain:
         import cv2
 
         camera, read, usable_of, depth = views[index]
         level, high = floor.certain(camera, None if depth is None else depth())
         if not (level.any() or high.any()):
-            return np.zeros(0, np.float32), np.zeros(0, bool)
-        found = network.floor_probability(read(), camera)
-        small = cv2.resize(found, (level.shape[1], level.shape[0]), interpolation=cv2.INTER_AREA)
+            return _Certain(np.zeros(0, np.float32), np.zeros(0, bool), np.zeros((0, 3), np.uint8))
+        image, size = read(), (level.shape[1], level.shape[0])
+        small = cv2.resize(network.floor_probability(image, camera), size, interpolation=cv2.INTER_AREA)
+        shown = cv2.resize(_smooth(image), size, interpolation=cv2.INTER_AREA)
         known, usable = level | high, usable_of()
         if usable is not None:
             known &= cv2.resize(usable.astype(np.uint8), known.shape[::-1], interpolation=cv2.INTER_NEAREST) > 0
-        return log_odds(np.asarray(small[known], np.float32)), level[known]
+        odds = log_odds(np.asarray(small[known], np.float32))
+        return _Certain(odds, level[known], np.asarray(shown[known], np.uint8))
 
+    chosen = evenly_spaced(len(views), _GLIMPSES)
     with ThreadPoolExecutor(threads) as pool:
-        parts = list(pool.map(measured, evenly_spaced(len(views), _GLIMPSES)))
-    odds, is_floor = (np.concatenate(values) for values in zip(*parts, strict=True))
-    if min(is_floor.sum(), (~is_floor).sum()) < _FEWEST:
+        parts = list(pool.map(measured, chosen))
+    found = _Certain.joined(parts)
+    if not found.is_enough():
         return CalibratedFloor(network, 1.0)
-    return CalibratedFloor(network, fitting_temperature(odds, is_floor))
+    temperature = fitting_temperature(found.odds, found.is_floor)
+    if temperature < _OFTEN_WRONG or any(views[index].depth is None for index in chosen):
+        return CalibratedFloor(network, temperature)
+    return _with_colors(network, temperature, parts)
+
+
+def _with_colors(network: SemanticFloor, temperature: float, parts: Sequence[_Certain]) -> CalibratedFloor:
+    """The network with the temperature and the weight of colors that fit together. The weight is measured with colors
+    of other views: those of every second view are learned from the rest."""
+    halves = [_Certain.joined(parts[k::2]) for k in (0, 1)]
+    if not all(half.is_enough() for half in halves):
+        return CalibratedFloor(network, temperature)
+    learned = [FloorColors.learn(half.colors, half.is_floor) for half in halves]
+    sign = np.concatenate([np.where(half.is_floor, 1.0, -1.0) for half in halves])
+    odds = np.concatenate([half.odds for half in halves])
+    color = np.concatenate([learned[1 - k].log_odds(half.colors) for k, half in enumerate(halves)])
+
+    def entropy(weights: NDArray[np.float64]) -> float:
+        return float(np.logaddexp(0, -sign * (weights[0] * odds + weights[1] * color)).mean())
+
+    bounds = ((1 / _RANGE[1], 1 / _RANGE[0]), (0.0, 1.5))
+    sharpness, weight = minimize(entropy, (1 / temperature, 0.3), bounds=bounds).x
+    every = _Certain.joined(parts)
+    return CalibratedFloor(
+        network, float(1 / sharpness), FloorColors.learn(every.colors, every.is_floor), float(weight)
+    )
 
 
 def fitting_temperature(odds: Float32, is_floor: NDArray[np.bool_]) -> float:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import cv2
 import numpy as np
 import pytest
 
@@ -9,6 +10,8 @@ from nvsim.perception.fused import (
     CalibratedFloor,
     FusedFloor,
     View,
+    _Certain,
+    _with_colors,
     calibrate,
     fitting_temperature,
     log_odds,
@@ -105,3 +108,56 @@ def test_a_mask_that_geometry_leaves_open_and_the_network_too_is_called_unsure()
     assert FusedFloor(provider, Network(0.55)).segment(view.camera, view.image()).failure == "unsure"
     assert FusedFloor(provider, Network(0.999)).segment(view.camera, view.image()).failure == ""
     assert FusedFloor(geometry(), Network(0.55)).segment(view.camera, view.image()).failure == "", "geometry knows it"
+
+
+def colored_parts(views: int = 6, pixels: int = 2000) -> list[_Certain]:
+    """Pixels of blue floor and red objects, with a little noise, and a network that is wrong about half of both."""
+    rng = np.random.default_rng(0)
+    parts = []
+    for _ in range(views):
+        is_floor = rng.random(pixels) < 0.3
+        colors = np.where(is_floor[:, None], (40, 60, 160), (160, 60, 40)) + rng.normal(0, 8, (pixels, 3))
+        odds = np.where(rng.random(pixels) < 0.5, 3.0, -3.0).astype(np.float32)
+        parts.append(_Certain(odds, is_floor, np.clip(colors, 0, 255).astype(np.uint8)))
+    return parts
+
+
+def test_colors_decide_if_the_network_is_often_wrong() -> None:
+    found = _with_colors(Network(0.95), 5.0, colored_parts())
+    assert found.colors is not None and found.weight > 0.5 and found.temperature > 5
+    assert found.colors.log_odds(np.array([40, 60, 160])) > 3 and found.colors.log_odds(np.array([160, 60, 40])) < -3
+    assert abs(found.colors.log_odds(np.array([60, 200, 60]))) < 0.5, "colors that no view shows decide nothing"
+
+    class Half:
+        def floor_probability(self, image, view):
+            return np.full(image.shape[:2], 0.5, np.float32)
+
+    image = np.zeros((40, 60, 3), np.uint8)
+    image[:, :30], image[:, 30:] = (40, 60, 160), (160, 60, 40)
+    said = CalibratedFloor(Half(), 1.0, found.colors, found.weight).floor_probability(image, camera(0))
+    assert (said[:, :28] > 0.9).all() and (said[:, 32:] < 0.1).all()
+
+
+def test_colors_that_tell_nothing_have_no_weight() -> None:
+    rng = np.random.default_rng(1)
+    parts = [
+        _Certain(part.odds, part.is_floor, rng.integers(60, 200, part.colors.shape).astype(np.uint8))
+        for part in colored_parts()
+    ]
+    assert _with_colors(Network(0.95), 5.0, parts).weight < 0.1
+
+
+def test_colors_count_only_beside_depth_from_images_and_an_unsure_network() -> None:
+    floor = geometry()
+
+    def depth(view: View) -> np.ndarray:
+        """Depth of the floor, and half of it on everything before the floor."""
+        small = floor._working_camera(view.camera)
+        ground = floor.project(view.camera).distance * (small.rays() @ small.rotation[:, 2])
+        shown = cv2.resize(truth(view.camera)[0].astype(np.uint8), ground.shape[::-1], interpolation=cv2.INTER_NEAREST)
+        return np.where(shown > 0, ground, 0.5 * ground).astype(np.float32)
+
+    assert calibrate(Network(0.999, wrong=0.4), floor, VIEWS).colors is None
+    with_depth = [v._replace(depth=lambda v=v: depth(v)) for v in VIEWS]
+    assert calibrate(Network(0.999, wrong=0.4), floor, with_depth).colors is not None
+    assert calibrate(Network(0.95), floor, with_depth).colors is None

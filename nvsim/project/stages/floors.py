@@ -115,7 +115,7 @@ def _median_camera_height(
 STAGE: StageName = "floors"
 _SUPPORT = 1  # the part of the stage that depends on corrections
 _VERSION = 4  # of the committed data; increased when equal inputs give another result
-_WITH_DEPTH = 5  # version for captures with estimated depth or depth images
+_WITH_DEPTH = 6  # version for captures with estimated depth or depth images
 _WITH_STAIRS = "stairs 3"  # version for captures with overlapping storeys
 _WITH_SUBMAPS = "submaps 2"  # version for captures with several submaps
 
