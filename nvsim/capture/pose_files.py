@@ -172,7 +172,7 @@ def _pose(file: Path, where: str, findings: Findings) -> NDArray[np.float64] | N
     try:
         values = _matrix(file, 4)
     except InputError as error:
-        findings.error(str(error).removeprefix(f"{file} "), where, LOST_FRAME)
+        findings.error(str(error).replace(str(file), "the pose file").rstrip("."), where, LOST_FRAME)
         return None
     if not np.isfinite(values).all():
         findings.warning("the tracking was lost (the pose is not finite)", where, "the frame is skipped")

@@ -138,10 +138,15 @@ def test_frames_without_a_pose_are_warnings_and_damaged_files_are_errors(tmp_pat
     (folder / "frame-000002.pose.txt").write_text("-inf -inf -inf -inf\n" * 4)
     (folder / "frame-000003.pose.txt").write_text("1 2 3\n")
     (folder / "frame-000004.color.png").unlink()
+    (folder / "frame-000005.pose.txt").write_text("")
     report = check(folder)
     said = {f.where.split(":")[0]: (f.severity, f.message) for f in report.findings}
     assert said["frame-000002.pose.txt"] == ("warning", "the tracking was lost (the pose is not finite)")
-    assert said["frame-000003.pose.txt"] == ("error", "holds no 4x4 matrix of numbers; write it again.")
+    assert said["frame-000003.pose.txt"] == ("error", "the pose file holds no 4x4 matrix of numbers; write it again")
+    assert said["frame-000005.pose.txt"] == (
+        "error",
+        "the pose file is empty (0 bytes); copy it again from the source",
+    )
     assert said["frame-000004.pose.txt"][0] == "error" and "missing" in said["frame-000004.pose.txt"][1]
 
 
