@@ -37,7 +37,7 @@ from nvsim_app.session import Session
 from nvsim_app.state.cleaning import SplatCleaning, rows_in_outline
 from nvsim_app.state.document import Document
 from nvsim_app.state.side_work import RemovableGaussians
-from nvsim_app.wiring.cleaning import CleanPart, with_splat_project
+from nvsim_app.wiring.cleaning import CHANGED, CleanPart, with_splat_project
 from nvsim_app.wiring.jobs import JobsPart
 from nvsim_app.wiring.window import MainWindow
 from tests.unit.splat_rooms import two_rooms
@@ -272,6 +272,25 @@ def test_the_stage_bar_names_results_of_other_gaussians_until_they_fit_again(
     built = "The splat has changed since the map was built."
     qtbot.waitUntil(lambda: bar.isVisible() and bar.sentence.text() == built, timeout=SECONDS)
     assert bar.stage.text() == "Build the map only"
+
+
+def test_a_change_of_the_splat_ends_the_cleaning_with_a_notice_once_something_is_marked(
+    qtbot: QtBot, session: Session, project: Path
+) -> None:
+    opened(qtbot, session, project)
+    window, part = session.window, session.window.part(CleanPart)
+    qtbot.keyClick(window.scene, Qt.Key.Key_Escape)
+    changed = frozenset({"scene_stamp"})
+    window.actions_table["mode_clean"].trigger()
+    session.document.contentsChanged.emit(changed)  # the reload after an earlier cleaning comes late
+    assert window.modes.current is part.mode
+    qtbot.waitUntil(lambda: part.mode.cleaning is not None, timeout=SECONDS)
+    assert window.scene.feed.source is part._source and CHANGED not in window.notice_area.texts
+    session.document.contentsChanged.emit(changed)
+    assert window.modes.current.name == "select" and CHANGED in window.notice_area.texts
+    assert not isinstance(window.scene.feed.source, WholeSplatSource)
+    session.document.contentsChanged.emit(changed)
+    assert window.notice_area.texts.count(CHANGED) == 1
 
 
 def test_escape_leaves_without_changes_and_the_removal_can_be_undone(

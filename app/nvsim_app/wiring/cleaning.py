@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
-from PySide6.QtCore import QSettings
+from PySide6.QtCore import QSettings, QTimer
 
 from nvsim.project.work import STAGES, WORK, StageName
 from nvsim_app.actions import Action
@@ -21,6 +21,9 @@ from nvsim_app.state.document import Document
 from nvsim_app.state.reasons import Reason, with_project_folder, with_scene
 from nvsim_app.state.side_work import CLEANING
 from nvsim_app.wiring.part import Dock, Part, WindowContext
+
+CHANGED = "The splat has changed, so its cleaning ended without changes. Start it again."
+"""The notice if another program, or a job, changed the Gaussians."""
 
 
 def with_splat_project(document: Document) -> Reason:
@@ -67,8 +70,20 @@ class CleanPart(Part):
             self.context.modes.choose("select")
 
     def _on_contents(self, parts: frozenset[str]) -> None:
-        if "scene_stamp" in parts:
-            self.leave()  # the models changed
+        if "scene_stamp" not in parts or self.context.modes.current is not self.mode:
+            return
+        if self.mode.cleaning is None:  # nothing is marked yet
+            QTimer.singleShot(0, self, self._begin_again)  # after the view has changed to the new models
+            return
+        self.context.notices.info(CHANGED, about="clean")
+        self.leave()
+
+    def _begin_again(self) -> None:
+        project, feed = self.context.document.project, self.context.scene.feed
+        if project is not None and self.context.modes.current is self.mode and self.mode.cleaning is None:
+            if feed.source is not self._source:
+                self._before = feed.source
+            self._open(project)
 
     # Beginning and ending --------------------------------------------------------------------------------------
 
@@ -82,8 +97,12 @@ class CleanPart(Part):
         window.show_page(None)
         self.context.scene.setFocus()
         self.panel.show_cleaning(None, SEARCHING)
-        self._before, self._source = feed.source, WholeSplatSource(project)
-        feed.show(self._source)
+        self._before = feed.source
+        self._open(project)
+
+    def _open(self, project: Path) -> None:
+        self._source = WholeSplatSource(project)
+        self.context.scene.feed.show(self._source)
         self.process.open(project)
 
     def _end(self) -> None:
