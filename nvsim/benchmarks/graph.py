@@ -92,7 +92,9 @@ def measure(edits: int = 300, viewpoints: int = 10_000, seed: int = 0) -> dict[s
         journal.flush()  # the first write has the whole graph, once per opening
         first_flush = time.perf_counter() - before
         gc.collect()
-        gc.freeze()  # as the window does, so that the garbage collector skips the opened graph
+        gc.freeze()
+        collects = gc.isenabled()
+        gc.disable()  # as the window does, which collects garbage while the user does nothing
 
         def follow() -> None:
             change = difference(followed[0], history.graph)
@@ -102,6 +104,8 @@ def measure(edits: int = 300, viewpoints: int = 10_000, seed: int = 0) -> dict[s
         single = _single_edits(history, follow, edits, random.Random(seed))
         many = _many_at_once(history, follow)
         gc.unfreeze()
+        if collects:
+            gc.enable()
     times = np.array([ms for ms, _ in single])
     kinds = {kind for _, kind in single}
     by_kind = {kind: float(np.median([ms for ms, k in single if k == kind])) for kind in kinds}
