@@ -46,7 +46,7 @@ def without_near_duplicates(capture: Capture) -> Capture:
 def report_near_duplicates(capture: Capture, findings: Findings) -> None:
     """Add a note about frames that `without_near_duplicates` would leave out."""
     count = len(capture.frames)
-    if count <= MANY:
+    if count <= MANY or not capture.alignment.scale_known:
         return
     kept = len(_groups(capture.frames))
     if _is_dense(count, kept):
