@@ -30,7 +30,16 @@ from nvsim.capture.nerfstudio_fields import (
     unit_of,
 )
 from nvsim.capture.pointcloud import read_cloud
-from nvsim.capture.raw import LOST_FRAME, RawCapture, RawFrame, checked_pose, file_size, natural_order, read_lens
+from nvsim.capture.raw import (
+    LOST_FRAME,
+    RawCapture,
+    RawFrame,
+    checked_pose,
+    file_size,
+    natural_order,
+    read_lens,
+    size_of_lens,
+)
 from nvsim.capture.types import Cloud, DepthFile, MaskFile
 from nvsim.errors import InputError, value_text
 from nvsim.files.reading import reading
@@ -311,9 +320,7 @@ def _parse_lens(tree: Tree, image: Path, where: str, files: FolderFiles, finding
         from nvsim.capture.images import image_size
 
         width, height = image_size(files.find(image) or image)
-        center = get("cx", width / 2), get("cy", height / 2)
-        if not (0.25 < center[0] / width < 0.75 and 0.25 < center[1] / height < 0.75):
-            width, height = round(2 * center[0]), round(2 * center[1])  # the lens belongs to another image size
+        width, height = size_of_lens((width, height), (get("cx", width / 2), get("cy", height / 2)))
     fx = nerfstudio_fields.number(tree, "fl_x", where)
     if fx is None:
         angle = nerfstudio_fields.number(tree, "camera_angle_x", where)

@@ -9,7 +9,6 @@ images are 16-bit PNG files in millimeters. Formats: https://github.com/PolyCam/
 from __future__ import annotations
 
 import os
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -17,7 +16,16 @@ from numpy.typing import NDArray
 
 from nvsim.capture import nerfstudio_fields
 from nvsim.capture.findings import Findings
-from nvsim.capture.raw import LOST_FRAME, RawCapture, RawFrame, checked_pose, natural_order, read_lens, read_text
+from nvsim.capture.raw import (
+    LOST_FRAME,
+    RawCapture,
+    RawFrame,
+    checked_pose,
+    natural_order,
+    read_lens,
+    read_text,
+    size_of_lens,
+)
 from nvsim.capture.types import DepthFile
 from nvsim.errors import InputError, value_text
 from nvsim.geometry.lens import Lens
@@ -97,9 +105,8 @@ def read_polycam(keyframes: Path, findings: Findings) -> RawCapture:
         at = float(stem) / 1e6 if stem.isdecimal() else float(len(frames))
         frame = RawFrame(f"{images.name}/{image.name}", image, lens, placed, where, timestamp=at, axes="opengl")
         frames.append(frame)
-        if lens is not None and placed is not None:
-            confidence = keyframes / "confidence" / f"{stem}.png"
-            depths += _depth(keyframes / "depth" / f"{stem}.png", lens, frame, confidence)
+        confidence = keyframes / "confidence" / f"{stem}.png"
+        depths += _depth(keyframes / "depth" / f"{stem}.png", lens, frame, confidence)
     if not stems:
         raise InputError(f"{cameras} holds no poses (TIMESTAMP.json); export the scan again.")
     return RawCapture(keyframes, "polycam", tuple(frames), None, True, (), tuple(depths))
@@ -155,17 +162,17 @@ def read_depth_recording(folder: Path, findings: Findings) -> RawCapture:
         matrix = _pose(poses[stem], where, findings)
         frame = RawFrame(f"{prefix}{image.name}", image, lens, matrix, where, timestamp=float(index))
         frames.append(frame)
-        if matrix is not None and stem in depths:
+        if stem in depths:
             found += _depth(depths[stem], depth_lens, frame)
     return RawCapture(folder, "depth recording", tuple(frames), None, True, (), tuple(found))
 
 
-def _depth(file: Path, lens: Lens, frame: RawFrame, confidence: Path | None = None) -> list[DepthFile]:
-    """The depth image of a frame if its file exists."""
-    if frame.camera_to_world is None or not file.is_file():
+def _depth(file: Path, lens: Lens | None, frame: RawFrame, confidence: Path | None = None) -> list[DepthFile]:
+    """The depth image of a frame if its file, its lens, and the pose exist."""
+    if lens is None or frame.camera_to_world is None or not file.is_file():
         return []
-    depth = DepthFile(file, lens, frame.camera_to_world, frame.name, unit=_MILLIMETER)
-    return [replace(depth, confidence=confidence) if confidence is not None and confidence.is_file() else depth]
+    known = confidence if confidence is not None and confidence.is_file() else None
+    return [DepthFile(file, lens, frame.camera_to_world, frame.name, unit=_MILLIMETER, confidence=known)]
 
 
 def _pose(file: Path, where: str, findings: Findings) -> NDArray[np.float64] | None:
@@ -192,7 +199,7 @@ def _matrix(file: Path, size: int) -> NDArray[np.float64]:
 
 def _lenses(
     folder: Path, colors: dict[str, Path], depths: dict[str, Path], findings: Findings
-) -> tuple[Lens | None, Lens]:
+) -> tuple[Lens | None, Lens | None]:
     """The lenses of the color camera and of the depth camera, which is the same unless it has its own intrinsics."""
     from nvsim.capture.images import image_size  # imports OpenCV, which slows down the start of the app
 
@@ -203,8 +210,9 @@ def _lenses(
     if file is not None:
         lens = _lens(file, size, findings)
         own = _first_file(folder, _DEPTH_INTRINSICS)
-        depth = _lens(own, image_size(next(iter(depths.values()))), findings) if own is not None and depths else lens
-        return lens, depth if depth is not None else _kinect(_KINECT_DEPTH)
+        if own is None or not depths:
+            return lens, lens
+        return lens, _lens(own, image_size(next(iter(depths.values()))), findings)
     if size != _KINECT_SIZE:
         raise InputError(f"{folder} has no intrinsics (the 3x3 matrix camera-intrinsics.txt); add this file.")
     findings.warning(
@@ -226,14 +234,12 @@ def _first_file(folder: Path, choices: tuple[str, ...]) -> Path | None:
 
 
 def _lens(file: Path, size: tuple[int, int], findings: Findings) -> Lens | None:
-    """The lens of an intrinsic matrix. If its center is not near that of the image, it belongs to a larger or smaller
-    copy of the image."""
+    """The lens of an intrinsic matrix for an image of `size` (width, height)."""
     k = _matrix(file, 3)
-    center = np.array([k[0, 2], k[1, 2]])
-    share = center / size
-    if np.isfinite(center).all() and not ((share > 0.25) & (share < 0.75)).all():
-        size = round(2 * center[0]), round(2 * center[1])
-    return read_lens("PINHOLE", *size, (k[0, 0], k[1, 1], *center), file.name, findings)
+    if not np.isfinite(k).all():
+        raise InputError(f"{file} holds a value that is not a finite number; write it again.")
+    center = float(k[0, 2]), float(k[1, 2])
+    return read_lens("PINHOLE", *size_of_lens(size, center), (k[0, 0], k[1, 1], *center), file.name, findings)
 
 
 def _by_stem(folder: Path, endings: tuple[str, ...], mark: str = "") -> dict[str, Path]:

@@ -179,6 +179,14 @@ def whole_number(text: str) -> int:
     return int(text)
 
 
+def size_of_lens(size: tuple[float, float], center: tuple[float, float]) -> tuple[float, float]:
+    """Width and height of the image that a lens belongs to, pixels. This is `size`, that of the image file, unless the
+    `center` of the lens is not near its middle. Then the lens belongs to a larger or smaller copy."""
+    if all(0.25 < at / side < 0.75 for at, side in zip(center, size, strict=True)):
+        return size
+    return round(2 * center[0]), round(2 * center[1])
+
+
 LARGEST_SIDE = 65_535  # pixels; the limit of JPEG
 FOCAL_RANGE = (0.1, 1e6)  # pixels
 

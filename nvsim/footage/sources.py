@@ -9,7 +9,7 @@ from typing import Literal
 
 from nvsim.capture.image_folder import has_other_content
 from nvsim.capture.raw import natural_order
-from nvsim.errors import InputError
+from nvsim.errors import InputError, value_text
 from nvsim.files.images import ImageSize, image_size_of
 from nvsim.files.opening import opened
 
@@ -44,6 +44,15 @@ class Footage:
         names = [file.stem.lower() for file in self.files]
         is_rig = len(names) >= FEWEST_SIDES and names == [f"side{k}" for k in range(len(names))]
         return len(names) if is_rig and self.kind == "video" else 0
+
+    @property
+    def others_text(self) -> str:
+        """A sentence about the images that are not used, without its full stop; "" for none."""
+        if not self.others:
+            return ""
+        example = value_text(self.others[0].name)
+        count = f"{len(self.others):,} images are" if len(self.others) > 1 else "1 image is"
+        return f"{count} not used because of names like {example}, as depth images and masks have"
 
     @property
     def description(self) -> str:

@@ -82,6 +82,8 @@ def compute_poses(
     raises it if fewer than half of the frames have a pose, unless the user has `chosen` a piece.
     """
     footage = need_footage(source)
+    if footage.others:
+        listen(Log(f"{footage.others_text}.", STAGE))
     refuse_mask_in_output(options, folder)
     stamp = _stamp(footage)
     known = read_report(folder)

@@ -10,7 +10,6 @@ from nvsim.capture.formats import is_capture, resembles_capture
 from nvsim.errors import InputError
 from nvsim.footage.position_logs import ODOMETRY, exif_positions, log_files, read_log
 from nvsim.footage.sources import Footage, find_footage, is_equirectangular, is_panoramic, says_spherical
-from nvsim.plain_text import count_text
 
 _LONGEST = 60.0  # seconds to open a video, at most
 _SHORT = 5.0  # seconds; a shorter video shows little of a building
@@ -94,6 +93,8 @@ def check_footage(footage: Footage, scale_known: bool) -> FootageReport:
         )
     for file in files:
         _judge(file, bool(footage.sides), findings)
+    if footage.others:
+        findings.note(footage.others_text, footage.source.name, "rename them if they are photographs")
     _judge_panoramas(footage, files, findings)
     has_log = _judge_positions(footage, findings)
     if not scale_known and not has_log and not findings.errors:
@@ -162,12 +163,6 @@ def _judge_photographs(footage: Footage, findings: Findings) -> None:
     if is_capture(above):
         findings.note(
             "the folder above is a capture with camera poses", str(above), "give that folder instead to use its poses"
-        )
-    if footage.others:
-        findings.note(
-            "files whose names are those of depth images, masks, or the like are not used",
-            f"{name}: {count_text(len(footage.others), 'file')}, such as {footage.others[0].name}",
-            "rename them if they are photographs",
         )
     if len(footage.files) < _FEW:
         findings.warning("there are few photographs", f"{name}: {len(footage.files)}", "they show little of a building")

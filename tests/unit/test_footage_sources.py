@@ -12,6 +12,7 @@ from textured_video import HEIGHT, WIDTH, shifted, texture, view, write_video
 from nvsim.errors import InputError
 from nvsim.footage.decoding import video_facts, video_frames
 from nvsim.footage.sources import find_footage, need_footage
+from nvsim.reconstruction.footage_check import check_footage
 
 
 def touch(folder: Path, *names: str) -> Path:
@@ -133,6 +134,9 @@ def test_depth_images_and_masks_are_no_photographs(tmp_path: Path) -> None:
     assert found is not None
     assert [f.name for f in found.files] == [f"{i}.color.png" for i in range(4)]
     assert len(found.others) == 8
+    words = "8 images are not used because of names like 0.depth.png, as depth images and masks have"
+    assert found.others_text == words
+    assert words in [finding.message for finding in check_footage(found, True).findings]
     only = tmp_path / "only"
     only.mkdir()
     for i in range(4):
