@@ -8,7 +8,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
-from nvsim.capture import colmap, kapture, multi_capture, nerfstudio, pose_files
+from nvsim.capture import colmap, kapture, multi_capture, nerfstudio, pose_files, trajectory_files
 from nvsim.capture.colmap_layout import child_folders, model_named
 from nvsim.capture.findings import Findings
 from nvsim.capture.image_folder import IMAGE_ENDINGS, find_moved_measurements
@@ -153,6 +153,18 @@ FORMATS: tuple[Format, ...] = (
         "an RGB-D recording with pose files (frame-000000.pose.txt, or pose/0.txt)",
         pose_files.find_depth_recording,
         pose_files.read_depth_recording,
+    ),
+    Format(
+        "TUM RGB-D",
+        "a recording in TUM's format (rgb.txt and groundtruth.txt)",
+        trajectory_files.find_tum,
+        trajectory_files.read_tum,
+    ),
+    Format(
+        "Replica",
+        "a Replica scene of NICE-SLAM (results and traj.txt)",
+        trajectory_files.find_replica,
+        trajectory_files.read_replica,
     ),
 )
 """In the order of the search. The first format that matches is read."""

@@ -84,7 +84,7 @@ def read_polycam(keyframes: Path, findings: Findings) -> RawCapture:
             keyframes.name,
             "the poses of ARKit drift; process the scan again with loop closure, or use --poses refined",
         )
-    files = _by_stem(images, _IMAGES)
+    files = files_by_stem(images)
     frames: list[RawFrame] = []
     depths: list[DepthFile] = []
     stems = _sorted_stems(cameras, ".json")
@@ -145,15 +145,15 @@ def read_depth_recording(folder: Path, findings: Findings) -> RawCapture:
     names = os.listdir(folder)
     if any(name.endswith(_POSE) for name in names):
         poses = {name.removesuffix(_POSE): folder / name for name in names if name.endswith(_POSE)}
-        colors, depths = (_by_stem(folder, _IMAGES, mark) for mark in (_COLOR, _DEPTH))
+        colors, depths = (files_by_stem(folder, mark) for mark in (_COLOR, _DEPTH))
         prefix, missing = "", f"{_COLOR}.png"
     else:
         pose, color = _child(folder, _POSES, names), _child(folder, _COLORS, names)
         assert pose is not None and color is not None  # find_depth_recording has tested it
         poses = {stem: pose / f"{stem}.txt" for stem in _sorted_stems(pose, ".txt")}
-        colors, depths = _by_stem(color, _IMAGES), _by_stem(folder / _DEPTHS, _IMAGES)
+        colors, depths = files_by_stem(color), files_by_stem(folder / _DEPTHS)
         prefix, missing = f"{color.name}/", ".jpg"
-    lens, depth_lens = _lenses(folder, colors, depths, findings)
+    lens, depth_lens = read_lenses(folder, colors, depths, findings)
     frames: list[RawFrame] = []
     found: list[DepthFile] = []
     for index, stem in enumerate(sorted(poses, key=natural_order)):
@@ -197,16 +197,18 @@ def _matrix(file: Path, size: int) -> NDArray[np.float64]:
         raise InputError(f"{file} holds no {size}x{size} matrix of numbers; write it again.") from None
 
 
-def _lenses(
+def read_lenses(
     folder: Path, colors: dict[str, Path], depths: dict[str, Path], findings: Findings
 ) -> tuple[Lens | None, Lens | None]:
-    """The lenses of the color camera and of the depth camera, which is the same unless it has its own intrinsics."""
+    """The lenses of the color camera and of the depth camera, which is the same unless it has its own intrinsics.
+    `colors` and `depths` are image files of the recording in `folder` by name. Raises InputError if there are no
+    intrinsics and the images are not those of a Kinect."""
     from nvsim.capture.images import image_size  # imports OpenCV, which slows down the start of the app
 
     if not colors:
         raise InputError(f"{folder} holds poses but no color images; copy them there.")
     size = image_size(next(iter(colors.values())))
-    file = _first_file(folder, _INTRINSICS)
+    file = intrinsics_file(folder)
     if file is not None:
         lens = _lens(file, size, findings)
         own = _first_file(folder, _DEPTH_INTRINSICS)
@@ -228,6 +230,11 @@ def _kinect(focal: float) -> Lens:
     return Lens("PINHOLE", width, height, (focal, focal, width / 2, height / 2))
 
 
+def intrinsics_file(folder: Path) -> Path | None:
+    """The file with the intrinsic matrix of the recordings in `folder`, or None."""
+    return _first_file(folder, _INTRINSICS)
+
+
 def _first_file(folder: Path, choices: tuple[str, ...]) -> Path | None:
     """The first of `choices` in `folder` or in the folder above it, which may hold several recordings."""
     return next((at / name for at in (folder, folder.parent) for name in choices if (at / name).is_file()), None)
@@ -242,14 +249,14 @@ def _lens(file: Path, size: tuple[int, int], findings: Findings) -> Lens | None:
     return read_lens("PINHOLE", *size_of_lens(size, center), (k[0, 0], k[1, 1], *center), file.name, findings)
 
 
-def _by_stem(folder: Path, endings: tuple[str, ...], mark: str = "") -> dict[str, Path]:
-    """Files of `folder` with one of `endings`, by their names without it and without `mark` before it."""
+def files_by_stem(folder: Path, mark: str = "") -> dict[str, Path]:
+    """Images in `folder`, by their names without the extension and without `mark` before it."""
     found: dict[str, Path] = {}
     if not folder.is_dir():
         return found
     for name in sorted(os.listdir(folder)):
         stem, ending = os.path.splitext(name)
-        if ending in endings and stem.endswith(mark) and not name.startswith("."):
+        if ending in _IMAGES and stem.endswith(mark) and not name.startswith("."):
             found.setdefault(stem.removesuffix(mark), folder / name)
     return found
 

@@ -1,4 +1,5 @@
-"""Raw exports of Polycam and recordings of a depth camera: the reader returns what was written, in each layout."""
+"""Raw exports of Polycam, recordings of a depth camera, and those with one trajectory file: the reader returns what was
+written, in each layout."""
 
 from __future__ import annotations
 
@@ -14,7 +15,9 @@ from nvsim.capture.check import check
 from nvsim.capture.depth_images import read_depth_image
 from nvsim.capture.read import read
 from nvsim.capture.store import fingerprint, load_capture, save_capture
+from nvsim.capture.trajectory_files import pose_at
 from nvsim.errors import InputError
+from nvsim.geometry.rotation import quaternion_from_matrix
 
 FLIP = np.diag([1.0, -1.0, -1.0, 1.0])
 Z_UP_TO_Y_UP = np.linalg.inv([[0, 0, 1, 0], [1, 0, 0, 0], [0, 1, 0, 0], [0, 0, 0, 1.0]])
@@ -69,14 +72,44 @@ def scannet(folder: Path, poses: np.ndarray) -> Path:
     return folder
 
 
-LAYOUTS = {"Polycam": polycam, "7-Scenes": seven_scenes, "ScanNet": scannet}
+def tum(folder: Path, poses: np.ndarray, trajectory: str = "groundtruth.txt") -> Path:
+    """Images every 0.1 s. The trajectory has poses 5 ms before and after each image, so they must be interpolated."""
+    names = sample.write_images(folder / "rgb", len(poses))
+    rows, images, depths = ["# time x y z qx qy qz qw"], ["# color images"], ["# depth images"]
+    for i, (name, pose) in enumerate(zip(names, poses)):
+        at = 1_305_031_102.1 + 0.1 * i
+        images.append(f"{at:.6f} rgb/{name}")
+        depths.append(f"{at + 0.012:.6f} depth/{i}.png")
+        depth_image(folder / "depth" / f"{i}.png", 7500)
+        q = quaternion_from_matrix(pose[:3, :3])
+        for shift in (-0.005, 0.005):
+            x, y, z = pose[:3, 3] + shift
+            rows.append(f"{at + shift:.6f} {x:.12f} {y:.12f} {z:.12f} {q[1]:.12f} {q[2]:.12f} {q[3]:.12f} {q[0]:.12f}")
+    for name, lines in (("rgb.txt", images), ("depth.txt", depths), (trajectory, rows)):
+        (folder / name).write_text("\n".join(lines) + "\n")
+    np.savetxt(folder / "camera-intrinsics.txt", [[sample.FOCAL, 0, 32], [0, sample.FOCAL, 24], [0, 0, 1]])
+    return folder
+
+
+def replica(folder: Path, poses: np.ndarray) -> Path:
+    names = sample.write_images(folder / "room0" / "results", len(poses))
+    for i, name in enumerate(names):
+        (folder / "room0" / "results" / name).rename(folder / "room0" / "results" / f"frame{i:06d}.jpg")
+        depth_image(folder / "room0" / "results" / f"depth{i:06d}.png", 9750)
+    np.savetxt(folder / "room0" / "traj.txt", np.reshape(poses, (-1, 16)))
+    lens = {"w": 64, "h": 48, "fx": sample.FOCAL, "fy": sample.FOCAL, "cx": 32, "cy": 24, "scale": 6500.0}
+    (folder / "cam_params.json").write_text(json.dumps({"camera": lens}))
+    return folder / "room0"
+
+
+LAYOUTS = {"Polycam": polycam, "7-Scenes": seven_scenes, "ScanNet": scannet, "TUM": tum, "Replica": replica}
 
 
 @pytest.mark.parametrize("layout", LAYOUTS)
 def test_poses_lenses_and_depth_come_back(tmp_path: Path, layout: str) -> None:
     poses = sample.walk(12)
     capture = read(LAYOUTS[layout](tmp_path / "scan", poses))
-    np.testing.assert_allclose([f.camera_to_world for f in capture.frames], poses, atol=1e-9)
+    np.testing.assert_allclose([f.camera_to_world for f in capture.frames], poses, atol=1e-6)
     assert capture.alignment.is_identity and capture.alignment.scale_known
     assert all(f.image_path.is_file() for f in capture.frames)
     lens = capture.frames[0].lens
@@ -89,6 +122,7 @@ def test_poses_lenses_and_depth_come_back(tmp_path: Path, layout: str) -> None:
     assert values[0, 0] == 0 and values[1, 1] == 1.5
     report = check(tmp_path / "scan")
     assert not report.refused, report.findings
+    assert not any(finding.severity == "error" for finding in report.findings), report.findings
 
 
 def test_frames_are_in_the_order_of_their_numbers(tmp_path: Path) -> None:
@@ -159,3 +193,61 @@ def test_missing_intrinsics_are_one_sentence_or_those_of_a_kinect(tmp_path: Path
     assert any("assumed to be those of a Kinect" in f.message for f in check(folder).findings)
     assert read(folder).frames[0].lens.params == (525, 525, 320, 240)
     assert read(folder).depths[0].lens.params == (585, 585, 320, 240)
+
+
+def test_a_pose_is_interpolated_between_near_neighbors_only() -> None:
+    poses = np.array([np.eye(4)] * 3)
+    poses[1, :2, :2] = [[0, -1, 0][:2], [1, 0, 0][:2]]
+    poses[:, 0, 3] = 1, 3, 5
+    times = np.array([0.0, 0.1, 1.0])
+    middle = pose_at(0.05, times, poses)
+    half = np.sqrt(0.5)
+    np.testing.assert_allclose(middle[:2, :2], [[half, -half], [half, half]], atol=1e-12)
+    assert middle[0, 3] == 2
+    assert pose_at(0.985, times, poses)[0, 3] == 5 and pose_at(1.015, times, poses)[0, 3] == 5
+    assert pose_at(0.5, times, poses) is None and pose_at(-0.021, times, poses) is None
+
+
+def test_images_between_poses_are_warnings_and_damaged_rows_are_errors(tmp_path: Path) -> None:
+    folder = tum(tmp_path / "scan", sample.walk(12), "CameraTrajectory.txt")
+    rows = (folder / "CameraTrajectory.txt").read_text().splitlines()
+    del rows[3:5]
+    (folder / "CameraTrajectory.txt").write_text("\n".join(rows))
+    said = {f.where: (f.severity, f.message) for f in check(folder).findings}
+    names = sorted(p.name for p in (folder / "rgb").iterdir())
+    assert [f.name for f in read(folder).frames] == [f"rgb/{name}" for i, name in enumerate(names) if i != 1]
+    assert said["CameraTrajectory.txt"] == ("warning", "1 image of 12 without a pose of that time")
+    rows[3] = "1 2 3"
+    (folder / "CameraTrajectory.txt").write_text("\n".join(rows))
+    said = {f.where: (f.severity, f.message) for f in check(folder).findings}
+    assert said["CameraTrajectory.txt:4"] == ("error", "the line is not `time x y z qx qy qz qw`")
+    (folder / "rgb.txt").write_text(f"1.0 rgb/{names[0]}\n")
+    with pytest.raises(InputError, match=r"No image of .* has a pose: the times in rgb.txt and CameraTrajectory.txt"):
+        read(folder)
+    (folder / "rgb.txt").write_text("now\n")
+    with pytest.raises(InputError, match="line 1: write `time file`"):
+        read(folder)
+
+
+def test_the_lens_of_a_tum_sequence_is_that_of_the_dataset(tmp_path: Path) -> None:
+    folder = tum(tmp_path / "rgbd_dataset_freiburg1_room", sample.walk(8))
+    (folder / "camera-intrinsics.txt").unlink()
+    for file in (folder / "rgb").iterdir():
+        assert cv2.imwrite(str(file), np.full((480, 640, 3), 90, np.uint8))
+    lens = read(folder).frames[0].lens
+    assert lens.model == "FULL_OPENCV" and lens.params[:5] == (517.3, 516.5, 318.6, 255.3, 0.2624)
+
+
+def test_a_replica_scene_needs_a_pose_for_each_image_and_a_lens(tmp_path: Path) -> None:
+    folder = replica(tmp_path / "scans", sample.walk(8))
+    text = (folder / "traj.txt").read_text()
+    (folder / "traj.txt").write_text(text.splitlines()[0])
+    with pytest.raises(InputError, match="holds 1 pose for 8 images"):
+        read(folder)
+    (folder / "traj.txt").write_text(text)
+    (tmp_path / "scans" / "cam_params.json").write_text('{"camera": {"w": 64}}')
+    with pytest.raises(InputError, match="does not hold the numbers w, h, fx"):
+        read(folder)
+    (tmp_path / "scans" / "cam_params.json").unlink()
+    with pytest.raises(InputError, match="cam_params.json is missing"):
+        read(folder)
