@@ -283,9 +283,10 @@ def rows(report: PosesReport) -> dict[str, str]:
     width, height = report.size_px
     focal = ", ".join(f"{f:.0f}" for f in report.focal_px)
     is_video = report.image_noun == "frames"
-    found = {"Video" if is_video else "Photographs": report.source}
+    is_folder = report.footage == FRAMES
+    found = {"Folder of frames" if is_folder else "Video" if is_video else "Photographs": report.source}
     if is_video:
-        found["Decoded frames"] = f"{report.looked_at:,}"
+        found["Frames in the folder" if is_folder else "Decoded frames"] = f"{report.looked_at:,}"
     found[f"{report.image_noun.capitalize()} with a pose"] = kept
     if is_video:
         found["Blurred frames"] = f"{report.blurred:,} of the chosen frames" if report.blurred else "none"

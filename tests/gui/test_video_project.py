@@ -190,7 +190,7 @@ def test_the_details_show_the_report_about_the_poses(document: Document, qtbot: 
     assert panel.title.isHidden()
     document.set_contents(replace(document.contents, poses=REPORT))
     panel.refresh()
-    assert panel.title.text() == "Poses from a video"
+    assert panel.title.text() == "Computed poses"
     words = " ".join(panel._facts.itemAt(i).widget().property("text") or "" for i in range(panel._facts.count()))
     for said in ("380 of 400 (95 %)", "12 of the chosen frames", "910 pixels at 1280 x 720", "44 pairs", "0.61 pixels"):
         assert said in words, words

@@ -178,7 +178,7 @@ class DetailsPanel(QScrollArea):
                 self.words.setText("Not trained yet.")
         else:
             report, growing = contents.poses, contents.growing
-            title = "" if report is None else "Poses from a video"
+            title = "" if report is None else "Computed poses"
             facts = {} if report is None else rows(report)
             if report is not None and contents.capture is not None and not contents.capture.alignment.scale_known:
                 assumed = f"{SCALE_ASSUMED.removeprefix('the scale is ')}; {SCALE_IN_HEIGHTS}"
