@@ -165,13 +165,16 @@ def _at_front(box: Box, scene: Scene, rng: np.random.Generator) -> NDArray[np.fl
 
 
 def _at_top(top: Box, rng: np.random.Generator) -> NDArray[np.float64]:
-    """The pose (4, 4) of a camera that a hand holds at a table, a counter or a bed, and that looks at its top. In half
-    of the views the camera is so near that the top may fill the image."""
+    """The pose (4, 4) of a camera that a hand holds at a table, a counter or a bed: it looks at its top, in a third of
+    the views so near that the top may fill the image, or in a third across it, as a person at the table does."""
     ground = top.ground
     aim = np.array([rng.uniform(ground.x0, ground.x1), rng.uniform(ground.y0, ground.y1), top.hi[2]])
-    heading, away = rng.uniform(0, 2 * np.pi), rng.uniform(0.3, 1.0) if rng.random() < 0.5 else rng.uniform(0.8, 2.5)
+    heading, kind = rng.uniform(0, 2 * np.pi), rng.random()
+    away = rng.uniform(0.3, 1.0) if kind < 2 / 3 else rng.uniform(0.8, 2.5)
     position = aim - away * np.array([np.sin(heading), np.cos(heading), 0])
     position[2] += rng.uniform(0.15, 1.0)
+    if kind < 1 / 3:  # across the top
+        away += rng.uniform(0.5, 2.5)
     down = -np.degrees(np.arctan2(position[2] - aim[2], away))
     return camera_pose(position, heading + rng.normal(0, 0.15), np.radians(down + rng.normal(0, 8)))
 
