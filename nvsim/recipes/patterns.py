@@ -78,19 +78,44 @@ def _overhead(rows: int, columns: int, texel: float, rng: Rng) -> Image:
 def paint_anew(paint: Paint, at: tuple[float, float], width: float, height: float, texel: float, rng: Rng) -> Image:
     """Like `nvsim.building.painting.paint_face`, in other colors or with a random pattern. Returns (rows, columns, 3)
     float32, 0 to 1; `width`, `height` and `texel` are in meters."""
-    if rng.random() < 0.5:
-        image = paint_face(paint, at, width, height, texel, rng)
-        if rng.random() < 0.7:
+    if rng.random() < (0.85 if paint.kind == "front" else 0.5):
+        image = _face(paint, at, width, height, texel, rng)
+        if rng.random() < 0.7 and paint.kind != "front":
             image = image * (color(rng) / max(0.1, float(image.mean()))).astype(np.float32)
         return np.clip(image, 0.02, 0.97).astype(np.float32)
     rows, columns = max(2, round(height / texel)), max(2, round(width / texel))
     return pattern(rows, columns, texel, rng)
 
 
+def _face(paint: Paint, at: tuple[float, float], width: float, height: float, texel: float, rng: Rng) -> Image:
+    """Like `nvsim.building.painting.paint_face`, also for the kind "front": plain doors with narrow joints and
+    handles in the accent color."""
+    if paint.kind != "front":
+        return paint_face(paint, at, width, height, texel, rng)
+    rows, columns = max(2, round(height / texel)), max(2, round(width / texel))
+    soft = _noise_pattern(rows, columns, 0.8, texel, rng)
+    image = _flat(rows, columns, np.array(paint.color)) * (1 + rng.uniform(0, 0.03) * soft[..., None])
+    style = np.random.default_rng(int(1e6 * sum(paint.color)) % (1 << 30))  # alike on all fronts of a kitchen
+    door, joint = style.uniform(0.35, 0.9), style.uniform(0.3, 1.0)
+    drawers, handles = style.random() < 0.3, style.random() < 0.75
+    doors, levels = max(1, round(width / door)), (int(style.integers(2, 5)) if drawers else 1)
+    for j in range(levels):
+        for i in range(doors):
+            r0, r1 = round(j * rows / levels), round((j + 1) * rows / levels)
+            c0, c1 = round(i * columns / doors), round((i + 1) * columns / doors)
+            image[r0:r1, c0 : c0 + 1] *= joint
+            image[r0 : r0 + 1, c0:c1] *= joint
+            if handles and c1 - c0 > 12 and r1 - r0 > 8:
+                long, down = max(2, round(style.choice([0.05, 0.12, 0.25]) / texel)), round(0.06 / texel)
+                middle = (c0 + c1) // 2
+                image[r1 - down - 1 : r1 - down, max(c0, middle - long // 2) : middle + long // 2] = paint.accent
+    return np.asarray(image, np.float32)
+
+
 def paint_pale(paint: Paint, at: tuple[float, float], width: float, height: float, texel: float, rng: Rng) -> Image:
     """Like `nvsim.building.painting.paint_face`, nearly white or gray like walls and cupboards of many homes, so that
     mainly light and edges are visible. Returns (rows, columns, 3) float32, 0 to 1; sizes are in meters."""
-    image = paint_face(paint, at, width, height, texel, rng)
+    image = _face(paint, at, width, height, texel, rng)
     gray = image.mean(axis=2, keepdims=True)
     calm = gray.mean() + rng.uniform(0.1, 0.6) * (gray - gray.mean()) + rng.uniform(0, 0.3) * (image - gray)
     return np.clip(calm * (rng.uniform(0.4, 0.9) / max(0.1, float(gray.mean()))), 0.02, 0.97).astype(np.float32)

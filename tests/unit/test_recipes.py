@@ -31,6 +31,7 @@ from nvsim.recipes import examples, interiors, patterns
 from nvsim.recipes.config import RecipeConfig
 from nvsim.recipes.examples import Example, Shards, batch, is_complete_shard, write_shard
 from nvsim.recipes.interiors import interior
+from nvsim.recipes.kitchens import kitchen
 from nvsim.recipes.making import _captured_shares
 from nvsim.recipes.network import export
 from nvsim.recipes.training import CHECKPOINT, Training, train, weights_of
@@ -66,6 +67,26 @@ def test_an_interior_is_the_same_each_time_and_its_floor_faces_up(views: list[Ex
         seen = one.normals.any(axis=-1)
         facing = np.sum(one.normals * one.camera.rays(), axis=-1)
         assert (facing[seen] < 1e-3).all(), "what a camera sees is turned towards it"
+
+
+def test_the_furniture_of_a_kitchen_stands_in_its_room() -> None:
+    for seed in range(40):
+        rng = np.random.default_rng(seed)
+        rect = Rect(1.0, 2.0, 1.0 + rng.uniform(1.5, 6), 2.0 + rng.uniform(1.5, 6))
+        boxes = list(kitchen(rect, rng))
+        assert seed or len(boxes) > 10
+        for box in boxes:
+            inside = rect.expanded(1e-3)
+            assert inside.x0 <= box.lo[0] < box.hi[0] <= inside.x1 and inside.y0 <= box.lo[1] < box.hi[1] <= inside.y1
+            assert 0 <= box.lo[2] < box.hi[2] < HEIGHT
+
+
+def test_fronts_of_one_color_have_equal_doors() -> None:
+    paint = Paint("front", (0.6, 0.1, 0.1), (0.9, 0.9, 0.9))
+    first, second = (patterns.paint_pale(paint, (0, 0), 2.4, 0.7, 0.0125, np.random.default_rng(k)) for k in (1, 2))
+    assert first.shape == (56, 192, 3) and 0 <= first.min() <= first.max() <= 1
+    joints = [np.flatnonzero(np.diff(image.mean(axis=(0, 2))) > 0.005) for image in (first, second)]
+    assert len(joints[0]) >= 2 and np.array_equal(*joints)
 
 
 def test_cut_and_mirrored_examples_keep_their_geometry(shards: Shards) -> None:
