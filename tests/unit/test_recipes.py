@@ -27,7 +27,7 @@ from nvsim.networks.installed import model_at
 from nvsim.perception.cloud_labels import FLOOR, OTHER, UNKNOWN, CloudLabels
 from nvsim.perception.normals_network import NormalsNetwork
 from nvsim.perception.semantic_network import SemanticNetwork
-from nvsim.recipes import examples, interiors, patterns
+from nvsim.recipes import examples, furniture, interiors, patterns
 from nvsim.recipes.config import RecipeConfig
 from nvsim.recipes.examples import Example, Shards, batch, is_complete_shard, write_shard
 from nvsim.recipes.interiors import interior
@@ -176,7 +176,7 @@ def test_projects_without_examples_take_no_share_of_the_others() -> None:
 def test_what_hangs_from_a_ceiling_begins_there_and_stays_in_its_room() -> None:
     room, hung = Rect(1.0, 2.0, 6.0, 5.0), []
     for seed in range(40):
-        hung += list(interiors._under_the_ceiling(room, np.random.default_rng(seed)))
+        hung += list(furniture.under_the_ceiling(room, np.random.default_rng(seed)))
     lo, hi = (np.array([getattr(box, end) for box in hung]) for end in ("lo", "hi"))
     assert len(hung) > 20 and (hi[:, 2] == HEIGHT).all() and (lo[:, 2] > HEIGHT - 0.5).all()
     assert (lo[:, :2] >= (room.x0, room.y0)).all() and (hi[:, :2] <= (room.x1 + 1e-9, room.y1 + 1e-9)).all()
