@@ -8,6 +8,7 @@ and https://github.com/cvg/nice-slam.
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
 
 import numpy as np
@@ -90,9 +91,12 @@ def _listed(path: Path) -> list[tuple[float, str]]:
         if not words or words[0].startswith("#"):
             continue
         try:
-            found.append((float(words[0]), words[1].strip()))
+            at, name = float(words[0]), words[1].strip()
         except (ValueError, IndexError):
-            raise InputError(f"{path}, line {number}: write `time file`, as TUM's format does.") from None
+            at, name = math.nan, ""
+        if not math.isfinite(at):
+            raise InputError(f"{path}, line {number}: write `time file`, as TUM's format does.")
+        found.append((at, name))
     return sorted(found)
 
 
@@ -109,10 +113,12 @@ def _trajectory(path: Path, findings: Findings) -> tuple[NDArray[np.float64], ND
             at, *values = map(float, words[:8])
             x, y, z, qx, qy, qz, qw = values
         except ValueError:
+            at = math.nan
+        if not math.isfinite(at):
             findings.error("the line is not `time x y z qx qy qz qw`", where, "the pose is ignored")
             continue
         pose = pose_from_quaternion(np.array([qw, qx, qy, qz]), np.array([x, y, z]), where, findings)
-        if pose is not None and np.isfinite(at):
+        if pose is not None:
             rows[at] = pose
     if not rows:
         raise InputError(f"{path} holds no pose (time x y z qx qy qz qw); write it again.")

@@ -217,16 +217,18 @@ def test_images_between_poses_are_warnings_and_damaged_rows_are_errors(tmp_path:
     names = sorted(p.name for p in (folder / "rgb").iterdir())
     assert [f.name for f in read(folder).frames] == [f"rgb/{name}" for i, name in enumerate(names) if i != 1]
     assert said["CameraTrajectory.txt"] == ("warning", "1 image of 12 without a pose of that time")
-    rows[3] = "1 2 3"
+    rows[2], rows[3] = f"nan {rows[2].partition(' ')[2]}", "1 2 3"
     (folder / "CameraTrajectory.txt").write_text("\n".join(rows))
     said = {f.where: (f.severity, f.message) for f in check(folder).findings}
-    assert said["CameraTrajectory.txt:4"] == ("error", "the line is not `time x y z qx qy qz qw`")
+    for line in (3, 4):
+        assert said[f"CameraTrajectory.txt:{line}"] == ("error", "the line is not `time x y z qx qy qz qw`")
     (folder / "rgb.txt").write_text(f"1.0 rgb/{names[0]}\n")
     with pytest.raises(InputError, match=r"No image of .* has a pose: the times in rgb.txt and CameraTrajectory.txt"):
         read(folder)
-    (folder / "rgb.txt").write_text("now\n")
-    with pytest.raises(InputError, match="line 1: write `time file`"):
-        read(folder)
+    for text in ("now rgb/1.png", "nan rgb/1.png", "1.0"):
+        (folder / "rgb.txt").write_text(f"# color\n{text}\n")
+        with pytest.raises(InputError, match="line 2: write `time file`"):
+            read(folder)
 
 
 def test_the_lens_of_a_tum_sequence_is_that_of_the_dataset(tmp_path: Path) -> None:
