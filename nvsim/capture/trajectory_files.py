@@ -1,9 +1,9 @@
 """Read captures whose poses are in one text file: recordings in the layouts of TUM RGB-D (rgb.txt, groundtruth.txt)
 and of Replica as NICE-SLAM renders it (results/frame000000.jpg, traj.txt).
 
-Poses are camera-to-world in meters with OpenCV axes. TUM's pose files have rows `time x y z qx qy qz qw`, which SLAM
-programs write too; each image gets the pose of its time. Formats: https://cvg.cit.tum.de/data/datasets/rgbd-dataset
-and https://github.com/cvg/nice-slam.
+Poses are camera-to-world with OpenCV axes, in meters unless a SLAM program without depth computed them. TUM's pose
+files have rows `time x y z qx qy qz qw`, which SLAM programs write too; each image gets the pose of its time. Formats:
+https://cvg.cit.tum.de/data/datasets/rgbd-dataset and https://github.com/cvg/nice-slam.
 """
 
 from __future__ import annotations
@@ -80,7 +80,10 @@ def read_tum(folder: Path, findings: Findings) -> RawCapture:
     if len(frames) < len(images):
         without = count_text(len(images) - len(frames), "image")
         findings.warning(f"{without} of {len(images)} without a pose of that time", trajectory.name, "they are skipped")
-    return RawCapture(folder, "TUM", tuple(frames), None, True, (), tuple(found))
+    is_measured = trajectory.name == _TRAJECTORIES[0]  # of the others, only those of a SLAM with depth have meters
+    because = "" if is_measured or not found else "depth images belong to the trajectory"
+    metric = True if is_measured or found else None
+    return RawCapture(folder, "TUM", tuple(frames), None, metric, (), tuple(found), because)
 
 
 def _listed(path: Path) -> list[tuple[float, str]]:

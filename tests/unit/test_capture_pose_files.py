@@ -231,6 +231,16 @@ def test_images_between_poses_are_warnings_and_damaged_rows_are_errors(tmp_path:
             read(folder)
 
 
+def test_a_slam_trajectory_without_depth_has_no_known_scale(tmp_path: Path) -> None:
+    folder = tum(tmp_path, sample.walk(12), "KeyFrameTrajectory.txt")
+    assert read(folder).alignment.scale_known
+    assert any("depth images belong to the trajectory" in f.message + f.consequence for f in check(folder).findings)
+    (folder / "depth.txt").unlink()
+    assert not read(folder).alignment.scale_known
+    (folder / "KeyFrameTrajectory.txt").rename(folder / "groundtruth.txt")
+    assert read(folder).alignment.scale_known
+
+
 def test_the_lens_of_a_tum_sequence_is_that_of_the_dataset(tmp_path: Path) -> None:
     folder = tum(tmp_path / "rgbd_dataset_freiburg1_room", sample.walk(8))
     (folder / "camera-intrinsics.txt").unlink()
