@@ -63,7 +63,7 @@ def read_tum(folder: Path, findings: Findings) -> RawCapture:
     times, poses = _trajectory(trajectory, findings)
     depths = _listed(folder / _DEPTHS) if (folder / _DEPTHS).is_file() else []
     depth_times = np.array([at for at, _ in depths])
-    lens = _tum_lens(folder, dict(images), findings)
+    lens = _tum_lens(folder, [file for _, file in images], findings)
     frames: list[RawFrame] = []
     found: list[DepthFile] = []
     for at, file in images:
@@ -144,12 +144,12 @@ def pose_at(at: float, times: NDArray[np.float64], poses: NDArray[np.float64]) -
     return poses[nearest] if abs(times[nearest] - at) <= _SAME_MOMENT else None
 
 
-def _tum_lens(folder: Path, images: dict[float, str], findings: Findings) -> Lens | None:
+def _tum_lens(folder: Path, images: list[str], findings: Findings) -> Lens | None:
     """The lens of color and depth images: that of a file with intrinsics, else the one that the dataset states."""
     stated = next((v for name, v in _FREIBURG.items() if name in folder.resolve().name), None)
     if stated is not None and intrinsics_file(folder) is None:
         return read_lens("FULL_OPENCV", 640, 480, stated, folder.name, findings)
-    files = {file: folder / file for file in images.values() if (folder / file).is_file()}
+    files = {file: folder / file for file in images if (folder / file).is_file()}
     return read_lenses(folder, files, {}, findings)[0]
 
 

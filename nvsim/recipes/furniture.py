@@ -33,15 +33,25 @@ def clutter(rect: Rect, rng: np.random.Generator, density: float) -> Iterator[Bo
 
         if kind in _TABLES:
             h, t, leg = rng.uniform(0.3, 1.0), rng.uniform(0.02, 0.08), rng.uniform(0.02, 0.06)
-            yield painted_box((x, y, h), (x + w, y + d, h + t), paint)
-            for lx, ly in ((0, 0), (w - leg, 0), (0, d - leg), (w - leg, d - leg)):
-                yield painted_box((x + lx, y + ly, 0), (x + lx + leg, y + ly + leg, h), paint)
+            yield from table(Rect(x, y, x + w, y + d), (h, h + t), leg, paint)
         elif kind == _CHAIR:
             yield from _chair(x, y, paint, rng)
         elif kind == _SHELF:
             yield painted_box((x, y, h - rng.uniform(0.03, 0.5)), (x + w, y + d, min(h, HEIGHT - 0.05)), paint)
         else:
             yield painted_box((x, y, 0), (x + w, y + d, h), paint)
+
+
+def table(rect: Rect, top: tuple[float, float], leg: float, paint: Paint) -> Iterator[Box]:
+    """A table top over `rect` between two heights, with a leg of width `leg` at each corner, in meters."""
+    yield painted_box((rect.x0, rect.y0, top[0]), (rect.x1, rect.y1, top[1]), paint)
+    for x, y in (
+        (rect.x0, rect.y0),
+        (rect.x1 - leg, rect.y0),
+        (rect.x0, rect.y1 - leg),
+        (rect.x1 - leg, rect.y1 - leg),
+    ):
+        yield painted_box((x, y, 0), (x + leg, y + leg, top[0]), paint)
 
 
 def _chair(x: float, y: float, paint: Paint, rng: np.random.Generator) -> Iterator[Box]:
@@ -109,9 +119,7 @@ def central_furniture(rect: Rect, rng: np.random.Generator) -> Iterator[Box]:
     h = rng.uniform(low, high)
     if kind == 0:
         t, leg, wood = rng.uniform(0.02, 0.07), rng.uniform(0.03, 0.09), Paint("wood", random_color(rng))
-        yield painted_box((x, y, h - t), (x + w, y + d, h), wood)
-        for lx, ly in ((0, 0), (w - leg, 0), (0, d - leg), (w - leg, d - leg)):
-            yield painted_box((x + lx, y + ly, 0), (x + lx + leg, y + ly + leg, h - t), wood)
+        yield from table(Rect(x, y, x + w, y + d), (h - t, h), leg, wood)
     elif kind == 1:
         yield painted_box(
             (x, y, 0),

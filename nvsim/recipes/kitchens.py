@@ -11,7 +11,7 @@ import numpy as np
 
 from nvsim.building.plan import Rect
 from nvsim.building.solids import Box, Color, Paint
-from nvsim.recipes.furniture import painted_box, random_color
+from nvsim.recipes.furniture import painted_box, random_color, table
 
 _DEEPEST = 0.72  # meters from the wall to the edge of a worktop
 
@@ -124,21 +124,20 @@ def _dining(rect: Rect, rng: np.random.Generator) -> Iterator[Box]:
     x, y = rng.uniform(rect.x0, rect.x1 - w), rng.uniform(rect.y0, rect.y1 - d)
     h, t, leg = rng.uniform(0.7, 0.78), rng.uniform(0.02, 0.06), rng.uniform(0.03, 0.1)
     wood = Paint(str(rng.choice(["wood", "plain"])), random_color(rng))
-    yield painted_box((x, y, h - t), (x + w, y + d, h), wood)
-    for lx, ly in ((0, 0), (w - leg, 0), (0, d - leg), (w - leg, d - leg)):
-        yield painted_box((x + lx, y + ly, 0), (x + lx + leg, y + ly + leg, h - t), wood)
+    place = Rect(x, y, x + w, y + d)
+    yield from table(place, (h - t, h), leg, wood)
     paint = Paint(str(rng.choice(["wood", "plain", "cloth"])), random_color(rng)) if rng.random() < 0.6 else wood
     for side in range(4):
         length = w if side % 2 == 0 else d
         for k in range(max(1, int(length / 0.6))):
             if rng.random() < 0.6:
                 at = (k + 0.5) * length / max(1, int(length / 0.6)) - 0.21
-                yield from _slatted_chair(Rect(x, y, x + w, y + d), side, at, paint, rng)
+                yield from _slatted_chair(place, side, at, paint, rng)
 
 
-def _slatted_chair(table: Rect, side: int, at: float, paint: Paint, rng: np.random.Generator) -> Iterator[Box]:
+def _slatted_chair(beside: Rect, side: int, at: float, paint: Paint, rng: np.random.Generator) -> Iterator[Box]:
     """A chair in front of a side of a table, `at` meters along it, with a back of slats or a closed one."""
-    place = _Side(table, side)
+    place = _Side(beside, side)
     size, seat, top = 0.42, rng.uniform(0.42, 0.48), rng.uniform(0.8, 1.0)
     away = rng.uniform(-0.25, 0.25) + size  # of the back from the edge of the table
     post = rng.uniform(0.025, 0.05)
