@@ -30,6 +30,7 @@ from nvsim.capture.raw import LOST_FRAME, RawCapture, RawFrame
 from nvsim.capture.read import read_usable, report_absent_image
 from nvsim.capture.summary import Summary, summary_of
 from nvsim.capture.types import Alignment, Capture
+from nvsim.capture.upright import turn_upright
 from nvsim.errors import InputError
 
 FEWEST = 4  # minimum number of frames without a LiDAR scan
@@ -168,7 +169,7 @@ def check(
     check_unused_images(raw, findings)
     raw = check_depths(check_masks(raw, findings), findings)
     capture, written = None, raw
-    raw = with_axes(raw, axes)
+    raw = turn_upright(with_axes(raw, axes), findings, None if alignment is None else alignment.rotation[2])
     if any(f.camera_to_world is not None for f in raw.frames):
         capture = _check_geometry(raw, scale, camera_height, alignment, findings)
     names = {frame.where: (frame.name,) for frame in raw.frames}

@@ -133,7 +133,7 @@ def check_cloud_meets_cameras(capture: Capture, findings: Findings) -> bool:
     seen = []
     for frame in capture.frames[:: max(1, len(capture.frames) // _LOOKED_AT)]:
         pixels, depth = frame.camera.project(points)
-        size = np.array([frame.lens.width, frame.lens.height])
+        size = np.array([frame.intrinsics.width, frame.intrinsics.height])
         seen.append(np.count_nonzero((depth > 0) & (pixels >= 0).all(axis=1) & (pixels < size).all(axis=1)))
     share = float(np.mean(np.array(seen) >= max(3, 2e-4 * len(points))))
     walked = float(np.linalg.norm(np.ptp(np.quantile(capture.positions, [0.05, 0.95], axis=0), axis=0)))
@@ -196,7 +196,7 @@ def check_floor_in_view(capture: Capture, floor: FloorPlane | None, findings: Fi
     sees = []
     for frame in capture.frames[:: max(1, len(capture.frames) // _LOOKED_AT)]:
         pixels, depth = frame.camera.project(points)
-        size = np.array([frame.lens.width, frame.lens.height])
+        size = np.array([frame.intrinsics.width, frame.intrinsics.height])
         sees.append(bool(((depth > 0) & (pixels >= 0).all(axis=1) & (pixels < size).all(axis=1)).any()))
     if np.mean(sees) < 0.1:
         findings.warning(

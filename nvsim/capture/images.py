@@ -90,15 +90,16 @@ def image_size(path: Path) -> tuple[int, int]:
 
 
 def read_image(frame: Frame, intrinsics: Intrinsics) -> NDArray[np.uint8]:
-    """(H, W, 3) uint8 RGB of `frame` in the view of the pinhole `intrinsics`.
+    """(H, W, 3) uint8 RGB of `frame`, upright, in the view of the pinhole `intrinsics`.
 
     Undistortion and resampling are one step, with area filtering if the image shrinks. Raises InputError naming the
     file if it is missing, damaged, or not of the size of its lens."""
     lens = frame.lens
     image = decode(frame.image_path, (lens.width, lens.height))
-    height, width = image.shape[:2]
     size = (intrinsics.width, intrinsics.height)
     if not lens.is_distorted and _same_view(lens.pinhole.scaled(*size), intrinsics):
+        image = np.ascontiguousarray(np.rot90(image, lens.turns))
+        height, width = image.shape[:2]
         if size == (width, height):
             return image
         shrinking = size[0] < width or size[1] < height
@@ -119,6 +120,7 @@ def sampling(lens: Lens, target: Intrinsics) -> tuple[int, NDArray[np.float32]]:
     """Samples per side for each pixel of `target`, and their (H, W, 2) float32 positions in the stored image.
 
     H and W are the size of `target` times the samples per side, chosen so that no stored pixel is skipped."""
-    ratio = min(lens.focal[0] / target.fx, lens.focal[1] / target.fy)
+    fx, fy = lens.focal if lens.turns % 2 == 0 else lens.focal[::-1]
+    ratio = min(fx / target.fx, fy / target.fy)
     finer = max(1, math.ceil(ratio - 1e-6))
     return finer, lens.undistort_map(target.scaled(target.width * finer, target.height * finer))

@@ -25,6 +25,7 @@ from nvsim.capture.images import image_header, is_turned
 from nvsim.capture.masks import with_masks_beside
 from nvsim.capture.raw import FAR, LOST_FRAME, RawCapture, RawFrame, file_size
 from nvsim.capture.types import Alignment, Capture, Cloud
+from nvsim.capture.upright import turn_upright
 from nvsim.errors import value_text
 from nvsim.files.placeholders import why_missing
 from nvsim.geometry.lens import Lens
@@ -224,6 +225,7 @@ def read(
     for frame in raw.frames:
         report_absent_image(frame, findings)
     findings.raise_errors(path)
+    raw = turn_upright(raw, findings, None if alignment is None else alignment.rotation[2])
     if alignment is None:
         alignment, _ = align(raw, scale, camera_height, findings)
     return apply(raw, alignment)

@@ -52,7 +52,16 @@ def save_capture(capture: Capture, folder: Path) -> None:
             "origin": list(capture.alignment.origin),
         },
         "cloud": None if capture.cloud is None else {"file": cloud_name, "kind": capture.cloud.kind},
-        "lenses": [{"model": n.model, "width": n.width, "height": n.height, "params": n.params} for n in lenses],
+        "lenses": [
+            {
+                "model": n.model,
+                "width": n.width,
+                "height": n.height,
+                "params": n.params,
+                **({"turns": n.turns} if n.turns else {}),
+            }
+            for n in lenses
+        ],
         "frames": [
             {
                 "name": f.name,
@@ -174,7 +183,10 @@ def _lens(tree: dict[str, Any]) -> Lens:
     size = tree["width"], tree["height"]
     if not all(type(side) is int and 0 < side <= LARGEST_SIDE for side in size):
         raise ValueError("an invalid image size")
-    lens = Lens(_text(tree["model"]), *size, tuple(_finite(p) for p in tree["params"]))
+    turns = tree.get("turns", 0)  # the key may be absent
+    if type(turns) is not int:
+        raise ValueError("a number of quarter turns that is not a whole number")
+    lens = Lens(_text(tree["model"]), *size, tuple(_finite(p) for p in tree["params"]), turns)
     if min(lens.focal) <= 0:
         raise ValueError("a focal length that is not positive")
     return lens
@@ -210,7 +222,8 @@ def fingerprint(capture: Capture) -> str:
     for f in capture.frames:
         words = [f.name, str(f.image_path), f.sensor, f.timestamp, f.lens.model, f.lens.width, f.lens.height]
         masked = [] if f.mask is None else [str(f.mask.path), f.mask.ignored, _stamp(f.mask.path)]
-        state.update(json.dumps([*words, f.lens.params, _stamp(f.image_path), *masked]).encode())
+        turned = [f.lens.turns] if f.lens.turns else []
+        state.update(json.dumps([*words, f.lens.params, _stamp(f.image_path), *masked, *turned]).encode())
         state.update(np.ascontiguousarray(f.camera_to_world).tobytes())
     state.update(np.ascontiguousarray(capture.alignment.rotation).tobytes())
     origin = list(capture.alignment.origin) if any(capture.alignment.origin) else []
@@ -220,7 +233,8 @@ def fingerprint(capture: Capture) -> str:
     for d in capture.depths:
         lens = [d.lens.model, d.lens.width, d.lens.height, d.lens.params]
         own = [] if d.confidence is None else [str(d.confidence), _stamp(d.confidence)]
-        words = [str(d.path), d.frame, d.is_raw, d.scale, d.unit, *lens, _stamp(d.path), *own]
+        turned = [d.lens.turns] if d.lens.turns else []
+        words = [str(d.path), d.frame, d.is_raw, d.scale, d.unit, *lens, _stamp(d.path), *own, *turned]
         state.update(json.dumps(words).encode())
         state.update(np.ascontiguousarray(d.camera_to_world).tobytes())
     return state.hexdigest()

@@ -55,7 +55,7 @@ class FrameTruth:
         if self.labels is not None:
             small = frame.intrinsics.limited_to(SegmentConfig.longest_side)
             return small.width, small.height
-        height, width = read_mask(self._file("floor", frame.name)).shape
+        height, width = np.rot90(read_mask(self._file("floor", frame.name)), frame.lens.turns).shape
         return width, height
 
     def floor(self, index: int, width: int, height: int) -> tuple[Mask, Mask]:
@@ -65,7 +65,9 @@ class FrameTruth:
         if self.labels is not None:
             said, _ = self._labels_and_normals(index, width, height)
             return said == FLOOR, said != UNKNOWN
-        return read_mask(self._file("floor", frame.name), width, height), np.ones((height, width), bool)
+        stored = (width, height) if frame.lens.turns % 2 == 0 else (height, width)
+        floor = np.rot90(read_mask(self._file("floor", frame.name), *stored), frame.lens.turns)
+        return floor, np.ones((height, width), bool)
 
     def normal_map(self, index: int, width: int, height: int) -> NDArray[np.float32]:
         """(H, W, 3) float32 unit normals, world, toward the camera; zero if unknown. With a cloud, pixels whose color
@@ -76,7 +78,8 @@ class FrameTruth:
         path = self._file("normals", frame.name)
         again = "a map of normals is a PNG of (n + 1) * 127.5, black where unknown"
         stored = decode_pixels(read_bytes(path), path, cv2.IMREAD_COLOR, what="a map of normals", then=again)[..., ::-1]
-        sized = cv2.resize(np.ascontiguousarray(stored), (width, height), interpolation=cv2.INTER_NEAREST)
+        upright = np.ascontiguousarray(np.rot90(stored, frame.lens.turns))
+        sized = cv2.resize(upright, (width, height), interpolation=cv2.INTER_NEAREST)
         found = sized.astype(np.float32) / 127.5 - 1
         length = np.linalg.norm(found, axis=-1, keepdims=True)
         there = (sized.max(axis=-1, keepdims=True) > 0) & (np.abs(length - 1) < 0.1)

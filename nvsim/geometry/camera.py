@@ -35,6 +35,15 @@ class Intrinsics:
         factor = min(1.0, longest_side / max(self.width, self.height))
         return self.scaled(max(1, round(self.width * factor)), max(1, round(self.height * factor)))
 
+    def turned(self, turns: int) -> Intrinsics:
+        """The pinhole of this view after `turns` counterclockwise quarter turns of the image, as `numpy.rot90` makes
+        them."""
+        turned = self
+        for _ in range(turns % 4):
+            k = turned
+            turned = Intrinsics(k.height, k.width, k.fy, k.fx, k.cy, k.width - k.cx)
+        return turned
+
     def ray_lengths(self) -> NDArray[np.float32]:
         """(H, W) float32 meters along the ray of each pixel per meter along the optical axis."""
         u, v = (np.arange(self.width) + 0.5 - self.cx) / self.fx, (np.arange(self.height) + 0.5 - self.cy) / self.fy
@@ -45,6 +54,12 @@ class Intrinsics:
         """Square pixels, centered principal point, `horizontal_fov` in radians."""
         focal = width / 2 / np.tan(horizontal_fov / 2)
         return Intrinsics(width, height, focal, focal, width / 2, height / 2)
+
+
+def quarter_turns(turns: int) -> NDArray[np.float64]:
+    """(3, 3) float64, exact: maps directions in a camera to the camera whose image has `turns` counterclockwise quarter
+    turns more. OpenCV axes."""
+    return np.linalg.matrix_power(np.array([[0.0, 1, 0], [-1, 0, 0], [0, 0, 1]]), turns % 4)
 
 
 @dataclass(frozen=True, eq=False)

@@ -6,13 +6,13 @@ OPENCV_FISHEYE map to them.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 
-from nvsim.geometry.camera import Intrinsics
+from nvsim.geometry.camera import Intrinsics, quarter_turns
 
 PARAMETER_COUNTS = {
     "SIMPLE_PINHOLE": 3,
@@ -32,6 +32,9 @@ _ONE_FOCAL = {"SIMPLE_PINHOLE", "SIMPLE_RADIAL", "RADIAL", "SIMPLE_RADIAL_FISHEY
 class Lens:
     """A camera model: name from PARAMETER_COUNTS, image size in pixels, parameters in COLMAP's order.
 
+    `turns` is the number of counterclockwise quarter turns that make the stored image upright. Size and parameters
+    belong to the stored image, the pinhole camera and its pose to the upright one.
+
     Raises ValueError for an unknown model, a wrong parameter count, or parameters that are not finite.
     """
 
@@ -39,6 +42,7 @@ class Lens:
     width: int
     height: int
     params: tuple[float, ...]
+    turns: int = 0
 
     def __post_init__(self) -> None:
         if self.model not in PARAMETER_COUNTS:
@@ -48,6 +52,8 @@ class Lens:
             raise ValueError(
                 f"camera model {self.model} takes {PARAMETER_COUNTS[self.model]} parameters, got {len(self.params)}"
             )
+        if self.turns not in range(4):
+            raise ValueError(f"{self.turns} quarter turns are not 0 to 3")
         if self.width <= 0 or self.height <= 0:
             raise ValueError(f"image size {self.width}x{self.height} is not positive")
         if not np.isfinite(self.params).all() or self.focal[0] <= 0 or self.focal[1] <= 0:
@@ -82,17 +88,18 @@ class Lens:
         focal = (
             (self.focal[0] * (x * y) ** 0.5,) if self.model in _ONE_FOCAL else (self.focal[0] * x, self.focal[1] * y)
         )
-        return Lens(self.model, width, height, (*focal, cx * x, cy * y, *self.distortion))
+        return replace(self, width=width, height=height, params=(*focal, cx * x, cy * y, *self.distortion))
 
     @cached_property
     def pinhole(self) -> Intrinsics:
-        """The pinhole camera of the undistorted image, with equal size and principal point.
+        """The pinhole camera of the undistorted, upright image. Apart from the turns, its size and principal point are
+        those of the stored image.
 
         The focal lengths are kept if this leaves no pixel outside the stored image. Otherwise both are enlarged by the
         smallest sufficient factor."""
         (fx, fy), (cx, cy) = self.focal, self.principal_point
         zoom = 1.0 if not self.is_distorted or self._sees_only_stored_pixels(1.0) else self._least_zoom()
-        return Intrinsics(self.width, self.height, fx * zoom, fy * zoom, cx, cy)
+        return Intrinsics(self.width, self.height, fx * zoom, fy * zoom, cx, cy).turned(self.turns)
 
     def _least_zoom(self) -> float:
         low, high = 1.0, 4.0
@@ -143,9 +150,9 @@ class Lens:
         return np.stack([fx * xd + cx, fy * yd + cy], axis=-1)
 
     def undistort_map(self, target: Intrinsics) -> NDArray[np.float32]:
-        """(H, W, 2) float32: sampling position in the stored image for each pixel of `target`, in OpenCV's remap
-        convention (pixel centers at integers)."""
+        """(H, W, 2) float32: sampling position in the stored image for each pixel of the upright camera `target`, in
+        OpenCV's remap convention (pixel centers at integers)."""
         u = (np.arange(target.width) + 0.5 - target.cx) / target.fx
         v = (np.arange(target.height) + 0.5 - target.cy) / target.fy
-        grid = np.stack(np.meshgrid(u, v), axis=-1)
+        grid = np.stack(np.meshgrid(u, v), axis=-1) @ quarter_turns(self.turns)[:2, :2]
         return (self.distort(grid) - 0.5).astype(np.float32)

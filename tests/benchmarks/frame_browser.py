@@ -48,7 +48,7 @@ def scrolling(folder: Path) -> str:
     walk = demo_room.capture(2000)
     rng = np.random.default_rng(0)
     for frame in walk.frames:
-        path = thumbnail_path(Layout(folder), frame.image_path)
+        path = thumbnail_path(Layout(folder), frame)
         path.parent.mkdir(parents=True, exist_ok=True)
         cv2.imwrite(str(path), cv2.resize(rng.integers(0, 255, (12, 16, 3), np.uint8), (160, 120)))
     document = Document()

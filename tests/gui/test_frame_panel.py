@@ -231,7 +231,7 @@ def test_thumbnails_and_coverage_come_from_the_process_and_stay_on_disk(qtbot: Q
     assert 11 not in state.coverage and document.trajectory.submaps[0] == 0
     assert "corrected by hand" in index(3, 0).data(Qt.ItemDataRole.ToolTipRole)
     assert panel.thumbnails.pixmap(0).width() == 160
-    assert thumbnail_path(Layout(project), document.contents.capture.frames[0].image_path).is_file()
+    assert thumbnail_path(Layout(project), document.contents.capture.frames[0]).is_file()
     link.stop_process()
     assert not link.running
     # A second window needs no process for what is on disk.
@@ -286,7 +286,7 @@ def test_two_thousand_frames_scroll_smoothly(qtbot: QtBot, tmp_path: Path) -> No
     document = Document()
     document.set_contents(Contents(project, walk, demo_room.submaps(walk)))
     for frame in few:
-        path = thumbnail_path(Layout(project), frame.image_path)
+        path = thumbnail_path(Layout(project), frame)
         path.parent.mkdir(parents=True, exist_ok=True)
         cv2.imwrite(str(path), np.full((120, 160, 3), 90, np.uint8))
     panel = FramePanel(document, FrameLink())

@@ -11,7 +11,9 @@ from known_reconstruction import HEIGHT, WIDTH, camera, facing, places_in, pose,
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
+from nvsim.capture.upright import HELD_UPRIGHT
 from nvsim.capture.vertical_edges import Lines, vertical_from_lines
+from nvsim.geometry.camera import quarter_turns
 from nvsim.poses.building_frame import camera_height, lines_of, vertical_of, wall_direction
 from nvsim.poses.piece_reliability import Observations, observations_of
 
@@ -59,6 +61,8 @@ def test_up_is_across_the_sideways_axes_of_level_cameras() -> None:
     rolled = [turned(float(rng.normal(0, 1)), (0, 0, 1)) @ facing(ahead) @ world.T for ahead in looks(40)]
     up = vertical_of(np.array(rolled))
     assert up is not None and degrees(up, world @ UP) < 1.0
+    on_their_side = vertical_of(quarter_turns(-HELD_UPRIGHT) @ np.array(rolled))
+    assert on_their_side is not None and degrees(on_their_side, world @ UP) < 1.0
     assert vertical_of(np.array([facing(np.array([0, 1, 0.02 * k])) for k in range(20)])) is None
 
 

@@ -62,7 +62,7 @@ class Thumbnails(QObject):
         while self._wanted and capture is not None and root is not None:
             frame = self._wanted.pop()
             if frame < len(capture.frames):
-                path = thumbnail_path(Layout(root), capture.frames[frame].image_path)
+                path = thumbnail_path(Layout(root), capture.frames[frame])
                 if not self._store_thumbnail(frame, path) and frame not in self._missing:
                     self._missing.append(frame)
                     self._ask.start()

@@ -20,6 +20,7 @@ from nvsim.project.layout import Layout
 from nvsim_app.processes.serving import Requests, short_reason
 
 if TYPE_CHECKING:
+    from nvsim.capture.types import Frame
     from nvsim.project.frame_candidates import CandidateMaker
 
 THUMBNAIL = (160, 120)  # minimum width and height of a thumbnail, pixels; the image may be smaller
@@ -141,7 +142,7 @@ class Worker:
 
     def _make_thumbnail(self, frame: int) -> Thumbnail:
         image_path, lens = (found := self._project.need_capture().frames[frame]).image_path, found.lens
-        path = thumbnail_path(self._project.layout, image_path)
+        path = thumbnail_path(self._project.layout, found)
         with contextlib.suppress(OSError):
             if path.stat().st_mtime_ns >= image_path.stat().st_mtime_ns:
                 return Thumbnail(frame, path)
@@ -157,6 +158,7 @@ class Worker:
             image = decode_for_camera(data, image_path, reduced, (lens.width, lens.height))
             if min(image.shape[:2]) >= THUMBNAIL[1]:
                 break
+        image = np.rot90(image, lens.turns)
         height, width = image.shape[:2]
         scale = min(1.0, max(THUMBNAIL[0] / width, THUMBNAIL[1] / height))
         size = max(1, round(width * scale)), max(1, round(height * scale))
@@ -211,9 +213,11 @@ class Worker:
         return self._maker
 
 
-def thumbnail_path(layout: Layout, image_path: Path) -> Path:
-    """The thumbnail file of an image. The name depends on the image path, so that a repeated import reuses it."""
-    name = hashlib.sha1(str(image_path).encode("utf-8", "surrogateescape"), usedforsecurity=False).hexdigest()[:20]
+def thumbnail_path(layout: Layout, frame: Frame) -> Path:
+    """The thumbnail file of a frame. The name depends on the image path and its turns, so that a repeated import reuses
+    it."""
+    shown = f"{frame.image_path} {frame.lens.turns}" if frame.lens.turns else str(frame.image_path)
+    name = hashlib.sha1(shown.encode("utf-8", "surrogateescape"), usedforsecurity=False).hexdigest()[:20]
     return layout.cache / "thumbnails" / f"{name}.jpg"
 
 
