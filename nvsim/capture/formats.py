@@ -161,6 +161,12 @@ FORMATS: tuple[Format, ...] = (
         trajectory_files.read_tum,
     ),
     Format(
+        "ARKitScenes",
+        "a recording of ARKitScenes (lowres_wide and lowres_wide.traj)",
+        trajectory_files.find_arkit,
+        trajectory_files.read_arkit,
+    ),
+    Format(
         "Replica",
         "a Replica scene of NICE-SLAM (results and traj.txt)",
         trajectory_files.find_replica,

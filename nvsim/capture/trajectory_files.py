@@ -1,16 +1,21 @@
-"""Read captures whose poses are in one text file: recordings in the layouts of TUM RGB-D (rgb.txt, groundtruth.txt)
-and of Replica as NICE-SLAM renders it (results/frame000000.jpg, traj.txt).
+"""Read captures whose poses are in one text file: recordings in the layouts of TUM RGB-D (rgb.txt, groundtruth.txt),
+of ARKitScenes (lowres_wide/ID_TIME.png, lowres_wide.traj), and of Replica as NICE-SLAM renders it
+(results/frame000000.jpg, traj.txt).
 
-Poses are camera-to-world with OpenCV axes, in meters unless a SLAM program without depth computed them. TUM's pose
-files have rows `time x y z qx qy qz qw`, which SLAM programs write too; each image gets the pose of its time. Formats:
-https://cvg.cit.tum.de/data/datasets/rgbd-dataset and https://github.com/cvg/nice-slam.
+Poses have OpenCV axes, in meters unless a SLAM program without depth computed them. They are camera-to-world, those of
+ARKitScenes world-to-camera. Rows are `time x y z qx qy qz qw` (TUM; SLAM programs write them too), or
+`time rx ry rz x y z` with the rotation as a vector (ARKitScenes). Each image gets the pose of its time. Formats:
+https://cvg.cit.tum.de/data/datasets/rgbd-dataset, https://github.com/apple/ARKitScenes/blob/main/DATA.md, and
+https://github.com/cvg/nice-slam.
 """
 
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from pathlib import Path
 
+import cv2
 import numpy as np
 from numpy.typing import NDArray
 
@@ -18,6 +23,7 @@ from nvsim.capture import nerfstudio_fields
 from nvsim.capture.findings import Findings
 from nvsim.capture.pose_files import files_by_stem, intrinsics_file, read_lenses
 from nvsim.capture.raw import (
+    LOST_FRAME,
     RawCapture,
     RawFrame,
     checked_pose,
@@ -35,7 +41,7 @@ from nvsim.plain_text import count_text
 _IMAGES, _DEPTHS = "rgb.txt", "depth.txt"
 _TRAJECTORIES = ("groundtruth.txt", "CameraTrajectory.txt", "KeyFrameTrajectory.txt", "trajectory.txt")
 _SAME_MOMENT = 0.02  # seconds between an image and its depth image or its pose, as in TUM's associate.py
-_LARGEST_GAP = 0.1  # seconds between two poses that are interpolated
+_LARGEST_GAP = 0.15  # seconds between two poses that are interpolated
 _TUM_UNIT = 1 / 5000  # meters per value of a depth image
 _FREIBURG = {
     "freiburg1": (517.3, 516.5, 318.6, 255.3, 0.2624, -0.9531, -0.0054, 0.0026, 1.1633, 0, 0, 0),
@@ -43,6 +49,8 @@ _FREIBURG = {
     "freiburg3": (535.4, 539.2, 320.1, 247.6, 0, 0, 0, 0, 0, 0, 0, 0),
 }
 """Part of the name of a folder -> the lens that the dataset states for it: FULL_OPENCV, 640x480."""
+_ARKIT_POSES, _ARKIT_IMAGES = "lowres_wide.traj", ("wide", "vga_wide", "lowres_wide")  # the largest images first
+_MILLIMETER = 0.001
 _REPLICA_POSES, _REPLICA_LENS, _REPLICA_IMAGES = "traj.txt", "cam_params.json", "results"
 
 
@@ -60,7 +68,7 @@ def read_tum(folder: Path, findings: Findings) -> RawCapture:
     if not images:
         raise InputError(f"{folder / _IMAGES} lists no images; write it again.")
     trajectory = next(folder / name for name in _TRAJECTORIES if (folder / name).is_file())
-    times, poses = _trajectory(trajectory, findings)
+    times, poses = _trajectory(trajectory, "time x y z qx qy qz qw", _pose_of_quaternion, findings)
     depths = _listed(folder / _DEPTHS) if (folder / _DEPTHS).is_file() else []
     depth_times = np.array([at for at, _ in depths])
     lens = _tum_lens(folder, [file for _, file in images], findings)
@@ -103,28 +111,45 @@ def _listed(path: Path) -> list[tuple[float, str]]:
     return sorted(found)
 
 
-def _trajectory(path: Path, findings: Findings) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Times (N,) float64, increasing, and poses (N, 4, 4) of the rows of a trajectory. Damaged rows are errors in
-    `findings`. Raises InputError if no row is usable."""
+def _pose_of_quaternion(row: NDArray[np.float64], where: str, findings: Findings) -> NDArray[np.float64] | None:
+    x, y, z, w = row[3:]
+    return pose_from_quaternion(np.array([w, x, y, z]), row[:3], where, findings)
+
+
+def _pose_of_vector(row: NDArray[np.float64], where: str, findings: Findings) -> NDArray[np.float64] | None:
+    pose = np.eye(4)
+    pose[:3, :3] = cv2.Rodrigues(row[:3])[0].T
+    pose[:3, 3] = -pose[:3, :3] @ row[3:]
+    return checked_pose(pose, where, findings)
+
+
+def _trajectory(
+    path: Path,
+    columns: str,
+    pose_of: Callable[[NDArray[np.float64], str, Findings], NDArray[np.float64] | None],
+    findings: Findings,
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Times (N,) float64, increasing, and poses (N, 4, 4) of the rows of a trajectory. The numbers after the time are
+    given to `pose_of`. Damaged rows are errors in `findings`. Raises InputError if no row is usable."""
     rows: dict[float, NDArray[np.float64]] = {}
+    count = len(columns.split())
     for number, line in lines_of(read_text(path)):
         words = line.replace(",", " ").split()
         if not words or words[0].startswith("#"):
             continue
         where = f"{path.name}:{number}"
         try:
-            at, *values = map(float, words[:8])
-            x, y, z, qx, qy, qz, qw = values
+            row = np.array([float(word) for word in words[:count]])
         except ValueError:
-            at = math.nan
-        if not math.isfinite(at):
-            findings.error("the line is not `time x y z qx qy qz qw`", where, "the pose is ignored")
+            row = np.array([])
+        if len(row) < count or not math.isfinite(row[0]):
+            findings.error(f"the line is not `{columns}`", where, "the pose is ignored")
             continue
-        pose = pose_from_quaternion(np.array([qw, qx, qy, qz]), np.array([x, y, z]), where, findings)
+        pose = pose_of(row[1:], where, findings)
         if pose is not None:
-            rows[at] = pose
+            rows[float(row[0])] = pose
     if not rows:
-        raise InputError(f"{path} holds no pose (time x y z qx qy qz qw); write it again.")
+        raise InputError(f"{path} holds no pose ({columns}); write it again.")
     times = np.array(sorted(rows))
     return times, np.array([rows[at] for at in times])
 
@@ -151,6 +176,80 @@ def _tum_lens(folder: Path, images: list[str], findings: Findings) -> Lens | Non
         return read_lens("FULL_OPENCV", 640, 480, stated, folder.name, findings)
     files = {file: folder / file for file in images if (folder / file).is_file()}
     return read_lenses(folder, files, {}, findings)[0]
+
+
+def find_arkit(path: Path) -> Path | None:
+    """`path`, or the folder of frames in it, if it is a recording of ARKitScenes; otherwise None."""
+    for folder in (path, path / f"{path.name}_frames"):
+        if (folder / _ARKIT_POSES).is_file() and any((folder / name).is_dir() for name in _ARKIT_IMAGES):
+            return folder
+    return None
+
+
+def read_arkit(folder: Path, findings: Findings) -> RawCapture:
+    """The capture of a recording of ARKitScenes: the largest images that are there, their lenses, and the depth of the
+    LiDAR scanner. Depth with the lowest confidence is ignored, and images without a pose or a lens of their time are
+    skipped with a warning.
+
+    Raises InputError if no image has a pose and a lens."""
+    images = next(folder / name for name in _ARKIT_IMAGES if (folder / name).is_dir())
+    times, poses = _trajectory(folder / _ARKIT_POSES, "time rx ry rz x y z", _pose_of_vector, findings)
+    lenses, depths, confidences = (
+        _by_time(folder / name) for name in (f"{images.name}_intrinsics", "lowres_depth", "confidence")
+    )
+    frames: list[RawFrame] = []
+    found: list[DepthFile] = []
+    listed = _by_time(images)
+    for at, file in listed.items():
+        pose, lens_file = pose_at(at, times, poses), _nearest(lenses, at)
+        lens = None if pose is None or lens_file is None else _arkit_lens(lens_file, findings)
+        if pose is None or lens is None:
+            continue
+        name = f"{images.name}/{file.name}"
+        frames.append(RawFrame(name, file, lens, pose, name, timestamp=at))
+        depth = _nearest(depths, at)
+        if depth is not None:
+            confidence = confidences.get(_time_of(depth))
+            found.append(DepthFile(depth, lens, pose, name, unit=_MILLIMETER, confidence=confidence))
+    if not frames:
+        raise InputError(f"No image in {images} has a pose and a lens of its time; copy the recording again.")
+    if len(frames) < len(listed):
+        without = count_text(len(listed) - len(frames), "image")
+        findings.warning(f"{without} of {len(listed)} without a pose or a lens of that time", images.name, "skipped")
+    return RawCapture(folder, "ARKitScenes", tuple(frames), None, True, (), tuple(found))
+
+
+def _time_of(file: Path) -> float:
+    """The seconds in a file name ID_SECONDS.png; not a number for other names."""
+    try:
+        return float(file.stem.rpartition("_")[2])
+    except ValueError:
+        return math.nan
+
+
+def _by_time(folder: Path) -> dict[float, Path]:
+    """The files in a folder by the seconds in their names, in the order of time. Empty if there is no folder."""
+    files = sorted(folder.iterdir()) if folder.is_dir() else []
+    return dict(sorted((at, file) for file in files if math.isfinite(at := _time_of(file))))
+
+
+def _nearest(files: dict[float, Path], at: float) -> Path | None:
+    """The file of the same moment, None if there is none."""
+    times = np.array(list(files))
+    i = int(np.abs(times - at).argmin()) if len(times) else -1
+    return list(files.values())[i] if i >= 0 and abs(times[i] - at) <= _SAME_MOMENT else None
+
+
+def _arkit_lens(file: Path, findings: Findings) -> Lens | None:
+    """The lens in a file `width height fx fy cx cy`."""
+    try:
+        width, height, *params = map(float, read_text(file).split())
+    except ValueError:
+        width, height, params = math.nan, math.nan, []
+    if len(params) != 4 or not np.isfinite([width, height, *params]).all():
+        findings.error("the file is not `width height fx fy cx cy`", file.name, LOST_FRAME)
+        return None
+    return read_lens("PINHOLE", width, height, params, file.name, findings)
 
 
 def find_replica(path: Path) -> Path | None:

@@ -102,7 +102,33 @@ def replica(folder: Path, poses: np.ndarray) -> Path:
     return folder / "room0"
 
 
-LAYOUTS = {"Polycam": polycam, "7-Scenes": seven_scenes, "ScanNet": scannet, "TUM": tum, "Replica": replica}
+def arkit(folder: Path, poses: np.ndarray) -> Path:
+    """Images every 0.1 s in a folder ID_frames. Trajectory and lenses have times that differ by milliseconds."""
+    inside = folder / f"{folder.name}_frames"
+    names = sample.write_images(inside / "lowres_wide", len(poses))
+    (inside / "lowres_wide_intrinsics").mkdir()
+    rows = []
+    for i, (name, pose) in enumerate(zip(names, poses)):
+        at = 6790.5 + 0.1 * i
+        (inside / "lowres_wide" / name).rename(inside / "lowres_wide" / f"41069021_{at:.3f}.png")
+        lens = inside / "lowres_wide_intrinsics" / f"41069021_{at - 0.001:.3f}.pincam"
+        lens.write_text(f"64 48 {sample.FOCAL} {sample.FOCAL} 32 24")
+        depth_image(inside / "lowres_depth" / f"41069021_{at:.3f}.png")
+        inverse = np.linalg.inv(pose)
+        row = [*cv2.Rodrigues(inverse[:3, :3])[0][:, 0], *inverse[:3, 3]]
+        rows += [" ".join([f"{at + shift:.6f}", *map(repr, map(float, row))]) for shift in (-0.004, 0.004)]
+    (inside / "lowres_wide.traj").write_text("\n".join(rows) + "\n")
+    return folder
+
+
+LAYOUTS = {
+    "Polycam": polycam,
+    "7-Scenes": seven_scenes,
+    "ScanNet": scannet,
+    "TUM": tum,
+    "Replica": replica,
+    "ARKitScenes": arkit,
+}
 
 
 @pytest.mark.parametrize("layout", LAYOUTS)
@@ -262,4 +288,30 @@ def test_a_replica_scene_needs_a_pose_for_each_image_and_a_lens(tmp_path: Path) 
         read(folder)
     (tmp_path / "scans" / "cam_params.json").unlink()
     with pytest.raises(InputError, match="cam_params.json is missing"):
+        read(folder)
+
+
+def test_an_arkit_recording_without_poses_or_lenses_of_its_time_is_one_sentence_or_a_warning(tmp_path: Path) -> None:
+    folder = arkit(tmp_path / "41069021", sample.walk(8)) / "41069021_frames"
+    lenses = sorted((folder / "lowres_wide_intrinsics").iterdir())
+    lenses[2].unlink()
+    lenses[4].write_text("64 48 40")
+    (folder / "lowres_wide" / ".DS_Store").write_text("")
+    report = check(tmp_path / "41069021")
+    said = {f.message: f.severity for f in report.findings}
+    assert said["the file is not `width height fx fy cx cy`"] == "error"
+    assert said["2 images of 8 without a pose or a lens of that time"] == "warning"
+    (folder / "confidence").mkdir()
+    confidence = np.full((sample.HEIGHT // 2, sample.WIDTH // 2), 2, np.uint8)
+    confidence[3] = 0
+    lenses[4].write_text("64 48 40 40 32 24")
+    name = sorted((folder / "lowres_depth").iterdir())[0].name
+    assert cv2.imwrite(str(folder / "confidence" / name), confidence)
+    values = read_depth_image(read(folder).depths[0])
+    assert (values[3] == 0).all() and (values[4] > 0).all()
+    (folder / "lowres_wide.traj").write_text("1.0 0 0 0 0 0 0\n")
+    with pytest.raises(InputError, match="No image in .*lowres_wide has a pose and a lens of its time"):
+        read(folder)
+    (folder / "lowres_wide.traj").write_text("1.0 0 0\n")
+    with pytest.raises(InputError, match=r"holds no pose \(time rx ry rz x y z\)"):
         read(folder)
