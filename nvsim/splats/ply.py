@@ -54,6 +54,7 @@ def read_ascii(path: Path, file: FileIO, begin: bytes) -> Gaussians:
             for column, target in columns:
                 target[at : at + len(block)] = values[:, column]
         at += len(block)
+    _apply_filter(gaussians, targets)
     return gaussians
 
 
@@ -70,6 +71,8 @@ def _lines(path: Path, file: io.BufferedReader, number: int, longest: int) -> It
 _REST_OF_DEGREE = {0: 0, 1: 9, 2: 24, 3: 45}
 _MEAN, _DC = ("x", "y", "z"), ("f_dc_0", "f_dc_1", "f_dc_2")
 _SCALE, _ROTATION = ("scale_0", "scale_1", "scale_2"), ("rot_0", "rot_1", "rot_2", "rot_3")
+_THICKNESS, _FILTER = _SCALE[2], "filter_3D"
+_FLAT = 6.0  # logarithm of the smaller width of a disk over its thickness
 _NORMAL = ("nx", "ny", "nz")  # always zero, but some readers require them
 _ROWS = 4096  # 1 MB at degree 3: a block stays in the second-level cache while it is split into columns
 _BLOCK = 1 << 21
@@ -123,8 +126,10 @@ def _write(file: FileIO, data: bytes) -> None:
 def read_ply(path: Path) -> tuple[Gaussians, bool | None]:
     """The Gaussians, and whether the file says to render them with antialiasing (None if it does not say).
 
-    Properties may be in any order with others between them, and normals may be missing. Values that are not finite are
-    kept. A binary file is read block by block and needs one megabyte in addition to the result. Raises InputError
+    Properties may be in any order with others between them, and normals may be missing. The disks of 2DGS have no third
+    scale and become flat Gaussians. The 3D filter of Mip-Splatting, GOF, and RaDe-GS is applied, and antialiasing is
+    assumed then. Values that are not finite are kept. A binary file is read block by block and needs one megabyte in
+    addition to the result (with a filter, also 4 bytes for each Gaussian). Raises InputError
     naming the file and the defect.
     """
     with opened(path) as file, reading(path, "a PLY file of Gaussians"):
@@ -138,6 +143,7 @@ def read_ply(path: Path) -> tuple[Gaussians, bool | None]:
             gaussians, targets = _prepare_arrays(path, rows.count, rows.layout.names or ())
             for _ in _blocks(path, file, rows, targets):
                 pass
+            _apply_filter(gaussians, targets)
     return gaussians, _render_mode(begin)
 
 
@@ -156,6 +162,8 @@ def read_gaussians(path: Path, hashed: bool) -> tuple[Gaussians, str | None]:
             if not begin.startswith(b"ply") or rows is None or any(rows.layout[c] != np.dtype("<f4") for c in columns):
                 raise InputError("It is not a PLY file of float32 in little-endian order.")
             gaussians, targets = _prepare_arrays(path, rows.count, columns)
+            if _THICKNESS not in targets or _FILTER in targets:
+                raise InputError("It is the file of another program.")
         except InputError as error:
             raise InputError(
                 f"{path} is truncated or does not have the layout that NVSim writes; train this submap again."
@@ -189,9 +197,11 @@ def _blocks(
 def _prepare_arrays(
     path: Path, n: int, properties: tuple[str, ...]
 ) -> tuple[Gaussians, dict[str, NDArray[np.float32]]]:
-    """Arrays for `n` Gaussians, and for each property the view (n,) of them that stores it. Raises InputError if
-    properties are missing."""
+    """Arrays for `n` Gaussians, and for each property the view (n,) of them that stores it; the 3D filter has an array
+    of its own. Raises InputError if properties are missing. The third scale may be missing if both others are there."""
     missing = [name for name in (*_MEAN, *_DC, "opacity", *_SCALE, *_ROTATION) if name not in properties]
+    if missing == [_THICKNESS]:
+        missing = []
     if missing:
         raise InputError(
             f"{path} has no property {', '.join(missing[:4])}{' ...' if len(missing) > 4 else ''}, so it does not"
@@ -208,9 +218,28 @@ def _prepare_arrays(
     g = Gaussians(*(np.empty(shape, np.float32) for shape in shapes))
     targets = {"opacity": g.opacity_logits}
     for names, array in ((_MEAN, g.means), (_SCALE, g.log_scales), (_ROTATION, g.quats), (_DC, g.sh[:, 0])):
-        targets |= {name: array[:, i] for i, name in enumerate(names)}
+        targets |= {name: array[:, i] for i, name in enumerate(names) if name in properties}
     targets |= {f"f_rest_{i}": g.sh[:, 1 + i % (k - 1), i // (k - 1)] for i in range(rest)}
+    if _FILTER in properties:
+        targets[_FILTER] = np.empty(n, np.float32)
     return g, targets
+
+
+def _apply_filter(g: Gaussians, targets: dict[str, NDArray[np.float32]]) -> None:
+    """Computes a missing third scale, and applies the 3D filter: each Gaussian is convolved with a round one of that
+    width, and becomes less opaque as it grows (Yu et al. 2024, Mip-Splatting)."""
+    if _THICKNESS not in targets:
+        g.log_scales[:, 2] = g.log_scales[:, :2].min(axis=1) - _FLAT
+    if _FILTER not in targets:
+        return
+    for first in range(0, len(g), _ROWS):
+        rows = slice(first, first + _ROWS)
+        before = g.log_scales[rows].astype(np.float64)
+        with np.errstate(all="ignore"):  # values that are not finite are removed later
+            after = 0.5 * np.logaddexp(2 * before, 2 * np.log(np.abs(targets[_FILTER][rows, None], dtype=np.float64)))
+            share, logits = (before - after).sum(axis=1), g.opacity_logits[rows].astype(np.float64)
+            g.opacity_logits[rows] = logits + share - np.logaddexp(0, logits + np.log(-np.expm1(share)))
+        g.log_scales[rows] = after
 
 
 def _fill(path: Path, file: FileIO, rows: NDArray[np.void]) -> None:
@@ -229,4 +258,4 @@ def _render_mode(data: bytes) -> bool | None:
         for known in (_ANTIALIASED, _BRUSH_MODES):
             if text in known:
                 return known[text]
-    return None
+    return True if f" {_FILTER}\n" in header.replace("\r", "") else None

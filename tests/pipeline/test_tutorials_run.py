@@ -30,7 +30,7 @@ FUNCTIONS = """
 nvsim() {
     case "$1 ${2:-}" in
         demo*) "$PYTHON" -m nvsim "$@" $TRAINING ;;
-        run*) "$PYTHON" -m nvsim "$@" --train.steps 100 --map.max-viewpoints 4 ;;
+        run*) "$PYTHON" -m nvsim "$@" $TRAINING --map.max-viewpoints 4 ;;
         map*) "$PYTHON" -m nvsim "$@" --max-viewpoints 13 ;;
         "export scan") "$PYTHON" -m nvsim "$@" --size 64 ;;
         "r2r train") "$PYTHON" -m nvsim "$@" --iterations 20 --evaluate-every 10 ;;

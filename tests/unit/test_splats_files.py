@@ -146,6 +146,57 @@ def test_an_ascii_file_is_read_too(tmp_path):
     assert_same_gaussians(g, read_ply(tmp_path / "g.ply")[0])
 
 
+def of_another_program(path, g, names, columns, text=False):
+    """A PLY file with the usual properties of degree 0, without those that `names` lacks, and with more `columns`."""
+    usual = ["x", "y", "z", "f_dc_0", "f_dc_1", "f_dc_2", "opacity", "scale_0", "scale_1", "scale_2"]
+    usual += ["rot_0", "rot_1", "rot_2", "rot_3"]
+    table = np.hstack([g.means, g.sh[:, 0], g.opacity_logits[:, None], g.log_scales, g.quats])
+    kept = [i for i, name in enumerate(usual) if name in names]
+    table = np.hstack([table[:, kept], *(column[:, None] for column in columns.values())]).astype("<f4")
+    form = "ascii" if text else "binary_little_endian"
+    header = f"ply\nformat {form} 1.0\nelement vertex {len(g)}\n"
+    header += "".join(f"property float {n}\n" for n in [usual[i] for i in kept] + list(columns)) + "end_header\n"
+    rows = "".join(" ".join(f"{v:.9g}" for v in row) + "\n" for row in table).encode() if text else table.tobytes()
+    path.write_bytes(header.encode() + rows)
+    return path
+
+
+ALL = ("x", "y", "z", "f_dc_0", "f_dc_1", "f_dc_2", "opacity", "scale_0", "scale_1", "scale_2")
+ALL = (*ALL, "rot_0", "rot_1", "rot_2", "rot_3")
+
+
+@pytest.mark.parametrize("text", [False, True])
+def test_the_filter_of_mip_splatting_is_applied(tmp_path, text):
+    """Against the formulas of its `get_scaling_with_3D_filter` and `get_opacity_with_3D_filter`."""
+    g = gaussians(9001, 0)
+    g.opacity_logits[:3] = 60, -60, 0
+    filters = np.random.default_rng(1).uniform(0, 1.5, 9001).astype(np.float32)
+    filters[2] = 0
+    path = of_another_program(tmp_path / "g.ply", g, ALL, {"filter_3D": filters}, text)
+    found, antialiased = read_ply(path)
+    squares = np.exp(g.log_scales.astype(float)) ** 2
+    grown = squares + filters[:, None].astype(float) ** 2
+    shares = np.sqrt(squares.prod(axis=1) / grown.prod(axis=1))
+    np.testing.assert_allclose(np.exp(found.log_scales), np.sqrt(grown), rtol=1e-5)
+    alphas = shares / (1 + np.exp(-g.opacity_logits.astype(float)))
+    np.testing.assert_allclose(1 / (1 + np.exp(-found.opacity_logits.astype(float))), alphas, rtol=2e-5)
+    assert np.isfinite(found.opacity_logits).all() and antialiased is True
+    np.testing.assert_array_equal(found.means, g.means)
+    assert read_ply(of_another_program(tmp_path / "o.ply", g, ALL, {"other": filters}))[1] is None
+
+
+@pytest.mark.parametrize("text", [False, True])
+def test_the_disks_of_2dgs_become_flat_gaussians(tmp_path, text):
+    g = gaussians(50, 0)
+    names = [name for name in ALL if name != "scale_2"]
+    found, _ = read_ply(of_another_program(tmp_path / "g.ply", g, names, {}, text))
+    np.testing.assert_array_equal(found.log_scales[:, :2], g.log_scales[:, :2])
+    assert (found.log_scales[:, 2] < found.log_scales[:, :2].min(axis=1) - 5).all()
+    np.testing.assert_array_equal(found.quats, g.quats)
+    with pytest.raises(InputError, match="has no property scale_1, scale_2, so it does not contain Gaussians"):
+        read_ply(of_another_program(tmp_path / "g.ply", g, [n for n in names if n != "scale_1"], {}, text))
+
+
 def test_values_that_are_not_finite_are_found_beyond_the_first_block(tmp_path):
     g = gaussians(20_001, 0)
     g.sh[5000, 0, 1], g.means[19_999, 2] = np.nan, np.inf
