@@ -30,6 +30,7 @@ from nvsim.capture.triangulation import image_points
 from nvsim.capture.types import Alignment, Capture, Cloud, Frame
 from nvsim.capture.vertical_edges import vertical_from_images
 from nvsim.errors import InputError
+from nvsim.geometry.camera import quarter_turns
 from nvsim.geometry.rotation import smallest_rotation
 
 _FORM = "give IMAGE,IMAGE,METERS, such as 0001.jpg,0150.jpg,4.2"
@@ -69,6 +70,31 @@ PLAUSIBLE_HEIGHT = (0.1, 6.0)  # meters of a camera above the floor: from a robo
 _UNSURE_DEGREES = 20.0  # possible error of the up direction if all cameras may lean to the same side
 _UNEVEN_DEGREES = 3.0  # possible tilt of the floor against the vertical edges, because poses drift
 _Z = np.array([0.0, 0.0, 1.0])
+_CLEARER = (
+    0.05  # by this much more of the squared length of the right axes is along one direction than of the down axes
+)
+_TURNED = 0.2  # see `lie_on_side`: about 45 degrees to either side
+HELD_UPRIGHT = 3  # counterclockwise quarter turns for images of a phone held upright, as nearly all phones store them
+
+
+def turned_pose(poses: NDArray[np.float64], turns: int) -> NDArray[np.float64]:
+    """The camera-to-world poses (..., 4, 4) of the images after `turns` counterclockwise quarter turns."""
+    turned = poses.copy()
+    turned[..., :3, :3] = poses[..., :3, :3] @ quarter_turns(turns).T
+    return turned
+
+
+def lie_on_side(rights: NDArray[np.float64], downs: NDArray[np.float64], least_turn: float = _TURNED) -> bool:
+    """Whether most images of a walk lie on their side, from their right and down axes (N, 3) in the world.
+
+    People turn more about the vertical than about other axes, so the image axis along the vertical has nearly the same
+    direction in all images, and the other one many directions. False if these are nearly one direction: then the
+    second eigenvalue of their second moments is less than `least_turn`."""
+    values, axes = np.linalg.eigh(rights.T @ rights / len(rights))
+    _, second, largest = np.linalg.eigvalsh(downs.T @ downs / len(downs))
+    # Unlike the image axis along the vertical, horizontal directions of a walk cancel each other.
+    has_one_sense = abs((rights @ axes[:, 2]).mean()) > abs((downs @ axes[:, 0]).mean())
+    return bool(has_one_sense and values[2] > largest + _CLEARER and second > least_turn)
 
 
 def find_up(poses: NDArray[np.float64]) -> tuple[NDArray[np.float64], float]:
@@ -77,8 +103,10 @@ def find_up(poses: NDArray[np.float64]) -> tuple[NDArray[np.float64], float]:
     The first estimate is the geometric median of the cameras' up vectors, so a few cameras mounted on their side have
     no influence. If the cameras look in several directions, a second estimate is better: the direction that is most
     nearly perpendicular to the cameras' right vectors. It does not lean when all cameras look down. It is used if it
-    is within 40 degrees of the first estimate.
+    is within 40 degrees of the first estimate. Images that lie on their side are those of a phone held upright.
     """
+    if lie_on_side(poses[:, :3, 0], poses[:, :3, 1]):
+        poses = turned_pose(poses, HELD_UPRIGHT)
     ups, rights = -poses[:, :3, 1], poses[:, :3, 0]
     median = ups.mean(axis=0)
     for _ in range(30):  # Weiszfeld's iteration

@@ -14,21 +14,16 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from nvsim.capture.alignment import find_up
+from nvsim.capture.alignment import HELD_UPRIGHT, find_up, lie_on_side, turned_pose
 from nvsim.capture.findings import Findings
 from nvsim.capture.images import image_header
 from nvsim.capture.raw import RawCapture, RawFrame
 from nvsim.capture.types import DepthFile
-from nvsim.geometry.camera import quarter_turns
 from nvsim.geometry.sampling import evenly_spaced
 
-_CLEARER = (
-    0.05  # by this much more of the squared length of the right axes is along one direction than of the down axes
-)
 _ALONG_AXIS = 10.0  # degrees between the vertical and an axis of the world: the axis y or z of the world points up
-_TURNED, _TURNED_A_LITTLE = 0.2, 0.05  # see `least_turn`: about 45 and 20 degrees to either side
-HELD_UPRIGHT = 3  # turns of a phone held upright, as nearly all phones store its images
-_TURNS_OF_TAG = {3: 2, 6: 3, 8: 1}  # Exif orientation -> counterclockwise quarter turns
+_TURNED_A_LITTLE = 0.05  # see `lie_on_side`: about 20 degrees to either side
+_TURNS_OF_TAG = {6: 3, 8: 1}  # Exif orientation -> counterclockwise quarter turns
 _TAGGED = 20  # images whose orientation tags are read
 _STEEP = 0.35  # length of the vertical in the image plane: below it, the camera looks too steeply up or down
 _KEPT = 0.6  # a frame is turned as most others if the vertical is within about 53 degrees of that
@@ -54,7 +49,7 @@ def turn_upright(raw: RawCapture, findings: Findings, up: NDArray[np.float64] | 
     for i, turn in turns.items():
         lens, pose = frames[i].lens, frames[i].camera_to_world
         assert lens is not None and pose is not None
-        frames[i] = replace(frames[i], lens=replace(lens, turns=turn), camera_to_world=_turned_pose(pose, turn))
+        frames[i] = replace(frames[i], lens=replace(lens, turns=turn), camera_to_world=turned_pose(pose, turn))
     of_name = {raw.frames[i].name: turn for i, turn in turns.items()}
     depths = tuple(_turned_depth(d, of_name[d.frame]) if d.frame in of_name else d for d in raw.depths)
     findings.note(
@@ -67,26 +62,7 @@ def turn_upright(raw: RawCapture, findings: Findings, up: NDArray[np.float64] | 
 
 def _turned_depth(depth: DepthFile, turns: int) -> DepthFile:
     lens = replace(depth.lens, turns=turns)
-    return replace(depth, lens=lens, camera_to_world=_turned_pose(depth.camera_to_world, turns))
-
-
-def _turned_pose(pose: NDArray[np.float64], turns: int) -> NDArray[np.float64]:
-    turned = pose.copy()
-    turned[:3, :3] = pose[:3, :3] @ quarter_turns(turns).T
-    return turned
-
-
-def lie_on_side(rights: NDArray[np.float64], downs: NDArray[np.float64], least_turn: float = _TURNED) -> bool:
-    """Whether most images of a walk lie on their side, from their right and down axes (N, 3) in the world.
-
-    People turn more about the vertical than about other axes, so the image axis along the vertical has nearly the same
-    direction in all images, and the other one many directions. False if these are nearly one direction: then the
-    second eigenvalue of their second moments is less than `least_turn`."""
-    values, axes = np.linalg.eigh(rights.T @ rights / len(rights))
-    _, second, largest = np.linalg.eigvalsh(downs.T @ downs / len(downs))
-    # Unlike the image axis along the vertical, horizontal directions of a walk cancel each other.
-    has_one_sense = abs((rights @ axes[:, 2]).mean()) > abs((downs @ axes[:, 0]).mean())
-    return bool(has_one_sense and values[2] > largest + _CLEARER and second > least_turn)
+    return replace(depth, lens=lens, camera_to_world=turned_pose(depth.camera_to_world, turns))
 
 
 def _find_vertical(poses: NDArray[np.float64], frames: Sequence[RawFrame]) -> NDArray[np.float64]:
@@ -94,19 +70,18 @@ def _find_vertical(poses: NDArray[np.float64], frames: Sequence[RawFrame]) -> ND
 
     The poses do not tell which end of the vertical is up: orientation tags tell it, or else an axis of the world. If
     the cameras turn little, these also decide whether the images lie on their side."""
-    level, rights, downs = find_up(poses)[0], poses[:, :3, 0], poses[:, :3, 1]
+    found, rights, downs = find_up(poses)[0], poses[:, :3, 0], poses[:, :3, 1]
     if not lie_on_side(rights, downs, _TURNED_A_LITTLE):
-        return level
-    up = find_up(np.array([_turned_pose(pose, HELD_UPRIGHT) for pose in poses]))[0]
-    found = (image_header(frames[i].image_path) for i in evenly_spaced(len(frames), _TAGGED))
-    tags = Counter(_TURNS_OF_TAG.get(header[2], 0) for header in found if header is not None)
-    tag = tags.most_common(1)[0][0] if tags else 0
-    if tag in (1, 3):
+        return found
+    up = find_up(turned_pose(poses, HELD_UPRIGHT))[0]
+    headers = (image_header(frames[i].image_path) for i in evenly_spaced(len(frames), _TAGGED))
+    ((tag, _),) = Counter(0 if header is None else _TURNS_OF_TAG.get(header[2], 0) for header in headers).most_common(1)
+    if tag:
         return up if tag == HELD_UPRIGHT else -up
-    along = [max(up[1:]), max(-up[1:]), max(abs(level[1:]))] > np.cos(np.radians(_ALONG_AXIS))
-    if not (lie_on_side(rights, downs) or (along[:2].any() and not along[2])):
-        return level
-    return -up if along[1] else up
+    along, against, was_along = [max(up[1:]), max(-up[1:]), max(abs(found[1:]))] > np.cos(np.radians(_ALONG_AXIS))
+    if not lie_on_side(rights, downs) and (was_along or not (along or against)):
+        return found
+    return -up if against else up
 
 
 def _turns(poses: NDArray[np.float64], sensors: Sequence[str], up: NDArray[np.float64]) -> list[int]:

@@ -17,7 +17,7 @@ import numpy as np
 import pycolmap
 from numpy.typing import NDArray
 
-from nvsim.capture.upright import HELD_UPRIGHT, lie_on_side
+from nvsim.capture.alignment import HELD_UPRIGHT, lie_on_side
 from nvsim.capture.vertical_edges import Lines, long_segments
 from nvsim.geometry.camera import quarter_turns
 from nvsim.geometry.rotation import level_axes

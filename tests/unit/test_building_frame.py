@@ -11,7 +11,7 @@ from known_reconstruction import HEIGHT, WIDTH, camera, facing, places_in, pose,
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from nvsim.capture.upright import HELD_UPRIGHT
+from nvsim.capture.alignment import HELD_UPRIGHT
 from nvsim.capture.vertical_edges import Lines, vertical_from_lines
 from nvsim.geometry.camera import quarter_turns
 from nvsim.poses.building_frame import camera_height, lines_of, vertical_of, wall_direction
