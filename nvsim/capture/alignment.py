@@ -70,9 +70,7 @@ PLAUSIBLE_HEIGHT = (0.1, 6.0)  # meters of a camera above the floor: from a robo
 _UNSURE_DEGREES = 20.0  # possible error of the up direction if all cameras may lean to the same side
 _UNEVEN_DEGREES = 3.0  # possible tilt of the floor against the vertical edges, because poses drift
 _Z = np.array([0.0, 0.0, 1.0])
-_CLEARER = (
-    0.05  # by this much more of the squared length of the right axes is along one direction than of the down axes
-)
+_CLEARER = 0.05  # see `lie_on_side`: difference of the largest eigenvalues of both axes
 _TURNED = 0.2  # see `lie_on_side`: about 45 degrees to either side
 HELD_UPRIGHT = 3  # counterclockwise quarter turns for images of a phone held upright, as nearly all phones store them
 
