@@ -107,6 +107,6 @@ def _turns(poses: NDArray[np.float64], sensors: Sequence[str], up: NDArray[np.fl
             fewest = max(_FEWEST, _UPSIDE_DOWN * len(own)) if (turn - usual) % 4 == 2 else _FEWEST
             if counts[turn] < fewest:
                 turns[known[turns[known] == turn]] = usual
-        nearest = known[np.abs(own[:, None] - known).argmin(axis=1)]
-        turns[own] = np.where(steep[own], turns[nearest], turns[own])
+        for frame in own[steep[own]]:
+            turns[frame] = turns[known[np.abs(known - frame).argmin()]]
     return [int(turn) for turn in turns]
