@@ -2,17 +2,21 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import cv2
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
-from nvsim.capture.alignment import to_capture_frame
+from nvsim.capture.alignment import to_capture_frame, turned_pose
 from nvsim.capture.check import check
+from nvsim.capture.findings import Findings
 from nvsim.capture.images import read_image
-from nvsim.capture.read import read
+from nvsim.capture.read import read, read_usable
 from nvsim.capture.store import fingerprint, load_capture, save_capture
+from nvsim.capture.upright import turn_upright
 from nvsim.errors import InputError
 
 pytestmark = pytest.mark.data
@@ -40,6 +44,24 @@ def test_the_house_is_left_as_it_is_and_agrees_with_its_truth(shared_data: Path)
     np.testing.assert_allclose(capture.positions[:, 2], 1.2, atol=1e-3)
     frame = capture.frames[100]
     np.testing.assert_array_equal(read_image(frame, frame.intrinsics), cv2.imread(str(frame.image_path))[..., ::-1])
+
+
+@pytest.mark.parametrize("name", ["office_walk", "house_walk/kapture", "bedroom_colmap"])
+def test_images_of_a_real_walk_are_turned_only_if_they_lie_on_their_side(shared_data: Path, name: str) -> None:
+    """Parts of a walk, in any world, are left as they are. The whole walk is recognized if it lies on its side; in a
+    world without an upright axis (the bedroom) only as phones are held."""
+    raw, rng = read_usable(shared_data / name, "", "", Findings()), np.random.default_rng(0)
+    for size in (12, 25, 60, len(raw.frames)):
+        for _ in range(40):
+            world, first = np.eye(4), int(rng.integers(max(1, len(raw.frames) - size)))
+            world[:3, :3] = Rotation.random(random_state=rng).as_matrix()
+            part = [replace(f, camera_to_world=world @ f.camera_to_world) for f in raw.frames[first : first + size]]
+            upright = replace(raw, frames=tuple(part))
+            assert turn_upright(upright, Findings()) is upright
+    for turns in (1, 3) if name != "bedroom_colmap" else (3,):
+        lying = [replace(f, camera_to_world=turned_pose(f.camera_to_world, -turns)) for f in raw.frames]
+        found = turn_upright(replace(raw, frames=tuple(lying)), Findings())
+        assert {f.lens.turns for f in found.frames if f.lens is not None} == {turns}
 
 
 def test_the_depth_truth_of_the_house_lies_on_its_cloud(shared_data: Path) -> None:
