@@ -15,7 +15,6 @@ import math
 from collections.abc import Callable
 from pathlib import Path
 
-import cv2
 import numpy as np
 from numpy.typing import NDArray
 
@@ -117,6 +116,8 @@ def _pose_of_quaternion(row: NDArray[np.float64], where: str, findings: Findings
 
 
 def _pose_of_vector(row: NDArray[np.float64], where: str, findings: Findings) -> NDArray[np.float64] | None:
+    import cv2  # the window reads the table of formats before it loads OpenCV
+
     pose = np.eye(4)
     pose[:3, :3] = cv2.Rodrigues(row[:3])[0].T
     pose[:3, 3] = -pose[:3, :3] @ row[3:]
