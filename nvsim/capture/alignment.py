@@ -70,8 +70,8 @@ PLAUSIBLE_HEIGHT = (0.1, 6.0)  # meters of a camera above the floor: from a robo
 _UNSURE_DEGREES = 20.0  # possible error of the up direction if all cameras may lean to the same side
 _UNEVEN_DEGREES = 3.0  # possible tilt of the floor against the vertical edges, because poses drift
 _Z = np.array([0.0, 0.0, 1.0])
-_CLEARER = 0.05  # see `lie_on_side`: difference of the largest eigenvalues of both axes
-_TURNED = 0.2  # see `lie_on_side`: about 45 degrees to either side
+_CLEARER = 0.05  # see `are_sideways`: difference of the largest eigenvalues of both axes
+_TURNED = 0.2  # see `are_sideways`: about 45 degrees to either side
 HELD_UPRIGHT = 3  # counterclockwise quarter turns for images of a phone held upright, as nearly all phones store them
 
 
@@ -82,8 +82,8 @@ def turned_pose(poses: NDArray[np.float64], turns: int) -> NDArray[np.float64]:
     return turned
 
 
-def lie_on_side(rights: NDArray[np.float64], downs: NDArray[np.float64], least_turn: float = _TURNED) -> bool:
-    """Whether most images of a walk lie on their side, from their right and down axes (N, 3) in the world.
+def are_sideways(rights: NDArray[np.float64], downs: NDArray[np.float64], least_turn: float = _TURNED) -> bool:
+    """Whether most images of a walk are stored sideways, from their right and down axes (N, 3) in the world.
 
     People turn more about the vertical than about other axes, so the image axis along the vertical has nearly the same
     direction in all images, and the other one many directions. False if these are nearly one direction: then the
@@ -101,9 +101,9 @@ def find_up(poses: NDArray[np.float64]) -> tuple[NDArray[np.float64], float]:
     The first estimate is the geometric median of the cameras' up vectors, so a few cameras mounted on their side have
     no influence. If the cameras look in several directions, a second estimate is better: the direction that is most
     nearly perpendicular to the cameras' right vectors. It does not lean when all cameras look down. It is used if it
-    is within 40 degrees of the first estimate. Images that lie on their side are those of a phone held upright.
+    is within 40 degrees of the first estimate. Sideways images are taken for those of a phone held upright.
     """
-    if lie_on_side(poses[:, :3, 0], poses[:, :3, 1]):
+    if are_sideways(poses[:, :3, 0], poses[:, :3, 1]):
         poses = turned_pose(poses, HELD_UPRIGHT)
     ups, rights = -poses[:, :3, 1], poses[:, :3, 0]
     median = ups.mean(axis=0)

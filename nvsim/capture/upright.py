@@ -1,5 +1,5 @@
-"""Find images that lie on their side or upside down, and turn them upright. Phones that are held upright store such
-images, and so do cameras that are mounted on their side.
+"""Find images that are stored sideways or upside down, and turn them upright. Phones that are held upright store such
+images, and so do cameras that are mounted sideways.
 
 The files are not changed: the lens of a frame has the number of quarter turns, and the pose belongs to the upright
 image. People and networks then see floors at the bottom.
@@ -14,7 +14,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from nvsim.capture.alignment import HELD_UPRIGHT, find_up, lie_on_side, turned_pose
+from nvsim.capture.alignment import HELD_UPRIGHT, are_sideways, find_up, turned_pose
 from nvsim.capture.findings import Findings
 from nvsim.capture.images import image_header
 from nvsim.capture.raw import RawCapture, RawFrame
@@ -22,7 +22,7 @@ from nvsim.capture.types import DepthFile
 from nvsim.geometry.sampling import evenly_spaced
 
 _ALONG_AXIS = 10.0  # degrees between the vertical and an axis of the world: the axis y or z of the world points up
-_TURNED_A_LITTLE = 0.05  # see `lie_on_side`: about 20 degrees to either side
+_TURNED_A_LITTLE = 0.05  # see `are_sideways`: about 20 degrees to either side
 _TURNS_OF_TAG = {6: 3, 8: 1}  # Exif orientation -> counterclockwise quarter turns
 _TAGGED = 20  # images whose orientation tags are read
 _STEEP = 0.35  # length of the vertical in the image plane: below it, the camera looks too steeply up or down
@@ -53,7 +53,7 @@ def turn_upright(raw: RawCapture, findings: Findings, up: NDArray[np.float64] | 
     of_name = {raw.frames[i].name: turn for i, turn in turns.items()}
     depths = tuple(_turned_depth(d, of_name[d.frame]) if d.frame in of_name else d for d in raw.depths)
     findings.note(
-        f"{len(turns)} of {len(raw.frames)} images lie on their side or upside down",
+        f"{len(turns)} of {len(raw.frames)} images are sideways or upside down",
         raw.source.name,
         "they are turned upright when they are read; the files are not changed",
     )
@@ -66,12 +66,12 @@ def _turned_depth(depth: DepthFile, turns: int) -> DepthFile:
 
 
 def _find_vertical(poses: NDArray[np.float64], frames: Sequence[RawFrame]) -> NDArray[np.float64]:
-    """(3,) unit vector that points up, if the images may lie on their side. `poses` (N, 4, 4) belong to `frames`.
+    """(3,) unit vector that points up, if the images may be sideways. `poses` (N, 4, 4) belong to `frames`.
 
     The poses do not tell which end of the vertical is up: orientation tags tell it, or else an axis of the world. If
-    the cameras turn little, these also decide whether the images lie on their side."""
+    the cameras turn little, these also decide whether the images are sideways."""
     found, rights, downs = find_up(poses)[0], poses[:, :3, 0], poses[:, :3, 1]
-    if not lie_on_side(rights, downs, _TURNED_A_LITTLE):
+    if not are_sideways(rights, downs, _TURNED_A_LITTLE):
         return found
     up = find_up(turned_pose(poses, HELD_UPRIGHT))[0]
     headers = (image_header(frames[i].image_path) for i in evenly_spaced(len(frames), _TAGGED))
@@ -79,7 +79,7 @@ def _find_vertical(poses: NDArray[np.float64], frames: Sequence[RawFrame]) -> ND
     if tag:
         return up if tag == HELD_UPRIGHT else -up
     along, against, was_along = [max(up[1:]), max(-up[1:]), max(abs(found[1:]))] > np.cos(np.radians(_ALONG_AXIS))
-    if not lie_on_side(rights, downs) and (was_along or not (along or against)):
+    if not are_sideways(rights, downs) and (was_along or not (along or against)):
         return found
     return -up if against else up
 

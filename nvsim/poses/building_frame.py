@@ -17,7 +17,7 @@ import numpy as np
 import pycolmap
 from numpy.typing import NDArray
 
-from nvsim.capture.alignment import HELD_UPRIGHT, lie_on_side
+from nvsim.capture.alignment import HELD_UPRIGHT, are_sideways
 from nvsim.capture.vertical_edges import Lines, long_segments
 from nvsim.geometry.camera import quarter_turns
 from nvsim.geometry.rotation import level_axes
@@ -36,9 +36,9 @@ _CLEAR = 8.0  # height of the wall peak over the mean of the histogram, at least
 
 def vertical_of(rotations: NDArray[np.float64]) -> NDArray[np.float64] | None:
     """The vertical (3,) as unit vector in the world, from rotations (I, 3, 3), world to camera. People hold a camera
-    level, so its sideways axis is horizontal; images of a phone held upright may lie on their side. None if all images
+    level, so its sideways axis is horizontal; images of a phone held upright may be stored sideways. None if all images
     look in one direction."""
-    if lie_on_side(rotations[:, 0], rotations[:, 1]):
+    if are_sideways(rotations[:, 0], rotations[:, 1]):
         rotations = quarter_turns(HELD_UPRIGHT) @ rotations
     _, size, axes = np.linalg.svd(rotations[:, 0])
     if size[1] < _SIDEWAYS * size[0]:

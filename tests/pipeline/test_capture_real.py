@@ -47,8 +47,8 @@ def test_the_house_is_left_as_it_is_and_agrees_with_its_truth(shared_data: Path)
 
 
 @pytest.mark.parametrize("name", ["office_walk", "house_walk/kapture", "bedroom_colmap"])
-def test_images_of_a_real_walk_are_turned_only_if_they_lie_on_their_side(shared_data: Path, name: str) -> None:
-    """Parts of a walk, in any world, are left as they are. The whole walk is recognized if it lies on its side; in a
+def test_images_of_a_real_walk_are_turned_only_if_they_are_sideways(shared_data: Path, name: str) -> None:
+    """Parts of a walk, in any world, are left as they are. The whole walk is recognized if it is sideways; in a
     world without an upright axis (the bedroom) only as phones are held."""
     raw, rng = read_usable(shared_data / name, "", "", Findings()), np.random.default_rng(0)
     for size in (12, 25, 60, len(raw.frames)):
@@ -59,8 +59,8 @@ def test_images_of_a_real_walk_are_turned_only_if_they_lie_on_their_side(shared_
             upright = replace(raw, frames=tuple(part))
             assert turn_upright(upright, Findings()) is upright
     for turns in (1, 3) if name != "bedroom_colmap" else (3,):
-        lying = [replace(f, camera_to_world=turned_pose(f.camera_to_world, -turns)) for f in raw.frames]
-        found = turn_upright(replace(raw, frames=tuple(lying)), Findings())
+        sideways = [replace(f, camera_to_world=turned_pose(f.camera_to_world, -turns)) for f in raw.frames]
+        found = turn_upright(replace(raw, frames=tuple(sideways)), Findings())
         assert {f.lens.turns for f in found.frames if f.lens is not None} == {turns}
 
 

@@ -61,8 +61,8 @@ def test_up_is_across_the_sideways_axes_of_level_cameras() -> None:
     rolled = [turned(float(rng.normal(0, 1)), (0, 0, 1)) @ facing(ahead) @ world.T for ahead in looks(40)]
     up = vertical_of(np.array(rolled))
     assert up is not None and degrees(up, world @ UP) < 1.0
-    on_their_side = vertical_of(quarter_turns(-HELD_UPRIGHT) @ np.array(rolled))
-    assert on_their_side is not None and degrees(on_their_side, world @ UP) < 1.0
+    sideways = vertical_of(quarter_turns(-HELD_UPRIGHT) @ np.array(rolled))
+    assert sideways is not None and degrees(sideways, world @ UP) < 1.0
     assert vertical_of(np.array([facing(np.array([0, 1, 0.02 * k])) for k in range(20)])) is None
 
 

@@ -1,4 +1,4 @@
-"""Images that lie on their side are turned upright, with their lenses, poses, masks, and depth images."""
+"""Sideways images are turned upright, with their lenses, poses, masks, and depth images."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ from nvsim.geometry.lens import Lens
 BENT = Lens("OPENCV", 90, 60, (70.0, 71.0, 43.0, 31.0, -0.08, 0.01, 0.004, -0.006))
 
 
-def lying(lens: Lens, turns: int) -> Lens:
+def sideways(lens: Lens, turns: int) -> Lens:
     """The lens of the images that `turns` quarter turns make upright, where `lens` is that of the upright images."""
     k = Intrinsics(lens.width, lens.height, *lens.focal, *lens.principal_point).turned(-turns)
     k1, k2, p1, p2 = lens.distortion
@@ -40,11 +40,11 @@ def picture(lens: Lens, seed: int = 0) -> np.ndarray:
 
 @pytest.mark.parametrize("turns", range(4))
 def test_a_lens_with_turns_shows_the_upright_image(tmp_path: Path, turns: int) -> None:
-    image, lens = picture(BENT), lying(BENT, turns)
+    image, lens = picture(BENT), sideways(BENT, turns)
     cv2.imwrite(str(tmp_path / "upright.png"), image)
-    cv2.imwrite(str(tmp_path / "lying.png"), np.rot90(image, -turns))
+    cv2.imwrite(str(tmp_path / "sideways.png"), np.rot90(image, -turns))
     upright = Frame("a", tmp_path / "upright.png", BENT, np.eye(4))
-    turned = Frame("b", tmp_path / "lying.png", lens, np.eye(4))
+    turned = Frame("b", tmp_path / "sideways.png", lens, np.eye(4))
     assert turned.intrinsics == pytest.approx(upright.intrinsics)
     for k in (upright.intrinsics, upright.intrinsics.scaled(45, 30)):
         np.testing.assert_allclose(read_image(turned, k).astype(int), read_image(upright, k), atol=1)
@@ -98,10 +98,10 @@ MIXED = [*([3] * 9), *([0] * 5), *([1] * 4), *([3] * 2)]
 
 
 @pytest.mark.parametrize("turns", [[3] * 20, [1] * 20, MIXED, [*([0] * 14), *([2] * 6)]])
-def test_a_capture_with_images_on_their_side_is_that_with_upright_images(tmp_path: Path, turns: list[int]) -> None:
+def test_a_capture_with_sideways_images_is_that_with_upright_images(tmp_path: Path, turns: list[int]) -> None:
     poses = sample.walk(20)
     upright = read(write(tmp_path / "upright", [0] * 20, poses))
-    path = write(tmp_path / "lying", turns, poses)
+    path = write(tmp_path / "sideways", turns, poses)
     turned = read(path)
     assert [f.lens.turns for f in turned.frames] == turns
     for a, b, c, d in zip(upright.frames, turned.frames, upright.depths, turned.depths, strict=True):
@@ -111,13 +111,13 @@ def test_a_capture_with_images_on_their_side_is_that_with_upright_images(tmp_pat
         np.testing.assert_array_equal(usable_pixels(b, b.intrinsics), usable_pixels(a, a.intrinsics))
         np.testing.assert_allclose(inverse_depth(d, b.camera), inverse_depth(c, a.camera), rtol=1e-5)
     report = check(path)
-    (note,) = (f for f in report.findings if "lie on their side" in f.message)
+    (note,) = (f for f in report.findings if "are sideways" in f.message)
     assert f"{np.count_nonzero(turns)} of 20" in note.message and not report.refused
     assert not [f for f in report.findings if "upside down" in f.message and f is not note]
 
 
 def test_a_stored_capture_keeps_the_turns(tmp_path: Path) -> None:
-    turned = read(write(tmp_path / "lying", MIXED, sample.walk(20)))
+    turned = read(write(tmp_path / "sideways", MIXED, sample.walk(20)))
     store.save_capture(turned, tmp_path)
     loaded = store.load_capture(tmp_path)
     assert [f.lens for f in loaded.frames] == [f.lens for f in turned.frames]
@@ -151,7 +151,7 @@ def tilted(poses: np.ndarray) -> np.ndarray:
 @pytest.mark.parametrize(("turn", "tag"), [(3, 6), (1, 8), (3, 1)])
 def test_the_orientation_tag_tells_which_end_of_the_vertical_is_up(tmp_path: Path, turn: int, tag: int) -> None:
     """Without one, the phone was held as phones are. The world of these poses tells nothing."""
-    folder = write(tmp_path / "lying", [turn] * 20, tilted(sample.walk(20)))
+    folder = write(tmp_path / "sideways", [turn] * 20, tilted(sample.walk(20)))
     (folder / "transforms.json").write_text(
         (folder / "transforms.json").read_text().replace('"ply_file_path": "cloud.ply", ', "")
     )
@@ -162,7 +162,7 @@ def test_the_orientation_tag_tells_which_end_of_the_vertical_is_up(tmp_path: Pat
 def test_cameras_that_look_steeply_down_are_turned_like_their_neighbors(tmp_path: Path) -> None:
     poses = sample.walk(20)
     poses[4] = sample.walk(20, pitch_degrees=85)[4]
-    assert {f.lens.turns for f in read(write(tmp_path / "lying", [3] * 20, poses)).frames} == {3}
+    assert {f.lens.turns for f in read(write(tmp_path / "sideways", [3] * 20, poses)).frames} == {3}
 
 
 def test_a_few_rolled_cameras_are_not_turned(tmp_path: Path) -> None:

@@ -157,7 +157,7 @@ def run(
     more = [(len(capture.depths), "depth images"), (masks, "masks")]
     words += [f"{count} {what}" for count, what in more if count]
     listed = f"{', '.join(words[:-1])} and {words[-1]}"
-    listen(Done(STAGE, f"{listed} from a {capture.format} capture", summary))
+    listen(Done(STAGE, f"{listed}; format: {capture.format}", summary))
     return capture
 
 
