@@ -30,7 +30,6 @@ from nvsim.dataset.agent_files import (
     check_agents,
     write_agent,
 )
-from nvsim.dataset.clouds import dense_point_cloud
 from nvsim.dataset.tables import card_of, write_tables
 from nvsim.dataset.task_options import TaskOptions
 from nvsim.dataset.tasks import WrittenTasks, check_options, make_tasks
@@ -197,7 +196,7 @@ def _export(
     o, places, clouds = options, [], {}
     for project, source in sources:
         places += export_scan(project, out / SCANS, None, o.images, o.stub, o.force, o.backend, None, listen, executor)
-        cloud = dense_point_cloud(project) if o.all_tasks.strips else None
+        cloud = project.dense_points() if o.all_tasks.strips else None
         if cloud is not None:
             clouds[source.graph.scan] = cloud
     graphs = [read_connectivity(place.connectivity) for place in places]

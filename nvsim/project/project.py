@@ -208,6 +208,12 @@ class Project:
             self._scan = stamp, capture.cloud if depth is None else self._scan_with_depth(capture)
         return self._scan[1]
 
+    def dense_points(self) -> NDArray[np.floating] | None:
+        """(N, 3) meters: the points of `scan`, which keep simulated robots away from obstacles. None without images, or
+        if the cloud is sparse, because a sparse cloud has gaps and many false points."""
+        cloud = self.scan() if self.capture() is not None else None
+        return None if cloud is None or not cloud.is_dense else cloud.points
+
     def _scan_with_depth(self, capture: Capture) -> Cloud | None:
         from nvsim.depth.cloud_file import as_cloud, read_cloud_file
 

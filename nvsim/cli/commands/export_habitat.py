@@ -63,9 +63,8 @@ def _clouds(path: Path | None) -> dict[str, NDArray[np.floating]]:
     """The point cloud of a project by scan id. Raises InputError if the project cannot be opened."""
     if path is None:
         return {}
-    from nvsim.dataset.clouds import dense_point_cloud
     from nvsim.project.project import Project
 
     with Project.open(path) as project:
-        cloud = dense_point_cloud(project)
+        cloud = project.dense_points()
         return {} if cloud is None else {project.scan_name: cloud}

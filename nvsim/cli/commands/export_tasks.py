@@ -157,7 +157,6 @@ def _graphs(arguments: ExportTasks) -> tuple[list[NavGraph], dict[str, NDArray[n
         return [read_connectivity(path) for path in scan_files(a.scans, a.only).values()], {}
     if a.only and a.scans is None:
         raise InputError("--only selects scans of --scans; a project is one scan.")
-    from nvsim.dataset.clouds import dense_point_cloud
     from nvsim.project.project import Project
 
     with Project.open(a.project) as project:
@@ -171,7 +170,7 @@ def _graphs(arguments: ExportTasks) -> tuple[list[NavGraph], dict[str, NDArray[n
                 f"exported under another id, name it with --only: {scan_choices(listed)}."
             )
         graphs = [read_connectivity(path) for path in scan_files(a.scans, names).values()]
-        cloud = dense_point_cloud(project) if a.options.strips else None
+        cloud = project.dense_points() if a.options.strips else None
     return graphs, {} if cloud is None else {graph.scan: cloud for graph in graphs}
 
 
