@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from nvsim.capture.alignment import align, apply
 from nvsim.capture.axes import Axes, with_axes
+from nvsim.capture.black_borders import cut_black_borders
 from nvsim.capture.dense_frames import report_near_duplicates
 from nvsim.capture.depth_images import check_depths, report_depths
 from nvsim.capture.findings import SCALE_UNKNOWN, Finding, Findings
@@ -169,6 +170,7 @@ def check(
     check_unused_images(raw, findings)
     raw = check_depths(check_masks(raw, findings), findings)
     capture, written = None, raw
+    raw = cut_black_borders(raw, findings)
     raw = turn_upright(with_axes(raw, axes), findings, None if alignment is None else alignment.rotation[2])
     if any(f.camera_to_world is not None for f in raw.frames):
         capture = _check_geometry(raw, scale, camera_height, alignment, findings)

@@ -98,7 +98,7 @@ def read_image(frame: Frame, intrinsics: Intrinsics) -> NDArray[np.uint8]:
     image = decode(frame.image_path, (lens.width, lens.height))
     size = (intrinsics.width, intrinsics.height)
     if not lens.is_distorted and _same_view(lens.pinhole.scaled(*size), intrinsics):
-        image = np.ascontiguousarray(np.rot90(image, lens.turns))
+        image = np.ascontiguousarray(lens.upright(image))
         height, width = image.shape[:2]
         if size == (width, height):
             return image

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from nvsim.capture.alignment import align, apply
 from nvsim.capture.axes import Axes, with_axes
+from nvsim.capture.black_borders import cut_black_borders
 from nvsim.capture.colmap_layout import model_extension
 from nvsim.capture.excluded_frames import without_frames
 from nvsim.capture.findings import IMAGE_AMBIGUOUS, IMAGE_MISSING, Findings
@@ -225,7 +226,7 @@ def read(
     for frame in raw.frames:
         report_absent_image(frame, findings)
     findings.raise_errors(path)
-    raw = turn_upright(raw, findings, None if alignment is None else alignment.rotation[2])
+    raw = turn_upright(cut_black_borders(raw, findings), findings, None if alignment is None else alignment.rotation[2])
     if alignment is None:
         alignment, _ = align(raw, scale, camera_height, findings)
     return apply(raw, alignment)

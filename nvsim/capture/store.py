@@ -59,6 +59,7 @@ def save_capture(capture: Capture, folder: Path) -> None:
                 "height": n.height,
                 "params": n.params,
                 **({"turns": n.turns} if n.turns else {}),
+                **({"border": n.border} if any(n.border) else {}),
             }
             for n in lenses
         ],
@@ -183,10 +184,11 @@ def _lens(tree: dict[str, Any]) -> Lens:
     size = tree["width"], tree["height"]
     if not all(type(side) is int and 0 < side <= LARGEST_SIDE for side in size):
         raise ValueError("an invalid image size")
-    turns = tree.get("turns", 0)  # the key may be absent
-    if type(turns) is not int:
-        raise ValueError("a number of quarter turns that is not a whole number")
-    lens = Lens(_text(tree["model"]), *size, tuple(_finite(p) for p in tree["params"]), turns)
+    turns, (left, top, right, bottom) = tree.get("turns", 0), tree.get("border", (0, 0, 0, 0))  # may be absent
+    if not all(type(number) is int for number in (turns, left, top, right, bottom)):
+        raise ValueError("quarter turns or a border that are not whole numbers")
+    params = tuple(_finite(p) for p in tree["params"])
+    lens = Lens(_text(tree["model"]), *size, params, turns, (left, top, right, bottom))
     if min(lens.focal) <= 0:
         raise ValueError("a focal length that is not positive")
     return lens
@@ -222,7 +224,7 @@ def fingerprint(capture: Capture) -> str:
     for f in capture.frames:
         words = [f.name, str(f.image_path), f.sensor, f.timestamp, f.lens.model, f.lens.width, f.lens.height]
         masked = [] if f.mask is None else [str(f.mask.path), f.mask.ignored, _stamp(f.mask.path)]
-        turned = [f.lens.turns] if f.lens.turns else []
+        turned = _turns_and_border(f.lens)
         state.update(json.dumps([*words, f.lens.params, _stamp(f.image_path), *masked, *turned]).encode())
         state.update(np.ascontiguousarray(f.camera_to_world).tobytes())
     state.update(np.ascontiguousarray(capture.alignment.rotation).tobytes())
@@ -233,11 +235,15 @@ def fingerprint(capture: Capture) -> str:
     for d in capture.depths:
         lens = [d.lens.model, d.lens.width, d.lens.height, d.lens.params]
         own = [] if d.confidence is None else [str(d.confidence), _stamp(d.confidence)]
-        turned = [d.lens.turns] if d.lens.turns else []
+        turned = _turns_and_border(d.lens)
         words = [str(d.path), d.frame, d.is_raw, d.scale, d.unit, *lens, _stamp(d.path), *own, *turned]
         state.update(json.dumps(words).encode())
         state.update(np.ascontiguousarray(d.camera_to_world).tobytes())
     return state.hexdigest()
+
+
+def _turns_and_border(lens: Lens) -> list[object]:
+    return ([lens.turns] if lens.turns else []) + ([lens.border] if any(lens.border) else [])
 
 
 def _stamp(path: Path) -> tuple[int, int]:

@@ -71,7 +71,7 @@ def evaluate_project_depth(project: Project, truth: Path | None) -> dict[str, An
     def pairs() -> Iterable[tuple[Float32, Float32]]:
         for i, path in found.items():
             estimated = read_depth(own, i)
-            yield estimated, _at_size(np.rot90(_read_truth(path), frames[i].lens.turns), *estimated.shape)
+            yield estimated, _at_size(frames[i].lens.upright(_read_truth(path)), *estimated.shape)
 
     return evaluate_depth(pairs())
 

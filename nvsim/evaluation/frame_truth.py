@@ -55,7 +55,7 @@ class FrameTruth:
         if self.labels is not None:
             small = frame.intrinsics.limited_to(SegmentConfig.longest_side)
             return small.width, small.height
-        height, width = np.rot90(read_mask(self._file("floor", frame.name)), frame.lens.turns).shape
+        height, width = frame.lens.upright(read_mask(self._file("floor", frame.name))).shape
         return width, height
 
     def floor(self, index: int, width: int, height: int) -> tuple[Mask, Mask]:
@@ -65,8 +65,10 @@ class FrameTruth:
         if self.labels is not None:
             said, _ = self._labels_and_normals(index, width, height)
             return said == FLOOR, said != UNKNOWN
-        stored = (width, height) if frame.lens.turns % 2 == 0 else (height, width)
-        floor = np.rot90(read_mask(self._file("floor", frame.name), *stored), frame.lens.turns)
+        floor = np.ascontiguousarray(frame.lens.upright(read_mask(self._file("floor", frame.name))))
+        if floor.shape != (height, width):
+            way = cv2.INTER_AREA if floor.shape[0] > height or floor.shape[1] > width else cv2.INTER_LINEAR
+            floor = cv2.resize(floor.astype(np.uint8) * 255, (width, height), interpolation=way) > 127
         return floor, np.ones((height, width), bool)
 
     def normal_map(self, index: int, width: int, height: int) -> NDArray[np.float32]:
@@ -78,7 +80,7 @@ class FrameTruth:
         path = self._file("normals", frame.name)
         again = "a map of normals is a PNG of (n + 1) * 127.5, black where unknown"
         stored = decode_pixels(read_bytes(path), path, cv2.IMREAD_COLOR, what="a map of normals", then=again)[..., ::-1]
-        upright = np.ascontiguousarray(np.rot90(stored, frame.lens.turns))
+        upright = np.ascontiguousarray(frame.lens.upright(stored))
         sized = cv2.resize(upright, (width, height), interpolation=cv2.INTER_NEAREST)
         found = sized.astype(np.float32) / 127.5 - 1
         length = np.linalg.norm(found, axis=-1, keepdims=True)

@@ -6,13 +6,17 @@ OPENCV_FISHEYE map to them.
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from nvsim.geometry.camera import Intrinsics, quarter_turns
+
+Scalar = TypeVar("Scalar", bound=np.generic)
 
 PARAMETER_COUNTS = {
     "SIMPLE_PINHOLE": 3,
@@ -32,10 +36,12 @@ _ONE_FOCAL = {"SIMPLE_PINHOLE", "SIMPLE_RADIAL", "RADIAL", "SIMPLE_RADIAL_FISHEY
 class Lens:
     """A camera model: name from PARAMETER_COUNTS, image size in pixels, parameters in COLMAP's order.
 
-    `turns` is the number of counterclockwise quarter turns that make the stored image upright. Size and parameters
-    belong to the stored image, the pinhole camera and its pose to the upright one.
+    `turns` is the number of counterclockwise quarter turns that make the stored image upright. `border` is the width in
+    pixels of its border without content: left, top, right, bottom. Size and parameters belong to the stored image, the
+    pinhole camera and its pose to the upright one without the border.
 
-    Raises ValueError for an unknown model, a wrong parameter count, or parameters that are not finite.
+    Raises ValueError for an unknown model, a wrong parameter count, parameters that are not finite, or a border that
+    leaves no image.
     """
 
     model: str
@@ -43,6 +49,7 @@ class Lens:
     height: int
     params: tuple[float, ...]
     turns: int = 0
+    border: tuple[int, int, int, int] = (0, 0, 0, 0)
 
     def __post_init__(self) -> None:
         if self.model not in PARAMETER_COUNTS:
@@ -56,6 +63,9 @@ class Lens:
             raise ValueError(f"{self.turns} quarter turns are not 0 to 3")
         if self.width <= 0 or self.height <= 0:
             raise ValueError(f"image size {self.width}x{self.height} is not positive")
+        left, top, right, bottom = self.border
+        if min(self.border) < 0 or left + right >= self.width or top + bottom >= self.height:
+            raise ValueError(f"a border of {self.border} pixels leaves no image of {self.width}x{self.height}")
         if not np.isfinite(self.params).all() or self.focal[0] <= 0 or self.focal[1] <= 0:
             raise ValueError(f"camera parameters {self.params} are not finite with positive focal lengths")
 
@@ -82,24 +92,37 @@ class Lens:
 
     def resized(self, width: int, height: int) -> Lens:
         """The lens if its images are stored at another size in pixels. Distortion applies to normalized coordinates, so
-        it does not change. A single focal length is scaled by the geometric mean of both sides."""
+        it does not change. A single focal length is scaled by the geometric mean of both sides. The border is rounded
+        up."""
         x, y = width / self.width, height / self.height
         cx, cy = self.principal_point
         focal = (
             (self.focal[0] * (x * y) ** 0.5,) if self.model in _ONE_FOCAL else (self.focal[0] * x, self.focal[1] * y)
         )
-        return replace(self, width=width, height=height, params=(*focal, cx * x, cy * y, *self.distortion))
+        left, top, right, bottom = (math.ceil(b * s - 1e-9) for b, s in zip(self.border, (x, y, x, y), strict=True))
+        params = (*focal, cx * x, cy * y, *self.distortion)
+        return replace(self, width=width, height=height, params=params, border=(left, top, right, bottom))
+
+    def upright(self, stored: NDArray[Scalar]) -> NDArray[Scalar]:
+        """A stored image (H, W, ...) of any size without its border, upright. Distortion remains."""
+        height, width = stored.shape[:2]
+        left, top, right, bottom = self.border
+        rows = slice(round(top * height / self.height), round((self.height - bottom) * height / self.height))
+        columns = slice(round(left * width / self.width), round((self.width - right) * width / self.width))
+        return np.rot90(stored[rows, columns], self.turns)
 
     @cached_property
     def pinhole(self) -> Intrinsics:
-        """The pinhole camera of the undistorted, upright image. Apart from the turns, its size and principal point are
-        those of the stored image.
+        """The pinhole camera of the undistorted, upright image. Apart from border and turns, its size and principal
+        point are those of the stored image.
 
-        The focal lengths are kept if this leaves no pixel outside the stored image. Otherwise both are enlarged by the
-        smallest sufficient factor."""
+        The focal lengths are kept if this leaves no pixel in the border or outside the stored image. Otherwise both are
+        enlarged by the smallest sufficient factor."""
         (fx, fy), (cx, cy) = self.focal, self.principal_point
         zoom = 1.0 if not self.is_distorted or self._sees_only_stored_pixels(1.0) else self._least_zoom()
-        return Intrinsics(self.width, self.height, fx * zoom, fy * zoom, cx, cy).turned(self.turns)
+        left, top, right, bottom = self.border
+        width, height = self.width - left - right, self.height - top - bottom
+        return Intrinsics(width, height, fx * zoom, fy * zoom, cx - left, cy - top).turned(self.turns)
 
     def _least_zoom(self) -> float:
         low, high = 1.0, 4.0
@@ -109,20 +132,22 @@ class Lens:
         return high
 
     def _sees_only_stored_pixels(self, zoom: float) -> bool:
-        """Whether the pinhole camera with focal lengths times `zoom` sees only pixels of the stored image.
+        """Whether the pinhole camera with focal lengths times `zoom` sees only pixels inside the border.
 
         Along rays from the principal point to the border, the samples must move outward (a polynomial may turn back
         outside its range) and stay inside the image."""
         (fx, fy), (cx, cy) = self.focal, self.principal_point
         t = np.linspace(0, 1, 33)
-        corners = np.array([[0, 0], [self.width, 0], [self.width, self.height], [0, self.height]], np.float64)
+        left, top, right, bottom = self.border
+        low, high = np.array([left, top], float), np.array([self.width - right, self.height - bottom], float)
+        corners = np.array([low, [high[0], low[1]], high, [low[0], high[1]]])
         border = (corners[:, None] * (1 - t[:, None]) + np.roll(corners, -1, axis=0)[:, None] * t[:, None]).reshape(
             -1, 2
         )
         ends = (border - (cx, cy)) / (fx * zoom, fy * zoom)
         samples = self.distort(ends[:, None] * t[:, None])
         outwards = np.linalg.norm(samples - (cx, cy), axis=-1)
-        inside = (samples > -0.5).all() and (samples < (self.width + 0.5, self.height + 0.5)).all()
+        inside = (samples > low - 0.5).all() and (samples < high + 0.5).all()
         return bool(inside and (np.diff(outwards, axis=1) > -1e-9).all())
 
     def distort(self, normalized: NDArray[np.float64]) -> NDArray[np.float64]:

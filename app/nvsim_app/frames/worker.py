@@ -158,7 +158,7 @@ class Worker:
             image = decode_for_camera(data, image_path, reduced, (lens.width, lens.height))
             if min(image.shape[:2]) >= THUMBNAIL[1]:
                 break
-        image = np.rot90(image, lens.turns)
+        image = lens.upright(image)
         height, width = image.shape[:2]
         scale = min(1.0, max(THUMBNAIL[0] / width, THUMBNAIL[1] / height))
         size = max(1, round(width * scale)), max(1, round(height * scale))
@@ -214,9 +214,12 @@ class Worker:
 
 
 def thumbnail_path(layout: Layout, frame: Frame) -> Path:
-    """The thumbnail file of a frame. The name depends on the image path and its turns, so that a repeated import reuses
-    it."""
-    shown = f"{frame.image_path} {frame.lens.turns}" if frame.lens.turns else str(frame.image_path)
+    """The thumbnail file of a frame. The name depends on the image path, its turns, and its border, so that a repeated
+    import reuses it."""
+    lens = frame.lens
+    shown = str(frame.image_path)
+    if lens.turns or any(lens.border):
+        shown += f" {lens.turns} {lens.border}"
     name = hashlib.sha1(shown.encode("utf-8", "surrogateescape"), usedforsecurity=False).hexdigest()[:20]
     return layout.cache / "thumbnails" / f"{name}.jpg"
 
