@@ -118,18 +118,6 @@ class SubmapConfig:
         return max(1, int(self.memory_gb * 1000 / self.megabytes_per_frame))
 
 
-@dataclass(frozen=True)
-class SubmapRow:
-    """A row of the table of submaps: frame counts, and the extent of the core in meters along x, y, z."""
-
-    index: int
-    core: int
-    frames: int
-    shared: int
-    first_frame: int
-    extent: tuple[float, float, float]
-
-
 def split(positions: NDArray[np.floating], config: SubmapConfig | None = None) -> tuple[Submap, ...]:
     """Split a trajectory into submaps: Ward clusters of the camera `positions` (N, 3), meters, in order of first frame.
 
@@ -178,15 +166,16 @@ def _largest(submaps: tuple[Submap, ...]) -> int:
     return max(len(submap.frames) for submap in submaps)
 
 
-def describe(submaps: tuple[Submap, ...], positions: NDArray[np.floating]) -> tuple[SubmapRow, ...]:
-    """One row per submap for a table of `submaps` over the camera `positions` (N, 3), meters."""
-    points = np.asarray(positions, np.float64).reshape(-1, 3)
-    rows = []
+def table_rows(submaps: tuple[Submap, ...], positions: NDArray[np.floating]) -> list[dict[str, int | str]]:
+    """The columns of a table of `submaps` over the camera `positions` (N, 3), meters, one row for each submap."""
+    rows: list[dict[str, int | str]] = []
     for s in submaps:
-        extent = np.ptp(points[list(s.core)], axis=0)
-        size = (float(extent[0]), float(extent[1]), float(extent[2]))
-        rows.append(SubmapRow(s.index, len(s.core), len(s.frames), len(s.frames) - len(s.core), s.core[0], size))
-    return tuple(rows)
+        size = " x ".join(f"{side:.1f}" for side in np.ptp(np.asarray(positions)[list(s.core)], axis=0))
+        shared = len(s.frames) - len(s.core)
+        rows.append(
+            {"submap": s.index, "frames": len(s.frames), "of neighbors": shared, "size of its own part, m": size}
+        )
+    return rows
 
 
 def _represent_points(points: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.int64]]:

@@ -12,7 +12,7 @@ from hypothesis.extra.numpy import arrays
 
 from nvsim.errors import InputError
 from nvsim.submaps.picture import draw_submaps
-from nvsim.submaps.split import SubmapConfig, describe, split
+from nvsim.submaps.split import SubmapConfig, split, table_rows
 
 walks = arrays(np.float64, st.tuples(st.integers(1, 40), st.just(3)), elements=st.floats(-20, 20, width=32))
 level_walks = walks.map(lambda walk: walk * (1, 1, 0))  # on stairs, the overlap is larger
@@ -96,10 +96,10 @@ def test_table_and_picture_tell_the_same_story(tmp_path: Path):
 
     walk = np.column_stack([np.arange(40) * 0.3, np.zeros(40), np.ones(40)])
     submaps = split(walk, SubmapConfig(count=3, overlap=1.0))
-    rows = describe(submaps, walk)
-    assert sum(r.core for r in rows) == 40
-    assert [r.shared for r in rows] == [len(s.frames) - len(s.core) for s in submaps]
-    assert rows[0].extent == pytest.approx((0.3 * (rows[0].core - 1), 0, 0))
+    rows = table_rows(submaps, walk)
+    assert [r["frames"] for r in rows] == [len(s.frames) for s in submaps]
+    assert [r["of neighbors"] for r in rows] == [len(s.frames) - len(s.core) for s in submaps]
+    assert rows[0]["own part, m"] == f"{0.3 * (len(submaps[0].core) - 1):.1f} x 0.0 x 0.0"
     draw_submaps(walk, submaps, tmp_path / "submaps.png")
     picture = cv2.imread(str(tmp_path / "submaps.png"))
     colors = {tuple(c) for c in picture.reshape(-1, 3).tolist()}

@@ -21,7 +21,7 @@ from nvsim.mapping.config import MappingConfig
 from nvsim.mapping.families import NETWORK_NORMAL, NormalSource, with_normals
 from nvsim.project.config import DepthUse, FloorsConfig
 from nvsim.project.work import StageName
-from nvsim.submaps.split import SubmapConfig, describe
+from nvsim.submaps.split import SubmapConfig, table_rows
 from nvsim.training.config import Preset, TrainingConfig, at_paper_scale, preset
 
 
@@ -36,10 +36,9 @@ class Submaps(ProjectArguments):
 
         with project_job(self.project, "submaps", self.json) as (project, listen):
             result = submaps.run(project, self.config, listen)
-            rows = describe(result, project.need_capture().positions)
+            rows = table_rows(result, project.need_capture().positions)
         if not self.json:
-            cells = [asdict(r) for r in rows]
-            terminal.table(list(cells[0]), [[str(v) for v in c.values()] for c in cells], "submaps")
+            terminal.table(list(rows[0]), [list(row.values()) for row in rows], "submaps")
         return 0
 
 
