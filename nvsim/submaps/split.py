@@ -172,9 +172,7 @@ def table_rows(submaps: tuple[Submap, ...], positions: NDArray[np.floating]) -> 
     for s in submaps:
         size = " x ".join(f"{side:.1f}" for side in np.ptp(np.asarray(positions)[list(s.core)], axis=0))
         shared = len(s.frames) - len(s.core)
-        rows.append(
-            {"submap": s.index, "frames": len(s.frames), "of neighbors": shared, "size of its own part, m": size}
-        )
+        rows.append({"submap": s.index, "frames": len(s.frames), "of neighbors": shared, "own part, m": size})
     return rows
 
 
