@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+from collections import Counter
 from collections.abc import Iterable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
@@ -18,24 +19,57 @@ from nvsim.capture.raw import RawCapture, RawFrame, file_size, read_bytes
 from nvsim.capture.types import Frame, MaskFile
 from nvsim.errors import InputError
 from nvsim.files.images import decode_pixels, is_cut_off
+from nvsim.files.opening import opened
 from nvsim.geometry.camera import Intrinsics
+from nvsim.geometry.sampling import evenly_spaced
 
 _JPEG_BLACK = 127  # JPEG blurs the edges between black and white
+_OPAQUE = 0.98  # least opacity of a pixel that counts
+_PNG_COLOR_TYPE = 25  # bytes before it in a PNG
+_SAMPLED = 24  # images with an alpha channel that are searched for transparent pixels
 _AGAIN = "copy it again from the source, or remove it"
 _NOT_USED = "the mask is not used, so all pixels of the image are used"
 
 
 def with_masks_beside(raw: RawCapture) -> RawCapture:
-    """`raw` with the masks that its format stores beside the images rather than in a list.
+    """`raw` with the masks that its format stores beside or inside the images rather than in a list.
 
     - COLMAP: `masks/NAME.png`, black is ignored. NAME is the image's name with or without its extension.
     - instant-ngp: `dynamic_mask_NAME.png`, white is ignored.
+    - PNG with transparent pixels: these are ignored.
 
     Frames that already have a mask keep it."""
     find = {"colmap": _colmap_mask, "instant-ngp": _dynamic_mask}.get(raw.format)
-    if find is None:
-        return raw
-    return replace(raw, frames=tuple(f if f.mask is not None else replace(f, mask=find(f)) for f in raw.frames))
+    frames = raw.frames
+    if find is not None:
+        frames = tuple(f if f.mask is not None else replace(f, mask=find(f)) for f in frames)
+    layered = [f.image_path for f in frames if f.mask is None and _has_alpha(f.image_path)]
+    if any(_shows_through(layered[i]) for i in evenly_spaced(len(layered), _SAMPLED)):
+        own = set(layered)
+        frames = tuple(
+            replace(f, mask=MaskFile(f.image_path.absolute(), "transparent")) if f.image_path in own else f
+            for f in frames
+        )
+    return replace(raw, frames=frames)
+
+
+def _has_alpha(path: Path) -> bool:
+    """Whether the file is a PNG with an alpha channel."""
+    if path.suffix.lower() != ".png":
+        return False
+    try:
+        with opened(path) as file:
+            header = file.read(_PNG_COLOR_TYPE + 1)
+    except (InputError, OSError):
+        return False  # the data check reports it
+    return header.startswith(b"\x89PNG") and header[_PNG_COLOR_TYPE:] in (b"\4", b"\6")
+
+
+def _shows_through(path: Path) -> bool:
+    try:
+        return not decode_mask(MaskFile(path, "transparent")).all()
+    except InputError:
+        return False
 
 
 def _colmap_mask(frame: RawFrame) -> MaskFile | None:
@@ -66,10 +100,11 @@ def check_masks(raw: RawCapture, findings: Findings) -> RawCapture:
     for frame in masked:
         if fault := faults[frame.where]:
             findings.warning(fault, frame.where, _NOT_USED)
-    used = len(masked) - sum(map(bool, faults.values()))
-    if used:
-        message = f"{used} of {len(raw.frames)} images have a mask"
-        findings.note(message, raw.source.name, "depth, floors, and training ignore the masked pixels")
+    used = Counter(f.mask.ignored == "transparent" for f in masked if f.mask and not faults[f.where])
+    for transparent, count in sorted(used.items()):
+        message = f"{count} of {len(raw.frames)} images have {'transparent pixels' if transparent else 'a mask'}"
+        which = "transparent" if transparent else "masked"
+        findings.note(message, raw.source.name, f"depth, floors, and training ignore the {which} pixels")
     return replace(raw, frames=tuple(replace(f, mask=None) if faults.get(f.where) else f for f in raw.frames))
 
 
@@ -101,8 +136,12 @@ def decode_mask(mask: MaskFile) -> NDArray[np.bool_]:
     data = read_bytes(mask.path)
     if is_cut_off(data):
         raise InputError(f"{mask.path} is truncated (its end mark is missing); {_AGAIN}.")
-    flags = cv2.IMREAD_GRAYSCALE
-    gray = decode_pixels(data, mask.path, flags, what="a mask", then=_AGAIN)
+    if mask.ignored == "transparent":
+        pixels = decode_pixels(data, mask.path, cv2.IMREAD_UNCHANGED | cv2.IMREAD_IGNORE_ORIENTATION, then=_AGAIN)
+        if pixels.ndim < 3 or pixels.shape[2] < 4:
+            return np.ones(pixels.shape[:2], bool)
+        return np.asarray(pixels[..., 3] >= _OPAQUE * np.iinfo(pixels.dtype).max)
+    gray = decode_pixels(data, mask.path, cv2.IMREAD_GRAYSCALE, what="a mask", then=_AGAIN)
     white = gray > (_JPEG_BLACK if data.startswith(b"\xff\xd8") else 0)
     return np.asarray(white if mask.ignored == "black" else ~white)
 

@@ -152,8 +152,8 @@ def _mask(tree: dict[str, Any]) -> MaskFile | None:
     if "mask" not in tree:
         return None
     ignored = tree["ignored"]
-    if ignored not in ("black", "white"):
-        raise ValueError("a mask whose ignored value is neither black nor white")
+    if ignored not in ("black", "white", "transparent"):
+        raise ValueError("a mask whose ignored value is neither black, white, nor transparent")
     return MaskFile(Path(_text(tree["mask"])), ignored)
 
 

@@ -72,11 +72,12 @@ class MaskFile:
     """The mask of an image: the pixels to ignore (people, the device, the sky).
 
     path     absolute path of the mask, an image of any size with the aspect ratio of its frame
-    ignored  the value of ignored pixels: "black" (nerfstudio, COLMAP) or "white" (instant-ngp)
+    ignored  the value of ignored pixels: "black" (nerfstudio, COLMAP), "white" (instant-ngp), or "transparent" if the
+             image is its own mask (Blender)
     """
 
     path: Path
-    ignored: Literal["black", "white"] = "black"
+    ignored: Literal["black", "white", "transparent"] = "black"
 
 
 @dataclass(frozen=True, eq=False)

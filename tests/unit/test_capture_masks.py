@@ -69,6 +69,40 @@ def test_mask_path_ignores_black_pixels(tmp_path: Path) -> None:
     assert not warnings(tmp_path)
 
 
+def see_through(path: Path, dtype: type = np.uint8, opacity: float = 0.0) -> None:
+    """Gives the lower half of the images an opacity, and the rest full opacity."""
+    for file in sorted((path.parent / "images").iterdir()):
+        most = np.iinfo(dtype).max
+        pixels = (cv2.imread(str(file)).astype(float) / 255 * most).astype(dtype)
+        alpha = np.where(LOWER, opacity * most, most).astype(dtype)
+        assert cv2.imwrite(str(file), np.dstack([pixels, alpha]))
+
+
+@pytest.mark.parametrize("dtype", [np.uint8, np.uint16])
+def test_transparent_pixels_are_ignored(tmp_path: Path, dtype: type) -> None:
+    path = sample.write_nerfstudio(tmp_path, sample.walk(COUNT), sample.room(3000))
+    see_through(path, dtype)
+    capture = read(path)
+    assert all(np.array_equal(mask, ~LOWER) for mask in masks(capture))
+    save_capture(capture, tmp_path)
+    assert [f.mask for f in load_capture(tmp_path).frames] == [f.mask for f in capture.frames]
+    report = check(path)
+    assert any("5 of 5 images have transparent pixels" in f.message for f in report.findings)
+    assert not [f for f in report.findings if f.severity == "warning"]
+
+
+def test_an_opaque_alpha_channel_is_no_mask(tmp_path: Path) -> None:
+    path = sample.write_nerfstudio(tmp_path, sample.walk(COUNT), sample.room(3000))
+    see_through(path, opacity=1.0)
+    assert {f.mask for f in read(path).frames} == {None}
+
+
+def test_a_listed_mask_precedes_transparent_pixels(tmp_path: Path) -> None:
+    path = nerfstudio(tmp_path)
+    see_through(path)
+    assert {f.mask.ignored for f in read(path).frames if f.mask} == {"black"}
+
+
 def test_one_mask_for_all_frames_stands_at_the_top(tmp_path: Path) -> None:
     write_mask(tmp_path / "rig.png", ~LOWER)
     path = sample.write_nerfstudio(tmp_path, sample.walk(COUNT), sample.room(3000), mask_path="rig.png")
