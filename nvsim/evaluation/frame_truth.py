@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from nvsim.capture.images import read_image
 from nvsim.errors import InputError
-from nvsim.evaluation.truth import true_mask, truth_folder
+from nvsim.evaluation.truth import read_true_mask, true_mask, truth_folder
 from nvsim.files.images import decode_pixels
 from nvsim.files.opening import read_bytes
 from nvsim.perception.cloud_labels import FLOOR, UNKNOWN, CloudLabels
@@ -65,10 +65,7 @@ class FrameTruth:
         if self.labels is not None:
             said, _ = self._labels_and_normals(index, width, height)
             return said == FLOOR, said != UNKNOWN
-        floor = np.ascontiguousarray(frame.lens.upright(read_mask(self._file("floor", frame.name))))
-        if floor.shape != (height, width):
-            way = cv2.INTER_AREA if floor.shape[0] > height or floor.shape[1] > width else cv2.INTER_LINEAR
-            floor = cv2.resize(floor.astype(np.uint8) * 255, (width, height), interpolation=way) > 127
+        floor = read_true_mask(self._file("floor", frame.name), frame, width, height)
         return floor, np.ones((height, width), bool)
 
     def normal_map(self, index: int, width: int, height: int) -> NDArray[np.float32]:

@@ -5,13 +5,15 @@ from __future__ import annotations
 from dataclasses import replace
 from pathlib import Path, PurePosixPath
 
+import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from nvsim.capture.types import Capture
+from nvsim.capture.types import Capture, Frame
 from nvsim.errors import InputError
 from nvsim.occupancy.storeys import StoreyMap, StoreyMaps, is_storeys, read_storeys
 from nvsim.occupancy.types import Heights, OccupancyMap, transformed_map
+from nvsim.perception.segment import read_mask
 from nvsim.project.occupancy_maps import refuse_own_depth, true_map
 from nvsim.project.project import Project
 
@@ -23,6 +25,16 @@ def true_mask(folder: Path, kind: str, frame_name: str) -> Path | None:
         if path.is_file():
             return path
     return None
+
+
+def read_true_mask(path: Path, frame: Frame, width: int, height: int) -> NDArray[np.bool_]:
+    """(height, width) bool: a true mask of the stored image of `frame`, as its upright view without a border shows it.
+    Raises InputError if it is missing or not an image."""
+    mask = np.ascontiguousarray(frame.lens.upright(read_mask(path)))
+    if mask.shape == (height, width):
+        return mask
+    way = cv2.INTER_AREA if mask.shape[0] > height or mask.shape[1] > width else cv2.INTER_LINEAR
+    return np.asarray(cv2.resize(mask.astype(np.uint8) * 255, (width, height), interpolation=way) > 127)
 
 
 def truth_folder(project: Project, truth: Path | None) -> Path:

@@ -41,7 +41,7 @@ from nvsim.evaluation.scores import (
     rounded_metrics,
     score,
 )
-from nvsim.evaluation.truth import true_mask, truth_of
+from nvsim.evaluation.truth import read_true_mask, true_mask, truth_of
 from nvsim.events import Listener, Progress, ignore_event
 from nvsim.files.atomic import make_folder, write_bytes
 from nvsim.files.opening import is_regular, read_text
@@ -242,6 +242,7 @@ def read_held_out(project: Project, folder: Path | None, index: int) -> HeldOut:
     """A frame at full size with the masks of the ground truth, or of the project if there is no ground truth."""
     frame = project.need_capture().frames[index]
     k = frame.intrinsics
+    size = k.width, k.height
     image = (read_image(frame, k) / np.float32(255)).astype(np.float32)
     floor = true_mask(folder, "floor", frame.name) if folder else None
     transient = true_mask(folder, "transient", frame.name) if folder else None
@@ -252,8 +253,8 @@ def read_held_out(project: Project, folder: Path | None, index: int) -> HeldOut:
         frame.name,
         frame.camera,
         image,
-        read_mask(floor or project.mask_path(index), k.width, k.height),
-        counted & ~read_mask(transient, k.width, k.height) if transient else counted,
+        read_true_mask(floor, frame, *size) if floor else read_mask(project.mask_path(index), *size),
+        counted & ~read_true_mask(transient, frame, *size) if transient else counted,
     )
 
 

@@ -15,12 +15,14 @@ from nvsim.building.config import BuildingConfig
 from nvsim.building.generation import BESIDE, TURNED, camera_list_text, novel_cameras
 from nvsim.building.scene import make_scene
 from nvsim.building.truth import occupancy
-from nvsim.capture.types import Alignment
+from nvsim.capture.types import Alignment, Frame
 from nvsim.errors import InputError
 from nvsim.evaluation.scores import mean_scores, rounded_metrics, score, ssim_map
 from nvsim.evaluation.table import Column, csv_table, text_table
+from nvsim.evaluation.truth import read_true_mask
 from nvsim.evaluation.views import novel_score, read_novel_views
 from nvsim.geometry.camera import Camera, Intrinsics, camera_pose
+from nvsim.geometry.lens import Lens
 
 HEIGHT, WIDTH = 48, 64
 
@@ -41,6 +43,18 @@ class Picture:
 
     def score(self, distance=None):
         return score(self.image, self.rendered, self.alpha, self.floor, self.valid, distance)
+
+
+@pytest.mark.parametrize("turns", range(4))
+def test_true_masks_of_stored_images_fit_the_upright_view_without_border(tmp_path: Path, turns: int) -> None:
+    mask = np.random.default_rng(2).random((HEIGHT, WIDTH)) > 0.5
+    cv2.imwrite(str(tmp_path / "mask.png"), mask.astype(np.uint8) * 255)
+    lens = Lens("PINHOLE", WIDTH, HEIGHT, (50.0, 50.0, 32.0, 24.0), turns, (4, 2, 6, 8))
+    frame = Frame("a", tmp_path / "a.png", lens, np.eye(4))
+    k = frame.intrinsics
+    found = read_true_mask(tmp_path / "mask.png", frame, k.width, k.height)
+    np.testing.assert_array_equal(found, np.rot90(mask[2:-8, 4:-6], turns))
+    assert read_true_mask(tmp_path / "mask.png", frame, 20, 30).shape == (30, 20)
 
 
 def test_psnr_of_a_region_is_that_of_its_own_error() -> None:
