@@ -67,15 +67,13 @@ def cut_black_borders(raw: RawCapture, findings: Findings) -> RawCapture:
 
 
 def _cameras(frames: Sequence[RawFrame]) -> list[list[int]]:
-    """The indices of the frames of each camera. Its images have one size. If most images have a camera of their own,
-    all of one size belong together."""
-    usable = [i for i, f in enumerate(frames) if f.lens is not None and not f.lens.is_fisheye]
-    own = 4 * len({frames[i].sensor for i in usable}) > len(usable)
-    cameras: dict[tuple[str, int, int], list[int]] = {}
-    for i in usable:
-        lens = frames[i].lens
-        assert lens is not None
-        cameras.setdefault(("" if own else frames[i].sensor, lens.width, lens.height), []).append(i)
+    """The indices of the frames of each camera, which have one sensor and lens. If many images have a lens of their
+    own, all of one size belong together."""
+    lenses = {i: f.lens for i, f in enumerate(frames) if f.lens is not None and not f.lens.is_fisheye}
+    own = 4 * len({(frames[i].sensor, lens) for i, lens in lenses.items()}) > len(lenses)
+    cameras: dict[object, list[int]] = {}
+    for i, lens in lenses.items():
+        cameras.setdefault((lens.width, lens.height) if own else (frames[i].sensor, lens), []).append(i)
     return list(cameras.values())
 
 

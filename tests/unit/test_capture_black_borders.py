@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
@@ -66,6 +67,16 @@ def write(folder: Path, black: np.ndarray | list[np.ndarray], suffix: str = ".jp
     return folder
 
 
+def with_focal_lengths(folder: Path, focal: Callable[[int], float]) -> Path:
+    """Gives image i the focal length focal(i)."""
+    listed = folder / "transforms.json"
+    tree = json.loads(listed.read_text())
+    for i, frame in enumerate(tree["frames"]):
+        frame["fl_x"] = frame["fl_y"] = focal(i)
+    listed.write_text(json.dumps(tree))
+    return folder
+
+
 def borders(folder: Path) -> set[tuple[int, int, int, int]]:
     return {f.lens.border for f in read(folder).frames}
 
@@ -112,6 +123,15 @@ def test_the_largest_rectangle_without_black_pixels_remains(tmp_path: Path, suff
 
 def test_bars_of_a_converted_video_are_cut_off(tmp_path: Path) -> None:
     assert borders(write(tmp_path, frames_of_borders(0, 12, 0, 12))) == {(0, 14, 0, 14)}
+
+
+def test_each_camera_has_its_own_border(tmp_path: Path) -> None:
+    """The cameras differ in their lens only. Where every image has its own lens, those of one size are compared."""
+    bars, whole = frames_of_borders(0, 12, 0, 12), np.zeros((HEIGHT, WIDTH), bool)
+    black = [bars if i % 2 else whole for i in range(COUNT)]
+    found = read(with_focal_lengths(write(tmp_path / "two", black), lambda i: FOCAL + i % 2)).frames
+    assert [f.lens.border[1] for f in found] == [14 * (f.lens.focal[0] > FOCAL) for f in found]
+    assert borders(with_focal_lengths(write(tmp_path / "each", bars), lambda i: FOCAL + i / 10)) == {(0, 14, 0, 14)}
 
 
 def test_the_note_states_the_border_and_masks_and_depth_fit_the_rest(tmp_path: Path) -> None:
