@@ -14,8 +14,8 @@ from nvsim.networks.chain import Chain
 from nvsim.networks.description import Direction, NormalsResult
 from nvsim.networks.folder import models_folder
 from nvsim.networks.installed import InstalledModel, find_model
-from nvsim.perception.placed_rays import placed_rays
 from nvsim.perception.roles import Float32, Image
+from nvsim.perception.semantic_network import placed_rays
 
 _SIGNS: dict[Direction, tuple[int, int]] = {
     "right": (0, 1), "left": (0, -1), "down": (1, 1), "up": (1, -1), "forward": (2, 1), "backward": (2, -1),

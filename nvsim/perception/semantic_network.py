@@ -9,11 +9,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from nvsim.errors import InputError
-from nvsim.geometry.camera import Camera
+from nvsim.geometry.camera import Camera, Intrinsics, level_rays
 from nvsim.networks.chain import Chain, Values
 from nvsim.networks.description import FloorResult
 from nvsim.networks.image_preparation import Placement
-from nvsim.perception.placed_rays import placed_rays
 from nvsim.perception.roles import Float32, Image
 
 
@@ -131,3 +130,12 @@ def _softmax(planes: NDArray[np.float32], floor: tuple[int, ...], place: Placeme
 def _floor_share(labels: NDArray[np.float32], floor: tuple[int, ...], place: Placement) -> Float32:
     """(H, W) 1 where `labels` (h, w) are floor, at the image's size; linear between labels."""
     return place.to_image_size(np.isin(np.round(labels), floor).astype(np.float32))
+
+
+def placed_rays(camera: Camera, place: Placement) -> NDArray[np.float32]:
+    """(1, 3, rows, columns) float32 unit vectors (right, down, forward) of the leveled `camera` for the pixels of the
+    network's input. `place` is the position of the camera's image in it."""
+    k = camera.intrinsics.scaled(place.wide, place.high)
+    placed = Intrinsics(place.columns, place.rows, k.fx, k.fy, k.cx + place.left, k.cy + place.top)
+    rays = level_rays(Camera(placed, camera.camera_to_world))
+    return np.ascontiguousarray(rays.transpose(2, 0, 1)[None])

@@ -7,7 +7,7 @@ import pytest
 
 from nvsim.geometry.camera import Camera, Intrinsics, camera_pose, level_of, level_rays
 from nvsim.networks.image_preparation import Placement
-from nvsim.perception.placed_rays import placed_rays
+from nvsim.perception.semantic_network import placed_rays
 
 LENS = Intrinsics.from_fov(64, 48, 1.2)
 
