@@ -79,7 +79,7 @@ def _cameras(frames: Sequence[RawFrame]) -> list[list[int]]:
 
 def _black_at_border(frames: Sequence[RawFrame]) -> NDArray[np.bool_] | None:
     """(H, W) bool: pixels that are black in most images and connected to the edge of the image by such pixels. None if
-    fewer than 3 images can be read, or these pixels are dark surfaces rather than black."""
+    fewer than 3 images can be read, if the images are black everywhere, or if these pixels are dark surfaces."""
     import cv2
 
     def brightness(frame: RawFrame) -> NDArray[np.uint8] | None:
@@ -103,7 +103,7 @@ def _black_at_border(frames: Sequence[RawFrame]) -> NDArray[np.bool_] | None:
     padded = np.pad(black >= _SHARE_OF_IMAGES * count, 1, constant_values=True).astype(np.uint8)
     _, labels = cv2.connectedComponents(padded, connectivity=4)
     border = np.asarray(labels[1:-1, 1:-1] == labels[0, 0])
-    return border if border.any() and total[border].mean() <= _BLACK_ON_AVERAGE * count else None
+    return border if border.any() and not border.all() and total[border].mean() <= _BLACK_ON_AVERAGE * count else None
 
 
 def _least_border(black: NDArray[np.bool_]) -> tuple[int, int, int, int]:

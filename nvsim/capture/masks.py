@@ -28,6 +28,7 @@ _OPAQUE = 0.98  # least opacity of a pixel that counts
 _PNG_COLOR_TYPE = 25  # bytes before it in a PNG
 _SAMPLED = 24  # images with an alpha channel that are searched for transparent pixels
 _AGAIN = "copy it again from the source, or remove it"
+_TRANSPARENT = "all pixels of the image are transparent"
 _NOT_USED = "the mask is not used, so all pixels of the image are used"
 
 
@@ -99,7 +100,8 @@ def check_masks(raw: RawCapture, findings: Findings) -> RawCapture:
         faults = dict(zip((f.where for f in masked), pool.map(_fault, masked), strict=True))
     for frame in masked:
         if fault := faults[frame.where]:
-            findings.warning(fault, frame.where, _NOT_USED)
+            then = _NOT_USED if fault != _TRANSPARENT else "its hidden colors are used; --leave-out skips the image"
+            findings.warning(fault, frame.where, then, (frame.name,) if fault == _TRANSPARENT else ())
     used = Counter(f.mask.ignored == "transparent" for f in masked if f.mask and not faults[f.where])
     for transparent, count in sorted(used.items()):
         message = f"{count} of {len(raw.frames)} images have {'transparent pixels' if transparent else 'a mask'}"
@@ -122,7 +124,8 @@ def _fault(frame: RawFrame) -> str:
         height, width = usable.shape
         image = f"{frame.lens.width}x{frame.lens.height}"
         return f"the mask is {width}x{height} pixels, which does not fit an image of {image}"
-    return "" if usable.any() else "the mask ignores the whole image"
+    nothing = _TRANSPARENT if frame.mask.ignored == "transparent" else "the mask ignores the whole image"
+    return "" if usable.any() else nothing
 
 
 def _has_same_aspect(usable: NDArray[np.bool_], width: int, height: int) -> bool:

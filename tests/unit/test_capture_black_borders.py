@@ -188,3 +188,10 @@ def test_a_border_of_half_the_image_is_reported_and_kept(tmp_path: Path) -> None
     assert borders(folder) == {(0, 0, 0, 0)}
     (warning,) = (f for f in check(folder).findings if "black border" in f.message)
     assert warning.severity == "warning" and "50%" in warning.message
+
+
+def test_images_that_are_black_everywhere_have_no_border(tmp_path: Path) -> None:
+    folder = write(tmp_path, np.ones((HEIGHT, WIDTH), bool))
+    assert borders(folder) == {(0, 0, 0, 0)}
+    found = [f.message for f in check(folder).findings]
+    assert any("are blank" in message for message in found) and not any("border" in message for message in found)

@@ -91,6 +91,18 @@ def test_transparent_pixels_are_ignored(tmp_path: Path, dtype: type) -> None:
     assert not [f for f in report.findings if f.severity == "warning"]
 
 
+def test_an_image_that_is_transparent_everywhere_is_named(tmp_path: Path) -> None:
+    path = sample.write_nerfstudio(tmp_path, sample.walk(COUNT), sample.room(3000))
+    see_through(path)
+    first = tmp_path / "images" / "000.png"
+    pixels = cv2.imread(str(first), cv2.IMREAD_UNCHANGED)
+    pixels[..., 3] = 0
+    cv2.imwrite(str(first), pixels)
+    (warning,) = (f for f in check(path).findings if f.severity == "warning")
+    assert "are transparent" in warning.message and "000.png" in warning.frames[0]
+    assert "hidden colors are used" in warning.consequence
+
+
 def test_an_opaque_alpha_channel_is_no_mask(tmp_path: Path) -> None:
     path = sample.write_nerfstudio(tmp_path, sample.walk(COUNT), sample.room(3000))
     see_through(path, opacity=1.0)
