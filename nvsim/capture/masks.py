@@ -60,7 +60,7 @@ def _has_alpha(path: Path) -> bool:
         return False
     try:
         with opened(path) as file:
-            header = file.read(_PNG_COLOR_TYPE + 1)
+            header = file.read(_PNG_COLOR_TYPE + 1) or b""
     except (InputError, OSError):
         return False  # the data check reports it
     return header.startswith(b"\x89PNG") and header[_PNG_COLOR_TYPE:] in (b"\4", b"\6")

@@ -206,5 +206,5 @@ def _option_with_value(verb: str, option: str, stage: str, value: str) -> str:
     nearest = [o for o in found if o.count(".") == found[0].count(".")]
     if nearest:
         return " or ".join(nearest) + value
-    others = (other for other in COMMANDS if option in options_of(other))
+    others = (other for other in ("run", *COMMANDS) if option in options_of(other))  # not the built-in building
     return next((f"`nvsim {other} {option}{value}`" for other in others), option + value)

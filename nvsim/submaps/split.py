@@ -167,12 +167,15 @@ def _largest(submaps: tuple[Submap, ...]) -> int:
 
 
 def table_rows(submaps: tuple[Submap, ...], positions: NDArray[np.floating]) -> list[dict[str, int | str]]:
-    """The columns of a table of `submaps` over the camera `positions` (N, 3), meters, one row for each submap."""
+    """A table of `submaps` over the camera `positions` (N, 3), meters: a row by column name for each submap. Shared
+    frames also belong to a neighbor."""
     rows: list[dict[str, int | str]] = []
     for s in submaps:
         size = " x ".join(f"{side:.1f}" for side in np.ptp(np.asarray(positions)[list(s.core)], axis=0))
         shared = len(s.frames) - len(s.core)
-        rows.append({"submap": s.index, "frames": len(s.frames), "of neighbors": shared, "own part, m": size})
+        rows.append(
+            {"submap": s.index, "frames": len(s.frames), "shared frames": shared, "extent of own frames, m": size}
+        )
     return rows
 
 

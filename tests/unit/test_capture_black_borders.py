@@ -37,7 +37,7 @@ def black_corners() -> np.ndarray:
     return (np.abs(column) * outside > 84) | (np.abs(row) * outside > 65)
 
 
-def frames_of_borders(left: int, top: int, right: int, bottom: int) -> np.ndarray:
+def black_bars(left: int, top: int, right: int, bottom: int) -> np.ndarray:
     black = np.ones((HEIGHT, WIDTH), bool)
     black[top : HEIGHT - bottom, left : WIDTH - right] = False
     return black
@@ -102,7 +102,7 @@ def test_a_lens_with_a_border_shows_the_rest_of_the_image(tmp_path: Path, turns:
 def test_no_pixel_of_the_border_is_seen_after_undistortion(tmp_path: Path, k1: float) -> None:
     border = (6, 4, 9, 2)
     image = np.full((HEIGHT, WIDTH, 3), 200, np.uint8)
-    image[frames_of_borders(*border)] = 0
+    image[black_bars(*border)] = 0
     cv2.imwrite(str(tmp_path / "a.png"), image)
     lens = Lens("OPENCV", WIDTH, HEIGHT, (FOCAL, FOCAL, *MIDDLE, k1, 0.02, 0.001, -0.002), 0, border)
     frame = Frame("a", tmp_path / "a.png", lens, np.eye(4))
@@ -122,12 +122,12 @@ def test_the_largest_rectangle_without_black_pixels_remains(tmp_path: Path, suff
 
 
 def test_bars_of_a_converted_video_are_cut_off(tmp_path: Path) -> None:
-    assert borders(write(tmp_path, frames_of_borders(0, 12, 0, 12))) == {(0, 14, 0, 14)}
+    assert borders(write(tmp_path, black_bars(0, 12, 0, 12))) == {(0, 14, 0, 14)}
 
 
 def test_each_camera_has_its_own_border(tmp_path: Path) -> None:
     """The cameras differ in their lens only. Where every image has its own lens, those of one size are compared."""
-    bars, whole = frames_of_borders(0, 12, 0, 12), np.zeros((HEIGHT, WIDTH), bool)
+    bars, whole = black_bars(0, 12, 0, 12), np.zeros((HEIGHT, WIDTH), bool)
     black = [bars if i % 2 else whole for i in range(COUNT)]
     found = read(with_focal_lengths(write(tmp_path / "two", black), lambda i: FOCAL + i % 2)).frames
     assert [f.lens.border[1] for f in found] == [14 * (f.lens.focal[0] > FOCAL) for f in found]
@@ -135,7 +135,7 @@ def test_each_camera_has_its_own_border(tmp_path: Path) -> None:
 
 
 def test_the_note_states_the_border_and_masks_and_depth_fit_the_rest(tmp_path: Path) -> None:
-    folder = write(tmp_path / "a", frames_of_borders(10, 0, 0, 6), ".png")
+    folder = write(tmp_path / "a", black_bars(10, 0, 0, 6), ".png")
     report = check(folder)
     (note,) = (f for f in report.findings if "black border" in f.message)
     assert note.severity == "note" and note.message.startswith("12 of 12 images") and not report.refused
@@ -155,7 +155,7 @@ def test_the_note_states_the_border_and_masks_and_depth_fit_the_rest(tmp_path: P
 
 
 def test_a_stored_capture_keeps_the_border(tmp_path: Path) -> None:
-    capture = read(write(tmp_path / "a", frames_of_borders(10, 0, 0, 6)))
+    capture = read(write(tmp_path / "a", black_bars(10, 0, 0, 6)))
     store.save_capture(capture, tmp_path)
     loaded = store.load_capture(tmp_path)
     assert [f.lens for f in loaded.frames] == [f.lens for f in capture.frames]
@@ -171,7 +171,7 @@ def test_a_stored_capture_keeps_the_border(tmp_path: Path) -> None:
 
 def test_dark_surfaces_are_no_border(tmp_path: Path) -> None:
     """A black object at the edge of half of the images, and a black object inside all of them."""
-    black = [frames_of_borders(20, 0, 0, 0) if i % 2 else np.zeros((HEIGHT, WIDTH), bool) for i in range(COUNT)]
+    black = [black_bars(20, 0, 0, 0) if i % 2 else np.zeros((HEIGHT, WIDTH), bool) for i in range(COUNT)]
     for image in black:
         image[50:70, 60:80] = True
     assert borders(write(tmp_path / "black", black)) == {(0, 0, 0, 0)}
@@ -184,7 +184,7 @@ def test_dark_surfaces_are_no_border(tmp_path: Path) -> None:
 
 
 def test_a_border_of_half_the_image_is_reported_and_kept(tmp_path: Path) -> None:
-    folder = write(tmp_path, frames_of_borders(0, 30, 0, 30))
+    folder = write(tmp_path, black_bars(0, 30, 0, 30))
     assert borders(folder) == {(0, 0, 0, 0)}
     (warning,) = (f for f in check(folder).findings if "black border" in f.message)
     assert warning.severity == "warning" and "50%" in warning.message

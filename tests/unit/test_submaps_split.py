@@ -98,8 +98,8 @@ def test_table_and_picture_tell_the_same_story(tmp_path: Path):
     submaps = split(walk, SubmapConfig(count=3, overlap=1.0))
     rows = table_rows(submaps, walk)
     assert [r["frames"] for r in rows] == [len(s.frames) for s in submaps]
-    assert [r["of neighbors"] for r in rows] == [len(s.frames) - len(s.core) for s in submaps]
-    assert rows[0]["own part, m"] == f"{0.3 * (len(submaps[0].core) - 1):.1f} x 0.0 x 0.0"
+    assert [r["shared frames"] for r in rows] == [len(s.frames) - len(s.core) for s in submaps]
+    assert rows[0]["extent of own frames, m"] == f"{0.3 * (len(submaps[0].core) - 1):.1f} x 0.0 x 0.0"
     draw_submaps(walk, submaps, tmp_path / "submaps.png")
     picture = cv2.imread(str(tmp_path / "submaps.png"))
     colors = {tuple(c) for c in picture.reshape(-1, 3).tolist()}
